@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from foucault.logs import LogDescription, read
-from foucault.models.attitude import matrix_of
 from foucault.models.earth import Site, earth_rate_n
+from foucault.models.rotation import matrix_of
 from foucault.navigate.increments import Increments, increments_of
-from foucault.navigate.sensor_errors import SensorErrors
+from foucault.navigate.inertial_frame import SensorErrors
 from foucault.plans.manoeuvres import Start
 from foucault.simulate.motion import TrueTrajectory, simulate_motion
 from foucault.tables import Log

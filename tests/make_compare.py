@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.compare.changes import YEAR
-from foucault.diagnose.compare.comparable import Entry
-from foucault.diagnose.compare.fit import Series
+from foucault.diagnose.comparable import Entry, Series
+from foucault.diagnose.compare import YEAR
 from foucault.result import Result
 from make_result import make_result
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
-from foucault.models.dwells import Dwells
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.models.north_seeker import SEEKER, Compensation
+from foucault.models.north_seeker import SEEKER, Compensation, Dwells
 from foucault.simulate.north import Placement
 from foucault.tables import IndexedLog
 

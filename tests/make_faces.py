@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.models.faces import SIX, FaceReadings, TurnReadings
 from foucault.models.imu import ImuModel
 from foucault.models.noise import grade
+from foucault.models.rests_and_turns import SIX, FaceReadings, TurnReadings
 from foucault.models.rotation import exp
+from foucault.plans.directions import face_plan
 from foucault.procedures import ferraris
-from foucault.simulate.faces import face_plan, simulate
-from foucault.simulate.hand_rotated import draw_errors
+from foucault.simulate.hand_rotated import draw_errors, simulate
 from foucault.tables import Log
 
 SITE = replace(Site.at(np.radians(48.8462), 60.0), gravity_sd=0.0)

@@ -21,11 +21,12 @@ import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
 from foucault import campaign
-from foucault.campaign import alignment, delay, navigation
-from foucault.campaign.alignment import Window
+from foucault.campaign import delay, navigation
+from foucault.campaign.navigation import Window
+from foucault.campaign.running import Said
 from foucault.campaign.writing import changed
 from foucault.cli.watch import _open as open_watch
-from foucault.diagnose.allan.log import measure_log
+from foucault.diagnose.allan import measure_log
 from foucault.errors import Finding, FoucaultError
 from foucault.export.calibrated_log import calibrate_log
 from foucault.logs.own import columns_of
@@ -130,7 +131,7 @@ def _calibrate(path: Path) -> Outcome:
 
 
 def _align(path: Path) -> Outcome:
-    found = alignment.run(path, navigation.Said(), Window(gyro_bias_sd=0.02 * DEG / 3600))
+    found = navigation.align(path, Said(), Window(gyro_bias_sd=0.02 * DEG / 3600))
     angles = tuple(float(x) for one in found.found for x in one.angles)
     return Outcome(None, _codes(found.findings), numbers=angles)
 
@@ -348,6 +349,14 @@ def _axes(made: Session, gyro: np.ndarray | None = None, accel: np.ndarray | Non
     return made.with_columns(**out)
 
 
+def _triads_exchanged(made: Session) -> Session | None:
+    """Take the columns of the accelerometers for those of the gyros and the other way round."""
+    if GYRO[0] not in made.columns or ACCEL[0] not in made.columns:
+        return None
+    names = zip((*GYRO, *ACCEL), (*ACCEL, *GYRO), strict=True)
+    return made.with_columns(**{name: made.columns[other] for name, other in names})
+
+
 def _part_reversed(made: Session) -> Session | None:
     """Command the second quarter of a tumble the other way round."""
     if "platform_tumble" not in made.text:
@@ -540,6 +549,10 @@ MISTAKES: dict[str, Callable[[Session], Session | None]] = {
     "clock slightly fast": lambda s: s.with_columns(time=s.columns["time"] * 1.001),
     "gyro stuck": _stuck,
     "site exchanged": _site_exchanged,
+    "accel one sign": lambda s: _axes(s, accel=np.diag([1.0, 1, -1])),
+    "accel one unit": lambda s: _axes(s, accel=np.diag([1.0, 1 / G, 1])),
+    "gyro one unit": lambda s: _axes(s, gyro=np.diag([1.0, 1 / DEG, 1])),
+    "triads exchanged": _triads_exchanged,
     "place exchanged": _exchanged,
     "master late": _master_late,
     "prior contradicted": _contradicted,

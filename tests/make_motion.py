@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from foucault.models.earth import EARTH_RATE, gravity_n
-from foucault.models.geodesy import east_north_up, ecef, geodetic
+from foucault.models.earth import EARTH_RATE, east_north_up, ecef, geodetic, gravity_n
 from foucault.models.rotation import cross_matrix
 from foucault.plans.manoeuvres import (
     Accelerate,

@@ -6,8 +6,8 @@ import numpy as np
 
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import ImuModel
-from foucault.models.rate_steps import Steps
-from foucault.models.readings import Readings
+from foucault.models.noise import Readings
+from foucault.models.rests_and_turns import Steps
 
 LATITUDE = np.radians(48.0)
 VERTICAL = EARTH_RATE * np.sin(LATITUDE)

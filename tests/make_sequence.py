@@ -6,7 +6,7 @@ import numpy as np
 
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.plans.systematic.sequence import CalibrationSequence
+from foucault.plans.sequence import CalibrationSequence
 from foucault.simulate.systematic import SystematicSimulation, simulate_systematic
 from foucault.tables import Log
 from foucault.units import parse

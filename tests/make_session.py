@@ -12,7 +12,7 @@ from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rests_and_turns import Attitudes, Session
-from foucault.plans.hand_rotated import HandPlan, hand_plan
+from foucault.plans.directions import RestPlan, hand_plan
 from foucault.simulate.hand_rotated import Simulation, simulate
 from foucault.tables import Log
 
@@ -26,7 +26,7 @@ def model_of(values: dict[str, float]) -> ImuModel:
     return ImuModel.from_coefficients(CoefficientVector.zeros(LAYOUT).with_values(values))
 
 
-def short_plan(rests: int = 14, seed: int = 5) -> HandPlan:
+def short_plan(rests: int = 14, seed: int = 5) -> RestPlan:
     """Rests of 2 s and turns of 1.5 s, all starting and ending on a multiple of 50 ms."""
     plan = hand_plan(rests, 2.0, 1.5, 3.0, seed)
     return replace(
@@ -36,7 +36,7 @@ def short_plan(rests: int = 14, seed: int = 5) -> HandPlan:
     )
 
 
-def plan_with(up_b: np.ndarray, seed: int = 5) -> HandPlan:
+def plan_with(up_b: np.ndarray, seed: int = 5) -> RestPlan:
     """Rests with the given directions of up, shape (n, 3)."""
     from foucault.models.rotation import aligning, exp
 

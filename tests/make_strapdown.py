@@ -7,20 +7,21 @@ from collections.abc import Callable
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from foucault.models.attitude import matrix_of
 from foucault.models.earth import (
     EARTH_RATE,
+    displacement,
     earth_rate_n,
+    east_north_up,
+    ecef,
+    geodetic,
     gravity,
     gravity_n,
     radii,
 )
-from foucault.models.geodesy import displacement, east_north_up, ecef, geodetic
-from foucault.models.rotation import cross_matrix, exp
+from foucault.models.rotation import cross_matrix, exp, matrix_of
 from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.increments import Increments
-from foucault.navigate.state import State
-from foucault.navigate.strapdown import Trajectory, navigate
+from foucault.navigate.strapdown import State, Trajectory, navigate
 
 DEG = np.pi / 180
 Signal = Callable[[np.ndarray], np.ndarray]

@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from foucault.estimate.table import fit as table_fit
-from foucault.estimate.table.likelihood import Options, TableModel, angle_start, free_start
+from foucault.estimate import table
+from foucault.estimate.table import Options, TableModel, angle_start, free_start
 from foucault.infer import mixed
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
 from foucault.models.noise import ImuNoise, grade
-from foucault.models.table_geometry import Trust
-from foucault.plans.table.plan import table_plan
+from foucault.models.turntable import Trust
+from foucault.plans.directions import table_plan
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.simulate.table.readings import Rig, simulate_readings
+from foucault.simulate.table import Rig, simulate_readings
 
 SITE = Site(9.81, np.radians(45.0), gravity_sd=0.0)
 ARCSEC = np.pi / 648000
@@ -84,4 +84,4 @@ def solved(readings, trust=None, names=LINEAR_LOWER):
 def fitted(readings, trust=None, names=LINEAR_LOWER, **options):
     """Fit with outliers and scatter."""
     model = model_of(readings, trust, names, **options)
-    return table_fit.fit(readings, SITE, model.start, model.options)
+    return table.fit(readings, SITE, model.start, model.options)

@@ -17,6 +17,11 @@ GRAVITY = 9.81
 
 FACES = np.array([[0, 0, 0], [0, 90, 0], [0, 180, 0], [0, -90, 0], [0, 0, 90], [0, 0, -90]]) * DEG
 
+# Twelve directions of an icosahedron: outer, middle, inner.
+ICO = np.array([[30 * k, a, b] for k, (a, b) in enumerate(
+    [(0, -31.72), (0, 211.72), (0, 148.28), (0, 31.72), (58.28, 0), (121.72, 0), (-58.28, 0),
+     (238.28, 0), (148.28, 90), (211.72, 90), (31.72, 90), (-31.72, 90)])]) * DEG  # fmt: skip
+
 
 def plan_of(angles, rates, time=10.0, turns=1, name="made up"):
     """Return a plan: rests of `time` [s] where the rate is 0, else spins of whole turns."""

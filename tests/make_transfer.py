@@ -7,14 +7,14 @@ from functools import cache
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.transfer.slave import Linearisation, Slave
+from foucault.estimate.transfer import Linearisation, Slave
 from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp
 from foucault.models.transfer import Messages, Mount
 from foucault.navigate.increments import Increments
-from foucault.navigate.state import State
+from foucault.navigate.strapdown import State
 from foucault.plans.manoeuvres import Accelerate, Start, Straight, STurn, Turn
 from foucault.simulate.motion import motion_of
 

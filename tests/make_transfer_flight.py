@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from foucault.models.attitude import matrix_of
-from foucault.models.geodesy import displaced
-from foucault.models.master import MasterTable
+from foucault.models.earth import displaced
+from foucault.models.rotation import matrix_of
+from foucault.models.transfer import MasterTable
 from foucault.plans.manoeuvres import Accelerate, Climb, Start, Straight, STurn, Turn
-from foucault.plans.transfer.profiles import TransferProfile
-from foucault.simulate.transfer.link import MasterNoise
+from foucault.plans.transfer import TransferProfile
+from foucault.simulate.transfer import MasterNoise
 
 DEG = np.pi / 180
 ARCMIN = DEG / 60

@@ -16,10 +16,9 @@ from foucault.campaign.running import read_log
 from foucault.models.rotation import exp
 from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.increments import Increments, increments_of
-from foucault.navigate.state import State
-from foucault.navigate.strapdown import navigate
+from foucault.navigate.strapdown import State, navigate
 from foucault.procedures import transfer_alignment
-from foucault.procedures.transfer_alignment.log import SlaveLog
+from foucault.procedures.transfer_alignment.settings import SlaveLog
 from make_alignment import REAL
 
 FOLDER = REAL / "fog_mems_transfer"

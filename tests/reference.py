@@ -97,21 +97,20 @@ def integrate_turns_rk4(
 def norm_observation(rest, f_spin, w_spin, h, g, lever_arm):
     """One instrument by the NumPy solutions: its 21 coefficients and the lever arm."""
     from foucault.estimate import norm_observation
-    from foucault.estimate.table import parallel_vectors
 
     Ma, ba = norm_observation.solve(rest, g)
     Lg, bg = norm_observation.solve(w_spin, h)
     f = np.array([np.linalg.solve(Ma, x - ba) for x in f_spin])
     w = np.array([np.linalg.solve(Lg, x - bg) for x in w_spin])
     u = [np.sign(s) * x / np.linalg.norm(x) for s, x in zip(h, w, strict=True)]
-    C_bd, arm = parallel_vectors.wahba(f, np.array(u)), np.zeros(3)
+    C_bd, arm = norm_observation.wahba(f, np.array(u)), np.zeros(3)
     for _ in range(2000 * lever_arm):  # one after the other, until neither moves
         across = [np.eye(3) - np.outer(C_bd @ x, C_bd @ x) for x in u]
         rows = [-(s**2) * P for s, P in zip(h, across, strict=True)]
         miss = [P @ x for P, x in zip(across, f, strict=True)]
         before = arm
         arm = np.linalg.lstsq(np.concatenate(rows), np.concatenate(miss), rcond=None)[0]
-        C_bd = parallel_vectors.wahba(f - np.array([R @ arm for R in rows]), np.array(u))
+        C_bd = norm_observation.wahba(f - np.array([R @ arm for R in rows]), np.array(u))
         if np.abs(arm - before).max() < 1e-13:
             break
     Mg = Lg @ C_bd.T
@@ -629,8 +628,7 @@ def ins_filter(increments, state, sensors, epochs, P, q, estimate, offset=0.0):
     Returns the state, the coefficients, P, and the NIS of each epoch.
     """
     from foucault.coefficients import CoefficientVector
-    from foucault.models.earth import EARTH_RATE, gravity, radii
-    from foucault.models.geodesy import east_north_up, ecef, geodetic
+    from foucault.models.earth import EARTH_RATE, east_north_up, ecef, geodetic, gravity, radii
     from foucault.models.imu import ImuModel
     from foucault.models.ins_errors import dynamics
     from foucault.models.rotation import aligning, log

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import doctest
+import functools
 import importlib
+import importlib.util
+import inspect
 import re
 import runpy
 import shlex
@@ -16,16 +21,21 @@ import pytest
 import typer.main
 from typer.testing import CliRunner
 
+import foucault
 from foucault import campaign, report, run_folder
 from foucault.campaign import north, tolerance
 from foucault.cli.app import app
 from foucault.logs import read as read_log
+from foucault.models.imu import LAYOUT as IMU
 from foucault.procedures import PROCEDURES
+from foucault.symptoms import SYMPTOMS
 from foucault.units import parse
 from make_recordings import START, Bag, ulog
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "examples/README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", ROOT / "examples/README.md", *sorted(DOCS.rglob("*.md"))]
+CONTRIBUTING = ROOT / "CONTRIBUTING.md"
 
 
 def blocks(language: str) -> list[Any]:
@@ -71,6 +81,20 @@ def test_python_in_the_docs_runs(
     exec(compile(code, "docs", "exec"), {"__name__": "__main__"})
 
 
+def doctests() -> list[Any]:
+    """Examples of the pages, and of the docstrings of what a user imports."""
+    public = [(name, inspect.getdoc(getattr(foucault, name)) or "") for name in foucault.__all__]
+    return blocks("pycon") + [pytest.param(doc, id=name) for name, doc in public if ">>>" in doc]
+
+
+@pytest.mark.parametrize("text", doctests())
+def test_doctests_say_what_is_printed(text: str) -> None:
+    found = doctest.DocTestParser().get_doctest(text, {}, "docs", None, 0)
+    assert found.examples
+    said: list[str] = []
+    assert doctest.DocTestRunner().run(found, out=said.append).failed == 0, "".join(said)
+
+
 @pytest.mark.parametrize("text", blocks("toml"))
 def test_campaigns_in_the_docs_load(text: str) -> None:
     # A fragment is completed: what it says must be a valid part of some campaign.
@@ -85,7 +109,7 @@ def test_campaigns_in_the_docs_load(text: str) -> None:
 
 
 def test_readings_in_the_docs_give_the_headings_they_say(tmp_path: Path) -> None:
-    page = (ROOT / "docs/procedures/north_seeking.md").read_text(encoding="utf-8")
+    page = (DOCS / "procedures/north_seeking.md").read_text(encoding="utf-8")
     (table,) = re.findall(r"```csv\n(.*?)```", page, re.S)
     first, second, sd = re.search(
         r"these give ([\d.]+) and ([\d.]+) deg, ([\d.]+) deg each", page
@@ -133,21 +157,32 @@ def test_example_campaigns_calibrate(file: Path, tmp_path: Path) -> None:
     assert "Calibration of" in report.html(result)
 
 
-def test_generated_pages_are_current(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(ROOT / "docs")
-    pages = importlib.import_module("generate").PAGES
-    for name, make in pages.items():
-        assert (ROOT / "docs" / name).read_text(encoding="utf-8") == make(), (
-            f"docs/{name} is out of date: run `python docs/generate.py`"
-        )
-    made = {ROOT / "docs" / name for name in pages}
-    assert set((ROOT / "docs/messages").glob("*")) <= made
-    assert set((ROOT / "docs/images").glob("*.svg")) <= made
+@functools.cache
+def site() -> dict[str, str]:
+    """Return all that Sphinx reads, kept or made: file below docs/ -> text."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(DOCS)
+        made = importlib.import_module("generate").PAGES
+    kept = {p.relative_to(DOCS).as_posix(): p.read_text("utf-8") for p in DOCS.rglob("*.md")}
+    assert not set(made) & set(kept), "a made page lies beside the written ones"
+    return kept | {name: make() for name, make in made.items()}
+
+
+def test_made_pages_hold_every_message_name_command_and_coefficient(program: Any) -> None:
+    made = site()
+    messages = "".join(text for name, text in made.items() if name.startswith("messages/"))
+    assert all(f"\n({code})=\n" in messages and f"(#{code})" in made["messages.md"]
+               for code in SYMPTOMS)  # fmt: skip
+    assert set(re.findall(r"^   (\w+)$", made["api.md"], re.M)) == set(foucault.__all__)
+    assert all(f"\n## {name}\n" in made["commands.md"] for name in program.commands)
+    assert all(f"| `{name}` |" in made["coefficients.md"] for name in IMU.names)
+    linked = set(re.findall(r"\]\(#(\w+\.\w+)\)", "".join(made.values())))
+    assert linked <= set(SYMPTOMS)
 
 
 def commands() -> list[Any]:
     out = []
-    for page in [*PAGES, ROOT / "CONTRIBUTING.md"]:
+    for page in [*PAGES, CONTRIBUTING]:
         text = page.read_text(encoding="utf-8")
         for block in re.findall(r"```(?:sh|console|powershell|)\n(.*?)```", text, re.S):
             lines = block.replace("\\\n", " ").splitlines()
@@ -159,10 +194,13 @@ def commands() -> list[Any]:
 
 def silenced(command: Any) -> Any:
     """Return a command that reads what it is given, as ever, and then does nothing."""
-    for inner in getattr(command, "commands", {}).values():
-        silenced(inner)
-    if command.callback is not None:
+    inner = getattr(command, "commands", {})
+    for one in inner.values():
+        silenced(one)
+    if inner:
         command.callback = lambda *_, **__: None
+    else:
+        command.invoke = lambda *_: None
     return command
 
 
@@ -194,7 +232,7 @@ def test_the_first_page_does_what_it_says(
     tmp_path: Path, session: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The log, the campaign and the commands of "Five minutes with your own log", one by one."""
-    page = (ROOT / "docs/index.md").read_text(encoding="utf-8")
+    page = (DOCS / "five_minutes.md").read_text(encoding="utf-8")
     log = load_result_log(session)
     (titles,) = re.findall(r"```csv\n(.*)\n", page)
     rows = np.column_stack(
@@ -218,12 +256,12 @@ def load_result_log(folder: Path) -> Any:
     return read_log(described.log, folder)
 
 
-@pytest.mark.parametrize("text", blocks('toml title="tolerance.toml"'))
+@pytest.mark.parametrize("text", blocks("{code-block} toml\n:caption: tolerance.toml"))
 def test_tolerances_in_the_docs_load(text: str) -> None:
     assert tolerance.parse(text)
 
 
-@pytest.mark.parametrize("text", blocks('toml title="results.toml"'))
+@pytest.mark.parametrize("text", blocks("{code-block} toml\n:caption: results.toml"))
 def test_lists_of_results_in_the_docs_load(text: str) -> None:
     assert tomllib.loads(text)["result"]
 
@@ -241,16 +279,54 @@ def test_targets_and_extras_in_the_docs_exist() -> None:
 
 
 def test_every_page_is_in_the_navigation() -> None:
-    listed = set(re.findall(r"[\w/]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8")))
-    there = {p.relative_to(ROOT / "docs").as_posix() for p in (ROOT / "docs").rglob("*.md")}
-    assert there == listed
+    pages = {name for name in site() if name.endswith(".md")}
+    listed = ["index.md"]
+    for text in site().values():
+        for block in re.findall(r"```\{toctree\}\n(.*?)```", text, re.S):
+            entries = [line for line in block.splitlines() if line and not line.startswith(":")]
+            listed += [re.sub(r".*<(.*)>", r"\1", entry) + ".md" for entry in entries]
+    assert sorted(listed) == sorted([*pages, "gallery/index.md"])  # that one is made by Sphinx
+
+
+def anchors(text: str) -> set[str]:
+    """Return what a link into a page may name: its headings, and labels."""
+    text = re.sub(r"```.*?```", "", text, flags=re.S)
+    headings = re.findall(r"^#+ (.*)$", text, re.M)
+    plain = [re.sub(r"[^\w\- ]", "", re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", h)) for h in headings]
+    return {h.strip().lower().replace(" ", "-") for h in plain} | set(
+        re.findall(r"^(?:\(|:name: )([\w.-]+)(?:\)=)?$", text, re.M))  # fmt: skip
 
 
 def test_links_between_pages_exist() -> None:
-    for page in PAGES:
-        for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
-            if "://" not in target:
-                assert (page.parent / target).exists(), f"{page.name} links to {target}"
+    texts = {DOCS / name: text for name, text in site().items()}
+    outside = [page for page in PAGES if page not in texts]
+    texts |= {page: page.read_text(encoding="utf-8") for page in [*outside, CONTRIBUTING]}
+    named = {page: anchors(text) for page, text in texts.items()}
+    labels = {name for names in named.values() for name in names if "." in name}
+    for page, text in texts.items():
+        for target, anchor in re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", text):
+            if "://" in target:
+                continue
+            there = (page.parent / target).resolve() if target else page
+            within = there in texts and page.is_relative_to(DOCS)
+            assert within or there.exists(), f"{page.name} links to {target}"
+            if anchor and there in named:
+                known = named[there] | (set() if target else labels)
+                assert anchor in known, f"{page.name} links to {target}#{anchor}"
+
+
+def test_the_gallery_uses_what_there_is() -> None:
+    """Its scripts run when the site is built; what they import is looked for here."""
+    scripts = sorted((ROOT / "examples" / "gallery").glob("*/*.py"))
+    assert len(scripts) == 24
+    for script in scripts:
+        for node in ast.walk(ast.parse(script.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("foucault"):
+                module = importlib.import_module(str(node.module))
+                for name in node.names:
+                    there = hasattr(module, name.name)
+                    there = there or importlib.util.find_spec(f"{node.module}.{name.name}")
+                    assert there, f"{script.name}: {node.module}.{name.name}"
 
 
 SECTIONS = [
@@ -259,13 +335,22 @@ SECTIONS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "page", sorted((ROOT / "docs/procedures").glob("*.md")), ids=lambda p: p.name
-)
+@pytest.mark.parametrize("page", sorted((DOCS / "procedures").glob("*.md")), ids=lambda p: p.name)
 def test_pages_of_procedures_have_the_same_sections(page: Path) -> None:
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.S)
     assert re.findall(r"^## (.*)", text, re.M) == SECTIONS
     assert re.search(r"## Accuracy\n\n\|", text), "a table first"
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "procedures").glob("*.md")), ids=lambda p: p.name)
+def test_pages_of_procedures_are_read_to_their_end(page: Path) -> None:
+    """At most 1,200 words in sight; what fewer want to know is folded."""
+    text = page.read_text(encoding="utf-8")
+    assert len(re.findall(r"^::::\{dropdown\} .+$", text, re.M)) == len(
+        re.findall("^::::$", text, re.M)
+    )
+    text = re.sub(r"^::::\{dropdown\}.*?^::::$", "", text, flags=re.S | re.M)
+    assert len(re.sub(r"^```.*?^```$", "", text, flags=re.S | re.M).split()) <= 1200
 
 
 def takes_a_foreign_log(command: Any) -> bool:
@@ -275,21 +360,51 @@ def takes_a_foreign_log(command: Any) -> bool:
 
 
 def test_the_guide_names_every_procedure_and_every_command_that_takes_a_log(program: Any) -> None:
-    guide = (ROOT / "docs/choose.md").read_text(encoding="utf-8")
+    guide = (DOCS / "choose.md").read_text(encoding="utf-8")
     assert {name for name in PROCEDURES if f"`{name}`" not in guide} == set()
     wanted = {name for name, command in program.commands.items() if takes_a_foreign_log(command)}
     assert {"calibrate", "inspect", "north", "delay", "watch"} <= wanted
     assert {name for name in wanted if f"`foucault {name}`" not in guide} == set()
 
 
+def test_the_features_are_shown_by_commands_and_every_command_shows_one(program: Any) -> None:
+    text = (DOCS / "features.md").read_text(encoding="utf-8")
+    assert set(program.commands) - set(re.findall(r"`foucault (\w+)", text)) <= {"init"}
+    rows = [line.split("|") for line in text.splitlines() if line.startswith("| ")][2:]
+    assert all("`" in row[2] for row in rows if not row[1].startswith(" **"))
+
+
+def test_arrows_between_packages_go_downwards() -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(DOCS)
+        packages = importlib.import_module("generators.packages")
+    groups = packages.grouped(packages.graph())
+    line = {one: i for i, some in enumerate(packages.rows(groups)) for one in some}
+    assert all(line[one] < line[other] for one, to in groups.items() for other in to)
+    # Those that import one another share a box: no more of them than there are.
+    assert {one for one in groups if len(one) > 1} <= {
+        ("diagnose", "guard", "plans"), ("estimate", "navigate"),
+    }  # fmt: skip
+
+
 def test_every_validation_page_has_a_row_among_the_verified() -> None:
-    said = tomllib.loads((ROOT / "docs/verified.toml").read_text(encoding="utf-8"))
+    said = tomllib.loads((DOCS / "verified.toml").read_text(encoding="utf-8"))
     rows = {row["page"] for rows in said.values() for row in rows}
-    assert rows == {page.stem for page in (ROOT / "docs/validation").glob("*.md")}
+    assert rows == {page.stem for page in (DOCS / "validation").glob("*.md")}
+
+
+def test_pages_of_validations_have_the_words_of_their_scripts() -> None:
+    """Numbers change with a run; words are changed in validation/pages, and then here too."""
+    for words in sorted((ROOT / "validation" / "pages").glob("*.md")):
+        parts = re.split(r"(?<!\{)\{\w+(?::[^{}]*)?\}", words.read_text(encoding="utf-8").rstrip())
+        parts = [re.escape(part.replace("{{", "{").replace("}}", "}")) for part in parts]
+        page = (DOCS / "validation" / words.name).read_text(encoding="utf-8")
+        assert re.fullmatch(".*?".join(parts) + r"\s*", page, re.S), words.name
+        assert (ROOT / "validation" / f"{words.stem}.py").exists()
 
 
 def test_the_model_that_contributors_read_is_that_of_the_program():
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    text = CONTRIBUTING.read_text(encoding="utf-8")
     listing = re.search(r"```python\n(.*?)```", text, re.S)[1]
     model = (ROOT / "src/foucault/procedures/rate_table/model.py").read_text(encoding="utf-8")
     assert all(part.strip("\n") in model for part in listing.split("    ...\n"))

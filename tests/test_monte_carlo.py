@@ -83,7 +83,7 @@ def test_a_study_that_is_killed_and_resumed_equals_an_undisturbed_one(
     disturbed = tmp_path / "disturbed"
     command = [sys.executable, "-c", KILLED, str(tmp_path / "short.toml"), str(disturbed)]
     process = subprocess.Popen(command, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"})
-    parts = disturbed / study.PARTS
+    parts = disturbed / study.FOLDER
     deadline = time.monotonic() + 60
     while not (parts.is_dir() and any(parts.glob("0*.parquet"))):
         assert time.monotonic() < deadline

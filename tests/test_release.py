@@ -19,8 +19,8 @@ import foucault
 ROOT = Path(__file__).parents[1]
 pytestmark = pytest.mark.thorough
 FOLDERS = ("benchmarks", "design", "docs", "examples", "src", "tests", "validation")
-FILES = ("CHANGELOG.md", "CONTRIBUTING.md", "LICENSE", "MANIFEST.in", "Makefile", "README.md",
-         "constraints.txt", "mkdocs.yml", "pyproject.toml")  # fmt: skip
+FILES = ("CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "MANIFEST.in", "Makefile",
+         "README.md", "SECURITY.md", "constraints.txt", "pyproject.toml")  # fmt: skip
 MADE = shutil.ignore_patterns("*.egg-info", "*.py[co]", "__pycache__", ".*")
 BUILD = "import sys, setuptools.build_meta as b; b.build_sdist('dist'); b.build_wheel('dist')"
 

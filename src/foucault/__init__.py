@@ -75,7 +75,7 @@ if TYPE_CHECKING:
     from foucault.models.noise import ImuNoise as ImuNoise
     from foucault.models.noise import grade as grade
     from foucault.navigate.increments import increments_of as increments_of
-    from foucault.navigate.state import State as State
+    from foucault.navigate.strapdown import State as State
     from foucault.procedures.alignment import align_log as align_log
     from foucault.procedures.navigation import navigate_log as navigate_log
     from foucault.result import Check as Check
@@ -103,7 +103,7 @@ _HOMES = {
     "LogDescription": "logs.description",
     "Result": "result",
     "Site": "models.earth",
-    "State": "navigate.state",
+    "State": "navigate.strapdown",
     "Status": "errors",
     "Verdict": "result",
     "align_log": "procedures.alignment",

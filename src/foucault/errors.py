@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import PurePath
@@ -116,3 +116,9 @@ def suggestion(word: str, allowed: Iterable[str]) -> str:
     known = {name.lower(): name for name in allowed}
     near = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.6)
     return f" Did you mean '{known[near[0]]}'?" if near else ""
+
+
+def listed(words: Sequence[str], most: int = 8) -> str:
+    """Join words for a sentence, the first of them if there are more than `most`, shape () [1]."""
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(words[:most]) + more

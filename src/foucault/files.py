@@ -81,6 +81,21 @@ def _mode(target: Path) -> int | None:
     return stat.S_IMODE(there.st_mode)
 
 
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text whole or not at all; raises as `atomic`."""
+    with atomic(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def make_folder(folder: str | Path) -> Path:
+    """Make a folder where there is none; raises ``output.unwritable``."""
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise unwritable(folder, problem) from None
+    return Path(folder)
+
+
 def unwritable(path: str | Path, problem: OSError) -> FoucaultError:
     """Build the error for output that cannot be written, from what the system said."""
     reason = problem.strerror or str(problem) or type(problem).__name__
@@ -256,18 +271,6 @@ def read_text(path: str | Path) -> str:
         reason = f"it is longer than {LONGEST_TEXT >> 20} MB, so no text of a person"
         raise OSError(errno.EFBIG, reason, str(path))
     return decoded(content).replace("\r\n", "\n").replace("\r", "\n")
-
-
-def read_document(file: Path, schema: str) -> dict[str, Any]:
-    """Read a JSON document of ours; refuse what is none, or of another schema."""
-    try:
-        about = parse_json(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as problem:
-        raise error("result.not_json", file=file, problem=problem) from None
-    if not isinstance(about, dict) or about.get("schema") != schema:
-        given = about.get("schema") if isinstance(about, dict) else None
-        raise error("result.schema", file=file, given=f"has schema {given!r}", allowed=schema)
-    return about
 
 
 def parse_toml(text: str) -> dict[str, Any]:

@@ -1,15 +1,17 @@
-"""The run folder: what one calibration leaves behind, whole or not at all.
+"""The folder that a command leaves: one document, its tables, and both whole or not at all.
 
-::
+Its kind is told by the document in it (`KINDS`), and what holds of one holds of all: the document
+is replaced last, and knows the hashes of the tables. That of a calibration::
 
     campaign.toml               the campaign with every default filled in
     result.json                 the result; written last, so that its presence means complete
     tables/rests.5c1f02aa.parquet ...   one per table of the result, named in result.json
     report.html                 for people, made from the rest of the folder
 
-Replacing result.json is the one step that turns a run into the folder's result. The name of a
-table carries the beginning of its hash, so a new run never overwrites a table that the result
-in place still needs: interrupted anywhere, the folder holds the old result or the new one.
+Replacing the document is the one step that turns a run into what the folder holds. The name of a
+table of a result carries the beginning of its hash, so a new run never overwrites a table that
+the result in place still needs: interrupted anywhere, the folder holds the old result or the new
+one.
 """
 
 from __future__ import annotations
@@ -18,8 +20,9 @@ import hashlib
 import io
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -35,6 +38,9 @@ if TYPE_CHECKING:
 
     from foucault.result_document import ResultDocument
 
+Columns = Mapping[str, tuple[Any, str]]
+"""Name of a column -> its values and their SI unit."""
+
 RESULT_FILE = "result.json"
 CAMPAIGN_FILE = "campaign.toml"
 REPORT_FILE = "report.html"
@@ -44,6 +50,94 @@ RESOLVED = b"# The campaign with every default filled in"
 """So begins the campaign of a run."""
 
 _TABLE_NAME = re.compile(r"\w+\.[0-9a-f]{8}\.parquet")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of folder, which is told by its document."""
+
+    file: str  # name of the document
+    schema: str  # name and version of what stands in it
+
+
+KINDS = {
+    "north": Kind("north.json", "foucault.north/1"),
+    "navigation": Kind("navigation.json", "foucault.navigation/1"),
+    "search": Kind("optimise.json", "foucault.optimise/1"),
+    "comparison": Kind("compare.json", "foucault.compare/1"),
+    "fleet": Kind("fleet.json", "foucault.fleet/1"),
+    "study": Kind("study.json", "foucault.study/1"),
+    "result": Kind(RESULT_FILE, "foucault.result/1"),
+}
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a folder holds."""
+
+    about: Mapping[str, Any]  # what the document says [SI]
+    tables: Mapping[str, TableData]  # name of the table -> column -> values [SI]
+
+
+def kind_of(folder: str | Path) -> str:
+    """Return the kind of a folder, a key of `KINDS`; one that tells nothing is to hold a result."""
+    return next((k for k, kind in KINDS.items() if (Path(folder) / kind.file).is_file()), "result")
+
+
+def others_in(folder: str | Path, kind: str) -> str | None:
+    """Return a document in a folder that is of another kind than what is to be written there."""
+    found = (k.file for name, k in KINDS.items() if name != kind)
+    return next((file for file in found if (Path(folder) / file).exists()), None)
+
+
+def record(kind: str, about: Mapping[str, Any], tables: Mapping[str, Columns]) -> Record:
+    """Return what a folder would hold, without writing it."""
+    plain = {t: {c: np.asarray(v) for c, (v, _) in rows.items()} for t, rows in tables.items()}
+    return Record({"schema": KINDS[kind].schema} | dict(about), plain)
+
+
+def write(
+    folder: str | Path,
+    kind: str,
+    about: Mapping[str, Any],
+    tables: Mapping[str, Columns] | None = None,
+    texts: Mapping[str, str] | None = None,
+) -> Record:
+    """Write a folder, without its page, whole or not at all; what was of that kind is replaced.
+
+    `about`: what the document says, as plain values: its schema, and the hashes of all other files
+    under "files", are put to it; `texts`: other files, name -> content. The page of what was there
+    before is removed.
+    """
+    held = record(kind, about, tables or {})
+    files = {f"{name}.parquet": parquet(columns) for name, columns in (tables or {}).items()}
+    files |= {name: text.encode() for name, text in (texts or {}).items()}
+    listed = {"files": {name: _sha256(data) for name, data in files.items()}} if files else {}
+    document = dict(held.about) | listed
+    _written(Path(folder), KINDS[kind].file, document, files)
+    return Record(document, held.tables)
+
+
+def read(folder: str | Path, kind: str) -> Record:
+    """Read a folder back, its tables checked against their hashes."""
+    file = Path(folder) / KINDS[kind].file
+    about = about_of(folder, kind)
+    named = {n: digest for n, digest in about.get("files", {}).items() if n.endswith(".parquet")}
+    return Record(about, {Path(n).stem: read_table(file, n, digest) for n, digest in named.items()})
+
+
+def about_of(folder: str | Path, kind: str) -> dict[str, Any]:
+    """Return what the document of a folder says; refuse what is none, or of another schema."""
+    file = Path(folder) / KINDS[kind].file
+    return _of_schema(file, _read_json(file), KINDS[kind].schema)
+
+
+def result_file(path: str | Path) -> Path:
+    """Return the result.json of a run folder, or the file that is named itself."""
+    return Path(path) / RESULT_FILE if Path(path).is_dir() else Path(path)
+
+
+# -- the result of a calibration -----------------------------------------------------------
 
 
 def save(result: Result, folder: str | Path, campaign_text: str | None = None) -> Path:
@@ -68,21 +162,26 @@ def save(result: Result, folder: str | Path, campaign_text: str | None = None) -
     folder = Path(folder)
     doc = document(result)
     keep_a_campaign(folder, campaign_text)
-    made: list[Path] = []
-    try:
-        (folder / TABLE_FOLDER).mkdir(parents=True, exist_ok=True)
-        for name, table in result.tables.items():
-            doc["tables"][name] = _save_table(folder, name, table, made)
-        _commit(folder, doc, campaign_text)
-    except BaseException as problem:
-        for file in made:  # the result in place has no use for them
-            with suppress(OSError):
-                file.unlink()
-        if isinstance(problem, OSError):
-            raise unwritable(folder, problem) from problem
-        raise
+    files: dict[str, bytes] = {}
+    for name, table in result.tables.items():
+        declared: Iterable[tables.Column] = getattr(tables, name.upper(), ())
+        notes = {c.name: {"unit": c.unit, "meaning": c.meaning} for c in declared}
+        data = _parquet({k: np.asarray(v) for k, v in table.items()}, notes)
+        digest = _sha256(data)
+        file = f"{TABLE_FOLDER}/{name}.{digest[:8]}.parquet"
+        rows = len(next(iter(table.values()))) if table else 0
+        doc["tables"][name] = {"file": file, "rows": rows, "sha256": digest}
+        files[file] = data
+    if campaign_text is not None:
+        files[CAMPAIGN_FILE] = campaign_text.encode()
+        doc["campaign"] = {"file": CAMPAIGN_FILE, "sha256": _sha256(files[CAMPAIGN_FILE])}
+    _written(folder, RESULT_FILE, doc, files)
     with suppress(OSError):  # the result is whole; what cannot be removed is only in the way
-        _remove_stale(folder, doc)
+        for old in (folder / TABLE_FOLDER).glob("*.parquet"):
+            if _TABLE_NAME.fullmatch(old.name) and f"{TABLE_FOLDER}/{old.name}" not in files:
+                old.unlink()
+        if campaign_text is None:
+            (folder / CAMPAIGN_FILE).unlink(missing_ok=True)
     return folder / RESULT_FILE
 
 
@@ -148,7 +247,7 @@ def load_result(path: str | Path, *, with_tables: bool = True) -> Result:
     file = _result_file(Path(path))
     doc = _validated(file, _read_json(file))
     listed = doc.tables if with_tables else {}
-    result = result_of(doc, {n: _load_table(file, n, r.model_dump()) for n, r in listed.items()})
+    result = result_of(doc, {n: read_table(file, r.file, r.sha256, n) for n, r in listed.items()})
     vector, warm = result.coefficients, result.temperature
     problem = covariance_problem(vector.cov, vector.names)
     if warm is not None and not problem:
@@ -169,54 +268,55 @@ def result_schema() -> dict[str, Any]:
 # -- writing -------------------------------------------------------------------------------
 
 
-def _commit(folder: Path, doc: dict[str, Any], campaign_text: str | None) -> None:
-    """Write campaign.toml and result.json; result.json is replaced last."""
-    campaign = None if campaign_text is None else campaign_text.encode()
-    if campaign is not None:
-        doc["campaign"] = {"file": CAMPAIGN_FILE, "sha256": _sha256(campaign)}
-    text = json.dumps(doc, indent=1, allow_nan=False, ensure_ascii=False)
-    with ExitStack() as stack:  # closed in reverse order, once everything is on the disk
-        result_file = stack.enter_context(atomic(folder / RESULT_FILE))
-        if campaign is not None:
-            stack.enter_context(atomic(folder / CAMPAIGN_FILE)).write_bytes(campaign)
-        result_file.write_text(text + "\n", encoding="utf-8")
+def _written(folder: Path, name: str, doc: Mapping[str, Any], files: Mapping[str, bytes]) -> None:
+    """Write a document and the files that belong to it; the page of what was there goes."""
+    text = json.dumps(doc, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    new = [folder / file for file in files if not (folder / file).exists()]
+    try:
+        for parent in {(folder / file).parent for file in (name, *files)}:
+            parent.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as stack:  # closed in reverse order, once everything is on the disk
+            stack.enter_context(atomic(folder / name)).write_text(text, encoding="utf-8")
+            for file, data in files.items():
+                stack.enter_context(atomic(folder / file)).write_bytes(data)
+    except BaseException as problem:
+        with suppress(OSError):
+            if not _says(folder / name, text):
+                for made in new:  # what was there before has no use for them
+                    made.unlink(missing_ok=True)
+        if isinstance(problem, OSError):
+            raise unwritable(folder, problem) from problem
+        raise
+    with suppress(OSError):
+        (folder / REPORT_FILE).unlink(missing_ok=True)
 
 
-def _save_table(folder: Path, name: str, table: TableData, made: list[Path]) -> dict[str, Any]:
-    data = _parquet(name, table)
-    digest = _sha256(data)
-    file = f"{TABLE_FOLDER}/{name}.{digest[:8]}.parquet"
-    if not ((folder / file).is_file() and _sha256((folder / file).read_bytes()) == digest):
-        with atomic(folder / file) as temporary:
-            temporary.write_bytes(data)
-        made.append(folder / file)
-    rows = len(next(iter(table.values()))) if table else 0
-    return {"file": file, "rows": rows, "sha256": digest}
+def _says(file: Path, text: str) -> bool:
+    return file.is_file() and file.read_text(encoding="utf-8") == text
 
 
-def _parquet(name: str, table: TableData) -> bytes:
-    """Return `table` as Parquet, with unit and meaning of every column that `tables` declares."""
+def parquet(columns: Columns) -> bytes:
+    """Return a table as a Parquet file that carries the units."""
+    values = {name: values for name, (values, _) in columns.items()}
+    return _parquet(values, {name: {"unit": unit} for name, (_, unit) in columns.items()})
+
+
+def _parquet(columns: Mapping[str, Any], notes: Mapping[str, Mapping[str, str]]) -> bytes:
+    """Return columns as Parquet, with `notes` of each."""
     import pyarrow as pa
+
+    arrays = {name: pa.array(values) for name, values in columns.items()}
+    fields = [pa.field(name, a.type, metadata=notes.get(name)) for name, a in arrays.items()]
+    return parquet_of(pa.Table.from_arrays(list(arrays.values()), schema=pa.schema(fields)))
+
+
+def parquet_of(table: Any) -> bytes:
+    """Return a table of pyarrow as a Parquet file."""
     import pyarrow.parquet as pq
 
-    declared: Iterable[tables.Column] = getattr(tables, name.upper(), ())
-    known = {c.name: {"unit": c.unit, "meaning": c.meaning} for c in declared}
-    columns = {key: pa.array(np.asarray(values)) for key, values in table.items()}
-    schema = pa.schema([pa.field(k, v.type, metadata=known.get(k)) for k, v in columns.items()])
     buffer = io.BytesIO()
-    pq.write_table(pa.Table.from_arrays(list(columns.values()), schema=schema), buffer)
+    pq.write_table(table, buffer)
     return buffer.getvalue()
-
-
-def _remove_stale(folder: Path, doc: dict[str, Any]) -> None:
-    """Remove what belongs to an earlier result: its tables, its report, its campaign."""
-    wanted = {row["file"].rpartition("/")[2] for row in doc["tables"].values()}
-    for file in (folder / TABLE_FOLDER).iterdir():
-        if _TABLE_NAME.fullmatch(file.name) and file.name not in wanted:
-            file.unlink()
-    (folder / REPORT_FILE).unlink(missing_ok=True)
-    if doc["campaign"] is None:
-        (folder / CAMPAIGN_FILE).unlink(missing_ok=True)
 
 
 def _sha256(data: bytes) -> str:
@@ -229,7 +329,7 @@ def _sha256(data: bytes) -> str:
 def _result_file(path: Path) -> Path:
     if not path.exists():
         raise error("result.missing", path=path)
-    file = path / RESULT_FILE if path.is_dir() else path
+    file = result_file(path)
     if not file.is_file():
         raise error("result.incomplete", folder=path)
     return file
@@ -248,17 +348,20 @@ def _read_json(file: Path) -> dict[str, Any]:
     return doc
 
 
+def _of_schema(file: Path, doc: dict[str, Any], schema: str) -> dict[str, Any]:
+    if doc.get("schema") != schema:
+        given = f"has schema {doc['schema']!r}" if "schema" in doc else "names no schema"
+        raise error("result.schema", file=file, given=given, allowed=schema)
+    return doc
+
+
 def _validated(file: Path, doc: dict[str, Any]) -> ResultDocument:
     from pydantic import ValidationError
 
     from foucault.result_document import SCHEMA, ResultDocument, migrated
 
-    doc = migrated(doc)
-    if doc.get("schema") != SCHEMA:
-        given = f"has schema {doc['schema']!r}" if "schema" in doc else "names no schema"
-        raise error("result.schema", file=file, given=given, allowed=SCHEMA)
     try:
-        return ResultDocument.model_validate(doc)
+        return ResultDocument.model_validate(_of_schema(file, migrated(doc), SCHEMA))
     except ValidationError as problem:
         raise _invalid(file, problem) from None
 
@@ -276,17 +379,16 @@ def _invalid(file: Path, problem: ValidationError) -> FoucaultError:
     return error("result.invalid", file=file, problems=text + more)
 
 
-def _load_table(result_file: Path, name: str, row: dict[str, Any]) -> TableData:
+def read_table(document: Path, name: str, digest: str, called: str = "") -> TableData:
+    """Return the columns of a table beside a document, whose hash that knows."""
     import pyarrow.parquet as pq
 
-    file = result_file.parent / row["file"]
+    where = {"file": document, "table": called or Path(name).stem, "path": name}
     try:
-        data = file.read_bytes()
+        data = (document.parent / name).read_bytes()
     except FileNotFoundError:
-        raise error(
-            "result.table_missing", file=result_file, table=name, path=row["file"]
-        ) from None
-    if _sha256(data) != row["sha256"]:
-        raise error("result.table_changed", file=result_file, table=name, path=row["file"])
+        raise error("result.table_missing", **where) from None
+    if _sha256(data) != digest:
+        raise error("result.table_changed", **where)
     table = pq.read_table(io.BytesIO(data))
     return {c: table.column(c).to_numpy() for c in table.column_names}

@@ -432,16 +432,21 @@ def temperature_range(log: Log | IndexedLog) -> dict[str, Any]:
     }
 
 
-def range_below_g(log: Log, gravity: float) -> dict[str, Any]:
+SPIKES = 1e-3
+"""Part of the rates on either side that may be spikes, and no range [1]."""
+
+
+def range_below_g(log: Log, gravity: float, tail: float = 0.0) -> dict[str, Any]:
     """Return the ranges of a session in a standing body, whatever it turned, for result.json.
 
-    `log`: the log of the session, with gyros [SI]; `gravity`: local gravity [m/s^2].
+    Outside them the result is extrapolated.
+
+    `log`: the log of the session [SI]; `gravity`: local gravity [m/s^2]; `tail`: part of the rates
+    that is left out on either side, where a spike is no range [1].
     """
-    assert log.gyro is not None
-    return {
-        "accel": [-gravity, gravity],
-        "sampled": log.sampled,
-        "rate": log.rate,
-        "gyro": [float(log.gyro.min()), float(log.gyro.max())],
-        **temperature_range(log),
-    }
+    out: dict[str, Any] = {"accel": [-gravity, gravity], "sampled": log.sampled}
+    if log.averaged is None:
+        out["rate"] = log.rate
+    if log.gyro is not None:
+        out["gyro"] = [float(v) for v in np.quantile(log.gyro, (tail, 1 - tail))]
+    return out | temperature_range(log)

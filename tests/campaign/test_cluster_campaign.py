@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from foucault import campaign
 from foucault.campaign import study, tolerance
-from foucault.campaign.reading import coefficient_kind
 from foucault.campaign.running import read_log
+from foucault.campaign.tables import kind_of_group
 from foucault.campaign.writing import resolved, template
 from foucault.cli import app
 from foucault.errors import FoucaultError
@@ -19,10 +19,12 @@ from foucault.export import calibrate_log, write
 from foucault.export.receivers import RECEIVERS
 from foucault.logs import read
 from foucault.logs import write as write_log
+from foucault.models import imu
 from foucault.models.cluster import LAYOUT, ClusterModel
 from foucault.procedures.platform_tumble.settings import NOISE
-from foucault.report.application import how_to_apply
-from foucault.report.study import write as write_study
+from foucault.report import save
+from foucault.report import study as study_page
+from foucault.report.calibration import how_to_apply
 from foucault.tables import Log
 from make_cluster import DEG_H, UG, G
 
@@ -112,8 +114,8 @@ def test_a_prior_is_given_by_names_of_the_procedure():
     hand = template("hand_rotated")
     with pytest.raises(FoucaultError, match="not part of this model"):
         campaign.parse(hand + '[prior]\n"gyro.drift" = { mean = "0 deg/h", sd = "2 deg/h" }\n')
-    assert coefficient_kind("gyro.bias") == "angular rate"
-    assert coefficient_kind("gyro.drift_output_spin", LAYOUT) == "g-squared sensitivity"
+    assert kind_of_group("gyro.bias", imu.LAYOUT) == "angular rate"
+    assert kind_of_group("gyro.drift_output_spin", LAYOUT) == "g-squared sensitivity"
 
 
 def test_the_resolved_campaign_is_the_same(tmp_path):
@@ -193,7 +195,7 @@ def test_a_study_of_a_cluster(tmp_path):
     again, asked = study.load(tmp_path / "study")
     assert asked["names"] == list(LAYOUT.names)
     np.testing.assert_array_equal(again.error, done.error)
-    page = write_study(again, asked, tmp_path / "report.html").read_text()
+    page = save(study_page.document(again, asked), tmp_path / "report.html").read_text()
     assert "gyro.drift_input_output.x" in page
     assert "2 trials" in page
     command = CliRunner().invoke(app, ["report", str(tmp_path / "study")])

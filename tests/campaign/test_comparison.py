@@ -13,8 +13,7 @@ import pytest
 
 from foucault import campaign, run_folder
 from foucault.campaign import comparison, tolerance
-from foucault.campaign.comparison import folder as comparison_folder
-from foucault.campaign.comparison.entries import entries, moment
+from foucault.campaign.comparison import entries, moment
 from foucault.errors import FoucaultError
 from make_compare import make_entries, make_results, moved
 
@@ -35,10 +34,10 @@ def drifting(n=4, per_year=12.0):
 
 @pytest.mark.thorough
 def test_the_order_of_the_arguments_does_not_matter(folders):
-    wanted = comparison_folder.document(comparison.run(folders))
+    wanted = comparison.document(comparison.run(folders))
     wanted.pop("provenance")
     for some in itertools.permutations(folders):
-        said = comparison_folder.document(comparison.run(some))
+        said = comparison.document(comparison.run(some))
         said.pop("provenance")
         assert json.dumps(said) == json.dumps(wanted)  # to the last bit
 
@@ -262,17 +261,17 @@ def test_results_that_agree_too_well_are_noted():
 
 
 def test_the_folder_is_read_back_and_never_written_over_another(folders, tmp_path):
-    about = comparison_folder.document(comparison.run(folders), 0.5)
+    about = comparison.document(comparison.run(folders), 0.5)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "report.html").write_text("old")
-    comparison_folder.save(about, tmp_path / "out")
+    comparison.save(about, tmp_path / "out")
     assert not (tmp_path / "out" / "report.html").exists()
-    assert comparison_folder.load(tmp_path / "out") == json.loads(json.dumps(about))
+    assert comparison.load(tmp_path / "out") == json.loads(json.dumps(about))
     assert about["results"][0]["sha256"] and about["provenance"]["versions"]["foucault"]
     with pytest.raises(FoucaultError, match=r"already holds result\.json") as problem:
-        comparison_folder.save(about, folders[0])
+        comparison.save(about, folders[0])
     assert problem.value.code == "compare.folder"
     (tmp_path / "out" / "compare.json").write_text('{"schema": "foucault.compare/9"}')
     with pytest.raises(FoucaultError) as problem:
-        comparison_folder.load(tmp_path / "out")
+        comparison.load(tmp_path / "out")
     assert problem.value.code == "result.schema"

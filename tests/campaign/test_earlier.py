@@ -11,14 +11,12 @@ import pytest
 from typer.testing import CliRunner
 
 from foucault import campaign, procedures, run_folder, units
-from foucault.campaign import earlier, preflight
+from foucault.campaign import earlier, optimisation
 from foucault.cli import app
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.compare.comparable import comparable
-from foucault.diagnose.compare.gravity import gravity_errors
+from foucault.diagnose.comparable import comparable, gravity_errors
 from foucault.errors import FoucaultError
-from foucault.models.layouts import BESIDE, EVERY
-from foucault.models.references import gravity_slope
+from foucault.models.layouts import BESIDE, EVERY, gravity_slope
 from foucault.procedures.merged import Earlier, merged, with_prior
 from foucault.result import Level, Verdict
 from make_compare import make_entries
@@ -329,6 +327,7 @@ def test_mistakes_in_the_campaign(said, code, words):
         ('growth = {"gyro.bais" = "1 deg/h"}', "coefficient.unknown"),
         ('growth = {"gyro.bias" = "1 mg"}', "unit.kind"),
         ('growth = {"gyro.bias" = "-1 deg/h"}', "prior.growth"),
+        ('growth = {"gyro" = "1 deg/h"}', "prior.kind"),
         ("", "result.missing"),
     ],
 )
@@ -345,7 +344,7 @@ def test_commands_that_have_no_use_for_it():
         earlier.refuse(described, "a plan")
     assert caught.value.code == "prior.not_here"
     with pytest.raises(FoucaultError) as caught:
-        preflight.beforehand(described)
+        optimisation.beforehand(described)
     assert caught.value.code == "prior.not_here"
 
 
@@ -354,9 +353,9 @@ def test_a_plan_is_judged_with_what_is_known(loose, tmp_path):
     result = make_result()
     run_folder.save(result, tmp_path / "run")
     path = tmp_path / "campaign.toml"
-    alone = preflight.foresee(campaign.parse(campaign.template("hand_rotated"), path))
+    alone = optimisation.foresee(campaign.parse(campaign.template("hand_rotated"), path))
     text = campaign.template("hand_rotated") + f'\n[prior]\nfrom = "run"\n{loose}\n'
-    found = preflight.foresee(campaign.parse(text, path))
+    found = optimisation.foresee(campaign.parse(text, path))
     names = [n for n in found.names if n in result.coefficients.layout]
     both = found.coefficients.chosen(names)
     plan, before = alone.coefficients.chosen(names), result.coefficients.chosen(names)
@@ -413,7 +412,7 @@ def test_a_result_with_deflection_is_a_prior(tmp_path):
     assert (got.sd <= before.sd * (1 + 1e-6)).all()
     assert (got.sd > 0.9 * before.sd).all()
     assert (np.abs(got.values - before.values) < before.sd).all()
-    seen = preflight.foresee(campaign.load(second.with_name("from.toml"))).coefficients
+    seen = optimisation.foresee(campaign.load(second.with_name("from.toml"))).coefficients
     np.testing.assert_allclose(seen.chosen(names).sd, got.sd, rtol=0.05)
     other = second.with_name("other.toml")
     other.write_text(

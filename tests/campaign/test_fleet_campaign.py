@@ -12,14 +12,12 @@ import pytest
 
 from foucault import campaign, run_folder
 from foucault.campaign import fleet, tolerance
-from foucault.campaign.fleet import folder as fleet_folder
-from foucault.campaign.fleet import simulation as fleet_simulation
-from foucault.diagnose.consistency import nees
+from foucault.diagnose.study import nees
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.logs.serials import by_serial
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.logs.reading import by_serial
+from foucault.procedures import fleet as on_table_batch
 from foucault.procedures import norm_observation, on_table
-from foucault.procedures.on_table import batch as on_table_batch
 
 LINEAR = '[procedure]\nname = "norm_observation"\nsolution = "linear"\n'
 
@@ -30,8 +28,8 @@ def bench(folder: Path, n: int, *, extra: str = "", procedure: str = LINEAR, see
     head, _, rest = text.partition("[procedure]")
     tail = rest[rest.index("\n# Left out, the noise"):]  # fmt: skip
     described = campaign.parse(head + procedure + extra + tail, folder / "campaign.toml")
-    made = fleet_simulation.simulate(described, n, seed)
-    return campaign.load(fleet_simulation.save(described, made, folder, seed))
+    made = fleet.simulated(described, n, seed)
+    return campaign.load(fleet.save_simulated(described, made, folder, seed))
 
 
 def columns(path: Path) -> dict[str, np.ndarray]:
@@ -55,7 +53,7 @@ def test_a_fleet_is_solved_in_one_batch_and_each_has_a_result(tmp_path):
     told = []
     table = fleet.run(described, tmp_path / "out", progress=lambda f, w: told.append((f, w)))
     assert table.counts() == {"pass": 40, "doubtful": 0, "unusable": 0, "broken": 0}
-    about = fleet_folder.about(tmp_path / "out")
+    about = fleet.about(tmp_path / "out")
     assert about["solved_in_batch"] == 40 and about["instruments"] == 40
     assert about["schema"] == "foucault.fleet/1" and about["tolerance"] is None
     assert told[-1][1] == "writing 40 of 40" and all(0 <= f <= 1 for f, _ in told)
@@ -136,7 +134,7 @@ def test_broken_instruments_are_listed_and_the_others_go_on(tmp_path):
     good = [r.serial for r in table.rows if r.problem is None]
     want = [r.serial for r in before.rows if r.serial not in codes]
     assert good == want
-    listed = {row["serial"]: row for row in fleet_folder.about(tmp_path / "out")["broken"]}
+    listed = {row["serial"]: row for row in fleet.about(tmp_path / "out")["broken"]}
     assert set(listed) == set(codes) and all(row["cure"] for row in listed.values())
     # What they had before is no longer their result.
     for serial in codes:
@@ -225,7 +223,7 @@ def test_one_by_one_where_the_batch_does_not_solve_what_was_asked(tmp_path):
     likelihood = '[procedure]\nname = "norm_observation"\n'
     described = bench(tmp_path / "bench", 3, procedure=likelihood)
     table = fleet.run(described, tmp_path / "out", workers=2)
-    assert fleet_folder.about(tmp_path / "out")["solved_in_batch"] == 0
+    assert fleet.about(tmp_path / "out")["solved_in_batch"] == 0
     log = dict(by_serial(described.log, described.folder))["SN002"]
     alone = norm_observation.calibrate(log, site=described.site, settings=described.settings)
     np.testing.assert_array_equal(table.values[1], alone.coefficients.values)
@@ -358,12 +356,12 @@ def test_upper_and_lower_case_do_not_share_a_folder(tmp_path):
 def test_a_fleet_can_be_simulated_on_a_table_only(tmp_path):
     described = campaign.parse(campaign.template("hand_rotated"), tmp_path / "campaign.toml")
     with pytest.raises(FoucaultError, match="not for hand_rotated") as problem:
-        fleet_simulation.simulate(described, 3)
+        fleet.simulated(described, 3)
     assert problem.value.code == "fleet.simulate" and "norm_observation" in problem.value.cure
     text = campaign.template("norm_observation")
     text += 'errors = { "gyro.bias.x" = "30 deg/h" }\n'
     given = campaign.parse(text, tmp_path / "campaign.toml")
-    a, b = (fleet_simulation.simulate(given, 3, 5) for _ in range(2))
+    a, b = (fleet.simulated(given, 3, 5) for _ in range(2))
     np.testing.assert_array_equal(a.accel, b.accel)
     bias = a.fleet.values(["gyro.bias.x", "gyro.bias.y"])
     np.testing.assert_allclose(bias[:, 0], np.radians(30 / 3600), rtol=1e-12)

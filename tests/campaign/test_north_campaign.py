@@ -10,7 +10,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from foucault.campaign import north
-from foucault.campaign.north import folder as north_folder
 from foucault.errors import FoucaultError
 from foucault.models.noise import ImuNoise, TriadNoise
 from make_north import ACCEL_WHITE, GYRO_WHITE, LATITUDE, many, write_readings
@@ -40,15 +39,15 @@ def test_headings_are_found_to_their_uncertainty(survey, readings):
 
 
 def test_the_folder_reads_back_what_was_saved(survey, tmp_path):
-    saved = north_folder.save(survey, tmp_path / "out")
-    read = north_folder.load(tmp_path / "out")
+    saved = north.save(survey, tmp_path / "out")
+    read = north.load(tmp_path / "out")
     assert read.about == json.loads(json.dumps(saved.about))
     assert read.about["schema"] == "foucault.north/1"
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "dwells.parquet", "fixes.csv", "fixes.parquet", "north.json",
     ]  # fmt: skip
-    for name, column in saved.dwells.items():
-        np.testing.assert_array_equal(read.dwells[name], column)
+    for name, column in saved.tables["dwells"].items():
+        np.testing.assert_array_equal(read.tables["dwells"][name], column)
     first = read.about["setups"][0]
     assert first["heading"]["value"] == survey.fixes.angles[0, 0]
     np.testing.assert_array_equal(first["covariance"], survey.fixes.cov[0])
@@ -56,7 +55,7 @@ def test_the_folder_reads_back_what_was_saved(survey, tmp_path):
 
 
 def test_the_budget_adds_up_to_the_variance(survey):
-    for setup in north_folder.record(survey).about["setups"]:
+    for setup in north.record(survey).about["setups"]:
         for angle in ("heading", "pitch", "roll"):
             parts = [source[angle] for source in setup["budget"].values()]
             total = sum(v * abs(v) for v in parts)
@@ -64,7 +63,7 @@ def test_the_budget_adds_up_to_the_variance(survey):
 
 
 def test_the_tables_say_the_same_in_their_units(survey, tmp_path):
-    north_folder.save(survey, tmp_path)
+    north.save(survey, tmp_path)
     rows = list(csv.DictReader((tmp_path / "fixes.csv").read_text("utf-8").splitlines()))
     fixes = pq.read_table(tmp_path / "fixes.parquet")
     assert fixes.schema.field("heading_sd").metadata == {b"unit": b"rad"}
@@ -84,17 +83,17 @@ def test_a_set_up_near_the_equator_tells_what_its_uncertainty_covers(tmp_path):
     write_readings(tmp_path / "r.csv", many(6, 8.0), latitude=np.radians(4.0))
     said = north.Said({"gravity": 9.79}, {"unknown_latitude": True}, GYRO_WHITE, ACCEL_WHITE)
     survey = north.run(tmp_path / "r.csv", said)
-    about = north_folder.save(survey, tmp_path / "out").about
-    lost = [s for s in about["setups"] if north_folder.UNRESOLVED in s["budget"]]
+    about = north.save(survey, tmp_path / "out").about
+    lost = [s for s in about["setups"] if north.UNRESOLVED in s["budget"]]
     assert lost and len(lost) < 6
     fixes = pq.read_table(tmp_path / "out" / "fixes.parquet")
-    part = fixes[f"heading_sd.{north_folder.UNRESOLVED}"].to_numpy()
+    part = fixes[f"heading_sd.{north.UNRESOLVED}"].to_numpy()
     assert np.isnan(part).sum() == 6 - len(lost)
 
 
 def test_an_earlier_report_does_not_outlive_its_survey(survey, tmp_path):
     (tmp_path / "report.html").write_text("old")
-    north_folder.save(survey, tmp_path)
+    north.save(survey, tmp_path)
     assert not (tmp_path / "report.html").exists()
 
 
@@ -107,21 +106,21 @@ def refused(code, function, *words, **more):
 
 def test_a_folder_with_a_calibration_is_left_alone(survey, tmp_path):
     (tmp_path / "result.json").write_text("{}")
-    text = refused("north.folder", north_folder.save, survey, tmp_path)
+    text = refused("north.folder", north.save, survey, tmp_path)
     assert "holds the result of a calibration" in text
     assert [p.name for p in tmp_path.iterdir()] == ["result.json"]
 
 
 def test_a_folder_that_was_changed_is_refused(survey, tmp_path):
-    north_folder.save(survey, tmp_path)
+    north.save(survey, tmp_path)
     (tmp_path / "dwells.parquet").write_bytes(b"else")
-    refused("result.table_changed", north_folder.load, tmp_path)
+    refused("result.table_changed", north.load, tmp_path)
     (tmp_path / "dwells.parquet").unlink()
-    refused("result.table_missing", north_folder.load, tmp_path)
+    refused("result.table_missing", north.load, tmp_path)
     (tmp_path / "north.json").write_text('{"schema": "foucault.north/9"}')
-    refused("result.schema", north_folder.load, tmp_path)
+    refused("result.schema", north.load, tmp_path)
     (tmp_path / "north.json").write_text("{")
-    refused("result.not_json", north_folder.load, tmp_path)
+    refused("result.not_json", north.load, tmp_path)
 
 
 def test_what_is_missing_is_said(readings):
@@ -143,5 +142,5 @@ def test_noise_of_the_gyro_is_enough_without_accelerometers(tmp_path):
     said = north.Said(SAID.site, {"level_sd": 1e-4}, GYRO_WHITE)
     survey = north.run(tmp_path / "r.csv", said)
     assert survey.noise == ImuNoise(TriadNoise(), TriadNoise(white=GYRO_WHITE))
-    about = north_folder.record(survey).about
+    about = north.record(survey).about
     assert "tilt: level" in about["setups"][0]["budget"]

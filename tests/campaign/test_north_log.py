@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 
 from foucault import campaign, procedures, run_folder
 from foucault.campaign import north, study
+from foucault.campaign.running import read_any
 from foucault.campaign.writing import resolved
 from foucault.cli.app import app
-from foucault.cli.sessions import read_any
 from foucault.errors import FoucaultError
-from foucault.logs.indexed_description import IndexedDescription
+from foucault.logs.indexed_own import IndexedDescription
 from foucault.models.noise import noise_of
 
 NORTH = "north_seeking"

@@ -9,8 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from foucault import campaign
-from foucault.campaign import found as found_plan
-from foucault.campaign import optimisation, preflight
+from foucault.campaign import optimisation
 from foucault.campaign.running import save_session, simulate
 from foucault.errors import FoucaultError
 from make_tumble import campaign_text
@@ -43,9 +42,9 @@ def test_what_is_found_is_better_and_said_so(searched):
     assert found.cases == ("the site", "latitude 0 deg", "cluster 1")
     assert len(found.restarts) == 6
     assert found.evaluations == content(folder)["evaluations"].to_numpy().sum()
-    assert found_plan.load(folder) == found
+    assert optimisation.load(folder) == found
     best = content(folder)["cost"].to_numpy().min()
-    # What was searched by is a little pessimistic, see plans.tumble.search.FINEST.
+    # What was searched by is a little pessimistic, see plans.tumble.FINEST.
     assert np.log(found.geometric_mean[0]) == pytest.approx(best, abs=0.06)
 
 
@@ -123,7 +122,7 @@ def test_what_the_plan_hardly_shows_is_said(searched, tmp_path):
     assert {"accel.scale.x", "gyro.torquer_scale.y", "gyro.torquer_scale.z"} < set(named)
     assert not {"accel.scale.y", "accel.scale.z", "gyro.torquer_scale.x"} & set(named)
     # And all of them, by what a calibration of the campaign that was written would state.
-    foreseen = preflight.foresee(campaign.load(tmp_path / "campaign.toml"))
+    foreseen = optimisation.foresee(campaign.load(tmp_path / "campaign.toml"))
     left = {row["name"]: row["of_prior"] for row in foreseen.rows()}
     left = {name: left[name] for name in found.names if name not in names}
     assert not [name for name, share in left.items() if 0.45 < share < 0.55]
@@ -178,7 +177,7 @@ def test_a_procedure_without_plan_is_refused(tmp_path):
 
 def test_a_folder_without_search_is_refused(tmp_path):
     with pytest.raises(FoucaultError) as caught:
-        found_plan.load(tmp_path)
+        optimisation.load(tmp_path)
     assert caught.value.code == "optimise.missing"
 
 

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from foucault import campaign, monte_carlo, procedures
-from foucault.campaign import parts, study
+from foucault.campaign import study
 from foucault.errors import FoucaultError
 
-FILE, SCHEMA = "asked.json", "foucault.test/1"
+FILE = "optimise.json"
 
 
-def opened(folder: Path, size: int = 4, **asked: Any) -> parts.Parts:
-    return parts.opened(folder, asked, file=FILE, schema=SCHEMA, kind="search", size=size)
+def opened(folder: Path, size: int = 4, **asked: Any) -> study.Parts:
+    return study.opened(folder, asked, "search", size, {})
 
 
 def draw(index: int, seeds: np.random.SeedSequence) -> dict[str, Any]:
@@ -52,7 +52,7 @@ def test_parts_that_are_lost_are_made_again(tmp_path: Path) -> None:
     kept = opened(tmp_path)
     assert kept.merge(12) == {}
     whole = kept.run(draw, 12, 3, map)
-    (tmp_path / parts.FOLDER / "0000004-0000007.parquet").unlink()
+    (tmp_path / study.FOLDER / "0000004-0000007.parquet").unlink()
     assert list(kept.merge(12)["i"]) == [0, 1, 2, 3, 8, 9, 10, 11]
     np.testing.assert_array_equal(kept.run(draw, 12, 3, map)["x"], whole["x"])
 
@@ -69,7 +69,7 @@ def test_a_folder_keeps_its_size_of_parts_and_refuses_another_question(tmp_path:
     (tmp_path / FILE).unlink()
     opened(tmp_path, names=("a",)).write(range(4), [{"i": 1}])
     (tmp_path / FILE).write_text("[]")
-    with pytest.raises(FoucaultError, match=r"asked\.json is missing or cannot be read"):
+    with pytest.raises(FoucaultError, match=r"optimise\.json is missing or cannot be read"):
         opened(tmp_path, names=("a",))
 
 
@@ -80,7 +80,7 @@ def test_large_studies_have_larger_parts(tmp_path: Path, monkeypatch: pytest.Mon
     row = study._row(study.names_of(described), "failed")
     monkeypatch.setattr(study.Trial, "__call__", lambda self, index, seeds: row)
     assert study.run(described, 7, tmp_path).status == {"failed": 7}
-    assert [p.stem for p in sorted((tmp_path / study.PARTS).iterdir())] == [
+    assert [p.stem for p in sorted((tmp_path / study.FOLDER).iterdir())] == [
         "0000000-0000002", "0000003-0000005", "0000006-0000006",
     ]  # fmt: skip
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from foucault import campaign, run_folder
-from foucault.campaign import navigation, preflight, study
-from foucault.campaign.navigation import Said
+from foucault.campaign import navigation, optimisation, study
+from foucault.campaign.running import Said
 from foucault.errors import FoucaultError
 from foucault.export import request
 from foucault.models.layouts import kind_of
-from foucault.procedures.navigation.settings import Settings as Navigation
+from foucault.procedures.navigation.start import Settings as Navigation
 from foucault.report import html
 from foucault.result import Level
 from make_transfer_campaign import described, missed, written
@@ -99,7 +99,7 @@ def test_a_study(tmp_path):
 
 @pytest.mark.thorough
 def test_preflight():
-    seen = preflight.foresee(described(profile='"straight"'))
+    seen = optimisation.foresee(described(profile='"straight"'))
     assert not seen.complete
     assert seen.rank < seen.states
     assert "master.delay" in seen.hardly

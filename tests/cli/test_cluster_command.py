@@ -187,7 +187,7 @@ def begun(quick: Path, folder: Path, processes: int) -> subprocess.Popen[str]:
 
 
 def finished(folder: Path) -> dict[str, int]:
-    return {f.name: f.stat().st_mtime_ns for f in (folder / study.PARTS).glob("0*.parquet")}
+    return {f.name: f.stat().st_mtime_ns for f in (folder / study.FOLDER).glob("0*.parquet")}
 
 
 def ended(children: list[psutil.Process]) -> bool:

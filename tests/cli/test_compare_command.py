@@ -38,7 +38,8 @@ def test_what_did_not_change_passes(runs: list[Path]) -> None:
     result = run("compare", *runs[:3])
     assert result.exit_code == 0
     assert "has not changed by more than chance explains" in result.output
-    assert "MTi-28 0180-2214, from 2024 to 2026" in result.output
+    assert "MTi-28 0180-2214" in result.output
+    assert "the change from 2024 to 2026" in result.output
     assert "gyro.misalignment.zy" in result.output and "per year" in result.output
 
 
@@ -75,8 +76,9 @@ def test_several_instruments(runs: list[Path]) -> None:
         run_folder.save(saved, folder)
     apart = run("compare", *runs)
     assert apart.exit_code == 0
-    assert "Instruments, by their latest result: MTi-28 SN0, MTi-28 SN1" in apart.output
-    assert "They can be told apart by: gyro.bias.z." in apart.output
+    assert "MTi-28 SN0" in apart.output and "MTi-28 SN1" in apart.output
+    rows = [line.split() for line in apart.output.splitlines()]
+    assert [row[0] for row in rows if row[-1:] == ["yes"]] == ["gyro.bias.z"]
     assert run("compare", *runs, "--same").exit_code == 3
 
 

@@ -13,9 +13,8 @@ from typer.testing import CliRunner, Result
 from foucault.cli import app
 from foucault.logs import master, own
 from foucault.plans.manoeuvres import Climb, Start, Straight, STurn
-from foucault.plans.transfer.profiles import TransferProfile
-from foucault.simulate.transfer.link import Link
-from foucault.simulate.transfer.session import TransferSimulation, draw_slave, simulate_transfer
+from foucault.plans.transfer import TransferProfile
+from foucault.simulate.transfer import Link, TransferSimulation, draw_slave, simulate_transfer
 from foucault.tables import Log
 from make_alignment import REAL, real
 from make_transfer import DEG

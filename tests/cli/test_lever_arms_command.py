@@ -15,7 +15,7 @@ from foucault.cli import app
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.size_effect import LAYOUT
-from foucault.plans.systematic.built_in import navigation_test
+from foucault.plans.sequence import navigation_test
 from foucault.result import Result
 from foucault.simulate.systematic import simulate_systematic
 from make_sequence import NOISE

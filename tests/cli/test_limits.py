@@ -108,7 +108,7 @@ def test_what_the_system_cannot_do(
     def fails(*_: Any, **__: Any) -> None:
         raise problem
 
-    monkeypatch.setattr("foucault.campaign.load", fails)
+    monkeypatch.setattr("foucault.campaign.running.load_campaign", fails)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     done = run("inspect", tmp_path / "campaign.toml")
     assert done.exit_code == code
@@ -260,7 +260,7 @@ def test_a_setting_beyond_its_range_is_named_with_the_range(
 
 def an_angle_or_a_ratio() -> list[tuple[str, type[Any], str]]:
     """Every standard deviation of an angle or a ratio that can be chosen."""
-    from foucault.campaign.fields import kind_of
+    from foucault.campaign.tables import kind_of
 
     return [
         (name, model, key)

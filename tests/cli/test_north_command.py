@@ -47,8 +47,9 @@ def calibration(tmp_path: Path) -> Path:
 def test_one_set_up_on_the_screen_and_nothing_written(readings: Path) -> None:
     result = run("north", readings, *ARGUMENTS)
     assert result.exit_code == 0
-    assert "Mark 7" in result.output and "123.5" in result.output and "± 0.05" in result.output
-    assert "Noise: declared." in result.output and "Calibration: none" in result.output
+    for words in ("Mark 7", "Heading 123.5", "0.054"):
+        assert words in result.output
+    assert "noise: declared" in result.output and "None was used: bias" in result.output
     assert "To be twice as good, gyro noise must come down" in result.output
     assert "verdict: pass" in result.output
     assert [p.name for p in readings.parent.iterdir()] == ["readings.csv"]
@@ -59,7 +60,6 @@ def test_what_all_set_ups_share_is_said_once(tmp_path: Path) -> None:
     result = run("north", tmp_path / "r.csv", *ARGUMENTS, "--gyro-noise", "0.0003 deg/sqrt(h)")
     assert result.exit_code == 3
     assert result.output.count("The residuals of the gyro over all set-ups are") == 1
-    assert "None passes: The residuals of the gyro over all set-ups" in result.output
 
 
 def test_many_with_a_wanted_accuracy(tmp_path: Path) -> None:
@@ -67,8 +67,8 @@ def test_many_with_a_wanted_accuracy(tmp_path: Path) -> None:
     out = tmp_path / "out"
     result = run("north", tmp_path / "r.csv", *ARGUMENTS, "--accuracy", "0.02 deg", "-o", out)
     assert result.exit_code == 3
-    assert "verdict: 0 of 5 set-ups passed" in result.output
-    assert "minus reference (deg)" in result.output
+    assert "verdict: 0 of 5 pass" in result.output
+    assert "minus reference [°]" in result.output
     assert "Dwell at least" in result.output and "The same in 2 more set-ups." in result.output
     assert (out / "report.html").is_file()
     before = (out / "report.html").read_text()
@@ -100,7 +100,7 @@ def test_json_says_all(readings: Path, tmp_path: Path) -> None:
 def test_the_latitude_can_be_unknown(readings: Path) -> None:
     words = [w for w in ARGUMENTS if w not in ("--latitude", "47.3 deg")]
     result = run("north", readings, *words, "--unknown-latitude", "--gravity", "9.80828 m/s^2")
-    assert result.exit_code == 0 and "latitude (deg)" in result.output and "47." in result.output
+    assert result.exit_code == 0 and "latitude" in result.output and "47." in result.output
     south = run("north", readings, *words, "--unknown-latitude", "--gravity", "9.80828 m/s^2",
                 "--hemisphere", "south", "--json")  # fmt: skip
     assert json.loads(south.stdout)["setups"][0]["latitude"]["value"] < 0
@@ -144,7 +144,7 @@ def test_noise_of_the_accelerometer_is_that_of_the_tilt(readings: Path) -> None:
 
 def test_a_calibration_and_its_serial_number(readings: Path, calibration: Path) -> None:
     result = run("north", readings, *ARGUMENTS, "--calibration", calibration, "--serial", "SN 4")
-    assert result.exit_code == 0 and "Calibration: pass" in result.output
+    assert result.exit_code == 0 and "\nCalibration\ninstrument: SN 4\n" in result.output
     said = json.loads(
         run("north", readings, *ARGUMENTS, "--calibration", calibration, "--json").stdout
     )

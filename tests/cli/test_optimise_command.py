@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from foucault.campaign import found as found_plan
-from foucault.campaign import reading
+from foucault.campaign import optimisation, reading
 from foucault.cli import app
 
 EXAMPLE = Path(__file__).parents[2] / "examples/platform_tumble.toml"
@@ -56,16 +55,17 @@ def search(tmp_path_factory) -> tuple[Path, Path, Result]:
 def test_a_better_plan_is_told_and_written(search):
     campaign, folder, result = search
     assert result.exit_code == 0
-    found = found_plan.load(folder)
+    found = optimisation.load(folder)
     assert found.gained and found.complete and found.geometric_mean[0] < 0.9
     for words in (
-        "the site: the plan found beside published", "gyro.drift_input_spin.x", "geometric mean",
-        "cluster 1", f"{found.geometric_mean[0]:.3f}", "180 plans in 3 restarts, seed 0",
-        f"Plan: {folder / 'campaign.toml'}", f"Report: {folder / 'report.html'}",
+        "with the plan found over that with published", "Dot: the site.", "geometric mean",
+        "gyro.drift_input_spin.x", "cluster 1", f"{found.geometric_mean[0]:.3f}",
+        "180 plans, 3 restarts, seed 0", f"Plan: {folder / 'campaign.toml'}",
+        f"Report: {folder / 'report.html'}",
     ):  # fmt: skip
         assert words in result.output
     assert "No allowed plan shows" not in result.output and "Went on from" not in result.output
-    assert "before  " in result.output and "BROKEN" not in result.output
+    assert "BROKEN" not in result.output
     names = {p.name for p in folder.iterdir()}
     assert names == {"asked.toml", "campaign.toml", "found.json", "optimise.json", "parts",
                      "report.html", "restarts.parquet"}  # fmt: skip
@@ -74,7 +74,7 @@ def test_a_better_plan_is_told_and_written(search):
 
 def test_the_plan_that_was_found_is_the_plan_of_the_campaign_that_was_written(search):
     _, folder, _ = search
-    found = found_plan.load(folder)
+    found = optimisation.load(folder)
     plan = reading.load(folder / "campaign.toml").settings.planned
     assert plan.motion[-1][1] == pytest.approx(found.duration) == 5400
     assert len(plan.motion) == len(found.motion) == len(found.steps) - 1
@@ -131,7 +131,7 @@ def test_a_search_in_two_goes_is_one_in_one_go(search, tmp_path):
     size = ("--evaluations", 60, "--round", 2)
     other = campaign.parent / "search 2"
     first = run("optimise", campaign, "-o", other, "--restarts", 2, *size, "--workers", 2)
-    assert "120 plans in 2 restarts" in first.output
+    assert "120 plans, 2 restarts" in first.output
     second = run("optimise", campaign, "-o", other, "--restarts", 3, *size)
     assert "Went on from 2 of these restarts" in second.output
     for name in ("found.json", "restarts.parquet", "campaign.toml"):
@@ -143,7 +143,7 @@ def test_another_seed_finds_another_plan(search, tmp_path):
     campaign, folder, _ = search
     result = run("optimise", campaign, "-o", tmp_path / "s", *SIZE, "--seed", 1)
     assert "seed 1" in result.output
-    assert found_plan.load(tmp_path / "s").motion != found_plan.load(folder).motion
+    assert optimisation.load(tmp_path / "s").motion != optimisation.load(folder).motion
 
 
 @pytest.mark.thorough
@@ -154,11 +154,11 @@ def test_a_time_limit_lets_one_restart_end(search, tmp_path):
         "optimise", campaign, "-o", tmp_path / "s", "--restarts", 3, *size,
         "--time-limit", "1 us",
     )  # fmt: skip
-    found = found_plan.load(tmp_path / "s")
+    found = optimisation.load(tmp_path / "s")
     assert result.exit_code in (0, 3) and len(found.restarts) == 1
-    assert found.restarts[0] == found_plan.load(folder).restarts[0]
+    assert found.restarts[0] == optimisation.load(folder).restarts[0]
     run("optimise", campaign, "-o", tmp_path / "s", "--restarts", 3, *size)
-    assert found_plan.load(tmp_path / "s") == found_plan.load(folder)
+    assert optimisation.load(tmp_path / "s") == optimisation.load(folder)
 
 
 @pytest.mark.thorough
@@ -195,15 +195,14 @@ def test_a_plan_to_beat_that_the_rig_cannot_do(tmp_path):
     limits = 'cable_limit = "300 deg"'
     campaign = write_campaign(tmp_path, f'{FASTER}total = "1801 s"\nworst = 100.0\n', limits)
     result = run("optimise", campaign, "-o", tmp_path / "s", "--restarts", 1, "--evaluations", 3)
-    found = found_plan.load(tmp_path / "s")
+    found = optimisation.load(tmp_path / "s")
     assert not found.gained and found.complete and result.exit_code == 0
     codes = [f.code for f in found.findings]
     assert "optimise.reference_limits" in codes and "optimise.no_gain" not in codes
     assert "published, the plan to beat, breaks limits of the rig: " in result.output
     assert " deg of 300 deg. The plan found keeps them all" in result.output
     assert "keep that plan" not in result.output
-    table = result.output.partition("limits of the rig")[2].partition("published, ")[0]
-    assert table.count("BROKEN") == 1
+    assert result.output.count("BROKEN") == 1
 
 
 @pytest.mark.thorough
@@ -222,7 +221,7 @@ def test_what_no_allowed_plan_shows_must_not_count(tmp_path):
     result = run("optimise", campaign, "-o", tmp_path / "s", *SIZE)
     assert result.exit_code == 3
     assert f"No allowed plan shows: {', '.join(names)}." in result.output
-    found = found_plan.load(tmp_path / "s")
+    found = optimisation.load(tmp_path / "s")
     assert set(found.unseen) == set(names)
     assert all(w == (n not in names) for n, w in zip(found.names, found.weights, strict=True))
     assert "No allowed plan shows" in (tmp_path / "s" / "report.html").read_text(encoding="utf-8")

@@ -11,8 +11,7 @@ from typer.testing import CliRunner, Result
 
 from foucault.cli import app
 from foucault.errors import FoucaultError
-from foucault.plans.table.directions import DIRECTIONS, named_angles
-from foucault.plans.table.file import read_positions
+from foucault.plans.directions import DIRECTIONS, named_angles, read_positions
 
 
 def run(*words: object) -> Result:

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from foucault import procedures, units
-from foucault.campaign import parse, preflight, simulate, template
+from foucault.campaign import optimisation, parse, simulate, template
 from foucault.cli import app
 from foucault.diagnose.foresight import Limit, said
 from foucault.errors import FoucaultError
@@ -43,7 +43,7 @@ def run(*words: object) -> Result:
 
 @cache
 def foreseen(procedure="", simulate="", **other):
-    return preflight.foresee(campaign_of(procedure, simulate, **other))
+    return optimisation.foresee(campaign_of(procedure, simulate, **other))
 
 
 def parts(made):
@@ -197,20 +197,20 @@ def test_a_published_filter_is_not_what_is_foretold():
     assert "those that the published filter states are smaller" in told.message
     np.testing.assert_array_equal(found.sd, foreseen().sd)
     with pytest.raises(FoucaultError, match="delay is not among the states"):
-        preflight.foresee(campaign_of('filter = "published"\ndelay_sd = "0.1 s"'))
+        optimisation.foresee(campaign_of('filter = "published"\ndelay_sd = "0.1 s"'))
 
 
 @pytest.mark.thorough
 def test_another_plan_takes_the_place_of_the_one_in_the_file():
     made = campaign_of('plan = "-x -z"\nrate = "0.2 deg/s"\nsegment = "300 s"')
-    assert preflight.foresee(made).duration == 600
-    found = preflight.foresee(made, {"plan": "published"})
+    assert optimisation.foresee(made).duration == 600
+    found = optimisation.foresee(made, {"plan": "published"})
     assert (found.plan, found.duration) == ("published", 5400)
     np.testing.assert_array_equal(found.sd, foreseen().sd)
     listed = campaign_of('steps = [{ rate = ["0.1 deg/s", "0 deg/s", "0 deg/s"], time = "9 min" }]')
-    assert preflight.foresee(listed).duration == 540
-    assert preflight.foresee(listed, {"plan": "published"}).duration == 5400
-    faster = preflight.foresee(made, {"rate": "0.4 deg/s"})
+    assert optimisation.foresee(listed).duration == 540
+    assert optimisation.foresee(listed, {"plan": "published"}).duration == 5400
+    faster = optimisation.foresee(made, {"rate": "0.4 deg/s"})
     assert np.degrees(faster.fastest) == pytest.approx(0.4) and faster.duration == 600
 
 
@@ -228,7 +228,7 @@ def test_more_is_worth_what_the_longer_plan_shows(latitude_sd):
     rates = [[f"{-0.2 * (a == b)} deg/s" for b in "xyz"] for a in "xzy"]
     steps = [{"rate": step, "time": "900 s"} for step in rates]
     for extra, last in ((turned, rate), (rested, ["0 deg/s"] * 3)):
-        longer = preflight.foresee(
+        longer = optimisation.foresee(
             campaign_of(f"{base}\n{plan}"),
             {"steps": [*steps, {"rate": last, "time": "300 s"}], "plan": None, "rate": None,
              "segment": None},
@@ -252,7 +252,7 @@ def test_more_keeps_the_limits_of_the_rig():
 
 def test_a_cluster_that_stands_still_shows_nothing():
     with pytest.raises(FoucaultError) as caught:
-        preflight.foresee(campaign_of('plan = "x"\nrate = "0.001 deg/h"'))
+        optimisation.foresee(campaign_of('plan = "x"\nrate = "0.001 deg/h"'))
     assert caught.value.code == "tumble.still"
 
 
@@ -271,7 +271,7 @@ def test_the_words_and_the_table(tmp_path):
     assert "Seen by no leg" not in result.output
     with file.open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert tuple(rows[0]) == preflight.HEADINGS
+    assert tuple(rows[0]) == optimisation.HEADINGS
     assert [r["coefficient"] for r in rows] == list(LAYOUT.names)
     bias = rows[LAYOUT.index("accel.bias.x")]
     assert (bias["unit"], bias["prior_sd"]) == ("ug", "100")
@@ -384,8 +384,8 @@ def test_a_plan_takes_the_place_of_listed_positions():
     text = (EXAMPLE.parent / "norm_observation.toml").read_text()
     listed = '[["0 deg", "0 deg", "0 deg"]]'
     made = parse(text.replace("[procedure]", f"[procedure]\npositions = {listed}"))
-    assert preflight.foresee(made).plan == "own positions"
-    assert preflight.foresee(made, {"plan": "dodecahedron 20"}).plan == "dodecahedron 20"
+    assert optimisation.foresee(made).plan == "own positions"
+    assert optimisation.foresee(made, {"plan": "dodecahedron 20"}).plan == "dodecahedron 20"
 
 
 @pytest.mark.thorough
@@ -393,7 +393,7 @@ def test_a_plan_takes_the_place_of_listed_positions():
 def test_where_no_motion_is_planned_one_session_is_simulated(name):
     """What it says is the covariance of the session that `foucault simulate` makes."""
     made = parse(template(name))
-    found = preflight.foresee(made)
+    found = optimisation.foresee(made)
     session = simulate(made)
     came = (
         procedures.load(name)

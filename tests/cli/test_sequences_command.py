@@ -10,14 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from foucault.cli import app
-from foucault.cli.sequences import sequence_of
+from foucault.cli.plans import sequence_of
 from foucault.errors import FoucaultError
 from foucault.models.rotation import exp
 from foucault.plans.manoeuvres import Rest
-from foucault.plans.systematic.built_in import built_in
-from foucault.plans.systematic.file import read_sequence
-from foucault.plans.systematic.sequence import CalibrationSequence
-from foucault.plans.systematic.steps import HEADINGS, write_steps
+from foucault.plans.sequence import CalibrationSequence, built_in
+from foucault.plans.sequence_file import HEADINGS, read_sequence, write_steps
 
 CAMPAIGN = """
 [site]

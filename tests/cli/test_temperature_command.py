@@ -56,7 +56,7 @@ def test_from_results_to_a_calibrated_log(runs: list[str], tmp_path: Path) -> No
     done = run("temperature", *runs, "--at", "at-15=-15 degC", "-o", "model")
     assert done.exit_code == 0, done.output
     assert "parabola" in done.output
-    assert "Valid from -15.00 to 65.30 degC" in done.output
+    assert "Valid from -15.0 °C to 65.3 °C" in done.output
     assert "verdict: pass" in done.output
     assert (tmp_path / "model/report.html").is_file()
     model = load_result("model").temperature

@@ -20,8 +20,8 @@ from foucault import campaign
 from foucault.cli import app
 from foucault.cli import watch as command
 from foucault.cli.watch import picture, summary
-from foucault.diagnose.live.checklist import Checklist, LiveRest, checklist
-from foucault.diagnose.live.rests import LiveRests
+from foucault.detect.live import LiveRests
+from foucault.diagnose.live import Checklist, LiveRest, checklist
 from foucault.errors import finding
 
 

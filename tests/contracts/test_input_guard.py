@@ -116,6 +116,14 @@ def test_what_ends_the_work_names_the_gyro_that_is_stuck(column: str, tmp_path: 
     assert "[log.gyro]" in ended.value.cure
 
 
+def test_what_ends_the_work_says_first_that_triads_are_exchanged(tmp_path: Path) -> None:
+    path = MISTAKES["triads exchanged"](session("hand_rotated")).write(tmp_path)
+    with pytest.raises(FoucaultError) as ended:
+        campaign.calibrate(path)
+    assert ended.value.message.startswith("The columns of [log.gyro] hold 9.8")
+    assert ended.value.cure == "Exchange `columns` of [log.gyro] and [log.accel]."
+
+
 def test_what_is_unusable_names_the_gyro_that_is_stuck_first(tmp_path: Path) -> None:
     path = MISTAKES["gyro stuck"](session("hand_rotated")).write(tmp_path)
     verdict = campaign.calibrate(path).verdict

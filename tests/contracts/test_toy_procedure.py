@@ -8,9 +8,9 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.diagnose.fit_checks import Judged, Limit, budget_json, checks, folds
-from foucault.diagnose.information import bound
-from foucault.estimate.chi_square import chi_square_limits
 from foucault.infer import mixed
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.infer.information import bound
 from foucault.infer.mixed import SIGNIFICANT, Linearisation, Source
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.result import Verdict

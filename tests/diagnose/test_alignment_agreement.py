@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.alignment.agreement import disagreement, innovations
+from foucault.diagnose.alignment import disagreement, innovations
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise

@@ -5,16 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.alignment import input as alignment_checks
-from foucault.diagnose.alignment.input import (
-    azimuth,
-    check_turns,
-    checked,
-    contradictions,
-    motion,
-)
-from foucault.diagnose.axes import exchange_words, exchanges
+from foucault.diagnose.alignment import azimuth, checked, motion
 from foucault.errors import FoucaultError
+from foucault.guard import rest
+from foucault.guard.mistakes import exchange_words, exchanges
+from foucault.guard.rest import contradictions, of_increments
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.navigate.align import align, sensor_errors
@@ -81,8 +76,8 @@ def test_increments_read_as_rates_and_the_reverse(factor, cause):
     ("factor", "cause"),
     [
         (180 / np.pi, "the unit is deg/s and was declared as rad/s"),
-        (50.0, "the gyro columns are rates and were declared as increments"),
-        (0.02, "the gyro columns are increments and were declared as rates"),
+        (50.0, "rates were declared as increments"),
+        (0.02, "increments were declared as rates"),
         (np.pi / 180, "the unit is rad/s and was declared as deg/s"),
     ],
 )
@@ -111,7 +106,7 @@ def test_the_sign_of_what_lies_along_up(fault):
 @pytest.mark.parametrize("number", range(1, 48))
 def test_every_exchange_of_gyro_axes(number, monkeypatch):
     """In this attitude each one shows, and is among those that are named."""
-    monkeypatch.setattr(alignment_checks, "SHOWN", 48)
+    monkeypatch.setattr(rest, "SHOWN", 48)
     exchange = exchanges()[number]
     exact, C_nb = resting(SITE, 120.0, 0.02, 0.7, 0.3, -0.2)
     made = _changed(exact, gyro=exchange)
@@ -199,10 +194,10 @@ def test_a_turn_between_two_rests_shows_swapped_axes():
     exact, _ = moving(plan, SITE, 50.0, pitch=0.2, roll=-0.1)
     made = with_errors(exact, _errors(exact), np.random.default_rng(0))
     rests = ((0.0, 30.0), (float(made.time[-1]) - 30.0, float(made.time[-1])))
-    check_turns(made, rests)
+    of_increments(made, rests)
     swap = np.array([[1.0, 0, 0], [0, 0, 1], [0, 1, 0]])
     with pytest.raises(FoucaultError) as caught:
-        check_turns(_changed(made, gyro=swap), rests)
+        of_increments(_changed(made, gyro=swap), rests)
     assert caught.value.code in ("gyro.axes", "gyro.left_handed")
     assert "y = +z, z = +y" in str(caught.value)
 

@@ -7,9 +7,7 @@ import pytest
 from scipy.stats import binom
 
 from foucault import campaign
-from foucault.diagnose.allan import covariance as allan_covariance
-from foucault.diagnose.allan import deviation as allan
-from foucault.diagnose.allan import log as allan_log
+from foucault.diagnose import allan, allan_fit
 from foucault.errors import FoucaultError
 from foucault.tables import Log
 from make_noise import draw
@@ -50,7 +48,7 @@ def test_deviations_are_those_of_allantools(kind, theirs):
 
 def test_slopes_are_those_of_the_standard():
     m = np.array([1.0, 2, 8, 64, 4096])
-    got = allan_covariance.expected("overlapping", m)
+    got = allan_fit.expected("overlapping", m)
     want = [3 / m**2, 1 / m, 2 * np.log(2) / np.pi + 0 * m, m / 3, m**2 / 2]
     np.testing.assert_allclose(got, np.array(want).T, rtol=1e-9)
 
@@ -58,11 +56,11 @@ def test_slopes_are_those_of_the_standard():
 def test_slopes_of_the_other_kinds():
     # NIST SP 1065 and Walter (1994): white (m^2 + 1)/(2 m^3); Hadamard of white 1/m, walk m/6.
     m = np.array([1.0, 2, 8, 64])
-    modified = allan_covariance.expected("modified", m)
+    modified = allan_fit.expected("modified", m)
     np.testing.assert_allclose(modified[:, 1], (m**2 + 1) / (2 * m**3), rtol=1e-9)
     np.testing.assert_allclose(modified[:, 0], 3 / m**3, rtol=1e-9)
     np.testing.assert_allclose(modified[:, 4], m**2 / 2, rtol=1e-9)
-    hadamard = allan_covariance.expected("hadamard", m)
+    hadamard = allan_fit.expected("hadamard", m)
     np.testing.assert_allclose(hadamard[:, [0, 1, 3]],
                                np.array([10 / 3 / m**2, 1 / m, m / 6]).T, rtol=1e-9)  # fmt: skip
     assert not hadamard[:, 4].any()
@@ -71,7 +69,7 @@ def test_slopes_of_the_other_kinds():
 def test_degrees_of_freedom_are_those_of_greenhall_and_riley():
     # White: m = 1 exactly, sum of (1, -1/2) squared; long tau: their table for tau = T/2..T/4.
     n = 1000
-    dof = allan_covariance.degrees_of_freedom("overlapping", n, [1], np.eye(5)[1])
+    dof = allan_fit.degrees_of_freedom("overlapping", n, [1], np.eye(5)[1])
     M = n - 1
     assert dof[0] == pytest.approx(M**2 / (M + 2 * (M - 1) / 4), rel=1e-12)
 
@@ -91,23 +89,23 @@ def test_covariance_is_that_of_the_matrix_of_the_quadratic_form(kind, noise):
     }[noise]
     forms = []
     for each in m:
-        rows = np.zeros((n + 1 - allan_covariance.SPAN[kind] * each + (kind == "modified"), n + 1))
+        rows = np.zeros((n + 1 - allan_fit.SPAN[kind] * each + (kind == "modified"), n + 1))
         stencil = {"hadamard": (-1, 3, -3, 1)}.get(kind, (1, -2, 1))
         for i in range(len(rows)):
             for k, w in enumerate(stencil):
                 for h in range(each if kind == "modified" else 1):
                     rows[i, i + k * each + h] += w / (each if kind == "modified" else 1)
         D = rows @ phase
-        forms.append(D.T @ D / len(D) * allan_covariance.norm(kind, each))
+        forms.append(D.T @ D / len(D) * allan_fit.norm(kind, each))
     mean = [np.trace(A @ S) for A in forms]
     p = np.eye(5)[noise]
-    np.testing.assert_allclose(allan_covariance.expected(kind, m) @ p, mean, rtol=1e-9)
+    np.testing.assert_allclose(allan_fit.expected(kind, m) @ p, mean, rtol=1e-9)
     want = np.array([[2 * np.trace(A @ S @ B @ S) for B in forms] for A in forms])
-    dof = allan_covariance.degrees_of_freedom(kind, n, m, p)
+    dof = allan_fit.degrees_of_freedom(kind, n, m, p)
     # The sum over lags is an integral where kinks are far apart: 1e-3.
     np.testing.assert_allclose(dof, 2 * np.square(mean) / np.diag(want), rtol=1e-3)
     if kind != "modified":
-        T = allan_covariance.covariance(kind, n, m)[noise, noise]
+        T = allan_fit.covariance(kind, n, m)[noise, noise]
         np.testing.assert_allclose(T, want, rtol=2e-3, atol=1e-4 * want.min())
 
 
@@ -198,8 +196,8 @@ def test_noise_block_loads_and_means_what_was_measured():
     n, dt = 20_000, 0.01
     noise = np.stack([draw(n, (0, 1, 0.05, 0, 0), rng) for _ in range(6)], 1)
     log = Log(np.arange(n) * dt, 1e-4 * noise[:, :3], 1e-2 * noise[:, 3:])
-    measured = allan_log.measure_log(log)
-    block = allan_log.noise_block(measured)
+    measured = allan.measure_log(log)
+    block = allan.noise_block(measured)
     got = campaign.parse(campaign.template("hand_rotated") + "\n" + block).noise
     for triad, size in (("gyro", 1e-4), ("accel", 1e-2)):
         found = getattr(got, triad)
@@ -219,11 +217,11 @@ def test_peak_of_markov_noise():
     u = np.linspace(1.5, 2.5, 100_001)  # tau over correlation time
     a = 2 / u * (1 - (3 - 4 * np.exp(-u) + np.exp(-2 * u)) / (2 * u))
     peak = (np.sqrt(a.max()), u[a.argmax()])
-    np.testing.assert_allclose(allan_log.MARKOV_PEAK, peak, atol=1e-4)
+    np.testing.assert_allclose(allan.MARKOV_PEAK, peak, atol=1e-4)
 
 
 def test_a_static_log_is_used_whole():
-    measured = allan_log.measure_log(_static(), axes=("gyro.x", "accel"))
+    measured = allan.measure_log(_static(), axes=("gyro.x", "accel"))
     assert list(measured.channels) == ["gyro.x", "accel.x", "accel.y", "accel.z"]
     assert (measured.start, measured.end) == (0.0, pytest.approx(40.95))
     assert {f.code for f in measured.findings} == {"allan.hidden"}
@@ -237,16 +235,16 @@ def _moving():
 
 
 def test_the_longest_rest_of_a_log_that_moves():
-    measured = allan_log.measure_log(_moving(), axes=("gyro.x",))
+    measured = allan.measure_log(_moving(), axes=("gyro.x",))
     assert 9.9 <= measured.start <= 11.0 and 44.0 <= measured.end <= 45.1
     assert measured.findings[0].code == "allan.longest_rest"
     assert measured.findings[0].message.startswith("The log moves; its longest rest, 10.")
-    (told, *_) = allan_log.measure_log(_moving(), axes=("gyro.x",), rest=(0, 40)).findings
+    (told, *_) = allan.measure_log(_moving(), axes=("gyro.x",), rest=(0, 40)).findings
     assert told.code == "allan.moves" and "between 0 s and 40 s" in told.message
 
 
 def test_a_slow_log_at_rest_does_not_seem_to_move():
-    measured = allan_log.measure_log(_static(20_000, dt=1.0), axes=("gyro.x",))
+    measured = allan.measure_log(_static(20_000, dt=1.0), axes=("gyro.x",))
     assert measured.end == 19_999.0
 
 
@@ -256,7 +254,7 @@ def test_a_slow_log_at_rest_does_not_seem_to_move():
 def _fails(code, text, **words):
     log = words.pop("log")
     with pytest.raises(FoucaultError) as caught:
-        allan_log.measure_log(log, **words)
+        allan.measure_log(log, **words)
     assert caught.value.code == code
     assert text in str(caught.value)
 
@@ -268,20 +266,20 @@ def test_too_short():
 
 
 def test_a_record_too_short_for_a_noise_says_so():
-    measured = allan_log.measure_log(_static(), axes=("gyro.x",))
+    measured = allan.measure_log(_static(), axes=("gyro.x",))
     (told,) = measured.findings
     assert told.message.startswith(
         "gyro.x: bias instability, rate random walk, rate ramp not seen. The record is too short"
     )
     noise = measured.channels["gyro.x"].noise("bias_instability")
-    words = allan_log.described(noise, "gyro", measured.channels["gyro.x"].longest)
+    words = allan.described(noise, "gyro", measured.channels["gyro.x"].longest)
     assert words[0] == "not seen" and words[2].startswith("below ") and "tau up to" in words[2]
 
 
 def test_constant():
     log = _static()
     log.gyro[:, 1] = 0.25
-    measured = allan_log.measure_log(log, axes=("gyro",))
+    measured = allan.measure_log(log, axes=("gyro",))
     assert list(measured.channels) == ["gyro.x", "gyro.z"]
     assert measured.findings[0].message.startswith("gyro.y reads one value throughout and was left")
     _fails("allan.constant", "gyro.y reads one value throughout: it is", log=log, axes=("gyro.y",))
@@ -290,7 +288,7 @@ def test_constant():
 def test_quantised():
     log = _static()
     log.gyro[:] = np.round(log.gyro / 0.005) * 0.005
-    told = allan_log.measure_log(log, axes=("gyro.x",)).findings
+    told = allan.measure_log(log, axes=("gyro.x",)).findings
     assert told[0].code == "allan.quantised"
     assert told[0].message.startswith("gyro.x repeats its last value in 97.6 % of the samples")
     assert told[0].message.endswith("below the step of its output (1030 deg/h).")
@@ -313,7 +311,7 @@ def test_uneven():
 def test_a_gap():
     log = _static()
     log.time[1000:] += 0.5
-    measured = allan_log.measure_log(log, axes=("gyro.x",))
+    measured = allan.measure_log(log, axes=("gyro.x",))
     assert measured.findings[0].message.startswith("The record has gaps, 1 in all; only its")
     assert measured.start == pytest.approx(10.5)
 
@@ -337,4 +335,4 @@ def test_words_that_are_not_known():
 def test_nothing_to_write():
     channel = allan.measure(np.diff(np.random.default_rng(6).normal(size=1025)), 1.0)
     with pytest.raises(FoucaultError, match="No noise was seen"):
-        allan_log.noise_block(allan_log.LogAllan({"gyro.x": channel}, 0.0, 1.0, ()))
+        allan.noise_block(allan.LogAllan({"gyro.x": channel}, 0.0, 1.0, ()))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.compare.comparable import comparable
+from foucault.diagnose.comparable import comparable
 from foucault.errors import FoucaultError
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
-from foucault.models.references import gravity_slope
+from foucault.models.layouts import gravity_slope
 from foucault.result import Level
 from make_compare import make_entries, make_results
 

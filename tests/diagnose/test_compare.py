@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from foucault.diagnose.compare.changes import YEAR, history, pair
-from foucault.diagnose.compare.fit import constant, line, step
-from foucault.diagnose.compare.instruments import between
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.diagnose.comparable import constant, line, step
+from foucault.diagnose.compare import YEAR, between, history, pair
+from foucault.infer.gauss_newton import chi_square_limits
 from make_compare import make_series
 
 NAMES = ("accel.bias.x", "accel.scale.x", "gyro.bias.x", "gyro.bias.y", "gyro.scale.z")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from foucault.campaign import comparison
-from foucault.diagnose.compare.temperature import at_one_temperature
+from foucault.diagnose.comparable import at_one_temperature
 from foucault.errors import FoucaultError
 from foucault.models.temperature import TemperatureModel
 from make_compare import make_entries, make_results

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.diagnose.coverage import coverage, direction_words
-from foucault.plans.hand_rotated import spread_directions
+from foucault.diagnose.hand_rotated import coverage, direction_words
+from foucault.plans.directions import spread_directions
 
 SIX = np.concatenate([np.eye(3), -np.eye(3)])
 

@@ -5,17 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.table.gyro_axes import check_gyro_axes, explain_spins, plainly
 from foucault.errors import FoucaultError
+from foucault.guard.mistakes import plainly
+from foucault.guard.table import check_gyro_axes, explain_spins
 from foucault.models.earth import Site
-from foucault.models.readings import Readings
+from foucault.models.noise import Readings
 from foucault.procedures import norm_observation, turntable
-from make_table_log import DEG, GRAVITY, Session, plan_of
+from make_table_log import DEG, GRAVITY, ICO, Session, plan_of
 
-# Twelve directions of an icosahedron: outer, middle, inner [deg].
-ICO = np.array([[30 * k, a, b] for k, (a, b) in enumerate(
-    [(0, -31.72), (0, 211.72), (0, 148.28), (0, 31.72), (58.28, 0), (121.72, 0), (-58.28, 0),
-     (238.28, 0), (148.28, 90), (211.72, 90), (31.72, 90), (-31.72, 90)])]) * DEG  # fmt: skip
 GOLDEN = (1 + 5**0.5) / 2
 UP = np.array([[0, a, b * GOLDEN] for a in (1, -1) for b in (1, -1)])
 UP = np.concatenate([UP, UP[:, [1, 2, 0]], UP[:, [2, 0, 1]]]) / np.hypot(1, GOLDEN)
@@ -89,10 +86,10 @@ def test_the_miss_is_the_angle_between_rate_and_up():
     # Turned by 90 deg about z: (1, 0, 0) and (0, 1, 0) are off by 90 deg, (0, 0, 1) by none.
     f = GRAVITY * np.eye(3)
     w = f @ np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]).T
-    declared, best, *_ = explain_spins(f, -w, np.full(3, -0.1))
-    np.testing.assert_allclose(declared.miss, np.pi / 2 * np.sqrt(2 / 3))
-    np.testing.assert_allclose(best.miss, 0, atol=1e-7)
-    assert plainly(best.exchange) == "gyro x and y are exchanged, gyro x is reversed"
+    seen = explain_spins(f, -w, np.full(3, -0.1))
+    np.testing.assert_allclose(seen.now, np.pi / 2 * np.sqrt(2 / 3))
+    np.testing.assert_allclose(seen.least, 0, atol=1e-7)
+    assert plainly(seen.by[0].exchange) == "gyro x and y are exchanged, gyro x is reversed"
 
 
 @pytest.mark.parametrize("procedure", [norm_observation, turntable])

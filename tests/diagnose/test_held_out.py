@@ -1,4 +1,4 @@
-"""Held-out rests: the predicted uncertainty of a norm is that of drawn norms."""
+"""Held-out readings: predicted as well as promised, and one that is wrong is named."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from foucault.diagnose.norm import norm_with_cov
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.diagnose.references import norm_with_cov
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import grade
 from foucault.procedures.hand_rotated import calibrate

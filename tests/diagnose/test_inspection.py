@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from foucault.cli import sessions
-from foucault.diagnose.inspection import inspect
-from foucault.report import quick
+from foucault.diagnose.live import inspect
+from foucault.report import noise, save
 from foucault.tables import Log, TableColumns
 
 RATE = np.radians(10.0)
@@ -66,5 +66,5 @@ def test_means_have_a_row_each_and_no_noise(tmp_path):
     assert "gaps" not in document
     assert "noise" not in document["accel"]
     assert document["averaged"] == [30.0, 30.0, 10.0]
-    quick.write(seen, tmp_path / "quick.html")
+    save(noise.inspected(seen), tmp_path / "quick.html")
     assert "3 means" in (tmp_path / "quick.html").read_text()

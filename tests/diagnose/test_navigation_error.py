@@ -5,19 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.diagnose.navigation.budget import budget, normalised_square
-from foucault.diagnose.navigation.errors import (
+from foucault.diagnose.navigation import (
     MOST,
     NavigationError,
+    budget,
     circular_error,
     common_epochs,
     error_of,
     growth,
+    normalised_square,
     radial_rate,
 )
 from foucault.errors import FoucaultError
 from foucault.logs.reference import Reference
-from foucault.models.geodesy import displaced
+from foucault.models.earth import displaced
 from foucault.models.rotation import exp
 from foucault.navigate.increments import increments_of
 from foucault.navigate.strapdown import Trajectory, navigate

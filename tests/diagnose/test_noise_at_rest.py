@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.diagnose.noise_at_rest import noise_at_rest, outlying, successive
+from foucault.detect.noise import blocks, successive
+from foucault.diagnose.noise_at_rest import noise_at_rest, outlying
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.tables import Log
 
@@ -80,7 +81,7 @@ def test_steps_of_the_output_are_no_outliers():
 
 def test_successive_differences_are_blind_to_a_slope():
     x = np.random.default_rng(1).standard_normal((4000, 3)) + np.arange(4000)[:, None] * 1e-3
-    power, count = successive(x, [(0, 4000)], 20)
+    power, count = successive(blocks(x, [(0, 4000)], 20), 20.0)
     assert count == 199
     assert power == pytest.approx(np.ones(3), rel=0.35)
 

@@ -9,16 +9,16 @@ import pytest
 
 from foucault import units
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.north.plan import LINEAR_DRIFT, Conditions, poses, predict, readings
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.attitude import Known, solve
-from foucault.estimate.north.reduction import Nuisance, reduce
+from foucault.diagnose.north_stops import LINEAR_DRIFT, Conditions, poses, predict, readings
+from foucault.estimate.north import Known, solve
+from foucault.estimate.north_reduction import Nuisance, reduce
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import SEEKER, Compensation
 from foucault.models.rotation import turned
-from foucault.plans.north import orders as plans
-from foucault.simulate.wandering import mean_noise
+from foucault.plans import north_orders as plans
+from foucault.simulate.noise import mean_noise
 
 LATITUDE = np.radians(30.0)
 RATE = EARTH_RATE * np.cos(LATITUDE)

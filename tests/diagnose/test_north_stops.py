@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.north.stops import SIGNIFICANT, stop_gains, stop_offsets, without
-from foucault.estimate.north.reduction import Nuisance, reduce
+from foucault.diagnose.north_stops import SIGNIFICANT, stop_gains, stop_offsets, without
+from foucault.estimate.north_reduction import Nuisance, reduce
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -56,7 +56,7 @@ def test_without_it_every_fix_would_be_doubtful():
 
 def test_chance_is_not_taken_for_it():
     """1 in 1000 by its limit: 60 sessions with more than 2 would be one chance in 30,000."""
-    from foucault.diagnose.north.dwells import find_dwells
+    from foucault.detect.dwells import find_dwells
 
     dwells = [find_dwells(session(0.0, seed).log) for seed in range(60)]
     chances = np.array([stop_offsets(d, NOISE, Nuisance())[1] for d in dwells])
@@ -65,7 +65,7 @@ def test_chance_is_not_taken_for_it():
 
 
 def test_few_set_ups_and_other_stops_are_left_alone():
-    from foucault.diagnose.north.dwells import find_dwells
+    from foucault.detect.dwells import find_dwells
 
     few = find_dwells(session(1.0 * DEG_H, headings=5).log)
     assert stop_offsets(few, NOISE, Nuisance()) == ({}, 1.0)
@@ -113,7 +113,7 @@ def test_gains_of_two_senses_are_found_apart_and_later_fixes_are_not_doubtful():
 
 @pytest.mark.thorough
 def test_chance_is_not_taken_for_gains():
-    from foucault.diagnose.north.dwells import find_dwells
+    from foucault.detect.dwells import find_dwells
 
     dwells = [find_dwells(session(0.0, seed).log) for seed in range(60)]
     chances = np.array([stop_gains(d, NOISE, Nuisance())[1] for d in dwells])

@@ -9,20 +9,18 @@ import pytest
 from scipy.linalg import expm
 
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
-from foucault.diagnose.information import Information, information
 from foucault.diagnose.observability import LinearSegment, growth, observability
 from foucault.errors import FoucaultError
-from foucault.estimate.hand_rotated.likelihood import RestsAndTurns
-from foucault.estimate.hand_rotated.start import first_guess
+from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
 from foucault.infer import mixed
+from foucault.infer.information import Information, information
 from foucault.models import cluster
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import LINEAR_LOWER
-from foucault.models.noise import grade
+from foucault.models.noise import SessionNoise, grade
 from foucault.models.rests_and_turns import Session
 from foucault.models.rotation import cross_matrix, exp
-from foucault.models.session_noise import SessionNoise
-from foucault.plans.hand_rotated import hand_plan
+from foucault.plans.directions import hand_plan
 from foucault.result import Linearised
 from foucault.simulate.hand_rotated import draw_errors, simulate
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.norm import rate_norm_sd
+from foucault.diagnose.references import rate_norm_sd
 from foucault.models.imu import LAYOUT, ImuModel
 
 NAMES = tuple(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.rate_table.steps import Commanded, name_of, rate_steps
+from foucault.diagnose.rate_table import Commanded, name_of, rate_steps
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel

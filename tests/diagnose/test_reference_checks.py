@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.navigation.errors import error_of
-from foucault.diagnose.navigation.reference_checks import clock, clock_offset, course
-from foucault.models.attitude import matrix_of
+from foucault.diagnose.navigation import clock, clock_offset, course, error_of
+from foucault.models.rotation import matrix_of
 from foucault.navigate.increments import increments_of
 from foucault.navigate.strapdown import navigate
 from make_navigation import DRIVE, START, errors, logged, reference_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from foucault.diagnose.rest_noise import white_noise
+from foucault.diagnose.noise_at_rest import white_noise
 
 RATE, LENGTH = 50.0, 300.0
 TIME = np.arange(0, LENGTH, 1 / RATE)

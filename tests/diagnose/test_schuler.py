@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.diagnose.navigation import schuler
-from foucault.diagnose.navigation.errors import error_of
-from foucault.diagnose.navigation.free_inertial import (
+from foucault.diagnose import schuler
+from foucault.diagnose.navigation import error_of
+from foucault.diagnose.schuler import (
     STATES,
     TERMS,
     Place,
@@ -15,14 +15,12 @@ from foucault.diagnose.navigation.free_inertial import (
     noise_covariance,
     responses,
 )
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.logs.reference import Reference
-from foucault.models.attitude import matrix_of
 from foucault.models.earth import earth_rate_n, gravity
-from foucault.models.rotation import exp
+from foucault.models.rotation import exp, matrix_of
 from foucault.navigate.increments import Increments
-from foucault.navigate.state import State
-from foucault.navigate.strapdown import navigate
+from foucault.navigate.strapdown import State, navigate
 
 LATITUDE, HEIGHT = np.radians(47.3), 430.0
 PLACE = Place(LATITUDE, HEIGHT, float(gravity(LATITUDE, HEIGHT)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import Coefficient, Layout
-from foucault.diagnose.sensitivity import Sensitivity
+from foucault.diagnose.observability import Sensitivity
 from foucault.errors import FoucaultError
 
 NAMES = ("accel.bias.x", "accel.scale.x", "gyro.drift.x")

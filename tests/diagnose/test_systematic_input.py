@@ -7,15 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.systematic.input import check_readings
-from foucault.diagnose.systematic.rests import find_sequence
-from foucault.diagnose.systematic.sequence import match_sequence
+from foucault.detect.sequence import find_sequence
+from foucault.diagnose.systematic_sequence import match_sequence
 from foucault.errors import FoucaultError
+from foucault.guard.rest import check_sequence
 from foucault.models.earth import Site
 from foucault.models.rotation import exp
 from foucault.plans.manoeuvres import Rest, Rotate
-from foucault.plans.systematic.built_in import quarter_turns
-from foucault.plans.systematic.sequence import CalibrationSequence
+from foucault.plans.sequence import CalibrationSequence, quarter_turns
 from foucault.tables import Log
 from make_sequence import DEG, SITE, simulated
 
@@ -31,14 +30,14 @@ def log() -> Log:
 
 def refused(log: Log, site: Site = SITE) -> FoucaultError:
     with pytest.raises(FoucaultError) as caught:
-        check_readings(log, find_sequence(log), site)
+        check_sequence(log, find_sequence(log), site)
     return caught.value
 
 
 def test_what_is_right_raises_nothing(log: Log) -> None:
-    assert check_readings(log, find_sequence(log), SITE) == ()
+    assert check_sequence(log, find_sequence(log), SITE) == ()
     rough = replace(log, accel=log.accel * 1.02 + 0.05, gyro=log.gyro * 1.01 + 1e-3)
-    assert check_readings(rough, find_sequence(rough), SITE) == ()
+    assert check_sequence(rough, find_sequence(rough), SITE) == ()
 
 
 @pytest.mark.parametrize(
@@ -61,9 +60,9 @@ def test_specific_force_of_a_wrong_unit(log: Log, factor: float, words: str) -> 
 @pytest.mark.parametrize(
     ("factor", "words"),
     [
-        (180 / np.pi, "the gyro unit is deg/s and was declared as rad/s"),
-        (np.pi / 180, "the gyro unit is rad/s and was declared as deg/s"),
-        (0.02, "the gyro columns are increments and were declared as rates"),
+        (180 / np.pi, "the unit is deg/s and was declared as rad/s"),
+        (np.pi / 180, "the unit is rad/s and was declared as deg/s"),
+        (0.02, "increments were declared as rates"),
     ],
 )
 def test_rates_of_a_wrong_unit(log: Log, factor: float, words: str) -> None:
@@ -99,7 +98,7 @@ def test_axes_and_signs(
 
 def test_a_latitude_that_is_another(log: Log) -> None:
     found = find_sequence(log)
-    (said,) = check_readings(log, found, Site.at(40 * DEG, 380.0))
+    (said,) = check_sequence(log, found, Site.at(40 * DEG, 380.0))
     assert said.code == "systematic.latitude"
     assert said.message.startswith(
         "Gravity and the Earth's rate in all rests show a latitude of 34"
@@ -111,7 +110,7 @@ def test_a_latitude_that_is_another(log: Log) -> None:
 def test_gyros_that_do_not_see_the_earth_say_nothing_of_it(log: Log) -> None:
     noise = np.random.default_rng(1).normal(0, 3e-2, log.gyro.shape)
     coarse = replace(log, gyro=log.gyro + noise)
-    assert check_readings(coarse, find_sequence(coarse), Site.at(-34 * DEG, 380.0)) == ()
+    assert check_sequence(coarse, find_sequence(coarse), Site.at(-34 * DEG, 380.0)) == ()
 
 
 def test_a_turn_beyond_the_range_of_the_gyros(log: Log) -> None:

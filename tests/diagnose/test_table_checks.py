@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.table.checks import checks, detectable, name_of
-from foucault.diagnose.table.report import readings_table, rig_table
+from foucault.diagnose.table import checks, detectable, name_of, readings_table, rig_table
 from foucault.models.imu import LINEAR_LOWER, ImuModel
-from foucault.models.references import with_references
+from foucault.models.layouts import with_references
 from make_table import ACCEL_NAMES, ARCSEC, SITE, fitted, plan_of, simulated, trusting
 
 MILLI = 9.81e-3

@@ -12,13 +12,14 @@ from scipy import stats
 
 import foucault
 from foucault.campaign import read_log, save_session
-from foucault.diagnose.tumble import input as tumble_input
+from foucault.diagnose import tumble as tumble_input
 from foucault.errors import FoucaultError, Status
+from foucault.guard import command
 from foucault.models.cluster import CONSTANTS
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.plans.tumble.torquing import PUBLISHED as PUBLISHED_PLAN
-from foucault.plans.tumble.torquing import nominal
+from foucault.plans.tumble import PUBLISHED as PUBLISHED_PLAN
+from foucault.plans.tumble import nominal
 from foucault.procedures.platform_tumble.settings import PRIOR
 from foucault.result import Level
 from foucault.symptoms import SYMPTOMS
@@ -120,7 +121,8 @@ def test_no_latitude():
         ('unit = "rad/s"', 'unit = "deg/s"', "tumble.still", "is 6.28 deg/h"),
         ('"gyro_y"', '"-gyro_y"', "tumble.axes", "as if the command were (x, -y, z);"),
         ('["accel_x", "accel_y"', '["accel_y", "accel_x"', "tumble.axes", "or (y, x, z);"),
-        ('unit = "m/s^2"', 'unit = "g"', "tumble.gravity", "m/s^2 was taken for g"),
+        ('unit = "m/s^2"', 'unit = "g"', "tumble.gravity",
+         "the unit is m/s^2 and was declared as g"),
         ('unit = "m/s^2" }', 'unit = "m/s^2", reads = "gravity" }', "tumble.sign",
          '`start` puts up. Specific force at rest points up: give reads = "gravity"'),
         ("[simulate]", '[prior]\n"gyro.drift" = { mean = "0 deg/h", sd = "0 deg/h" }\n[simulate]',
@@ -148,13 +150,13 @@ def test_mistakes_in_the_campaign_file(tmp_path, old, new, code, text):
 @pytest.mark.parametrize(
     ("factor", "likely"),
     [
-        (1 / DEG, "deg/s was logged and rad/s said"),
-        (DEG, "rad/s was logged and deg/s said"),
-        (3600.0, "deg/h was logged and deg/s said"),
-        (3600 / DEG, "deg/h was logged and rad/s said"),
-        (1 / 3600, "deg/s was logged and deg/h said"),
-        (DEG / 3600, "rad/s was logged and deg/h said"),
-        ("dt", 'increments are no rates: give kind = "increment"'),
+        (1 / DEG, "the unit is deg/s and was declared as rad/s"),
+        (DEG, "the unit is rad/s and was declared as deg/s"),
+        (3600.0, "the unit is deg/h or arcsec/s and was declared as deg/s"),
+        (3600 / DEG, "the unit is deg/h or arcsec/s and was declared as rad/s"),
+        (1 / 3600, "the unit is deg/s and was declared as deg/h or arcsec/s"),
+        (DEG / 3600, "the unit is rad/s and was declared as deg/h or arcsec/s"),
+        ("dt", "increments were declared as rates"),
         (0.4, "unit or scale"),
     ],
 )
@@ -165,7 +167,7 @@ def test_commands_in_a_wrong_unit(speed, factor, likely):
     if np.abs(wrong.gyro).max() < 45 * DEG / 3600:
         refused("tumble.still", "Log the rates that were commanded", wrong)
         return
-    said = refused("tumble.unit", f"Correct the unit in [log.gyro]: {likely}.", wrong)
+    said = refused("tumble.unit", f"Correct `unit` or `kind` in [log.gyro]: {likely}.", wrong)
     seen = float(said.split("turns ")[1].split(" times")[0])
     assert seen == pytest.approx(1 / factor, rel=0.1)
 
@@ -173,13 +175,13 @@ def test_commands_in_a_wrong_unit(speed, factor, likely):
 @pytest.mark.parametrize(
     ("factor", "likely"),
     [
-        (1 / 9.80665, "g was taken for m/s^2"),
-        (9.80665, "m/s^2 was taken for g"),
-        (1000 / 9.80665, "mg was taken for m/s^2"),
-        (1e6 / 9.80665, "ug was taken for m/s^2"),
-        (1e-3, "g was taken for mg"),
-        (1e3, "mg was taken for g"),
-        (0.2, 'increments are no readings: give kind = "increment"'),
+        (1 / 9.80665, "the unit is g and was declared as m/s^2"),
+        (9.80665, "the unit is m/s^2 and was declared as g"),
+        (1000 / 9.80665, "the unit is mg and was declared as m/s^2"),
+        (1e6 / 9.80665, "the unit is ug and was declared as m/s^2"),
+        (1e-3, "the unit is g and was declared as mg"),
+        (1e3, "the unit is mg and was declared as g"),
+        (0.2, "increments were declared as rates"),
         (1.2, "the unit or the count scale"),
     ],
 )
@@ -270,7 +272,7 @@ def test_a_cluster_that_turns_about_up_is_no_mistake():
     for tilt in ("0 deg", "1.5 deg", "10 deg"):
         attitude = f'attitude = ["{tilt}", "0 deg", "{tilt}"]'
         _, session = tumble(plan, f'{attitude}\nattitude_sd = "0 deg"\n{COARSE}')
-        assert tumble_input.motion_findings(session.simulation.log, True) == []
+        assert command.motion_findings(session.simulation.log, True) == []
 
 
 # -- plan ------------------------------------------------------------------------------------------
@@ -292,7 +294,7 @@ def test_a_log_that_is_shorter_or_longer_than_its_plan():
 
 
 def _nominal(made):
-    from foucault.plans.tumble.torquing import nominal
+    from foucault.plans.tumble import nominal
 
     return (nominal(made.settings.torquing, made.site.latitude),)
 
@@ -357,13 +359,13 @@ def test_readings_that_are_seconds_late_or_early(speed, delay):
     made, session = tumble(words[0], f'{words[1]}delay = "{delay} s"')
     log = session.simulation.log
     begins = made.settings.held(log.sampled) == "from its time"
-    (finding,) = tumble_input.motion_findings(log, begins)
+    (finding,) = command.motion_findings(log, begins)
     assert finding.code == "tumble.delay"
     value, sd = (
         float(finding.message.split(f" {word} ")[1].split(" ms")[0]) for word in ("are", "take")
     )
     assert value / 1e3 == pytest.approx(delay, abs=0.06)
-    assert tumble_input.motion_findings(log, begins, delay_sd=abs(delay)) == []
+    assert command.motion_findings(log, begins, delay_sd=abs(delay)) == []
     assert sd < 0.15 * abs(1e3 * delay)  # 15 deg/h of the Earth over a jump of 102 deg/h, at most
 
 

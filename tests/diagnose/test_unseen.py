@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.diagnose.hand_rotated.report import unseen
+from foucault.diagnose.hand_rotated import unseen
 from foucault.models.earth import Site
 from foucault.models.rests_and_turns import Session
 from foucault.tables import Log

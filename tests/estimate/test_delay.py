@@ -7,21 +7,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.delay import matching as rate_matching
-from foucault.estimate.delay.fit import Delay, delay_of
-from foucault.estimate.delay.matching import HELD, covariance, match, weigh, whitened
-from foucault.estimate.delay.spectral_weights import filtered, spectrum_of, whitening
-from foucault.estimate.delay.turned import SlaveAttitude, turns_of
-from foucault.models.attitude import matrix_of
+from foucault.estimate import delay_matching
+from foucault.estimate.delay import Delay, delay_of
+from foucault.estimate.delay_matching import (
+    HELD,
+    SlaveAttitude,
+    covariance,
+    filtered,
+    match,
+    spectrum_of,
+    turns_of,
+    weigh,
+    whitened,
+    whitening,
+)
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import earth_rate_n, transport_rate
-from foucault.models.rotation import exp, log
+from foucault.models.rotation import exp, log, matrix_of
 from foucault.navigate.increments import Increments, increments_of
 from foucault.plans.manoeuvres import Climb, Start, Straight, STurn, Turn
-from foucault.plans.transfer.profiles import TransferProfile
-from foucault.simulate.transfer.link import Link
-from foucault.simulate.transfer.session import draw_slave, simulate_transfer
-from foucault.simulate.transfer.slave import Flexure
+from foucault.plans.transfer import TransferProfile
+from foucault.simulate.transfer import Flexure, Link, draw_slave, simulate_transfer
 from make_alignment import DPH, real
 from make_transfer import ARCMIN, DEG
 
@@ -43,7 +49,7 @@ def found(run, **words) -> Delay:
 
 
 def test_it_is_exact_without_noise() -> None:
-    from foucault.simulate.transfer.link import MasterNoise
+    from foucault.simulate.transfer import MasterNoise
 
     quiet = MasterNoise(velocity=0.0, attitude=(0.0, 0.0, 0.0), position=0.0)
     for delay in (0.0, 0.0613, 0.2):
@@ -112,11 +118,11 @@ def test_slopes_against_differences() -> None:
     slave, m = SlaveAttitude(increments_of(run.log)), run.master
     turns = turns_of(m.time, m.C_nb)
     C_0, x = matrix_of(0.3, -0.2, 0.5), np.array([0.05, 0.1, -0.2, 0.3, 1e-3, -2e-3, 3e-3])
-    x[rate_matching.MU] = 0.0
-    here = rate_matching._look(slave, turns, x, C_0, None)
+    x[delay_matching.MU] = 0.0
+    here = delay_matching._look(slave, turns, x, C_0, None)
     for i, h in enumerate([1e-4] + [1e-5] * 6):
         dx = h * np.eye(7)[i]
-        up, down = (rate_matching._look(slave, turns, x + s * dx, C_0, None) for s in (1, -1))
+        up, down = (delay_matching._look(slave, turns, x + s * dx, C_0, None) for s in (1, -1))
         both = up.used & down.used & here.used
         change = (up.residual - down.residual)[both] / (2 * h)
         size = np.abs(change).max()
@@ -193,7 +199,7 @@ def vehicle() -> tuple[Increments, dict]:
         "accel": {"columns": [3, 4, 5], "unit": "m/s", "kind": "increment"},
     })  # fmt: skip
     from foucault.logs import master
-    from foucault.logs.master_description import MasterDescription
+    from foucault.logs.master import MasterDescription
 
     described = MasterDescription.model_validate({
         "file": "transfer_align_fog_mems.mat", "variable": "fogavp",

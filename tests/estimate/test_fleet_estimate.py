@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.table import fleet
-from foucault.estimate.table.fleet import FleetReadings
+from foucault.estimate import fleet
+from foucault.estimate.fleet import FleetReadings
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER
 from foucault.models.noise import grade
 from foucault.models.turntable import mean_rate
-from foucault.plans.table.plan import table_plan
-from foucault.simulate.table.readings import Fleet, simulate_readings
+from foucault.plans.directions import table_plan
+from foucault.simulate.table import Fleet, simulate_readings
 
 SITE = Site.at(np.radians(48.8), 60.0)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.estimate.table import four_positions
+from foucault.estimate import norm_observation
 from foucault.models import turntable
-from foucault.models.readings import Readings
+from foucault.models.noise import Readings
 
 G = 9.81
 H = np.radians(10.0)
@@ -42,7 +42,7 @@ def session(plumb=(0.0, 0.0), middle=(0,) * 6, keep=slice(None)):
 
 def unified(readings):
     h = np.where(readings.spin, H, 0.0)
-    return four_positions.unify(readings, ACCEL_BIAS, GYRO_BIAS, h, G)
+    return norm_observation.unify_four_positions(readings, ACCEL_BIAS, GYRO_BIAS, h, G)
 
 
 def angles_of(C):

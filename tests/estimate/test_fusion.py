@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.fusion import Known, fused, with_sources
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.imu import LAYOUT
 
 NAMES = ("gyro.bias.x", "gyro.bias.y", "gyro.scale.x", "accel.bias.x", "accel.scale.x")

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.infer.h_infinity import by_prior, h_infinity, least_gamma
-from foucault.infer.linear_filter import LinearSystem, kalman
+from foucault.infer.linear_filter import LinearSystem, by_prior, h_infinity, kalman, least_gamma
 
 STEP = np.array([[1.0, 0.1], [0.0, 1.0]])
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from foucault.estimate.norm_observation import design, published_recovery, solve
-from foucault.plans.hand_rotated import spread_directions
-from foucault.plans.table.directions import directions
+from foucault.plans.directions import directions, spread_directions
 
 G = 9.81
 L = np.array([[1.3, 0, 0], [0.2, 0.8, 0], [-0.25, 0.15, 1.1]])

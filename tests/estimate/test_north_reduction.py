@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.consistency import nees
-from foucault.diagnose.north.dwells import find_dwells
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.reduction import (
+from foucault.detect.dwells import find_dwells
+from foucault.diagnose.study import nees
+from foucault.estimate.north_reduction import (
     GYRO_DRIFT,
     GYRO_NOISE,
     GYRO_OFFSET,
@@ -21,10 +20,11 @@ from foucault.estimate.north.reduction import (
     Nuisance,
     reduce,
 )
-from foucault.models.dwells import Dwells
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.north_seeker import Dwells
 from foucault.simulate.north import (
     NorthPlan,
     Placement,

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.consistency import nees
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.attitude import LATITUDE, Known, closed_form, solve
-from foucault.estimate.north.reduction import Nuisance, reduce
+from foucault.diagnose.study import nees
+from foucault.estimate.north import LATITUDE, Known, closed_form, solve
+from foucault.estimate.north_reduction import Nuisance, reduce
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.north_seeker import Compensation
 from make_dwells import (

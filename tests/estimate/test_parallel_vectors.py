@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from foucault.estimate.table.parallel_vectors import unify, wahba
-from foucault.plans.table.directions import directions
+from foucault.estimate.norm_observation import unify, wahba
+from foucault.plans.directions import directions
 
 G = 9.81
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from foucault.estimate.hand_rotated.published import (
+from foucault.estimate.hand_rotated import (
     ACCEL_NAMES,
     GYRO_NAMES,
     fit_directions,

@@ -9,16 +9,16 @@ import pytest
 
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Status
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.tumble import fit as estimation
-from foucault.estimate.tumble.fit import Prior, State, Tumble
-from foucault.estimate.tumble.published import (
+from foucault.estimate import tumble as estimation
+from foucault.estimate.tumble import Prior, State, Tumble
+from foucault.estimate.tumble_solution import (
     ANNEALED,
     LITERAL,
     Options,
     filter_angles,
     filter_misalignment,
 )
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.cluster import (
     CONSTANTS,
     SOURCE_SYMBOLS,
@@ -29,7 +29,7 @@ from foucault.models.cluster import (
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp, log
-from foucault.plans.tumble import torquing
+from foucault.plans import tumble as torquing
 from foucault.simulate.tumble import Acquisition, simulate_tumble
 from make_cluster import ARCSEC, DEG_H, G
 

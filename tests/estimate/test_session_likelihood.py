@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.gauss_newton import solve
-from foucault.estimate.hand_rotated.likelihood import HEADING_SD, SCATTER, RestsAndTurns
-from foucault.estimate.hand_rotated.start import first_guess
+from foucault.estimate.hand_rotated import (
+    HEADING_SD,
+    SCATTER,
+    RestsAndTurns,
+    first_guess,
+)
 from foucault.infer import mixed
+from foucault.infer.gauss_newton import chi_square_limits, solve
 from foucault.models.earth import EARTH_RATE, earth_rate_n
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
-from foucault.models.noise import ImuNoise, TriadNoise, grade
+from foucault.models.noise import ImuNoise, SessionNoise, TriadNoise, grade, window_covariance
 from foucault.models.rotation import log
-from foucault.models.session_noise import SessionNoise, window_covariance
 from make_session import BLIND, SITE, model_of, quiet_session, reduced, seen_by
 
 SITE_RATE = earth_rate_n(SITE.latitude)

@@ -7,24 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.coefficients import CoefficientVector
-from foucault.estimate import gauss_newton
-from foucault.estimate.faces.ferraris import published, scale_and_rotation, turn_spread
-from foucault.estimate.faces.likelihood import (
+from foucault.estimate.faces import (
     SCATTER,
     FaceNoise,
     OnFaces,
-    State,
     closed_form,
     on_faces,
+    published,
+    scale_and_rotation,
+    turn_spread,
     unbiased,
 )
-from foucault.infer import mixed
+from foucault.infer import gauss_newton, mixed
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
-from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.models.rotation import exp
-from foucault.models.session_noise import SessionNoise, window_covariance
+from foucault.models.noise import ImuNoise, SessionNoise, TriadNoise, window_covariance
 from make_faces import POLE, SITE, TURN, perfect, rough_model
 
 GRAVITY = Site(9.81)
@@ -104,28 +101,6 @@ def test_without_turns_the_accelerometers_and_the_bias_are_exact():
     truth = body.coefficients(names).values
     np.testing.assert_allclose(state.model.coefficients(names).values, truth, atol=1e-12)
     assert np.abs(modelled(scene, state, names).linearise(state).residuals).max() < 1e-12
-
-
-def test_jacobian_is_the_derivative():
-    body, C_bk = rough_model(6, quadratic=True)
-    rests, turns, log = perfect(body, C_bk, SITE)
-    scene, state = closed_form(rests, turns, SITE, QUADRATIC, log)
-    state = State(state.model, exp(np.array([0.02, -0.01, 0.03])) @ state.C_bk)
-    model = modelled(scene, state, QUADRATIC)
-    J = model.linearise(state).jacobian
-    p, at = len(QUADRATIC), state.model.coefficients(QUADRATIC)
-
-    def value(step):
-        vector = CoefficientVector(at.layout, at.values + step[:p])
-        moved = State(ImuModel.from_coefficients(vector), exp(step[p:]) @ state.C_bk)
-        np.testing.assert_allclose(model.values(model.retract(state, step)), vector.values)
-        return -model.linearise(moved).residuals
-
-    for k in range(p + 3):
-        step = np.zeros(p + 3)
-        step[k] = 1e-6
-        slope = (value(step) - value(-step)) / 2e-6
-        np.testing.assert_allclose(J[:, :, k], slope, atol=2e-7 * max(1, np.abs(slope).max()))
 
 
 def test_published_solution_is_exact_without_the_earth():

@@ -6,22 +6,15 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic.fit import (
-    BETWEEN,
-    AtRest,
-    SystematicModel,
-    attitude_at_start,
-)
-from foucault.estimate.systematic.fit import Start as RecordingStart
-from foucault.models.attitude import angles_of
-from foucault.models.earth import Site
-from foucault.models.geodesy import displaced
+from foucault.estimate.systematic import BETWEEN, AtRest, SystematicModel, attitude_at_start
+from foucault.estimate.systematic import Start as RecordingStart
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.models.earth import Site, displaced
 from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.models.rotation import exp
+from foucault.models.rotation import angles_of, exp
 from foucault.models.size_effect import with_size_effect
 from foucault.navigate.increments import Increments, increments_of
 from foucault.plans.manoeuvres import Rest, Rotate, Start

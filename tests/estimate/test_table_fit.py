@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2, f, kstest
 
-from foucault.diagnose.consistency import nees
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.snooping import POWER
-from foucault.estimate.table.likelihood import FORCES, KINDS
+from foucault.diagnose.study import nees
+from foucault.estimate.table import FORCES, KINDS
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.infer.snooping import POWER
 from foucault.simulate.hand_rotated import draw_errors
 from make_table import ACCEL_NAMES, ARCSEC, fitted, model_of, plan_of, simulated, trusting
 

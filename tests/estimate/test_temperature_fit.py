@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from foucault.estimate.temperature.fit import Design, Evidence, _restricted, _stacks, scatter, solve
-from foucault.estimate.temperature.order import Spaces, against, choose
+from foucault.estimate.temperature import (
+    Design,
+    Evidence,
+    Spaces,
+    _restricted,
+    _stacks,
+    against,
+    choose,
+    scatter,
+    solve,
+)
 
 T = np.linspace(-1, 1, 7)
 POWERS = np.vander(T, 4, increasing=True)

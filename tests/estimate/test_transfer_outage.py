@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.estimate.transfer.hand_over import after_outage
+from foucault.estimate.transfer import after_outage
 from foucault.models.earth import Site
-from foucault.navigate.state import states_of
+from foucault.navigate.strapdown import states_of
 from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment import Session, Settings
-from foucault.procedures.transfer_alignment.foresight import problem_on
-from foucault.procedures.transfer_alignment.session import moved
+from foucault.procedures.transfer_alignment.session import moved, problem_on
 
 SECONDS = 60.0
 

@@ -9,15 +9,14 @@ import pytest
 
 import reference
 from foucault.errors import Status
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.tumble import fit as estimation
-from foucault.estimate.tumble import one_pass as tumble_pass
-from foucault.estimate.tumble.fit import Prior, State, Tumble
+from foucault.estimate import tumble as estimation
+from foucault.estimate.tumble import Prior, State, Tumble
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.cluster import CONSTANTS, attitude_of
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp, log
-from foucault.plans.tumble import torquing
+from foucault.plans import tumble as torquing
 from foucault.simulate.tumble import Acquisition, simulate_tumble
 from make_cluster import ARCSEC, DEG_H, G, make_cluster
 
@@ -76,6 +75,25 @@ def short(seed=3, steps=40):
     return tumble, State(start, model.packed(G))
 
 
+def test_every_source_adds_what_the_covariance_changes_with_it():
+    tumble, at = short()
+    prior = Prior(at, np.where(SD > 0, SD, 1e-2))
+    fit = estimation.solve(tumble, prior)
+    parts = estimation.by_source(tumble, prior, fit)
+    np.testing.assert_allclose(np.sum(list(parts.values()), axis=0), fit.cov, rtol=1e-12)
+    assert len(parts) == 3
+    for cov in parts.values():
+        assert np.linalg.eigvalsh(cov / np.outer(prior.unit, prior.unit)).min() > -1e-6
+
+    def cov(share):
+        other = replace(tumble, accel_variance=share * tumble.accel_variance)
+        return estimation.linearised(other, prior, fit).cov
+
+    found = np.diag(cov(1.01) - cov(0.99))[3:] / 0.02  # the attitude turns with what is found
+    seen = np.diag(parts["white noise of accelerometers"])[3:]
+    np.testing.assert_allclose(seen, found, rtol=1e-3)
+
+
 @pytest.mark.thorough
 def test_one_pass_is_the_dense_filter():
     tumble, at = short()
@@ -86,7 +104,7 @@ def test_one_pass_is_the_dense_filter():
         model, G, at.C_np.T, tumble.dt, tumble.command, tumble.reading, tumble.w_ie_n,
         tumble.gyro_psd, tumble.accel_variance, tumble.arms, sd[:45],
     )  # fmt: skip
-    pass_ = tumble_pass.look(tumble, prior, at)
+    pass_ = estimation.look(tumble, prior, at)
     Y, scale = pass_.out[1][0], np.sqrt(np.diag(P))
     dphi = C_pn @ exp(tumble.w_ie_n * tumble.dt.sum()).T @ (Y[:, :46] @ pass_.x - Y[:, 47])
     np.testing.assert_allclose(dphi / scale[:3], x[:3] / scale[:3], atol=2e-5)
@@ -206,9 +224,9 @@ def test_what_squares_would_lose_is_solved_by_reflections():
 def test_reflections_and_squares_agree():
     tumble, prior, _, _ = session(9)
     at = estimation.levelled(tumble, prior)
-    p = tumble_pass.look(tumble, prior, at, rows=True)
+    p = estimation.look(tumble, prior, at, rows=True)
     miss, slope = prior.rows(at)
-    x, cov = tumble_pass._reflected(p.rows, miss, slope, prior.sought)
+    x, cov = estimation._reflected(p.rows, miss, slope, prior.sought)
     sd = np.sqrt(np.diag(p.cov))[:45]
     np.testing.assert_allclose(x[:45] / sd, p.x[:45] / sd, rtol=1e-5, atol=2e-5)
     np.testing.assert_allclose(np.sqrt(np.diag(cov))[:45], sd, rtol=1e-5)

@@ -15,7 +15,7 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.export import Applied, calibrate_log
-from foucault.logs import read, streaming, write
+from foucault.logs import follow, read, write
 from foucault.logs.description import LogDescription
 from foucault.result import Level, Result
 from foucault.run_folder import save
@@ -38,11 +38,11 @@ def describe(name: str, **more: Any) -> LogDescription:
 @pytest.fixture
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a few hundred rows be many blocks."""
-    from foucault.logs import binary, delimited, numpy_arrays, parquet
+    from foucault.logs import formats, text
 
-    for module in (streaming, parquet, numpy_arrays, binary):
+    for module in (follow, formats):
         monkeypatch.setattr(module, "BLOCK_ROWS", 300)
-    monkeypatch.setattr(delimited, "BLOCK_BYTES", 1 << 13)
+    monkeypatch.setattr(text, "BLOCK_BYTES", 1 << 13)
 
 
 TEXT = {
@@ -69,7 +69,7 @@ def test_blocks_are_the_log(suffix: str, tmp_path: Path) -> None:
     else:
         write(log, tmp_path / name)
     whole = read(describe(name, **more), tmp_path)
-    parts = list(streaming.blocks(describe(name, **more), tmp_path))
+    parts = list(follow.blocks(describe(name, **more), tmp_path))
     assert len(parts) > 2
     for key in ("time", "gyro", "accel", "temperature"):
         want = getattr(whole, key)
@@ -90,11 +90,11 @@ def test_increments_and_files_side_by_side(tmp_path: Path) -> None:
         }
     )
     whole = read(wanted, tmp_path)
-    parts = list(streaming.blocks(wanted, tmp_path))
+    parts = list(follow.blocks(wanted, tmp_path))
     assert len(parts) > 2
     np.testing.assert_array_equal(np.concatenate([p.gyro for p in parts]), whole.gyro)
     alone = wanted.model_copy(update={"accel": None})
-    parts = list(streaming.blocks(alone, tmp_path))
+    parts = list(follow.blocks(alone, tmp_path))
     assert len(parts) > 2
     # The nominal interval of the first block differs from that of the log by rounding only.
     got = np.concatenate([p.gyro for p in parts])
@@ -109,16 +109,16 @@ def test_rows_are_numbered_in_the_whole_log(tmp_path: Path) -> None:
     accel[[700, 950], 1] = np.nan
     write(replace(log, accel=accel), tmp_path / "nan.parquet")
     with pytest.raises(FoucaultError, match="row 700"):
-        list(streaming.blocks(describe("nan.parquet"), tmp_path))
-    parts = list(streaming.blocks(describe("nan.parquet", missing="drop"), tmp_path))
+        list(follow.blocks(describe("nan.parquet"), tmp_path))
+    parts = list(follow.blocks(describe("nan.parquet", missing="drop"), tmp_path))
     assert sum(map(len, parts)) == 998
-    (told,) = (f for f in streaming.merged(p.findings for p in parts) if f.code == "log.dropped")
+    (told,) = (f for f in follow.merged(p.findings for p in parts) if f.code == "log.dropped")
     assert told.message.endswith("The like is found in 1 later parts of the log.")
     time = log.time.copy()
     time[600:] -= 0.5  # exactly between two blocks
     write(replace(log, time=time), tmp_path / "back.parquet")
     with pytest.raises(FoucaultError, match="row 600") as caught:
-        list(streaming.blocks(describe("back.parquet"), tmp_path))
+        list(follow.blocks(describe("back.parquet"), tmp_path))
     assert caught.value.code == "log.time_backward"
 
 
@@ -127,7 +127,7 @@ def test_a_log_of_one_block_is_checked_as_when_it_is_read(tmp_path: Path) -> Non
     gyro = log.gyro.copy()
     gyro[200:600, 1] = 0.25
     write(replace(log, gyro=gyro), tmp_path / "stuck.csv")
-    (part,) = streaming.blocks(describe("stuck.csv"), tmp_path)
+    (part,) = follow.blocks(describe("stuck.csv"), tmp_path)
     assert part.findings == read(describe("stuck.csv"), tmp_path).findings
     assert "log.stuck" in {f.code for f in part.findings}
 
@@ -135,7 +135,7 @@ def test_a_log_of_one_block_is_checked_as_when_it_is_read(tmp_path: Path) -> Non
 def test_an_empty_log(tmp_path: Path) -> None:
     write(a_log()[:0], tmp_path / "empty.parquet")
     with pytest.raises(FoucaultError) as caught:
-        list(streaming.blocks(describe("empty.parquet"), tmp_path))
+        list(follow.blocks(describe("empty.parquet"), tmp_path))
     assert caught.value.code == "log.empty"
 
 

@@ -16,12 +16,11 @@ import pytest
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import FoucaultError
 from foucault.export import write
+from foucault.models.cluster import CONSTANTS, ClusterModel
 from foucault.models.cluster import LAYOUT as CLUSTER
-from foucault.models.cluster import ClusterModel
-from foucault.models.cluster_layout import CONSTANTS
 from foucault.models.layouts import BESIDE
 from foucault.models.north_seeker import SEEKER, Compensation, earth_rate_b, up_b
-from foucault.procedures.platform_tumble.usual import PRIOR
+from foucault.procedures.platform_tumble.settings import PRIOR
 from foucault.result import Level, Result, Verdict
 from make_result import make_result
 from make_terms import Same, with_terms

@@ -17,14 +17,13 @@ from pathlib import Path
 import pytest
 
 from foucault import escape
-from foucault.campaign.fields import dotted
+from foucault.campaign.tables import dotted
 from foucault.campaign.writing import _text
 from foucault.export import RECEIVERS, write
-from foucault.export.csv_table import CAN
+from foucault.export.request import FAMILIES as CAN
 from foucault.logs.description import LogDescription
 from foucault.models.cluster import LAYOUT as CLUSTER
-from foucault.plans.systematic.file import parse_sequence
-from foucault.plans.systematic.steps import write_steps
+from foucault.plans.sequence_file import parse_sequence, write_steps
 from foucault.report import html
 from foucault.result import Result
 from make_result import make_result

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from foucault.export import RECEIVERS, write
-from foucault.export.imucal import CAN as IMUCAL
-from foucault.export.kalibr import CAN as KALIBR
+from foucault.export.programs import IMUCAL_CAN as IMUCAL
+from foucault.export.programs import KALIBR_CAN as KALIBR
 from foucault.export.request import AXES, FAMILIES, family, in_axes
 from foucault.logs.description import LogDescription
 from foucault.models.imu import Gauge
@@ -466,7 +466,7 @@ def test_axes_turn_readings_and_truth_together(
 def test_every_file_says_what_it_is_and_what_is_lost(receiver: str, tmp_path: Path) -> None:
     module = importlib.import_module(f"foucault.export.{RECEIVERS[receiver]}")
     result = with_terms(*FAMILIES)
-    drop = [f for f in FAMILIES if f not in module.CAN] or ["gyro.scale"]
+    drop = [f for f in FAMILIES if f not in module.WRITERS[receiver][0]] or ["gyro.scale"]
     path = write(result, receiver, tmp_path / "out", drop=drop)
     text = path.read_text()
     for words in (

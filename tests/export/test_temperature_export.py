@@ -292,9 +292,9 @@ def test_one_temperature_is_an_ordinary_result(
 
 @pytest.fixture
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    from foucault.logs import parquet, streaming
+    from foucault.logs import follow, formats
 
-    for module in (streaming, parquet):
+    for module in (follow, formats):
         monkeypatch.setattr(module, "BLOCK_ROWS", 300)
 
 

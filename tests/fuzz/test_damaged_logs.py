@@ -13,8 +13,7 @@ from make_damage import GOOD, NAMES, WORDS, bounded, damaged, table
 from foucault import logs
 from foucault.errors import FoucaultError
 from foucault.logs import own
-from foucault.logs.description import LogDescription
-from foucault.logs.titles import description_of
+from foucault.logs.description import LogDescription, description_of
 from foucault.tables import Log
 
 BY_NAME = {"time": {"column": "time", "unit": "s"},

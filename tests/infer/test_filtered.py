@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError, error
-from foucault.estimate.chi_square import chi_square_limits
 from foucault.infer import filtered
-from foucault.infer.h_infinity import by_prior, h_infinity, least_gamma
-from foucault.infer.linear_filter import LinearSystem, extended, kalman
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.infer.linear_filter import (
+    LinearSystem,
+    by_prior,
+    extended,
+    h_infinity,
+    kalman,
+    least_gamma,
+)
 
 EPOCHS, TURN = 120, 0.3
 DRIFT, NOISE, OTHER = 1e-4, 0.02, 0.05
@@ -103,13 +110,13 @@ def test_innovations_are_judged_by_kind_from_both_sides():
     for seed in range(40):
         found = filtered.components(filtered.fit(drawn(seed)[0], passes=4))
         assert found.keys() == Late.kinds.keys() and found["fine"].count == EPOCHS
-        assert found["fine"].independent <= EPOCHS
-        outside += any(not c.low < c.ratio < c.high for c in found.values())
+        assert found["fine"].redundancy <= EPOCHS
+        outside += any(not c.inside for c in found.values())
     assert outside <= 3  # more by chance: 0.1 %
     for wrong, side in ((1.5 * NOISE, "narrow"), (NOISE / 1.5, "wide")):
         found = filtered.components(filtered.fit(replace(drawn(3)[0], noise=wrong), passes=4))
         one = found["fine"]
-        assert one.ratio < one.low if side == "narrow" else one.ratio > one.high
+        assert one.chi_square < one.low if side == "narrow" else one.chi_square > one.high
 
 
 def test_as_many_are_independent_as_their_squares_scatter_like():
@@ -176,6 +183,74 @@ def test_what_is_held_out_is_predicted_as_well_as_told():
     other = filtered.fit(replace(at.model, z=z), passes=4)
     there = replace(other, system=replace(at.system, z=at.system.z + (z - at.model.z)))
     np.testing.assert_allclose(filtered.held_out(there, rows)[0] - off, 5.0)
+
+
+def test_parts_are_predicted_as_the_dense_covariance_of_all_measurements_says():
+    """Against the conditional distribution of a part given the others, without any recursion."""
+    model, _ = drawn(12)
+    at = filtered.fit(model, passes=1)
+    s, edges = at.system, np.array([0, 30, 75, EPOCHS])
+    found = filtered.parts_out(at, edges)
+    walk = np.minimum(*np.meshgrid(TIME + 1.0, TIME + 1.0)) * DRIFT**2
+    x = np.kron(s.P0[0, 0] + walk, [[1.0, 0.0], [0.0, 0.0]])
+    x[1::2, 1::2] = s.P0[1, 1]
+    H = np.zeros((2 * EPOCHS, 2 * EPOCHS))
+    for k in range(EPOCHS):
+        H[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = s.H[k]
+    C = H @ x @ H.T + np.diag(s.R.ravel())
+    left = (s.z - np.einsum("kqn,n->kq", s.H, s.x0)).ravel()
+    for k, (a, b) in enumerate(pairwise(2 * edges)):
+        F = (np.arange(2 * EPOCHS) >= a) & (np.arange(2 * EPOCHS) < b)
+        gain = np.linalg.solve(C[np.ix_(~F, ~F)], C[np.ix_(~F, F)]).T
+        e = left[F] - gain @ left[~F]
+        score = e @ np.linalg.solve(C[np.ix_(F, F)] - gain @ C[np.ix_(~F, F)], e)
+        assert found.scores[k] == pytest.approx(score, rel=1e-8)
+        assert found.counts[k] == b - a
+
+
+def test_the_worst_part_is_judged_and_clean_sessions_pass_at_the_stated_rate():
+    edges, beyond, noticed, before = np.linspace(0, EPOCHS, 5).astype(int), 0, 0, 0
+    for seed in range(60):
+        model, _ = drawn(seed)
+        at = filtered.fit(model, passes=4)
+        found = filtered.parts_out(at, edges, 0.05)
+        assert found.high == found.limits[found.worst] > found.count
+        beyond += found.score > found.high
+        # A quarter of the readings is noisier than was said.
+        z = model.z.copy()
+        z[30:60] += (
+            0.9 * np.array([NOISE, OTHER]) * np.random.default_rng(seed).normal(size=(30, 2))
+        )
+        at = filtered.fit(replace(model, z=z), passes=4)
+        found = filtered.parts_out(at, edges, 0.05)
+        noticed += found.score > found.high and found.worst == 1
+        before += any(c.chi_square > c.high for c in filtered.components(at, 0.05).values())
+    assert beyond <= 9  # 3 are expected, more than 9 come by chance once in a thousand
+    assert noticed > 30 and noticed > before
+
+
+def test_parts_of_white_rows_are_predicted_as_by_solving_without_them():
+    rng, n = np.random.default_rng(3), 4
+    J, prior = rng.normal(size=(50, 3, n)), np.eye(n)
+    y = rng.normal(size=(50, 3))
+    N = np.einsum("bqi,bqj->ij", J, J) + prior
+    x = np.linalg.solve(N, np.einsum("bqi,bq->i", J, y))
+    rows = filtered.Whitened(y - J @ x, J, np.linalg.inv(N))
+    assert rows.leverage.sum() == pytest.approx(n - np.trace(np.linalg.inv(N)))
+    pieces = rows.parts(7)
+    found = rows.parts_out(pieces)
+    for k, piece in enumerate(pieces):
+        others = np.setdiff1d(np.arange(50), piece)
+        N = np.einsum("bqi,bqj->ij", J[others], J[others]) + prior
+        x = np.linalg.solve(N, np.einsum("bqi,bq->i", J[others], y[others]))
+        A, e = J[piece].reshape(-1, n), (y - J @ x)[piece].ravel()
+        score = e @ np.linalg.solve(np.eye(len(e)) + A @ np.linalg.solve(N, A.T), e)
+        assert found.scores[k] == pytest.approx(score, rel=1e-9)
+    sums, cov = rows.sums(5)
+    assert sums.shape == (15,) and np.linalg.matrix_rank(cov) == 15
+    value, dof = rows.square(slice(None), 1)
+    assert value == pytest.approx(np.sum(rows.residuals[:, 1] ** 2))
+    assert dof == pytest.approx(50 - rows.leverage[:, 1].sum())
 
 
 def test_a_planned_run_is_foreseen_without_measurements():

@@ -11,8 +11,9 @@ from scipy.stats import chi2
 
 from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.diagnose.information import information
+from foucault.errors import FoucaultError
 from foucault.infer import mixed
+from foucault.infer.information import information
 from foucault.infer.mixed import Linearisation, Source
 from foucault.models.imu import LAYOUT
 
@@ -76,6 +77,23 @@ def test_repeatability_of_a_balanced_session_is_that_of_the_analysis_of_variance
     assert 0 < dof["placement"] < 9
 
 
+@dataclass(frozen=True)
+class TwoSizes(Line):
+    """What is known of the placements and what is found of them have one name."""
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        return replace(at, sources=(*at.sources, replace(at.sources[1], sd=1e-3)))
+
+
+@pytest.mark.parametrize("use", [mixed.fit, mixed.solve, mixed.foreseen])
+def test_a_source_of_a_known_and_an_unknown_size_is_refused(use) -> None:
+    line = drawn(np.random.default_rng(1))
+    told = "The source 'placement' stands in the model with a size and without one."
+    with pytest.raises(FoucaultError, match=told):
+        use(TwoSizes(**vars(line)))
+
+
 def test_budget_adds_up_and_the_bound_is_the_noise_alone() -> None:
     at = mixed.fit(drawn(np.random.default_rng(2)))
     parts = mixed.budget(at)
@@ -124,6 +142,21 @@ def test_parts_that_are_held_out_are_each_judged_by_themselves() -> None:
     assert found.counts.tolist() == [4] * 12
     alone = mixed.held_out(at, parts[5:6])
     assert (alone.score, alone.count) == pytest.approx((found.scores[5], 4))
+
+
+def test_a_part_is_predicted_with_sizes_that_do_not_know_it() -> None:
+    model = drawn(np.random.default_rng(8))
+    model = replace(model, y=model.y + np.where(model.group == 3, 0.2, 0.0))
+    at, part, rest = mixed.fit(model), *(np.flatnonzero((model.group == 3) == k) for k in (1, 0))
+    some = replace(
+        model, inputs=model.inputs[rest], y=model.y[rest], group=model.group[rest],
+    )  # fmt: skip
+    sizes, dof = mixed.repeatability(some, np.zeros(2), np.ones(len(rest)))
+    found, told = mixed.without(at, part)
+    assert told == pytest.approx(dof["placement"], rel=1e-3)
+    want = mixed.held_out(mixed.solve(model, sizes), [part])
+    assert found.score == pytest.approx(want.score, rel=1e-3)
+    assert found.score > 100 * mixed.held_out(at, [part]).score
 
 
 def test_causes_that_readings_share_are_found_as_unknowns_with_a_prior_are() -> None:

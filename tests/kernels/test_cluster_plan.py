@@ -8,7 +8,7 @@ import pytest
 from foucault.kernels.cluster_plan import attitudes, commanded, remaining
 from foucault.models.cluster import attitude_of
 from foucault.models.earth import earth_rate_n
-from foucault.plans.tumble.torquing import from_rates, nominal, starting
+from foucault.plans.tumble import from_rates, nominal, starting
 
 RATES = np.radians([[0.2, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, -0.2, 0.2], [0.1, 0.1, -0.1]])
 SLOTS = np.array([7, 2, 9, 6])

@@ -8,10 +8,10 @@ import pytest
 import reference
 from foucault.estimate import ins_filter
 from foucault.kernels import ins_filter as module
-from foucault.models.geodesy import displaced
+from foucault.models.earth import displaced
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.navigate.state import matrix_of, quaternion_of
+from foucault.navigate.strapdown import matrix_of, quaternion_of
 from foucault.plans.manoeuvres import Start
 from make_ins import DEG, FLIGHT, errors, increments, made, off, unit
 from plain_kernels import kernel

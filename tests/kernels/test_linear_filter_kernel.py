@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.infer import linear_filter as estimate
-from foucault.infer.h_infinity import h_infinity
+from foucault.infer import linear_filter
+from foucault.infer.linear_filter import h_infinity
 from foucault.kernels import linear_filter as module
 from plain_kernels import kernel
 
@@ -25,7 +25,7 @@ def system(m=12, q=3, n=5, seed=0):
     R = 0.5 + rng.random((m, q))
     R[5:6, 1] = np.inf
     root = rng.normal(size=(n, n))
-    return estimate.LinearSystem(
+    return linear_filter.LinearSystem(
         Phi, 0.1 * rng.random((m, n)), H, rng.normal(size=(m, q)), R, rng.normal(size=n),
         root @ root.T + np.eye(n),
     )  # fmt: skip
@@ -58,31 +58,32 @@ def least_squares(s):
 @pytest.mark.parametrize("form", FORMS)
 def test_filter_and_smoother_are_least_squares(monkeypatch, form):
     for name in ("linear_filter", "linear_smoother"):
-        monkeypatch.setattr(estimate, name, kernel(form, module, name))
+        monkeypatch.setattr(linear_filter, name, kernel(form, module, name))
     s = system()
-    run = estimate.kalman(s, keep=True)
+    run = linear_filter.kalman(s, keep=True)
     states, cov = least_squares(s)
     np.testing.assert_allclose(run.states[-1], states[-1], rtol=0, atol=1e-12)
     np.testing.assert_allclose(run.cov, cov[-1], rtol=0, atol=1e-12)
-    back = estimate.smoothed(s, run)
+    back = linear_filter.smoothed(s, run)
     np.testing.assert_allclose(back.states, states[1:], rtol=0, atol=1e-12)
     np.testing.assert_allclose(back.cov, cov[1:], rtol=0, atol=1e-12)
     np.testing.assert_allclose(back.start, states[0], rtol=0, atol=1e-12)
     np.testing.assert_allclose(back.start_cov, cov[0], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(linear_filter.smoothed_start(s, run), back.start)
     assert np.isnan(run.innovation[5, 1]) and np.isfinite(run.innovation).sum() == 35
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_rows_that_are_left_out_are_those_of_the_identity(monkeypatch, form):
     for name in ("linear_filter", "linear_smoother"):
-        monkeypatch.setattr(estimate, name, kernel(form, module, name))
+        monkeypatch.setattr(linear_filter, name, kernel(form, module, name))
     s = system()
     s.Phi[:, 2:] = np.eye(5)[2:]
     few = replace(s, Phi=np.ascontiguousarray(s.Phi[:, :2]))
-    all_rows, run = estimate.kalman(s, keep=True), estimate.kalman(few, keep=True)
+    all_rows, run = linear_filter.kalman(s, keep=True), linear_filter.kalman(few, keep=True)
     np.testing.assert_allclose(run.states, all_rows.states, rtol=0, atol=1e-12)
     np.testing.assert_allclose(run.cov, least_squares(s)[1][-1], rtol=0, atol=1e-12)
-    back, wanted = estimate.smoothed(few, run), estimate.smoothed(s, all_rows)
+    back, wanted = linear_filter.smoothed(few, run), linear_filter.smoothed(s, all_rows)
     np.testing.assert_allclose(back.cov, wanted.cov, rtol=0, atol=1e-12)
     np.testing.assert_allclose(back.start, wanted.start, rtol=0, atol=1e-12)
     np.testing.assert_allclose(back.start_cov, wanted.start_cov, rtol=0, atol=1e-12)
@@ -92,7 +93,7 @@ def test_rows_that_are_left_out_are_those_of_the_identity(monkeypatch, form):
 def test_a_known_step_moves_what_is_expected_and_nothing_else(monkeypatch, form):
     """As if the state without it were filtered, with measurements less what the steps make."""
     for name in ("linear_filter", "linear_smoother"):
-        monkeypatch.setattr(estimate, name, kernel(form, module, name))
+        monkeypatch.setattr(linear_filter, name, kernel(form, module, name))
     s = system()
     jump = np.zeros((12, 5))
     jump[[3, 7]] = np.random.default_rng(1).normal(size=(2, 5))
@@ -102,17 +103,17 @@ def test_a_known_step_moves_what_is_expected_and_nothing_else(monkeypatch, form)
         total.append(made)
     total = np.array(total)
     moved = replace(s, jump=jump, z=s.z + np.einsum("kqn,kn->kq", s.H, total))
-    plain, run = estimate.kalman(s, keep=True), estimate.kalman(moved, keep=True)
+    plain, run = linear_filter.kalman(s, keep=True), linear_filter.kalman(moved, keep=True)
     np.testing.assert_allclose(run.states - total, plain.states, rtol=0, atol=1e-12)
     np.testing.assert_allclose(run.innovation, plain.innovation, rtol=0, atol=1e-12)
-    one, other = estimate.smoothed(s, plain), estimate.smoothed(moved, run)
+    one, other = linear_filter.smoothed(s, plain), linear_filter.smoothed(moved, run)
     np.testing.assert_allclose(other.states - total, one.states, rtol=0, atol=1e-12)
     np.testing.assert_allclose(other.start, one.start, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_h_infinity_is_its_dense_twin(monkeypatch, form):
-    monkeypatch.setattr(estimate, "linear_filter", kernel(form, module, "linear_filter"))
+    monkeypatch.setattr(linear_filter, "linear_filter", kernel(form, module, "linear_filter"))
     s, n = system(), 5
     L = np.random.default_rng(1).normal(size=(2, n))
     gamma = 6.0
@@ -153,14 +154,14 @@ def test_log_likelihood_is_that_of_all_measurements_together():
     S = H @ cov @ H.T + np.diag(s.R.ravel())
     e = s.z.ravel() - H @ np.concatenate(states)
     want = -0.5 * (e @ np.linalg.solve(S, e) + np.linalg.slogdet(2 * np.pi * S)[1])
-    assert estimate.kalman(s).log_likelihood == pytest.approx(want, rel=1e-12)
+    assert linear_filter.kalman(s).log_likelihood == pytest.approx(want, rel=1e-12)
 
 
 def test_a_measurement_beyond_the_gate_changes_nothing():
     s = system()
     s.z[7, 2] = 1e3
-    run = estimate.kalman(s, gate=8.0)
+    run = linear_filter.kalman(s, gate=8.0)
     s.R[7, 2] = np.inf
-    without = estimate.kalman(s)
+    without = linear_filter.kalman(s)
     np.testing.assert_array_equal(run.states, without.states)
     assert np.isnan(run.innovation[7, 2]) and np.isfinite(run.variance[7, 2])

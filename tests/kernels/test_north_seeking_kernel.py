@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import reference
-from foucault.estimate.north.attitude import Known, solve
-from foucault.estimate.north.reduction import Nuisance, reduce
+from foucault.estimate.north import Known, solve
+from foucault.estimate.north_reduction import Nuisance, reduce
 from foucault.kernels import north_seeking as module
 from foucault.models.earth import EARTH_RATE, gravity
 from make_dwells import (

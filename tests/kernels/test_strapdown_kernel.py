@@ -11,10 +11,10 @@ import pytest
 import reference
 from foucault.kernels import strapdown as module
 from foucault.models import earth
-from foucault.models.geodesy import east_north_up
+from foucault.models.earth import east_north_up
 from foucault.models.rotation import exp
 from foucault.navigate.increments import bend_weights
-from foucault.navigate.state import matrix_of, quaternion_of
+from foucault.navigate.strapdown import matrix_of, quaternion_of
 from plain_kernels import kernel
 
 FORMS = pytest.mark.parametrize("form", ["compiled", "python"])

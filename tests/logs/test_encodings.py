@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from foucault.logs import LogDescription, read, titles
+from foucault.logs import LogDescription, description, read
 from foucault.logs.follow import Follower
 from foucault.logs.indexed_own import description_of as north_of
-from foucault.logs.serials import by_serial
+from foucault.logs.reading import by_serial
 from foucault.tables import Log
 
 TITLES = "time (s);gyro_x (°/s);gyro_y (°/s);gyro_z (°/s);accel_x (g);accel_y (g);accel_z (g)"
@@ -42,7 +42,7 @@ WRITTEN = {
 
 def own(path: Path) -> Log:
     """Read a log by its titles alone."""
-    return read(titles.description_of(path)[0], path.parent)
+    return read(description.description_of(path)[0], path.parent)
 
 
 @pytest.mark.parametrize("name", WRITTEN)
@@ -60,7 +60,7 @@ def test_pieces_join(name: str, tmp_path: Path) -> None:
     """A text longer than what is decoded at once, and the progress told of it."""
     (tmp_path / "log.csv").write_bytes(WRITTEN[name](text(6000)))
     told: list[float] = []
-    log = read(titles.description_of(tmp_path / "log.csv")[0], tmp_path, told.append)
+    log = read(description.description_of(tmp_path / "log.csv")[0], tmp_path, told.append)
     assert len(log) == 6000 and log.time[-1] == pytest.approx(59.99)
     assert told and all(0 <= part <= 1 for part in told)
 

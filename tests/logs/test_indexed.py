@@ -9,8 +9,7 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.logs.indexed import read
-from foucault.logs.indexed_description import IndexedDescription
-from foucault.logs.indexed_own import description_of, log_table, write
+from foucault.logs.indexed_own import IndexedDescription, description_of, log_table, write
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise

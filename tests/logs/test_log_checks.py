@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.logs import axes, checks
+from foucault.logs import checks
+from foucault.logs import checks as axes
 
 RNG = np.random.default_rng
 G = 9.80665

@@ -1,4 +1,4 @@
-"""A long log is read without holding it more than three times."""
+"""A long log is read without holding it more than twice."""
 
 import json
 import os
@@ -11,8 +11,14 @@ import pytest
 from foucault.logs import write
 from foucault.tables import Log
 
-# What is freed goes back at once: the peak is what was held, not what a pool kept.
-POOL = {"ARROW_DEFAULT_MEMORY_POOL": "system", "MALLOC_ARENA_MAX": "1"}
+# What is freed goes back at once: the peak is what was held, not what a pool kept. Without fixed
+# thresholds glibc raises its own with each block freed, and keeps what lies between others.
+POOL = {
+    "ARROW_DEFAULT_MEMORY_POOL": "system",
+    "MALLOC_ARENA_MAX": "1",
+    "MALLOC_MMAP_THRESHOLD_": "65536",
+    "MALLOC_TRIM_THRESHOLD_": "65536",
+}
 
 READ = """
 import json, sys
@@ -44,8 +50,8 @@ def peak(folder, suffix, rows):
 @pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-def test_peak_memory_grows_by_less_than_three_tables(tmp_path, suffix):
+def test_peak_memory_grows_by_less_than_two_tables(tmp_path, suffix):
     # The difference of two sizes leaves out what pyarrow takes for its buffers once.
     short, long = 300_000, 900_000
     grown = peak(tmp_path, suffix, long) - peak(tmp_path, suffix, short)
-    assert grown <= 3 * (long - short) * 7 * 8
+    assert grown <= 2 * (long - short) * 7 * 8

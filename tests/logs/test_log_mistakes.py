@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.logs import LogDescription, checks, read, streaming
+from foucault.logs import LogDescription, checks, follow, read
 from foucault.symptoms import SYMPTOMS
 
 HEAD = "t,gx,gy,gz,ax,ay,az"
@@ -324,8 +324,8 @@ def test_a_log_in_blocks_loses_the_same_doubled_rows(tmp_path, monkeypatch):
     rows = [row for row in lines() for _ in range(2)]
     (tmp_path / "log.csv").write_text("\n".join([HEAD, *rows]))
     words = LogDescription.model_validate({"file": "log.csv", **WORDS})
-    monkeypatch.setattr(streaming, "BLOCK_ROWS", 7)  # cuts between two equal rows
-    logs = list(streaming.blocks(words, tmp_path))
+    monkeypatch.setattr(follow, "BLOCK_ROWS", 7)  # cuts between two equal rows
+    logs = list(follow.blocks(words, tmp_path))
     assert len(logs) > 3
     assert np.array_equal(np.concatenate([p.time for p in logs]), read(words, tmp_path).time)
 

@@ -15,7 +15,7 @@ from scipy.io import savemat
 
 from foucault import logs
 from foucault.errors import FoucaultError
-from foucault.logs import encoding, raw
+from foucault.logs import dialect, raw
 from foucault.logs.description import LogDescription
 
 ROW = b"0.01,0.1,0.2,0.3,0.1,0.2,9.8\n"
@@ -72,7 +72,7 @@ def test_a_file_of_remarks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take what unpacks to a megabyte for large."""
-    monkeypatch.setattr(encoding, "SMALL", 1 << 20)
+    monkeypatch.setattr(dialect, "SMALL", 1 << 20)
 
 
 @pytest.mark.usefixtures("small")

@@ -7,7 +7,7 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.logs import LogDescription, read, write
-from foucault.logs.titles import description_of
+from foucault.logs.description import description_of
 
 G = 9.80665
 

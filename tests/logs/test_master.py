@@ -9,10 +9,9 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.logs import master, reference
-from foucault.logs.master_description import MasterDescription
+from foucault.logs.master import MasterDescription
 from foucault.models.rotation import log
-from foucault.simulate.transfer.link import Link
-from foucault.simulate.transfer.session import simulate_transfer
+from foucault.simulate.transfer import Link, simulate_transfer
 from make_transfer_flight import DEG, SHORT, circling
 
 TABLE = circling()

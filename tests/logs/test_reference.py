@@ -9,7 +9,7 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.logs import reference
-from foucault.models.geodesy import displaced
+from foucault.models.earth import displaced
 
 HEAD = "time (s),latitude (deg),longitude (deg),height (m)"
 

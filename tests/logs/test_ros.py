@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.logs import LogDescription, master, read, ros, streaming
-from foucault.logs.master_description import MasterDescription
-from foucault.logs.titles import description_of
-from foucault.models.attitude import matrix_of
+from foucault.logs import LogDescription, follow, master, read
+from foucault.logs import formats as ros
+from foucault.logs.description import description_of
+from foucault.logs.master import MasterDescription
+from foucault.models.rotation import matrix_of
 from make_recordings import START, Bag
 
 ROWS = 300
@@ -90,13 +91,13 @@ def test_what_a_campaign_gives_takes_the_place_of_what_the_format_declares(folde
 
 def test_a_long_bag_comes_in_blocks(tmp_path, monkeypatch):
     monkeypatch.setattr(ros, "_ROWS", 16)
-    monkeypatch.setattr(streaming, "BLOCK_ROWS", 32)
+    monkeypatch.setattr(follow, "BLOCK_ROWS", 32)
     rng = np.random.default_rng(1)
     with Bag(tmp_path / "long.bag") as bag:
         bag.imu("/imu", START + np.arange(100) * 10**7, rng.normal(size=(100, 3)),
                 rng.normal(size=(100, 3)))  # fmt: skip
     told = []
-    parts = list(streaming.blocks(described("long.bag"), tmp_path, told.append))
+    parts = list(follow.blocks(described("long.bag"), tmp_path, told.append))
     assert [len(part) for part in parts] == [32, 32, 32, 4]
     whole = read(described("long.bag"), tmp_path)
     np.testing.assert_array_equal(np.concatenate([part.gyro for part in parts]), whole.gyro)

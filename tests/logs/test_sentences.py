@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.logs import LogDescription, read, sentences
+from foucault.logs import LogDescription, read
+from foucault.logs import text as sentences
 
 # The examples of the maker's manual, whose checksums are not of our making.
 SHORT = (

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.logs import LogDescription, by_serial, read, streaming, write
-from foucault.logs.serials import serials
+from foucault.logs import LogDescription, by_serial, follow, read, write
+from foucault.logs.reading import serials
 from foucault.tables import TableColumns
 
 HEAD = "t,gx,gy,gz,ax,ay,az"
@@ -97,14 +97,14 @@ def test_own_files_keep_that_rows_are_means(tmp_path, table_log, suffix):
     again = read(LogDescription(file=f"log{suffix}"), tmp_path)
     np.testing.assert_array_equal(again.averaged, few.averaged)
     np.testing.assert_array_equal(again.time, few.time)
-    (block,) = streaming.blocks(LogDescription(file=f"log{suffix}"), tmp_path)
+    (block,) = follow.blocks(LogDescription(file=f"log{suffix}"), tmp_path)
     np.testing.assert_array_equal(block.averaged, few.averaged)
 
 
 def test_blocks_carry_the_table_columns(tmp_path, table_log, monkeypatch):
-    monkeypatch.setattr(streaming, "BLOCK_ROWS", 64)
+    monkeypatch.setattr(follow, "BLOCK_ROWS", 64)
     write(table_log, tmp_path / "log.csv")
-    parts = list(streaming.blocks(LogDescription(file="log.csv"), tmp_path))
+    parts = list(follow.blocks(LogDescription(file="log.csv"), tmp_path))
     assert len(parts) == 8
     position = np.concatenate([part.table.position for part in parts])
     np.testing.assert_array_equal(position, table_log.table.position)
@@ -184,9 +184,9 @@ def fleet(order, n=50):
 def test_every_instrument_gets_its_own_log(tmp_path, order, rows_of_block, monkeypatch):
     text, want = fleet(order)
     (tmp_path / "fleet.csv").write_text(text)
-    from foucault.logs import delimited
+    from foucault.logs import text
 
-    monkeypatch.setattr(delimited, "BLOCK_BYTES", 60 * rows_of_block)
+    monkeypatch.setattr(text, "BLOCK_BYTES", 60 * rows_of_block)
     description = LogDescription.model_validate({"file": "fleet.csv", **BLOCKS, "serial": "serial"})
     got = dict(by_serial(description, tmp_path))
     assert got.keys() == want.keys() == set(serials(description, tmp_path))
@@ -358,8 +358,8 @@ def test_blocks_and_the_whole_log_agree_on_angles_of_another_instant(tmp_path, m
         "accel": {"columns": ["ax", "ay", "az"], "unit": "m/s", "kind": "increment"},
         "table": {"columns": ["out", "", ""], "unit": "deg", "stamped": "middle"},
     })  # fmt: skip
-    monkeypatch.setattr(streaming, "BLOCK_ROWS", 5)
-    parts = [block.table.angles[:, 0] for block in streaming.blocks(description, tmp_path)]
+    monkeypatch.setattr(follow, "BLOCK_ROWS", 5)
+    parts = [block.table.angles[:, 0] for block in follow.blocks(description, tmp_path)]
     assert len(parts) == 3
     whole = read(description, tmp_path).table.angles[:, 0]
     np.testing.assert_array_equal(np.concatenate(parts), whole)

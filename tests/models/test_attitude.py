@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.models.attitude import angles_of, body_rate, matrix_of
-from foucault.models.rotation import cross_matrix, log
+from foucault.models.rotation import angles_of, body_rate, cross_matrix, log, matrix_of
 
 RIGHT, FORWARD, UP = np.eye(3)
 EAST, NORTH = RIGHT, FORWARD

@@ -19,7 +19,7 @@ from foucault.models.deflection import (
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.rotation import exp
-from foucault.plans.systematic.spin_poses import COEFFICIENTS, NAMES, design, poses, spin_axis
+from foucault.plans.sequence import COEFFICIENTS, NAMES, design, poses, spin_axis
 from foucault.units import STANDARD_GRAVITY as G
 from foucault.units import parse
 

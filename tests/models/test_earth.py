@@ -7,7 +7,7 @@ import pytest
 
 from foucault.campaign.tables import SiteTable
 from foucault.models import earth
-from foucault.models.geodesy import east_north_up
+from foucault.models.earth import east_north_up
 from foucault.models.rotation import log
 
 DEG = np.pi / 180

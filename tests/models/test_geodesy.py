@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.models.earth import FLATTENING, SEMI_MAJOR_AXIS
-from foucault.models.geodesy import displaced, displacement, east_north_up, ecef, geodetic
+from foucault.models.earth import (
+    FLATTENING,
+    SEMI_MAJOR_AXIS,
+    displaced,
+    displacement,
+    east_north_up,
+    ecef,
+    geodetic,
+)
 
 POLE = SEMI_MAJOR_AXIS * (1 - FLATTENING)
 ROUNDING = 1e-8  # some units in the last place of 6.4e6 m

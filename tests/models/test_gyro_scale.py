@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import CoefficientVector
-from foucault.models.gyro_scale import readout, sensed
+from foucault.models.deflection import readout, sensed
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.rotation import exp
 

@@ -13,7 +13,7 @@ from foucault.models.imu import (
     Gauge,
     ImuModel,
 )
-from foucault.models.references import gravity_slope
+from foucault.models.layouts import gravity_slope
 from foucault.models.rotation import exp
 from foucault.tables import AXES, Log
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from foucault.errors import finding
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.models.readings import Readings, mean_variance
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.models.noise import ImuNoise, Readings, TriadNoise, mean_variance
 from foucault.simulate.noise import draw_noise, quantise
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.models.session_noise import QUIETEST, SessionNoise, window_covariance
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.models.noise import QUIETEST, ImuNoise, SessionNoise, TriadNoise, window_covariance
 from foucault.simulate.noise import draw_noise
 
 START = np.array([0.0, 3.0, 3.5, 20.0, 40.0])

@@ -10,16 +10,14 @@ from foucault.estimate.ins_filter import Updates, run
 from foucault.kernels import ins_transition as kernel
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.ins_errors import Sensors
-from foucault.models.layouts import EVERY, model_of
+from foucault.models.layouts import EVERY, gravity_slope, model_of
 from foucault.models.noise import ImuNoise
-from foucault.models.references import gravity_slope
 from foucault.models.rotation import exp
 from foucault.models.size_effect import GAP, SizeEffect, changes, with_size_effect
 from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
 from foucault.navigate import increments
 from foucault.navigate.increments import increments_of
-from foucault.navigate.state import State
-from foucault.navigate.strapdown import navigate
+from foucault.navigate.strapdown import State, navigate
 from foucault.tables import Log
 
 

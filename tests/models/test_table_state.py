@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 from foucault.models import turntable
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, ImuModel
-from foucault.models.readings import Readings
+from foucault.models.noise import Readings
 from foucault.models.rotation import exp
-from foucault.models.table_geometry import Angles, Free, Trust, tangents
-from foucault.models.table_state import State, Unknowns, moved, predict
+from foucault.models.turntable import Angles, Free, State, Trust, Unknowns, moved, predict, tangents
 
 SITE = Site(9.81, np.radians(48.0))
 NAMES = tuple(

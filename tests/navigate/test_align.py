@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.ins_errors import azimuth_from_gyro_bias
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -14,11 +14,11 @@ from foucault.navigate.align import (
     check_method,
     measured_errors,
     sensor_errors,
+    two_vector_covariance,
     window,
 )
 from foucault.navigate.increments import increments_of
-from foucault.navigate.sensor_errors import SensorErrors
-from foucault.navigate.two_vector import two_vector_covariance
+from foucault.navigate.inertial_frame import SensorErrors
 from foucault.plans.manoeuvres import Rest, Rotate, Sway
 from foucault.tables import Log
 from make_alignment import (

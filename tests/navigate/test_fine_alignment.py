@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.ins_errors import azimuth_from_gyro_bias
 from foucault.navigate.fine_alignment import by_velocity, two_position
 from foucault.navigate.increments import Increments
-from foucault.navigate.sensor_errors import SensorErrors
+from foucault.navigate.inertial_frame import SensorErrors
 from foucault.plans.manoeuvres import Accelerate, Rest, Rotate, Straight, Turn
 from make_alignment import DPH, attitude_error, drawn_biases, moving, resting, with_errors
 

@@ -5,15 +5,15 @@ import pytest
 from scipy.signal import lfilter
 
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.rotation import exp
 from foucault.navigate.inertial_frame import (
+    SensorErrors,
     correlation_time,
     gravity_velocity,
     inertial_frame,
 )
-from foucault.navigate.sensor_errors import SensorErrors
 from foucault.plans.manoeuvres import Accelerate, Rotate, Straight, Sway, Turn
 from make_alignment import DPH, attitude_error, moving, resting, with_errors
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.models.geodesy import displacement
+from foucault.models.earth import displacement
 from foucault.navigate.increments import increments_of
 from foucault.navigate.strapdown import navigate
 from foucault.plans.manoeuvres import Start, Straight

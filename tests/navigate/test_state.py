@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.models.attitude import matrix_of as attitude
 from foucault.models.rotation import exp
-from foucault.navigate.state import State, matrix_of, quaternion_of, state_of, states_of
+from foucault.models.rotation import matrix_of as attitude
+from foucault.navigate.strapdown import State, matrix_of, quaternion_of, state_of, states_of
 from make_strapdown import errors
 
 HALF = np.pi * np.eye(3)

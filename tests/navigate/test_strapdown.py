@@ -12,10 +12,9 @@ from scipy.linalg import expm
 
 import reference
 from foucault.errors import FoucaultError
-from foucault.models.attitude import matrix_of
-from foucault.models.earth import EARTH_RATE, gravity
-from foucault.models.geodesy import east_north_up
+from foucault.models.earth import EARTH_RATE, east_north_up, gravity
 from foucault.models.rotation import log as rotation_vector
+from foucault.models.rotation import matrix_of
 from foucault.navigate.increments import Increments
 from foucault.navigate.strapdown import HEIGHT_LOOP, navigate
 from make_strapdown import (

@@ -4,18 +4,17 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.models.attitude import angles_of
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site, earth_rate_n
 from foucault.models.ins_errors import azimuth_from_gyro_bias
-from foucault.models.rotation import exp
-from foucault.navigate.sensor_errors import SensorErrors
-from foucault.navigate.two_vector import (
+from foucault.models.rotation import angles_of, exp
+from foucault.navigate.align import (
     latitude_seen,
     two_vector,
     two_vector_covariance,
     two_vector_slopes,
 )
+from foucault.navigate.inertial_frame import SensorErrors
 from make_alignment import DPH, LN100_SITE, attitude_error, ln100_log, resting, with_errors
 
 SITE = Site.at(np.radians(-37.0), 250.0)

@@ -17,10 +17,9 @@ from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.turntable import mean_rate, up_k
-from foucault.plans.table.directions import named_angles
-from foucault.plans.table.plan import table_plan
+from foucault.plans.directions import named_angles, table_plan
 from foucault.procedures import norm_observation, on_table
-from foucault.simulate.table.readings import Rig, simulate_readings
+from foucault.simulate.table import Rig, simulate_readings
 from make_table import SITE, silent, solved
 
 DEG_H = np.radians(1 / 3600)

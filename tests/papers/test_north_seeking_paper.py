@@ -19,9 +19,8 @@ import north_seeking_static as static
 import north_seeking_tables as paper
 
 import reference
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.attitude import Known, closed_form, solve
-from foucault.estimate.north.calibration import calibrate_batch
+from foucault.estimate.north import Known, calibrate_batch, closed_form, solve
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.logs import LogDescription, read
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import earth_rate_b, up_b

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.diagnose.coverage import coverage
-from foucault.plans.hand_rotated import hand_plan, spread_directions
+from foucault.diagnose.hand_rotated import coverage
+from foucault.plans.directions import hand_plan, spread_directions
 
 
 @pytest.mark.parametrize("n", [9, 24, 60])

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from foucault.plans.manoeuvre_table import ManoeuvreTable, plain_manoeuvre
-from foucault.plans.manoeuvres import Accelerate, Climb, Straight, STurn, Sway, Turn
+from foucault.plans.manoeuvres import (
+    Accelerate,
+    Climb,
+    ManoeuvreTable,
+    Straight,
+    STurn,
+    Sway,
+    Turn,
+    plain_manoeuvre,
+)
 
 SAID = [
     ({"straight": "20 s"}, Straight(20.0)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from math import exp, inf, isfinite, log, sqrt
+from math import inf, isfinite, log, sqrt
 
 import numpy as np
 import pytest
@@ -12,21 +12,19 @@ import pytest
 from foucault import units
 from foucault.campaign import north as north_campaign
 from foucault.campaign import reading, running
-from foucault.diagnose.north.dwells import find_dwells
-from foucault.diagnose.north.plan import Conditions
+from foucault.detect.dwells import find_dwells
+from foucault.diagnose.north_stops import Conditions
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.attitude import Known as Told
-from foucault.estimate.north.attitude import solve
-from foucault.estimate.north.reduction import Nuisance, reduce
+from foucault.estimate.north import Known as Told
+from foucault.estimate.north import solve
+from foucault.estimate.north_reduction import Nuisance, reduce
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import turned
-from foucault.plans.north import orders
-from foucault.plans.north.bound import Known
-from foucault.plans.north.moves import Rig, Schedule, schedule
-from foucault.plans.north.search import NorthSpace
+from foucault.plans import north_orders as orders
+from foucault.plans.north import Known, NorthSpace, Rig, Schedule, schedule
 from foucault.plans.optimise import Descent, compare, descend
 from foucault.procedures import north_seeking
 from foucault.procedures.record import Beforehand
@@ -51,7 +49,7 @@ def space(slow=0.0, order=orders.PUBLISHED, rig=None, offset_sd=inf, **known):
     rig = rig or Rig(total=300.0, move=0.0, shortest=5.0)
     noise = ImuNoise(ACCEL, TriadNoise(white=ARW, bias_instability=slow))
     told = Known(Conditions(LATITUDE, noise, offset_sd=offset_sd), **known)
-    return NorthSpace(rig, told, schedule(order.index, order.share, rig), order.name)
+    return NorthSpace.of(rig, told, schedule(order.index, order.share, rig), order.name)
 
 
 def searched(one: NorthSpace, evaluations=1200, restarts=1) -> Descent:
@@ -78,7 +76,7 @@ def test_the_quick_bound_is_what_the_solution_states(case):
     one = CASES[case]
     rng = np.random.default_rng(3)
     for plan in (one.reference, *(one.draw(rng) for _ in range(4))):
-        quick = one._bound(plan)
+        quick = one.bound(plan)
         if isfinite(quick):
             # Beside the heading the solution weighs a latitude and tilts that are not quite known.
             assert one.sd(plan, "level")[0] == pytest.approx(quick, rel=2e-3)
@@ -98,7 +96,6 @@ def test_plans_keep_to_the_rig_and_fill_the_time():
         assert min(plan.dwell) >= 130
         assert all(a != b for a, b in zip(plan.index, plan.index[1:], strict=False))
         assert one.duration(plan) == pytest.approx(400.0, abs=1e-9)
-        assert one.from_json(one.as_json(plan)) == plan
         costs.append(one.cost(plan))
         plan = one.moved(plan, rng, 1.0 - k / 400)
     assert np.isfinite(costs).any()
@@ -134,10 +131,10 @@ def test_a_drift_that_is_ignored_cancels_in_fewer_stops_than_the_palindrome_has(
     found = searched(one, 2000)
     still = space(solved="none")
     # All of the error is noise, and no more of it than four positions have.
-    noise = still._bound(found.plan)
-    drift = sqrt(max(one._bound(found.plan) ** 2 - noise**2, 0.0))
+    noise = still.bound(found.plan)
+    drift = sqrt(max(one.bound(found.plan) ** 2 - noise**2, 0.0))
     assert noise < FLOOR * sqrt(2.0) * 1.01
-    assert drift < 0.1 * sqrt(one._bound(one.reference) ** 2 - still._bound(one.reference) ** 2)
+    assert drift < 0.1 * sqrt(one.bound(one.reference) ** 2 - still.bound(one.reference) ** 2)
     assert len(found.plan) <= 6 < len(orders.PALINDROME)
 
 
@@ -161,8 +158,8 @@ def test_slow_noise_is_beaten_by_more_stops_as_far_as_moves_allow():
         orders.positions(6),
     )
     for order in named:
-        named_plan = schedule(order.index, order.share, moving.rig)
-        assert moving._bound(fewer) <= moving._bound(named_plan) * 1.001
+        named_plan = schedule(order.index, order.share, moving.allowed)
+        assert moving.bound(fewer) <= moving.bound(named_plan) * 1.001
 
 
 @pytest.mark.thorough
@@ -188,7 +185,7 @@ def drawn(found: bool):
     """Errors of 2400 set-ups with slow noise, found stops or the published order."""
     one = CASES["moves"]
     plan = best_moving() if found else one.reference
-    index, _, dwell = one._times(plan)
+    index, _, dwell = one.allowed.times(plan)
     headings = np.arange(2400) * np.radians(30.0) + np.radians(15.0)
     setups = tuple(Placement(str(i), float(h)) for i, h in enumerate(headings))
     noise = one.known.conditions.noise
@@ -325,10 +322,3 @@ def test_a_search_that_is_not_told_the_noise_of_the_accelerometers_says_so():
             site=campaign.site, noise=noise, prior={},
         ))  # fmt: skip
         assert [f.code for f in made.findings] == codes
-
-
-def test_the_same_seed_finds_the_same():
-    one = CASES["moves"]
-    twice = [descend(one, np.random.default_rng(9), 300) for _ in range(2)]
-    assert twice[0] == twice[1]
-    assert exp(twice[0].cost) < 1.1

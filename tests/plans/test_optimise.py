@@ -9,8 +9,7 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.models.imu import LAYOUT
-from foucault.plans.optimise import compare, descend
-from foucault.plans.weights import require_seen, weights_of
+from foucault.plans.optimise import compare, descend, require_seen, weights_of
 
 NAMES = ("accel.bias.x", "accel.bias.y", "accel.bias.z")
 

@@ -7,13 +7,14 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.models.rotation import exp
-from foucault.plans.hand_rotated import spread_directions
-from foucault.plans.systematic.pose_search import best_poses, poses_named
-from foucault.plans.systematic.spin_poses import (
+from foucault.plans.directions import spread_directions
+from foucault.plans.sequence import (
     COEFFICIENTS,
     NAMES,
+    best_poses,
     design,
     poses,
+    poses_named,
     quality,
     spin_axis,
 )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-
 import numpy as np
 import pytest
 
@@ -11,15 +9,13 @@ from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.noise import grade
 from foucault.models.turntable import up_k
+from foucault.plans.directions import named_angles
+from foucault.plans.efficiency import efficiency
 from foucault.plans.optimise import compare, descend
-from foucault.plans.table.directions import named_angles
-from foucault.plans.table.efficiency import efficiency
-from foucault.plans.table.periodic import Periodic
-from foucault.plans.table.reach import NEARLY
-from foucault.plans.table.search import Wanted
+from foucault.plans.table import NEARLY, Periodic, Wanted
 from foucault.procedures import multi_position, norm_observation, turntable
 from foucault.procedures.norm_observation import Session, Settings
-from foucault.procedures.on_table.bound import TOGETHER
+from foucault.procedures.on_table.plan import TOGETHER
 from foucault.procedures.on_table.session import plan_of
 from foucault.procedures.record import Beforehand
 
@@ -115,7 +111,7 @@ def test_a_tabled_function_is_exact_up_to_its_harmonics():
 @pytest.mark.parametrize("trust", MODULES)
 @pytest.mark.parametrize("more", [{}, MORE], ids=["", "everything"])
 def test_positions_together_tell_what_each_tells(trust, more):
-    bench = space_of("icosahedron 12", MODULES[trust], **more).bound.args[0]
+    bench = space_of("icosahedron 12", MODULES[trust], **more).stated.args[0]
     positions = np.random.default_rng(3).uniform(-3, 3, (TOGETHER + 3, 3))
     for part, position in zip(bench.parts(positions), positions, strict=True):
         alone = bench.part(tuple(position))
@@ -151,15 +147,6 @@ def test_geometric_means_are_a_little_better_than_of_the_icosahedron():
     assert (comparison.geometric_mean < 0.9995).all()
     assert (comparison.worst < 1.1).all()
     assert len(space.cases) == 4
-
-
-@pytest.mark.thorough
-def test_the_same_seed_finds_the_same_plan_here_and_elsewhere():
-    space = space_of()
-    other = pickle.loads(pickle.dumps(space))
-    assert found(space, 60, 3) == found(other, 60, 3) != found(space, 60, 4)
-    plan = found(space, 60, 3)
-    assert space.from_json(space.as_json(plan)) == plan
 
 
 @pytest.mark.thorough

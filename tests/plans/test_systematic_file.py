@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.plans.systematic.file import ActionTable, parse_sequence, read_sequence
-from foucault.plans.systematic.sequence import pointing
+from foucault.plans.sequence import pointing
+from foucault.plans.sequence_file import ActionTable, parse_sequence, read_sequence
 
 DEG = np.pi / 180
 

@@ -8,24 +8,23 @@ import pytest
 from foucault.errors import FoucaultError
 from foucault.models.rotation import cross_matrix, exp, log
 from foucault.plans.manoeuvres import Rest, Rotate
-from foucault.plans.systematic.built_in import (
+from foucault.plans.sequence import (
     BUILT_IN,
+    CalibrationSequence,
     action_sequences,
     built_in,
     gimbal_sequence,
     navigation_test,
     nine_positions,
     nineteen_positions,
-    quarter_turns,
-)
-from foucault.plans.systematic.sequence import (
-    CalibrationSequence,
     orientation,
     pointing,
+    poses,
+    quarter_turns,
     spin,
+    spin_axis,
     turns_to,
 )
-from foucault.plans.systematic.spin_poses import poses, spin_axis
 
 DEG = np.pi / 180
 

@@ -10,8 +10,8 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.models.turntable import up_k
-from foucault.plans.hand_rotated import spread_directions
-from foucault.plans.table.reach import Reach, shortest_order, travel_time
+from foucault.plans.directions import spread_directions
+from foucault.plans.table import Reach, shortest_order, travel_time
 
 DIRECTIONS = spread_directions(50)
 

@@ -9,7 +9,7 @@ from foucault.errors import FoucaultError
 from foucault.models.cluster import angles_of
 from foucault.models.earth import EARTH_RATE, earth_rate_n
 from foucault.models.rotation import exp
-from foucault.plans.tumble.torquing import (
+from foucault.plans.tumble import (
     PUBLISHED,
     RATE,
     TorquingPlan,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.models.attitude import angles_of
-from foucault.plans.transfer.profiles import PROFILES, transfer_profile
+from foucault.models.rotation import angles_of
+from foucault.plans.transfer import PROFILES, transfer_profile
 from foucault.simulate.motion import motion_of
 from make_transfer_flight import DEG
 

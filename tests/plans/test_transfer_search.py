@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from foucault.plans.manoeuvres import Sway
-from foucault.plans.transfer.moves import Flyable, Step, needs_of
-from foucault.plans.transfer.profiles import PROFILES
+from foucault.plans.transfer import PROFILES, Flyable, Step, needs_of
 from foucault.simulate.motion import simulate_motion
 
 START = PROFILES["flight"]

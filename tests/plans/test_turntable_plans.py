@@ -9,22 +9,23 @@ from foucault.errors import FoucaultError
 from foucault.estimate import norm_observation
 from foucault.models.imu import ImuModel
 from foucault.models.turntable import up_k
-from foucault.plans.table.directions import (
+from foucault.plans.directions import (
     DIRECTIONS,
+    FOUR_POSITIONS,
     angles_of,
     canonical,
     directions,
     named_angles,
     positions,
+    table_plan,
 )
-from foucault.plans.table.efficiency import (
+from foucault.plans.efficiency import (
     MODELS,
     NOTICED,
     efficiency,
     model_named,
     refuse_singular,
 )
-from foucault.plans.table.plan import FOUR_POSITIONS, table_plan
 
 SPIN = {"spin_rate": np.radians(10.0), "rest_time": 60.0, "turns": 5}
 

@@ -15,11 +15,10 @@ import pytest
 from foucault.campaign import parse
 from foucault.campaign.running import simulate as simulate_campaign
 from foucault.campaign.writing import template
-from foucault.diagnose.consistency import nees
-from foucault.diagnose.faces.rests import _creeping, find_faces
-from foucault.diagnose.faces.whole_turns import find_turns
+from foucault.detect.faces import _creeping, find_faces, find_turns
+from foucault.diagnose.study import nees
 from foucault.errors import FoucaultError, finding
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.logs import LogDescription, read
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
@@ -367,20 +366,6 @@ def test_angles_of_the_axes_are_read_from_a_campaign():
                         ('["360 deg", "90 deg"]', "angle")):  # fmt: skip
         with pytest.raises(FoucaultError, match=said):
             parse(text.replace(one, f"angle = {wrong}"))
-
-
-@pytest.mark.thorough
-def test_errors_with_unequal_angles_have_the_size_that_was_promised():
-    ends = {"angle_sd": np.radians(0.05), "level_sd": 3 * ARCMIN, "placement_sd": 3 * ARCMIN}
-    angles = tuple(np.radians([360.0, -720.0, 90.0]))
-    errors, covs = [], []
-    for seed in range(60):
-        log, model = short_log(seed=seed, angle=angles, **ends)
-        found = calibrate(log, angle=angles, **ends).coefficients
-        errors.append(found.values - model.coefficients(found.names).values)
-        covs.append(found.cov)
-    low, high = chi_square_limits(np.size(errors))
-    assert low < nees(np.array(errors), np.array(covs)).sum() < high
 
 
 @pytest.mark.parametrize("name", ["six_position", "ferraris"])

@@ -9,7 +9,7 @@ import pytest
 
 from foucault import campaign, logs
 from foucault.errors import FoucaultError
-from foucault.logs import LogDescription, read, streaming
+from foucault.logs import LogDescription, follow, read
 from foucault.result import Level
 from foucault.tables import Log
 
@@ -80,7 +80,7 @@ def test_times_that_overlap_follow_and_times_that_go_on_stay(tmp_path, begins, w
     assert log.interval == pytest.approx(0.1)
     assert log.source["file"] == "a.csv + b.csv"
     assert not log.findings
-    (block,) = streaming.blocks(about, tmp_path)
+    (block,) = follow.blocks(about, tmp_path)
     np.testing.assert_array_equal(block.accel, log.accel)
 
 

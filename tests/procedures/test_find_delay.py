@@ -8,22 +8,22 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.models.attitude import matrix_of
 from foucault.models.imu import ImuModel
-from foucault.models.master import MasterTable
-from foucault.models.rotation import exp
+from foucault.models.rotation import exp, matrix_of
+from foucault.models.transfer import MasterTable
 from foucault.plans.manoeuvres import Climb, Start, Straight, STurn, Turn
-from foucault.plans.transfer.profiles import TransferProfile
+from foucault.plans.transfer import TransferProfile
 from foucault.procedures.delay import FoundDelay, find_delay
 from foucault.result import Level
-from foucault.simulate.transfer.link import Link, MasterNoise
-from foucault.simulate.transfer.session import (
+from foucault.simulate.transfer import (
+    Link,
+    MasterNoise,
+    Slave,
     TransferSimulation,
     draw_slave,
     simulate_transfer,
     turn_on_grade,
 )
-from foucault.simulate.transfer.slave import Slave
 from foucault.tables import Log
 from make_transfer import ARCMIN, DEG
 
@@ -301,7 +301,9 @@ def test_a_wrong_unit() -> None:
     run = flown()
     log = replace(run.log, gyro=np.degrees(run.log.gyro))
     found = find_delay(log, run.master, C_ms=ALONG)
-    assert "taken for rad" in next(f.message for f in found.findings if f.code == "delay.scale")
+    assert "the unit is deg/s and was declared as rad/s" in next(
+        f.message for f in found.findings if f.code == "delay.scale"
+    )
     assert found.verdict.level is not Level.PASS
 
 

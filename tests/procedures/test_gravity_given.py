@@ -8,7 +8,7 @@ import pytest
 
 import make_guard
 from foucault import campaign
-from foucault.diagnose.compare.gravity import gravity_errors
+from foucault.diagnose.comparable import gravity_errors
 from foucault.models import earth
 
 G = earth.gravity(make_guard.LATITUDE, 60.0)

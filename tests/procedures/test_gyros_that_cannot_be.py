@@ -52,7 +52,7 @@ def test_gyros_in_seconds_of_arc_that_were_declared_as_degrees(method):
     log = log_for(method)
     problem = refused(method, replace(log, gyro=log.gyro * 3600))
     assert problem.code == "gyro.unit"
-    assert "gyro unit is arcsec/s and was declared as deg/s" in problem.message
+    assert "unit is deg/h or arcsec/s and was declared as deg/s" in problem.message
 
 
 def test_a_gyro_bias_that_no_gyro_has_is_a_wrong_unit():

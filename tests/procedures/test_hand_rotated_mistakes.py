@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError, Status
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.noise import grade
-from foucault.plans.hand_rotated import spread_directions
+from foucault.plans.directions import spread_directions
 from foucault.procedures import hand_rotated_published
 from foucault.procedures.hand_rotated import Settings, calibrate
 from foucault.result import Level
@@ -148,10 +148,10 @@ def test_an_exchange_that_is_named_is_the_one_that_cures():
 @pytest.mark.parametrize(
     ("factor", "cause"),
     [
-        (180 / np.pi, "the gyro unit is deg/s and was declared as rad/s"),
-        (np.pi / 180, "the gyro unit is rad/s and was declared as deg/s"),
-        (0.01, "the gyro columns are increments and were declared as rates"),
-        (100.0, "the gyro columns are rates and were declared as increments"),
+        (180 / np.pi, "the unit is deg/s and was declared as rad/s"),
+        (np.pi / 180, "the unit is rad/s and was declared as deg/s"),
+        (0.01, "increments were declared as rates"),
+        (100.0, "rates were declared as increments"),
     ],
 )
 def test_a_wrong_unit_of_the_gyros(factor, cause):
@@ -159,6 +159,18 @@ def test_a_wrong_unit_of_the_gyros(factor, cause):
     assert problem.code == "gyro.unit"
     assert problem.message.endswith(f"probably {cause}.")
     assert problem.cure == "Correct `unit` and `kind` in [log.gyro]."
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_one_column_in_another_unit(axis):
+    log, one = made().log, np.eye(3)[axis]
+    problem = refused(replace(log, gyro=log.gyro * (1 + one * (180 / np.pi - 1))))
+    assert problem.code == "gyro.one_axis"
+    assert f"readings of gyro {'xyz'[axis]} multiplied by 0.01745 they miss" in problem.message
+    for factor, said in ((1 / 9.80665, "0.102"), (9.80665, "9.807"), (1e3, "1000")):
+        problem = refused(replace(log, accel=log.accel * (1 + one * (factor - 1))))
+        assert problem.code == "accel.one_axis"
+        assert f"accelerometer {'xyz'[axis]} are divided by {said}:" in problem.message
 
 
 @pytest.mark.parametrize(("factor", "ratio"), [(9.80665, "9.81"), (1 / 9.80665, "0.102")])

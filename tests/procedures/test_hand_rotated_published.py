@@ -11,7 +11,7 @@ import pytest
 from foucault.errors import FoucaultError
 from foucault.models.imu import LINEAR_LOWER
 from foucault.models.noise import ImuNoise, grade
-from foucault.plans.hand_rotated import hand_plan
+from foucault.plans.directions import hand_plan
 from foucault.procedures import hand_rotated_published as published
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors, simulate

@@ -9,15 +9,14 @@ import pytest
 from scipy.stats import chi2
 
 from foucault.errors import FoucaultError
-from foucault.estimate.table.likelihood import ALONG
+from foucault.estimate.table import ALONG
 from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel
-from foucault.models.noise import grade
-from foucault.models.readings import Readings
-from foucault.plans.table.plan import table_plan
+from foucault.models.noise import Readings, grade
+from foucault.plans.directions import table_plan
 from foucault.procedures import norm_observation, on_table, turntable
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.simulate.table.readings import Rig, simulate_readings
+from foucault.simulate.table import Rig, simulate_readings
 
 SITE = Site.at(np.radians(48.8), 60.0)
 DPH = np.pi / 648000

@@ -9,15 +9,15 @@ import pytest
 
 from foucault.coefficients import CoefficientVector
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.logs.reference import Reference
-from foucault.models.attitude import matrix_of
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.rotation import matrix_of
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.procedures.alignment import align_log
 from foucault.procedures.navigation import navigate_log
-from foucault.procedures.navigation.settings import Settings
+from foucault.procedures.navigation.start import Settings
 from foucault.result import Level
 from make_alignment import LN100_SITE, RING_SITE, ln100_log, ring_log
 from make_navigation import (
@@ -465,7 +465,7 @@ def test_a_start_attitude_given_in_part() -> None:
 
 
 def test_the_calibration_of_something_else() -> None:
-    from foucault.models.cluster_layout import LAYOUT as CLUSTER
+    from foucault.models.cluster import LAYOUT as CLUSTER
 
     other = calibration(CoefficientVector.zeros(CLUSTER), provenance={"file": "tumble.json"})
     refused("navigate.not_imu", "tumble.json is a result of turntable", "accelerometers and gyros",

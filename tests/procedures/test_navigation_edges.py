@@ -12,7 +12,7 @@ from foucault.logs import reference as references
 from foucault.plans.manoeuvres import Rest
 from foucault.procedures.alignment import align_log
 from foucault.procedures.navigation import navigate_log
-from foucault.procedures.navigation.settings import Settings
+from foucault.procedures.navigation.start import Settings
 from make_navigation import DRIVE, LONGITUDE, SITE, errors, logged, reference_of
 
 TRUE, FOUND = errors()

@@ -12,13 +12,12 @@ from typer.testing import CliRunner
 from foucault import run_folder
 from foucault.cli import app
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.logs import write as write_log
-from foucault.models.earth import Site
-from foucault.models.geodesy import displaced
+from foucault.models.earth import Site, displaced
 from foucault.plans.manoeuvres import Accelerate, Rest, Turn
 from foucault.procedures.navigation import navigate_log
-from foucault.procedures.navigation.settings import Settings
+from foucault.procedures.navigation.start import Settings
 from foucault.result import Level
 from make_navigation import NOISE, calibration, errors, logged, reference_of
 
@@ -63,7 +62,9 @@ def test_a_start_in_motion_goes_on_from_the_velocity_and_place_that_are_given(pe
     assert right.runs[0].errors.position[-1] == pytest.approx(np.zeros(3), abs=0.05)
     assert "navigate.speed_at_start" not in codes(right)
     # Velocity as given, not that of the reference or zero: 0.2 m/s more are 15 m in 75 s.
-    fast = replace(settings, velocity=tuple(np.add(settings.velocity, [0.2, 0.0, 0.0])))
+    fast = settings.model_copy(
+        update={"velocity": tuple(np.add(settings.velocity, [0.2, 0.0, 0.0]))}
+    )
     off = navigate_log(perfect.log, settings=fast, noise=NOISE, reference=known, **there)
     e = off.runs[0].errors
     assert e.position[-1, 0] == pytest.approx(0.2 * e.age[-1], rel=0.02)
@@ -72,7 +73,7 @@ def test_a_start_in_motion_goes_on_from_the_velocity_and_place_that_are_given(pe
     north = {"site": site, "longitude": there["longitude"]}
     seen = navigate_log(perfect.log, settings=settings, noise=NOISE, reference=known, **north)
     assert seen.runs[0].errors.position[-1, 1] == pytest.approx(10.0, abs=0.2)
-    loose = replace(settings, position_sd=None)
+    loose = settings.model_copy(update={"position_sd": None})
     seen = navigate_log(perfect.log, settings=loose, noise=NOISE, reference=known, **north)
     assert seen.runs[0].errors.position[-1, 1] == pytest.approx(0.0, abs=0.2)
 
@@ -80,7 +81,7 @@ def test_a_start_in_motion_goes_on_from_the_velocity_and_place_that_are_given(pe
 def test_the_predicted_error_holds_that_of_the_start(perfect) -> None:
     settings, there = handed(perfect)
     test = navigate_log(perfect.log, settings=settings, noise=NOISE, **there)
-    exact = replace(settings, velocity_sd=1e-9, position_sd=None)
+    exact = settings.model_copy(update={"velocity_sd": 1e-9, "position_sd": None})
     less = navigate_log(perfect.log, settings=exact, noise=NOISE, **there)
     age = test.budget.time[-1] - test.runs[0].start.time
     more = np.diag(test.budget.cov[-1] - less.budget.cov[-1])
@@ -103,7 +104,7 @@ def test_runs_from_a_hand_over_are_as_far_off_as_predicted() -> None:
         e = test.runs[0].errors
         x = np.concatenate([e.position[-1], e.velocity[-1]])
         squares += x @ np.linalg.solve(test.budget.cov[-1][np.ix_(rows, rows)], x)
-        exact = replace(settings, velocity_sd=1e-9, position_sd=1e-9)
+        exact = settings.model_copy(update={"velocity_sd": 1e-9, "position_sd": 1e-9})
         less = navigate_log(run.log, settings=exact, noise=NOISE, reference=reference_of(run),
                             calibration=calibration(found), **there)  # fmt: skip
         without += x @ np.linalg.solve(less.budget.cov[-1][np.ix_(rows, rows)], x)

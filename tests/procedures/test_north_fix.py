@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from foucault.diagnose.consistency import nees
+from foucault.diagnose.study import nees
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.attitude import LATITUDE
+from foucault.estimate.north import LATITUDE
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise

@@ -10,9 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from foucault.cli import app
-from foucault.diagnose.consistency import nees
+from foucault.diagnose.study import nees
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.logs import indexed, indexed_own
 from foucault.models.earth import Site, gravity
 from foucault.models.imu import ImuModel
@@ -121,7 +121,7 @@ def test_the_column_is_read_from_titles_and_by_the_command(tmp_path) -> None:
     words = ["--gyro-noise", "0.003 deg/sqrt(h)", "--accel-noise", "30 ug/sqrt(Hz)"]
     done = CliRunner().invoke(app, ["north", str(bare), *words, "-o", str(tmp_path / "o")])
     assert done.exit_code in (0, 3), done.output
-    assert "latitude (deg)" in done.stdout and "60.2" in done.stdout and "-33.9" in done.stdout
+    assert "latitude [°]" in done.stdout and "60.2" in done.stdout and "-33.9" in done.stdout
     about = json.loads((tmp_path / "o" / "north.json").read_text())
     assert about["known"]["latitude"] == pytest.approx(PLACES)
     page = (tmp_path / "o" / "report.html").read_text()

@@ -12,18 +12,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from foucault.diagnose.rests import find_rests
+from foucault.detect.stretches import find_rests
 from foucault.errors import Status
-from foucault.estimate.gauss_newton import solve
-from foucault.estimate.hand_rotated.likelihood import RestsAndTurns
-from foucault.estimate.hand_rotated.start import first_guess
+from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
 from foucault.infer import mixed
+from foucault.infer.gauss_newton import solve
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
-from foucault.models.noise import ImuNoise
+from foucault.models.noise import ImuNoise, SessionNoise
 from foucault.models.rests_and_turns import Attitudes, Session, predict
 from foucault.models.rotation import exp, log
-from foucault.models.session_noise import SessionNoise
 from foucault.procedures.hand_rotated import Settings, calibrate
 from foucault.result import Level
 from make_session import BLIND, SITE, model_of, quiet_session, reduced, seen_by

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import LINEAR_LOWER, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise

@@ -5,16 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.consistency import nees
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.diagnose.study import nees
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.plans.directions import face_plan
 from foucault.procedures import ferraris, hand_rotated, norm_observation
 from foucault.result import Level
-from foucault.simulate.faces import face_plan
-from foucault.simulate.faces import simulate as simulate_faces
 from foucault.simulate.hand_rotated import draw_errors
 from foucault.simulate.hand_rotated import simulate as simulate_hand
-from foucault.simulate.table.log import simulate as simulate_table
+from foucault.simulate.table import simulate as simulate_table
 from make_session import SITE, short_plan
 
 DEG = np.pi / 180
@@ -83,7 +82,7 @@ def test_declared_counts_are_kept_in_the_hand_and_on_faces(procedure):
             settings = procedure.Settings()
         else:
             plan = face_plan(rest_time=10, move_time=1, turn_time=3, angle=-2 * np.pi, seed=seed)
-            log, settings = simulate_faces(plan, **given).log, procedure.Settings(placement_sd=0.0)
+            log, settings = simulate_hand(plan, **given).log, procedure.Settings(placement_sd=0.0)
         result = procedure.calibrate(log, site=SITE, settings=settings, noise=counting(100.0))
         truth = model.coefficients(result.coefficients.names)
         errors.append(result.coefficients.values - truth.values)

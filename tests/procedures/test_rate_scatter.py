@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.consistency import nees
+from foucault.diagnose.study import nees
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.procedures.rate_table import Settings, from_readings, names_of, solved

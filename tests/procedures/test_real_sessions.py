@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.logs import LogDescription, read
 from foucault.models.earth import Site
 from foucault.models.imu import Gauge, ImuModel

@@ -11,12 +11,11 @@ import pytest
 from foucault import campaign
 from foucault.campaign import study
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.systematic import deflection_choice as choices
-from foucault.diagnose.systematic import deflection_verdict as verdicts
-from foucault.diagnose.systematic.deflection_choice import GENERAL18, UNIT, Told
+from foucault.diagnose import deflection
+from foucault.diagnose.deflection import GENERAL18, UNIT, Told
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.systematic.fit import Start, attitude_at_start
+from foucault.estimate.systematic import Start, attitude_at_start
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.deflection import deflection_model
 from foucault.models.earth import Site
 from foucault.procedures import systematic
@@ -24,7 +23,7 @@ from foucault.procedures.systematic import choice as procedure
 from foucault.procedures.systematic.problem import problem_of
 from foucault.procedures.systematic.settings import PRIOR, Settings
 from foucault.report import html
-from foucault.report import systematic_choice as report
+from foucault.report import systematic as report
 from foucault.result import Level
 from make_sequence import DEG, NOISE
 
@@ -124,8 +123,8 @@ def test_odds_are_those_of_gaussian_measurements():
     J, y = A.T @ A, A.T @ z
     prior = CoefficientVector(model.layout, rng.normal(size=9) * UNIT,
                               prior_sd=rng.uniform(1, 3, 9) * UNIT)  # fmt: skip
-    found = choices.candidate(Told(J, y), model, prior, sided=False, known=True)
-    D = A @ choices.in_general(model)
+    found = deflection.candidate(Told(J, y), model, prior, sided=False, known=True)
+    D = A @ deflection.in_general(model)
     V = np.eye(7) + D @ np.diag(prior.prior_sd**2) @ D.T
     want = multivariate_normal(D @ prior.values, V).logpdf(z) - multivariate_normal(
         np.zeros(7)
@@ -149,12 +148,12 @@ def test_the_gain_is_chi_square_where_nothing_bends():
     runs, squares, held, beyond = 2000, 0.0, 0, 0
     for _ in range(runs):
         noise = root @ rng.standard_normal(18)
-        found = choices.candidate(Told(J, noise), model, prior, sided=True, known=False)
+        found = deflection.candidate(Told(J, noise), model, prior, sided=True, known=False)
         squares += found.square
         beyond += found.chance < 0.01
-        bent = Told(J, noise + J @ (choices.in_general(model) @ theta))
+        bent = Told(J, noise + J @ (deflection.in_general(model) @ theta))
         held += (
-            choices.candidate(bent, model, prior, sided=True, known=False).bound
+            deflection.candidate(bent, model, prior, sided=True, known=False).bound
             > np.abs(theta).max()
         )
     low, high = chi_square_limits(6 * runs)
@@ -165,7 +164,7 @@ def test_the_gain_is_chi_square_where_nothing_bends():
 
 def test_every_model_once_and_both_senses_where_they_differ():
     for first in (-1, 1):
-        labels = [(m.name, m.chirality) for m in choices.candidates(first)]
+        labels = [(m.name, m.chirality) for m in deflection.candidates(first)]
         assert labels == [
             ("coupled6", first), ("coupled6", -first), ("direct6", first),
             ("direct6+transverse3", first), ("lateral3+axial6", first), ("direct12", first),
@@ -326,8 +325,8 @@ def test_a_session_that_sees_no_model_whole_is_refused():
 
 
 def judged(told, used=None):
-    choice = choices.judged(told, PRIORS)
-    one = choices.chosen(choice) if used is None else next(
+    choice = deflection.judged(told, PRIORS)
+    one = deflection.chosen(choice) if used is None else next(
         c for c in choice.candidates if c.label == used
     )  # fmt: skip
     return replace(choice, used=one)
@@ -335,29 +334,29 @@ def judged(told, used=None):
 
 def test_models_that_are_not_told_apart_are_named():
     """Their common part bends: both senses say the same but for what is hardly seen."""
-    both = [choices.in_general(deflection_model("coupled6", c)) for c in (-1, 1)]
+    both = [deflection.in_general(deflection_model("coupled6", c)) for c in (-1, 1)]
     common = both[0] + both[1]
     seen = common / np.linalg.norm(common, axis=0)
     J = (seen @ seen.T / 0.05**2 + np.eye(18) / 2.9**2) / UNIT**2
     choice = judged(Told(J, J @ both[0] @ (np.array([2.0, -1.0, 1.5, 1.0, -2.0, 1.2]) * UNIT)))
     assert sum(choice.shares.values()) == pytest.approx(1.0)
-    (found,) = verdicts.findings(choice, asked=True)
+    (found,) = deflection.findings(choice, asked=True)
     assert found.code == "systematic.choice_close"
     assert "coupled6, chirality -1 " in found.message and "coupled6, chirality 1 " in found.message
     assert '"spins, icosahedral 6"' in found.cure
     # Who has named a model has chosen.
-    assert verdicts.findings(choice, asked=False) == []
+    assert deflection.findings(choice, asked=False) == []
 
 
 def test_a_bending_that_no_model_explains_that_is_seen_whole():
     """Of what force along the axes does the session sees one combination, and it is not zero."""
     model = deflection_model("lateral3+axial6")
-    axial = choices.in_general(model)[:, model.layout.names.index("deflection.xyx")]
-    coupled = choices.in_general(deflection_model("coupled6"))
+    axial = deflection.in_general(model)[:, model.layout.names.index("deflection.xyx")]
+    coupled = deflection.in_general(deflection_model("coupled6"))
     J = (np.outer(axial, axial) + coupled @ coupled.T) / (0.05 * UNIT) ** 2
     choice = judged(Told(J, J @ axial * UNIT))
     assert choice.used is None and choice.bends
-    check = verdicts.check(choice)
+    check = deflection.deflection_check(choice)
     assert not check.passed
     assert re.fullmatch(
         "The gyros bend, but as no model says that this session sees whole; the likeliest is "
@@ -367,7 +366,7 @@ def test_a_bending_that_no_model_explains_that_is_seen_whole():
 
 def test_a_deflection_that_was_named_and_is_not_there():
     choice = judged(told(seed=5), "coupled6, chirality -1")
-    check = verdicts.check(choice)
+    check = deflection.deflection_check(choice)
     assert check.passed
     assert check.sentence.startswith("The deflection does not differ from zero at 1 %: by ")
 

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from foucault.diagnose.systematic.deflection_choice import UNIT, Told, judged
+from foucault.diagnose.deflection import UNIT, Told, judged
 from foucault.errors import FoucaultError
 from foucault.models.deflection import deflection_model
 from foucault.models.earth import Site
 from foucault.procedures import systematic
-from foucault.procedures.systematic.left_out import bending
+from foucault.procedures.systematic.choice import bending
 from foucault.procedures.systematic.settings import PRIOR, Settings
 from foucault.result import Level
 from make_sequence import DEG, DPH, NOISE

@@ -9,10 +9,10 @@ import pytest
 
 from foucault import campaign, logs
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.ins_errors import Sensors
 from foucault.plans.manoeuvres import Rest
-from foucault.plans.systematic.sequence import CalibrationSequence, orientation
+from foucault.plans.sequence import CalibrationSequence, orientation
 from foucault.procedures import systematic
 from foucault.procedures.systematic.settings import Session, Settings
 from foucault.result import Level

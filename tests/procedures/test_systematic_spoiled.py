@@ -10,7 +10,7 @@ import pytest
 from test_systematic import SITE, codes, failed, nees, simulated, trial
 
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.procedures import systematic
@@ -157,8 +157,12 @@ FEW = systematic.Session(rest_time=30.0, rate=5.0)
         ({"gyro": 0.0}, "systematic.one_value", "gyro x, gyro y, gyro z read one value"),
         ({"accel": 0.0}, "systematic.one_value", "accel x, accel y, accel z read one value"),
         ({"gyro": np.diag([1.0, 0.0, 1.0])}, "systematic.one_value", "gyro y read one value"),
-        ({"gyro": 3600.0}, "systematic.rest_rate", "arcsec were declared as deg"),
-        ({"gyro": 3600.0 / DEG}, "systematic.rest_rate", "arcsec were declared as rad"),
+        ({"gyro": 3600.0}, "systematic.rest_rate", "deg/h or arcsec/s and was declared as deg/s"),
+        (
+            {"gyro": 3600.0 / DEG},
+            "systematic.rest_rate",
+            "deg/h or arcsec/s and was declared as rad",
+        ),
         ({"accel": np.diag([1.0, 1 / 9.80665, 1.0])}, "accel.one_axis", "accelerometer y are div"),
         ({"accel": np.diag([9.80665, 1.0, 1.0])}, "accel.one_axis", "x are divided by 9.807"),
     ],

@@ -10,9 +10,8 @@ import pytest
 from scipy.stats import chi2
 
 from foucault.diagnose.checks import foreseen_check
-from foucault.diagnose.table.checks import checks
-from foucault.estimate.table.fit import fit
-from foucault.estimate.table.likelihood import angle_start
+from foucault.diagnose.table import checks
+from foucault.estimate.table import angle_start, fit
 from foucault.models.earth import Site
 from foucault.models.noise import grade
 from foucault.procedures import multi_position, on_table, turntable

@@ -11,10 +11,10 @@ import pytest
 from scipy import stats
 
 from foucault.errors import FoucaultError
-from foucault.estimate.temperature.fit import Fit
+from foucault.estimate.temperature import Fit
 from foucault.models.temperature import TemperatureModel
 from foucault.procedures.temperature import Ramp, Session, Settings, calibrate
-from foucault.procedures.temperature.task import model_of, solved, task_of
+from foucault.procedures.temperature.evidence import model_of, solved, task_of
 from foucault.result import Check, Level, Result
 from foucault.result_document import document
 from make_temperature import ROOM, ZERO, sessions, truth, typical

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.compare.gravity import gravity_errors
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.models.references import gravity_slope
+from foucault.diagnose.comparable import gravity_errors
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.models.layouts import gravity_slope
 from foucault.procedures.temperature import Session, Settings, calibrate
 from foucault.result import Result
 from make_temperature import ROOM, sessions, truth

@@ -14,8 +14,8 @@ from foucault.cli.app import app
 from foucault.logs.description import LogDescription
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
+from foucault.models.layouts import clock_slope
 from foucault.models.noise import grade
-from foucault.models.references import clock_slope
 from foucault.procedures import hand_rotated
 from foucault.procedures.merged import merged
 from foucault.report import html

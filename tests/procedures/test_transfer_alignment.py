@@ -8,18 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.compare.gravity import gravity_errors
-from foucault.errors import FoucaultError, Status
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.models.attitude import angles_of, matrix_of
+from foucault.diagnose.comparable import gravity_errors
+from foucault.errors import FoucaultError
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
+from foucault.models.rotation import angles_of, matrix_of
 from foucault.models.rotation import log as rotation_vector
 from foucault.plans.manoeuvres import Straight
 from foucault.procedures import transfer_alignment
 from foucault.procedures.record import Beforehand
-from foucault.procedures.transfer_alignment.foresight import foreseen, manoeuvres, moved
-from foucault.procedures.transfer_alignment.log import SlaveLog
-from foucault.procedures.transfer_alignment.settings import Settings
+from foucault.procedures.transfer_alignment.session import foreseen, manoeuvres, moved
+from foucault.procedures.transfer_alignment.settings import Settings, SlaveLog
 from foucault.result import Level
 from make_transfer_campaign import calibrated, codes, failed, made, missed, trial
 from make_transfer_campaign import faultless as described
@@ -45,22 +44,6 @@ def settings(c, **changes):
 
 
 # -- what was put in comes back --------------------------------------------------------------------
-
-
-@pytest.mark.thorough
-def test_errors_are_as_large_as_promised():
-    """NEES of 13 numbers over 12 flights; a covariance a third off is found out."""
-    c, runs, total = described(), 12, 0.0
-    for seed in range(runs):
-        session = made(c, seed)
-        result = trial(c, session.simulation.log)
-        assert result.status is Status.CONVERGED
-        assert not result.findings
-        total += missed(result, session)[1]
-    low, high = chi_square_limits(13 * runs)
-    assert low < total < high
-    assert not low < total * 1.5 < high
-    assert not low < total / 1.5 < high
 
 
 def test_one_flight_is_told_whole(flight, found):
@@ -165,16 +148,6 @@ def test_it_is_handed_over_as_well_as_it_says():
         assert handed["latitude"] == pytest.approx(truth.latitude[k], abs=2e-6)
     low, high = chi_square_limits(6 * runs)
     assert low < total < high
-
-
-def test_the_same_seed_gives_the_same_numbers(flight, found):
-    c, session = flight
-    again = made(c, 7)
-    np.testing.assert_array_equal(again.simulation.log.gyro, session.simulation.log.gyro)
-    np.testing.assert_array_equal(again.simulation.log.messages.C_nb,
-                                  session.simulation.log.messages.C_nb)  # fmt: skip
-    result = calibrated(c, again.simulation.log)
-    np.testing.assert_array_equal(result.coefficients.values, found.coefficients.values)
 
 
 @pytest.mark.thorough
@@ -342,6 +315,24 @@ def test_innovations_that_are_larger_or_smaller_than_stated(flight):
         assert float(value) == pytest.approx(
             {"velocity_sd": 0.05, "attitude_sd": 1.0}[key], rel=0.3
         )
+
+
+def test_messages_that_are_worse_for_a_while_are_hidden_from_all_but_what_was_held_out(flight):
+    """A master is a quarter noisier for a sixth of the flight: its innovations are as allowed."""
+    c, session = flight
+    log = session.simulation.log
+    table = log.messages
+    fast, sixth = table.velocity_n.copy(), len(table) // 6
+    part = slice(2 * sixth, 3 * sixth)
+    noise = np.random.default_rng(1).standard_normal((sixth, 3))
+    fast[part] += 0.75 * c.settings.velocity_sd * noise
+    result = trial(c, replace(log, master=replace(table, velocity_n=fast)))
+    assert failed(result) == {"held-out messages"}
+    assert result.verdict.level is Level.DOUBTFUL
+    said = next(x for x in result.checks if x.name == "held-out messages").sentence
+    begin, end = (float(x) for x in re.findall(r"from (\d+) to (\d+) s", said)[0])
+    first, last = table.time[part][[0, -1]]
+    assert abs(begin - first) < 1.0 and abs(end - last) < 1.0
 
 
 def test_flexure_that_is_not_modelled_shows():

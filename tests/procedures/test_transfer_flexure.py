@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.result import Level
 from make_transfer_campaign import codes, failed, faultless, made, missed, trial

@@ -12,7 +12,7 @@ from foucault import campaign
 from foucault.campaign import optimisation
 from foucault.errors import FoucaultError
 from foucault.models.earth import Site
-from foucault.plans.transfer.moves import Step
+from foucault.plans.transfer import Step
 from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment import Session, Settings, Wanted, foresee, space
 

@@ -9,17 +9,16 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.transfer import model as transfer_model
-from foucault.models.attitude import angles_of, matrix_of
+from foucault.estimate import transfer
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
-from foucault.models.rotation import exp
-from foucault.plans.transfer.profiles import transfer_profile
+from foucault.models.rotation import angles_of, exp, matrix_of
+from foucault.plans.transfer import transfer_profile
 from foucault.procedures.transfer_alignment import simulate
-from foucault.procedures.transfer_alignment.log import SlaveLog
 from foucault.procedures.transfer_alignment.problem import problem_of
 from foucault.procedures.transfer_alignment.session import moved, simulate_motion
+from foucault.procedures.transfer_alignment.settings import SlaveLog
 from foucault.result import Level
 from make_transfer_campaign import codes, described, failed, faultless, made, missed, trial
 
@@ -84,16 +83,18 @@ def swapped(x):
 # -- what is given comes with its own words --------------------------------------------------------
 
 SPOILED = [
-    (slave(gyro=lambda w: w / DEG), "delay.scale", "as if it were in deg, and was taken for rad"),
-    (slave(gyro=lambda w: w * DEG), "delay.scale", "as if it were in rad, and was taken for deg"),
+    (slave(gyro=lambda w: w / DEG), "delay.scale", "the unit is deg/s and was declared as rad/s"),
+    (slave(gyro=lambda w: w * DEG), "delay.scale", "the unit is rad/s and was declared as deg/s"),
     (slave(gyro=lambda w: w / 100), "delay.scale",
-     "as if it held increments of angle, and was taken for rates"),
+     "Of the slave probably increments were declared as rates."),
     (slave(gyro=lambda w: w * 100), "delay.scale",
-     "as if it held rates, and was taken for increments of angle"),
-    (slave(accel=lambda f: f / G), "transfer.force_size", "They look like g, taken for m/s^2."),
-    (slave(accel=lambda f: f * G), "transfer.force_size", "They look like m/s^2, taken for g."),
+     "Of the slave probably rates were declared as increments."),
+    (slave(accel=lambda f: f / G), "transfer.force_size",
+     "the unit is g and was declared as m/s^2."),
+    (slave(accel=lambda f: f * G), "transfer.force_size",
+     "the unit is m/s^2 and was declared as g."),
     (slave(accel=lambda f: f / 100), "transfer.force_size",
-     "They look like increments of velocity, taken for forces."),
+     "Probably increments were declared as rates."),
     (slave(accel=lambda f: f * 7), "transfer.force_size",
      "7.03 times the force that moves its master. Check the unit in [log.accel]"),
     (slave(accel=np.negative), "transfer.gravity", 'Write reads = "gravity" in [log.accel]'),
@@ -322,7 +323,7 @@ def test_a_lever_arm_is_as_sure_on_a_run_that_is_reset(levered, monkeypatch) -> 
     """Four pieces of a minute: what a reset takes out is no innovation."""
     none = ("0 m", "0 m", "0 m")
     whole, _ = _lever_arm(said(levered, as_it_is, lever_arm=none))
-    monkeypatch.setattr(transfer_model, "PIECE", 60.0)
+    monkeypatch.setattr(transfer, "PIECE", 60.0)
     assert codes(said(levered, as_it_is)) == []
     arm, sd = _lever_arm(said(levered, as_it_is, lever_arm=none))
     np.testing.assert_allclose(arm, whole, atol=0.02)

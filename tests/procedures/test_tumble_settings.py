@@ -11,7 +11,7 @@ from foucault.errors import FoucaultError
 from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, angles_of
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
-from foucault.plans.tumble.torquing import PUBLISHED, RATE
+from foucault.plans.tumble import PUBLISHED, RATE
 from foucault.procedures.platform_tumble import simulate
 from foucault.procedures.platform_tumble.settings import (
     NOISE,

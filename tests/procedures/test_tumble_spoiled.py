@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.diagnose.tumble.input import outlying
+from foucault.diagnose.tumble import outlying
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
 from make_tumble import FAST, PUBLISHED, calibrate, tumble
 

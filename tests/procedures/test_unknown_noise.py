@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from foucault.errors import finding
-from foucault.estimate.chi_square import TOLD, student
-from foucault.estimate.drift import find_left_out
+from foucault.infer.drift import find_left_out
+from foucault.infer.gauss_newton import TOLD, student
 from foucault.models.earth import Site
 from foucault.models.noise import grade
-from foucault.plans.table.plan import table_plan
+from foucault.plans.directions import table_plan
 from foucault.procedures import norm_observation, on_table, six_position
 from foucault.result import Level, Linearised
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.simulate.table.readings import simulate_readings
+from foucault.simulate.table import simulate_readings
 from foucault.tables import Log
 
 SITE = Site(9.81, np.radians(45.0))

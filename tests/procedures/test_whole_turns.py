@@ -84,7 +84,7 @@ def test_errors_are_inside_their_covariance_whatever_the_sample_rate(module, rat
 
 
 def test_a_spin_that_ends_on_a_whole_turn_is_not_averaged_beyond_its_samples():
-    from foucault.diagnose.positions.readings import find_readings
+    from foucault.detect.readings import find_readings
 
     settings, sim = simulated(1.0, "increment", 1)
     log = whole_turns_only(sim, 1.0, less=1)
@@ -98,7 +98,7 @@ def test_a_spin_that_ends_on_a_whole_turn_is_not_averaged_beyond_its_samples():
 
 def test_means_beside_missing_samples_are_those_of_the_samples():
     """At 1 Hz half an interval towards the next position would be 10 deg/s of somewhere else."""
-    from foucault.diagnose.positions.readings import find_readings
+    from foucault.detect.readings import find_readings
 
     sim = simulated(1.0, "rate", 1)[1]
     log = whole_turns_only(sim, 1.0)

@@ -10,7 +10,7 @@ from scipy.stats import binom
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import prior_check
-from foucault.estimate.chi_square import FALSE_ALARM
+from foucault.infer.gauss_newton import FALSE_ALARM
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.noise import grade
 from foucault.procedures import ferraris, hand_rotated, rate_table, six_position

@@ -9,7 +9,7 @@ import pytest
 
 from foucault import report
 from foucault.models.imu import FULL_EQUATION, LAYOUT, LINEAR_LOWER
-from foucault.report.application import how_to_apply, numbers
+from foucault.report.calibration import how_to_apply, numbers
 from foucault.report.page import Code, Equation
 from make_result import make_result
 

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from foucault.campaign import comparison, tolerance
-from foucault.campaign.comparison import folder as comparison_folder
-from foucault.report import compare
+from foucault.report import compare, render
 from make_compare import make_entries, make_results, moved
 
 LIMITS = '"gyro.bias" = { limit = "900 deg/h", change = "60 deg/h", drift_per_year = "80 deg/h" }'
@@ -33,7 +32,7 @@ def pages() -> dict[str, str]:
     }
     # By way of JSON, as `foucault report` has it.
     return {
-        name: compare.html(json.loads(json.dumps(comparison_folder.document(found))))
+        name: render(compare.document(json.loads(json.dumps(comparison.document(found)))))
         for name, found in made.items()
     }
 

@@ -10,12 +10,12 @@ from html import unescape
 import numpy as np
 import pytest
 
-from foucault.campaign.fleet.table import FleetTable, Row
+from foucault.campaign.fleet import FleetTable, Row
 from foucault.campaign.tolerance import Entry, Tolerance
 from foucault.errors import error
 from foucault.models.imu import LINEAR_LOWER
-from foucault.report import fleet as page_of
-from foucault.report.fleet_figures import ratios
+from foucault.report import fleet, render
+from foucault.report.fleet import ratios
 
 MG = 9.80665e-3
 ABOUT = {
@@ -24,6 +24,10 @@ ABOUT = {
     "provenance": {"created": "2026-01-02T03:04:05", "versions": {"foucault": "1"}},
     "campaign": {"sha256": "abc"},
 }
+
+
+def page_of(table, about):
+    return render(fleet.document(table, about))
 
 
 def make_table(n=60, broken=1, reports=True):
@@ -57,14 +61,14 @@ def test_a_serial_number_makes_no_link_and_no_element():
     for serial in ("SN\tjavascript:evil()", '"><a href="javascript:evil()">', "=1+1<script>"):
         table = make_table(n=12, broken=0)
         rows = [dataclasses.replace(row, serial=f"{serial}{i}") for i, row in enumerate(table.rows)]
-        page = page_of.html(FleetTable.of(LINEAR_LOWER, rows), ABOUT)
+        page = page_of(FleetTable.of(LINEAR_LOWER, rows), ABOUT)
         links = re.findall(r'href="([^"]*)"', page.split("<main>")[1].split("</main>")[0])
         assert links
         assert all(link.startswith("instruments/SN0") for link in links)
         assert "<a href=javascript" not in page
         assert "<script>0" not in page
     rows = [dataclasses.replace(row, report="javascript:evil()") for row in make_table().rows]
-    page = page_of.html(FleetTable.of(LINEAR_LOWER, rows), ABOUT)
+    page = page_of(FleetTable.of(LINEAR_LOWER, rows), ABOUT)
     assert 'href="javascript%3Aevil%28%29"' in page
 
 
@@ -94,7 +98,7 @@ def test_what_is_unusable_is_no_part_of_the_distributions():
 
 
 def test_counts_and_sections():
-    page = page_of.html(make_table().decided(LIMITS), ABOUT)
+    page = page_of(make_table().decided(LIMITS), ABOUT)
     assert '<p class="word">59 of 61 pass</p>' in page
     assert "59 pass, 1 fail, 1 broken." in page and "2 instruments differ" in page
     assert "60 solved in one batch" in page and "2026-01-02" in page
@@ -108,7 +112,7 @@ def test_counts_and_sections():
 
 
 def test_the_worst_come_first_and_say_why():
-    page = page_of.html(make_table().decided(LIMITS), ABOUT)
+    page = page_of(make_table().decided(LIMITS), ABOUT)
     said = text_of(page, "Did not pass")
     assert said.index("<BAD>0") < said.index("SN007")
     assert "missing number 4 of 24. (fleet.positions)" in said
@@ -119,11 +123,11 @@ def test_the_worst_come_first_and_say_why():
     assert "SN007: accel.bias.x is 12 mg, z = +" in unlike
     assert "SN009: noise of the accelerometers, 4.5 times that of the fleet." in unlike
     assert 'href="instruments/SN007/report.html"' in page
-    assert 'href="instruments' not in page_of.html(make_table(reports=False), ABOUT)
+    assert 'href="instruments' not in page_of(make_table(reports=False), ABOUT)
 
 
 def test_without_a_tolerance_the_verdicts_are_counted():
-    page = page_of.html(make_table(broken=0), ABOUT)
+    page = page_of(make_table(broken=0), ABOUT)
     assert "59 pass, 1 doubtful." in page and "Tolerance" not in titles(page)
     assert "of limit" not in page
     said = text_of(page, "Did not pass")
@@ -132,7 +136,7 @@ def test_without_a_tolerance_the_verdicts_are_counted():
 
 def test_histograms_count_every_instrument_once_and_show_the_limits():
     table = make_table().decided(LIMITS)
-    first = figures(page_of.html(table, ABOUT))[0]
+    first = figures(page_of(table, ABOUT))[0]
     x = table.values[table.good, 0] / MG
     bars = first["data"][0]
     assert sum(bars["y"]) == 59  # the one far out is not drawn, but counted
@@ -159,19 +163,19 @@ def test_residuals_that_all_are_as_large_as_the_noise_are_one_bar_to_be_seen():
 
 
 def test_the_tolerance_table_counts_decisions():
-    said = text_of(page_of.html(make_table().decided(LIMITS), ABOUT), "Tolerance")
+    said = text_of(page_of(make_table().decided(LIMITS), ABOUT), "Tolerance")
     assert "accel. bias.x 5 mg 59 1 0" in said
 
 
 @pytest.mark.thorough
 def test_ten_thousand_instruments_stay_a_small_page():
     table = make_table(2500).decided(LIMITS)
-    page = page_of.html(table, ABOUT)
-    empty = page_of.html(make_table(20).decided(LIMITS), ABOUT)
+    page = page_of(table, ABOUT)
+    empty = page_of(make_table(20).decided(LIMITS), ABOUT)
     assert len(page) - len(empty) < 400_000
     assert "500 of 2501 are listed; all are in" in text_of(page, "Instruments")
 
 
 def test_a_fleet_of_one_has_a_page():
-    page = page_of.html(make_table(1, broken=0), ABOUT)
+    page = page_of(make_table(1, broken=0), ABOUT)
     assert "All pass" in page and "fewer than 8 instruments none can stand out" in page

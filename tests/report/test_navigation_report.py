@@ -9,13 +9,14 @@ from html import unescape
 import numpy as np
 import pytest
 
-from foucault.campaign.navigation import folder as navigation_folder
+from foucault.campaign import navigation
 from foucault.plans.manoeuvres import Rest
 from foucault.procedures.navigation import navigate_log
-from foucault.procedures.navigation.settings import Settings
-from foucault.report import figures_navigation as figures
-from foucault.report import navigation as page_of
-from foucault.report.navigation_detail import metres, minutes, number
+from foucault.procedures.navigation.start import Settings
+from foucault.report import chart, render
+from foucault.report import navigation as pages
+from foucault.report.navigation import metres, minutes, number
+from foucault.run_folder import Record
 from make_navigation import (
     DRIVE,
     LONGITUDE,
@@ -31,10 +32,14 @@ TRUE, FOUND = errors()
 PLACE = {"site": SITE, "longitude": LONGITUDE, "noise": NOISE}
 
 
+def page_of(record):
+    return render(pages.document(record))
+
+
 @pytest.fixture(scope="module")
 def parked():
     log = logged([Rest(1500.0)], TRUE).log
-    return navigation_folder.record(navigate_log(log, calibration=calibration(FOUND), **PLACE))
+    return navigation.record(navigate_log(log, calibration=calibration(FOUND), **PLACE))
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +47,7 @@ def drive():
     run = logged(DRIVE, TRUE)
     test = navigate_log(run.log, calibration=calibration(FOUND), reference=reference_of(run),
                         noise=NOISE)  # fmt: skip
-    return navigation_folder.record(test)
+    return navigation.record(test)
 
 
 def titles(page):
@@ -59,7 +64,7 @@ END = ["Checks", "What was known before", "Provenance"]
 
 
 def test_a_parked_log(parked):
-    page = unescape(page_of.html(parked))
+    page = unescape(page_of(parked))
     with_, without = (run["growth"][-1]["horizontal"] for run in parked.about["runs"])
     head = f"<h1>{metres(with_)} off after 20 min, {metres(without)} without calibration</h1>"
     assert head in page
@@ -73,7 +78,7 @@ def test_a_parked_log(parked):
 
 
 def test_the_map_has_equal_axes_and_the_ellipse_its_covariance(parked):
-    map_ = drawn(page_of.html(parked))[0]
+    map_ = drawn(page_of(parked))[0]
     assert map_["layout"]["yaxis"]["scaleanchor"] == "x"
     ellipse = next(t for t in map_["data"] if t["name"] == "±2 sd, predicted")
     cov = np.array(parked.about["predicted"]["all"]["covariance"])
@@ -87,7 +92,7 @@ def test_the_map_has_equal_axes_and_the_ellipse_its_covariance(parked):
 
 
 def test_the_terms_drawn_add_up(parked):
-    pages = drawn(page_of.html(parked))
+    pages = drawn(page_of(parked))
     found = [f for f in pages if any(t.get("name") == "all terms" for t in f["data"])]
     assert len(found) == 2
     for figure in found:
@@ -100,18 +105,18 @@ def test_the_terms_drawn_add_up(parked):
 
 
 def test_a_drive_shows_reference_and_error(drive):
-    page = unescape(page_of.html(drive))
+    page = unescape(page_of(drive))
     assert "Schuler and heading terms" not in titles(page)
     map_, errors_ = drawn(page)[:2]
     names = [t.get("name") for t in map_["data"]]
-    assert "reference" in names and names.count("±2 sd, predicted") == page_of.ELLIPSES
+    assert "reference" in names and names.count("±2 sd, predicted") == pages.ELLIPSES
     assert errors_["layout"]["xaxis"]["title"]["text"].startswith("error east")
     assert "heading [arcmin]" in page and "heading at the last epoch" in page.lower()
 
 
 def test_no_reference_no_growth():
-    record = navigation_folder.record(navigate_log(logged(DRIVE, TRUE).log, **PLACE))
-    page = unescape(page_of.html(record))
+    record = navigation.record(navigate_log(logged(DRIVE, TRUE).log, **PLACE))
+    page = unescape(page_of(record))
     assert re.search(r"<h1>Navigated for 3(\.\d+)? min</h1>", page)
     assert titles(page)[:3] == ["Where it went", *ALWAYS[:2]]
     assert "The instrument moved and no reference was given" in page
@@ -120,8 +125,8 @@ def test_no_reference_no_growth():
 
 def test_no_calibration_says_what_the_bands_lack():
     log = logged([Rest(300.0)], TRUE).log
-    record = navigation_folder.record(navigate_log(log, **PLACE))
-    page = unescape(page_of.html(record))
+    record = navigation.record(navigate_log(log, **PLACE))
+    page = unescape(page_of(record))
     assert "errors of the sensors are not calibrated" in page
     assert "What each coefficient is worth" not in titles(page)
     assert '"±2 sd, predicted"' not in json.dumps(drawn(page), ensure_ascii=False)
@@ -131,7 +136,7 @@ def test_no_calibration_says_what_the_bands_lack():
 
 def test_contributions_that_do_not_add_up_are_told(parked):
     about = dict(parked.about) | {"difference": [1e4, 1e4]}
-    page = unescape(page_of.html(navigation_folder.NavigationRecord(about, parked.tables)))
+    page = unescape(page_of(Record(about, parked.tables)))
     assert "They do not agree: the errors are too large to act one by one" in page
 
 
@@ -139,14 +144,14 @@ def test_a_fit_worse_than_noise_is_told(parked):
     runs = [dict(run) for run in parked.about["runs"]]
     runs[0]["terms"] = runs[0]["terms"] | {"chi_square": 1e4}
     about = dict(parked.about) | {"runs": runs}
-    page = unescape(page_of.html(navigation_folder.NavigationRecord(about, parked.tables)))
+    page = unescape(page_of(Record(about, parked.tables)))
     assert "times the variance that sensor noise explains: biases that wander, or motion" in page
 
 
 def test_a_name_cannot_break_the_page():
     log = logged([Rest(300.0)], TRUE).log
     test = navigate_log(log, instrument={"name": "<b>A & 'x'"}, **PLACE)
-    page = page_of.html(navigation_folder.record(test))
+    page = page_of(navigation.record(test))
     assert "<b>A" not in page and "&lt;b&gt;A" in page
 
 
@@ -155,8 +160,8 @@ def test_units_follow_the_size():
     assert minutes(45) == "45 s" and minutes(60) == "1 min" and minutes(36000) == "10 h"
     assert number(None) == "" and number(float("nan")) == "" and number(-1.5) == "−1.5"
     assert number(5.3e-6) == "< 0.001" and number(0.0) == "0"
-    assert figures.thinned(10_000)[-1] == 9999 and len(figures.thinned(10_000)) <= figures.POINTS
-    reach = figures.ellipse(np.diag([4.0, 1.0]), 2.0)
+    assert chart.thinned(10_000)[-1] == 9999 and len(chart.thinned(10_000)) <= chart.POINTS
+    reach = chart.ellipse(np.diag([4.0, 1.0]), 2.0)
     assert np.abs(reach).max(axis=1) == pytest.approx([4.0, 2.0], rel=1e-2)
 
 
@@ -165,8 +170,8 @@ def test_folder_and_record_are_the_same(tmp_path):
     test = navigate_log(
         log, calibration=calibration(FOUND), settings=Settings(align=150.0), **PLACE
     )
-    saved = navigation_folder.save(test, tmp_path / "run")
-    loaded = navigation_folder.load(tmp_path / "run")
+    saved = navigation.save(test, tmp_path / "run")
+    loaded = navigation.load(tmp_path / "run")
     assert json.loads(json.dumps(saved.about)) == loaded.about
     assert saved.tables.keys() == loaded.tables.keys()
     for name, table in saved.tables.items():

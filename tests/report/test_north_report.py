@@ -11,20 +11,24 @@ import numpy as np
 import pytest
 
 from foucault.campaign import north
-from foucault.campaign.north import folder as north_folder
-from foucault.report import figures_north
-from foucault.report import north as page_of
-from foucault.report.figures_north import Needle
-from foucault.report.north_detail import Setup, angle_unit, common, grouped, own, twice
+from foucault.report import north as drawn
+from foucault.report import render
+from foucault.report.north import Setup, common, own, twice
+from foucault.report.page import angle, grouped
+from foucault.run_folder import Record
 from foucault.simulate.north import Placement
 from make_north import ACCEL_WHITE, GYRO_WHITE, LATITUDE, ONE, many, write_readings
 
 SAID = north.Said({"latitude": LATITUDE}, {}, GYRO_WHITE, ACCEL_WHITE)
 
 
+def page_of(record):
+    return render(drawn.document(record))
+
+
 def made(folder, setups, said=SAID, **words):
     write_readings(folder / "r.csv", setups, **words)
-    return north_folder.record(north.run(folder / "r.csv", said))
+    return north.record(north.run(folder / "r.csv", said))
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +52,7 @@ def figures(page):
 
 
 def test_one_set_up(one):
-    page = unescape(page_of.html(one))
+    page = unescape(page_of(one))
     setup = one.about["setups"][0]
     value, sd = np.degrees(setup["heading"]["value"]), np.degrees(setup["heading"]["sd"])
     assert f"<h1>Heading {value:.3f}° ± {2 * sd:.3f}°</h1>" in page
@@ -62,7 +66,7 @@ def test_one_set_up(one):
 
 
 def test_the_needle_points_where_the_heading_is(one):
-    rose = figures(page_of.html(one))[0]
+    rose = figures(page_of(one))[0]
     heading = np.degrees(one.about["setups"][0]["heading"]["value"])
     needle = next(t for t in rose["data"] if t["name"] == "heading")
     assert needle["theta"][1] == pytest.approx(heading, abs=1e-3)
@@ -75,8 +79,10 @@ def test_the_needle_points_where_the_heading_is(one):
 
 @pytest.mark.parametrize(("sd", "wider"), [(3.0, 1), (0.9, 10), (0.05, 100), (1e-4, 10**4)])
 def test_the_wedge_is_magnified_by_powers_of_ten(sd, wider):
-    assert figures_north.magnified(sd) == wider
-    figure = figures_north.rose([Needle("A", 100.0, sd)])
+    assert drawn.magnified(sd) == wider
+    angle = {"value": np.radians(100.0), "sd": np.radians(sd)}
+    about = {"setups": [{"name": "A", "verdict": "pass", "heading": angle}]}
+    figure = drawn.rose([Setup(Record(about, {}), 0)])
     wedge = figure.data[0]["theta"]
     assert wedge[1] == pytest.approx(100.0 - 2 * sd * wider)
     assert ("drawn" in figure.caption) == (wider > 1)
@@ -88,14 +94,14 @@ def test_another_solution_is_a_faint_needle(tmp_path):
     record = made(tmp_path, [tilted], said, latitude=np.radians(4.0), seed=0)
     setup = record.about["setups"][0]
     assert setup["ambiguous"]
-    page = page_of.html(record)
+    page = page_of(record)
     other = next(t for t in figures(page)[0]["data"] if t["name"] == "other solution")
     assert other["theta"][1] == pytest.approx(np.degrees(setup["other"]["heading"]), abs=1e-3)
     assert "other solution [°]" in unescape(page)
 
 
 def test_the_fit_goes_through_the_readings(one):
-    drawn = figures(page_of.html(one))
+    drawn = figures(page_of(one))
     gyro = next(f for f in drawn if any(t.get("name") == "gyro ±2 sd" for t in f["data"]))
     curve, dots, left = gyro["data"]
     at = np.interp(dots["x"], curve["x"], curve["y"])
@@ -105,11 +111,11 @@ def test_the_fit_goes_through_the_readings(one):
 
 
 def test_many_set_ups(twelve):
-    page = unescape(page_of.html(twelve))
+    page = unescape(page_of(twelve))
     assert "North at 12 set-ups" in page and "0 of 12 pass" in page
     found = titles(page)
     assert found[:2] == ["Headings", "All set-ups"]
-    assert sum(t.startswith("Set-up M") for t in found) == page_of.DETAILED
+    assert sum(t.startswith("Set-up M") for t in found) == drawn.DETAILED
     needles = sum(len([x for x in t["theta"] if x is None]) for t in figures(page)[0]["data"])
     assert needles == 12
     assert page.count("0.02 deg was wanted") < 30  # said once for each, not twice
@@ -119,7 +125,7 @@ def test_a_name_cannot_break_the_page(tmp_path):
     from dataclasses import replace
 
     record = made(tmp_path, [replace(ONE[0], name="<b>A & 'x'")])
-    page = page_of.html(record)
+    page = page_of(record)
     assert "<b>A" not in page and "&lt;b&gt;A" in page
 
 
@@ -145,7 +151,7 @@ def test_what_all_set_ups_share_is_said_once(tmp_path):
     assert shared.startswith("The residuals of the gyro over all set-ups are")
     assert all(shared in s.said["warnings"] and shared not in own(s, [shared]) for s in setups)
     assert any(own(s, [shared]) for s in setups) and common(setups[:1]) == []
-    page = unescape(page_of.html(record))
+    page = unescape(page_of(record))
     head, table = page.split("<table")[:2]
     assert head.count(shared) == 1 and shared not in table.split("</table>")[0]
 
@@ -157,18 +163,16 @@ def test_a_rounded_zero_has_no_sign(one):
 
 
 def test_units_follow_the_size():
-    assert angle_unit(0.5).words(0.5) == "30 arcmin"
-    assert angle_unit(2.0).words(2.0) == "2°"
-    assert angle_unit(1e-3).words(1e-3) == "3.6 arcsec"
+    assert angle(0.5) == "30 arcmin"
+    assert angle(2.0) == "2°"
+    assert angle(1e-3) == "3.6 arcsec"
 
 
 def test_the_calibration_is_named(one):
-    from foucault.campaign.north.folder import NorthRecord
-
     used = {"instrument": {"name": "Seeker", "serial": "SN 4", "note": ""}, "verdict": "pass",
             "created": "2026-01-02T03:04:05+00:00", "site": {"latitude": 0.5}}  # fmt: skip
     row = {"value": 1.5e-7, "sd": 1e-8, "unit": "rad/s"}
     about = dict(one.about) | {"calibration": used, "coefficients": {"gyro.bias.x": row}}
-    page = unescape(page_of.html(NorthRecord(about, one.dwells)))
+    page = unescape(page_of(Record(about, one.tables)))
     assert "Seeker SN 4" in page and "2 January 2026, 03:04 UTC" in page and "28.6479° N" in page
     assert "0.0309" in page  # deg/h

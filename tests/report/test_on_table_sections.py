@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from foucault import report
-from foucault.report import on_table
-from foucault.report.certificate import certificate
+from foucault.report import evidence
+from foucault.report.calibration import certificate, sections
 from foucault.report.page import Figure, Items, Table, Text
-from foucault.report.sections import sections
 from foucault.result import Check
 from make_result import GRAVITY, make_result
 
@@ -95,7 +94,7 @@ def outlier(table, j=1, after=500 * MICRO_G):
 
 
 def test_norms_of_rests_and_spins_stand_side_by_side():
-    force, rate = figures(on_table.norms(made()))
+    force, rate = figures(evidence.norms_of_readings(made()))
     (rests,), (spins,) = traces(force, "after", "x"), traces(force, "after", "x2")
     assert rests["x"] == [1, 2, 3, 4] and spins["x"] == [1, 2, 3]
     np.testing.assert_allclose(rests["y"], [1, 2, 3, 4], rtol=1e-5)  # µg
@@ -110,7 +109,7 @@ def test_norms_of_rests_and_spins_stand_side_by_side():
 
 
 def test_the_band_is_two_predicted_sd():
-    force, rate = figures(on_table.norms(made()))
+    force, rate = figures(evidence.norms_of_readings(made()))
     for figure, sd in ((force, 10.0), (rate, 3.0)):
         band = traces(figure, "±2 sd")[0]["y"]
         assert max(v for v in band if v is not None) == pytest.approx(2 * sd, rel=1e-5)
@@ -118,7 +117,7 @@ def test_the_band_is_two_predicted_sd():
 
 
 def test_a_reading_left_out_is_named_and_does_not_set_the_scale():
-    force, _ = figures(on_table.norms(made(outlier(readings()))))
+    force, _ = figures(evidence.norms_of_readings(made(outlier(readings()))))
     (rests,) = traces(force, "after", "x")
     assert rests["x"] == [1, 3, 4]
     top = force.layout["yaxis"]["range"][1]
@@ -132,14 +131,14 @@ def test_a_reading_left_out_is_named_and_does_not_set_the_scale():
 
 
 def test_a_reading_left_out_that_fits_the_scale_is_a_cross_where_it_is():
-    force, _ = figures(on_table.norms(made(outlier(readings(), after=-15 * MICRO_G))))
+    force, _ = figures(evidence.norms_of_readings(made(outlier(readings(), after=-15 * MICRO_G))))
     after = traces(force, "left out", "x")[1]
     assert after["y"] == pytest.approx([-15.0], rel=1e-4)
     assert after["marker"]["symbol"] == ["x"] and after["text"] == ["rest 2"]
 
 
 def test_residuals_say_which_was_left_out_and_how_large_it_is():
-    accel, gyro = figures(on_table.residuals(made(outlier(readings()))))
+    accel, gyro = figures(evidence.residuals_of_readings(made(outlier(readings()))))
     (left,) = traces(accel, "left out")
     assert left["x"] == [2] and left["text"] == ["30"]
     assert left["y"][0] == pytest.approx(1.6 * 3.0)  # cut at the top of the scale
@@ -153,13 +152,13 @@ def test_residuals_say_which_was_left_out_and_how_large_it_is():
 def test_the_weight_of_one_triad_does_not_mark_the_other():
     table = readings()
     table["weight"][5] = table["accel_weight"][5] = 1e-6  # specific force of spin 2
-    accel, gyro = figures(on_table.residuals(made(table)))
+    accel, gyro = figures(evidence.residuals_of_readings(made(table)))
     assert traces(accel, "left out", "x2")[0]["x"] == [2]
     assert traces(gyro, "left out") == []
 
 
 def test_chi_square_of_every_kind_of_reading():
-    section = on_table.residuals(made())
+    section = evidence.residuals_of_readings(made())
     (items,) = [b for b in section.blocks if isinstance(b, Items)]
     assert items.items == [
         ("good", "Specific force at rest: chi-square 3, inside 1 to 9 (4 degrees of freedom)."),
@@ -183,10 +182,10 @@ def on_faces() -> dict[str, np.ndarray]:
 
 def test_without_table_angles_a_spin_is_a_turn_and_one_residual_serves_both():
     result = made(on_faces())
-    (accel,) = figures(on_table.residuals(result))  # nothing tests the turns
+    (accel,) = figures(evidence.residuals_of_readings(result))  # nothing tests the turns
     np.testing.assert_allclose(accel.data[0]["y"], [-1.0, 1.0, 0.5, -0.5])
     assert accel.layout["yaxis"]["range"][0] < -3.0
-    section = on_table.norms(result)
+    section = evidence.norms_of_readings(result)
     assert figures(section)[1].layout["xaxis"]["title"]["text"] == "turn"
     texts = [b.text for b in section.blocks if isinstance(b, Text)]
     assert texts[1].endswith("just enough readings, so that nothing is left.")
@@ -195,7 +194,7 @@ def test_without_table_angles_a_spin_is_a_turn_and_one_residual_serves_both():
 
 def test_orientations_show_rests_and_spins():
     missing = {"missing": [{"direction": [0.0, 0.0, 1.0], "words": "+z up"}], "largest_gap": 0.7}
-    section = on_table.orientations(made(more={"coverage": missing}))
+    section = evidence.orientations(made(more={"coverage": missing}))
     ball, flat = figures(section)
     counts = {t["name"]: len(t["x"]) for t in ball.data if t.get("showlegend", True)}
     assert counts == {"spin": 3, "rest": 4, "missing": 1}
@@ -208,7 +207,7 @@ def test_control_says_what_could_not_be_seen():
     table = readings()
     table["detectable"][2] = np.inf
     check = Check("control of the rests", 0.5, None, None, True, "It could not be seen.")
-    section = on_table.control(made(table, checks=(check,)))
+    section = evidence.control(made(table, checks=(check,)))
     (figure,) = figures(section)
     (seen,), (blind,) = traces(figure, "controlled", "x"), traces(figure, "not controlled", "x")
     np.testing.assert_allclose(seen["y"], 80.0, rtol=1e-5)
@@ -223,7 +222,7 @@ def test_the_rig_beside_what_was_believed():
         ("table.plumb.y", "angle", 95 * ARCSEC, 4 * ARCSEC, 30 * ARCSEC),
         ("table.zero.inner", "angle", 0.0, 9.9 * ARCSEC, 10 * ARCSEC),
     )
-    section = on_table.rig(made(rig=rig))
+    section = evidence.rig(made(rig=rig))
     assert section.title == "The table and the mounting"
     (table,) = [b for b in section.blocks if isinstance(b, Table)]
     rows = {row[0]: row[1:-1] for row in table.rows if len(row) > 1}
@@ -238,7 +237,7 @@ def test_the_rig_beside_what_was_believed():
 
 
 def test_a_lever_arm_alone_has_its_own_title_and_no_beliefs():
-    section = on_table.rig(made(rig=rig_table(("lever_arm.x", "length", -0.05, 0.01, np.inf))))
+    section = evidence.rig(made(rig=rig_table(("lever_arm.x", "length", -0.05, 0.01, np.inf))))
     assert section.title == "Lever arm" and section.lead.startswith("From the centre")
     (table,) = section.blocks
     assert [c.heading for c in table.columns] == ["quantity", "value", "± sd", "unit", "meaning"]
@@ -262,9 +261,9 @@ def test_a_section_without_its_columns_is_left_out(gone, title):
 
 def test_rests_alone_make_one_panel():
     table = {name: column[:4] for name, column in readings().items()}
-    force, *others = figures(on_table.norms(made(table)))
+    force, *others = figures(evidence.norms_of_readings(made(table)))
     assert others == [] and "xaxis2" not in force.layout
-    assert "centripetal" not in on_table.norms(made(table)).lead
+    assert "centripetal" not in evidence.norms_of_readings(made(table)).lead
 
 
 def test_certificate_counts_what_was_done():

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foucault.campaign.found import Found
+from foucault.campaign.optimisation import Found
 from foucault.diagnose.foresight import Limit
 from foucault.errors import finding
-from foucault.report import figures_plan
 from foucault.report import optimisation as report
+from foucault.report import render, save
 
 FOLDER = Path("search folder")
 NAMES = ("gyro.drift.x", "gyro.drift.y", "gyro.drift.z", "accel.bias.x")
@@ -81,7 +81,7 @@ def make_found(ratio: np.ndarray = RATIO, **other: object) -> Found:
 
 
 def page_of(found: Found) -> str:
-    return report.html(found, FOLDER)
+    return render(report.document(found, FOLDER))
 
 
 def words_of(page: str) -> str:
@@ -318,7 +318,7 @@ def test_restarts_that_agree_are_a_good_sign_and_those_without_a_plan_are_told()
     "ends", [(0.1, 1.1), (0.9, 1.2), (0.99, 1.0), (1e-4, 1.0), (0.3, 0.45), (1.0, 1.0), (0.5, 700)]
 )
 def test_marks_of_the_axis_of_ratios(ends):
-    axis = figures_plan.ratio_axis(ends, "ratio")
+    axis = report.ratio_axis(ends, "ratio")
     low, high = (10**v for v in axis["range"])
     assert low < min(ends) and max(ends) < high
     assert 3 <= len(axis["tickvals"]) <= 13
@@ -342,7 +342,7 @@ def test_names_cannot_break_the_page():
 
 
 def test_written_whole_and_self_contained(tmp_path):
-    file = report.write(make_found(), tmp_path / "report.html")
+    file = save(report.document(make_found(), tmp_path), tmp_path / "report.html")
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
     page = file.read_text(encoding="utf-8")
     assert page.count("* plotly.js v") == 1 and "9.8.7" in page and "seed 5" in page

@@ -10,10 +10,9 @@ import pytest
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.procedures.rate_table import Settings, from_readings
-from foucault.report.application import how_to_apply
-from foucault.report.rate_table import rate_steps
+from foucault.report.calibration import how_to_apply
+from foucault.report.evidence import rate_steps
 from make_rates import LATITUDE, make_readings, make_steps
-from make_result import make_result
 
 MODEL = ImuModel(gyro_matrix=np.diag([1.01, 1, 1]), gyro_asymmetry=np.array([2e-4, 0, 0]))
 
@@ -24,16 +23,12 @@ def result():
     return from_readings(readings, Settings(), told=True, site=Site(9.81, LATITUDE))
 
 
-def test_no_section_without_its_table():
-    assert rate_steps(make_result()) is None
-
-
 def test_three_panels_with_one_trace_per_axis(result):
     figure, merits, _, fit = rate_steps(result).blocks
     assert [t["name"] for t in figure.data] == ["x", "y", "z"] * 3
-    assert [t["yaxis"] for t in figure.data] == ["y"] * 3 + ["y2"] * 3 + ["y3"] * 3
+    assert [t["yaxis"] for t in figure.data] == ["y3"] * 3 + ["y2"] * 3 + ["y"] * 3
     first = figure.data[0]
-    assert figure.layout["yaxis"]["title"]["text"] == "before [%]"
+    assert figure.layout["yaxis3"]["title"]["text"] == "before [%]"
     assert max(first["y"]) == pytest.approx(1.0202, abs=2e-3)  # 1 % and 200 ppm
     assert first["customdata"][4] == pytest.approx(100.0, abs=0.01)
     assert first["marker"]["symbol"][:7] == ["triangle-up"] * 6 + ["triangle-down"]

@@ -7,7 +7,9 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ import pytest
 from foucault import report
 from foucault.coefficients import CoefficientVector
 from foucault.errors import ADVICE, FoucaultError, Status
-from foucault.report.sections import SECTIONS, sections
+from foucault.report.calibration import SECTIONS, sections
 from foucault.result import Level
 from foucault.run_folder import save
 from make_result import make_result
@@ -137,10 +139,6 @@ def test_sections_of_the_hand_rotated_procedure(page):
         "How to apply it",
         "Provenance",
     ]
-    others = ("on_table", "rate_table", "headings", "tumble", "transfer", "transfer_run")
-    others = (*others, "transfer_delay", "systematic", "systematic_choice", "temperature", "merged")
-    own = [place for place, _ in SECTIONS if place.partition(".")[0] not in others]
-    assert len(titles) == len(own)
     text = text_of(page)
     assert "Missing: y down, tilted to +x and -z." in text
     assert "3 samples are missing between 211.40 s and 211.44 s." in text
@@ -206,6 +204,26 @@ def test_sections_without_their_table_are_left_out():
     assert report.html(bare).startswith("<!doctype html>")
 
 
+@pytest.mark.parametrize("place", [place for place, needs in SECTIONS.items() if needs])
+def test_a_section_is_left_out_without_any_of_what_it_needs(place, monkeypatch):
+    """Whatever it needs, it is not even asked."""
+    result = make_result()
+    needs = SECTIONS[place].split()
+    tables = {n.rpartition(":")[0] or n: {n.rpartition(":")[2]: np.ones(1)} for n in needs}
+    known = {n: {"any": 1} for n in needs if ":" not in n}
+    full = dataclasses.replace(result, tables=tables | {"navigation": {"x": np.ones(1)}},
+                               procedure=needs[0], diagnostics=known)  # fmt: skip
+    module, _, name = place.partition(".")
+    asked = []
+    monkeypatch.setattr(f"foucault.report.{module}.{name}", asked.append)
+    monkeypatch.setattr("foucault.report.calibration.SECTIONS", {place: SECTIONS[place]})
+    sections(full)
+    assert asked == [full]
+    bare = dataclasses.replace(full, tables={}, diagnostics={}, procedure="none")
+    sections(bare)
+    assert asked == [full]
+
+
 def test_a_result_that_failed_can_still_be_shown(tmp_path):
     base = make_result(level=Level.UNUSABLE)
     n = len(base.coefficients)
@@ -233,6 +251,30 @@ def test_words_of_the_user_cannot_break_the_page():
     drawn = [json.dumps(f) for f in figures_of(page)]
     assert any("&lt;/script>&lt;script>alert(1)" in f for f in drawn)  # shown, not obeyed
     assert not any(evil in f for f in drawn)
+
+
+def test_a_document_says_in_json_what_the_page_says(page):
+    said = report.of_result(make_result()).as_dict()
+    again = json.loads(json.dumps(said, allow_nan=False))
+    titles = re.findall(r"<h2 id=[^>]*>(.*?)</h2>", page)
+    assert [section["title"] for section in again["sections"]] == titles
+    assert again["heading"]["word"] == "Pass" and again["heading"]["state"] == "good"
+    blocks = [block for section in again["sections"] for block in section["blocks"]]
+    drawn = [{k: block[k] for k in ("data", "layout")} for block in blocks
+             if block["kind"] == "figure"]  # fmt: skip
+    assert drawn == figures_of(page)
+    text = text_of(page)
+    cells = {c for b in blocks if b["kind"] == "table" for row in b["rows"] for c in row}
+    assert all(c in text for c in cells if re.fullmatch(r"[\w ]{6,}", c) and "_" not in c)
+
+
+@pytest.mark.parametrize("name", ["words.toml", "figures.toml"])
+def test_nothing_is_kept_that_is_not_shown(name):
+    folder = Path(report.__file__).parent
+    source = "".join(file.read_text(encoding="utf-8") for file in folder.glob("*.py"))
+    held = tomllib.loads((folder / name).read_text(encoding="utf-8"))
+    keys = [f"{module}.{key}" for module, some in held.items() if module != "basis" for key in some]
+    assert keys and not [key for key in keys if f'"{key}' not in source]
 
 
 def test_no_result_no_report(tmp_path):

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from foucault.diagnose.study import Study
-from foucault.estimate.chi_square import chi_square_density
+from foucault.infer.gauss_newton import chi_square_density
 from foucault.models.imu import LINEAR_LOWER
+from foucault.report import render, save
 from foucault.report import study as study_report
 
 ABOUT = {"procedure": "hand_rotated", "n": 80, "seed": 4, "version": "0.1.0"}
@@ -37,7 +38,7 @@ def titles_of(page: str) -> list[str]:
 
 
 def test_a_study_that_is_right_passes():
-    page = study_report.html(make_study(), ABOUT)
+    page = render(study_report.document(make_study(), ABOUT))
     assert '<p class="word">Pass</p>' in page
     assert "Monte Carlo study of hand_rotated" in page and "80 trials" in page
     assert titles_of(page) == [
@@ -52,7 +53,7 @@ def test_a_study_that_is_right_passes():
 
 
 def test_a_halved_covariance_is_doubtful_and_says_why():
-    page = study_report.html(make_study(factor=np.sqrt(2)), ABOUT)
+    page = render(study_report.document(make_study(factor=np.sqrt(2)), ABOUT))
     assert '<p class="word">Doubtful</p>' in page
     assert "the uncertainties are too small" in page
 
@@ -60,7 +61,7 @@ def test_a_halved_covariance_is_doubtful_and_says_why():
 def test_figures_show_the_numbers_of_the_study():
     study = make_study()
     rows = study.rows()
-    ratio, mean, nees, coverage = figures_of(study_report.html(study, ABOUT))
+    ratio, mean, nees, coverage = figures_of(render(study_report.document(study, ABOUT)))
     np.testing.assert_allclose(ratio["data"][0]["x"], [r["ratio"] for r in rows], rtol=1e-5)
     band = ratio["layout"]["shapes"][0]
     assert (band["x0"], band["x1"]) == (rows[0]["ratio_low"], rows[0]["ratio_high"])
@@ -76,34 +77,34 @@ def test_figures_show_the_numbers_of_the_study():
 def test_coefficients_outside_their_limits_stand_out():
     study = make_study()
     study.error[:, 2] *= 3
-    ratio = figures_of(study_report.html(study, ABOUT))[0]
+    ratio = figures_of(render(study_report.document(study, ABOUT)))[0]
     outside = next(t for t in ratio["data"] if t["name"] == "outside")
     assert outside["y"] == [study.names[2]]
     assert outside["marker"]["symbol"] != ratio["data"][0]["marker"]["symbol"]
 
 
 def test_failures_are_counted_by_status():
-    page = study_report.html(make_study(failures=20), ABOUT)
+    page = render(study_report.document(make_study(failures=20), ABOUT))
     assert '<p class="word">Doubtful</p>' in page
     assert "not converged" in page and "20.0\N{NO-BREAK SPACE}%" in page
 
 
 def test_without_a_bound_its_column_is_left_out():
-    assert "RMS / bound" in study_report.html(make_study(), ABOUT)
-    assert "RMS / bound" not in study_report.html(make_study(bound=False), ABOUT)
+    assert "RMS / bound" in render(study_report.document(make_study(), ABOUT))
+    assert "RMS / bound" not in render(study_report.document(make_study(bound=False), ABOUT))
 
 
 def test_a_study_without_estimates_is_still_a_page():
     empty = np.empty((0, len(LINEAR_LOWER)))
     study = Study(LINEAR_LOWER, empty, empty, empty, np.empty(0), {"rests.too_few": 40})
-    page = study_report.html(study, ABOUT)
+    page = render(study_report.document(study, ABOUT))
     assert '<p class="word">Unusable</p>' in page
     assert titles_of(page) == ["Checks", "How the trials ended", "Provenance"]
     assert "rests.too_few" in page
 
 
 def test_written_whole_self_contained_with_one_plotly(tmp_path):
-    file = study_report.write(make_study(), ABOUT, tmp_path / "report.html")
+    file = save(study_report.document(make_study(), ABOUT), tmp_path / "report.html")
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
     page = file.read_text(encoding="utf-8")
     assert page.count("* plotly.js v") == 1

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from foucault import run_folder
 from foucault.models.earth import Site
 from foucault.procedures import systematic
-from foucault.report import figures_systematic as drawn
 from foucault.report import html
 from foucault.report import systematic as report
-from foucault.report.page import Figure, Table
-from foucault.report.uncertainty import shown
+from foucault.report.page import Figure, Table, shown
 from make_sequence import DEG, NOISE
 
 SITE = Site.at(40 * DEG, 100.0)
@@ -51,7 +47,7 @@ def test_velocities_before_and_after(result):
 def test_large_velocities_are_in_metres(result):
     table = dict(result.tables["velocities"])
     table["before_east"] = 1e3 * table["before_east"]
-    figure = drawn.velocities(table)
+    figure = report.velocity_figure(table)
     assert figure.layout["yaxis2"]["title"]["text"] == "before [m/s]"
     assert figure.layout["yaxis"]["title"]["text"] == "after [mm/s]"
     east = next(t for t in figure.data if t["yaxis"] == "y2" and t["name"] == "east")
@@ -112,12 +108,6 @@ def test_places_in_units_that_people_use(result):
     page = html(result).replace("<wbr>", "")
     assert "accel.lever.xy" in page and "accel.delay" in page
     assert shown("us") == "µs"
-
-
-def test_nothing_is_shown_that_is_not_there(result):
-    bare = replace(result, tables={}, diagnostics={})
-    for section in (report.velocities, report.sequence, report.navigation):
-        assert section(bare) is None
 
 
 def test_the_report_is_made_from_the_run_folder(result, tmp_path):

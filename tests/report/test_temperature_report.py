@@ -9,11 +9,10 @@ import pytest
 
 from foucault import report
 from foucault.procedures.temperature import Settings, calibrate
-from foucault.report.application import how_to_apply
+from foucault.report.calibration import how_to_apply
 from foucault.report.page import Figure, Table
-from foucault.report.temperature import functions, left_out
+from foucault.report.uncertainty import functions, left_out
 from foucault.result import Result
-from make_result import make_result
 from make_temperature import ZERO, sessions
 
 DEGREES = (-15, 0, 20, 40, 65)
@@ -23,11 +22,6 @@ DEGREES = (-15, 0, 20, 40, 65)
 def result() -> Result:
     return calibrate(sessions(DEGREES, scatter={"gyro.bias": 20.0}),
                      Settings(scatter={"accel.bias": 0.0}))  # fmt: skip
-
-
-def test_no_section_without_functions() -> None:
-    assert functions(make_result()) is None
-    assert left_out(make_result()) is None
 
 
 def test_functions_are_drawn_with_their_band_and_sessions(result: Result) -> None:

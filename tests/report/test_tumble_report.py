@@ -15,13 +15,12 @@ from foucault.export import write as export
 from foucault.logs import read
 from foucault.logs.description import LogDescription
 from foucault.models.cluster import CONSTANTS, LAYOUT, attitude_of
-from foucault.report import figures_tumble, tumble
-from foucault.report.application import how_to_apply
-from foucault.report.sections import sections
+from foucault.report import tumble
+from foucault.report.calibration import how_to_apply, sections
 from foucault.report.uncertainty import coefficients
-from make_result import make_result
 
 UG = 1e-6 * 9.80665
+WEIGHED = ("prior", "white noise of accelerometers", "white noise of gyros")
 
 
 @pytest.fixture(scope="module")
@@ -81,12 +80,6 @@ MAKERS = (
     tumble.alignment, tumble.motion, tumble.observability, tumble.course, tumble.residuals,
     tumble.sensitivity,
 )  # fmt: skip
-
-
-@pytest.mark.parametrize("make", MAKERS)
-def test_no_section_without_its_numbers(make, result):
-    assert make(make_result()) is None
-    assert make(replace(result, tables={}, diagnostics={})) is None
 
 
 def test_only_the_attitude_is_left_of_a_trial(result):
@@ -151,7 +144,8 @@ def test_all_coefficients_in_their_groups(result):
     headings = [c.heading for c in table.columns]
     ratio = np.array([float(row[headings.index("sd / bound")]) for row in rows])
     scale = [LAYOUT.index(f"accel.scale.{a}") for a in "xyz"]
-    noise = np.sqrt(result.diagnostics["budget"]["noise and prior"])
+    budget = result.diagnostics["budget"]
+    noise = np.sqrt(np.sum([budget[row] for row in WEIGHED], axis=0))
     np.testing.assert_allclose(noise / result.diagnostics["bound"], 1.0, rtol=1e-9)
     np.testing.assert_allclose(ratio, result.coefficients.sd / noise, rtol=0.006)  # two decimals
     # Gravity touches what is per g, too, but hardly.
@@ -208,7 +202,7 @@ def test_what_the_motion_shows(result):
     assert [len(d["x"]) for d in dots] == [21, 24]
     at = dots[0]["y"].index("d<sub>Ox</sub>")
     k = LAYOUT.index("gyro.drift_output.x")
-    noise = np.sqrt(result.diagnostics["budget"]["noise and prior"][k])
+    noise = np.sqrt(sum(result.diagnostics["budget"][row][k] for row in WEIGHED))
     assert dots[0]["x"][at] == pytest.approx(noise / result.coefficients.prior_sd[k], rel=1e-3)
 
 
@@ -264,7 +258,7 @@ def figures_size(kind):
 
 @pytest.mark.parametrize(("unit", "top"), [(1e-4, 3.0), (0.3, 300.0), (1.0, 2.0), (1e-9, 1e-7)])
 def test_marks_stand_apart_and_on_the_axis(unit, top):
-    values, words = figures_tumble._symmetric(unit, top)
+    values, words = tumble._symmetric(unit, top)
     assert values[0] == 0 and len(values) == len(words) == 1 + 2 * (len(values) // 2)
     assert np.all(np.abs(values) <= top)
     plain = [re.sub("10<sup>(.*)</sup>", r"1e\1", w.replace("−", "-")) for w in words]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from foucault import units
-from foucault.report.certificate import certificate
-from foucault.report.page import Facts, Items, Table
-from foucault.report.uncertainty import budget, coefficients, shown, unseen
+from foucault.report.calibration import certificate
+from foucault.report.page import Facts, Items, Table, shown
+from foucault.report.uncertainty import budget, coefficients, unseen
 from make_result import make_result
 
 

@@ -8,7 +8,8 @@ import pytest
 from foucault.models.earth import EARTH_RATE, earth_rate_n
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.simulate.faces import face_plan, simulate
+from foucault.plans.directions import face_plan
+from foucault.simulate.hand_rotated import simulate
 from make_faces import SITE, TURN, short_plan
 
 QUIET = ImuNoise()

@@ -6,12 +6,19 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.models.attitude import matrix_of
-from foucault.models.earth import earth_rate_n, gravity, gravity_n, radii, transport_rate
-from foucault.models.geodesy import displacement, east_north_up, ecef
+from foucault.models.earth import (
+    displacement,
+    earth_rate_n,
+    east_north_up,
+    ecef,
+    gravity,
+    gravity_n,
+    radii,
+    transport_rate,
+)
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.models.rotation import exp, log
+from foucault.models.rotation import exp, log, matrix_of
 from foucault.plans.manoeuvres import (
     Accelerate,
     Climb,

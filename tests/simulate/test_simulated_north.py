@@ -10,9 +10,9 @@ from foucault.coefficients import CoefficientVector
 from foucault.errors import FoucaultError
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
-from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.noise import ImuNoise, TriadNoise, mean_variance
 from foucault.models.north_seeker import SEEKER, Compensation, earth_rate_b, up_b
-from foucault.models.readings import mean_variance
+from foucault.simulate.noise import mean_noise
 from foucault.simulate.north import (
     NorthPlan,
     Placement,
@@ -21,7 +21,6 @@ from foucault.simulate.north import (
     Stops,
     simulate_north,
 )
-from foucault.simulate.wandering import mean_noise
 
 SITE = Site.at(np.radians(29.5))
 FOUR = Stops(np.radians([0.0, 180.0, 90.0, 270.0]), np.full(4, 60.0), 5.0)

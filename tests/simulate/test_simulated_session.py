@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.kernels.rotation import integrate_turns
 from foucault.models.earth import EARTH_RATE, earth_rate_n
 from foucault.models.imu import LINEAR_LOWER, ImuModel

@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.models.attitude import angles_of
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
+from foucault.models.rotation import angles_of
 from foucault.plans.manoeuvres import Rest, Rotate, Start
-from foucault.plans.systematic.built_in import action_sequences, nineteen_positions
-from foucault.plans.systematic.sequence import CalibrationSequence, spin
+from foucault.plans.sequence import (
+    CalibrationSequence,
+    action_sequences,
+    nineteen_positions,
+    spin,
+)
 from foucault.simulate.motion import simulate_motion
 from foucault.simulate.systematic import TableErrors, simulate_systematic
 from make_sequence import ARCSEC, DEG, SITE, simulated

@@ -9,29 +9,26 @@ import pytest
 from scipy.stats import chi2, norm
 
 from foucault.errors import FoucaultError
-from foucault.models.attitude import angles_of, matrix_of
-from foucault.models.earth import earth_rate_n, gravity
-from foucault.models.geodesy import displacement
+from foucault.models.earth import displacement, earth_rate_n, gravity
 from foucault.models.imu import LAYOUT
 from foucault.models.noise import ImuNoise
-from foucault.models.rotation import exp, turned
+from foucault.models.rotation import angles_of, exp, matrix_of, turned
 from foucault.models.transfer import LIVELY
 from foucault.navigate.increments import increments_of
 from foucault.navigate.strapdown import navigate
 from foucault.plans.manoeuvres import Start, Turn
-from foucault.plans.transfer.profiles import TransferProfile
-from foucault.simulate.transfer.link import Link, MasterNoise
-from foucault.simulate.transfer.session import (
+from foucault.plans.transfer import TransferProfile
+from foucault.simulate.transfer import (
     Barometer,
-    draw_slave,
-    simulate_transfer,
-    turn_on_grade,
-)
-from foucault.simulate.transfer.slave import (
     Flexure,
+    Link,
+    MasterNoise,
     Slave,
     Vibration,
     draw_flexure,
+    draw_slave,
+    simulate_transfer,
+    turn_on_grade,
 )
 from make_transfer_flight import ARCMIN, DEG, QUIET, SHORT, START
 

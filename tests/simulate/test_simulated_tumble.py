@@ -15,7 +15,7 @@ from foucault.models.cluster import LAYOUT, ClusterModel, angles_of
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import log as rotation_of
-from foucault.plans.tumble.torquing import PUBLISHED, RATE, nominal, sequence, starting
+from foucault.plans.tumble import PUBLISHED, RATE, nominal, sequence, starting
 from foucault.procedures.platform_tumble.settings import draw_printed
 from foucault.simulate.tumble import Acquisition, simulate_tumble
 from make_cluster import DEG_H, UG, G, make_cluster

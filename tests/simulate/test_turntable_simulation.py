@@ -11,19 +11,18 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.rotation import exp
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.turntable import RIG, TableErrors, TablePlan, chain, mean_force
-from foucault.plans.table.plan import table_plan
+from foucault.plans.directions import table_plan
 from foucault.procedures.on_table import session as turntable_session
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.simulate.table.log import simulate, simulate_means
-from foucault.simulate.table.readings import Fleet, Rig, simulate_readings
+from foucault.simulate.table import Fleet, Rig, simulate, simulate_means, simulate_readings
 
 SITE = Site.at(np.radians(48.8462), 60.0)
 QUIET = ImuNoise()
@@ -270,9 +269,11 @@ def test_a_fleet_is_its_instruments():
         values, [m.coefficients().values for m in models], rtol=0, atol=1e-16
     )
     built = Fleet.from_values(LAYOUT.names, values)
-    np.testing.assert_allclose(built.accel_matrix, fleet.fleet.accel_matrix, rtol=0, atol=1e-16)
     np.testing.assert_allclose(
-        built.accel_quadratic, fleet.fleet.accel_quadratic, rtol=0, atol=1e-16
+        built.models.accel_matrix, fleet.fleet.models.accel_matrix, rtol=0, atol=1e-16
+    )
+    np.testing.assert_allclose(
+        built.models.accel_quadratic, fleet.fleet.models.accel_quadratic, rtol=0, atol=1e-16
     )
 
 
@@ -509,7 +510,7 @@ def test_sessions_that_cannot_determine_the_coefficients_are_refused(values, jud
     ],
 )
 def test_mistakes_in_settings_are_reported_with_their_place(key, value, code, text):
-    from foucault.campaign.mistakes import validate
+    from foucault.campaign.tables import validate
 
     with pytest.raises(FoucaultError) as caught:
         validate(TableSettings, {key: value}, ("procedure",))

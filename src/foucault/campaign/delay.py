@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from foucault import logs
-from foucault.campaign.mistakes import validate
-from foucault.campaign.source import read
+from foucault.campaign.running import read
+from foucault.campaign.tables import validate
 from foucault.errors import error
-from foucault.estimate.delay.fit import BRACKET
+from foucault.estimate.delay import BRACKET
 from foucault.files import parse_toml, read_text
 from foucault.logs import master as masters
 from foucault.logs.checks import beside_another, on_a_shared_clock
+from foucault.logs.description import description_of
 from foucault.logs.layout import FileLayout
-from foucault.logs.master_description import MasterDescription
+from foucault.logs.master import MasterDescription
 from foucault.logs.raw import open_raw
-from foucault.logs.titles import description_of
-from foucault.models.attitude import matrix_of
-from foucault.models.master import MasterTable
+from foucault.models.rotation import matrix_of
+from foucault.models.transfer import MasterTable
 from foucault.procedures import Progress, silent
 from foucault.procedures.delay import FoundDelay, find_delay
 from foucault.tables import Log

@@ -15,11 +15,10 @@ import numpy as np
 from pydantic import Field
 
 from foucault import procedures
-from foucault.campaign.mistakes import parse_at, validate
-from foucault.campaign.tables import joined
+from foucault.campaign.tables import joined, kind_of_group, parse_at, validate
 from foucault.errors import FoucaultError, Status, error
 from foucault.files import sha256
-from foucault.models.layouts import kind_of
+from foucault.models.layouts import EVERY
 from foucault.procedures.merged import (
     Earlier,
     Hashed,
@@ -28,7 +27,7 @@ from foucault.procedures.merged import (
     with_prior,
 )
 from foucault.result import Result
-from foucault.run_folder import RESULT_FILE, load_result
+from foucault.run_folder import load_result, result_file
 from foucault.strict import Strict
 
 if TYPE_CHECKING:
@@ -91,19 +90,12 @@ def read(table: EarlierTable, folder: Path) -> Earlier:
     """
     growth = {}
     for name, text in table.growth.items():
-        sd = parse_at(f'prior.growth."{name}"', text, kind_of_group(name))
+        sd = parse_at(f'prior.growth."{name}"', text, kind_of_group(name, EVERY))
         if not 0 <= sd < float("inf"):
             raise error("prior.growth", key=f'growth."{name}"', given=text, what="zero or more")
         growth[name] = sd
     _, sha, result = hashed(folder / table.run)
     return Earlier(table.run, sha, result, growth, table.inflate)
-
-
-def kind_of_group(name: str) -> str:
-    """Return the kind of coefficient `name`, or of the first of the group `name`."""
-    from foucault.models.layouts import EVERY
-
-    return kind_of(EVERY.names[int(EVERY.group(name)[0])])
 
 
 def calibrated(campaign: Campaign, table: EarlierTable, run: Callable[[Priors], Result]) -> Result:
@@ -193,7 +185,7 @@ def hashed(path: str | Path) -> Hashed:
     result = load_result(path, with_tables=False)
     if result.temperature is not None:
         raise error("temperature.as_prior", name=path)
-    return str(path), sha256(path / RESULT_FILE if path.is_dir() else path), result
+    return str(path), sha256(result_file(path)), result
 
 
 def merge(paths: Sequence[str | Path]) -> Result:

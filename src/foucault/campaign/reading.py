@@ -12,20 +12,24 @@ from pydantic import BaseModel
 
 from foucault import procedures, units
 from foucault.campaign import earlier
-from foucault.campaign.mistakes import all_finite, countable, parse_at, validate
 from foucault.campaign.tables import (
     CampaignFile,
     PriorEntry,
     SimulateTable,
+    all_finite,
+    countable,
     file_with,
     joined,
+    kind_of_group,
+    parse_at,
+    validate,
 )
 from foucault.coefficients import Layout
 from foucault.errors import Finding, error, suggestion
 from foucault.files import parse_toml, read_text
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
-from foucault.models import earth, imu, noise
+from foucault.models import earth, noise
 from foucault.procedures.record import Procedure
 from foucault.units import STANDARD_GRAVITY
 
@@ -218,22 +222,12 @@ def _model(raw: dict[str, Any]) -> type[CampaignFile]:
     return file_with(procedures.load(str(name)).Description if known else LogDescription)
 
 
-def coefficient_kind(name: str, layout: Layout = imu.LAYOUT) -> str:
-    """Return the kind of coefficient `name` or of the whole group `name` of `layout`."""
-    members = [layout.coefficients[i] for i in layout.group(name)]
-    kinds: list[str] = list(dict.fromkeys(c.kind for c in members))
-    if len(kinds) > 1:
-        groups = list(dict.fromkeys(f'"{c.name.rpartition(".")[0]}"' for c in members))
-        raise error("prior.kind", name=name, kinds=", ".join(kinds), example=" and ".join(groups))
-    return kinds[0]
-
-
 SURE = 1e-9
 """No instrument is known to so small a part of the smallest unit that people use [1]."""
 
 
 def _prior(name: str, entry: PriorEntry, layout: Layout) -> tuple[float, float]:
-    kind = coefficient_kind(name, layout)
+    kind = kind_of_group(name, layout)
     mean = parse_at(f'prior."{name}".mean', entry.mean, kind)
     sd = parse_at(f'prior."{name}".sd', entry.sd, kind)
     if not sd > 0:

@@ -4,29 +4,31 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
-from foucault import procedures
+from foucault import logs, procedures, run_folder
 from foucault.campaign import earlier
-from foucault.campaign.mistakes import parse_at
 from foucault.campaign.reading import Campaign, load
-from foucault.campaign.tables import SiteTable
+from foucault.campaign.reading import load as load_campaign
+from foucault.campaign.tables import SiteTable, parse_at
 from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import Finding, FoucaultError, error, finding
-from foucault.files import atomic, unwritable
+from foucault.files import make_folder, sha256, write_text
 from foucault.logs.checks import beside_another
-from foucault.logs.streaming import OnDisk
+from foucault.logs.description import LogDescription, description_of
+from foucault.logs.follow import OnDisk
 from foucault.models.cluster import ClusterModel
+from foucault.models.earth import Site
 from foucault.models.imu import Gauge, ImuModel
 from foucault.models.layouts import model_of
-from foucault.models.noise import grade
+from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.size_effect import SizeEffect
 from foucault.procedures import Progress, silent
 from foucault.result import Result
@@ -126,11 +128,11 @@ def refuse_more(campaign: Campaign, what: str) -> None:
 
 @contextmanager
 def _stuck_named(log: Any) -> Iterator[None]:
-    """Where the work ends and an axis did not move, say that first: it explains the rest."""
+    """Where an axis did not move or triads are exchanged, say that first: it explains the rest."""
     try:
         yield
     except FoucaultError as problem:
-        stuck = [f for f in log.findings if f.code == "log.stuck"]
+        stuck = [f for f in log.findings if f.code in ("log.stuck", "log.triads_exchanged")]
         if not stuck:
             raise
         said = " ".join(f.message for f in stuck)
@@ -221,11 +223,17 @@ def _instrument(campaign: Campaign, seed: int) -> ImuModel | ClusterModel:
     """Draw the errors of the instrument, then set those the campaign gives."""
     procedure = procedures.load(campaign.procedure)
     drawn = procedure.draw_errors(campaign.simulate.grade, seed).coefficients()
-    given, layout = {}, procedure.layout
-    for name, text in campaign.simulate.errors.items():
-        kind = layout.coefficients[layout.index(name)].kind
-        given[name] = parse_at(f'simulate.errors."{name}"', text, kind)
-    return model_of(drawn.with_values(given))
+    return model_of(drawn.with_values(given_errors(campaign, procedure.layout)))
+
+
+def given_errors(campaign: Campaign, layout: Layout) -> dict[str, float]:
+    """Return the coefficients that [simulate] sets to a value [SI]."""
+    return {
+        name: parse_at(
+            f'simulate.errors."{name}"', text, layout.coefficients[layout.index(name)].kind
+        )
+        for name, text in campaign.simulate.errors.items()
+    }
 
 
 def keep_recorded(folder: Path, truth: str, files: Iterable[str]) -> None:
@@ -243,22 +251,17 @@ def save_session(session: Session, folder: str | Path) -> Path:
     """
     folder = Path(folder)
     keep_recorded(folder, TRUTH_FILE, (SESSION_LOG, SESSION_CAMPAIGN))
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise unwritable(folder, problem) from None
+    make_folder(folder)
     log = session.simulation.log
     procedures.load(session.campaign.procedure).write(log, folder / SESSION_LOG)
     if hasattr(session.simulation, "write_beside"):
         session.simulation.write_beside(folder)
-    with atomic(folder / TRUTH_FILE) as temporary:
-        temporary.write_text(json.dumps(_truth(session), indent=1) + "\n", encoding="utf-8")
+    write_text(folder / TRUTH_FILE, json.dumps(_truth(session), indent=1) + "\n")
     own = log_table(session.campaign.procedure, log)
     text = with_own_log(session.campaign.text, own)
     if session.seed != session.campaign.simulate.seed:
         text = with_seed(text, session.seed)
-    with atomic(folder / SESSION_CAMPAIGN) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(folder / SESSION_CAMPAIGN, text)
     return folder / SESSION_CAMPAIGN
 
 
@@ -303,3 +306,93 @@ def with_seed(text: str, seed: int) -> str:
         r"^[ \t]*seed[ \t]*=.*$", f"seed = {seed}", rest, count=1, flags=re.MULTILINE
     )
     return head + found + (changed if n else f"\nseed = {seed}{rest}")
+
+
+# -- A log from a campaign or from a file alone, and what is said beside it ----------------------
+
+
+@dataclass(frozen=True)
+class Said:
+    """What is said beside a log; it goes before what a campaign file says."""
+
+    # keys of [site]: latitude, longitude [rad], height [m], gravity [m/s^2]
+    site: Mapping[str, Any] = field(default_factory=dict)
+    settings: Any = None  # what can be chosen; of a north seeker the keys of [procedure] [SI]
+    # gyro_white, accel_white: white noise [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
+    gyro_white: float | None = None
+    accel_white: float | None = None
+    reads: str | None = None  # sign of the accelerometers of readings without a campaign
+    serial: str = ""  # serial number of the instrument
+
+
+@dataclass(frozen=True)
+class Source:
+    """A log, and what its file says of it."""
+
+    log: Log
+    instrument: dict[str, Any]
+    site: Mapping[str, Any]
+    noise: ImuNoise | None
+
+
+def calibration_of(path: Path) -> tuple[Result, dict[str, str]]:
+    """Return the calibration of a run folder or result.json, with its file and hash."""
+    result = run_folder.load_result(path, with_tables=False).numbers()
+    file = run_folder.result_file(path)
+    made = result.provenance | {"file": str(file)}
+    return replace(result, provenance=made), {"file": str(file), "sha256": sha256(file)}
+
+
+def read_any(
+    path: Path, progress: Progress, *, whole: bool = False, one: bool = False
+) -> tuple[Log, Campaign | None]:
+    """Read the log of a campaign file, one that foucault has written, or one titled with units.
+
+    A triad without a column for each axis is refused where the log has to be `whole`, files that
+    were recorded one by one where it has to be `one`. Returns the campaign too, where there is one.
+    """
+    if path.suffix != ".toml":
+        description, told = description_of(path)
+        if whole:
+            description.whole()
+        log = logs.read(description, path.parent, lambda part: progress(part, "reading the log"))
+        return replace(log, findings=told + log.findings), None
+    campaign = load_campaign(path, calibrates=False)
+    if one:
+        refuse_more(campaign, "what reads a log by itself")
+    if whole and isinstance(campaign.log, LogDescription):
+        campaign.log.whole()
+    log = read_log(campaign, progress)
+    if not isinstance(log, Log):
+        raise error("north.not_imu", procedure=campaign.procedure)
+    return log, campaign
+
+
+def read(path: Path, progress: Progress) -> Source:
+    """Read a log that is navigated or aligned, and what its file says of it."""
+    told = lambda part, words: progress(0.3 * part, words)  # noqa: E731
+    log, campaign = read_any(path, told, whole=True, one=True)
+    if campaign is None:
+        return Source(log, {}, {}, None)
+    return Source(log, campaign.instrument, campaign.tables.site.model_dump(), campaign.noise)
+
+
+def site_of(given: Mapping[str, Any]) -> tuple[Site | None, float]:
+    """Return the site and its longitude; no site where nothing is said of it."""
+    longitude = float(given.get("longitude") or 0.0)
+    if given.get("latitude") is None and given.get("gravity") is None:
+        return None, longitude
+    return SiteTable.model_validate(given).site(), longitude
+
+
+def noise_of(said: Said, noise: ImuNoise | None) -> ImuNoise | None:
+    """Return the noise that a file declares, with what is said of it instead."""
+    if said.gyro_white is None and said.accel_white is None:
+        return noise
+    start = noise or ImuNoise(TriadNoise(), TriadNoise())
+    accel, gyro = start.accel, start.gyro
+    if said.accel_white is not None:
+        accel = replace(accel, white=said.accel_white)
+    if said.gyro_white is not None:
+        gyro = replace(gyro, white=said.gyro_white)
+    return ImuNoise(accel, gyro)

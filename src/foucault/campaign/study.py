@@ -1,6 +1,6 @@
 """Monte Carlo studies of a campaign: simulate and calibrate many instruments, keep every trial.
 
-A study folder holds study.json (what was asked), parts/*.parquet (see `parts`) and, at the end,
+A study folder holds study.json (what was asked), parts/*.parquet (see `Parts`) and, at the end,
 trials.parquet with all trials in order. A study that was killed is resumed by asking for it
 again: finished parts are not computed twice, and the result is the same to the byte as that of an
 undisturbed study, whatever the number and the kind of workers.
@@ -9,7 +9,9 @@ undisturbed study, whatever the number and the kind of workers.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+import importlib.metadata
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -19,17 +21,182 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import monte_carlo, procedures
-from foucault.campaign import earlier, parts
+from foucault.campaign import earlier
 from foucault.campaign.reading import Campaign
 from foucault.campaign.running import simulate
 from foucault.campaign.writing import resolved
-from foucault.diagnose.consistency import nees
-from foucault.diagnose.study import Study
+from foucault.diagnose.study import Study, nees
 from foucault.errors import FoucaultError, error
+from foucault.files import atomic, make_folder, write_text
 from foucault.result import Result
+from foucault.run_folder import KINDS, about_of, parquet_of
 
-SCHEMA = "foucault.study/1"
-STUDY_FILE, TRIALS_FILE, PARTS = "study.json", "trials.parquet", parts.FOLDER
+# -- A folder of many trials that can be killed at any time and continued ------------------------
+# It holds a JSON file that says what was asked, parts/*.parquet (trials as they were finished, each
+# part written whole or not at all) and whatever its owner makes of all trials in the end. Asking
+# for the same again computes what is missing; asking for something else is refused.
+
+Progress = Callable[[int, int], None]
+Columns = dict[str, npt.NDArray[Any]]
+
+FOLDER = "parts"
+
+
+def silent(done: int, total: int) -> None:
+    """Tell nobody.
+
+    `done`, `total`: trials done and wanted [1].
+    """
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Trials of one folder."""
+
+    folder: Path
+    size: int  # trials in one part: what a kill can cost beside those that are being computed [1]
+
+    def of(self, n: int) -> tuple[range, ...]:
+        """Return the numbers of the trials in each part.
+
+        `n`: number of trials [1].
+        """
+        return tuple(range(a, min(a + self.size, n)) for a in range(0, n, self.size))
+
+    def missing(self, n: int) -> tuple[range, ...]:
+        """Return the parts that are still to be computed.
+
+        `n`: number of trials [1].
+        """
+        there = {path.name for path in (self.folder / FOLDER).iterdir() if _whole(path)}
+        return tuple(part for part in self.of(n) if _name(part) not in there)
+
+    @property
+    def begun(self) -> int:
+        """Number of the last trial that is there, and one [1]."""
+        numbers = [
+            int(path.stem.split("-")[1]) for path in (self.folder / FOLDER).glob("*-*.parquet")
+        ]
+        return max(numbers, default=-1) + 1
+
+    def write(self, part: range, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Write the rows of one part, whole or not at all."""
+        write_table(self.folder / FOLDER / _name(part), rows)
+
+    def merge(self, n: int) -> Columns:
+        """Return the columns of the trials that are finished, in order.
+
+        `n`: number of trials [1].
+        """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        missing = set(self.missing(n))
+        there = [part for part in self.of(n) if part not in missing]
+        if not there:
+            return {}
+        tables = [pq.read_table(self.folder / FOLDER / _name(part)) for part in there]
+        whole = pa.concat_tables(tables)
+        return {name: whole[name].to_numpy() for name in whole.column_names}
+
+    def run(
+        self,
+        trial: monte_carlo.Trial,
+        n: int,
+        seed: int,
+        map: monte_carlo.Map,
+        progress: Progress = silent,
+        until: Callable[[], bool] = lambda: False,
+    ) -> Columns:
+        """Compute the trials that are missing and return the columns of all, in order.
+
+        `trial`: ``(index, seed sequence) -> row``; `n`: number of trials [1]; `seed`: seed of all
+        [1]; `map`: where to compute; `progress`: called with the number of trials done and
+        wanted; `until`: asked after every part whether to stop early, then only the columns of
+        what is finished are returned.
+        """
+        missing = self.missing(n)
+        done = n - sum(len(part) for part in missing)
+        progress(done, n)
+        rows = monte_carlo.run(trial, [i for part in missing for i in part], seed, map)
+        try:
+            for part in missing:
+                table = []
+                for _ in part:
+                    table.append(next(rows))
+                    done += 1
+                    progress(done, n)
+                self.write(part, table)
+                if until():
+                    break
+        finally:  # now, not when it is collected: it may hold threads or a cluster
+            rows.close()
+        return self.merge(n)
+
+
+def opened(
+    folder: str | Path, asked: Mapping[str, Any], kind: str, size: int, texts: Mapping[str, str]
+) -> Parts:
+    """Begin a folder, or make sure that it is that of the same question.
+
+    `asked`: what the numbers in it depend on, as JSON values, each must agree with what is there.
+    The version of this package is added; `kind`: of folder, a key of `run_folder.KINDS`; `size`:
+    trials in one part, a folder that is there keeps its own [1]; `texts`: name -> content of other
+    files to begin the folder with.
+    """
+    folder, known = Path(folder), KINDS[kind]
+    make_folder(folder / FOLDER)
+    made = {"part": size, "version": importlib.metadata.version("foucault")}
+    asked = json.loads(json.dumps({"schema": known.schema, **asked, **made}))
+    there = asked_of(folder, kind)
+    if there is not None:
+        different = [k for k, value in asked.items() if k != "part" and there.get(k) != value]
+        if different:
+            raise error("study.other", folder=folder, kind=kind, what=", ".join(different))
+        return Parts(folder, int(there["part"]))
+    if any((folder / FOLDER).iterdir()):
+        raise error("study.damaged", folder=folder, kind=kind, file=known.file)
+    for name, text in (*texts.items(), (known.file, json.dumps(asked, indent=1) + "\n")):
+        write_text(folder / name, text)
+    return Parts(folder, size)
+
+
+def asked_of(folder: str | Path, kind: str) -> dict[str, Any] | None:
+    """Return what was asked in a folder, None where it is not there or of another schema."""
+    try:
+        return about_of(folder, kind)
+    except FoucaultError:
+        return None
+
+
+def write_table(path: Path, rows: Sequence[Mapping[str, Any]] | Mapping[str, Any]) -> None:
+    """Write rows, or columns, as Parquet, whole or not at all."""
+    import pyarrow as pa
+
+    table = pa.table(dict(rows)) if isinstance(rows, Mapping) else pa.Table.from_pylist(list(rows))
+    with atomic(path) as temporary:
+        temporary.write_bytes(parquet_of(table))
+
+
+def _whole(path: Path) -> bool:
+    """Whether a part can be read: a full disk or a power cut may have left it cut short."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        pq.read_metadata(path)
+    except (OSError, pa.ArrowInvalid):
+        return False
+    return True
+
+
+def _name(part: range) -> str:
+    return f"{part.start:07d}-{part.stop - 1:07d}.parquet"
+
+
+# -- studies -------------------------------------------------------------------------------------
+
+TRIALS_FILE = "trials.parquet"
 PART, LARGE, LARGE_PART = 20, 20_000, 500
 """Trials in one part; of a study larger than that, trials in one part [1]."""
 
@@ -100,7 +267,7 @@ def run(
     seed: int = 0,
     map: monte_carlo.Map | None = None,
     workers: int = 2,
-    progress: parts.Progress = parts.silent,
+    progress: Progress = silent,
 ) -> Study:
     """Run a study, or the rest of one, in a folder.
 
@@ -119,13 +286,11 @@ def run(
         "seed": seed,
         "names": names,
     }
-    kept = parts.opened(
-        folder, asked, file=STUDY_FILE, schema=SCHEMA, kind="study",
-        size=PART if n <= LARGE else LARGE_PART, texts={"campaign.toml": text},
-    )  # fmt: skip
+    size = PART if n <= LARGE else LARGE_PART
+    kept = opened(folder, asked, "study", size, {"campaign.toml": text})
     spread = map or monte_carlo.threads(workers)
     columns = kept.run(Trial(campaign), n, seed, spread, progress)
-    parts.write_table(folder / TRIALS_FILE, columns)
+    write_table(folder / TRIALS_FILE, columns)
     return Study.of(names, columns)
 
 
@@ -134,7 +299,7 @@ def load(folder: str | Path) -> tuple[Study, dict[str, Any]]:
     import pyarrow.parquet as pq
 
     folder = Path(folder)
-    asked = parts.asked_of(folder, STUDY_FILE, SCHEMA)
+    asked = asked_of(folder, "study")
     if asked is None or not (folder / TRIALS_FILE).exists():
         raise error("study.missing", folder=folder)
     table = pq.read_table(folder / TRIALS_FILE)

@@ -19,16 +19,21 @@ References
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from foucault import units
 from foucault.arrays import FloatArray, IntArray
-from foucault.campaign.mistakes import parse_at
-from foucault.errors import error, suggestion
+from foucault.campaign.tables import kind_of_group, parse_at
+from foucault.coefficients import format_value
+from foucault.diagnose.comparable import Comparable
+from foucault.diagnose.comparable import Entry as Compared
+from foucault.diagnose.compare import FEWEST, Between, Course, History
+from foucault.errors import Finding, error, suggestion
 from foucault.files import parse_toml, read_text
 from foucault.models.layouts import EVERY
 
@@ -192,7 +197,7 @@ def _entry(name: str, said: Any) -> Entry:
         allowed = sorted({*EVERY.names, *groups})
         hint = suggestion(name, allowed)
         raise error("tolerance.name", name=name, hint=hint, groups=", ".join(sorted(groups)))
-    kind = _kind(name)
+    kind = kind_of_group(name, EVERY, "tolerance.kind")
     parts = said if isinstance(said, dict) else {"limit": said}
     for key in parts:
         if key not in KEYS:
@@ -206,12 +211,266 @@ def _entry(name: str, said: Any) -> Entry:
     return Entry(name, **numbers)
 
 
-def _kind(name: str) -> str:
-    """Return the kind of a coefficient or of all coefficients of a group."""
-    members = [EVERY.coefficients[i] for i in EVERY.group(name)]
-    kinds: list[str] = list(dict.fromkeys(c.kind for c in members))
-    if len(kinds) > 1:
-        groups = list(dict.fromkeys(f'"{c.name.rpartition(".")[0]}"' for c in members))
-        example = " and ".join(groups[:3])
-        raise error("tolerance.kind", name=name, kinds=", ".join(kinds), example=example)
-    return kinds[0]
+# -- What a comparison amounts to: limits kept or not, and a verdict in words --------------------
+
+LEVELS = ("pass", "doubtful", "fail")
+"""Outcomes of a comparison, the worse the later."""
+
+MOST = 6
+"""Coefficients that are named in the verdict [1]."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An instrument with its results."""
+
+    name: str
+    entries: tuple[Compared, ...]  # its results in time [SI]
+    comparable: Comparable | None  # what they have in common; None of a single result
+    history: History | None  # how they compare; None of a single result
+
+    def kind(self, name: str) -> str:
+        """Return what coefficient `name` measures."""
+        layout = self.entries[-1].result.coefficients.layout
+        if self.comparable is not None and name in self.comparable.layout:
+            layout = self.comparable.layout  # results that were turned have other angles
+        return layout.coefficients[layout.index(name)].kind
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Whether one number keeps to its limit."""
+
+    # instrument, name: of which instrument, and which coefficient
+    instrument: str
+    name: str
+    what: str  # "value", "change" or "drift"
+    # value, sd: the number and its standard deviation [SI; of a drift per year]
+    value: float
+    sd: float
+    limit: float  # its largest size [SI; of a drift per year]
+    decision: str
+    kind: str  # what the coefficient measures, which fixes its units
+    # first, second: results that a change is between; the result of a value is `second`
+    first: str = ""
+    second: str = ""
+
+    def words(self) -> str:
+        """Say what was found and what is allowed."""
+        per = " per year" if self.what == "drift" else ""
+        number = said(self.value, self.sd, self.kind)
+        at = f" from {self.first} to {self.second}" if self.what == "change" else ""
+        unit, size = _unit(self.kind, self.limit)
+        limit = f"{units.plain(self.limit / size)} {unit}{per}"
+        return f"{self.what} of {self.name}{at} {number}{per}, limit {limit}"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The outcome, one of `LEVELS`, and why in plain sentences."""
+
+    level: str
+    reasons: tuple[str, ...]
+
+
+# -- limits ----------------------------------------------------------------------------------
+
+
+def decisions_on(
+    instruments: Sequence[Judged], tolerance: Tolerance | None
+) -> tuple[Decision, ...]:
+    """Decide on the latest value, every change and the drift of all that has a limit.
+
+    `instruments`: the instruments [SI]; `tolerance` or None: the limits.
+    """
+    if tolerance is None:
+        return ()
+    out: list[Decision] = []
+    for one in instruments:
+        out += _values(one, tolerance)
+        if one.history is not None:
+            out += [*_changes(one, one.history, tolerance), *_drifts(one, one.history, tolerance)]
+    return tuple(out)
+
+
+def _values(one: Judged, tolerance: Tolerance) -> Iterable[Decision]:
+    last = one.entries[-1]
+    vector = last.result.coefficients
+    limit, largest = tolerance.limits(vector.names)
+    sd = np.where(vector.free, vector.sd, np.nan)  # what was held was not measured
+    found = decided(vector.values, sd, limit, largest)
+    for k in np.flatnonzero(np.isfinite(limit)):
+        yield Decision(
+            one.name, vector.names[k], "value", float(vector.values[k]), float(sd[k]),
+            float(limit[k]), DECISIONS[found[k]], vector.layout.coefficients[k].kind,
+            second=last.label,
+        )  # fmt: skip
+
+
+def _changes(one: Judged, past: History, tolerance: Tolerance) -> Iterable[Decision]:
+    """Decide on the worst change of each coefficient; that of any two results counts."""
+    names = past.series.names
+    limit = tolerance.changes(names)[0]
+    change = np.array([p.change for p in past.pairs])
+    sd = np.array([p.sd for p in past.pairs])
+    found = decided(change, sd, limit)
+    for k in np.flatnonzero(np.isfinite(limit)):
+        worst = max(range(len(change)), key=lambda i: (found[i, k], abs(change[i, k])))
+        p = past.pairs[worst]
+        yield Decision(
+            one.name, names[k], "change", float(change[worst, k]), float(sd[worst, k]),
+            float(limit[k]), DECISIONS[found[worst, k]], one.kind(names[k]),
+            one.entries[p.first].label, one.entries[p.second].label,
+        )  # fmt: skip
+
+
+def _drifts(one: Judged, past: History, tolerance: Tolerance) -> Iterable[Decision]:
+    names = past.series.names
+    limit = tolerance.changes(names)[1]
+    value = np.array([c.drift for c in past.courses])
+    sd = np.array([c.drift_sd for c in past.courses])
+    found = decided(value, sd, limit)
+    for k in np.flatnonzero(np.isfinite(limit)):
+        yield Decision(
+            one.name, names[k], "drift", float(value[k]), float(sd[k]), float(limit[k]),
+            DECISIONS[found[k]], one.kind(names[k]),
+        )  # fmt: skip
+
+
+# -- the verdict -----------------------------------------------------------------------------
+
+
+def verdict_of(
+    instruments: Sequence[Judged], between: Between | None, limits: Sequence[Decision],
+    findings: Sequence[Finding],
+) -> Verdict:  # fmt: skip
+    """Combine what was found: the worst counts.
+
+    `instruments`: the instruments [SI]; `between` or None: the instruments side by side.
+    """
+    told = _of_limits(limits)
+    told += [
+        _of_history(one, one.history, limits) for one in instruments if one.history is not None
+    ]
+    if between is not None:
+        told.append(_of_instruments(instruments, between))
+    told += [(UNDECIDED, f.message) for f in findings if f.code == "compare.unusable"]
+    told.sort(key=lambda pair: -pair[0])
+    return Verdict(LEVELS[max((level for level, _ in told), default=PASS)],
+                   tuple(words for _, words in told))  # fmt: skip
+
+
+def _of_limits(limits: Sequence[Decision]) -> list[tuple[int, str]]:
+    if not limits:
+        return []
+    several = len({d.instrument for d in limits}) > 1
+    out = []
+    for level, word in ((FAIL, "Out of tolerance"), (UNDECIDED, "Limit within the uncertainty")):
+        mine = [d for d in limits if d.decision == DECISIONS[level]]
+        if mine:
+            each = [(f"{d.instrument}: " if several else "") + d.words() for d in mine]
+            out.append((level, f"{word}: {_listed(each, '; ')}."))
+    if not out:
+        out.append((PASS, f"All {len(limits)} limits are kept."))
+    return out
+
+
+def _of_history(one: Judged, past: History, limits: Sequence[Decision]) -> tuple[int, str]:
+    joint = (
+        f"chi-square {units.plain(past.chi_square, 3)} of {past.dof} degrees of freedom, limit "
+        f"{units.plain(past.high, 3)}"
+    )
+    if not past.changed:
+        return PASS, f"{_start(one)} has not changed by more than chance explains ({joint})."
+    names = [past.courses[k].name for k in past.standing_out]
+    level = PASS if _allowed(one, names or past.series.names, limits) else UNDECIDED
+    within = ", within the tolerance" if level == PASS else ""
+    if names:
+        courses = [past.courses[k] for k in past.standing_out]
+        loose = [c.name for c in courses if c.how == "scatter"]
+        words = [how(c, one.entries, one.kind(c.name)) for c in courses if c.how != "scatter"]
+        words += [_scattering(loose)] if loose else []
+        return level, f"{_start(one)} has changed{within}: {_listed(words, '; ')}."
+    likely = past.courses[past.likeliest].name
+    why = "would explain it" if past.alone else "explains most of it, but not all"
+    return level, (
+        f"{_start(one)} has changed{within} ({joint}), though no coefficient alone by more than "
+        f"chance; a change of {likely} {why}."
+    )
+
+
+def _allowed(one: Judged, names: Sequence[str], limits: Sequence[Decision]) -> bool:
+    """Whether coefficients have limits of change or drift, and keep to them."""
+    mine = [d for d in limits if d.instrument == one.name and d.what != "value"]
+    kept = all(d.decision == DECISIONS[PASS] for d in mine if d.name in names)
+    return kept and {d.name for d in mine}.issuperset(names)
+
+
+def _start(one: Judged) -> str:
+    return one.name[:1].upper() + one.name[1:]
+
+
+def _of_instruments(instruments: Sequence[Judged], between: Between) -> tuple[int, str]:
+    n, apart = len(between.series), [s.name for s in between.spreads if s.told_apart]
+    if between.outlying:
+        odd = [f"{instruments[o.index].name}: {o.name} (z = {o.z:+.1f})" for o in between.outlying]
+        return UNDECIDED, f"Unlike the other instruments: {_listed(odd, '; ')}."
+    if not apart:
+        return PASS, f"The {n} instruments cannot be told apart by these calibrations."
+    none = "none stands out" if n >= FEWEST else f"among fewer than {FEWEST} none can stand out"
+    return PASS, (
+        f"The {n} instruments differ in {len(apart)} of {len(between.spreads)} coefficients by "
+        f"more than the uncertainty of their calibration; {none}."
+    )
+
+
+def how(course: Course, entries: Sequence[Compared], kind: str) -> str:
+    """Say what a coefficient did in time.
+
+    `course`: the coefficient [SI].
+    """
+    name = course.name
+    drift = f"{said(course.drift, course.drift_sd, kind)} per year"
+    i = course.step_after
+    stepped = (
+        f"by {said(course.step, course.step_sd, kind)} between {entries[i].label} and "
+        f"{entries[i + 1].label}"
+    )
+    return {
+        "steady": f"{name} is steady",
+        "change": f"{name} {stepped}",
+        "step": f"{name} {stepped}, in one step",
+        "drift": f"{name} drifts by {drift}",
+        "drift or step": f"{name} drifts by {drift}, or changed {stepped}",
+        "scatter": _scattering([name]),
+    }[course.how]
+
+
+def _scattering(names: Sequence[str]) -> str:
+    if len(names) == 1:
+        return f"{names[0]} scatters by more than its uncertainty, in no line and no single step"
+    return (
+        f"{_listed(names, ', ')} scatter by more than their uncertainties, in no line and no "
+        "single step"
+    )
+
+
+def said(value: float, sd: float, kind: str) -> str:
+    """Write a number for people.
+
+    `value`, `sd`: the number and its standard deviation [SI].
+    """
+    if not np.isfinite(sd):
+        return "not known" if not np.isfinite(value) else "known without a standard deviation"
+    unit, size = _unit(kind, max(abs(value), sd))
+    return f"{format_value(value / size, sd / size)} {unit} (sd {units.plain(sd / size, 2)})"
+
+
+def _unit(kind: str, value: float) -> tuple[str, float]:
+    unit = units.display_unit(kind, value)
+    return unit, units.factor(unit, kind)
+
+
+def _listed(words: Sequence[str], between: str) -> str:
+    more = f"{between}and {len(words) - MOST} more" if len(words) > MOST else ""
+    return between.join(words[:MOST]) + more

@@ -15,10 +15,10 @@ from pydantic.fields import FieldInfo
 
 from foucault import procedures, units
 from foucault.campaign import earlier
-from foucault.campaign.fields import dotted, kind_of
 from foucault.campaign.reading import Campaign
-from foucault.campaign.tables import Instrument, SimulateTable, SiteTable
+from foucault.campaign.tables import Instrument, SimulateTable, SiteTable, dotted, kind_of
 from foucault.escape import commented, toml_text
+from foucault.logs.description import log_head
 from foucault.procedures.record import Procedure
 from foucault.run_folder import RESOLVED
 from foucault.strict import description_of
@@ -33,7 +33,9 @@ _HEAD = """\
 # quotients, powers and sqrt(). `foucault schema` prints what every key takes.
 """
 
-LOG_TABLE = Path(__file__).with_name("log.toml").read_text(encoding="utf-8")
+LOG_TABLE = log_head(up=', first_rest = "z up"') + Path(__file__).with_name("log.toml").read_text(
+    encoding="utf-8"
+)
 
 NOT_Z_UP = (', first_rest = "z up" }', " }")
 """A table begins where its plan does; `first_rest` may be given, and is checked then."""

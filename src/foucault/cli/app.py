@@ -14,32 +14,23 @@ import typer
 from typer.core import TyperGroup
 
 from foucault.cli import (
-    align,
-    allan,
-    campaigns,
     compare,
-    delay,
     export,
-    fleet,
-    merge,
     navigate,
     north,
-    optimise,
     plans,
     preflight,
     results,
     sessions,
-    study,
-    temperature,
     watch,
-    words,
 )
+from foucault.cli.options import add, epilog
 from foucault.cli.screen import INTERRUPTED, Screen
 from foucault.errors import FoucaultError, error
 
 BAD_INPUT, BY_INTERRUPT, FAULT = 1, 130, 70
 
-_EPILOG = words.epilog(
+_EPILOG = epilog(
     "foucault init hand_rotated -o campaign.toml",
     "foucault inspect campaign.toml",
     "foucault calibrate campaign.toml -o run",
@@ -159,11 +150,15 @@ def _program(
     ctx.obj.quiet, ctx.obj.json = quiet, json
 
 
-for _module in (
-    campaigns, plans, preflight, optimise, sessions, results, merge, compare, fleet, north, align,
-    navigate, delay, allan, study, temperature, export, watch,
+for _command in (
+    results.init, results.schema, results.messages, plans.plans, preflight.preflight,
+    preflight.optimise, sessions.inspect, sessions.simulate, results.calibrate, results.report,
+    results.demo, results.merge, compare.compare, compare.fleet, navigate.align, navigate.navigate,
+    navigate.delay, sessions.allan, preflight.montecarlo, results.temperature, export.apply,
+    export.export, watch.watch,
 ):  # fmt: skip
-    _module.add_to(app)
+    add(app, _command)
+north.add_to(app)
 
 
 def _interrupted() -> typer.Exit:

@@ -1,39 +1,31 @@
-"""The command that compares results with one another."""
+"""Several instruments: `compare` results, `fleet` from one bench."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foucault.cli import words
-from foucault.cli.screen import Screen
+from foucault.cli import options
+from foucault.cli.cluster import Workers
+from foucault.cli.options import command
+from foucault.cli.screen import Found, Screen, written
 
 if TYPE_CHECKING:
-    from foucault.campaign.comparison import Comparison
-    from foucault.campaign.comparison.verdict import Judged
-
-EXIT_CODES = {"pass": 0, "doubtful": 3, "fail": 4}
-COLOURS = {"pass": "bold green", "doubtful": "bold yellow", "fail": "bold red"}
+    pass
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command to the program."""
-    app.command(
-        "compare",
-        epilog=words.epilog(
-            "foucault compare 2024/run 2025/run 2026/run -o compared --tolerance tolerance.toml",
-            "foucault compare results.toml",
-            exits={
-                0: "not changed, or within tolerance",
-                3: "changed, or too near a limit to tell",
-                4: "out of tolerance",
-            },
-        ),
-    )(compare)
-
-
+@command(
+    "foucault compare 2024/run 2025/run 2026/run -o compared --tolerance tolerance.toml",
+    "foucault compare results.toml",
+    exits={
+        0: "not changed, or within tolerance",
+        3: "changed, or too near a limit to tell",
+        4: "out of tolerance",
+    },
+)
 def compare(
     ctx: typer.Context,
     results: Annotated[
@@ -42,8 +34,8 @@ def compare(
             help="Run folders or their result.json, or TOML files with [[result]] tables."
         ),
     ],
-    output: words.FolderIfWanted = None,
-    tolerance: words.Tolerance = None,
+    output: options.FolderIfWanted = None,
+    tolerance: options.Tolerance = None,
     dates: Annotated[
         str, typer.Option(help="When each log was recorded, separated by commas: 2025-03-01,...")
     ] = "",
@@ -59,61 +51,74 @@ def compare(
 
     from foucault.campaign import comparison
     from foucault.campaign import tolerance as tolerances
-    from foucault.campaign.comparison import folder as comparison_folder
-    from foucault.files import alone, beside
-    from foucault.report import compare as page
-    from foucault.run_folder import REPORT_FILE
+    from foucault.files import alone
 
     screen: Screen = ctx.obj
     started = time.monotonic()
     limits = None if tolerance is None else tolerances.load(tolerance)
     found = comparison.run(results, dates=dates, same=same, tolerance=limits)
-    about = comparison_folder.document(found, time.monotonic() - started)
-    written: dict[str, str] = {}
+    about = comparison.document(found, time.monotonic() - started)
+    kept = Found("comparison", (about,))
     if output is not None:
         with alone(output):
-            comparison_folder.save(about, output)
-            with beside(output):
-                file = page.write(about, output / REPORT_FILE)
-        written = {"folder": str(output), "report": str(file)}
-    _show(screen, found)
-    if written:
-        screen.say(f"Report: {written['report']}")
-    screen.data(written | about)
-    raise typer.Exit(EXIT_CODES[found.verdict.level])
+            comparison.save(about, output)
+            kept = written(output, "comparison", about)
+    raise kept.tell(screen, about)
 
 
-def _show(screen: Screen, found: Comparison) -> None:
-    for one in found.instruments:
-        if one.history is not None:
-            title, headings, rows = _changes(one)
-            screen.table(title, headings, rows)
-    if found.between is not None:
-        names = [one.name for one in found.instruments]
-        apart = [s.name for s in found.between.spreads if s.told_apart]
-        screen.say(f"Instruments, by their latest result: {', '.join(names)}.")
-        screen.say(f"They can be told apart by: {', '.join(apart) or 'nothing'}.")
-    screen.findings(found.findings)
-    level = found.verdict.level
-    screen.say("", f"verdict: {level}", style=COLOURS[level])
-    screen.say(*(f"  {reason}" for reason in found.verdict.reasons))
+# -- The command for many instruments at once ----------------------------------------------------
+
+MOST = 12
+"""Broken instruments that are named on the screen, with what to do."""
 
 
-def _changes(one: Judged) -> tuple[str, tuple[str, ...], list[tuple[Any, ...]]]:
-    """Return the table of changes from the first result to the last."""
-    from foucault.campaign.comparison.verdict import said
+@command(
+    "foucault fleet campaign.toml -o fleet --tolerance tolerance.toml",
+    "foucault simulate campaign.toml --instruments 60 -o bench",
+    "foucault fleet bench/campaign.toml -o fleet",
+    notes="In [log], file is a pattern (logs/*.csv: the name is the serial number) or a "
+    "file with a column serial.",
+    exits={0: "all passed", 3: "some did not", 4: "none has a usable result"},
+)
+def fleet(
+    ctx: typer.Context,
+    campaign: options.CampaignFile,
+    output: options.RunFolder,
+    tolerance: options.Tolerance = None,
+    reports: Annotated[
+        bool, typer.Option("--reports", help="Write a report of each instrument too.")
+    ] = False,
+    workers: Workers = None,
+) -> None:
+    """Calibrate many instruments by the same campaign.
 
-    past = one.history
-    assert past is not None
-    last = len(one.entries) - 1
-    ends = next(p for p in past.pairs if (p.first, p.second) == (0, last))
-    title = f"{one.name}, from {one.entries[0].label} to {one.entries[last].label}"
-    rows = []
-    for k, course in enumerate(past.courses):
-        kind = one.kind(course.name)
-        drift = f"{said(course.drift, course.drift_sd, kind)} per year" if last > 1 else ""
-        row = (course.name, said(ends.change[k], ends.sd[k], kind), f"{ends.z[k]:+.1f}")
-        rows.append((*row, drift, course.how) if past.series.dated and last > 1
-                    else (*row, course.how))  # fmt: skip
-    drifting = ("drift",) if past.series.dated and last > 1 else ()
-    return title, ("coefficient", "change", "in sd", *drifting, "course"), rows
+    One page for all, a result for each.
+    """
+    from foucault import campaign as campaigns
+    from foucault.campaign import fleet as fleets
+    from foucault.campaign import tolerance as tolerances
+    from foucault.files import alone
+    from foucault.report import write
+
+    screen: Screen = ctx.obj
+    limits = None if tolerance is None else tolerances.load(tolerance)
+    with alone(output), screen.progress() as tell:
+        table = fleets.run(
+            campaigns.load(campaign), output, tolerance=limits,
+            report=write if reports else None,
+            workers=workers or os.cpu_count() or 1, progress=tell,
+        )  # fmt: skip
+        tell(0.97, "writing the page")
+        about = fleets.about(output)
+        found = written(output, "fleet", table, about)
+    batch = about["solved_in_batch"]
+    how = f"{batch} solved in one batch" if batch else "calibrated one by one"
+    outcomes = set(table.outcomes)
+    broken = [f"{k}: {p.message}\n  {p.cure}" for k, p in table.problems.items()]
+    rest = [f"  and {len(broken) - MOST} more"] * (len(broken) > MOST)
+    raise found.tell(
+        screen, about, *broken[:MOST], *rest,
+        f"{int(table.good.sum())} of {len(table)} instruments have a result, {how}.",
+        f"Table: {output / fleets.TABLE_FILE}",
+        code=0 if outcomes <= {"pass"} else 4 if outcomes <= {"unusable", "broken"} else 3,
+    )  # fmt: skip

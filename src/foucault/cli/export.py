@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foucault.cli import words
-from foucault.cli.options import parsed
+from foucault.cli import options
+from foucault.cli.options import Amount, command, quantity
 from foucault.cli.screen import COLOURS, Screen
 
 if TYPE_CHECKING:
@@ -17,27 +17,13 @@ if TYPE_CHECKING:
     from foucault.result import Result
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the commands of this module to the program."""
-    app.command(
-        "apply",
-        epilog=words.epilog(
-            "foucault apply run flight.csv -o flight_calibrated.parquet",
-            "foucault apply run/result.json other_campaign.toml -o out.csv",
-        ),
-    )(apply)
-    app.command(
-        "export",
-        epilog=words.epilog(
-            "foucault export run --to c -o calibration.h",
-            "foucault export run --to px4 -o px4.params --drop accel.misalignment --drop gyro",
-        ),
-    )(export)
-
-
+@command(
+    "foucault apply run flight.csv -o flight_calibrated.parquet",
+    "foucault apply run/result.json other_campaign.toml -o out.csv",
+)
 def apply(
     ctx: typer.Context,
-    result: words.ResultFile,
+    result: options.ResultFile,
     log: Annotated[
         Path,
         typer.Argument(
@@ -71,7 +57,7 @@ def apply(
     from foucault.errors import error
     from foucault.export import calibrate_log
     from foucault.files import sha256
-    from foucault.run_folder import RESULT_FILE, load_result
+    from foucault.run_folder import load_result, result_file
 
     screen: Screen = ctx.obj
     if outside not in ("error", "hold"):
@@ -84,7 +70,7 @@ def apply(
         done = calibrate_log(
             calibrated, description, folder, output,
             instrument=instrument,
-            sha256=sha256(result / RESULT_FILE if result.is_dir() else result),
+            sha256=sha256(result_file(result)),
             force=force,
             hold=outside == "hold",
             progress=lambda part: tell(part, "applying"),
@@ -102,9 +88,13 @@ def apply(
     )
 
 
+@command(
+    "foucault export run --to c -o calibration.h",
+    "foucault export run --to px4 -o px4.params --drop accel.misalignment --drop gyro",
+)
 def export(
     ctx: typer.Context,
-    result: words.ResultFile,
+    result: options.ResultFile,
     to: Annotated[
         str,
         typer.Option(
@@ -134,9 +124,10 @@ def export(
         ),
     ] = False,
     at: Annotated[
-        str | None,
-        typer.Option(
-            help='Temperature at which to export what changes with it, such as "25 degC".'
+        Amount | None,
+        quantity(
+            "temperature",
+            'Temperature at which to export what changes with it, such as "25 degC".',
         ),
     ] = None,
 ) -> None:
@@ -148,7 +139,7 @@ def export(
     _not_an_input(output, result)
     calibrated = load_result(result, with_tables=False)
     if at is not None:
-        calibrated = calibrated.at(parsed({"at": at})["at"])
+        calibrated = calibrated.at(at)
     noise, log = _known(calibrated, result)
     write(calibrated, to, output, axes=axes, drop=drop or [], noise=noise, log=log, force=force)
     screen.say(f"Wrote {output} for {to}; what it holds and how to use it stands in the file.")
@@ -181,8 +172,7 @@ def _described(
     the one that the result came from.
     """
     from foucault import campaign
-    from foucault.logs.declared import describes_itself
-    from foucault.logs.description import LogDescription
+    from foucault.logs.description import LogDescription, describes_itself
 
     if log.suffix == ".toml":
         other = campaign.load(log, calibrates=False)

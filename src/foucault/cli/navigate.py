@@ -1,103 +1,63 @@
-"""The command that navigates a log and says what its calibration is worth: navigate."""
+"""Commands about one log: `navigate` it, `align` the instrument, find the `delay` of a master."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foucault.cli import words
-from foucault.cli.options import parsed
-from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
+from foucault.cli import options
+from foucault.cli.options import Amount, Of, command, given, quantity, span
+from foucault.cli.screen import EXIT_CODES, Screen, kept
 
 if TYPE_CHECKING:
-    from foucault.campaign.navigation.folder import NavigationRecord
+    from foucault.procedures.alignment import Comparison
+    from foucault.procedures.delay import FoundDelay
 
-MOST = 8
-"""Coefficients that are listed on the screen."""
 
-_EPILOG = words.epilog(
+if TYPE_CHECKING:
+    pass
+
+_SETTINGS = Of(
+    "foucault.procedures.navigation.start:Settings",
+    only=("align", "method", "heading", "heading_sd", "pitch", "roll", "level_sd", "velocity_sd",
+          "position_sd", "still", "vertical", "gaps", "start", "end", "rate"),
+    called={"start": "from", "end": "until"},
+)  # fmt: skip
+
+
+@command(
     'foucault navigate log.csv --latitude "47.3 deg" --calibration run --align "300 s"',
     "foucault navigate drive.csv --reference gnss.csv --calibration run -o navigation",
     "foucault navigate campaign.toml --calibration run",
     notes="The log begins with a rest. Without --reference a log that rests all along is compared "
     "with the known site. Titles of a reference: time (s), latitude (deg), longitude (deg), "
     "height (m), velocity east (m/s), velocity north (m/s), velocity up (m/s), heading (deg), "
-    "pitch (deg), roll (deg). " + words.SITE,
+    "pitch (deg), roll (deg). " + options.SITE,
     exits={
         0: "passed",
         3: "the error is larger than predicted, or could not be judged",
         4: "the start heading is not known",
     },
 )
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the command of this module to the program."""
-    app.command("navigate", epilog=_EPILOG)(navigate)
-
-
 def navigate(
     ctx: typer.Context,
-    log: words.LogFile,
-    calibration: words.Calibration = None,
-    output: words.FolderIfWanted = None,
-    align: Annotated[
-        str | None,
-        typer.Option(
-            help='How long it rests at the start, such as "300 s"; the first rest if left out.'
-        ),
-    ] = None,
-    method: Annotated[
-        Literal["inertial_frame", "two_vector", "kalman"],
-        typer.Option(help="Method that aligns it at the start."),
-    ] = "inertial_frame",
-    latitude: words.Latitude = None,
+    log: options.LogFile,
+    calibration: options.Calibration = None,
+    output: options.FolderIfWanted = None,
+    latitude: options.Latitude = None,
     longitude: Annotated[
-        str | None, typer.Option(help='Longitude of the site, such as "8.5 deg".')
+        Amount | None, quantity("angle", 'Longitude of the site, such as "8.5 deg".')
     ] = None,
-    height: words.Height = None,
-    gravity: words.Gravity = None,
-    heading: Annotated[
-        str | None,
-        typer.Option(
-            help='Heading at the start, such as "90.6 deg", where gyros cannot see it; found in '
-            "the rest if left out."
-        ),
-    ] = None,
-    heading_sd: Annotated[
-        str | None, typer.Option(help='Standard deviation of --heading, such as "0.1 deg".')
-    ] = None,
-    pitch: Annotated[
-        str | None,
-        typer.Option(help='Pitch at the start, such as "1.2 deg"; found in the rest if left out.'),
-    ] = None,
-    roll: Annotated[
-        str | None,
-        typer.Option(help='Roll at the start, such as "-0.4 deg"; found in the rest if left out.'),
-    ] = None,
-    level_sd: Annotated[
-        str | None,
-        typer.Option(help='Standard deviation of --pitch and --roll, such as "1 arcmin".'),
-    ] = None,
+    height: options.Height = None,
+    gravity: options.Gravity = None,
+    settings: Annotated[Any, _SETTINGS] = None,
     velocity: Annotated[
         str | None,
         typer.Option(
             help='Velocity at a start in motion: east, north, up, such as "12.1 m/s, -3.4 m/s, '
             '0 m/s".'
-        ),
-    ] = None,
-    velocity_sd: Annotated[
-        str | None,
-        typer.Option(help='Standard deviation of each component, "0.1 m/s" if left out.'),
-    ] = None,
-    position_sd: Annotated[
-        str | None,
-        typer.Option(
-            help='Standard deviation of --latitude, --longitude and --height, such as "3 m": the '
-            "start is there, not where the reference is."
         ),
     ] = None,
     reference: Annotated[
@@ -106,58 +66,34 @@ def navigate(
             help="File of positions, velocities or angles to compare with; none if left out."
         ),
     ] = None,
-    still: Annotated[
-        bool,
-        typer.Option("--still", help="The log never left the site, though it may have turned."),
-    ] = False,
-    vertical: Annotated[
-        Literal["free", "held", "aided"] | None,
-        typer.Option(help="Vertical channel: free, held at the start, aided by reference heights."),
-    ] = None,
-    gaps: words.Gaps = "stop",
-    from_: words.From = None,
-    until: words.Until = None,
-    gyro_noise: words.GyroNoise = None,
-    accel_noise: words.AccelNoise = None,
-    rate: Annotated[
-        str | None,
-        typer.Option(help='Rate of the written trajectory; "10 Hz" if left out.'),
-    ] = None,
-    serial: words.Serial = "",
+    gyro_noise: options.GyroNoise = None,
+    accel_noise: options.AccelNoise = None,
+    serial: options.Serial = "",
 ) -> None:
     """Navigate with and without a calibration: its worth in metres.
 
     What every coefficient costs, and whether the error is as large as predicted.
     """
     from foucault.campaign import navigation
-    from foucault.campaign.navigation import Said
-    from foucault.procedures.navigation.settings import Settings
+    from foucault.campaign.running import Said
+    from foucault.procedures.navigation.start import Settings
 
     screen: Screen = ctx.obj
-    site = parsed({"latitude": latitude, "longitude": longitude, "height": height,
-                    "gravity": gravity})  # fmt: skip
-    given = parsed({"align": align, "heading": heading, "heading_sd": heading_sd, "pitch": pitch,
-                    "roll": roll, "level_sd": level_sd, "velocity_sd": velocity_sd,
-                    "position_sd": position_sd, "from": from_, "until": until,
-                    "rate": rate})  # fmt: skip
-    given |= {new: given.pop(old) for old, new in (("from", "start"), ("until", "end"))
-              if old in given}  # fmt: skip
-    settings = Settings(method=method, vertical=vertical, gaps=gaps, still=still,
-                        velocity=_three(velocity), **given)  # fmt: skip
-    white = parsed({"gyro_noise": gyro_noise, "accel_noise": accel_noise})
-    said = Said(site, settings, white.get("gyro_noise"), white.get("accel_noise"), serial)
+    site = given({"latitude": latitude, "longitude": longitude, "height": height,
+                  "gravity": gravity})  # fmt: skip
+    chosen = Settings(velocity=_three(velocity), **settings)
+    said = Said(site, chosen, gyro_noise, accel_noise, serial)
     with screen.progress() as tell:
         found = navigation.run(log, said, calibration=calibration, reference=reference,
                                progress=tell)  # fmt: skip
         tell(0.95, "writing")
-        record = _kept(found, output)
-    _show(screen, record)
-    _conclude(screen, record, output)
+        result = kept("navigation", found, output)
+    raise result.tell(screen, result.held[0].about)
 
 
 def _three(text: str | None) -> tuple[float, float, float] | None:
     """Return a velocity east, north, up [m/s]."""
-    from foucault.campaign.mistakes import parse_at
+    from foucault.campaign.tables import parse_at
     from foucault.errors import error
 
     if text is None:
@@ -168,147 +104,339 @@ def _three(text: str | None) -> tuple[float, float, float] | None:
     return parts[0], parts[1], parts[2]
 
 
-def _kept(found: Any, folder: Path | None) -> NavigationRecord:
-    """Write the folder, if one is wanted."""
-    from foucault.campaign.navigation import folder as navigation_folder
-    from foucault.files import alone, beside
-    from foucault.report import navigation as page
-    from foucault.run_folder import REPORT_FILE
+# -- Commands about one log: `align` an instrument, `delay` of a master --------------------------
 
-    if folder is None:
-        return navigation_folder.record(found)
-    with alone(folder):
-        record = navigation_folder.save(found, folder)
-        with beside(folder):
-            page.write(record, folder / REPORT_FILE)
-    return record
-
-
-def _show(screen: Screen, record: NavigationRecord) -> None:
-    from foucault.errors import Finding
-    from foucault.report.navigation_detail import METHODS, Seen, minutes
-
-    seen, about = Seen(record), record.about
-    start = about["runs"][0]["start"]
-    sd = [float(start["covariance"][k][k]) ** 0.5 for k in range(3)]
-    alone = "" if seen.calibrated else ", errors of the sensors left out"
-    screen.say(
-        f"Start: heading {_degrees(start['heading'], sd[2])} ± {_degrees(sd[2])} deg, pitch "
-        f"{_degrees(start['pitch'], max(sd[:2]))} and roll {_degrees(start['roll'], max(sd[:2]))} "
-        f"± {_degrees(max(sd[:2]))} deg{alone} ({METHODS[start['method']]}); navigated for "
-        f"{minutes(about['duration'])}."
-    )
-    _growth(screen, seen)
-    _contributions(screen, seen)
-    _terms(screen, about)
-    screen.findings(Finding(**f) for f in about["findings"])
+_WINDOW = Of(
+    "foucault.campaign.navigation:Window",
+    only=("start", "end", "gyro_bias_sd", "accel_bias_sd", "gaps"),
+    called={"start": "from", "end": "until"},
+)
+_WORDS = {
+    "inertial_frame": "inertial frame",
+    "kalman": "Kalman, zero velocity",
+    "two_vector": "two vectors",
+    "two_position": "two positions",
+}
 
 
-def _growth(screen: Screen, seen: Any) -> None:
-    """List the error at some ages; columns that are empty are left out."""
-    from foucault.report.navigation_detail import half_at, minutes, number
+@command(
+    'foucault align static.csv --latitude "47.3 deg" --gyro-bias-sd "0.01 deg/h"',
+    'foucault align campaign.toml --rest "0 s to 300 s" --rest "360 s to 660 s"',
+    notes=options.SITE + " Noise that nobody says is measured in the rest. Without --from, "
+    "--until and --rest the first rest that is found is used; without bias sds those of "
+    "the calibration, or none.",
+    exits={0: "north is seen", 3: "something is doubtful"},
+)
+def align(
+    ctx: typer.Context,
+    log: options.LogFile,
+    calibration: options.Calibration = None,
+    latitude: options.Latitude = None,
+    height: options.Height = None,
+    gravity: options.Gravity = None,
+    window: Annotated[Any, _WINDOW] = None,
+    rest: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="<str>",
+            help='A rest, such as "0 s to 300 s"; may be repeated: two rests or more at different '
+            "headings take the gyro bias out.",
+        ),
+    ] = None,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="<str>",
+            help="inertial_frame, kalman, two_vector or two_position; may be repeated. All "
+            "that fit if left out.",
+        ),
+    ] = None,
+    gyro_noise: options.GyroNoise = None,
+    accel_noise: options.AccelNoise = None,
+) -> None:
+    """Find heading, pitch and roll of a log at rest, and their sd.
 
-    rows = seen.growth(0)
-    if not rows:
-        return
-    others = {row["age"]: row["horizontal"] for row in seen.growth(1)}
-    columns = {
-        "after": [minutes(row["age"]) for row in rows],
-        "horizontal (m)": [number(row["horizontal"]) for row in rows],
-        "without calibration (m)": [number(others.get(row["age"])) for row in rows],
-        f"{seen.predicted} (m)": [number(half_at(seen, row["age"])) for row in rows],
-        "velocity (m/s)": [number(row["velocity"]) for row in rows],
-        "heading (deg)": [
-            "" if row["heading"] is None else _degrees(row["heading"]) for row in rows
-        ],
-    }
-    shown = {title: cells for title, cells in columns.items() if any(cells)}
-    lines = [[_plain(cell) for cell in row] for row in zip(*shown.values(), strict=True)]
-    screen.table("", list(shown), lines)
-    screen.say(f"{seen.predicted.capitalize()}: half of all such runs stay within it."
-               + ("" if seen.calibrated else " Errors of the sensors are not in it."))  # fmt: skip
+    By several methods side by side, each with what limits it.
+    """
+    from foucault.campaign import navigation
+    from foucault.campaign.navigation import Window
+    from foucault.campaign.running import Said
+
+    screen: Screen = ctx.obj
+    chosen = Window(
+        methods=tuple(method or ()), rests=tuple(span("--rest", text) for text in rest or ()),
+        **window,
+    )  # fmt: skip
+    site = {"latitude": latitude, "height": height, "gravity": gravity}
+    said = Said(given(site), gyro_white=gyro_noise, accel_white=accel_noise)
+    with screen.progress() as tell:
+        found = navigation.align(log, said, chosen, calibration=calibration, progress=tell)
+    angles = ("heading (deg)", "sd", "pitch (deg)", "sd", "roll (deg)", "sd")
+    screen.table("", ("method", *angles, "window (s)"), _rows(found))
+    screen.say(*_words(found))
+    screen.findings(found.findings)
+    screen.data(_document(log, found))
+    if any(item.severity == "warning" for item in found.findings):
+        raise typer.Exit(3)
 
 
-def _contributions(screen: Screen, seen: Any) -> None:
-    """List the coefficients that were worth most."""
-    from foucault.report.navigation_detail import number
+def _rows(found: Comparison) -> list[tuple[str, ...]]:
+    import numpy as np
 
-    rows = seen.about["contributions"]
-    if not rows:
-        return
+    from foucault.coefficients import format_value
 
-    def line(name: str, east: float, north: float, left: float) -> list[str]:
-        return [name, *(_plain(number(x)) for x in (east, north, left))]
+    rows = []
+    for one in found.found:
+        both = zip(np.degrees(one.angles), np.degrees(one.angles_sd), strict=True)
+        cells = [text for x, sd in both for text in (format_value(x, sd), f"{sd:.2g}")]
+        rows.append((_WORDS[one.method], *cells, f"{one.start:.1f} to {one.end:.1f}"))
+    return rows
 
+
+def _words(found: Comparison) -> list[str]:
+    import numpy as np
+
+    from foucault.units import convert, plain
+
+    first = found.found[0]
+    seen, size = convert(found.rate_seen, "angular rate", "deg/h"), np.degrees(found.latitude_seen)
     lines = [
-        line(r["name"], r["worth"]["east"], r["worth"]["north"], r["left"]["horizontal"])
-        for r in rows[:MOST]
+        f"Rate seen: {seen:.4g} deg/h (the Earth: 15.04). Latitude seen: {size:.4f} deg (given: "
+        f"{np.degrees(found.site.latitude or 0.0):.4f})."
     ]
-    total = [sum(r["worth"][axis] for r in rows) for axis in ("east", "north")]
-    left = seen.about["predicted"]["coefficients"]
-    sd = float(left["east_sd"] ** 2 + left["north_sd"] ** 2) ** 0.5
-    lines.append(line(f"all {len(rows)}", total[0], total[1], sd))
-    titles = ("coefficient", "worth, east (m)", "north (m)", "left, sd (m)")
-    screen.table("at the end, by coefficient", titles, lines)
-    words = "Worth: the error (estimate minus truth) that it made before it was corrected."
-    difference = seen.about["difference"]
-    if difference is not None:
-        east, north = (_plain(number(x)) for x in difference)
-        words += f" The two runs differ by {east} m east, {north} m north."
-    screen.say(words)
-    if len(rows) > MOST:
-        screen.say("The others: see --json or -o.")
+    if found.gyro_bias_sd > 0:
+        bias = convert(found.gyro_bias_sd, "angular rate", "deg/h")
+        limit = np.degrees(first.azimuth_bias_sd)
+        lines.append(
+            f"A gyro bias of {plain(bias, 2)} deg/h limits the heading to {plain(limit, 2)} deg in "
+            "one position; two positions take it out."
+        )
+    lines += _undeclared(found)
+    if first.disturbance_sd is not None:
+        sway = convert(float(np.mean(first.disturbance_sd)), "velocity", "m/s")
+        lines.append(f"Sway and vibration: {plain(1000 * sway, 2)} mm/s.")
+    return lines
 
 
-def _terms(screen: Screen, about: Mapping[str, Any]) -> None:
-    """List the terms of free inertial drift that stand out."""
-    from foucault.coefficients import format_value
-    from foucault.report.navigation_parts import UNIT
-    from foucault.units import convert
+def _undeclared(found: Comparison) -> list[str]:
+    """Say what the biases would add that were not declared: the sds hold nothing of them."""
+    import numpy as np
 
-    terms = about["runs"][0].get("terms")
-    if terms is None:
-        return
-    lines = []
-    for row in terms["rows"]:
-        unit = UNIT[row["kind"]]
-        value, sd = (convert(row[k], row["kind"], unit) for k in ("value", "sd"))
-        alike = row["same_as"] if abs(value) > 2 * sd else ""
-        text = f"{format_value(value, sd)} ± {format_value(sd, sd)} {unit}"
-        lines.append((row["name"], text, alike))
-    screen.table("terms of the error", ("term", "value", "looks like"), lines)
+    from foucault.models.ins_errors import azimuth_from_gyro_bias
+    from foucault.units import parse, plain
 
-
-def _degrees(value: float, sd: float | None = None) -> str:
-    """Write an angle in degrees, to the digits of its standard deviation where that is given."""
-    import math
-
-    from foucault.coefficients import format_value
-    from foucault.units import plain
-
-    degrees = math.degrees(value)
-    if sd is not None:
-        text = format_value(degrees, math.degrees(sd))
-        return text.removeprefix("-") if float(text) == 0 else text
-    return plain(degrees, 2) if abs(degrees) < 0.01 else f"{degrees:.3f}"
+    gyro, accel = parse("0.01 deg/h", "angular rate"), parse("50 ug", "specific force")
+    azimuth = np.degrees(azimuth_from_gyro_bias(gyro, found.site.latitude or 0.0))
+    level = np.degrees(accel / found.site.gravity)
+    missing, adds = [], []
+    if not found.gyro_bias_sd > 0:
+        missing.append("--gyro-bias-sd")
+        adds.append(f"0.01 deg/h would add {plain(float(azimuth), 2)} deg of heading")
+    if not found.accel_bias_sd > 0:
+        missing.append("--accel-bias-sd")
+        adds.append(f"50 ug would add {plain(float(level), 2)} deg of pitch and roll")
+    if not missing:
+        return []
+    which = "No bias" if len(missing) == 2 else "No accelerometer bias"
+    if missing == ["--gyro-bias-sd"]:
+        which = "No gyro bias"
+    return [
+        f"{which} is declared ({', '.join(missing)}, or a calibration): the sds hold nothing of "
+        f"it. {'; '.join(adds)}."
+    ]
 
 
-def _plain(text: str) -> str:
-    return text.replace("−", "-")
+def _document(path: Path, found: Comparison) -> dict[str, Any]:
+    """What `align` found, in SI."""
+    return {
+        "log": str(path),
+        "site": found.site.as_dict(),
+        "gyro_bias_sd": found.gyro_bias_sd,
+        "accel_bias_sd": found.accel_bias_sd,
+        "rate_seen": found.rate_seen,
+        "latitude_seen": found.latitude_seen,
+        "alignments": [
+            {
+                "method": one.method,
+                "start": one.start,
+                "end": one.end,
+                **dict(zip(("heading", "pitch", "roll"), one.angles.tolist(), strict=True)),
+                **dict(
+                    zip(("heading_sd", "pitch_sd", "roll_sd"), one.angles_sd.tolist(), strict=True)
+                ),
+                "C_nb": one.C_nb.tolist(),
+                "phi_cov": one.cov.tolist(),
+                "azimuth_bias_sd": one.azimuth_bias_sd,
+            }
+            for one in found.found
+        ],
+        "findings": [item.as_dict() for item in found.findings],
+    }
 
 
-def _conclude(screen: Screen, record: NavigationRecord, folder: Path | None) -> None:
-    """Print the verdict and where things are; end with the code of the verdict."""
-    from foucault.result import Level
-    from foucault.run_folder import REPORT_FILE
+# -- The command that finds the time offset of two logs: delay -----------------------------------
 
-    about = record.about
-    level = Level(about["verdict"])
-    screen.say("", f"verdict: {level}", style=COLOURS[level])
-    screen.say(*(f"  {reason}" for reason in about["reasons"]))
-    where = {}
-    if folder is not None:
-        where = {"folder": str(folder), "report": str(folder / REPORT_FILE)}
-        screen.say(f"Report: {where['report']}")
-    screen.data(where | dict(about))
+
+@command(
+    "foucault delay imu.csv navigation.csv",
+    "foucault delay campaign.toml",
+    "foucault delay imu.csv other_imu.csv --bracket any",
+    'foucault delay imu.csv navigation.csv --mounting "90 deg, 0 deg, 0 deg"',
+    notes="What the master stamps t was true at t - delay by the clock of the slave: messages that "
+    "come late have a positive delay. Titles of a master: time (s), heading (deg), pitch (deg), "
+    "roll (deg), velocity east (m/s), velocity north (m/s), velocity up (m/s).",
+    exits={0: "passed", 3: "something is doubtful", 4: "no offset is seen"},
+)
+def delay(
+    ctx: typer.Context,
+    slave: options.LogFile,
+    master: Annotated[
+        Path | None,
+        typer.Argument(
+            help="What a master said (time, heading, pitch, roll, velocities), a second IMU's log, "
+            "or a TOML file with [master] or [log]; left out where the first file describes both."
+        ),
+    ] = None,
+    mounting: Annotated[
+        str | None,
+        typer.Option(
+            help="Heading, pitch, roll of the slave in the master's axes, such as \"90 deg, 0 deg, "
+            '0 deg", to within 10 deg. The mounting is found without it; with it a wrong sign is '
+            "named."
+        ),
+    ] = None,
+    bracket: Annotated[
+        str, typer.Option(help='Where the offset lies, such as "-0.2 s to 0.5 s", or any.')
+    ] = "-1 s to 1 s",
+) -> None:
+    """Find the time offset of two logs of one body.
+
+    By what both turned; with its standard deviation, drift of the clocks and mounting.
+    """
+    from foucault.campaign import delay as campaign
+
+    screen: Screen = ctx.obj
+    where, turned = _bracket(bracket), _mounting(mounting)
+    with screen.progress() as tell:
+        found = campaign.run(slave, master, mounting=turned, bracket=where, progress=tell)
+    _show(screen, found)
+    level = found.verdict.level
+    screen.verdict(level, found.verdict.reasons)
+    screen.data(document(slave, master, found))
     raise typer.Exit(EXIT_CODES[level])
+
+
+def _bracket(text: str) -> tuple[float, float] | None:
+    from foucault.errors import error
+    from foucault.units import parse
+
+    if text.strip() == "any":
+        return None
+    ends = text.split(" to ")
+    if len(ends) != 2:
+        raise error("delay.bracket", given=text)
+    low, high = (parse(one.strip(), "time", "--bracket") for one in ends)
+    if not low < high:
+        raise error("delay.bracket", given=text)
+    return low, high
+
+
+def _mounting(text: str | None) -> tuple[float, float, float] | None:
+    from foucault.errors import error
+    from foucault.units import parse
+
+    if text is None:
+        return None
+    angles = [parse(one.strip(), "angle", "--mounting") for one in text.split(",")]
+    if len(angles) != 3:
+        raise error("delay.mounting_given", given=text)
+    return angles[0], angles[1], angles[2]
+
+
+def _show(screen: Screen, found: FoundDelay) -> None:
+    import numpy as np
+
+    from foucault.coefficients import format_value
+    from foucault.models.rotation import angles_of, turned
+    from foucault.units import convert, plain
+
+    one = found.delay
+    about = "" if not one.drift else f" at {one.middle - found.start:.1f} s"
+    text = f"{format_value(1e3 * one.delay, 1e3 * one.delay_sd)} ± {1e3 * one.delay_sd:.2g} ms"
+    screen.say(f"Delay: {text}{about}; {_share(one.likeness)} of the turning is in both.")
+    if one.delay_sd > 0 and not one.seen:
+        screen.findings(found.findings)
+        return
+    if found.start:
+        screen.say(f"Times count from {plain(found.start, 13)} s, the start of the first log.")
+    rows = [
+        (f"{a:.1f} to {b:.1f}", format_value(1e3 * x, 1e3 * sd), f"{1e3 * sd:.2g}")
+        for a, b, x, sd in zip(one.part_start - found.start, one.part_end - found.start,
+                               one.part_delay, np.sqrt(np.diag(one.part_cov)), strict=True)
+    ]  # fmt: skip
+    screen.table("", ("part (s)", "delay (ms)", "sd"), rows)
+    heading, pitch, roll = np.degrees(turned(angles_of(one.C_ms)))
+    sd = np.degrees(np.sqrt(np.diag(one.mu_cov)))
+    screen.say(
+        f"Mounting of the slave in the axes of the other: heading {heading:.3f}, pitch "
+        f"{pitch:.3f}, roll {roll:.3f} deg (about the slave's axes ± {sd[0]:.2g}, {sd[1]:.2g}, "
+        f"{sd[2]:.2g} deg)."
+    )
+    bias = [convert(float(x), "angular rate", "deg/h") for x in one.bias]
+    size = [convert(float(x), "angular rate", "deg/h") for x in np.sqrt(np.diag(one.bias_cov))]
+    text = ", ".join(f"{format_value(x, s)} ± {s:.2g}" for x, s in zip(bias, size, strict=True))
+    screen.say(f"Gyro bias of the slave against the other: {text} deg/h.")
+    if found.transport is not None:
+        late = 1e3 * np.asarray(found.transport)
+        screen.say(f"Messages arrive {late.mean():.2f} ms after they hold, from {late.min():.2f} "
+                   f"to {late.max():.2f} ms.")  # fmt: skip
+    screen.findings(found.findings)
+
+
+def _share(part: float) -> str:
+    return f"{100 * part:.3g} %"
+
+
+def document(slave: Path, master: Path | None, found: FoundDelay) -> dict[str, Any]:
+    """Return what was found, in SI."""
+    import numpy as np
+
+    one = found.delay
+
+    def number(x: float) -> float | None:
+        return float(x) if np.isfinite(x) else None
+
+    return {
+        "slave": str(slave),
+        "master": None if master is None else str(master),
+        "messages": found.messages,
+        "delay": number(one.delay),
+        "delay_sd": number(one.delay_sd),
+        "seen": one.seen,
+        "time": one.middle,
+        "drift": one.drift,
+        "drift_sd": number(one.drift_sd),
+        "parts": [
+            {"start": a, "end": b, "delay": number(x), "delay_sd": number(v**0.5)}
+            for a, b, x, v in zip(one.part_start.tolist(), one.part_end.tolist(),
+                                  one.part_delay.tolist(), np.diag(one.part_cov).tolist(),
+                                  strict=True)
+        ],
+        "bracket": list(one.bracket),
+        "rivals": one.rivals.tolist(),
+        "likeness": one.likeness,
+        "scale": one.scale,
+        "scale_sd": number(one.scale_sd),
+        "C_ms": one.C_ms.tolist(),
+        "mounting_cov": [[number(x) for x in row] for row in one.mu_cov.tolist()],
+        "gyro_bias": one.bias.tolist(),
+        "gyro_bias_cov": [[number(x) for x in row] for row in one.bias_cov.tolist()],
+        "intervals": int(np.sum(one.match.used)),
+        "transport": None if found.transport is None else {
+            "mean": float(np.mean(found.transport)), "sd": float(np.std(found.transport)),
+            "min": float(np.min(found.transport)), "max": float(np.max(found.transport)),
+        },
+        "verdict": str(found.verdict.level),
+        "reasons": list(found.verdict.reasons),
+        "findings": [item.as_dict() for item in found.findings],
+    }  # fmt: skip

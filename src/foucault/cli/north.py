@@ -1,20 +1,26 @@
-"""The command that finds north: north READINGS, beside its own plans."""
+"""The command `north`: `north READINGS` finds north, `north plan` compares orders of stops."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from foucault.cli import north_plan, words
-from foucault.cli.options import parsed
-from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
+from foucault.cli import options
+from foucault.cli.options import Of, add, command, given
+from foucault.cli.screen import EXIT_CODES, Screen, kept
 
 if TYPE_CHECKING:
-    from foucault.campaign.north.folder import NorthRecord
-    from foucault.report.north_detail import Setup
+    from foucault.diagnose.north_stops import Prediction
+    from foucault.errors import Finding
+    from foucault.models.noise import ImuNoise
+    from foucault.models.north_seeker import Compensation
+    from foucault.plans.north_orders import Choice, Row
+
 
 MOST = 12
 """Set-ups whose warnings are written out on the screen."""
@@ -22,14 +28,15 @@ MOST = 12
 FIND = "find"
 """Name of the command that stands behind `north READINGS`."""
 
-_EPILOG = words.epilog(
-    'foucault north readings.csv --latitude "47.3 deg" --calibration run',
-    "foucault north campaign.toml --calibration run -o north",
-    "foucault north plan --help",
-    notes="Titles of a file given alone: setup, time (s), index (deg), gyro (deg/h), "
-    "specific force (g), dwell (s). `north plan` says how long to measure. " + words.SITE,
-    exits={0: "all set-ups passed", 3: "some did not", 4: "none is usable"},
-)
+SETTINGS = "foucault.procedures.north_seeking.settings:Settings"
+
+_SETTINGS = Of(
+    SETTINGS,
+    only=("latitude_sd", "unknown_latitude", "hemisphere", "near", "level_sd", "index_sd", "drift",
+          "accuracy"),
+    above=("latitude_sd", "index_sd"),
+    over=True,
+)  # fmt: skip
 
 
 class _North(TyperGroup):
@@ -51,15 +58,23 @@ class _Find(TyperCommand):
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add the command to the program."""
+    """Add the commands to the program."""
     group = typer.Typer(cls=_North, rich_markup_mode=None)
-    group.command(FIND, cls=_Find, hidden=True, epilog=_EPILOG)(find)
-    group.command("plan", epilog=north_plan.EPILOG)(north_plan.plan)
+    add(group, find, _Find, hidden=True)
+    add(group, plan)
     app.add_typer(
         group, name="north", help="Find north from readings of a north seeker, or plan it."
     )
 
 
+@command(
+    'foucault north readings.csv --latitude "47.3 deg" --calibration run',
+    "foucault north campaign.toml --calibration run -o north",
+    "foucault north plan --help",
+    notes="Titles of a file given alone: setup, time (s), index (deg), gyro (deg/h), "
+    "specific force (g), dwell (s). `north plan` says how long to measure. " + options.SITE,
+    exits={0: "all set-ups passed", 3: "some did not", 4: "none is usable"},
+)
 def find(
     ctx: typer.Context,
     readings: Annotated[
@@ -68,171 +83,438 @@ def find(
             help="A campaign file, or a CSV or Parquet file whose titles give the units."
         ),
     ],
-    calibration: words.Calibration = None,
-    output: words.FolderIfWanted = None,
-    latitude: words.Latitude = None,
-    latitude_sd: words.LatitudeSd = None,
-    unknown_latitude: words.UnknownLatitude = False,
-    hemisphere: Annotated[
-        Literal["north", "south"] | None,
-        typer.Option(help="Hemisphere, where the latitude is unknown."),
-    ] = None,
-    near: Annotated[
-        str | None, typer.Option(help='Heading as far as it is known, such as "120 deg".')
-    ] = None,
-    height: words.Height = None,
-    gravity: words.Gravity = None,
-    gyro_noise: words.GyroNoise = None,
-    accel_noise: words.AccelNoise = None,
+    calibration: options.Calibration = None,
+    output: options.FolderIfWanted = None,
+    latitude: options.Latitude = None,
+    height: options.Height = None,
+    gravity: options.Gravity = None,
+    gyro_noise: options.GyroNoise = None,
+    accel_noise: options.AccelNoise = None,
     accel_reads: Annotated[
         Literal["gravity", "specific force"] | None,
         typer.Option(help="Sign of the accelerometers: specific force is +1 g upwards."),
     ] = None,
-    level_sd: words.SeekerLevelSd = None,
-    index_sd: words.IndexSd = None,
-    drift: Annotated[
-        Literal["auto", "none", "linear"] | None,
-        typer.Option(help="Whether to estimate a linear drift of the gyro."),
-    ] = None,
-    accuracy: words.Accuracy = None,
-    serial: words.Serial = "",
+    settings: Annotated[Any, _SETTINGS] = None,
+    serial: options.Serial = "",
 ) -> None:
     """Find north: heading, pitch and roll of every set-up.
 
     With their covariance, what limits them, and the latitude if asked for.
     """
     from foucault.campaign import north
-    from foucault.campaign.north import Said
-
-    screen: Screen = ctx.obj
-    site = parsed({"latitude": latitude, "height": height, "gravity": gravity})
-    settings = parsed(
-        {"latitude_sd": latitude_sd, "near": near, "level_sd": level_sd, "index_sd": index_sd,
-         "accuracy": accuracy}
-    )  # fmt: skip
-    white = parsed({"gyro_noise": gyro_noise, "accel_noise": accel_noise})
-    settings |= {"hemisphere": hemisphere} if hemisphere else {}
-    settings |= {"drift": drift} if drift else {}
-    settings |= {"unknown_latitude": True} if unknown_latitude else {}
-    _refuse_both(unknown_latitude, [latitude and "--latitude", latitude_sd and "--latitude-sd"])
-    said = Said(site, settings, white.get("gyro_noise"), white.get("accel_noise"), accel_reads,
-                serial)  # fmt: skip
-    with screen.progress() as tell:
-        survey = north.run(readings, said, calibration=calibration, progress=tell)
-        record = _kept(survey, output)
-    _show(screen, record)
-    _conclude(screen, record, output)
-
-
-def _refuse_both(unknown: bool, given: list[str | None]) -> None:
+    from foucault.campaign.running import Said
     from foucault.errors import error
 
-    named = [option for option in given if option]
-    if unknown and named:
-        raise error("north.latitude_both", given=named[0])
+    screen: Screen = ctx.obj
+    site = given({"latitude": latitude, "height": height, "gravity": gravity})
+    given_both = [f"--{k.replace('_', '-')}" for k in ("latitude", "latitude_sd")
+                  if k in site or k in settings]  # fmt: skip
+    if "unknown_latitude" in settings and given_both:
+        raise error("north.latitude_both", given=given_both[0])
+    said = Said(site, settings, gyro_noise, accel_noise, accel_reads, serial)
+    with screen.progress() as tell:
+        survey = north.run(readings, said, calibration=calibration, progress=tell)
+        found = kept("north", survey, output)
+    setups = found.held[0].about["setups"]
+    levels = {setup["verdict"] for setup in setups}
+    code = EXIT_CODES[levels.pop() if len(levels) == 1 else "doubtful"]
+    raise found.tell(screen, found.held[0].about, *_of_many(setups), code=code)
 
 
-def _kept(survey: Any, folder: Path | None) -> NorthRecord:
-    """Write the folder, if one is wanted."""
-    from foucault.campaign.north import folder as north_folder
-    from foucault.files import alone, beside
-    from foucault.report import north as page
-    from foucault.run_folder import REPORT_FILE
+def _of_many(setups: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return what was noticed at several set-ups, with its cure, and why some did not pass."""
+    from foucault.report.page import grouped
 
-    if folder is None:
-        return north_folder.record(survey)
-    with alone(folder):
-        record = north_folder.save(survey, folder)
-        with beside(folder):
-            page.write(record, folder / REPORT_FILE)
-    return record
-
-
-def _show(screen: Screen, record: NorthRecord) -> None:
-    from foucault.report.north_detail import Setup
-
-    setups = [Setup(record, i) for i in range(len(record.about["setups"]))]
-    several = isinstance(record.about["known"]["latitude"], list)
-    estimated = several or any(s.text_sd("latitude") for s in setups)
-    reference = any(s.reference is not None for s in setups)
-    headings = ["set-up", "heading (deg)"]
-    headings += ["minus reference (deg)"] * reference + ["pitch (deg)", "roll (deg)"]
-    headings += ["latitude (deg)"] * estimated + ["verdict"]
-    rows = []
-    for s in setups:
-        row = [s.name, _with_sd(s, "heading")] + [_plain(s.minus_reference)] * reference
-        row += [_plain(s.text("pitch")), _plain(s.text("roll"))]
-        row += [_with_sd(s, "latitude")] * estimated
-        rows.append((*row, s.said["verdict"]))
-    screen.table("", headings, rows)
-    about = record.about
-    screen.say("± is one standard deviation.", f"Noise: {about['noise']['source']}.")
-    calibration = about["calibration"]
-    if calibration:
-        screen.say(f"Calibration: {calibration['verdict']}, of {calibration['created']}.")
-    else:
-        screen.say("Calibration: none; errors of the instrument count as zero.")
-    for s in setups[:1] if len(setups) == 1 else []:
-        for line in _of_one(s):
-            screen.say(line)
-    _warn(screen, record, setups)
-
-
-def _of_one(setup: Setup) -> list[str]:
-    """Say what the uncertainty of one heading is made of."""
-    from foucault.report.north_detail import angle_unit, twice
-
-    if not setup.budget:
+    if len(setups) == 1:
         return []
-    parts = [f"{name} {angle_unit(abs(sd)).words(abs(sd))}" for name, sd in setup.budget.items()
-             if setup.share(name) > 0.005]  # fmt: skip
-    bound = setup.degrees("heading", "bound")
-    words = f"Heading sd by source: {', '.join(parts)}."
-    if bound > 0:
-        words += f" The noise alone would allow {angle_unit(bound).words(bound)}."
-    return [words, twice(setup).replace("`", "")]
+    noticed = grouped([finding for setup in setups for finding in setup["findings"]])
+    out = [f"{f['severity']}: {f['message']}\n  {f['cure']}" for f in noticed]
+    shared = set.intersection(*(set(setup["reasons"]) for setup in setups))
+    left = {s["name"]: [r for r in s["reasons"] if r not in shared] for s in setups}
+    bad = [s for s in setups if s["verdict"] != "pass" and left[s["name"]]]
+    out += [f"{s['name']} is {s['verdict']}: {' '.join(left[s['name']])}" for s in bad[:MOST]]
+    more = f"and {len(bad) - MOST} set-ups more, see --json or -o"
+    return out + [more] * (len(bad) > MOST)
 
 
-def _with_sd(setup: Setup, angle: str) -> str:
-    sd = setup.text_sd(angle)
-    return _plain(setup.text(angle)) + (f" ± {sd}" if sd else "")
+# -- The command that plans north seeking: north plan --------------------------------------------
+
+"""What can be chosen of north seeking."""
+
+_PLANNED = Of(
+    SETTINGS,
+    only=("accuracy", "level_sd", "index_sd", "latitude_sd", "unknown_latitude"),
+    over=True,
+    as_text=True,
+)
+
+ACCEL = "5 ug/sqrt(Hz)"
+"""Noise of the accelerometers where it is not given."""
+
+DRIFT = "0.1 deg/h/h"
+"""Drift to show the effect of where it is not given."""
+
+TILTED = "10 deg"
+"""Tilt to show the effect of where none is given."""
 
 
-def _plain(text: str) -> str:
-    return text.replace("−", "-")
+@command(
+    'foucault north plan --latitude "47 deg" --gyro-noise "0.003 deg/sqrt(h)" --accuracy "0.1 deg"',
+    'foucault north plan --latitude "-33 deg" --gyro-noise navigation --time "10 min" -o stops.csv',
+)
+def plan(
+    ctx: typer.Context,
+    latitude: Annotated[
+        str, typer.Option(help='Latitude of the site, positive north, such as "47.3 deg".')
+    ],
+    gyro_noise: Annotated[
+        str | None,
+        typer.Option(
+            help='Angle random walk of the gyros, such as "0.003 deg/sqrt(h)", or a grade\'s name.'
+        ),
+    ] = None,
+    noise: Annotated[
+        Path | None,
+        typer.Option(help="Campaign file whose [noise] is taken, instead of --gyro-noise."),
+    ] = None,
+    time: Annotated[
+        str | None, typer.Option(help='Time there is, moves included, such as "10 min".')
+    ] = None,
+    gyro_bias_instability: Annotated[
+        str | None, typer.Option(help='Bias instability of the gyro, such as "0.005 deg/h".')
+    ] = None,
+    gyro_correlation_time: Annotated[
+        str | None, typer.Option(help='Correlation time of that instability; "300 s" if left out.')
+    ] = None,
+    gyro_random_walk: Annotated[
+        str | None,
+        typer.Option(help='Rate random walk of the gyro, such as "0.002 deg/h/sqrt(h)".'),
+    ] = None,
+    accel_noise: Annotated[
+        str | None,
+        typer.Option(help=f'Velocity random walk of the accelerometers; "{ACCEL}" if left out.'),
+    ] = None,
+    drift: Annotated[
+        str | None, typer.Option(help='Linear drift of the gyro to expect, such as "0.01 deg/h/h".')
+    ] = None,
+    drift_estimated: Annotated[
+        bool,
+        typer.Option(
+            "--drift-estimated/--drift-ignored", help="Whether the solution estimates the drift."
+        ),
+    ] = True,
+    tilt: Annotated[
+        str | None,
+        typer.Option(help='Largest tilt of the case, such as "10 deg"; level if left out.'),
+    ] = None,
+    settings: Annotated[Any, _PLANNED] = None,
+    rough: Annotated[
+        str | None,
+        typer.Option(help='Standard deviation of a heading that is known, such as "2 deg".'),
+    ] = None,
+    calibration: options.Calibration = None,
+    move: Annotated[
+        str, typer.Option(help="Time from one stop to the next, settling included.")
+    ] = "10 s",
+    order: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="<str>",
+            help='Compare only this order, such as palindrome or "8 positions"; may be repeated.',
+        ),
+    ] = None,
+    cycles: Annotated[
+        int, typer.Option(help="How often each order of stops is repeated.", min=1, max=100_000)
+    ] = 1,
+    output: options.TableIfWanted = None,
+) -> None:
+    """Say how long north seeking takes, and in which order to stop."""
+    from foucault.diagnose.north_stops import Conditions
+    from foucault.errors import error
+    from foucault.plans.north_orders import NAMES, Task, compare, write_stops
+
+    screen: Screen = ctx.obj
+    accuracy, level_sd, index_sd, latitude_sd, unknown_latitude = map(settings.get, _PLANNED.only)
+    if accuracy is None and time is None:
+        raise error("north_plan.wanted")
+    slow = {
+        "bias_instability": ("--gyro-bias-instability", gyro_bias_instability, "angular rate"),
+        "correlation_time": ("--gyro-correlation-time", gyro_correlation_time, "time"),
+        "random_walk": ("--gyro-random-walk", gyro_random_walk, "rate random walk"),
+    }
+    conditions = Conditions(
+        _latitude(latitude),
+        _noise(gyro_noise, noise, accel_noise, slow),
+        latitude_sd=_size("--latitude-sd", latitude_sd),
+        latitude_known=not unknown_latitude,
+        tilt=_size("--tilt", tilt),
+        drift=_size("--drift", drift, "rate ramp"),
+        drift_estimated=drift_estimated,
+        index_sd=_size("--index-sd", index_sd),
+        level_sd=None if level_sd is None else _size("--level-sd", level_sd),
+        compensation=_compensation(calibration),
+    )
+    for option, said, fine, with_what in (
+        ("--drift-ignored", "given", drift_estimated or drift is not None, "given with --drift"),
+        ("--latitude-sd", latitude_sd, not (latitude_sd and unknown_latitude),
+         "left out with --unknown-latitude"),
+        ("--tilt", tilt, not (tilt and level_sd), "left out with --level-sd"),
+        ("--accel-noise", accel_noise, not (accel_noise and level_sd), "left out with --level-sd"),
+    ):  # fmt: skip
+        _refuse(option, said, fine, with_what)
+    _refuse("--tilt", tilt, conditions.tilt < math.radians(89.0), "below 89 deg")
+    total = None if time is None else _size("--time", time, "time")
+    _refuse("--time", time, total is None or total > 0, "above 0")
+    task = Task(
+        conditions,
+        None if accuracy is None else _size("--accuracy", accuracy),
+        total,
+        _size("--move", move, "time"),
+        None if rough is None else _size("--rough", rough),
+    )
+    _refuse("--accuracy", accuracy, task.accuracy != 0, "above 0")
+    choice = compare(task, order or NAMES, cycles)
+    if output is not None:
+        write_stops(choice.best.order, choice.best.time, task.move, output)
+    _show_plans(screen, choice, _size("--drift", drift or DRIFT, "rate ramp"), output)
 
 
-def _warn(screen: Screen, record: NorthRecord, setups: list[Setup]) -> None:
-    """Write what was noticed, of the file and of the set-ups, each with its cure."""
-    from foucault.errors import Finding
-    from foucault.report.north_detail import common, grouped
+def _size(option: str, text: str | None, kind: str = "angle") -> float:
+    """Return what an option says, not negative; 0 where it says nothing [SI]."""
+    from foucault import units
+    from foucault.units import SMALLEST
 
-    own = [f for s in setups for f in s.said["findings"]]
-    screen.findings(Finding(**f) for f in grouped([*record.about["findings"], *own]))
-    shared = common(setups)
-    if shared:
-        screen.say(f"None passes: {' '.join(shared)}")
-    left = {s.name: [r for r in s.said["reasons"] if r not in shared] for s in setups}
-    bad = [s for s in setups if s.said["verdict"] != "pass" and left[s.name]]
-    for s in bad[:MOST]:
-        screen.say(f"{s.name} is {s.said['verdict']}: {' '.join(left[s.name])}")
-    if len(bad) > MOST:
-        screen.say(f"and {len(bad) - MOST} set-ups more, see --json or -o")
+    if text is None:
+        return 0.0
+    value = units.parse(text, kind, option)
+    _refuse(option, text, value == 0 or SMALLEST < value < math.inf, "0 or above")
+    return value
 
 
-def _conclude(screen: Screen, record: NorthRecord, folder: Path | None) -> None:
-    """Print the verdict and where things are; end with the code of the verdict."""
-    from foucault.result import Level
-    from foucault.run_folder import REPORT_FILE
+def _refuse(option: str, given: object, fine: bool, allowed: str) -> None:
+    from foucault.errors import error
 
-    levels = [Level(s["verdict"]) for s in record.about["setups"]]
-    passed = sum(level is Level.PASS for level in levels)
-    level = levels[0] if len(set(levels)) == 1 else Level.DOUBTFUL
-    words = f"{passed} of {len(levels)} set-ups passed" if len(levels) > 1 else str(level)
-    screen.say("", f"verdict: {words}", style=COLOURS[level])
-    where = {}
-    if folder is not None:
-        where = {"folder": str(folder), "report": str(folder / REPORT_FILE)}
-        screen.say(f"Report: {where['report']}")
-    screen.data(where | dict(record.about))
-    raise typer.Exit(EXIT_CODES[level])
+    if not fine:
+        raise error("north_plan.range", option=option, given=given, allowed=allowed)
+
+
+def _latitude(text: str) -> float:
+    from foucault import units
+    from foucault.procedures.north_seeking.fix import require_latitude
+
+    value = units.parse(text, "angle", "--latitude")
+    require_latitude(value)
+    return value
+
+
+def _noise(
+    gyro: str | None, file: Path | None, accel: str | None,
+    slow: dict[str, tuple[str, str | None, str]],
+) -> ImuNoise:  # fmt: skip
+    from dataclasses import replace
+
+    from foucault import campaign, units
+    from foucault.errors import error
+    from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade
+
+    if (gyro is None) == (file is None):
+        given = "Nothing says" if gyro is None else "Both --gyro-noise and --noise say"
+        raise error("north_plan.gyro", given=given, grades=", ".join(GRADES))
+    if file is not None:
+        for option, text, _ in (("--accel-noise", accel, ""), *slow.values()):
+            if text is not None:
+                raise error("north_plan.noise_option", option=option)
+        found = campaign.load(file).noise
+        if found is None:
+            raise error(
+                "north_plan.gyro", given=f"Nothing in '{file}' says", grades=", ".join(GRADES)
+            )
+    elif gyro in GRADES:
+        found = grade(str(gyro)).noise
+    else:
+        white = units.parse(gyro, "angle random walk", "--gyro-noise")
+        forces = units.parse(ACCEL, "velocity random walk")
+        found = ImuNoise(TriadNoise(white=forces), TriadNoise(white=white))
+    if accel is not None:
+        white = _size("--accel-noise", accel, "velocity random walk")
+        found = replace(found, accel=replace(found.accel, white=white))
+    more = {key: _size(*said) for key, said in slow.items() if said[1] is not None}
+    found = replace(found, gyro=replace(found.gyro, **more))
+    option, text, _ = slow["correlation_time"]
+    _refuse(option, text, found.gyro.correlation_time > 0, "above 0")
+    useful = text is None or found.gyro.bias_instability > 0
+    _refuse(option, text, useful, "given with --gyro-bias-instability")
+    if not found.gyro.white > 0:
+        raise error("north_plan.no_noise", given=gyro or "zero")
+    return found
+
+
+def _compensation(path: Path | None) -> Compensation:
+    from foucault.errors import error
+    from foucault.models.north_seeker import Compensation
+    from foucault.run_folder import load_result
+
+    if path is None:
+        return Compensation()
+    result = load_result(path, with_tables=False).numbers()
+    if result.procedure != "north_seeking":
+        raise error("north.other_result", file=path, given=result.procedure)
+    return Compensation(result.coefficients, str(result.instrument.get("serial") or ""))
+
+
+# -- what is shown -------------------------------------------------------------------------
+
+
+def _show_plans(screen: Screen, choice: Choice, drift: float, output: Path | None) -> None:
+    from foucault import units
+
+    task, best = choice.task, choice.best
+    tilted = _tilted(choice)
+    findings = _findings(choice)
+    wanted = () if task.accuracy is None else (f"minutes for {_angle(task.accuracy)}",)
+    time = () if task.total is None else (f"sd in {_minutes(task.total)} min",)
+    ramp = f"{units.convert(drift, 'rate ramp', 'deg/h/h'):.4g} deg/h/h"
+    screen.table(
+        "",
+        ("order", *wanted, *time, f"error by {ramp} of drift", "needs"),
+        [_cells(row, choice, drift) for row in choice.rows],
+    )
+    screen.say(*_advice(choice), "")
+    if best.at is not None:
+        screen.table("what the sd is made of, of the recommended order", ("source", "sd", "share"),
+                     _budget(best.at))  # fmt: skip
+    if tilted is not None:
+        screen.say(f"Tilted by up to {TILTED}, with the tilt measured: {_angle(tilted)}.")
+    screen.findings(findings)
+    if output is not None:
+        screen.say(f"Stops: {output}")
+    screen.data(_document(choice, drift, tilted, findings, output))
+
+
+def _tilted(choice: Choice) -> float | None:
+    """Return the sd of the recommended order with a tilt, where none was given [rad]."""
+    from dataclasses import replace
+
+    from foucault import units
+    from foucault.plans.north_orders import at_time
+
+    c, best = choice.task.conditions, choice.best
+    if c.tilt or c.level_sd is not None or best.at is None:
+        return None
+    other = replace(choice.task, conditions=replace(c, tilt=units.parse(TILTED, "angle")))
+    return at_time(best.order, best.time, other, drift=False).sd
+
+
+def _cells(row: Row, choice: Choice, drift: float) -> list[str]:
+    cells = [row.order.name]
+    if choice.task.accuracy is not None:
+        cells.append(_minutes(row.needed) if math.isfinite(row.needed) else _floor(row))
+    if choice.task.total is not None:
+        cells.append(row.why if row.at is None else _angle(row.sd))
+    cells.append("" if row.at is None else _angle(row.drift_error * drift))
+    return [*cells, row.order.needs]
+
+
+def _floor(row: Row) -> str:
+    if row.floor is None:
+        return row.why
+    return f"not reachable: floor {_angle(row.floor.sd)} from {row.limit}"
+
+
+def _advice(choice: Choice) -> list[str]:
+    """Which order to use, and why."""
+    task, best = choice.task, choice.best
+    how = f"Use {best.order.name}: {choice.reason}."
+    what = f"{_minutes(best.time)} minutes give {_angle(best.sd)} (1 sd)"
+    per = _per_stop(best, task.move)
+    out = [how, f"{what}{', ' + per if per else ''}."]
+    if task.accuracy is not None and not math.isfinite(best.needed):
+        out.append(f"{_angle(task.accuracy)} is {_floor(best)}.")
+    if choice.beyond is not None:
+        better = choice.beyond
+        gain = f"{_angle(better.sd)} in {_minutes(better.time)} minutes"
+        out.append(f"With {better.order.needs}, {better.order.name} gives {gain}.")
+    if choice.repeats is not None:
+        times, sd = choice.repeats
+        out.append(
+            f"Gone through {times} times in the same time (--cycles {times}) it gives "
+            f"{_angle(sd)}: slow noise of the gyro does less to shorter stops."
+        )
+    return out
+
+
+def _per_stop(row: Row, move: float) -> str:
+    from foucault.plans.north_orders import StopOrder
+
+    if not isinstance(row.order, StopOrder):
+        return ""
+    lengths = row.order.stops(row.time, move)
+    return f"{_range(float(lengths.min()), float(lengths.max()))} per stop"
+
+
+def _range(least: float, most: float) -> str:
+    return f"{least:.0f} s" if most - least < 0.5 else f"{least:.0f} to {most:.0f} s"
+
+
+def _budget(at: Prediction) -> list[tuple[str, ...]]:
+    whole = sum(at.sources.values())
+    rows = sorted(at.sources.items(), key=lambda item: -item[1])
+    return [(n, _angle(math.sqrt(v)), f"{v / whole:.1%}") for n, v in rows if v > 1e-6 * whole]
+
+
+def _findings(choice: Choice) -> list[Finding]:
+    from foucault.errors import finding
+    from foucault.plans.north_orders import SEEN, SHORTEST
+
+    task, best = choice.task, choice.best
+    out = []
+    minutes = _minutes(best.time)
+    if choice.signal < SEEN:
+        factor = SEEN / choice.signal
+        out.append(finding(
+            "north_plan.gyro_noisy", minutes=minutes, ratio=f"{1 / choice.signal:.2g}",
+            factor=f"{factor:.2g}", longer=f"{factor**2:.2g}",
+        ))  # fmt: skip
+    if task.accuracy is not None and task.total is not None and best.sd > task.accuracy:
+        cure = f"The accuracy is {_floor(best)}."
+        if math.isfinite(best.needed):
+            from dataclasses import replace
+
+            longer = replace(best, time=max(best.needed, best.order.shortest(task.move, SHORTEST)))
+            use = _per_stop(longer, task.move).replace(" per", " for each")
+            cure = f"Use at least {use or 'that long'}: {_minutes(longer.time)} minutes in all."
+        out.append(finding(
+            "north_plan.dwell_short", minutes=minutes, stop=_per_stop(best, task.move) or "turning",
+            sd=_angle(best.sd), accuracy=_angle(task.accuracy), cure=cure,
+        ))  # fmt: skip
+    return out
+
+
+def _angle(value: float) -> str:
+    """Write an angle in degrees."""
+    from foucault import units
+
+    degrees = math.degrees(value)
+    if not degrees < 90.0:
+        return "more than 90 deg"
+    return "0 deg" if degrees < 1e-9 else f"{units.plain(degrees, 3)} deg"
+
+
+def _minutes(seconds: float) -> str:
+    return f"{math.ceil(seconds / 6 - 1e-6) / 10:g}"  # upwards, in tenths
+
+
+def _document(
+    choice: Choice, drift: float, tilted: float | None, findings: list[Finding],
+    output: Path | None,
+) -> dict[str, Any]:  # fmt: skip
+    """All of it as JSON: angles in rad, times in s."""
+    return {
+        "orders": [row.as_dict(choice.task.move, drift) for row in choice.rows],
+        "recommended": choice.best.order.name,
+        "reason": choice.reason,
+        "advice": _advice(choice),
+        "tilted_sd": tilted,
+        "findings": [f.as_dict() for f in findings],
+        "file": None if output is None else str(output),
+    }

@@ -1,50 +1,65 @@
-"""Options that carry a unit, turned into SI numbers."""
+"""Options with a unit, and options made from the fields of settings, so that each is stated once.
+
+A quantity is text with its unit on the command line and a number in SI in the command. A parameter
+`Annotated[Any, Of("module:Model")]` stands for the settings of a model: an option for each field,
+with its unit, bounds, description and default, of which the command gets what was given. Models are
+imported when the options of their command are looked at, which no other command does.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import inspect
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
-KINDS = {
-    "height": "length", "gravity": "gravity", "gyro_noise": "angle random walk",
-    "accel_noise": "velocity random walk", "gyro_bias_sd": "angular rate",
-    "accel_bias_sd": "specific force", "align": "time", "from": "time", "until": "time",
-    "rate": "frequency", "at": "temperature", "reference": "temperature",
-    "velocity_sd": "velocity", "position_sd": "length",
-    "margin": "temperature difference", "hold": "time", "timeout": "time", "time": "time",
-}  # fmt: skip
-"""Kind of quantity of every option; the others are angles."""
+import typer
+from typer.core import TyperCommand
+from typer.main import get_command
 
-POSITIVE = (
-    "latitude_sd", "level_sd", "heading_sd", "accuracy", "index_sd", "gyro_noise", "accel_noise",
-    "align", "until", "rate", "time", "velocity_sd", "position_sd",
-)  # fmt: skip
-"""Options that must be greater than zero."""
+if TYPE_CHECKING:
+    Amount = Any
+else:
+    Amount = str
+"""A quantity: text on the command line, a number in the command."""
 
-NOT_NEGATIVE = ("gyro_bias_sd", "accel_bias_sd", "margin", "hold", "timeout")
-"""Options that may be zero, but no less."""
+Command = TypeVar("Command", bound=Callable[..., Any])
+Least = Literal["", "greater than 0", "0 or more"]
 
 
-def parsed(texts: Mapping[str, str | None]) -> dict[str, Any]:
-    """Turn options with units into SI numbers; a mistake names its option."""
-    from foucault.campaign.mistakes import parse_at
+def read(option: str, text: str, kind: str, least: Least = "") -> float:
+    """Return the number that an option says [SI]; a mistake names the option."""
+    from foucault.campaign.tables import parse_at
     from foucault.errors import error
     from foucault.units import SMALLEST
 
-    out = {}
-    for key, text in texts.items():
-        if text is None:
-            continue
-        option = "--" + key.replace("_", "-")
-        out[key] = value = parse_at(option, text, KINDS.get(key, "angle"))
-        least = "greater than 0" if key in POSITIVE and not value > 0 else ""
-        least = "0 or more" if key in NOT_NEGATIVE and not value >= 0 else least
-        if value and not SMALLEST < abs(value) < 1 / SMALLEST:
-            least = "of a size that something has"
-        if least:
-            raise error("campaign.value", key=option, given=repr(text), hint="", more="",
-                        reason=f"it should be {least}")  # fmt: skip
-    return out
+    value = parse_at(option, text, kind)
+    fine = {"greater than 0": value > 0, "0 or more": value >= 0}.get(least, True)
+    wrong: str = "" if fine else least
+    if value and not SMALLEST < abs(value) < 1 / SMALLEST:
+        wrong = "of a size that something has"
+    if wrong:
+        raise error("campaign.value", key=option, given=repr(text), hint="", more="",
+                    reason=f"it should be {wrong}")  # fmt: skip
+    return value
+
+
+def quantity(kind: str, said: str, *names: str, least: Least = "") -> Any:
+    """Return an option that holds a quantity of a kind; `said` is its help."""
+
+    def parsed(param: typer.CallbackParam, value: str | None) -> Any:
+        return None if value is None else read(param.opts[-1], value, kind, least)
+
+    return typer.Option(*names, callback=parsed, help=said)
+
+
+def given(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options that were given."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def span(option: str, text: str) -> tuple[float, float]:
@@ -57,3 +72,269 @@ def span(option: str, text: str) -> tuple[float, float]:
         raise error("log.span", option=option, given=text)
     start, end = (parse(one.strip(), "time", option) for one in ends)
     return start, end
+
+
+# -- settings ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Of:
+    """The fields of a model of settings as options."""
+
+    model: str  # where it is: "module:Model"
+    only: tuple[str, ...] = ()  # fields that have an option; none for all
+    called: Mapping[str, str] = field(default_factory=dict)  # field -> option that differs from it
+    above: tuple[str, ...] = ()  # fields that may be zero, though to give zero says nothing
+    over: bool = False  # they go before what a campaign says: what is left out has no default
+    as_text: bool = False  # quantities stay text, for a command that has bounds of its own
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """The fields that have an option, by name."""
+        every = self.settings.model_fields
+        return {key: every[key] for key in self.only or every}
+
+    @property
+    def settings(self) -> Any:
+        """The model itself."""
+        module, _, name = self.model.partition(":")
+        return getattr(import_module(module), name)
+
+    def option(self, name: str) -> str:
+        """Return the option of a field."""
+        return "--" + self.called.get(name, name).replace("_", "-")
+
+    def parameters(self) -> list[inspect.Parameter]:
+        """Return a parameter for each field, as a command has it."""
+        from foucault.campaign.tables import kind_of
+        from foucault.strict import description_of
+
+        out = []
+        for key, info in self.fields.items():
+            kind = kind_of(info)
+            said = with_example(description_of(self.settings, key), info, kind)
+            option = typer.Option(self.option(key), help=said)
+            kept = (info.annotation, info.default) if kind is None else (str | None, None)
+            if self.over and info.annotation is not bool:
+                kept = (kept[0] | None, None)
+            out.append(
+                inspect.Parameter(
+                    key, inspect.Parameter.KEYWORD_ONLY, default=kept[1],
+                    annotation=Annotated[kept[0], option],
+                )
+            )  # fmt: skip
+        return out
+
+    def taken(self, given: dict[str, Any]) -> dict[str, Any]:
+        """Take what was given of the fields out of the arguments of a command [SI]."""
+        from foucault.campaign.tables import kind_of
+
+        out = {}
+        for key, info in self.fields.items():
+            value, kind = given.pop(key), None if self.as_text else kind_of(info)
+            if value is not None and kind is not None:
+                bounds = {type(mark).__name__ for mark in info.metadata}
+                least: Least = "0 or more" if "Ge" in bounds else ""
+                least = "greater than 0" if "Gt" in bounds or key in self.above else least
+                value = read(self.option(key), value, kind, least)
+            if value is not None and not (self.over and value is False):
+                out[key] = value
+        return out
+
+
+def with_example(said: str, info: Any, kind: str | None) -> str:
+    """Return the description of a field, with an example of what to write where it has none."""
+    from foucault.units import KINDS
+
+    for group in ("Fix. ", "Planning. ", "Calibration. "):
+        said = said.removeprefix(group)
+    if kind is None or '"' in said:
+        return said
+    example = info.examples[0] if info.examples else KINDS[kind].example
+    ends = [at for mark in ".;" if (at := said.find(mark)) >= 0]
+    return f'{said[: min(ends)]}, such as "{example}"{said[min(ends) :]}'
+
+
+def plain(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command with an option for each field in place of its settings."""
+    groups: dict[str, Of] = {}
+    parameters: list[inspect.Parameter] = []
+    for parameter in inspect.signature(function, eval_str=True).parameters.values():
+        marks = getattr(parameter.annotation, "__metadata__", ())
+        of = next((mark for mark in marks if isinstance(mark, Of)), None)
+        if of is not None:
+            groups[parameter.name] = of
+        parameters += [parameter.replace(kind=parameter.KEYWORD_ONLY)] if of is None \
+            else of.parameters()  # fmt: skip
+
+    def called(**given: Any) -> Any:
+        return function(**{name: of.taken(given) for name, of in groups.items()}, **given)
+
+    called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    return called
+
+
+def command(
+    *examples: str, notes: str = "", exits: Mapping[int, str] | None = None
+) -> Callable[[Command], Command]:
+    """Give a function what `add` takes to make it a command; the arguments are of `epilog`."""
+
+    def marked(function: Command) -> Command:
+        function.epilog = epilog(*examples, notes=notes, exits=exits)  # type: ignore[attr-defined]
+        return function
+
+    return marked
+
+
+def add(
+    app: typer.Typer, function: Callable[..., Any], kind: type[TyperCommand] = TyperCommand,
+    **more: Any,
+) -> None:  # fmt: skip
+    """Add a command to the program; its options are made when it is looked at or called."""
+
+    @cache
+    def made() -> Any:
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+        alone.command()(plain(function))
+        return get_command(alone)
+
+    class Late(kind):  # type: ignore[misc, valid-type]
+        """A command without its options, which are those of `made`."""
+
+        params = property(lambda self: made().params, lambda self, value: None)
+        callback = property(lambda self: made().callback, lambda self, value: None)
+
+    def stub() -> None: ...
+
+    stub.__doc__ = function.__doc__
+    epilog = function.epilog  # type: ignore[attr-defined]
+    app.command(function.__name__, cls=Late, epilog=epilog, **more)(stub)
+
+
+def epilog(*examples: str, notes: str = "", exits: Mapping[int, str] | None = None) -> str:
+    """Return what stands below the options of a command.
+
+    `examples`: complete command lines, all after the last `>` or `|` must be commands of this
+    program; `notes`: a paragraph in between; `exits`: what exit codes mean, beyond those of all.
+    """
+    title = "Example" if len(examples) == 1 else "Examples"
+    parts = ["\n".join(["\b", f"{title}:", *(f"  {line}" for line in examples)])]
+    parts += [notes] if notes else []
+    if exits:
+        lines = [f"  {code:<3} {meaning}" for code, meaning in exits.items()]
+        parts.append("\n".join(["\b", "Exit codes:", *lines]))
+    return "\n\n".join(parts)
+
+
+# -- The words of the command line: arguments and options that several commands share ------------
+
+VERDICT = {0: "pass", 3: "doubtful", 4: "unusable"}
+"""Exit codes of a command that ends with a verdict."""
+
+# -- what is given -------------------------------------------------------------------------
+
+CampaignFile = Annotated[Path, typer.Argument(help="A campaign file.")]
+CampaignOrName = Annotated[
+    str, typer.Argument(help="A campaign file, or the name of a procedure, such as hand_rotated.")
+]
+SearchedOrName = Annotated[
+    str,
+    typer.Argument(
+        help="A campaign file, or the name of a procedure whose plan can be searched for: "
+        "norm_observation, multi_position, turntable, north_seeking, platform_tumble, "
+        "systematic, transfer_alignment."
+    ),
+]
+LogFile = Annotated[
+    Path,
+    typer.Argument(
+        help="A log that foucault has written, one whose titles give the units, gyro_x (deg/s), "
+        "or a campaign file that describes it."
+    ),
+]
+ResultFile = Annotated[Path, typer.Argument(help="A run folder or its result.json.")]
+ResultFiles = Annotated[list[Path], typer.Argument(help="Run folders or their result.json.")]
+
+Calibration = Annotated[
+    Path | None,
+    typer.Option(help="Run folder of `foucault calibrate`, or its result.json; none if left out."),
+]
+Tolerance = Annotated[
+    Path | None,
+    typer.Option(help="TOML file with the limits of coefficients; none if left out."),
+]
+Serial = Annotated[
+    str, typer.Option(help="Serial number of the instrument, compared with the calibration.")
+]
+SITE = (
+    "Site and noise that are left out are those of the campaign, where the log is one; otherwise "
+    "the height is 0 m and gravity is normal gravity there."
+)
+"""Note of commands that take a site and noise."""
+
+Seed = Annotated[int, typer.Option(help="Seed of the random numbers.", min=0)]
+
+# -- quantities, in SI -------------------------------------------------------------------
+
+Latitude = Annotated[
+    Amount | None, quantity("angle", 'Latitude of the site, positive north, such as "47.3 deg".')
+]
+Height = Annotated[Amount | None, quantity("length", 'Height of the site, such as "430 m".')]
+Gravity = Annotated[Amount | None, quantity("gravity", 'Local gravity, such as "9.8072 m/s^2".')]
+GyroNoise = Annotated[
+    Amount | None,
+    quantity(
+        "angle random walk",
+        'Angle random walk of the gyros, such as "0.003 deg/sqrt(h)".',
+        least="greater than 0",
+    ),
+]
+AccelNoise = Annotated[
+    Amount | None,
+    quantity(
+        "velocity random walk",
+        'Velocity random walk of the accelerometers, such as "30 ug/sqrt(Hz)".',
+        least="greater than 0",
+    ),
+]
+
+# -- what is written -----------------------------------------------------------------------
+
+
+def _folder(path: Path | None) -> Path | None:
+    """Refuse a folder that cannot be made, before the work and not after it."""
+    from foucault.files import unwritable
+
+    if path is None:
+        return None
+    try:
+        above = (path.absolute(), *path.absolute().parents)
+        there = next((p for p in above if p.exists()), above[-1])
+        if not (there.is_dir() and os.access(there, os.W_OK)):
+            raise NotADirectoryError(f"'{there}' is not a folder that can be written to")
+    except OSError as problem:
+        raise unwritable(path, problem) from None
+    return path
+
+
+def _file(path: Path | None) -> Path | None:
+    """Refuse a file whose folder is not there, before the work and not after it."""
+    from foucault.files import unwritable
+
+    if path is not None and not path.absolute().parent.is_dir():
+        raise unwritable(path, FileNotFoundError("its folder is not there"))
+    return path
+
+
+def _folder_option(text: str) -> Any:
+    return typer.Option("-o", "--output", callback=_folder, help=text)
+
+
+Folder = Annotated[Path, _folder_option("Folder to write.")]
+RunFolder = Annotated[Path, _folder_option("Folder to write; a result in it is replaced.")]
+ContinuedFolder = Annotated[Path, _folder_option("Folder to write; work begun in it is continued.")]
+FolderIfWanted = Annotated[Path | None, _folder_option("Folder to write; none if left out.")]
+TableIfWanted = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", callback=_file, help="CSV file to write; none if left out."),
+]

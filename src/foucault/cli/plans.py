@@ -1,18 +1,160 @@
-"""The command about plans for tables: plans."""
+"""The command about plans for tables and sequences of rests and turns: plans."""
 
 from __future__ import annotations
 
+from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foucault.cli import sequences, words
+from foucault.cli.options import command
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
     from foucault.arrays import FloatArray
-    from foucault.plans.table.efficiency import Efficiency
+    from foucault.plans.efficiency import Efficiency
+    from foucault.plans.sequence import CalibrationSequence
+    from foucault.procedures.systematic.quick import Stills
+
+MODEL = "systematic"
+"""What the command calls them."""
+
+LATITUDE = 45.0
+"""Where it is said what a sequence shows [deg]."""
+
+CLASS = "navigation"
+"""With the noise of which class."""
+
+
+def sequences(screen: Screen, name: str | None, steps: bool, output: Path | None) -> None:
+    """List the built-in sequences and what they show, or print one for the one who turns the table.
+
+    Parameters
+    ----------
+    screen : Screen
+        Where to print.
+    name : str or None
+        A built-in sequence, several joined by " + ", a file of a sequence, or a campaign.
+    steps : bool
+        Whether the actions of one are printed.
+    output : Path or None
+        CSV file for the actions, or TOML.
+    """
+    from foucault.errors import error
+
+    if name is not None:
+        _one_sequence(screen, sequence_of(name), steps, output)
+    elif output is not None:
+        raise error("plan.which", path=output)
+    else:
+        _all_sequences(screen)
+
+
+def sequence_of(name: str) -> CalibrationSequence:
+    """Return the sequence that `name` stands for."""
+    from foucault import campaign
+    from foucault.errors import error
+    from foucault.plans.sequence import CalibrationSequence, built_in
+    from foucault.plans.sequence_file import read_sequence
+    from foucault.procedures.systematic.settings import planned
+
+    path = Path(name)
+    if path.suffix.lower() != ".toml":
+        return reduce(
+            CalibrationSequence.then, [built_in(part.strip()) for part in name.split("+")]
+        )
+    if not _is_campaign(path):
+        return read_sequence(path)
+    asked = campaign.load(path)
+    if asked.procedure != MODEL:
+        raise error("sequence.campaign", path=path, procedure=asked.procedure)
+    return planned(asked.settings, asked.session)
+
+
+def _is_campaign(path: Path) -> bool:
+    from foucault.files import parse_toml, read_text
+
+    try:
+        return "procedure" in parse_toml(read_text(path))
+    except (OSError, ValueError):
+        return False  # the reader of sequences says why
+
+
+def _all_sequences(screen: Screen) -> None:
+    from math import radians
+
+    from foucault.models.deflection import MODELS
+    from foucault.models.earth import Site
+    from foucault.models.noise import grade
+    from foucault.plans.sequence import BUILT_IN
+    from foucault.procedures.systematic.plan import shown
+
+    site, noise = Site.at(radians(LATITUDE)), grade(CLASS).noise
+    rows, ranks, documents = [], [], []
+    kept: Stills = {}
+    for name, make in BUILT_IN.items():
+        whole = f"19 positions + {name}" if name.startswith("spins") else name
+        s = sequence_of(whole)
+        (seen, count), models = shown(s, site, noise, kept)
+        demands = _demands(make())
+        rows.append((name, *demands, f"{seen} of {count}"))
+        ranks.append((whole, *(f"{told}/{n}" for told, n in models.values())))
+        documents.append(_of_sequence(make()) | {
+            "judged": whole, "errors": [seen, count], "deflection": models,
+        })  # fmt: skip
+    screen.table(
+        "sequences of systematic calibration",
+        ("sequence", "rests", "turns", "time (min)", "fastest (deg/s)", "errors shown"),
+        rows,
+    )
+    screen.table(
+        "combinations of the deflection of dithered gyros that are told better than 3 arcsec/g",
+        ("sequence", *MODELS), ranks,
+    )  # fmt: skip
+    screen.say(
+        f"At {LATITUDE:.0f} deg of latitude, with the noise of a {CLASS} grade instrument. Spins "
+        "are judged after the 19 positions: they begin without a rest.",
+        "Actions: foucault plans --model systematic NAME. Better ones: foucault optimise.",
+    )
+    screen.data({"model": MODEL, "sequences": documents})
+
+
+def _demands(s: CalibrationSequence) -> tuple[str, str, str, str]:
+    from math import degrees
+
+    fastest = max((getattr(a, "rate", 0.0) for a in s.actions), default=0.0)
+    return (
+        str(len(s.positions)), str(len(s.moves)), f"{s.duration / 60:.1f}",
+        f"{degrees(fastest):.4g}",
+    )  # fmt: skip
+
+
+def _of_sequence(s: CalibrationSequence) -> dict[str, Any]:
+    return {
+        "name": s.name, "rests": len(s.positions), "turns": len(s.moves), "duration": s.duration,
+        "fastest": max((getattr(a, "rate", 0.0) for a in s.actions), default=0.0),
+    }  # fmt: skip
+
+
+def _one_sequence(screen: Screen, s: CalibrationSequence, steps: bool, output: Path | None) -> None:
+    from foucault.plans.sequence import pointing
+    from foucault.plans.sequence_file import rows, write_steps
+
+    if output is not None:
+        write_steps(s, output)
+    rests, turns, minutes, fastest = _demands(s)
+    screen.say(
+        f"{s.name}: {rests} rests and {turns} turns in {minutes} min, at most {fastest} deg/s.",
+        f"It starts with x, y, z to {', '.join(pointing(s.start))}.",
+    )
+    headings, *lines = rows(s)
+    if steps:
+        screen.table("", headings, lines)
+    if output is not None:
+        screen.say(f"Actions: {output}")
+    screen.data(_of_sequence(s) | {"headings": headings, "actions": lines})
+
 
 SAMPLE = "fibonacci 24"
 """Stands in the list for the plans of any number of positions."""
@@ -24,21 +166,14 @@ DEFLECTION = "deflection"
 _UNITS = {"bias": "ug", "scale": "ppm", "misalignment": "urad", "quadratic": "ug/g^2"}
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command of this module to the program."""
-    app.command(
-        "plans",
-        epilog=words.epilog(
-            "foucault plans",
-            'foucault plans --model "accel quadratic"',
-            'foucault plans "icosahedron 12" -o angles.csv',
-            "foucault plans angles.csv",
-            'foucault plans --model deflection "optimised 6"',
-            "foucault plans --model systematic campaign.toml -o actions.csv",
-        ),
-    )(plans)
-
-
+@command(
+    "foucault plans",
+    'foucault plans --model "accel quadratic"',
+    'foucault plans "icosahedron 12" -o angles.csv',
+    "foucault plans angles.csv",
+    'foucault plans --model deflection "optimised 6"',
+    "foucault plans --model systematic campaign.toml -o actions.csv",
+)
 def plans(
     ctx: typer.Context,
     name: Annotated[
@@ -79,14 +214,14 @@ def plans(
     A plan is printed with its table angles or its actions, and what it cannot tell apart.
     """
     from foucault.errors import error
-    from foucault.plans.table.efficiency import model_named
+    from foucault.plans.efficiency import model_named
 
     screen: Screen = ctx.obj
     if model.strip().lower() == DEFLECTION:
         _poses(screen, name, angles, output)
         return
-    if model.strip().lower() == sequences.MODEL:
-        sequences.sequences(screen, name, angles, output)
+    if model.strip().lower() == MODEL:
+        sequences(screen, name, angles, output)
         return
     known = model_named(model)
     if name is not None:
@@ -98,8 +233,8 @@ def plans(
 
 
 def _all(screen: Screen, model: str) -> None:
-    from foucault.plans.table.directions import DIRECTIONS, directions
-    from foucault.plans.table.efficiency import efficiency
+    from foucault.plans.directions import DIRECTIONS, directions
+    from foucault.plans.efficiency import efficiency
 
     judged = {name: efficiency(directions(name), model) for name in (*DIRECTIONS, SAMPLE)}
     first = next(iter(judged.values()))
@@ -128,8 +263,8 @@ def _row(name: str, found: Efficiency) -> tuple[str, ...]:
 
 def _one(screen: Screen, name: str, model: str, angles: bool, output: Path | None) -> None:
     from foucault.models.turntable import up_k
-    from foucault.plans.table.efficiency import refuse_singular
-    from foucault.plans.table.file import write_positions
+    from foucault.plans.directions import write_positions
+    from foucault.plans.efficiency import refuse_singular
 
     known, at = _positions(name)
     found = refuse_singular(known, up_k(at), model)
@@ -154,9 +289,8 @@ def _poses(screen: Screen, name: str | None, angles: bool, output: Path | None) 
     import numpy as np
 
     from foucault.errors import error
-    from foucault.plans.systematic.pose_search import poses_named
-    from foucault.plans.systematic.spin_poses import COEFFICIENTS, NAMES, quality
-    from foucault.plans.table.file import write_positions
+    from foucault.plans.directions import write_positions
+    from foucault.plans.sequence import COEFFICIENTS, NAMES, poses_named, quality
 
     if name is None and output is not None:
         raise error("plan.which", path=output)
@@ -193,8 +327,7 @@ def _poses(screen: Screen, name: str | None, angles: bool, output: Path | None) 
 
 
 def _positions(name: str) -> tuple[str, FloatArray]:
-    from foucault.plans.table.directions import positions
-    from foucault.plans.table.file import read_positions
+    from foucault.plans.directions import positions, read_positions
 
     if name.lower().endswith(".csv") or Path(name).is_file():
         return Path(name).name, read_positions(name)

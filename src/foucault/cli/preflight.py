@@ -1,4 +1,4 @@
-"""The command that says beforehand what a planned session will show: preflight."""
+"""Commands before a run: `preflight`, `optimise`, `montecarlo`."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foucault.cli import words
-from foucault.cli.screen import Screen
+from foucault.cli import cluster, options
+from foucault.cli.options import command
+from foucault.cli.screen import Screen, written
+from foucault.cli.sessions import load_or_template
 
 if TYPE_CHECKING:
     from foucault.diagnose.foresight import Foresight
+
 
 SHOWN = 4
 """Combinations and pairs that are printed; all of them are in the JSON."""
@@ -20,23 +23,16 @@ INCOMPLETE = 3
 """Exit code where something is hardly seen, that of a doubtful result."""
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the command of this module to the program."""
-    app.command(
-        "preflight",
-        epilog=words.epilog(
-            "foucault preflight campaign.toml -o expected.csv",
-            'foucault preflight platform_tumble --plan "-x -z -y +z" --rate "0.2 deg/s"',
-            'foucault preflight norm_observation --plan "dodecahedron 20"',
-            notes="What is not tried is as in the campaign file, sampling and noise too.",
-            exits={0: "all is seen", 3: "something is hardly seen, or a limit is broken"},
-        ),
-    )(preflight)
-
-
+@command(
+    "foucault preflight campaign.toml -o expected.csv",
+    'foucault preflight platform_tumble --plan "-x -z -y +z" --rate "0.2 deg/s"',
+    'foucault preflight norm_observation --plan "dodecahedron 20"',
+    notes="What is not tried is as in the campaign file, sampling and noise too.",
+    exits={0: "all is seen", 3: "something is hardly seen, or a limit is broken"},
+)
 def preflight(
     ctx: typer.Context,
-    what: words.CampaignOrName,
+    what: options.CampaignOrName,
     plan: Annotated[
         str | None,
         typer.Option(
@@ -49,13 +45,13 @@ def preflight(
         str | None,
         typer.Option(help='Try this time for each segment of the plan, such as "900 s".'),
     ] = None,
-    output: words.TableIfWanted = None,
+    output: options.TableIfWanted = None,
 ) -> None:
     """Say before a session what it will show, and how well.
 
     Standard deviation of every coefficient, what cannot be told apart, whether the rig can do it.
     """
-    from foucault.campaign import preflight as preflights
+    from foucault.campaign import optimisation
     from foucault.cli.sessions import load_or_template
 
     screen: Screen = ctx.obj
@@ -64,9 +60,9 @@ def preflight(
         campaign = load_or_template(what)
         tell(0.2, "simulating the plan")
         changes = {key: text for key, text in given.items() if text is not None}
-        found = preflights.foresee(campaign, changes)
+        found = optimisation.foresee(campaign, changes)
     if output is not None:
-        preflights.write(found, output)
+        optimisation.write(found, output)
     screen.table(
         "",
         ("coefficient", "sd", "unit", "of the prior"),
@@ -162,3 +158,140 @@ def _listed(title: str, words: tuple[str, ...]) -> list[str]:
     more = len(words) - SHOWN
     rest = [f"  and {more} more (--json names all)"] if more > 0 else []
     return [f"{title}:", *(f"  {w}" for w in words[:SHOWN]), *rest] if words else []
+
+
+# -- The command that searches for a better plan: optimise ---------------------------------------
+
+
+@command(
+    "foucault optimise campaign.toml -o search",
+    'foucault optimise platform_tumble -o search --time-limit "60 s"',
+    notes="What may be changed of the plan stands in the table [optimise] of the campaign. "
+    "The same command again continues a search; with more --restarts it goes further.",
+    exits={
+        0: "a better plan was found, or one that the rig can do",
+        3: "none was, or something cannot be seen",
+    },
+)
+def optimise(
+    ctx: typer.Context,
+    what: options.SearchedOrName,
+    output: options.ContinuedFolder,
+    restarts: Annotated[int, typer.Option(help="Number of restarts.", min=1, max=1_000_000)] = 32,
+    evaluations: Annotated[
+        int | None,
+        typer.Option(
+            help="Plans that each restart judges; left out, 4000, or fewer where each takes long.",
+            min=1, max=1_000_000_000,
+        ),
+    ] = None,
+    time_limit: Annotated[
+        str | None,
+        typer.Option(
+            help='Begin no further restart after this time, such as "60 s"; no limit if left out.'
+        ),
+    ] = None,
+    seed: options.Seed = 0,
+    size: Annotated[
+        int,
+        typer.Option(
+            "--round", min=2, max=100_000,
+            help="Restarts in a round, of which later ones continue the best plans; on a cluster, "
+            "a multiple of its workers.",
+        ),
+    ] = 8,
+    workers: cluster.Workers = None,
+    scheduler: cluster.Scheduler = None,
+    local_cluster: cluster.LocalCluster = None,
+) -> None:  # fmt: skip
+    """Search for a plan that sees more, within limits of the rig."""
+    from dataclasses import asdict
+
+    from foucault import units
+    from foucault.campaign import optimisation
+    from foucault.cli.sessions import load_or_template
+    from foucault.errors import error
+    from foucault.files import alone, plain_json
+    from foucault.run_folder import CAMPAIGN_FILE
+
+    screen: Screen = ctx.obj
+    limit = None if time_limit is None else units.parse(time_limit, "time", "--time-limit")
+    if limit is not None and limit < 0:
+        raise error("optimise.time_limit", given=time_limit)
+    campaign = load_or_template(what)
+    there = optimisation.finished(output)
+    with (
+        alone(output),
+        cluster.spread(screen, workers, scheduler, local_cluster) as map_,
+        screen.progress() as tell,
+    ):
+        found = optimisation.run(
+            campaign, output, restarts=restarts, evaluations=evaluations, time_limit=limit,
+            seed=seed, size=size, map=map_,
+            progress=lambda done, total: tell(done / total, f"restart {done} of {total}"),
+        )  # fmt: skip
+    went_on = f"Went on from {there} of these restarts, which were in the folder."
+    unseen = f"No allowed plan shows: {', '.join(found.unseen)}."
+    raise written(output, "search", found).tell(
+        screen,
+        plain_json(asdict(found) | {"complete": found.complete}),
+        *[unseen] * bool(found.unseen),
+        *[went_on] * bool(there),
+        f"Plan: {output / CAMPAIGN_FILE}",
+        code=0 if found.complete else INCOMPLETE,
+    )
+
+
+# -- The command for Monte Carlo studies ---------------------------------------------------------
+
+
+@command(
+    "foucault montecarlo campaign.toml -n 500 -o study",
+    "foucault montecarlo hand_rotated -n 100 -o study --local-cluster 8",
+    notes="The same command again continues an interrupted study.",
+    exits={0: "every check passed", 3: "one did not"},
+)
+def montecarlo(
+    ctx: typer.Context,
+    what: options.CampaignOrName,
+    output: options.ContinuedFolder,
+    trials: Annotated[
+        int, typer.Option("-n", "--trials", help="Number of trials.", min=2, max=1_000_000)
+    ] = 500,
+    seed: options.Seed = 0,
+    workers: cluster.Workers = None,
+    scheduler: cluster.Scheduler = None,
+    local_cluster: cluster.LocalCluster = None,
+) -> None:
+    """Calibrate many simulated instruments: are the sd right?
+
+    Errors against their standard deviations and against the bound.
+    """
+    from foucault.campaign import study
+    from foucault.files import alone
+
+    screen: Screen = ctx.obj
+    described = load_or_template(what)
+    with (
+        alone(output),
+        cluster.spread(screen, workers, scheduler, local_cluster) as map_,
+        screen.progress() as tell,
+    ):
+        result = study.run(
+            described,
+            trials,
+            output,
+            seed=seed,
+            map=map_,
+            progress=lambda done, total: tell(done / total, f"trial {done} of {total}"),
+        )
+    about = study.load(output)[1]
+    checks = result.checks()
+    keys = ("name", "value", "low", "high", "passed", "sentence")
+    said = {
+        "status": dict(result.status),
+        "coefficients": result.rows(),
+        "checks": [{key: getattr(check, key) for key in keys} for check in checks],
+    }
+    code = 0 if all(c.passed for c in checks) else 3
+    raise written(output, "study", result, about).tell(screen, said, code=code)

@@ -1,55 +1,45 @@
-"""Commands that make results: calibrate, report, demo."""
+"""Commands that make results, and about campaign files: calibrate, merge, temperature, init, ..."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foucault.cli import words
-from foucault.cli.screen import COLOURS, EXIT_CODES, Screen
+from foucault.cli import options
+from foucault.cli.options import Amount, command, quantity
+from foucault.cli.screen import Found, Screen, found_in, written
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
     from foucault.campaign.running import Session
+    from foucault.procedures.temperature import Ramp
+    from foucault.procedures.temperature import Session as AtTemperature
     from foucault.result import Result
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the commands of this module to the program."""
-    app.command(
-        "calibrate",
-        epilog=words.epilog("foucault calibrate campaign.toml -o run", exits=words.VERDICT),
-    )(calibrate)
-    app.command("report", epilog=words.epilog("foucault report run"))(report)
-    app.command(
-        "demo", epilog=words.epilog("foucault demo", "foucault demo -o demo", exits=words.VERDICT)
-    )(demo)
-
-
+@command("foucault calibrate campaign.toml -o run", exits=options.VERDICT)
 def calibrate(
     ctx: typer.Context,
-    campaign: words.CampaignFile,
-    output: words.RunFolder,
+    campaign: options.CampaignFile,
+    output: options.RunFolder,
 ) -> None:
     """Calibrate an instrument from its log, and write the report."""
     from foucault import campaign as campaigns
-    from foucault.diagnose.time_base import in_words
+    from foucault.diagnose.references import in_words
 
     screen: Screen = ctx.obj
-    result = _run(screen, campaigns.load(campaign), output)
-    screen.say("", result.coefficients)
-    if said := in_words(result):
-        screen.say(said)
-    _conclude(screen, result, output)
+    result, page = _run(screen, campaigns.load(campaign), output)
+    raise page.tell(screen, _saved(output), *filter(None, [in_words(result)]))
 
 
-def _run(screen: Screen, campaign: Campaign, folder: Path) -> Result:
+def _run(screen: Screen, campaign: Campaign, folder: Path) -> tuple[Result, Found]:
     """Calibrate and write the run folder; what was there stays until the new result is whole."""
     from foucault import campaign as campaigns
-    from foucault import report, run_folder
-    from foucault.files import alone, beside
+    from foucault import run_folder
+    from foucault.files import alone
 
     with alone(folder), screen.progress() as tell:
         run_folder.keep_a_campaign(folder, campaign.text)
@@ -60,30 +50,19 @@ def _run(screen: Screen, campaign: Campaign, folder: Path) -> Result:
         own = kept.exists() and kept.samefile(campaign.path)
         text = campaign.text if own else campaigns.resolved(campaign, folder)
         run_folder.save(result, folder, text)
-        with beside(folder):
-            report.write(folder)
-    return result
+        return result, written(folder, "result")
 
 
-def _conclude(screen: Screen, result: Result, folder: Path, **more: Any) -> None:
-    """Print findings, the verdict and where things are; end with the code of the verdict."""
+def _saved(folder: Path, **more: Any) -> dict[str, Any]:
+    """Return what result.json in a folder holds."""
     import json
 
-    from foucault.run_folder import REPORT_FILE, RESULT_FILE
+    from foucault.run_folder import RESULT_FILE
 
-    level = result.verdict.level
-    screen.findings(result.findings)
-    screen.say("", f"verdict: {level}", style=COLOURS[level])
-    screen.say(*(f"  {reason}" for reason in result.verdict.reasons))
-    screen.say(f"Report: {folder / REPORT_FILE}")
-    if screen.json:
-        document = json.loads((folder / RESULT_FILE).read_text(encoding="utf-8"))
-        screen.data(
-            {"folder": str(folder), "report": str(folder / REPORT_FILE), **more, "result": document}
-        )
-    raise typer.Exit(EXIT_CODES[level])
+    return {**more, "result": json.loads((folder / RESULT_FILE).read_text(encoding="utf-8"))}
 
 
+@command("foucault report run")
 def report(
     ctx: typer.Context,
     folder: Annotated[
@@ -99,49 +78,21 @@ def report(
 
     screen: Screen = ctx.obj
     try:
-        file = _page(folder)
+        found = found_in(folder)
+        file = found.page()
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as problem:
         # What lies there has the keys of a result, but not what its procedure writes.
         reason = f"{type(problem).__name__} {problem}"
         raise error("result.no_page", folder=folder, reason=reason) from problem
     screen.say(f"Wrote {file}.")
-    screen.data({"report": str(file)})
+    screen.data({"report": str(file)} | found.document.as_dict())
 
 
-def _page(folder: Path) -> Path:
-    """Write the page of whatever command has written the folder."""
-    from foucault import report as reports
-    from foucault.campaign import found, optimisation, study
-    from foucault.campaign.comparison import folder as comparison_folder
-    from foucault.campaign.fleet import folder as fleet_folder
-    from foucault.campaign.navigation import folder as navigation_folder
-    from foucault.campaign.north import folder as north_folder
-    from foucault.report import compare, fleet, navigation, north
-    from foucault.report import optimisation as search
-    from foucault.report import study as study_page
-    from foucault.run_folder import REPORT_FILE
-
-    if (folder / north_folder.NORTH_FILE).is_file():
-        file = north.write(north_folder.load(folder), folder / REPORT_FILE)
-    elif (folder / navigation_folder.NAVIGATION_FILE).is_file():
-        file = navigation.write(navigation_folder.load(folder), folder / REPORT_FILE)
-    elif (folder / optimisation.ASKED_FILE).is_file():
-        file = search.write(found.load(folder), folder / REPORT_FILE)
-    elif (folder / comparison_folder.COMPARE_FILE).is_file():
-        file = compare.write(comparison_folder.load(folder), folder / REPORT_FILE)
-    elif (folder / fleet_folder.FLEET_FILE).is_file():
-        file = fleet.write(*fleet_folder.load(folder), folder / REPORT_FILE)
-    elif (folder / study.STUDY_FILE).is_file():
-        file = study_page.write(*study.load(folder), folder / REPORT_FILE)
-    else:
-        file = reports.write(folder)
-    return file
-
-
+@command("foucault demo", "foucault demo -o demo", exits=options.VERDICT)
 def demo(
     ctx: typer.Context,
-    output: words.Folder = Path("demo"),
-    seed: words.Seed = 1,
+    output: options.Folder = Path("demo"),
+    seed: options.Seed = 1,
 ) -> None:
     """Simulate an instrument, calibrate it, compare with the truth."""
     from foucault import campaign as campaigns
@@ -152,15 +103,15 @@ def demo(
         described = campaigns.parse(campaigns.template("hand_rotated"))
         session = campaigns.simulate(described, seed)
         file = campaigns.save_session(session, output / "session")
-    result = _run(screen, campaigns.load(file), output / "run")
+    result, page = _run(screen, campaigns.load(file), output / "run")
     rows = _beside_truth(session, result)
     screen.table(
         "the result beside the truth",
         ("coefficient", "truth", "estimate", "error", "sd", "unit", "error/sd"),
         [tuple(row.values()) for row in rows],
     )
-    screen.say(f"Simulated log, campaign and truth: {file.parent}")
-    _conclude(screen, result, output / "run", truth=rows)
+    where = f"Simulated log, campaign and truth: {file.parent}"
+    raise page.tell(screen, _saved(output / "run", truth=rows), where)
 
 
 def _beside_truth(session: Session, result: Result) -> list[dict[str, Any]]:
@@ -183,3 +134,257 @@ def _beside_truth(session: Session, result: Result) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+@command("foucault merge monday tuesday -o merged", exits=options.VERDICT)
+def merge(
+    ctx: typer.Context,
+    results: options.ResultFiles,
+    output: options.RunFolder,
+) -> None:
+    """Merge results of one instrument from different logs into one.
+
+    Weighted by their whole covariance; whether they agree is checked.
+    """
+    from foucault import run_folder
+    from foucault.campaign import earlier
+    from foucault.files import alone
+
+    screen: Screen = ctx.obj
+    result = earlier.merge(results)
+    with alone(output):
+        run_folder.save(result, output)
+        page = written(output, "result")
+    said = {
+        "verdict": result.verdict.level,
+        "checks": [{"name": c.name, "value": None if c.value != c.value else c.value,
+                    "passed": c.passed} for c in result.checks],
+        "coefficients": result.coefficients.rows(),
+    }  # fmt: skip
+    raise page.tell(screen, said, *(f"  {check.sentence}" for check in result.checks))
+
+
+# -- Commands about campaign files and what the program knows: init, schema, messages ------------
+
+
+@command("foucault init hand_rotated -o campaign.toml")
+def init(
+    ctx: typer.Context,
+    procedure: Annotated[str, typer.Argument(help="Name of a procedure, such as hand_rotated.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="File to write; standard output if left out."),
+    ] = None,
+) -> None:
+    """Write a commented campaign file to start from."""
+    from foucault import campaign
+    from foucault.errors import error
+    from foucault.files import write_text
+
+    screen: Screen = ctx.obj
+    text = campaign.template(procedure)
+    if output is None:
+        print(text, end="")
+        return
+    if output.exists():
+        raise error("output.exists", path=output)
+    write_text(output, text)
+    screen.say(f"Wrote {output}. Fill it in, then run: foucault calibrate {output} -o run")
+    screen.data({"campaign": str(output)})
+
+
+@command("foucault schema > campaign.schema.json", "foucault schema --result > result.schema.json")
+def schema(
+    result: Annotated[
+        bool, typer.Option("--result", help="Print that of result.json instead.")
+    ] = False,
+) -> None:
+    """Print the JSON schema of campaign files, or of result.json."""
+    import json
+
+    from foucault import campaign, run_folder
+
+    print(json.dumps(run_folder.result_schema() if result else campaign.schema(), indent=1))
+
+
+@command("foucault messages > messages.md")
+def messages(ctx: typer.Context) -> None:
+    """Print every error and warning with its cure, as Markdown."""
+    from dataclasses import asdict
+
+    from foucault.symptoms import SYMPTOMS, markdown
+
+    screen: Screen = ctx.obj
+    if screen.json:
+        screen.data([asdict(row) for row in SYMPTOMS.values()])
+    else:
+        print(markdown())
+
+
+# -- The command for coefficients that change with temperature -----------------------------------
+
+
+@command(
+    "foucault temperature cold room hot -o model",
+    'foucault temperature cold room hot -o model --at "cold=-20 degC"',
+    'foucault temperature cold room hot -o model --scatter "gyro.bias=5 deg/h"',
+    "foucault temperature room --ramp warming.toml -o model",
+    "foucault apply model log.csv -o compensated.csv",
+    exits=options.VERDICT,
+)
+def temperature(
+    ctx: typer.Context,
+    results: options.ResultFiles,
+    output: options.RunFolder,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="<str>",
+            help="RESULT=TEMPERATURE, where its log does not say it; may be repeated.",
+        ),
+    ] = None,
+    order: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="<str>",
+            help="Highest power of temperature: 2, or FAMILY=2; may be repeated. The results "
+            "tell it if left out.",
+        ),
+    ] = None,
+    knots: Annotated[
+        str | None,
+        typer.Option(help='Straight lines between knots, such as "-20 degC, 20 degC, 60 degC".'),
+    ] = None,
+    scatter: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="<str>",
+            help="FAMILY=SD from one switch-on to the next, or none; may be repeated. The "
+            "results tell it if left out.",
+        ),
+    ] = None,
+    ramp: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="A log at rest in one position while the temperature changes, or a campaign that "
+            "describes it; may be repeated."
+        ),
+    ] = None,
+    reference: Annotated[
+        Amount | None,
+        quantity("temperature", "Temperature that powers count from; the middle if left out."),
+    ] = None,
+    margin: Annotated[
+        Amount,
+        quantity(
+            "temperature difference",
+            "How far beyond the temperatures seen the functions are to hold.",
+            least="0 or more",
+        ),
+    ] = "0 K",
+    in_order: Annotated[
+        bool,
+        typer.Option(
+            "--in-order",
+            help="The results are in the order they were made in: compare heating with cooling.",
+        ),
+    ] = False,
+) -> None:
+    """Fit coefficients as functions of temperature.
+
+    To calibrations at several temperatures, to a slow ramp, or to both.
+    """
+    from foucault import run_folder
+    from foucault.files import alone
+    from foucault.procedures import temperature as procedure
+
+    screen: Screen = ctx.obj
+    settings = procedure.Settings(
+        orders=_orders(order or []),
+        knots=_knots(knots),
+        scatter=_scatters(scatter or []),
+        visited=in_order,
+        reference=reference,
+        margin=margin,
+    )
+    with alone(output), screen.progress() as tell:
+        tell(0.0, "reading the results")
+        sessions = _sessions(results, at or [])
+        ramps = [_ramp(path, tell) for path in ramp or []]
+        tell(0.5, "fitting")
+        result = procedure.calibrate(sessions, settings, ramps)
+        tell(0.8, "writing the report")
+        run_folder.save(result, output)
+        raise written(output, "result").tell(screen, _saved(output))
+
+
+def _sessions(results: Sequence[Path], at: Sequence[str]) -> list[AtTemperature]:
+    """Read the results with their temperatures."""
+    from foucault.campaign.tables import parse_at
+    from foucault.errors import error
+    from foucault.procedures.temperature import Session
+    from foucault.run_folder import load_result
+
+    names = [str(path) for path in results]
+    declared: dict[str, float] = {}
+    for text in at:
+        name, equals, value = text.rpartition("=")
+        # A name as it was given, or the last part of a path.
+        found = [n for n in names if name.strip() in (n, Path(n).name)]
+        if not equals or len(found) != 1:
+            raise error("temperature.at", given=text, allowed=", ".join(names))
+        if found[0] in declared:
+            raise error("temperature.at_twice", name=found[0])
+        declared[found[0]] = parse_at("--at", value.strip(), "temperature")
+    return [
+        Session.of(name, load_result(path, with_tables=False), declared.get(name))
+        for name, path in zip(names, results, strict=True)
+    ]
+
+
+def _ramp(path: Path, tell: Any) -> Ramp:
+    from foucault.campaign.running import read_any
+    from foucault.procedures.temperature import Ramp
+
+    log, _ = read_any(path, lambda done, words: tell(0.4 * done, words), whole=True)
+    return Ramp.of(str(path), log)
+
+
+def _orders(given: Sequence[str]) -> dict[str, int]:
+    from foucault.errors import error
+
+    out = {}
+    for text in given:
+        family, _, power = text.rpartition("=")
+        if power.strip() not in tuple("0123456789"):
+            example = "--order 2, or --order gyro.bias=2, with a power from 0 to 9"
+            raise error("temperature.assignment", option="--order", given=text, example=example)
+        out[family.strip()] = int(power)
+    return out
+
+
+def _knots(given: str | None) -> tuple[float, ...]:
+    from foucault.campaign.tables import parse_at
+
+    if given is None:
+        return ()
+    return tuple(parse_at("--knots", part.strip(), "temperature") for part in given.split(","))
+
+
+def _scatters(given: Sequence[str]) -> dict[str, float]:
+    from foucault.campaign.tables import parse_at
+    from foucault.errors import error
+    from foucault.models.layouts import EVERY
+
+    out = {}
+    for text in given:
+        family, equals, value = (part.strip() for part in text.partition("="))
+        if text.strip() == "none":
+            out[""] = 0.0
+            continue
+        if not equals:
+            raise error("temperature.assignment", option="--scatter", given=text,
+                        example='--scatter "gyro.bias=5 deg/h", or --scatter none')  # fmt: skip
+        kind = EVERY.coefficients[int(EVERY.group(family)[0])].kind
+        out[family] = abs(parse_at("--scatter", value, kind))
+    return out

@@ -5,14 +5,22 @@ from __future__ import annotations
 import json
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
 
 from foucault.errors import Finding, FoucaultError
 from foucault.escape import screen
-from foucault.result import Level
+
+if TYPE_CHECKING:
+    from foucault.report.page import Document, Section, Table
+
 
 PATIENCE = 1.0
 """A progress bar appears when work takes longer than this [s]."""
@@ -20,8 +28,20 @@ PATIENCE = 1.0
 INTERRUPTED = threading.Event()
 """Set by Ctrl-C, for the exception itself can be lost inside a library that is being imported."""
 
-EXIT_CODES = {Level.PASS: 0, Level.DOUBTFUL: 3, Level.UNUSABLE: 4}
-COLOURS = {Level.PASS: "bold green", Level.DOUBTFUL: "bold yellow", Level.UNUSABLE: "bold red"}
+EXIT_CODES = {"pass": 0, "doubtful": 3, "unusable": 4, "fail": 4}
+COLOURS = {
+    "pass": "bold green", "doubtful": "bold yellow", "unusable": "bold red", "fail": "bold red",
+}  # fmt: skip
+"""Of the levels of a verdict; a comparison fails."""
+
+STATES = {"good": ("ok", "pass"), "warning": ("!", "doubtful"), "bad": ("!!", "fail")}
+"""State of a row -> its sign, and the level of that colour."""
+
+SIGNS = str.maketrans({
+    "\N{MINUS SIGN}": "-", "\N{NON-BREAKING HYPHEN}": "-", "\N{NO-BREAK SPACE}": " ", "≥": ">=",
+    "≤": "<=", "→": "->", "′": "'", "″": '"', "√": "sqrt", "`": "",
+})  # fmt: skip
+"""Signs of a page that not every terminal has."""
 
 
 @dataclass
@@ -37,8 +57,11 @@ class Screen:
             for line in lines:
                 _console().print(screen(line), style=style, markup=False, highlight=False)
 
-    def table(self, title: str, headings: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-        """Print a table; columns after the first are aligned right."""
+    def table(
+        self, title: str, headings: Sequence[str], rows: Iterable[Sequence[object]],
+        right: Sequence[bool] | None = None,
+    ) -> None:  # fmt: skip
+        """Print a table; columns after the first are aligned right unless `right` says which."""
         if self.quiet or self.json:
             return
         from rich import box
@@ -52,10 +75,74 @@ class Screen:
             pad_edge=False,
         )
         for i, heading in enumerate(headings):
-            out.add_column(heading, justify="right" if i else "left", no_wrap=i == 0)
+            to_right = i > 0 if right is None else right[i]
+            out.add_column(
+                Text(screen(heading)), justify="right" if to_right else "left", no_wrap=i == 0
+            )
         for row in rows:
             out.add_row(*(Text(screen(cell)) for cell in row))
         _console().print(out)
+
+    def document(self, said: Document, keys: Iterable[str]) -> None:
+        """Print the sections of a document that `keys` name, and its verdict."""
+        head = said.heading
+        self.say("", head.title, style="bold")
+        self.say(*([", ".join(head.line)] if head.line else []))
+        for one in said.sections:
+            if one.key in keys:
+                self.section(one)
+        level = STATES[head.state][1]
+        word = head.word[:1].lower() + head.word[1:]
+        self.verdict(level, (reason.translate(SIGNS) for reason in head.reasons), word)
+
+    def section(self, one: Section) -> None:
+        """Print a section: text, facts, lists and tables; figures are for the page."""
+        if one.key != "findings":
+            self.say("", one.title.translate(SIGNS), style="bold")
+            self.say(*([one.lead.translate(SIGNS)] if one.lead else []))
+        words = {"warning": "warning: ", "bad": "error: ", "plain": "note: "}
+        for block in one.blocks:
+            if block.kind == "text" or block.kind == "code":
+                self.say(block.text.translate(SIGNS))  # type: ignore[union-attr]
+            elif block.kind == "facts":
+                self.say(*(f"{k}: {v}".translate(SIGNS) for k, v in block.pairs))  # type: ignore[union-attr]
+            elif block.kind == "items":
+                for state, text in block.items:  # type: ignore[union-attr]
+                    if one.key == "findings":
+                        self.say(words.get(state, "") + text, style="yellow")
+                    else:
+                        self.say(text.translate(SIGNS))
+            elif block.kind == "table":
+                self._table(block)  # type: ignore[arg-type]
+
+    def _table(self, some: Table) -> None:
+        """Print a table of a document; what is aside goes where there is no room, widest first."""
+        shown = [i for i, c in enumerate(some.columns) if not c.optional and c.look != "meaning"]
+        rows = [[cell.translate(SIGNS) for cell in row] for row in some.rows]
+        widths = [
+            max([len(c.heading), *(len(row[i]) for row in rows if len(row) > i)]) + 3
+            for i, c in enumerate(some.columns)
+        ]
+        aside = sorted((i for i in shown if some.columns[i].aside), key=lambda i: widths[i])
+        while aside and sum(widths[i] for i in shown) > _console().width:
+            shown.remove(aside.pop())
+        looks = [some.columns[i].look for i in shown]
+        lines = []
+        for row in rows:
+            cells = [row[0]] if len(row) == 1 else [row[i] for i in shown]
+            lines.append([
+                STATES.get(cell, ("", ""))[0] if look == "state" else cell
+                for look, cell in zip(looks, cells, strict=False)
+            ])  # fmt: skip
+        self.table(
+            "", [some.columns[i].heading.translate(SIGNS) for i in shown], lines,
+            right=[look == "number" for look in looks],
+        )  # fmt: skip
+
+    def verdict(self, level: str, reasons: Iterable[str] = (), said: str = "") -> None:
+        """Print a verdict, in its colour, and why."""
+        self.say("", f"verdict: {said or level}", style=COLOURS[level])
+        self.say(*(f"  {reason}" for reason in reasons))
 
     def findings(self, findings: Iterable[Finding]) -> None:
         """Print what was noticed, each with its cure."""
@@ -117,3 +204,106 @@ def _console() -> Any:
 
     # Made anew each time: stdout may have been redirected since. Nothing is folded in a file.
     return Console() if sys.stdout.isatty() else Console(width=200, soft_wrap=True)
+
+
+# -- Folders as commands leave them: what was found, its page, and what a screen shows of it -----
+
+PAGES = {
+    "north": ("north", "north"),
+    "navigation": ("navigation", "navigation"),
+    "search": ("optimisation", "optimisation"),
+    "comparison": ("comparison", "compare"),
+    "fleet": ("fleet", "fleet"),
+    "study": ("study", "study"),
+}
+"""Kind of folder -> who writes and reads it, in `campaign`, and its page, in `report`."""
+
+SHOWN = {
+    "result": "temperature.functions uncertainty.coefficients findings",
+    "north": "north.where north.headings north.budget north.known north.calibration findings",
+    "navigation": "navigation.start navigation.growth navigation.worth navigation.terms findings",
+    "search": "optimisation.coefficients optimisation.cases optimisation.plan findings",
+    "comparison": "compare.results compare.changes compare.side_by_side findings",
+    "fleet": "fleet.outcomes fleet.attention fleet.outlying",
+    "study": "study.coefficients checks",
+}
+"""Kind of folder -> keys of the sections that the screen shows."""
+
+STATE_CODES = {"good": 0, "warning": 3, "bad": 4}
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a command has found, and the folder it is kept in, where one is wanted."""
+
+    kind: str
+    held: tuple[Any, ...]  # what `document` of its page takes
+    folder: Path | None = None
+
+    @cached_property
+    def document(self) -> Document:
+        """What there is to say of it."""
+        if self.kind == "result":
+            from foucault.report import of_result
+
+            return of_result(*self.held)
+        made = import_module(f"foucault.report.{PAGES[self.kind][1]}")
+        more = {"folder": self.folder} if self.kind == "search" else {}
+        said: Document = made.document(*self.held, **more)
+        return said
+
+    def page(self) -> Path:
+        """Write the page."""
+        from foucault.report import save
+        from foucault.run_folder import REPORT_FILE
+
+        assert self.folder is not None
+        return save(self.document, self.folder / REPORT_FILE)
+
+    def tell(
+        self, screen: Screen, data: Mapping[str, Any], *lines: str, code: int | None = None
+    ) -> typer.Exit:
+        """Print what was found and where it is, or `data`; return how the program ends."""
+        from foucault.run_folder import REPORT_FILE
+
+        if not (screen.quiet or screen.json):
+            screen.document(self.document, SHOWN[self.kind].split())
+        screen.say(*lines)
+        where = {}
+        if self.folder is not None:
+            where = {"folder": str(self.folder), "report": str(self.folder / REPORT_FILE)}
+            screen.say(f"Report: {where['report']}")
+        screen.data(where | dict(data))
+        return typer.Exit(STATE_CODES[self.document.heading.state] if code is None else code)
+
+
+def found_in(folder: Path) -> Found:
+    """Return what whatever command has written a folder has found."""
+    from foucault.run_folder import kind_of, load_result
+
+    kind = kind_of(folder)
+    if kind == "result":
+        return Found(kind, (load_result(folder),), folder)
+    held = import_module(f"foucault.campaign.{PAGES[kind][0]}").load(folder)
+    return Found(kind, held if isinstance(held, tuple) else (held,), folder)
+
+
+def written(folder: Path, kind: str, *held: Any) -> Found:
+    """Write the page of a folder, which is whole without it, from what was found."""
+    from foucault.files import beside
+
+    with beside(folder):
+        found = Found(kind, held, folder) if held else found_in(folder)
+        found.page()
+        return found
+
+
+def kept(kind: str, found: Any, folder: Path | None) -> Found:
+    """Write what was found with its page, if a folder is wanted."""
+    from foucault.files import alone
+
+    made = import_module(f"foucault.campaign.{PAGES[kind][0]}")
+    if folder is None:
+        return Found(kind, (made.record(found),))
+    with alone(folder):
+        return written(folder, kind, made.save(found, folder))

@@ -1,4 +1,4 @@
-"""Commands about logs: inspect and simulate."""
+"""Commands about logs: `inspect`, `simulate`, `allan`."""
 
 from __future__ import annotations
 
@@ -6,36 +6,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
-from foucault.cli import words
+from foucault.cli import options
+from foucault.cli.options import command, span
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
-    from foucault.diagnose.inspection import Inspection
-    from foucault.models.master import MasterTable
+    from foucault.diagnose.allan import LogAllan
+    from foucault.diagnose.live import Inspection
+    from foucault.models.transfer import MasterTable
     from foucault.tables import Log
-
-
-def add_to(app: typer.Typer) -> None:
-    """Add the commands of this module to the program."""
-    app.command(
-        "inspect",
-        epilog=words.epilog(
-            "foucault inspect campaign.toml --plots quick.html",
-            "foucault inspect session/log.csv",
-        ),
-    )(inspect)
-    app.command(
-        "simulate",
-        epilog=words.epilog(
-            "foucault simulate hand_rotated -o session",
-            "foucault simulate campaign.toml -o session --seed 7",
-            "foucault simulate norm_observation -o bench --instruments 60",
-        ),
-    )(simulate)
 
 
 def load_or_template(name: str) -> Campaign:
@@ -47,10 +29,15 @@ def load_or_template(name: str) -> Campaign:
     return campaign.load(name)
 
 
+@command(
+    "foucault simulate hand_rotated -o session",
+    "foucault simulate campaign.toml -o session --seed 7",
+    "foucault simulate norm_observation -o bench --instruments 60",
+)
 def simulate(
     ctx: typer.Context,
-    what: words.CampaignOrName,
-    output: words.Folder,
+    what: options.CampaignOrName,
+    output: options.Folder,
     seed: Annotated[
         int | None,
         typer.Option(help="Seed of the random numbers; that of the campaign if left out.", min=0),
@@ -90,24 +77,25 @@ def simulate(
 def _simulate_fleet(
     screen: Screen, described: Campaign, output: Path, seed: int | None, instruments: int
 ) -> None:
-    from foucault.campaign.fleet import simulation as fleet_simulation
+    from foucault.campaign import fleet
 
     with screen.progress() as tell:
         tell(0.1, "simulating")
-        made = fleet_simulation.simulate(described, instruments, seed)
+        made = fleet.simulated(described, instruments, seed)
         tell(0.6, "writing")
-        file = fleet_simulation.save(described, made, output, seed)
+        file = fleet.save_simulated(described, made, output, seed)
     screen.say(
         f"Wrote means of {instruments} instruments in {len(made.plan)} positions to {output}, "
-        f"with the truth in {output / fleet_simulation.TRUTH_FILE}.",
+        f"with the truth in {output / fleet.TRUTH_FILE}.",
         f"Next: foucault fleet {file} -o {output / 'fleet'}",
     )
     screen.data({"folder": str(output), "campaign": str(file), "instruments": instruments})
 
 
+@command("foucault inspect campaign.toml --plots quick.html", "foucault inspect session/log.csv")
 def inspect(
     ctx: typer.Context,
-    log: words.LogFile,
+    log: options.LogFile,
     plots: Annotated[
         Path | None, typer.Option(help="HTML file to write quick plots to; none if left out.")
     ] = None,
@@ -116,18 +104,19 @@ def inspect(
 
     Mean, noise and limits of every axis, and what looks wrong with its cure.
     """
-    from foucault.diagnose import inspection
+    from foucault.campaign.running import read_any
+    from foucault.diagnose import live as inspection
 
     screen: Screen = ctx.obj
     with screen.progress() as tell:
-        table, start = from_start(read_any(log, tell))
+        table, start = from_start(read_any(log, tell)[0])
         tell(0.7, "finding rests")
         seen = inspection.inspect(table)
         if plots is not None:
-            from foucault.report import quick
+            from foucault.report import noise, save
 
             tell(0.9, "drawing")
-            quick.write(seen, plots)
+            save(noise.inspected(seen), plots)
     titles = ("axis", "mean", "sd", "min", "max", "noise at rest")
     means, master = seen.log.averaged is not None, getattr(table, "master", None)
     overview, axes = _overview(seen, start), _axes(seen)
@@ -147,31 +136,6 @@ def inspect(
     screen.data(_document(log, seen, start))
 
 
-def read_any(path: Path, tell: Any, *, whole: bool = False) -> Log:
-    """Read the log of a campaign file, one that foucault has written, or one titled with units.
-
-    A triad without a column for each axis is refused where the log has to be `whole`.
-    """
-    from foucault import campaign, logs
-    from foucault.errors import error
-    from foucault.logs.titles import description_of
-    from foucault.tables import Log
-
-    if path.suffix == ".toml":
-        described = campaign.load(path, calibrates=False)
-        if whole:
-            described.imu_log.whole()
-        seen = campaign.read_log(described, tell)
-        if not isinstance(seen, Log):
-            raise error("north.not_imu", procedure=described.procedure)
-        return seen
-    description, told = description_of(path)
-    if whole:
-        description.whole()
-    log = logs.read(description, path.parent, lambda done: tell(done, "reading the log"))
-    return replace(log, findings=told + log.findings)
-
-
 def from_start(log: Log) -> tuple[Log, float]:
     """Return the log with time counted from its start, and that start [s]."""
     start = float(log.time[0])
@@ -182,6 +146,8 @@ _TITLES = ("start", "end", "up", "|f| (m/s^2)", "|w| (deg/s)", "state")
 
 
 def _overview(seen: Inspection, start: float) -> list[tuple[str, str]]:
+    import numpy as np
+
     from foucault.units import plain, span
 
     log = seen.log
@@ -212,6 +178,8 @@ def _overview(seen: Inspection, start: float) -> list[tuple[str, str]]:
 
 def _messages(master: MasterTable, start: float) -> list[tuple[str, str]]:
     """What there is to see of the messages of a master, by the clock that they are used by."""
+    import numpy as np
+
     from foucault.units import span
 
     time, speed = master.messages.time - start, np.linalg.norm(master.velocity_n[:, :2], axis=1)
@@ -250,6 +218,8 @@ def _axes(seen: Inspection) -> list[tuple[str, ...]]:
 
 
 def _rests(seen: Inspection) -> list[tuple[str, ...]]:
+    import numpy as np
+
     from foucault.tables import AXES
 
     f, w = _means(seen, "accel"), _means(seen, "gyro")
@@ -274,6 +244,8 @@ def _rests(seen: Inspection) -> list[tuple[str, ...]]:
 
 def _table_columns(seen: Inspection) -> dict[str, Any]:
     """Return angles and rate of the table in degrees, of logs that are means."""
+    import numpy as np
+
     table = seen.log.table
     if table is None or seen.log.averaged is None:
         return {}
@@ -285,6 +257,8 @@ def _table_columns(seen: Inspection) -> dict[str, Any]:
 
 
 def _means(seen: Inspection, triad: str) -> Any:
+    import numpy as np
+
     from foucault.tables import AXES
 
     names = [f"{triad}_{axis}" for axis in AXES]
@@ -322,3 +296,137 @@ def _document(path: Path, seen: Inspection, start: float) -> dict[str, Any]:
 def _numbers(column: Any) -> list[Any]:
     """Return a column as JSON has it: null where there is no number, as of an axis not logged."""
     return [None if x != x else x for x in column.tolist()]
+
+
+# -- The command about noise: allan --------------------------------------------------------------
+
+REPORT_FILE, NOISE_FILE, TABLE_FILE = "report.html", "noise.toml", "allan.csv"
+
+
+@command(
+    "foucault allan static.csv -o noise",
+    'foucault allan campaign.toml --axis gyro.z --rest "0 s to 50 s"',
+    "foucault allan static.parquet --axis gyro --kind hadamard",
+)
+def allan(
+    ctx: typer.Context,
+    log: options.LogFile,
+    axis: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="<str>",
+            help="Axis, such as gyro.x, gyro or x; may be repeated. All if left out.",
+        ),
+    ] = None,
+    kind: Annotated[
+        str, typer.Option(help="Deviation: overlapping, modified or hadamard.")
+    ] = "overlapping",
+    rest: Annotated[
+        str | None,
+        typer.Option(
+            help='Part at rest, such as "0 s to 50 s". The whole log if left out, or the longest '
+            "rest of one that moves."
+        ),
+    ] = None,
+    output: options.FolderIfWanted = None,
+) -> None:
+    """Find the noise of an instrument at rest.
+
+    Random walks, bias instability and ramp by Allan deviations, with a [noise] table to use.
+    """
+    from foucault.campaign.running import read_any
+    from foucault.diagnose.allan import measure_log
+
+    screen: Screen = ctx.obj
+    still = None if rest is None else span("--rest", rest)
+    with screen.progress() as tell:
+        table, _ = from_start(read_any(log, tell)[0])
+        tell(0.7, "computing variances")
+        seen = measure_log(table, axes=tuple(axis or ()), kind=_kind(kind), rest=still)
+        if output is not None:
+            tell(0.9, "writing")
+            _write(seen, str(table.source.get("file", log.name)), output)
+    screen.say(f"At rest, {seen.start:.2f} s to {seen.end:.2f} s.")
+    screen.table("", ("axis", "noise", "value", "sd", "95 % interval"), _rows(seen))
+    screen.findings((*table.findings, *seen.findings))
+    if output is not None:
+        screen.say(f"Plot: {output / REPORT_FILE}")
+    screen.data(_channels_said(log, seen, [f.as_dict() for f in (*table.findings, *seen.findings)]))
+
+
+def _kind(given: str) -> Any:
+    from foucault.diagnose.allan import check_kind
+
+    return check_kind(given)
+
+
+def _rows(seen: LogAllan) -> list[tuple[str, ...]]:
+    from foucault.diagnose.allan import WORDS, described
+
+    rows: list[tuple[str, ...]] = []
+    for name, channel in seen.channels.items():
+        triad = name.split(".")[0]
+        for i, noise in enumerate(channel.noises):
+            words = described(noise, triad, channel.longest)
+            rows.append((name if i == 0 else "", WORDS[triad][i], *words))
+    return rows
+
+
+def _write(seen: LogAllan, name: str, folder: Path) -> None:
+    """Write the plot, the table of deviations and, where there is one, the noise block."""
+    from foucault.diagnose.allan import deviation_table, noise_block
+    from foucault.errors import FoucaultError
+    from foucault.escape import commented
+    from foucault.files import make_folder, write_text
+    from foucault.report import noise as report
+    from foucault.report import save
+
+    make_folder(folder)
+    try:
+        block = noise_block(seen)
+    except FoucaultError as nothing_seen:
+        block = commented([nothing_seen], "#") + "\n"
+    texts = {NOISE_FILE: block, TABLE_FILE: deviation_table(seen)}
+    for file, text in texts.items():
+        write_text(folder / file, text)
+    save(report.document(seen, name, block), folder / REPORT_FILE)
+
+
+def _channels_said(path: Path, seen: LogAllan, findings: list[dict[str, str]]) -> dict[str, Any]:
+    """What `allan` found, in SI."""
+    import math
+
+    def finite(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    channels = {
+        name: {
+            "kind": channel.kind,
+            "samples": channel.samples,
+            "interval": channel.interval,
+            "longest_useful_tau": channel.longest,
+            "excess": channel.excess,
+            **{
+                key: getattr(channel, key).tolist()
+                for key in ("tau", "deviation", "low", "high", "dof", "curve")
+            },
+            "noises": {
+                noise.name: {
+                    "value": noise.value,
+                    "sd": finite(noise.sd),
+                    "seen": noise.seen,
+                    "low": noise.low,
+                    "high": finite(noise.high),
+                }
+                for noise in channel.noises
+            },
+        }
+        for name, channel in seen.channels.items()
+    }
+    return {
+        "log": str(path),
+        "start": seen.start,
+        "end": seen.end,
+        "channels": channels,
+        "findings": findings,
+    }

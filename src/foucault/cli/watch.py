@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foucault.cli import words
-from foucault.cli.options import parsed
+from foucault.cli.options import Amount, command, quantity
 from foucault.cli.screen import INTERRUPTED, Screen
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
-    from foucault.diagnose.live.checklist import Checklist
+    from foucault.diagnose.live import Checklist
     from foucault.logs.description import LogDescription
     from foucault.logs.follow import Follower
 
@@ -34,20 +33,13 @@ ENOUGH, TOO_FEW = 0, 3
 """Exit codes."""
 
 
-def add_to(app: typer.Typer) -> None:
-    """Add the commands of this module to the program."""
-    app.command(
-        "watch",
-        epilog=words.epilog(
-            "foucault watch campaign.toml",
-            "foucault watch session.csv",
-            "some_logger | foucault watch campaign.toml --stdin",
-            notes="It ends with Ctrl-C or the end of standard input.",
-            exits={0: "enough rests on all sides", 3: "not enough"},
-        ),
-    )(watch)
-
-
+@command(
+    "foucault watch campaign.toml",
+    "foucault watch session.csv",
+    "some_logger | foucault watch campaign.toml --stdin",
+    notes="It ends with Ctrl-C or the end of standard input.",
+    exits={0: "enough rests on all sides", 3: "not enough"},
+)
 def watch(
     ctx: typer.Context,
     log: Annotated[
@@ -62,20 +54,23 @@ def watch(
     until_complete: Annotated[
         bool, typer.Option("--until-complete", help="End as soon as there are enough rests.")
     ] = False,
-    hold: Annotated[str, typer.Option(help='Time to hold still, such as "3 s".')] = "3 s",
+    hold: Annotated[
+        Amount, quantity("time", 'Time to hold still, such as "3 s".', least="0 or more")
+    ] = "3 s",
     timeout: Annotated[
-        str | None,
-        typer.Option(
-            help='End after this time without a sample, such as "60 s"; never if left out.'
+        Amount | None,
+        quantity(
+            "time",
+            'End after this time without a sample, such as "60 s"; never if left out.',
+            least="0 or more",
         ),
     ] = None,
 ) -> None:
     """Follow a growing log: rests found, orientations missing."""
-    times = parsed({"hold": hold, "timeout": timeout})
-    session = _open(log, stdin, times["hold"])
+    session = _open(log, stdin, hold)
     display = _display(ctx.obj, session.follower.tail.name)
     with suppress(KeyboardInterrupt), display:
-        _follow(session, display, until_complete, times.get("timeout"))
+        _follow(session, display, until_complete, timeout)
     seen = session.finish()
     if seen is None and session.follower.tail.ended:
         from foucault.errors import error
@@ -132,8 +127,9 @@ class Session:
         return True
 
     def _begin(self) -> None:
-        from foucault.diagnose.live.checks import Watchman
-        from foucault.diagnose.live.rests import LiveRests
+        from foucault.detect.live import LiveRests
+        from foucault.detect.stretches import How
+        from foucault.diagnose.live import Watchman
 
         used: LogDescription | None = self.follower.used
         assert used is not None
@@ -143,11 +139,11 @@ class Session:
             for name in ("window", "shortest", "threshold")
             if hasattr(settings, name)
         }
-        self._found = LiveRests(**asked)
+        self._found = LiveRests(How(**asked))
         self._checks = Watchman(self._found, used)
 
     def _look(self) -> None:
-        from foucault.diagnose.live.checklist import checklist
+        from foucault.diagnose.live import checklist
 
         if self._found.samples:
             findings = (*self.follower.findings, *self._checks.findings())

@@ -1,22 +1,85 @@
-"""Checks that every method makes: it was solved, its numbers can be, its priors fit."""
+"""Checks that every method makes: it was solved, its numbers can be, its priors fit.
+
+What the checks say: the sentences of every test, in one table, `words.toml`.
+
+A check is a number and its limits; its words are said where it is inside them, below and above.
+``{value}``, ``{low}`` and ``{high}`` are the number and its limits, everything else is given with
+it. A sentence that begins with ``...`` goes on from the one inside the limits: with a blank after
+it, else in place of its full stop.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.diagnose.words import check
 from foucault.errors import ADVICE, Status
-from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
-from foucault.estimate.drift import Drift, LeftOut
+from foucault.infer.drift import Drift, LeftOut
+from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.result import Check, Estimate, Level
 from foucault.tables import AXES
 from foucault.units import display_unit, factor, plain
+
+
+class Words(NamedTuple):
+    """The sentences of a check: inside its limits, below and above them; one does for both sides.
+
+    Without either the first is said in any case.
+    """
+
+    fine: str
+    below: str = ""
+    above: str = ""
+
+
+@cache
+def sentences() -> Mapping[str, Words]:
+    """Return the table `words.toml`: key of a check -> its sentences."""
+    text = (Path(__file__).parent / "words.toml").read_text(encoding="utf-8")
+    return {key: Words(**row) for key, row in tomllib.loads(text).items()}
+
+
+def check(
+    key: str,
+    name: str,
+    value: float,
+    low: float | None = None,
+    high: float | None = None,
+    given: Mapping[str, Any] = MappingProxyType({}),
+    *,
+    fails: Level = Level.DOUBTFUL,
+    excused: bool = False,
+    passed: bool = True,
+) -> Check:
+    """Return a check with its sentence.
+
+    `key`: of `sentences`; `value`, `low`, `high`: the number and its limits [unit of the sentence];
+    `given`: what else the sentence says; `excused`: outside its limits, but accounted
+    for in the uncertainties: it is said, and does not fail; `passed`: False where no number says
+    that it fails.
+    """
+    below = low is not None and value < low
+    above = high is not None and value > high
+    words, text = sentences()[key], ""
+    if below or above:
+        text = (words.below or words.above) if below else (words.above or words.below)
+    if text.startswith("..."):
+        text = words.fine.removesuffix("" if text[3] == " " else ".") + text[3:]
+    sentence = (text or words.fine).format(value=value, low=low, high=high, **given)
+    if excused:
+        low, high = (None if below else low), (None if above else high)
+    return Check(name, value, low, high, passed, sentence, fails)
+
 
 LARGEST_BIAS = 60.0
 """No gyro has a larger bias [deg/s]."""
@@ -71,10 +134,7 @@ def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
 
 
 def judge_prior(estimate: Estimate) -> list[Check]:
-    """Return the check of what was said to be known beforehand, where anything tests it.
-
-    `estimate`: a solution of `estimate.gauss_newton`, best of its `add_prior`.
-    """
+    """Return the check of what was known beforehand, where anything tests it."""
     c = estimate.coefficients
     known = int(np.isfinite(c.prior_sd).sum())
     narrowed = 1.0 - (c.sd / c.prior_sd)[np.isfinite(c.prior_sd)] ** 2 > SEEN
@@ -105,7 +165,7 @@ def prior_check(
     of the estimate [1]_: with a prior that is so narrow that nothing is left of C it is not tested.
     Each prior is tested by ``d_i^2 / C_ii``, and all together by ``d' C^-1 d``.
 
-    The covariance must not know the prior otherwise: see `estimate.gauss_newton.add_prior`.
+    The covariance must not know the prior otherwise: see `infer.gauss_newton.add_prior`.
 
     References
     ----------
@@ -144,10 +204,7 @@ def prior_check(
 
 
 def hardly(c: CoefficientVector) -> list[str]:
-    """Return the names of coefficients that are hardly better known than before.
-
-    `c`: the estimate, with the standard deviations of its prior [SI].
-    """
+    """Return the names of `c` [SI] that are hardly better known than by their prior."""
     return [n for n, s, p in zip(c.names, c.sd, c.prior_sd, strict=True) if s > HARDLY * p]
 
 
@@ -199,10 +256,7 @@ def unseen_sizes(
 
 
 def drift_check(found: Drift | None, layout: Layout) -> list[Check]:
-    """Judge the drift that was found; nothing to judge where none would show.
-
-    `found` or None: the drift, see `estimate.drift.find_drift`.
-    """
+    """Judge the drift that `infer.drift.find_drift` found, if any; none where none would show."""
     if found is None:
         return []
     kind = next(c.kind for c in layout.coefficients if c.name.startswith(found.name))
@@ -219,7 +273,7 @@ def _with_sd(size: float, sd: float, kind: str) -> str:
 def left_out_check(found: LeftOut | None, layout: Layout, what: str, cure: str) -> list[Check]:
     """Judge terms that were left out; nothing to judge where none would show.
 
-    `found` or None: the terms, see `estimate.drift.find_left_out`; `layout`: coefficients that
+    `found` or None: the terms, see `infer.drift.find_left_out`; `layout`: coefficients that
     these are of, for their units; `what`, `cure`: what the terms are called, and what to do about
     them.
     """
@@ -291,7 +345,7 @@ def foreseen_check(coefficients: CoefficientVector, bound: npt.ArrayLike) -> Che
     least = np.asarray(bound, float)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(np.isfinite(least) & (least > 0), coefficients.sd / least, 0.0)
-    worst = int(np.argmax(ratio))
+    worst = int(np.argmax(ratio.round(6)))  # of those that are alike but for rounding the first
     given = {"name": coefficients.names[worst]}
     return check("plan", "uncertainty against the plan", float(ratio[worst]), None, MANY, given)
 

@@ -6,18 +6,17 @@ is no longer a calibration; it adds checks of its own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
-from foucault.diagnose.checks import drift_check, judge_prior, plausible_scales, status_check
-from foucault.diagnose.words import check
-from foucault.estimate.chi_square import FALSE_ALARM, TOLD
-from foucault.estimate.drift import Drift, by_time, find_drift
-from foucault.infer import mixed
+from foucault.diagnose.checks import check, drift_check, judge_prior, plausible_scales, status_check
+from foucault.infer import filtered, mixed
+from foucault.infer.drift import Drift, by_time, find_drift
+from foucault.infer.gauss_newton import FALSE_ALARM, TOLD, Component, chi_square_limits
 from foucault.infer.mixed import Fit, HeldOut
 from foucault.result import Check, Level
 from foucault.units import plain
@@ -33,6 +32,12 @@ ENOUGH = 6.0
 
 TESTED = 3.0
 """Half a session with fewer degrees of freedom is not compared with the other [1]."""
+
+MUCH = 0.25
+"""A part that leaves this share of all that parts leave may hide behind what it makes [1]."""
+
+STRAY = 1e-3
+"""How often chance names one of all parts that does not belong to the others [1]."""
 
 
 class Limit(NamedTuple):
@@ -65,7 +70,10 @@ class Judged:
     # kinds of reading without any noise, which says nothing of what is too much
     silent: frozenset[str] = frozenset()
     cause: Mapping[str, str] = field(default_factory=dict)  # kind -> why it does not fit
-    held_out: HeldOut | None = None
+    # (n,) readings of one number are held out together; None: each by itself
+    blocks: IntArray | None = None
+    named: Callable[[int], str] | None = None  # number of these -> what people call them
+    held_out: HeldOut | None = None  # where something else is predicted
     held_out_size: str = ""  # how large its errors are, in words that follow a comma
     predicted: str = ""  # what was held out, where not all `readings` are
     # with fewer degrees of freedom one wrong reading looks like scatter of all [1]
@@ -203,23 +211,75 @@ def _even(e: Judged) -> list[Check]:
 
 
 def _held_out(e: Judged) -> list[Check]:
-    """One-sided: a prediction that is better than promised is no fault of the result."""
-    found = e.held_out
+    """Hold readings against what all others say of them, and name one that does not belong there.
+
+    One-sided: a prediction that is better than promised is no fault of the result.
+    """
+    kept = np.flatnonzero(e.fit.estimate.weights > 0.5)
+    number = kept if e.blocks is None else e.blocks[kept]
+    blocks, where = np.unique(number, return_inverse=True)
+    parts = [kept[where == k] for k in range(len(blocks))]
+    found = e.held_out or (mixed.held_out(e.fit, parts) if len(parts) > 1 else None)
     if found is None or found.count == 0:
         return []
-    what = e.predicted or e.readings
-    given = {
-        "what": what.capitalize(), "size": e.held_out_size,
-        "ratio": float(np.sqrt(found.score / found.count)),
-    }  # fmt: skip
-    return [check("held out", f"held-out {what}", found.score, None, found.high, given)]
+    stray = None if e.held_out or e.named is None else _stray(e.fit, found, parts)
+    named = None
+    if stray is not None and e.named is not None:
+        named = e.named(int(blocks[stray[0]])), stray[1]
+    return [held_out_check(found, e.predicted or e.readings, e.held_out_size, named)]
+
+
+def held_out_check(
+    found: HeldOut | filtered.HeldOut, what: str, size: str = "",
+    stray: tuple[str, float] | None = None,
+) -> Check:  # fmt: skip
+    """Return the check of what was predicted from all others.
+
+    `what`: was held out; `size`: how large its errors are, or where, in words that follow a comma;
+    `stray` or None: the part that does not belong to the others, and how far off it is [sd].
+    """
+    ratio = float(np.sqrt(max(found.score, 0.0) / found.count))
+    given = {"what": what.capitalize(), "size": size, "ratio": ratio}
+    key = "held out"
+    if stray is not None:
+        key = "held out but one"
+        given |= {"which": stray[0], "times": stray[1]}
+    return check(
+        key, f"held-out {what}", found.score, None, found.high, given, passed=stray is None
+    )
+
+
+def _stray(fit: Fit, found: HeldOut, parts: list[IntArray]) -> tuple[int, float] | None:
+    """Return the part that does not belong to the others, and how far off it is [sd].
+
+    One that is wrong makes the scatter that it hides behind: it is predicted with sizes that were
+    found without it, where it may be one.
+    """
+    from scipy.special import fdtri
+
+    counts, scores, alpha = found.counts, found.scores, STRAY / len(parts)
+
+    def limit(count: float, dof: float) -> float:
+        if not np.isfinite(dof):
+            return chi_square_limits(count, 2 * alpha)[1]
+        return float(count * fdtri(count, dof, 1 - alpha))
+
+    limits = np.array([limit(n, np.inf) if n else np.inf for n in counts])
+    worst = int(np.argmax(scores / limits))
+    count, score = int(counts[worst]), float(scores[worst])
+    if any(fit.found.values()):
+        if score < MUCH * found.score:
+            return None
+        again, dof = mixed.without(fit, parts[worst])
+        count, score = again.count, again.score
+        if count == 0 or dof < TESTED:
+            return None
+        limits[worst] = limit(count, dof)
+    return (worst, float(np.sqrt(score / count))) if score > limits[worst] else None
 
 
 def folds(fit: Fit, kind: str, count: int) -> list[IntArray]:
-    """Return the readings of a kind in so many parts, what was left out left out.
-
-    `count`: number of parts [1].
-    """
+    """Return the readings of a kind in `count` parts [1], what was left out left out."""
     mine = np.flatnonzero(fit.model.kinds[kind].any(axis=1))
     mine = mine[fit.estimate.weights[mine] > 0.5]
     parts = [mine[np.arange(len(mine)) % count == k] for k in range(count)]
@@ -248,7 +308,7 @@ def scattering(e: Judged) -> IntArray:
     return out
 
 
-def chi_square_json(parts: Mapping[str, mixed.Component]) -> dict[str, list[float]]:
+def chi_square_json(parts: Mapping[str, Component]) -> dict[str, list[float]]:
     """Return sums of squares, their limits and degrees of freedom, for result.json."""
     return {
         kind: [c.chi_square, c.low, c.high, c.redundancy]

@@ -79,10 +79,7 @@ class Extra:
 
     @classmethod
     def of(cls, what: str, time: float, names: tuple[str, ...], ratio: FloatArray) -> Extra:
-        """Return it from the ratio of every coefficient.
-
-        `time`: how much longer it all takes [s]; `ratio` (n,): sd with it over sd without [1].
-        """
+        """Return it from `time` more [s] and the `ratio` (n,) of sd with it to sd without [1]."""
         order = np.argsort(ratio)[:GAINING]
         best = tuple((names[i], float(ratio[i])) for i in order)
         return cls(what, time, float(np.exp(np.log(ratio).mean())), best)

@@ -4,41 +4,46 @@ A filter is as sure as its noise lets it be. Where what is measured is far large
 the sensors (a velocity at rest, to a tenth of a millimetre per second) its innovations show neither
 too small a noise nor single samples that are far off; the readings at rest do, before any model.
 
-The power of means over a time T is that of successive differences, blind to what is slower than T:
+The power of means over a time T is that of successive differences (`detect.noise`). Rounding and
+vibration fade with T where white noise does not, so that it is judged by the least of two such
+times, a fifth of a second and a longer one, a rest having several. Counts that an instrument adds
+up carry their rounding to the next reading; the white noise beside it stands in the spectrum, and
+where that is less it is what counts. Of successive means that rounding, of variance v, makes 3 v/T.
 
-    psd(T) = T <(m_k+1 - m_k)^2> / 2
+A rest in which people walk about or the wind blows tells less of white noise (`white_noise`): the
+k-th differences of successive means over tau see white noise of density N^2 with the variance
+``C(2k, k) N^2 / tau``, and a sway of angular frequency w by ``(2 sin(w tau / 2))^k`` of its size
+only: of slow motion little is left in high differences at short tau. Where two averaging times an
+octave apart show the same density, the noise is white there. Rounding and dither raise the short
+tau, motion the long ones, so what is smallest is taken.
 
-Rounding and vibration fade with T where white noise does not, so that it is judged by the least of
-two such times, a fifth of a second and a longer one, a rest having several. Counts that an
-instrument adds up carry their rounding to the next reading; the white noise beside it stands in the
-spectrum (`diagnose.carried`), and where that is less it is what counts. Of successive means that
-rounding, of variance v, makes 3 v/T.
+Limits: a noise that a filter in the sensor takes away at high frequency is found too small where
+the rest sways, and motion as fast as the samples cannot be told from noise. `RestNoise.clear`
+says whether first differences alone, the Allan variance, were enough.
 
 References
 ----------
-.. [1] J. von Neumann, "Distribution of the ratio of the mean square successive difference to the
-   variance", Annals of Mathematical Statistics 12(4), 1941 (two thirds of the degrees of freedom).
+.. [1] W. J. Riley, "Handbook of Frequency Stability Analysis", NIST SP 1065, 2008, section 5.2
+   (the Allan variance has first differences of the rate, the Hadamard variance second ones).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import comb
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
-from foucault.diagnose.carried import white_and_carried
-from foucault.diagnose.rests import resolution
-from foucault.diagnose.words import check
+from foucault.detect.noise import SHORT, blocks, resolution, successive, white_and_carried
+from foucault.diagnose.checks import check
 from foucault.errors import Finding, finding
-from foucault.estimate.chi_square import FALSE_ALARM
-from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.infer.gauss_newton import FALSE_ALARM
+from foucault.models.noise import QUIETEST, ImuNoise, TriadNoise
 from foucault.result import Check
 from foucault.tables import AXES, Log
-
-SHORT = 0.2
-"""Means over so long show white noise above rounding [s]."""
+from foucault.units import convert
 
 SEVERAL = 16
 """A rest has at least so many of the longer means [1]."""
@@ -115,11 +120,7 @@ def _cause(s: SeenNoise) -> str:
 def noise_at_rest(
     log: Log, rests: Sequence[tuple[int, int]], declared: ImuNoise | None
 ) -> NoiseAtRest:
-    """Return the noise to use: what was declared, or what is seen where that is more.
-
-    `log`: readings of both triads [SI]; `rests`: first sample of each rest and the sample after
-    its last [1]; `declared`: noise as declared [SI], None takes what is seen.
-    """
+    """Return the noise [SI] that was `declared`, or what the `rests` show where more."""
     assert log.gyro is not None and log.accel is not None
     said = declared or ImuNoise()
     seen = tuple(
@@ -155,10 +156,9 @@ def _seen(
     carried = np.square(steps) / 12
     best, before = (np.full(3, np.inf), np.ones(3), np.zeros(3)), 0
     for size in sorted({short, long}):
-        psd, count = successive(x, rests, size)
+        psd, count = successive(blocks(x, rests, size), size * interval)
         if count < FEW:
             continue
-        psd = psd * interval
         rounding = 3 * carried / (size * interval)
         expected = np.zeros(3)
         if declared is not None:
@@ -171,8 +171,8 @@ def _seen(
         # The longer means are fewer: they count where they are calmer for sure.
         surely = fdtri(2 * before / 3, 2 * count / 3, 1 - FALSE_ALARM / 6) if before else 1.0
         calmer, before = psd * surely < best[0], count
-        kept, _ = successive(inside, rests, size)  # what samples within leave of it
-        part = 1.0 - kept * interval / np.maximum(psd, 1e-300)
+        kept, _ = successive(blocks(inside, rests, size), size * interval)  # of samples within
+        part = 1.0 - kept / np.maximum(psd, 1e-300)
         best = tuple(  # type: ignore[assignment]
             np.where(calmer, new, old) for new, old in zip((psd, over, part), best, strict=True)
         )
@@ -205,8 +205,7 @@ def white_beside_rounding(
     after its last [1]; `interval`: sample interval [s].
     """
     size = max(1, round(SHORT / interval))
-    parts = [x[a : a + (b - a) // size * size].reshape(-1, size, 3).mean(axis=1) for a, b in rests]
-    return white_and_carried(parts, size * interval)[0]
+    return white_and_carried(blocks(x, rests, size), size * interval)[0]
 
 
 def _power(noise: TriadNoise, interval: float, size: int, counted: bool) -> float:
@@ -215,24 +214,6 @@ def _power(noise: TriadNoise, interval: float, size: int, counted: bool) -> floa
     slow = noise.random_walk**2 + 2 * noise.bias_instability**2 / noise.correlation_time
     rounding = 0.0 if counted else noise.quantisation**2 / 12 * interval
     return noise.white**2 + rounding + slow * T**2 / 3
-
-
-def successive(
-    x: FloatArray, rests: Sequence[tuple[int, int]], size: int
-) -> tuple[FloatArray, int]:
-    """Return half the mean square difference of successive means, times their size.
-
-    `x` (n, 3): readings [unit]; `rests`: first sample of each rest and the sample after its last
-    [1]; `size`: samples of a mean [1]. Returns `power` (3,): the variance of one sample where
-    noise is white [unit^2]; `count`: number of differences [1].
-    """
-    total, count = np.zeros(3), 0
-    for a, b in rests:
-        n = (b - a) // size
-        means = x[a : a + n * size].reshape(n, size, 3).mean(axis=1)
-        total += (np.diff(means, axis=0) ** 2).sum(axis=0) / 2 * size
-        count += max(n - 1, 0)
-    return total / max(count, 1), count
 
 
 def _medians(x: FloatArray, rests: Sequence[tuple[int, int]]) -> FloatArray:
@@ -260,3 +241,108 @@ def outlying(x: FloatArray, rests: Sequence[tuple[int, int]]) -> tuple[BoolArray
     # Where most samples are one value, steps of the output are no outliers.
     out[rows] = (size[rows] > limit * sd) & (sd > 0)
     return out, sd
+
+
+BLOCKS = 16
+"""A rest holds so many of the longest averaging time [1]."""
+
+FEWEST = BLOCKS
+"""Fewer samples tell nothing of the noise [1]."""
+
+ORDERS = 6
+"""Highest difference [1]."""
+
+FLAT = 1.2
+"""Densities an octave apart that differ by less, or by chance, are the same [1]."""
+
+
+SURE = 4.0
+"""A density is surely not larger than by this many standard deviations [1]."""
+
+BESIDE = 4.0
+"""Rounding or dither of a larger share of the first samples hides the noise [1]."""
+
+
+@dataclass(frozen=True)
+class RestNoise:
+    """White noise of one triad."""
+
+    white: float  # root of its density, all axes together [SI/sqrt(Hz)]
+    clear: bool  # whether the Allan variance shows it, without motion or rounding beside it
+
+
+def noise_of(rest: Log) -> tuple[ImuNoise, tuple[Finding, ...]]:
+    """Measure the white noise of both triads in a rest [SI], and say where it is not clear."""
+    assert rest.accel is not None
+    assert rest.gyro is not None
+    counted = rest.sampled == "increment"
+    accel, gyro = (white_noise(x, rest.interval, counted) for x in (rest.accel, rest.gyro))
+    noise = ImuNoise(TriadNoise(white=accel.white), TriadNoise(white=gyro.white))
+    if accel.clear and gyro.clear:
+        return noise, ()
+    of_gyro = convert(gyro.white, "angle random walk", "deg/sqrt(h)")
+    of_accel = convert(accel.white, "velocity random walk", "ug/sqrt(Hz)")
+    return noise, (finding("alignment.noise", gyro=f"{of_gyro:.2g}", accel=f"{of_accel:.2g}"),)
+
+
+def held_against(rest: Log, declared: ImuNoise, least: ImuNoise) -> NoiseAtRest:
+    """Hold the noise that was declared against a rest that may sway.
+
+    Sway and dither scatter the readings as noise does. Noise beyond what was declared is what
+    differences that are blind to them show too.
+
+    `rest`: the part of a log that rests [SI]; `declared`: noise as declared [SI]; `least`: noise
+    by `noise_of` [SI].
+    """
+    plain = noise_at_rest(rest, [(0, len(rest))], declared)
+    seen, used = [], {}
+    for s in plain.seen:
+        said = getattr(declared, s.triad)
+        most: float = min(s.white, getattr(least, s.triad).white)
+        ratio: float = min(s.ratio, (most / said.white) ** 2) if said.white > 0 else 1.0
+        seen.append(replace(s, white=most, ratio=max(ratio, 1.0)))
+        used[s.triad] = replace(said, white=most) if ratio > 1.0 else said
+    return NoiseAtRest(ImuNoise(accel=used["accel"], gyro=used["gyro"]), tuple(seen))
+
+
+def white_noise(x: FloatArray, interval: float, counted: bool = False) -> RestNoise:
+    """Measure the white noise of `x` (n, 3) [SI], each `interval` [s]; `counted`: increments."""
+    sizes = 2 ** np.arange(max(1, int(np.log2(max(len(x) / BLOCKS, 1))) + 1))
+    orders = range(1, ORDERS + 1)
+    psd = np.array([[_density(x, int(n), k, interval) for n in sizes] for k in orders])
+    part = np.array([[_relative_sd(len(x) // int(n), k) for n in sizes] for k in orders])
+    surely = psd * (1 + SURE * part)
+    apart = np.abs(np.diff(psd, axis=1))
+    chance = 3 * np.hypot(psd[:, 1:] * part[:, 1:], psd[:, :-1] * part[:, :-1])
+    flat = np.zeros(psd.shape, bool)
+    flat[:, :-1] = apart <= np.maximum((FLAT - 1) * psd[:, :-1], chance)
+    # Of first differences the smallest bounds the noise, whether it is flat there or not.
+    bound = int(np.argmin(surely[0]))
+    usable = flat.copy()
+    usable[0, bound] = True
+    least = np.min(surely[usable])
+    # Of those that may be the smallest the surest one: the smallest itself is so by chance too.
+    usable &= psd * (1 - 3 * part) <= least
+    k, n = np.unravel_index(np.argmin(np.where(usable, part, np.inf)), psd.shape)
+    clear = k == 0 and flat[0, n] and psd[0, 0] < BESIDE * psd[0, n]
+    if not clear and (k == 0 or psd[k, n] > psd[0, bound]):
+        k, n = np.intp(0), np.intp(bound)
+    white = float(np.sqrt(psd[k, n]))
+    if counted:  # carried rounding is in all differences, and apart in the spectrum
+        beside = float(np.sqrt(white_beside_rounding(x, [(0, len(x))], interval).mean()))
+        white = min(white, beside) if beside > 0 else white
+    return RestNoise(white, bool(clear) or float(np.sqrt(surely[0, bound])) < QUIETEST)
+
+
+def _density(x: FloatArray, block: int, order: int, interval: float) -> float:
+    """Return the density that differences of means of `block` samples show, all axes together."""
+    count = len(x) // block
+    means = x[len(x) - count * block :].reshape(count, block, -1).mean(axis=1)
+    power = float(np.mean(np.diff(means, n=order, axis=0) ** 2)) / comb(2 * order, order)
+    return power * block * interval
+
+
+def _relative_sd(count: int, order: int) -> float:
+    """Return the relative sd of such a density, from `count` means on three axes."""
+    alike = comb(4 * order, 2 * order) / comb(2 * order, order) ** 2
+    return float(np.sqrt(2 * alike / (3 * max(count - order, 1))))

@@ -1,5 +1,9 @@
 """Judge a Monte Carlo study: are the errors as large as the uncertainties say?
 
+An error e with covariance P has the normalised square ``e' inv(P) e``, which is chi-square with
+as many degrees of freedom as e has entries where P is right. Of estimation errors it is called
+NEES (the truth must be known), of innovations NIS (it needs no truth).
+
 For every coefficient: mean error against zero, root mean square error against the predicted
 standard deviation, coverage of the 68 % and 95 % intervals. For all together: NEES against
 chi-square. Limits are two-sided and share one family-wise false-alarm rate.
@@ -7,7 +11,7 @@ chi-square. Limits are two-sided and share one family-wise false-alarm rate.
 References
 ----------
 .. [1] Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and
-   Navigation*, Wiley, 2001, section 5.4.
+   Navigation*, Wiley, 2001, section 5.4 (NEES and NIS tests).
 """
 
 from __future__ import annotations
@@ -20,10 +24,34 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray
-from foucault.diagnose.consistency import consistency_check
-from foucault.diagnose.words import check
-from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.diagnose.checks import check
+from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.result import Check
+
+
+def nees(errors: FloatArray, cov: FloatArray) -> FloatArray:
+    """Return the normalised estimation error squared, ``e' inv(P) e``, of each trial.
+
+    `errors` (trials, n): estimate minus truth [SI]; `cov` (trials, n, n) or (n, n): predicted
+    covariance [SI]. Returns (trials,): NEES; chi-square with n degrees of freedom where the
+    covariance is right [1].
+    """
+    scale = np.sqrt(np.diagonal(cov, axis1=-2, axis2=-1))
+    unit = errors / scale
+    correlation = cov / (scale[..., :, None] * scale[..., None, :])
+    solved = np.linalg.solve(correlation, unit[..., None])[..., 0]
+    return np.asarray(np.sum(unit * solved, axis=-1))
+
+
+def consistency_check(
+    name: str, squares: FloatArray, dof: int, false_alarm: float = FALSE_ALARM
+) -> Check:
+    """Test the mean of `squares` (n,) of `dof` each, failing so often: `false_alarm` [1]."""
+    n = len(squares)
+    low, high = (v / (n * dof) for v in chi_square_limits(n * dof, false_alarm))
+    value = float(np.mean(squares) / dof)
+    return check("consistency", name, value, low, high, {"name": name})
+
 
 EACH = FALSE_ALARM / 5
 """False-alarm rate of each of the five checks of a study, so that all together keep 1 % [1]."""

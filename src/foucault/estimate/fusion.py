@@ -130,10 +130,7 @@ class Fused:
 
 
 def fused(first: Known, second: Known) -> Fused:
-    """Join two results that have no data in common.
-
-    `second`: counted with its prior only for coefficients that the first does not have.
-    """
+    """Join two results without common data; the prior of `second` counts where `first` has none."""
     one, two = first.vector, second.vector
     more = [c for c in two.layout.coefficients if c.name not in one.layout]
     layout = Layout((*one.layout.coefficients, *more))

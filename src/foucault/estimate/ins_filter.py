@@ -4,15 +4,41 @@ Zero velocity, given velocities, positions and heights are measurements; everyth
 back at once, so that the errors stay small and the equations of `models.ins_errors` linear. The
 recursion is `kernels.ins_filter`.
 
+The Rauch-Tung-Striebel smoother of an error-state filter that feeds its errors back.
+
+With F the transition from one epoch to the next, P- and P+ the covariances before and after each
+update, X what the update fed back, and c what is still wrong with the states of the filter as seen
+from the end (zero at the last epoch)::
+
+    G_k = P+_k F' (P-_k+1)^-1
+    c_k = G_k (c_k+1 + X_k+1),      P_k = P+_k + G_k (P_k+1 - P-_k+1) G_k'
+
+because the filter expects no error once it has fed it back.
+
 References
 ----------
 .. [1] P. D. Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation
    Systems*, 2nd ed., 2013, sections 14.2 and 15.2 (error-state filter, zero-velocity updates).
+.. [2] H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic
+   systems", *AIAA Journal* 3 (1965) 1445-1450.
+
+What errors do to a run without measurements: responses, and the covariance that grows.
+
+What a session says of the Earth's rate, which its filter takes for known.
+
+Attitudes differ from rest to rest and the Earth's rate with them, the biases of the gyros do not:
+the Earth is a clock, and a compass needle that dips by the latitude. Were its rate along north and
+up more by x, the innovations of the filter would be more by ``D x``, with all coefficients as free
+as they are. D is found by taking some of the Earth's rate out of the readings; then
+
+    x = (D' S^-1 D)^-1 D' S^-1 nu,      P = (D' S^-1 D)^-1
+
+is what an estimate of x beside everything else would be, for innovations are white.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -24,14 +50,13 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error
-from foucault.kernels.ins_filter import ins_filter
-from foucault.models.earth import SEMI_MAJOR_AXIS
-from foucault.models.geodesy import east_north_up
+from foucault.kernels.ins_filter import corrected, ins_filter
+from foucault.models.earth import EARTH_RATE, SEMI_MAJOR_AXIS, east_north_up
 from foucault.models.ins_errors import Sensors, at_place
 from foucault.models.noise import ImuNoise
+from foucault.models.rotation import exp, log
 from foucault.navigate.increments import Increments
-from foucault.navigate.state import State, states_of
-from foucault.navigate.strapdown import Trajectory, require_finite
+from foucault.navigate.strapdown import State, Trajectory, require_finite, states_of
 
 
 @dataclass(frozen=True)
@@ -55,10 +80,7 @@ class Updates:
 
     @classmethod
     def none(cls, rows: IntArray) -> Updates:
-        """Return epochs at which nothing is measured.
-
-        `rows` (m,): rows, rising [1].
-        """
+        """Return epochs at rising `rows` (m,) [1] at which nothing is measured."""
         m = len(rows)
         return cls(np.asarray(rows, np.int64), np.zeros((m, 3)), np.zeros((m, 3)),
                    np.full((m, 6), np.inf), np.zeros(m, bool))  # fmt: skip
@@ -126,10 +148,7 @@ class FilterRun:
 
     @classmethod
     def joined(cls, runs: Sequence[FilterRun], sensors: Sensors) -> FilterRun:
-        """Return runs of recordings, each with the coefficients of the one before, as one.
-
-        `sensors`: the coefficients, with the terms of all recordings.
-        """
+        """Return runs of recordings, each begun with the coefficients of the last, as one."""
         if len(runs) == 1:
             return replace(runs[0], sensors=sensors)
 
@@ -204,7 +223,7 @@ def seen_at_place(
     """Return the matrices from (psi, dv, dr) in l to (phi, velocity, position) in n.
 
     `history` (m, 12): states of `kernels.strapdown` [SI]; `states` or None: what they mean, see
-    `navigate.state.states_of`, where that is known already [SI]. Returns (m, 9, 9): axes are
+    `navigate.strapdown.states_of`, where that is known already [SI]. Returns (m, 9, 9): axes are
     those of the computed place; that its meridian points elsewhere than that of the true place,
     by dr_E tan L / R, is left out: it has no bound near a pole [SI].
     """
@@ -351,3 +370,222 @@ def _process(
             raise error("strapdown.measurements", what=what)
         decay[layout.group(name)] = 1.0 / value
     return q, decay
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A filter run as seen from its end."""
+
+    trajectory: Trajectory  # states at the epochs
+    coefficients: FloatArray  # (m, p) coefficients [SI]
+    cov: FloatArray  # (m, 9 + p, 9 + p) covariances [SI]
+
+    @property
+    def sd(self) -> FloatArray:
+        """Standard deviations, shape (m, 9 + p) [SI]."""
+        return np.sqrt(np.diagonal(self.cov, axis1=1, axis2=2))
+
+
+def smooth(found: FilterRun) -> Smoothed:
+    """Smooth a run of `estimate.ins_filter.run` made with ``keep=True``."""
+    m, n = found.sd.shape
+    if len(found.transitions) != m:
+        raise ValueError("a run to be smoothed must be made with keep=True")
+    c = np.zeros((m, n))
+    cov = found.after.copy()
+    kept = np.exp(-np.diff(found.time)[:, None] * found.decay)
+    forgotten = np.ones(m)
+    for begin in found.begins:
+        kept[begin - 1], forgotten[begin] = found.decay == 0, 0.0
+    size = np.sqrt(np.diagonal(found.before, axis1=1, axis2=2))
+    A = np.empty((n, n))
+    for k in range(m - 2, -1, -1):
+        before = found.before[k + 1]
+        # P+ F', of whose rows those of the coefficients are diagonal.
+        A[:, :9] = forgotten[k + 1] * (found.after[k] @ found.transitions[k + 1].T)
+        A[:, 9:] = found.after[k][:, 9:] * kept[k]
+        G = _divided(A, before, size[k + 1])
+        c[k] = G @ (c[k + 1] + found.corrections[k + 1])
+        cov[k] += G @ (cov[k + 1] - before) @ G.T
+    states = corrected(found.trajectory.history, c)
+    return Smoothed(Trajectory(found.time, states), found.coefficients + c[:, 9:], cov)
+
+
+def _divided(A: FloatArray, P: FloatArray, size: FloatArray) -> FloatArray:
+    """Return A P^-1 for a covariance whose states have units of very different size."""
+    from scipy.linalg import pinvh
+    from scipy.linalg.lapack import dposv
+
+    if not size.all():  # what is known exactly needs no correction
+        seen = size > 0
+        out = np.zeros_like(A)
+        out[:, seen] = _divided(A[:, seen], P[np.ix_(seen, seen)], size[seen])
+        return out
+    R, rows = P / np.outer(size, size), A / size
+    # Once for every epoch: LAPACK itself takes half of the time of `scipy.linalg.cho_solve`.
+    _, x, info = dposv(R, rows.T, lower=1)
+    if info != 0:  # without noise some combination is known to rounding
+        x = pinvh(R, rtol=1e-12) @ rows.T
+    return np.asarray(x.T / size)
+
+
+LONGEST = 30.0
+"""White noise is right to 1e-3 of a variance where no epoch of a long run is longer [s]."""
+
+
+def sensitivity(
+    increments: Increments,
+    state: State,
+    sensors: Sensors,
+    rows: IntArray,
+    *,
+    first: int = 0,
+    gravity_offset: float = 0.0,
+    held: bool = False,
+) -> FloatArray:
+    """Return how start errors and coefficients show in a run without measurements.
+
+    `increments`: increments [SI]; `rows` (m,): rows to look at, rising [1]; `first`: row at whose
+    end the run starts [1]; `gravity_offset`: measured local minus normal gravity [m/s^2]. Returns
+    (m, 9, 9 + p): errors at each row (phi, velocity, position as seen at the place, frame n) per
+    unit of the errors at the start (psi, dv, dr) and of each coefficient [SI].
+    """
+    found = run(
+        increments, state, sensors, Updates.none(rows), np.zeros((9 + len(sensors),) * 2),
+        ImuNoise(), first=first, gravity_offset=gravity_offset, held=held, keep=True,
+    )  # fmt: skip
+    out = np.empty_like(found.transitions)
+    total = np.eye(9, 9 + len(sensors))
+    seen = seen_at_place(found.trajectory.history)
+    for k, Phi in enumerate(found.transitions):
+        total = Phi[:, :9] @ total
+        total[:, 9:] += Phi[:, 9:]
+        out[k] = seen[k] @ total
+    return out
+
+
+def spread(
+    increments: Increments,
+    state: State,
+    sensors: Sensors,
+    rows: IntArray,
+    P0: FloatArray,
+    noise: ImuNoise,
+    *,
+    first: int = 0,
+    gravity_offset: float = 0.0,
+    held: bool = False,
+) -> FloatArray:
+    """Return the covariance of a run without measurements, as seen at the place.
+
+    `increments`: increments [SI]; `rows` (m,): rows to look at, rising [1]; `P0` (9 + p, 9 + p):
+    covariance at the start, see `start_cov` [SI]; `noise`: white noise of the triads [SI];
+    `first`: row at whose end the run starts [1]; `gravity_offset`: measured local minus normal
+    gravity [m/s^2]. Returns (m, 9, 9): covariance of phi [rad], velocity [m/s] and position [m]
+    errors, frame n.
+    """
+    # Noise is put in where epochs begin and end: they must be short against what it does.
+    time = increments.time[first : int(rows[-1]) + 1]
+    marks = np.arange(time[0] + LONGEST, time[-1], LONGEST)
+    epochs = np.union1d(rows, first + np.searchsorted(time, marks))
+    found = run(
+        increments, state, sensors, Updates.none(epochs), P0, noise, first=first,
+        gravity_offset=gravity_offset, held=held, keep=True,
+    )  # fmt: skip
+    wanted = np.searchsorted(epochs, rows)
+    A = seen_at_place(found.trajectory.history[wanted])
+    return np.asarray(A @ found.after[wanted, :9, :9] @ np.swapaxes(A, 1, 2))
+
+
+STEP = 1e-3
+"""So much of the Earth's rate is taken out [1]."""
+
+
+@dataclass(frozen=True)
+class EarthSeen:
+    """The Earth's rate, over what was taken for it."""
+
+    # (2,) by how much it is more along north and up, in parts of the whole Earth's rate [1]
+    more: FloatArray
+    cov: FloatArray  # (2, 2) covariance of that [1]
+    latitude: float  # the latitude that was taken for known [rad]
+
+    @classmethod
+    def of(
+        cls, r: FloatArray, D: FloatArray, latitude: float, known: FloatArray | float = 0.0
+    ) -> EarthSeen | None:
+        """Return what white residuals say of it; None where they say nothing.
+
+        `r` (m,): residuals [1]; `D` (2, m): how they become less by the rate along north and up
+        [1]; `latitude`: where it stood [rad]; `known` (2, 2): what else is no contradiction [1].
+        """
+        told = D @ D.T
+        if not np.isfinite(told).all() or np.linalg.cond(told) > 1e12:
+            return None
+        cov = np.linalg.inv(told)
+        return cls(np.asarray(cov @ (D @ r)), np.asarray(cov + known), latitude)
+
+    @property
+    def square(self) -> float:
+        """Squared normalised difference, two degrees of freedom [1]."""
+        return self.left_by(np.zeros(2))
+
+    def left_by(self, more: FloatArray) -> float:
+        """Return the squared normalised difference from what a cause would make [1].
+
+        `more` (2,): by how much it makes the rate more along north and up [1].
+        """
+        left = self.more - more
+        return float(left @ np.linalg.solve(self.cov, left))
+
+    def along(self, way: FloatArray) -> tuple[float, float, float]:
+        """Return what explains the difference best along a way, its sd, and what is left then.
+
+        `way` (2,): what one unit of a cause makes along north and up [1]. Returns `value`, `sd`:
+        size of the cause [unit of it]; `left`: squared normalised difference that it leaves, one
+        degree of freedom [1].
+        """
+        weighed = np.linalg.solve(self.cov, way)
+        value = float(weighed @ self.more / (weighed @ way))
+        return value, float(1 / np.sqrt(weighed @ way)), self.left_by(value * way)
+
+    @property
+    def faster(self) -> tuple[float, float, float]:
+        """By how much the whole rate is more, as `along` [1]."""
+        return self.along(np.array([np.cos(self.latitude), np.sin(self.latitude)]))
+
+    @property
+    def farther_north(self) -> tuple[float, float, float]:
+        """By how much the latitude is more, as `along` [rad]."""
+        return self.along(np.array([-np.sin(self.latitude), np.cos(self.latitude)]))
+
+
+def earth_seen(
+    filtered: Callable[[Increments], FilterRun], increments: Increments, latitude: float
+) -> EarthSeen | None:
+    """Return what a session at `latitude` [rad] says of the Earth's rate; None for nothing."""
+    run = filtered(increments)
+    seen = np.isfinite(run.innovation)
+    size = np.sqrt(run.variance[seen])
+    nu, D = run.innovation[seen] / size, []
+    for way in (1, 2):
+        other = filtered(replace(increments, dtheta_b=_taken_out(increments, run, way)))
+        D.append((nu - other.innovation[seen] / size) / STEP)
+    return EarthSeen.of(nu, np.stack(D), latitude)
+
+
+def _taken_out(increments: Increments, run: FilterRun, way: int) -> FloatArray:
+    """Return the angles turned with `STEP` of the Earth's rate less along axis `way` of n."""
+    C_bn = np.swapaxes(run.trajectory.C_nb, 1, 2)
+    time = run.time
+    rows = np.flatnonzero((increments.time > time[0]) & (increments.time <= time[-1]))
+    middle = increments.time[rows] - increments.dt[rows] / 2
+    k = np.clip(np.searchsorted(time, middle, side="right") - 1, 0, len(time) - 2)
+    share = np.clip((middle - time[k]) / (time[k + 1] - time[k]), 0.0, 1.0)
+    # From one epoch to the next the body turns by less than half a turn: C_b'n = Exp(-r) C_bn.
+    turn = log(C_bn[:-1] @ np.swapaxes(C_bn[1:], 1, 2))
+    part = exp(-share[:, None] * turn[k])
+    axis_b = np.einsum("kij,kj->ki", part, C_bn[k, :, way])
+    out = increments.dtheta_b.copy()
+    out[rows] -= STEP * EARTH_RATE * increments.dt[rows, None] * axis_b
+    return out

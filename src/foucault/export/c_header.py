@@ -6,23 +6,33 @@ force and angular rate in the same axes.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+
+import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.escape import c_comment, commented
-from foucault.export.numbers import inverse, number, row, rows, tensor
-from foucault.export.request import FAMILIES, Counts, Request
-from foucault.export.templates import pieces
+from foucault.export.request import (
+    FAMILIES,
+    Counts,
+    Request,
+    TemperatureTerms,
+    inverse,
+    number,
+    pieces,
+    row,
+    rows,
+    tensor,
+)
 from foucault.models.imu import ImuModel
 from foucault.models.size_effect import SizeEffect
-
-CAN = FAMILIES
 
 NEWTON_STEPS = 8
 """Each step squares the relative error: from 10 % to rounding in 4; the rest is reserve."""
 
 
-def text(wanted: Request) -> str:
+def c_text(wanted: Request) -> str:
     """Write the header."""
     model = wanted.model
     quadratic, bends = bool(model.accel_quadratic.any()), bool(model.deflection.any())
@@ -175,3 +185,133 @@ _NEXT = _CODE["next"]
 _COUNTS = _CODE["counts"]
 
 _COUNTS_NEXT = _CODE["counts_next"]
+
+
+# -- The C header where coefficients change with temperature -------------------------------------
+# The functions are those of `c_header`, with one more argument: the coefficients at a temperature,
+# which ``foucault_at`` makes. A program makes them as often as its temperature changes, and
+# compensates as often as it reads.
+
+INVERSES = {"accel_matrix": "accel_inverse", "gyro_matrix": "gyro_inverse"}
+
+_ARGUMENT = re.compile(
+    r"\bfoucault_(solve_force|sensed_rate|compensate_next|compensate_counts|compensate)\("
+)
+
+
+def c_text_at_temperatures(wanted: Request) -> str:
+    """Write the header."""
+    terms = wanted.temperature
+    assert terms is not None
+    model = terms.pattern
+    blocks = _blocks(model)
+    body = [_SOLVE] if _solves(model) else []  # the parts of a header are one family's own
+    if model.accel_quadratic.any():
+        body += [_NEWTON.replace("STEPS", str(NEWTON_STEPS))]
+    if not model.straight:
+        body += [_SENSED.replace("STEPS", str(NEWTON_STEPS))]
+    body += [_function(model)]
+    body += _size_effect(wanted.size) if wanted.size else []
+    body += _from_counts(wanted.counts, bool(wanted.size))
+    return "\n".join([
+        "/*",
+        commented([*wanted.statement(), terms.statement()], " *"),
+        " *",
+        " * Readings and results: accelerometers in m/s^2, gyros in rad/s. C99 and C++, nothing to",
+        " * link, no state but the caller's; the results must not share memory with the readings.",
+        " * foucault_at makes the coefficients at a temperature, the others use them.",
+        " */",
+        "#ifndef FOUCAULT_CALIBRATION_H",
+        "#define FOUCAULT_CALIBRATION_H",
+        "",
+        _struct(blocks),
+        "/* What each function of temperature multiplies, one line after the other [SI]. */",
+        *[_terms(terms, name) for name in blocks],
+        *_functions(terms, blocks),
+        _c_with_argument("\n".join(body), [*blocks, *INVERSES.values()]),
+        _AT,
+        "#endif /* FOUCAULT_CALIBRATION_H */",
+        "",
+    ])  # fmt: skip
+
+
+def _c_with_argument(code: str, names: list[str]) -> str:
+    """Turn constants into members of the coefficients, which functions get as first argument."""
+    code = re.sub(rf"\bfoucault_({'|'.join(names)})\b", r"at->\1", code)
+    lines = []
+    for line in code.splitlines():
+        head = "const foucault_coefficients *at" if line.startswith("static inline") else "at"
+        lines.append(_ARGUMENT.sub(rf"foucault_\1({head}, ", line))
+    return "\n".join(lines) + "\n"
+
+
+def _blocks(model: ImuModel) -> dict[str, tuple[int, ...]]:
+    """Return the matrices that are computed, with their shapes."""
+    always = ("accel_matrix", "accel_bias", "gyro_matrix", "gyro_bias")
+    some = {
+        "g_sensitivity": bool(model.g_sensitivity.any()),
+        "accel_asymmetry": not model.accel_linear,
+        "accel_quadratic": bool(model.accel_quadratic.any()),
+        "gyro_asymmetry": not model.straight,
+        "gyro_cubic": not model.straight,
+        "deflection": bool(model.deflection.any()),
+    }
+    names = [*always, *(name for name, there in some.items() if there)]
+    return {name: getattr(model, name).shape for name in names}
+
+
+def _solves(model: ImuModel) -> bool:
+    return bool(model.accel_quadratic.any() or model.deflection.any())
+
+
+def _struct(blocks: dict[str, tuple[int, ...]]) -> str:
+    rows = [f"    double {name}{_shape(shape)};" for name, shape in blocks.items()]
+    rows += [f"    double {name}[3][3];" for name in INVERSES.values()]
+    head = ["/* The coefficients at one temperature. */", "typedef struct {"]
+    return "\n".join([*head, *rows, "} foucault_coefficients;", ""])
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    return "".join(f"[{n}]" for n in shape)
+
+
+def _terms(terms: TemperatureTerms, name: str) -> str:
+    values = terms.block(name)
+    flat = values.reshape(len(values), -1)
+    rows = ",\n".join(f"    {row(line)}" for line in flat)
+    return f"static const double foucault_terms_{name}[{flat.size}] = {{\n{rows}}};\n"
+
+
+def _functions(terms: TemperatureTerms, blocks: dict[str, tuple[int, ...]]) -> list[str]:
+    f = terms.functions
+    count = len(terms.terms)
+    if f.knots.size:
+        phi = _PIECEWISE.replace("COUNT", str(count)).replace("KNOTS", row(f.knots))
+    else:
+        phi = _POWERS.replace("COUNT", str(count)).replace("REFERENCE", number(f.reference))
+    sums = "\n".join(
+        f"    foucault_sum(foucault_terms_{name}, {int(np.prod(shape))}, phi, "
+        f"&c->{name}{'[0]' * len(shape)});"
+        for name, shape in blocks.items()
+    )
+    inverses = "\n".join(
+        f"    foucault_invert(c->{one}, c->{other});" for one, other in INVERSES.items()
+    )
+    make = _MAKE.replace("COUNT", str(count)).replace("SUMS", sums).replace("INVERSES", inverses)
+    make = make.replace("LOW", number(f.low)).replace("HIGH", number(f.high))
+    return [phi, _SUM.replace("COUNT", str(count)), make]
+
+
+_AT_TEMPERATURES_CODE = pieces("c_temperature")
+_POWERS = _AT_TEMPERATURES_CODE["powers"]
+
+_PIECEWISE = _AT_TEMPERATURES_CODE["piecewise"]
+
+_SUM = _AT_TEMPERATURES_CODE["sum"]
+
+_MAKE = _AT_TEMPERATURES_CODE["make"]
+
+_AT = _AT_TEMPERATURES_CODE["at"]
+
+WRITERS = {"c": (FAMILIES, c_text)}
+AT_TEMPERATURES = {"c": c_text_at_temperatures}

@@ -12,12 +12,12 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.escape import json_remark
-from foucault.logs import own, streaming
+from foucault.logs import follow, own
 from foucault.models.imu import ImuModel
 from foucault.models.layouts import is_cluster
 from foucault.models.size_effect import AFTER, BEFORE
 from foucault.models.temperature import TemperatureModel
-from foucault.procedures.platform_tumble.log import of_a_command
+from foucault.procedures.platform_tumble.settings import of_a_command
 from foucault.result import Level, Result
 from foucault.tables import Log
 from foucault.units import ZERO_CELSIUS
@@ -77,7 +77,7 @@ def calibrate_log(
     if hold and result.temperature is None:
         raise error("temperature.option", option="--outside")
     seen = _Seen(result)
-    logs = streaming.blocks(description, folder, progress)
+    logs = follow.blocks(description, folder, progress)
     remarks = {own.CALIBRATED_KEY: _made_by(result, sha256)}
     samples = own.write_blocks(_calibrated(result, logs, seen, force, hold), path, remarks)
     return Applied(Path(path), samples, seen.findings())
@@ -276,7 +276,7 @@ class _Seen:
 
     def findings(self) -> tuple[Finding, ...]:
         """Return everything noticed, the validity in one finding."""
-        found = list(streaming.merged(self.found))
+        found = list(follow.merged(self.found))
         words = [text for text in (r.words() for r in self.ranges.values()) if text]
         if words:
             text = "; ".join(words)

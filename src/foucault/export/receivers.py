@@ -20,23 +20,15 @@ if TYPE_CHECKING:
 RECEIVERS = {
     "c": "c_header",
     "python": "python_module",
-    "json": "json_matrices",
-    "csv": "csv_table",
-    "kalibr": "kalibr",
-    "imucal": "imucal",
-    "px4": "px4",
-    "ros2": "ros2",
+    **dict.fromkeys(("json", "csv", "kalibr", "imucal", "px4", "ros2"), "programs"),
 }
-"""Name of a receiver -> its module: ``CAN``, the families it can express, and ``text``."""
+"""Name of a receiver -> its module, with ``WRITERS`` and ``AT_TEMPERATURES``."""
 
 AXES_OF = {"px4": "forward-right-down"}
 """Axes of readings that are usual with a receiver, where they are not those of results."""
 
 ALIASES = {"ros": "ros2", "ros1": "ros2", "imu_calib": "ros2"}
 """Other names of a receiver: the file of imu_calib is the same for ROS and ROS 2."""
-
-AT_TEMPERATURES = {"c": "c_temperature", "python": "python_temperature", "json": "json_matrices"}
-"""The same of receivers that take coefficients which change with temperature."""
 
 
 def write(
@@ -63,51 +55,35 @@ def write(
     if receiver not in RECEIVERS:
         hint = suggestion(receiver, RECEIVERS)
         raise error("export.receiver", given=receiver, hint=hint, allowed=", ".join(RECEIVERS))
-    if result.temperature is not None and receiver not in AT_TEMPERATURES:
-        raise error("temperature.receiver", receiver=receiver)
-    other = _not_of_an_imu(result)
-    if other:
-        return _written(path, _whole(result, other, receiver, axes, tuple(drop), force))
     module = import_module(f"foucault.export.{RECEIVERS[receiver]}")
-    wanted = request(
-        result,
-        receiver,
-        module.CAN,
-        axes=AXES_OF.get(receiver, OWN_AXES) if axes is None else axes,
-        drop=drop,
-        noise=noise,
-        log=log,
-        force=force,
-    )
+    can, text = module.WRITERS[receiver]
     if result.temperature is not None:
-        module = import_module(f"foucault.export.{AT_TEMPERATURES[receiver]}")
-    return _written(path, module.text(wanted))
-
-
-def _not_of_an_imu(result: Result) -> str:
-    """Return the module that writes results which are no errors of an IMU, empty for an IMU."""
-    if is_cluster(result.coefficients):
-        return "cluster"
-    return "north_seeker" if result.procedure == "north_seeking" else ""
+        if receiver not in module.AT_TEMPERATURES:
+            raise error("temperature.receiver", receiver=receiver)
+        text = module.AT_TEMPERATURES[receiver]
+    if is_cluster(result.coefficients) or result.procedure == "north_seeking":
+        said = _whole(result, receiver, axes, tuple(drop), force)
+    else:
+        axes = AXES_OF.get(receiver, OWN_AXES) if axes is None else axes
+        said = text(
+            request(result, receiver, can, axes=axes, drop=drop, noise=noise, log=log, force=force)
+        )
+    with atomic(path) as temporary:
+        temporary.write_text(said, encoding="utf-8")
+    return Path(path)
 
 
 def _whole(
-    result: Result, module: str, receiver: str, axes: str | None, drop: tuple[str, ...], force: bool
+    result: Result, receiver: str, axes: str | None, drop: tuple[str, ...], force: bool
 ) -> str:
-    """Return the text for a receiver that takes all coefficients, in the axes they are in."""
-    writers = import_module(f"foucault.export.{module}").WRITERS
-    if receiver not in writers:
+    """Return a result that is no IMU's for a receiver, in the axes and with all it has."""
+    from foucault.export import own_axes
+
+    if receiver not in own_axes.WRITERS:
         raise error("export.cluster", procedure=result.procedure, receiver=receiver,
-                    allowed=", ".join(writers))  # fmt: skip
+                    allowed=", ".join(own_axes.WRITERS))  # fmt: skip
     if drop or axes is not None:
         raise error("export.whole", procedure=result.procedure,
                     option="--drop" if drop else "--axes")  # fmt: skip
     usable(result, force)
-    text: str = writers[receiver](result)
-    return text
-
-
-def _written(path: str | Path, text: str) -> Path:
-    with atomic(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    return Path(path)
+    return own_axes.WRITERS[receiver](result)

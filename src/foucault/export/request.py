@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,17 +13,18 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error, suggestion
-from foucault.export.temperature_terms import TemperatureTerms
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.layouts import of_one_sample, of_sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
 from foucault.models.size_effect import SizeEffect
+from foucault.models.temperature import TemperatureModel, without
 from foucault.result import Level, Result
 from foucault.run_folder import RESULT_FILE
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription, Triad
+
 
 ALL = Layout((*LAYOUT.coefficients, *SIZE_EFFECT.coefficients))
 """Every coefficient that can be exported."""
@@ -261,3 +264,112 @@ def _validity(validity: Mapping[str, Any]) -> list[str]:
         if limits is not None and None not in limits:
             out.append(f"{what} of {limits[0]:.6g} to {limits[1]:.6g} {unit}")
     return out
+
+
+# -- What exports of coefficients that change with temperature share: their terms, as matrices ---
+
+
+@dataclass(frozen=True)
+class TemperatureTerms:
+    """Matrices as sums over functions of temperature, ``A(T) = sum of A_k phi_k(T)``."""
+
+    functions: TemperatureModel  # phi_k, and where they hold [K]
+    # A_k: the matrices that phi_k multiplies, in the axes of the export [SI per unit of phi_k]
+    terms: tuple[ImuModel, ...]
+
+    @classmethod
+    def of(
+        cls,
+        functions: TemperatureModel,
+        dropped: tuple[str, ...],
+        turned: Callable[[ImuModel], ImuModel],
+    ) -> TemperatureTerms:
+        """Return the terms without the coefficients `dropped`, turned into other axes.
+
+        `functions`: coefficients as functions of temperature [SI]; `turned`: what brings a model
+        into the axes of the export, it is linear in all matrices.
+        """
+        functions = without(functions, tuple(n for n in dropped if n in functions.layout))
+        out = []
+        for k, column in enumerate(functions.weights.T):
+            vector = of_one_sample(CoefficientVector(functions.layout, column))
+            term = turned(ImuModel.from_coefficients(vector))
+            if k > 0 and not functions.knots.size:  # the identity stands in the first term only
+                term = replace(
+                    term, accel_matrix=term.accel_matrix - np.eye(3),
+                    gyro_matrix=term.gyro_matrix - np.eye(3),
+                )  # fmt: skip
+            out.append(term)
+        return cls(functions, tuple(out))
+
+    def block(self, name: str) -> FloatArray:
+        """Return the terms of one matrix, shape (p, ...) [SI per unit of phi_k]."""
+        return np.array([getattr(term, name) for term in self.terms])
+
+    @property
+    def pattern(self) -> ImuModel:
+        """A model in which all is zero that is zero at every temperature, and nothing else."""
+        names = [f.name for f in fields(ImuModel)]
+        return ImuModel(**{n: np.abs(self.block(n)).sum(axis=0) for n in names})
+
+    def statement(self) -> str:
+        """Say what the functions are, for people."""
+        f = self.functions
+        if f.knots.size:
+            return (
+                f"Coefficients change with temperature, piecewise linear between {f.knots.size} "
+                f"knots from {f.knots[0]:.2f} K to {f.knots[-1]:.2f} K."
+            )
+        return (
+            f"Coefficients change with temperature T [K], as powers 0 to {len(self.terms) - 1} of "
+            f"T - {f.reference:.2f} K."
+        )
+
+
+# -- Numbers as text that reads back to the same bits --------------------------------------------
+
+
+def inverse(matrix: FloatArray) -> FloatArray:
+    """Return the inverse of `matrix`, shape (3, 3) [1]."""
+    return np.asarray(np.linalg.inv(matrix), np.float64)
+
+
+def number(value: float) -> str:
+    """Write `value` [SI] with a point: YAML 1.1 takes 1e-05 for text, 1.0e-05 for a number."""
+    text = repr(float(value) + 0.0)
+    return text.replace("e", ".0e") if "e" in text and "." not in text else text
+
+
+def row(values: FloatArray) -> str:
+    """Write `values`, shape (n,) [SI], separated by commas."""
+    return ", ".join(number(v) for v in values)
+
+
+def rows(matrix: FloatArray, opening: str, closing: str, indent: str = "    ") -> str:
+    """Write `matrix`, shape (m, n) [SI], one row per line between brackets."""
+    lines = [f"{indent}{opening}{row(line)}{closing}" for line in matrix]
+    return ",\n".join(lines)
+
+
+def tensor(values: FloatArray, opening: str, closing: str) -> str:
+    """Write `values`, shape (l, m, n) [SI], one matrix after the other between brackets."""
+    parts = [f"    {opening}\n{rows(m, opening, closing, '        ')}" for m in values]
+    return ",\n".join(f"{part},\n    {closing}" for part in parts)
+
+
+def nested(values: FloatArray, opening: str, closing: str) -> str:
+    """Write `values`, shape (n,), (m, n) or (l, m, n) [SI], between brackets."""
+    if values.ndim == 1:
+        return f"{opening}{row(values)}{closing}"
+    lines = (rows if values.ndim == 2 else tensor)(values, opening, closing)
+    return f"{opening}\n{lines},\n{closing}"
+
+
+# -- Code of other programs: for each module of `export` a file of the pieces that it joins ------
+
+
+def pieces(name: str) -> dict[str, str]:
+    """Return the pieces of a file, each below a line of its name: ``==== next``."""
+    text = (Path(__file__).parent / "templates" / f"{name}.txt").read_text(encoding="utf-8")
+    parts = re.split(r"^==== (\w+)\n", text, flags=re.MULTILINE)[1:]
+    return {key: code.removesuffix("\n") for key, code in zip(parts[::2], parts[1::2], strict=True)}

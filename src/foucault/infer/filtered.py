@@ -11,9 +11,13 @@ Everything else follows from that system::
     bound       of a linear system the covariance of the Kalman filter is the posterior bound
     components  innovations of each kind of measurement, by how many of them are independent
     held_out    measurements of infinite variance, predicted from all others
+    parts_out   the same part by part, all measurements of a part together
     budget      each source of error alone, through the gains of the filter
     foreseen    the covariance of a planned run: a filter needs no measurement for that
-    robust      the same system with a bound: `infer.h_infinity`
+    robust      the same system with a bound: `infer.linear_filter`
+
+A kernel that filters on its own way may return what it has made white instead: rows of residuals
+and what they say of the state at the start. Of such `Whitened` rows the same is known.
 
 References
 ----------
@@ -23,21 +27,22 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.errors import FoucaultError
-from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
-from foucault.infer.linear_filter import LinearRun, LinearSystem, kalman, smoothed
+from foucault.infer.gauss_newton import FALSE_ALARM, Component, chi_square_limits
+from foucault.infer.linear_filter import LinearRun, LinearSystem, kalman, smoothed, smoothed_start
 
 LAGS, FEW = 50, 5
 """Autocorrelations that count for how many innovations there are in effect, and for whether they
 are independent at all [1]."""
-
 
 P = TypeVar("P")
 S = TypeVar("S", bound=LinearSystem)
@@ -125,7 +130,7 @@ def fit(model: LinearModel[P, S], *, passes: int = 2, settled: float = 0.0) -> F
         found = (*found, model.values(point) + run.states[-1, first:])
         if last or (k and float(np.max(_moved(found, run.sd[-1, first:]))) < settled):
             break
-        further = model.retract(point, smoothed(system, run).start)
+        further = model.retract(point, smoothed_start(system, run))
         if further is None:
             break
         try:
@@ -164,6 +169,128 @@ def held_out(at: Fit[P, S], rows: BoolArray) -> tuple[FloatArray, FloatArray]:
     off = system.z[rows] - np.einsum("kqn,kn->kq", H, seen.states[rows])
     variance = np.einsum("kqn,knm,kqm->kq", H, seen.cov[rows], H) + at.system.R[rows]
     return off, np.sqrt(variance)
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Parts of a session, each predicted from all others: the worst is judged.
+
+    The squared distance of a part from its prediction is chi-square where the model is right. Parts
+    that are predicted by the same others are related, so that no sum of them is; a limit for the
+    worst of so many holds whatever they share.
+    """
+
+    scores: FloatArray  # (parts,) squared normalised distance of each from its prediction [1]
+    counts: FloatArray  # (parts,) how many measurements that are [1]
+    false_alarm: float = FALSE_ALARM  # probability that any is beyond its limit by chance [1]
+
+    @cached_property
+    def limits(self) -> FloatArray:
+        """What chance allows of each, shape (parts,); less than expected is no fault [1]."""
+        each = 2 * self.false_alarm
+        return np.array([chi_square_limits(n, each, len(self.counts))[1] for n in self.counts])
+
+    @property
+    def worst(self) -> int:
+        """Number of the part that comes nearest to its limit, or is farthest beyond it."""
+        return int(np.argmax(self.scores / self.limits))
+
+    @property
+    def score(self) -> float:
+        """That of the worst part [1]."""
+        return float(self.scores[self.worst])
+
+    @property
+    def count(self) -> float:
+        """Number of measurements in it [1]."""
+        return float(self.counts[self.worst])
+
+    @property
+    def high(self) -> float:
+        """Its limit [1]."""
+        return float(self.limits[self.worst])
+
+
+def parts_out(at: Fit[P, S], edges: IntArray, false_alarm: float = FALSE_ALARM) -> HeldOut:
+    """Predict parts of the epochs that the filter does not see, all of a part together.
+
+    `edges` (parts + 1,): epochs at which parts begin, and the end [1]; `false_alarm`: probability
+    that any is beyond its limit by chance [1].
+
+    A density is a product, ``p(z) = p(z_F | others) p(others)``, and the squares of all innovations
+    add up to what stands in its exponent: the distance of the part F from what the others predict
+    is by how much that sum is smaller without F.
+    """
+    s, run = at.system, at.run if at.nominal else kalman(at.system)
+    scores, counts, x, P = list[float](), list[float](), s.x0, s.P0
+    for a, b in pairwise(edges.tolist()):
+        later = s.between(slice(a, None), x, P)
+        R = later.R.copy()
+        R[: b - a] = np.inf
+        scores.append(float(run.nis[a:].sum() - kalman(replace(later, R=R)).nis.sum()))
+        counts.append(float(np.isfinite(run.innovation[a:b]).sum()))
+        x, P = run.states[b - 1], kalman(s.between(slice(a, b), x, P)).cov
+    return HeldOut(np.array(scores), np.array(counts), false_alarm)
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """Rows that a kernel has made white: ``residuals = slopes x + e``, e of unit variance each."""
+
+    residuals: FloatArray  # (b, q) at the solution [1]
+    slopes: FloatArray  # (b, q, n) by the unknowns [1 / their unit]
+    cov: FloatArray  # (n, n) covariance of the unknowns [their unit^2]
+
+    @cached_property
+    def seen(self) -> FloatArray:
+        """Slopes by independent unknowns of unit variance, shape (b, q, k) [1]."""
+        values, vectors = np.linalg.eigh(self.cov)
+        return np.asarray(self.slopes @ (vectors * np.sqrt(np.maximum(values, 0.0))))
+
+    @cached_property
+    def leverage(self) -> FloatArray:
+        """Share of each residual that the fit absorbs, shape (b, q) [1]."""
+        return np.asarray(np.sum(self.seen**2, axis=-1))
+
+    def parts(self, count: int) -> list[IntArray]:
+        """Return the rows in `count` parts [1], one after the other, those that have any."""
+        return [p for p in np.array_split(np.arange(len(self.residuals)), count) if len(p)]
+
+    def square(
+        self, rows: slice | IntArray, columns: slice | int = slice(None)
+    ) -> tuple[float, float]:
+        """Return the sum of squares of residuals `rows`, `columns` [1], and its dof."""
+        some = (rows, columns)
+        dof = max(float(np.sum(1 - self.leverage[some])), 1.0)
+        return float(np.sum(self.residuals[some] ** 2)), dof
+
+    def sums(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """Return sums of the residuals over parts, and their covariance.
+
+        `count`: number of parts [1]. Returns `sums` (q k,): over the square root of the number of
+        terms [1]; `cov` (q k, q k): what it is where noise and model are right [1].
+        """
+        pieces = self.parts(count)
+        total = [np.sum(self.residuals[p], axis=0) / np.sqrt(len(p)) for p in pieces]
+        absorbed = np.concatenate([np.sum(self.seen[p], axis=0) / np.sqrt(len(p)) for p in pieces])
+        return np.concatenate(total), np.eye(len(absorbed)) - absorbed @ absorbed.T
+
+    def parts_out(self, pieces: Sequence[IntArray], false_alarm: float = FALSE_ALARM) -> HeldOut:
+        """Predict parts of the rows from all others, without solving again.
+
+        With A the slopes `seen` of a part and r its residuals the others leave ``(1 - A A')^-1 r``,
+        of covariance ``(1 - A A')^-1``.
+
+        `pieces`: rows that are left out together [1]; `false_alarm`: probability that any is beyond
+        its limit by chance [1].
+        """
+        scores, counts = list[float](), list[float]()
+        for piece in pieces:
+            r, A = self.residuals[piece].ravel(), self.seen[piece].reshape(-1, len(self.cov))
+            pull = A.T @ r
+            scores.append(float(r @ r + pull @ np.linalg.solve(np.eye(len(pull)) - A.T @ A, pull)))
+            counts.append(float(len(r)))
+        return HeldOut(np.array(scores), np.array(counts), false_alarm)
 
 
 def sources(at: Fit[P, S]) -> dict[str, LinearSystem]:
@@ -206,19 +333,13 @@ def budget(at: Fit[P, S], parts: Mapping[str, LinearSystem]) -> dict[str, FloatA
 
 
 def autocorrelation(u: FloatArray, lags: int) -> FloatArray:
-    """Return the autocorrelation of a sequence at lags 1 to `lags`, shape (lags,) [1].
-
-    `u` (m,): values about zero [unit]; `lags`: number of lags [1].
-    """
+    """Return the autocorrelation of `u` (m,) [unit] at lags 1 to `lags`, shape (lags,) [1]."""
     total = float(u @ u)
     return np.array([u[k:] @ u[:-k] / total for k in range(1, lags + 1)])
 
 
 def independent(u: FloatArray) -> float:
-    """Return as how many independent values the squares of a sequence scatter [1]_ [1].
-
-    `u` (m,): values about zero [unit].
-    """
+    """Return as how many independent values the squares of `u` (m,) scatter [1]_ [1]."""
     m = len(u)
     rho = autocorrelation(u, min(LAGS, m // 4))
     # A sequence of independent values has squared correlations of 1 / m on average.
@@ -229,32 +350,19 @@ def _columns(u: FloatArray) -> list[FloatArray]:
     return [c[np.isfinite(c)] for c in u.T if np.isfinite(c).sum() > LAGS]
 
 
-@dataclass(frozen=True)
-class Component:
-    """Innovations of one kind against what is expected of them."""
+def component(u: FloatArray, false_alarm: float, tests: int = 1) -> Component | None:
+    """Judge standardised innovations by the chi-square of as many as are independent.
 
-    # ratio, low, high: root mean square of what is standardised, and its limits [1]
-    ratio: float
-    low: float
-    high: float
-    count: int  # number of innovations [1]
-    independent: float  # as how many independent ones their squares scatter [1]
-
-    @classmethod
-    def of(cls, u: FloatArray, false_alarm: float, tests: int = 1) -> Component | None:
-        """Judge standardised innovations by the chi-square of as many as are independent.
-
-        `u` (m, q): innovations over their standard deviations, NaN where there is none [1];
-        `false_alarm`: of all tests [1]; `tests`: how many kinds are judged [1].
-        """
-        columns = _columns(u)
-        if not columns:
-            return None
-        count = sum(len(c) for c in columns)
-        free = sum(independent(c) for c in columns)
-        low, high = (v / free for v in chi_square_limits(free, false_alarm, tests))
-        square = float(sum(c @ c for c in columns)) / count
-        return cls(float(np.sqrt(square)), float(np.sqrt(low)), float(np.sqrt(high)), count, free)
+    `u` (m, q): innovations over their standard deviations, NaN where there is none [1];
+    `false_alarm`: of all tests [1]; `tests`: how many kinds are judged [1].
+    """
+    columns = _columns(u)
+    if not columns:
+        return None
+    count = sum(len(c) for c in columns)
+    free = sum(independent(c) for c in columns)
+    square = float(sum(c @ c for c in columns)) / count
+    return Component(square * free, free, *chi_square_limits(free, false_alarm, tests), count)
 
 
 def components(at: Fit[P, S], false_alarm: float = FALSE_ALARM) -> dict[str, Component]:
@@ -266,15 +374,12 @@ def components(at: Fit[P, S], false_alarm: float = FALSE_ALARM) -> dict[str, Com
     scatters as that of fewer, ``n / (1 + 2 sum rho_k^2)`` with rho_k their autocorrelation [1]_.
     """
     kinds = at.model.kinds
-    made = {k: Component.of(at.run.white[:, c], false_alarm, len(kinds)) for k, c in kinds.items()}
+    made = {k: component(at.run.white[:, c], false_alarm, len(kinds)) for k, c in kinds.items()}
     return {kind: one for kind, one in made.items() if one is not None}
 
 
 def dependence(run: LinearRun, false_alarm: float = FALSE_ALARM) -> tuple[float, float]:
-    """Return how much innovations depend on those before them, and what is allowed [1].
-
-    `false_alarm`: probability that any column is beyond it by chance [1].
-    """
+    """Return how innovations depend on those before, and what `false_alarm` allows [1]."""
     columns = _columns(run.white)
     sums = np.array([len(c) * np.sum(autocorrelation(c, FEW) ** 2) for c in columns])
     limit = chi_square_limits(FEW, 2 * false_alarm, max(len(columns), 1))[1]

@@ -8,10 +8,28 @@ What is linearised about a run that is not corrected on the way (a free run of a
 of this form, and can be filtered again and again, with other noise or another bound, at the cost of
 the filter alone. The recursion is `kernels.linear_filter`.
 
+The a-posteriori H-infinity filter of any linear system.
+
+Whatever the noise does, as long as the filter exists the energy of its error of ``L x`` stays below
+``gamma^2`` times that of start error, process and measurement noise, each counted by the inverse of
+the covariance it was given::
+
+    sum |L (x - x_est)|^2  <  gamma^2 (|x0 - x0_est|^2_P0^-1 + sum |w|^2_Q^-1 + sum |v|^2_R^-1)
+
+It is a Kalman filter whose covariance is made larger along L after every update, by as much as
+gamma demands (as measurements of negative variance: design/README.md); with gamma infinite it is
+the Kalman filter. There is a least gamma, below which it
+does not exist; it depends on the system, its covariances and L, and is found by trying.
+
+What it is worth: insurance against covariances that are somewhat too small, at the cost of a little
+noise. It does not rescue a wrong model, and its covariance is not that of its error.
+
 References
 ----------
 .. [1] G. J. Bierman, *Factorization Methods for Discrete Sequential Estimation*, 1977, chapter 10
    (the modified Bryson-Frazier smoother).
+.. [2] B. Hassibi, A. H. Sayed, T. Kailath, "Linear estimation in Krein spaces, part II:
+   applications", *IEEE Transactions on Automatic Control* 41 (1996) 34-49, theorem 1.
 """
 
 from __future__ import annotations
@@ -22,6 +40,7 @@ from functools import cached_property
 import numpy as np
 
 from foucault.arrays import FloatArray
+from foucault.errors import error
 from foucault.kernels.linear_filter import linear_filter, linear_smoother
 
 
@@ -42,6 +61,12 @@ class LinearSystem:
     P0: FloatArray  # (n, n) its covariance [SI]
     # (m, b) u, known steps of the state, which no noise comes with; None for none [SI]
     jump: FloatArray | None = None
+
+    def between(self, epochs: slice, x0: FloatArray, P0: FloatArray) -> LinearSystem:
+        """Return what happens in some epochs, from a state `x0` (n,), `P0` (n, n) before [SI]."""
+        jump = None if self.jump is None else self.jump[epochs]
+        return LinearSystem(self.Phi[epochs], self.half[epochs], self.H[epochs], self.z[epochs],
+                            self.R[epochs], x0, P0, jump)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -84,10 +109,7 @@ class LinearRun:
 
 
 def conditional(cov: FloatArray, known: list[int]) -> FloatArray:
-    """Return the covariance that is left once some of the states are known exactly.
-
-    `cov` (n, n): covariance of all states [SI]; `known`: which become known [1].
-    """
+    """Return what `cov` (n, n) [SI] leaves once the `known` are known exactly."""
     if not known:
         return cov
     across, own = cov[:, known], cov[np.ix_(known, known)]
@@ -97,17 +119,14 @@ def conditional(cov: FloatArray, known: list[int]) -> FloatArray:
 
 
 def kalman(system: LinearSystem, *, gate: float = np.inf, keep: bool = False) -> LinearRun:
-    """Run a Kalman filter.
-
-    `gate`: measurements beyond so many standard deviations are left out [1].
-    """
+    """Run a Kalman filter; `gate`: measurements beyond so many sd are left out [1]."""
     return bounded(system, np.zeros((0, len(system.x0))), np.inf, gate=gate, keep=keep)
 
 
 def bounded(
     system: LinearSystem, L: FloatArray, limit: float, *, gate: float = np.inf, keep: bool = False
 ) -> LinearRun:
-    """Run a filter whose error of ``L x`` stays below a bound, see `infer.h_infinity`.
+    """Run a filter whose error of ``L x`` stays below a bound, see `infer.linear_filter`.
 
     `L` (r, n): what is wanted [SI]; `limit`: square of the bound gamma, infinite for a Kalman
     filter [1]; `gate`: measurements beyond so many standard deviations are left out [1].
@@ -132,22 +151,29 @@ class LinearSmoothed:
     start_cov: FloatArray  # (n, n) its covariance [SI]
 
 
+def smoothed_start(system: LinearSystem, run: LinearRun) -> FloatArray:
+    """Return the state at the start alone as `smoothed` has it, shape (n,) [SI]."""
+    return np.asarray(system.x0 - system.P0 @ _backward(system, run, whole=False)[2])
+
+
 def smoothed(system: LinearSystem, run: LinearRun) -> LinearSmoothed:
     """Smooth a run of `kalman` made with ``keep=True``."""
-    if len(run.before) != len(system.Phi):
-        raise ValueError("a run to be smoothed must be made with keep=True")
-    states, cov, adjoint, information = linear_smoother(
-        system.Phi, system.H, system.R, run.innovation, run.predicted, run.before
-    )
+    states, cov, adjoint, information = _backward(system, run, whole=True)
     P0 = system.P0
     return LinearSmoothed(states, cov, system.x0 - P0 @ adjoint, P0 - P0 @ information @ P0)
 
 
-def extended(system: LinearSystem, H: FloatArray, sd: float) -> LinearSystem:
-    """Return the system with more states, the last ones, which stay as they are.
+def _backward(system: LinearSystem, run: LinearRun, *, whole: bool) -> tuple[FloatArray, ...]:
+    if len(run.before) != len(system.Phi):
+        raise ValueError("a run to be smoothed must be made with keep=True")
+    back: tuple[FloatArray, ...] = linear_smoother(
+        system.Phi, system.H, system.R, run.innovation, run.predicted, run.before, whole
+    )
+    return back
 
-    `H` (m, q, k): rows of what is measured [SI]; `sd`: how well each is known, about zero [SI].
-    """
+
+def extended(system: LinearSystem, H: FloatArray, sd: float) -> LinearSystem:
+    """Return it with last states that stay, seen by `H` (m, q, k), known to `sd` about 0 [SI]."""
     more = (0, H.shape[2])
     P0 = np.pad(system.P0, (more, more))
     new = range(len(system.x0), len(P0))
@@ -157,3 +183,56 @@ def extended(system: LinearSystem, H: FloatArray, sd: float) -> LinearSystem:
         half=np.pad(system.half, ((0, 0), more)), H=np.concatenate([system.H, H], axis=2),
         x0=np.pad(system.x0, more), P0=P0,
     )  # fmt: skip
+
+
+WIDEST = 1e12
+"""A gamma beyond which no filter is looked for [1]."""
+
+
+def by_prior(system: LinearSystem) -> FloatArray:
+    """Return the L that wants every state, in units of its uncertainty at the start, (n, n).
+
+    `system`: the system, states that are known exactly at the start are not wanted.
+    """
+    sd = np.sqrt(np.diag(system.P0))
+    return np.diag(1.0 / sd[sd > 0]) if (sd > 0).all() else np.diag(1.0 / sd)[sd > 0]
+
+
+def h_infinity(system: LinearSystem, L: FloatArray, gamma: float) -> LinearRun:
+    """Run the H-infinity filter.
+
+    `L` (r, n): what is wanted, each row in units in which errors shall be compared [SI]; `gamma`:
+    bound of the error, infinite for a Kalman filter [1]. Returns where the filter ceased to exist
+    `stopped` is the epoch, and nothing is known from there on. Raises A gamma that is not
+    positive, or an L that does not fit the states.
+    """
+    if not gamma > 0:
+        raise error("h_infinity.gamma", given=f"{gamma:g}")
+    if L.ndim != 2 or L.shape[1] != len(system.x0):
+        raise error("h_infinity.wanted", shape=L.shape, states=len(system.x0))
+    return bounded(system, L, gamma**2)
+
+
+def least_gamma(system: LinearSystem, L: FloatArray, *, within: float = 0.01) -> float:
+    """Return the least gamma, to `within` [1], for which a filter of `L` (r, n) [SI] exists."""
+
+    def exists(gamma: float) -> bool:
+        return h_infinity(system, L, gamma).stopped is None
+
+    high = 1.0
+    while not exists(high):
+        high *= 4.0
+        if high > WIDEST:
+            raise error("h_infinity.none", tried=f"{WIDEST:g}")
+    low = high / 4.0
+    while exists(low):
+        low, high = low / 4.0, low
+        if low < 1.0 / WIDEST:  # nothing is wanted
+            return high
+    while high > low * (1.0 + within):
+        middle = float(np.sqrt(low * high))
+        if exists(middle):
+            high = middle
+        else:
+            low = middle
+    return high

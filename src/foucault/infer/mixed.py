@@ -12,6 +12,7 @@ repeatability: all are sources, and from the list of them everything follows tha
     bound           the covariance with the sources that are noise of the sensors alone
     components      sum of squares of each kind of reading, against its redundancy
     held_out        readings predicted from the others, without solving again [2]
+    without         the same, with sizes that were found without them
     foreseen        the covariance of a session that was only planned
     drawn           errors of the readings for one trial of a Monte Carlo study
 
@@ -36,9 +37,9 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.errors import Status
-from foucault.estimate import gauss_newton
-from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits, student
+from foucault.errors import Status, error
+from foucault.infer import gauss_newton
+from foucault.infer.gauss_newton import FALSE_ALARM, Component, chi_square_limits, student
 from foucault.result import Estimate, Linearised, Problem
 
 SIGNIFICANT = 5.4
@@ -138,27 +139,6 @@ class Model(Protocol):
 AModel = TypeVar("AModel", bound=Model)
 
 
-@dataclass(frozen=True)
-class Component:
-    """How one kind of reading fits."""
-
-    chi_square: float  # sum of squares of the white residuals [1]
-    redundancy: float  # degrees of freedom of this kind of reading [1]
-    # low, high: two-sided limits of the sum of squares at 1 % for all kinds together [1]
-    low: float
-    high: float
-
-    @property
-    def ratio(self) -> float:
-        """Sum of squares over redundancy [1]."""
-        return self.chi_square / max(self.redundancy, 1e-9)
-
-    @property
-    def inside(self) -> bool:
-        """Whether the noise explains the residuals, neither more nor less."""
-        return self.low <= self.chi_square <= self.high
-
-
 class Covariance:
     """The covariance of all readings by sources of given sizes."""
 
@@ -169,11 +149,7 @@ class Covariance:
         shape: tuple[int, int],
         weights: FloatArray,
     ) -> None:
-        """Add up the sources.
-
-        `sds`: source -> size, where it is not the one the source states [SI]; `shape`: (n, d) [1];
-        `weights` (n,): what a reading counts: its own variance grows by as much [1].
-        """
+        """Add up sources of sizes `sds` [SI], readings of `shape` counting `weights` (n,) [1]."""
         n, d = shape
         self.own, self.tied, self.weights = np.zeros((n, d, d)), np.zeros((0, 0)), weights
         for source, sd in ((s, size_of(s, sds)) for s in sources):
@@ -239,7 +215,12 @@ class _Once:
 
     def linearise(self, state: Any) -> Linearisation:
         if self._last[0] is not state:
-            self._last = state, self._model.linearise(state)
+            at = self._model.linearise(state)
+            found = {s.name for s in at.sources if s.sd is None}
+            both = {s.name for s in at.sources if s.sd is not None} & found
+            if both:  # the size that is found would be put to all of its causes
+                raise error("solution.two_sizes", name=min(both))
+            self._last = state, at
         return self._last[1]
 
 
@@ -387,10 +368,7 @@ def fit(
 
 
 def with_prior(at: Fit, prior: CoefficientVector | None) -> Fit:
-    """Add what is known of the coefficients to a solution whose sizes and outliers are settled.
-
-    `prior` or None: mean and standard deviation of the coefficients [SI].
-    """
+    """Add a `prior` [SI] to a solution whose sizes and outliers are settled."""
     if prior is None:
         return at
     problem, estimate = stated(at.model, at.sds, prior), at.estimate
@@ -644,10 +622,7 @@ def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]
 
 
 def components(model: Model, estimate: Estimate) -> dict[str, Component]:
-    """Judge every kind of reading, all at one false-alarm rate; what was left out does not count.
-
-    `estimate`: a solution of `stated`.
-    """
+    """Judge every kind of a solution, at one false-alarm rate; what was left out does not count."""
     used = estimate.blocks >= 0
     residuals, free = estimate.residuals[used], 1 - estimate.leverage[used]
     kept = estimate.weights[estimate.blocks[used]] > 0.5
@@ -802,6 +777,21 @@ def held_out(
     )  # fmt: skip
 
 
+def without(at: Fit, part: IntArray) -> tuple[HeldOut, float]:
+    """Predict readings with sizes that were found without them too.
+
+    A reading that is wrong makes the scatter that it then hides behind.
+
+    `part`: their numbers [1]. Returns the prediction, with sizes as they were found, and the
+    degrees of freedom of the one that was found worst; infinite where none was found [1].
+    """
+    weights = at.estimate.weights.copy()
+    weights[part] = gauss_newton.LEFT_OUT
+    found, dof = repeatability(at.model, at.state, weights)
+    told = min((dof[name] for name, sd in found.items() if sd), default=np.inf)
+    return held_out(solve(at.model, found, at.estimate.weights, at.state), [part]), told
+
+
 def drawn(at: Linearisation, rng: np.random.Generator) -> FloatArray:
     """Draw the errors of all readings for one Monte Carlo trial, shape (n, d) [SI]."""
     out = np.zeros_like(at.residuals)
@@ -816,10 +806,7 @@ def drawn(at: Linearisation, rng: np.random.Generator) -> FloatArray:
 
 
 def foreseen(model: Model, prior: CoefficientVector | None = None) -> Linearised:
-    """Return a planned session linearised at its start: covariance and bound follow from it.
-
-    `prior` or None: what is known of the coefficients [SI].
-    """
+    """Return a plan linearised at its start, with a `prior` [SI]: covariance and bound follow."""
     problem = stated(model, {}, prior)
     at = problem.linearise(model.start, np.ones(problem.n_blocks))
     return gauss_newton.with_prior(problem, model.start, at)

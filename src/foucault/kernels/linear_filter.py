@@ -188,17 +188,19 @@ def linear_filter(Phi, jump, half, H, z, R, L, limit, gate, x0, P0, keep):
 
 
 @kernel
-def linear_smoother(Phi, H, R, innovation, predicted, before):
+def linear_smoother(Phi, H, R, innovation, predicted, before, whole):
     """Smooth a Kalman run backward: the modified Bryson-Frazier form, without an inverse.
 
-    Parameters: as `linear_filter` was given and what it kept. Returns states (m, n) and their
+    Parameters: as `linear_filter` was given and what it kept; whole: whether more than the adjoint
+    lambda is wanted, which takes a small part of the time. Returns states (m, n) and their
     covariances (m, n, n) as seen from the end, and the adjoint lambda (n,), Lambda (n, n) at the
     start: with x0, P0 the smoothed start is ``x0 - P0 lambda``, of covariance
     ``P0 - P0 Lambda P0``.
     """
     m, q, n = H.shape
-    states = np.empty((m, n))
-    cov = np.empty((m, n, n))
+    kept = m if whole else 0
+    states = np.empty((kept, n))
+    cov = np.empty((kept, n, n))
     lam, adj = np.zeros(n), np.zeros((n, n))
     gains, variances = np.empty((q, n)), np.empty(q)
     P, u, M = np.empty((n, n)), np.empty(n), np.empty((n, n))
@@ -217,19 +219,23 @@ def linear_smoother(Phi, H, R, innovation, predicted, before):
             h, g, S = H[k, a], gains[a], variances[a]
             c = innovation[k, a]
             for i in range(n):
+                c += g[i] * lam[i]
+            for i in range(n):
+                lam[i] -= h[i] * c / S
+            if not whole:
+                continue
+            for i in range(n):
                 u[i] = 0.0
             for i in range(n):
-                c += g[i] * lam[i]
                 for j in range(n):
                     u[j] += g[i] * adj[i, j] / S
             both = 1.0
             for i in range(n):
                 both += u[i] * g[i]
             for i in range(n):
-                lam[i] -= h[i] * c / S
                 for j in range(n):
                     adj[i, j] += h[i] * h[j] * both / S - h[i] * u[j] - u[i] * h[j]
-        for r in range(n):
+        for r in range(kept and n):
             c = predicted[k, r]
             for i in range(n):
                 c -= before[k, r, i] * lam[i]
@@ -239,25 +245,33 @@ def linear_smoother(Phi, H, R, innovation, predicted, before):
             for i in range(n):
                 for j in range(n):
                     M[r, j] += before[k, r, i] * adj[i, j]
-        for r in range(n):
+        for r in range(kept and n):
             for j in range(n):
                 cov[k, r, j] = before[k, r, j]
             for i in range(n):
                 for j in range(n):
                     cov[k, r, j] -= M[r, i] * before[k, i, j]
-        for i in range(n):  # M = Phi' adj
+        for i in range(n):
             u[i] = lam[i] if i >= many else 0.0
+        for r in range(many):
+            for i in range(n):
+                c = Phi[k, r, i]
+                if c != 0.0:
+                    u[i] += c * lam[r]
+        for i in range(n):
+            lam[i] = u[i]
+        if not whole:
+            continue
+        for i in range(n):  # M = Phi' adj
             for j in range(n):
                 M[i, j] = adj[i, j] if i >= many else 0.0
         for r in range(many):
             for i in range(n):
                 c = Phi[k, r, i]
                 if c != 0.0:
-                    u[i] += c * lam[r]
                     for j in range(n):
                         M[i, j] += c * adj[r, j]
         for i in range(n):  # adj = M Phi
-            lam[i] = u[i]
             for j in range(n):
                 adj[i, j] = M[i, j] if j >= many else 0.0
         for r in range(many):

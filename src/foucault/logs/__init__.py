@@ -6,7 +6,6 @@
 
 from foucault.logs.description import LogDescription
 from foucault.logs.own import write
-from foucault.logs.reading import read
-from foucault.logs.serials import by_serial
+from foucault.logs.reading import by_serial, read
 
 __all__ = ["LogDescription", "by_serial", "read", "write"]

@@ -7,19 +7,20 @@ error. All else is a finding: it is reported with its likely cause, and the work
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.models.earth import EARTH_RATE
 from foucault.models.temperature import KELVIN_IN_CELSIUS
 from foucault.symptoms import SYMPTOMS
+from foucault.tables import AXES, Log
 from foucault.units import STANDARD_GRAVITY, ZERO_CELSIUS, factor, plain, span
 
 GAP = 1.5
@@ -287,6 +288,25 @@ def accel_scale(
     return (finding("log.accel_unit", lines=", or ".join(fits), **words),)
 
 
+RESTS_SLOWER = 0.05
+"""At rest no gyro reads more, unless it is of another unit [rad/s]."""
+
+
+def exchanged_triads(gyro: FloatArray, accel: FloatArray, gravity: float) -> tuple[Finding, ...]:
+    """Find columns of gyros that hold gravity, while those of accelerometers hold hardly anything.
+
+    `gyro`, `accel` (n, 3): what each holds if its columns are those of the other [m/s^2, rad/s];
+    `gravity`: local gravity [m/s^2].
+    """
+    gyro, accel = (np.linalg.norm(_thinned(x), axis=1) for x in (gyro, accel))
+    low, norm, high = np.nanquantile(gyro, (0.25, 0.5, 0.75))
+    slowest = float(np.nanquantile(accel, 0.1))
+    held = _near(norm, gravity, GRAVITY_BAND) and high < GRAVITY_BAND * low
+    if not held or slowest > RESTS_SLOWER:
+        return ()
+    return (finding("log.triads_exchanged", gyro=f"{norm:.4g}", accel=f"{slowest:.2g}"),)
+
+
 def gyro_scale(
     gyro: FloatArray, unit: str, kind: Literal["rate", "increment"]
 ) -> tuple[Finding, ...]:
@@ -384,3 +404,254 @@ def temperature_scale(temperature: FloatArray) -> tuple[Finding, ...]:
     if not abs(middle) > KELVIN_IN_CELSIUS:
         return ()
     return (finding("log.temperature_unit", given=f"{middle:.1f}"),)
+
+
+# -- Saturated and stuck axes, told from the samples alone ---------------------------------------
+# Both show as runs of exactly equal samples. So do coarse sensors at rest and logs without noise,
+# which are neither; the tests below keep them apart.
+
+CLIPPED_RUN = 4
+"""Shortest run at the extreme value that can be saturation [samples]."""
+
+STUCK_TIME = 1.0
+"""An axis that normally moves is stuck when it is constant for longer [s]."""
+
+LONGER = 4.0
+"""And for so many times longer than it repeats a reading otherwise [1]."""
+
+ALTERNATES = 0.25
+"""Of the steps of noise two in three turn back, of those of smooth motion hardly any: a signal has
+noise where more than this do [1]."""
+
+FEW_MOVES = 20
+"""Fewer samples while a signal moves do not tell noise from motion [1]."""
+
+SAME_MEAN = 4.0
+"""Two halves of a rest have means that differ by no more of their noise than this [1]."""
+
+FULL_FLIGHT = 4.5
+"""A clipped signal reaches its limit by a step of more than this many counts [1]."""
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """Runs of equal samples of one axis.
+
+    `first` and `length`, shape (k,), are those of the runs of `CLIPPED_RUN` samples and more;
+    `count` is the number of all runs, and `resolution` the smallest step between two.
+    """
+
+    first: IntArray
+    length: IntArray
+    count: int
+    resolution: float
+
+
+def check(
+    time: FloatArray,
+    values: FloatArray,
+    triad: str,
+    limits: FloatArray | None = None,
+    zero: float | None = None,
+) -> tuple[Finding, ...]:
+    """Look for saturated and stuck axes of one triad.
+
+    `time` (n,): time of each sample [s]; `values` (n, 3): the samples as recorded, before
+    increments are divided by the interval [SI]; `limits` (3, 2) or None: declared range of each
+    axis, lowest and highest [SI]; `zero`: time that texts count from, None is that of the first
+    sample given [s]. Returns one for each saturated and each stuck axis.
+    """
+    if len(time) < 10:
+        return ()
+    zero = float(time[0]) if zero is None else zero
+    needed = long_enough(float(np.median(np.diff(time))))
+    found = []
+    for i, axis in enumerate(AXES):
+        x = np.ascontiguousarray(values[:, i])
+        if np.isnan(x).all():  # not logged
+            continue
+        runs = _runs(x)
+        words = {"triad": triad, "axis": axis}
+        told = _clipped(x, runs) if limits is None else _at_limit(x, runs, limits[i])
+        still = _stuck(x, values, i, runs, needed)
+        # What stands still at the end of its range, and came there in full flight, is not stuck.
+        if still is not None and (told is None or x.min() < x[still[0]] < x.max()):
+            start, end = still
+            words |= {"start": moment(time[start] - zero), "end": moment(time[end - 1] - zero)}
+            found.append(finding("log.stuck", **words))
+        elif told is not None:
+            first, count = told
+            words["start"] = moment(time[first] - zero)
+            found.append(finding("log.saturated", count=count, **words))
+    return tuple(found)
+
+
+def long_enough(interval: float) -> int:
+    """Return the number of samples that do not repeat one reading by chance [1].
+
+    `interval`: sample interval [s].
+    """
+    return max(10, int(np.ceil(STUCK_TIME / interval)))
+
+
+def _runs(x: FloatArray) -> _Runs:
+    step = np.abs(np.diff(x))
+    changes = np.flatnonzero(step) + 1
+    resolution = float(step[changes - 1].min()) if len(changes) else 0.0
+    del step  # a log of ten million rows leaves no room for more than a few columns
+    bounds = np.concatenate(([0], changes, [len(x)]))
+    del changes
+    length = np.diff(bounds)
+    long = np.flatnonzero(length >= CLIPPED_RUN)
+    return _Runs(bounds[long], length[long], len(length), resolution)
+
+
+def _at_limit(x: FloatArray, runs: _Runs, limits: FloatArray) -> tuple[int, int] | None:
+    """Return the first row within one count of the declared limits, and the number of rows."""
+    slack = max(runs.resolution, 1e-9 * float(limits[1] - limits[0]))
+    rows = np.flatnonzero((x <= limits[0] + slack) | (x >= limits[1] - slack))
+    return (int(rows[0]), len(rows)) if len(rows) else None
+
+
+def _clipped(x: FloatArray, runs: _Runs) -> tuple[int, int] | None:
+    """Return the first row of a run at the extreme value, and the number of rows, or None."""
+    if runs.count < 3:
+        return None
+    before = np.abs(x[runs.first] - x[np.maximum(runs.first - 1, 0)])
+    end = runs.first + runs.length
+    after = np.abs(x[end - 1] - x[np.minimum(end, len(x) - 1)])
+    # A quantised signal also lingers at its top while it turns round, but it gets there by
+    # steps of one or two counts. A clipped one arrives in full flight.
+    arrives = np.maximum(before, after) > FULL_FLIGHT * runs.resolution
+    flat = arrives & (runs.length >= 3 * len(x) / runs.count)
+    value = x[runs.first]
+    extreme = (value == x.max()) | (value == x.min())
+    inside, outside = (int(runs.length[flat & where].sum()) for where in (~extreme, extreme))
+    # Where such plateaus are as common inside the range, the log is free of noise (simulated).
+    if outside <= inside:
+        return None
+    return int(runs.first[flat & extreme][0]), outside
+
+
+def _stuck(
+    x: FloatArray, values: FloatArray, i: int, runs: _Runs, needed: int
+) -> tuple[int, int] | None:
+    """Return the first row of a stuck time of axis `i` and the row after its last, or None."""
+    if runs.count == 1:
+        return 0, len(x)
+    chosen = runs.length >= needed
+    constant = list(zip(runs.first[chosen], runs.length[chosen], strict=True))
+    rest = len(x) - int(runs.length[chosen].sum())
+    # Outside these runs a fine sensor changes with nearly every sample; a coarse one does not,
+    # and says nothing by being constant.
+    if not constant or rest < needed or runs.count - len(constant) < 0.5 * rest:
+        return None
+    # Pulses of a steady rate come as evenly as they can: where some repeat for almost as long,
+    # that one repeats for longer is their resolution.
+    usual_run = int(runs.length[~chosen].max(initial=CLIPPED_RUN))
+    step = np.abs(np.diff(x))
+    usual = float(np.quantile(step[step > 0], 0.25))
+    others = [j for j in range(3) if j != i and np.ptp(values[:, j]) > 0]
+    for first, length in constant:
+        if length < LONGER * usual_run:
+            continue
+        # What stopped with it may happen to read the same a few rows earlier or later.
+        inside = slice(first + usual_run, first + length - usual_run)
+        moved = np.ptp(values[inside, others], axis=0)
+        still = moved == 0
+        # Neighbours that are as still: a log without noise, or they were lost together.
+        if still.any() and (len(constant) > 1 or not noisy(x)):
+            return None
+        # All three: a sensor too coarse to show noise at rest, unless it does in another rest.
+        if still.all() and not _shows_noise_at_rest(values, needed):
+            return None
+        if (moved[~still] >= 3 * usual).all():
+            return int(first), int(first + length)
+    return None
+
+
+def standstill(x: FloatArray, needed: int) -> tuple[int, int] | None:
+    """Return the first and the last row of a time in which a noisy signal repeats one reading.
+
+    `x` (n,): readings of one sensor that others do not tell anything of [unit]; `needed`: so many
+    rows do not read the same by chance [1].
+    """
+    runs = _runs(np.ascontiguousarray(x))
+    chosen = runs.length >= needed
+    rest = len(x) - int(runs.length[chosen].sum())
+    if not chosen.any() or rest < needed or runs.count - int(chosen.sum()) < 0.5 * rest:
+        return None
+    k = int(np.argmax(runs.length))
+    # Shorter runs are not listed; where each row reads otherwise, there is none.
+    unlisted = CLIPPED_RUN - 1 if runs.count - len(runs.length) < len(x) - runs.length.sum() else 1
+    usual = int(runs.length[~chosen].max(initial=unlisted))
+    if runs.length[k] < LONGER * usual or not noisy(x):
+        return None
+    return int(runs.first[k]), int(runs.first[k] + runs.length[k] - 1)
+
+
+def _shows_noise_at_rest(values: FloatArray, needed: int) -> bool:
+    """Tell whether all axes stay where they are for `needed` samples and change with each."""
+    n = len(values) // needed
+    x = values[: n * needed].reshape(n, needed, 3)
+    step = np.diff(x, axis=1)
+    half = needed // 2
+    moved = np.abs(x[:, half:].mean(axis=1) - x[:, :half].mean(axis=1))
+    # Of white noise the difference of two means scatters by twice its sd over the root of the
+    # number, and the step of two samples by 1.4 times its sd.
+    noise = np.sqrt(2.0 * (step**2).mean(axis=1) / needed)
+    changes = (step != 0).mean(axis=1) > 0.5
+    return bool(np.any(np.all(changes & (moved < SAME_MEAN * noise), axis=1)))
+
+
+def noisy(x: FloatArray) -> bool:
+    """Tell whether a signal goes up and down from sample to sample, as noise does.
+
+    Where motion is larger than noise, fourth differences have next to nothing of the motion left.
+
+    `x` (n,): readings of one sensor [unit].
+    """
+    step = np.diff(x)
+    changes = step[step != 0]
+    if len(changes) > 2 and float(np.mean(changes[1:] * changes[:-1] < 0)) > ALTERNATES:
+        return True
+    fourth = np.diff(step, 3)
+    # Where it moves throughout, so that ends of ramps are none, and by more than digits round.
+    moves = np.convolve(step != 0, np.ones(4), "valid") == 4
+    if moves.sum() < FEW_MOVES:
+        return False
+    count = float(np.diff(np.unique(x)).min())
+    least = max(count, 1e-12 * float(np.abs(x).max()))
+    large = moves & (np.abs(fourth) > 4.0 * least)
+    turns = large[1:] & large[:-1] & (fourth[1:] * fourth[:-1] < 0)
+    return bool(turns.sum() > 0.5 * moves.sum())
+
+
+def spared(
+    findings: tuple[Finding, ...],
+    log: Log,
+    gyro: Sequence[tuple[FloatArray, FloatArray]] | None,
+    accel: Sequence[tuple[FloatArray, FloatArray]] | None,
+) -> tuple[Finding, ...]:
+    """Tell saturation as a note where no reading that was used is at the limit.
+
+    `log`: readings [SI]; `gyro`, `accel`: start and duration, each (k,), of the readings that were
+    used [s]; None where all were. Returns the findings, others as they were.
+    """
+    out = []
+    for told in findings:
+        triad, axis = (*told.message.split(), "", "")[:2]
+        parts = {"gyro": gyro, "accel": accel}.get(triad)
+        if told.code == "log.saturated" and parts is not None and log.sampled != "increment":
+            x = getattr(log, triad)[:, AXES.index(axis)]
+            top = (x == np.nanmax(x)) | (x == np.nanmin(x))
+            pairs = top[1:] & top[:-1] & (np.diff(x) == 0)  # one reading alone is noise
+            at = log.time[1:][pairs]
+            inside = [
+                np.searchsorted(at, start) < np.searchsorted(at, start + time)
+                for start, time in parts
+            ]
+            if not any(part.any() for part in inside):
+                told = replace(told, severity="note")
+        out.append(told)
+    return tuple(out)

@@ -2,18 +2,30 @@
 
 Everything a file cannot say about itself is declared, never guessed: units above all. Only
 files written by this package need no description, because they say it themselves.
+
+From the words of a description to column numbers of a file.
+
+What the titles of the columns of a file say: which axis, and in which unit.
+
+``gyro_x (deg/s)``, ``acc_x [g]``, ``time_ms``. A triad in a unit of increments, such as ``gyro_x
+(rad)`` and ``accel_x (m/s)``, holds increments, if all triads do. Used only for a log that nobody
+described; what a campaign declares is never overruled.
+
+What a file or its format says about itself, and what must still be described.
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from foucault.arrays import FloatArray
-from foucault.errors import FoucaultError, error
-from foucault.logs.columns import titled_axis
+from foucault.errors import Finding, FoucaultError, error, finding, suggestion
 from foucault.logs.layout import (
     COUNTS,
     Averaged,
@@ -27,7 +39,150 @@ from foucault.logs.layout import (
     no_count_scale,
     scaled_unit,
 )
+from foucault.logs.raw import RawTable, open_raw
 from foucault.tables import AXES
+
+if TYPE_CHECKING:
+    from foucault.logs.layout import ColumnName
+
+TIME_NAMES = ("time", "t", "timestamp", "time_s", "seconds", "sec")
+TEMPERATURE_NAMES = ("temperature", "temp")
+TRIAD_PREFIXES = {
+    "gyro": ("gyro", "gyr", "g", "w", "omega", "angular_velocity"),
+    "accel": ("accel", "acc", "a", "f", "linear_acceleration"),
+}
+"""Usual beginnings of column names; ``gx``, ``gyr_x``, ``gyro.x`` and ``Gyro X`` all count."""
+
+SINGLE_NAMES = {
+    "gyro": ("rate", "angularrate", "rotationrate"),
+    "accel": ("acceleration", "specificforce"),
+}
+"""Usual names of the only column of a triad, without spaces."""
+
+
+OWN_LOG = """\
+[log]
+file = "log.csv"                        # relative to this file; it says itself what it holds
+"""
+"""[log] of a simulated log that no column and unit can describe: means over the intervals."""
+
+
+def log_head(note: str = "", *, before_gyro: str = "", up: str = "") -> str:
+    """Return how [log] of an IMU begins in a template.
+
+    `note`: on the file; `before_gyro`: lines; `up`: what [log] says of the accelerometers besides.
+    """
+    return f"""\
+[log]
+file = "log.csv"                        # {note}relative to this file
+# CSV or spaced text (.gz too), Parquet, .npy, .npz, .mat and binary records can be read.
+# Columns by name, or by number from 0 in a file without a header; "-gy" flips a sign.
+# Numbers such as 9,81: write decimal = "," too; what stands between columns is found.
+# Without a time column write rate = "100 Hz" instead of `time`.
+time = {{ column = "time", unit = "s" }}
+{before_gyro}\
+gyro = {{ columns = ["gyro_x", "gyro_y", "gyro_z"], unit = "rad/s" }}
+accel = {{ columns = ["accel_x", "accel_y", "accel_z"], unit = "m/s^2"{up} }}
+"""
+
+
+def find(
+    raw: RawTable, wanted: ColumnName, path: Path, block: str, table: str = "log"
+) -> tuple[int, float]:
+    """Find one column.
+
+    `wanted`: name, or number from 0, text may start with "-"; `block`: block of the campaign that
+    names the column, for the error text; `table`: table of the campaign that the block is in, for
+    the error text. Returns `number`: number of the column; `sign`: -1.0 where the sign is to be
+    turned, else 1.0.
+    """
+    if isinstance(wanted, str) and wanted in raw.names:
+        return raw.names.index(wanted), 1.0
+    text = _spaced(str(wanted))
+    if isinstance(wanted, str) and raw.named:
+        # Spaces at the ends are not seen; and `t` names "t (s)" too. Where only one is called so.
+        for known in (_spaced, _bare):
+            alike = [i for i, name in enumerate(raw.names) if known(name) == text]
+            if len(alike) == 1:
+                return alike[0], 1.0
+            if alike:
+                break
+    if isinstance(wanted, str) and text.startswith("-"):
+        number, _ = find(raw, text[1:], path, block, table)
+        return number, -1.0
+    if text.isdecimal() and len(text) < 9 and int(text) < len(raw.names):
+        return int(text), 1.0
+    if raw.named:
+        hint = suggestion(text, raw.names)
+        allowed = "The columns are " + ", ".join(raw.names) + "."
+    else:
+        hint = ""
+        count = len(raw.names)
+        allowed = f"The file has no names; its {count} columns are numbered 0 to {count - 1}."
+    words = {"hint": hint, "allowed": allowed, "table": table, "block": block}
+    raise error("log.unknown_column", file=path.name, name=text, **words)
+
+
+def guess(raw: RawTable, block: str, path: Path) -> list[int]:
+    """Find the columns of a block by the names people usually give them.
+
+    Returns column numbers: one, or three for a triad.
+    """
+    plain = [_plain(name) for name in raw.names] if raw.named else []
+    singles = {"time": TIME_NAMES, "temperature": TEMPERATURE_NAMES}.get(block)
+    groups: list[Sequence[str]]
+    if singles is not None:
+        groups = [[name] for name in singles]
+    else:
+        groups = [[p + axis for axis in AXES] for p in TRIAD_PREFIXES[block]]
+    for group in groups:
+        names = [re.sub(r"[^a-z0-9]", "", name) for name in group]
+        if set(names) <= set(plain):
+            return [plain.index(name) for name in names]
+    example = "columns = [1, 2, 3]" if singles is None else "column = 0"
+    have = f"columns {', '.join(raw.names)}" if raw.named else f"{len(raw.names)} unnamed columns"
+    raise error("log.cannot_guess", file=path.name, block=block, have=have, example=example)
+
+
+def guess_some(raw: RawTable, block: str) -> list[int | None]:
+    """Find the columns of a triad that lacks some, by the names people usually give them.
+
+    Returns column numbers of x, y, z; a single column without an axis in its name is x; empty
+    where there is none.
+    """
+    plain = [_plain(name) for name in raw.names] if raw.named else []
+    known = [re.sub(r"[^a-z0-9]", "", p) for p in TRIAD_PREFIXES[block]]
+    for prefix in known:
+        found = [plain.index(prefix + a) if prefix + a in plain else None for a in AXES]
+        if found != [None] * 3:
+            return found
+    alone = [i for i, name in enumerate(plain) if name in (*known, *SINGLE_NAMES[block])]
+    return [alone[0], None, None] if len(alone) == 1 else []
+
+
+def titled_axis(title: str) -> int:
+    """Return the number of the axis that a title names, as "gyro_z (deg/s)" does; else 0, for x."""
+    word = _plain(title)
+    named = [p for known in TRIAD_PREFIXES.values() for p in known]
+    prefixes = {re.sub(r"[^a-z0-9]", "", p) for p in named} | {""}
+    ends = bool(re.search(r"[_. -][xyzXYZ]$", re.sub(r"\s*[(\[].*", "", title.strip())))
+    return AXES.index(word[-1]) if word[-1:] in AXES and (ends or word[:-1] in prefixes) else 0
+
+
+def _bare(name: str) -> str:
+    """Return a column's `name` without a unit in brackets."""
+    return re.sub(r"\s*[(\[][^)\]]*[)\]]\s*$", "", _spaced(name))
+
+
+def _spaced(name: str) -> str:
+    """Return a title without spaces at its ends, and one of each within."""
+    return " ".join(name.split())
+
+
+def _plain(name: str) -> str:
+    # "Gyro_X (deg/s)" and "gyro x [deg/s]" both mean gyrox
+    return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[].*", "", name).lower())
+
 
 Direction = Literal["x up", "x down", "y up", "y down", "z up", "z down"]
 
@@ -304,3 +459,171 @@ class LogDescription(FileLayout):
         if len(found) > 1 and self.file in found and not found[self.file]:
             del found[self.file]  # every block names its own file
         return {file: tuple(names) for file, names in found.items()}
+
+
+_BRACKETS = re.compile(r"[^(\[]+[(\[]\s*([^)\]]+?)\s*[)\]]")
+_ENDINGS = {
+    "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns"},
+    "gyro": {"dps": "deg/s", "deg_s": "deg/s", "rad_s": "rad/s"},
+    "accel": {"g": "g", "mg": "mg", "m_s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2"},
+    "temperature": {"c": "degC", "degc": "degC", "k": "K"},
+}
+"""How names end that carry their unit without brackets: ``time_ms``, ``gyro_x_dps``."""
+
+_RATES = {"gyro": "angular rate", "accel": "specific force"}
+_INCREMENTS = {"gyro": "angle increment", "accel": "velocity increment"}
+"""What triads measure, and those whose rows are integrals over the interval before."""
+
+
+def description_of(path: Path) -> tuple[LogDescription, tuple[Finding, ...]]:
+    """Describe a log by the titles of its columns, or not at all where it describes itself."""
+
+    alone = LogDescription.model_validate({"file": path.name})
+    raw = open_raw(path, alone)
+    if raw.declared is not None:
+        return alone, ()
+    have = "the columns " + ", ".join(raw.names) if raw.named else f"{len(raw.names)} columns"
+    words = {"file": path.name, "have": have}
+    try:
+        said = _blocks(raw, path)
+        described = LogDescription.model_validate({"file": path.name, **said})
+    except FoucaultError as problem:  # a unit that is not known, or counts without a scale
+        raise error("log.bare", reason=problem.message.rstrip("."), **words) from None
+    except ValueError as problem:
+        raise error("log.bare", reason=problem, **words) from None
+    units = ", ".join(
+        f"{name} in {about['unit']}" + " (increments)" * ("kind" in about)
+        for name, about in said.items()
+    )
+    return described, (finding("log.units_from_titles", file=path.name, units=units),)
+
+
+def _blocks(raw: RawTable, path: Path) -> dict[str, dict[str, Any]]:
+    if not raw.named:
+        raise ValueError("the file has no titles")
+    found: dict[str, dict[str, Any]] = {}
+    for block, endings in _ENDINGS.items():
+        bare = tuple(_without(name, endings) for name in raw.names)
+        try:
+            numbers = guess(RawTable(bare, True, raw.blocks), block, path)
+        except FoucaultError:
+            continue
+        names = [raw.names[n] for n in numbers]
+        if block == "time" and numbers[0] in raw.stamps:
+            given: set[str | None] = {"iso"}
+        else:
+            given = {unit_in(name, endings) for name in names}
+        if None in given or len(given) != 1:
+            raise ValueError(f"the titles of {block} do not give one unit: {', '.join(names)}")
+        key = {"column": numbers[0]} if len(numbers) == 1 else {"columns": numbers}
+        found[block] = {**key, "unit": given.pop()}
+    if not found.keys() & {"gyro", "accel"}:
+        found |= _some_axes(raw)
+    if "time" not in found:
+        raise ValueError("no column has a usual name of time")
+    if not found.keys() & {"gyro", "accel"}:
+        raise ValueError(
+            "no three columns have usual names of gyro or accelerometer, nor has one with a unit"
+        )
+    triads = {name: said for name, said in found.items() if name in _INCREMENTS}
+    if all(_measures(said["unit"], _INCREMENTS[name]) for name, said in triads.items()):
+        for said in triads.values():
+            said["kind"] = "increment"
+    return found
+
+
+def _some_axes(raw: RawTable) -> dict[str, dict[str, Any]]:
+    """Describe triads that lack columns, such as a single gyro, where the titles give the unit."""
+    found: dict[str, dict[str, Any]] = {}
+    for block, kind in _RATES.items():
+        bare = tuple(_without(name, _ENDINGS[block]) for name in raw.names)
+        numbers = guess_some(RawTable(bare, True, raw.blocks), block)
+        units = {unit_in(raw.names[n], _ENDINGS[block]) for n in numbers if n is not None}
+        unit = units.pop() if len(units) == 1 else None
+        if unit is not None and (_measures(unit, kind) or _measures(unit, _INCREMENTS[block])):
+            found[block] = {"columns": numbers, "unit": unit}
+    return found
+
+
+def _measures(unit: str, kind: str) -> bool:
+    try:
+        scaled_unit(unit, kind)
+    except FoucaultError:
+        return False
+    return True
+
+
+def unit_in(title: str, endings: dict[str, str]) -> str | None:
+    """Return the unit in a column's `title`, None where it has none.
+
+    `endings`: how names may end that carry their unit, and that unit.
+    """
+    inside = _BRACKETS.fullmatch(title.strip())
+    if inside:
+        return re.sub(r"(?<=s)2$", "^2", inside[1])
+    low = title.strip().lower()
+    return next((unit for end, unit in endings.items() if low.endswith(f"_{end}")), None)
+
+
+def _without(title: str, endings: dict[str, str]) -> str:
+    """Return a column's `title` without an ending that is its unit."""
+    low = title.strip().lower()
+    end = next((end for end in endings if low.endswith(f"_{end}")), None)
+    return title.strip() if end is None else title.strip()[: -len(end) - 1]
+
+
+def describes_itself(path: Path) -> bool:
+    """Tell whether the file at `path` says itself what its columns are, and in which units."""
+
+    plain = LogDescription.model_validate({"file": path.name})
+    try:
+        return open_raw(path, plain).described
+    except FoucaultError:  # it needs a description even to be opened, or is not there
+        return False
+
+
+def complete(
+    description: LogDescription, wanted: tuple[str, ...], raw: RawTable, path: Path
+) -> tuple[LogDescription, tuple[str, ...]]:
+    """Fill in what a file or its format says about itself; others must be described.
+
+    `wanted`: blocks that the description takes from this file.
+    """
+    given = description.gyro is not None or description.accel is not None
+    if given and (raw.declared is None or raw.marker):
+        return description, wanted
+    if raw.declared is None:
+        have = ", ".join(raw.names) if raw.named else f"{len(raw.names)} unnamed columns"
+        raise error("log.undescribed", file=path.name, have=have)
+    if not raw.declared.keys() & {"gyro", "accel"}:
+        raise error("log.cannot_guess", file=path.name, block="gyro", have=", ".join(raw.names),
+                    example='columns = ["gyro_x", "gyro_y", "gyro_z"]')  # fmt: skip
+    blocks = dict(raw.declared) if raw.marker else _over(raw.declared, description, path)
+    said = description.model_dump(exclude={"time", "temperature", "table", "averaged"})
+    if "time" in blocks:
+        del said["rate"]
+    filled = type(description).model_validate({**said, **blocks})
+    return filled, tuple(name for name in blocks if name not in ("time", "clock"))
+
+
+def _over(declared: Mapping[str, Any], description: LogDescription, path: Path) -> dict[str, Any]:
+    """Let what a description gives take the place of what a format declares, key by key."""
+    out: dict[str, Any] = {
+        name: dict(block) if isinstance(block, Mapping) else block
+        for name, block in declared.items()
+    }
+    if description.rate is not None:
+        out.pop("time", None)
+        out.pop("clock", None)
+    if description.clock is not None:
+        out["clock"] = description.clock
+    for name in ("time", "gyro", "accel", "temperature", "table", "averaged"):
+        block = getattr(description, name)
+        if block is not None:
+            given = block.model_dump(mode="json", exclude_unset=True)
+            out[name] = out.get(name, {}) | given
+    for name in ("gyro", "accel"):
+        if "unit" not in out.get(name, {"unit": ""}):
+            raise error("log.open_unit", file=path.name, block=name,
+                        kind=out[name].get("kind", "rate"))  # fmt: skip
+    return out

@@ -1,9 +1,9 @@
 """A file of any format as columns of plain numbers, before they mean anything.
 
-Each format has one module with one function, ``open_raw(path, description, progress)``, which
-returns a `RawTable`. The table hands out its rows in blocks, so that no more than one block
-exists beside the finished log. A format that says what its columns are also returns the blocks of
-a description that say it.
+Each format has one function, ``open_csv(path, description, progress)`` or so, in `text` or
+`formats`, which returns a `RawTable`. The table hands out its rows in blocks, so that no more than
+one block exists beside the finished log. A format that says what its columns are also returns the
+blocks of a description that say it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, FoucaultError, error
 from foucault.files import free_memory
-from foucault.logs.encoding import is_text, open_text
+from foucault.logs.dialect import is_text, open_text
 from foucault.logs.own import describe, sampled_of
 
 if TYPE_CHECKING:
@@ -75,19 +75,20 @@ class RawTable:
         return bool(triads) and all("unit" in triad for triad in triads)
 
 
-_MODULES = {
-    "csv": "delimited",
-    "text": "delimited",
-    "parquet": "parquet",
-    "npy": "numpy_arrays",
-    "npz": "numpy_arrays",
-    "mat": "matlab",
-    "binary": "binary",
-    "ros": "ros",
-    "ulog": "ulog",
-    "novatel": "sentences",
-    "vectornav": "sentences",
+_READERS = {
+    "csv": "text.open_delimited",
+    "text": "text.open_delimited",
+    "parquet": "formats.open_parquet",
+    "npy": "formats.open_numpy",
+    "npz": "formats.open_numpy",
+    "mat": "formats.open_matlab",
+    "binary": "formats.open_binary",
+    "ros": "formats.open_ros",
+    "ulog": "formats.open_ulog",
+    "novatel": "text.open_sentences",
+    "vectornav": "text.open_sentences",
 }
+"""Format -> module and function that opens it."""
 _SUFFIXES = {
     ".csv": "csv",
     ".tsv": "csv",
@@ -130,8 +131,9 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None = No
 
     try:
         name = _format(path, description)
-        module = import_module(f"foucault.logs.{_MODULES[name]}")
-        table: RawTable = module.open_raw(path, description, watched)
+        module, _, function = _READERS[name].partition(".")
+        opened = getattr(import_module(f"foucault.logs.{module}"), function)
+        table: RawTable = opened(path, description, watched)
     except FoucaultError:
         raise
     except MemoryError as problem:

@@ -9,21 +9,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Finding, FoucaultError, error
 from foucault.files import sha256
-from foucault.logs import axes, checks, columns
-from foucault.logs.declared import complete
-from foucault.logs.own import ANGLES
-from foucault.logs.raw import Progress, RawTable, kept, open_raw
-from foucault.logs.table_rows import (
+from foucault.logs import checks
+from foucault.logs import checks as axes
+from foucault.logs import description as columns
+from foucault.logs.description import complete
+from foucault.logs.own import (
+    ANGLES,
     angles_at_times,
     joined_tables,
     means_log,
     table_of,
     whole_numbers,
 )
+from foucault.logs.raw import Progress, RawTable, kept, open_raw
 from foucault.tables import Log
+from foucault.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription, Triad
@@ -188,7 +191,6 @@ def usable(
 
 def _only(description: LogDescription, folder: str | Path, progress: Progress | None) -> Log:
     """Read a file with a column of serial numbers that holds one instrument."""
-    from foucault.logs.serials import by_serial, serials
 
     names = serials(description, folder)
     file = next(iter(description.files()))
@@ -428,7 +430,13 @@ def implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:
         counts = block.scale is not None
         one = None if counts else abs(float(block.conversion()[1][0]))
         each = log.interval if log.averaged is None else float(np.median(log.averaged))
-        found += checks.accel_scale(log.accel, each, ", ".join(block.units), one, block.kind)
+        if log.gyro is not None and used.gyro is not None:
+            ratio = np.abs(block.conversion()[1] / used.gyro.conversion()[1])
+            sizes = (log.gyro * ratio, log.accel / ratio)
+            found += checks.exchanged_triads(*sizes, STANDARD_GRAVITY)
+        if not found:
+            units = ", ".join(block.units)
+            found += checks.accel_scale(log.accel, each, units, one, block.kind)
         if counts:
             found += checks.standard_gravity(block.scale)
     if used.time is not None and log.averaged is None and len(log) > 2:
@@ -442,3 +450,149 @@ def implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:
     if log.temperature is not None:
         found += checks.temperature_scale(log.temperature)
     return found
+
+
+# -- Logs of several instruments in one file, told apart by a column of serial numbers -----------
+# The column is read first. Then the rows of an instrument are held until its last one has come,
+# and handed on as a log of its own: one instrument at a time is in memory where the file holds one
+# after the other, all of them where their rows are mixed.
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """Which rows belong to whom: runs of rows with the same serial number.
+
+    `start` and `code`, shape (k,), are the first row of each run and the number of its instrument
+    in `names`; `last`, shape (len(names),), is the row after the last of each instrument.
+    """
+
+    names: list[str]
+    start: IntArray
+    code: IntArray
+    last: IntArray
+
+
+def by_serial(
+    description: LogDescription, folder: str | Path = ".", progress: Progress | None = None
+) -> Iterator[tuple[str, Log | FoucaultError]]:
+    """Read the log of each instrument of a file with a column of serial numbers.
+
+    `description`: file, columns and units, `serial` names the column; `folder`: folder that a
+    relative file name starts from; `progress` or None: called with the fraction done, from 0 to
+    1. Returns serial number and log, in the order in which the instruments end [SI]; where the
+    rows of one cannot be a log, the reason, and the others go on.
+    """
+    from foucault.logs.description import complete
+
+    raw, path, runs = _opened(description, folder, progress)
+    ((_, wanted),) = description.files().items()
+    used, blocks = complete(description, wanted, raw, path)
+    sampled = raw.sampled if used is not description else None
+    held: dict[int, list[dict[str, FloatArray]]] = {}
+    row = 0
+    for part in converted(used, blocks, raw, path):
+        count = len(next(iter(part.values())))
+        for code, rows in _split(runs, row, count):
+            piece = {key: values[rows].copy() for key, values in part.items()}
+            held.setdefault(code, []).append(piece)
+            if runs.last[code] <= row + int(rows.stop):
+                pieces = held.pop(code)
+                yield runs.names[code], _log(pieces, runs.names[code], used, sampled, path)
+        row += count
+
+
+def serials(description: LogDescription, folder: str | Path = ".") -> list[str]:
+    """Return the serial numbers in a file, in the order in which they first appear.
+
+    `description`: file, columns and units, `serial` names the column; `folder`: folder that a
+    relative file name starts from.
+    """
+    return _opened(description, folder, None)[2].names
+
+
+def _opened(
+    description: LogDescription, folder: str | Path, progress: Progress | None
+) -> tuple[RawTable, Path, _Runs]:
+    files = description.files()
+    if len(files) != 1:
+        raise error("log.serial_files", count=len(files), files=", ".join(files))
+    path = Path(folder) / next(iter(files))
+    raw = open_raw(path, description, progress)
+    if description.serial is None:
+        raise error("log.no_serial", file=path.name)
+    number, _ = columns.find(raw, description.serial, path, "serial")
+    runs = _runs(raw, number)
+    if not runs.names:
+        raise error("log.empty", file=path.name)
+    return raw, path, runs
+
+
+def _runs(raw: RawTable, number: int) -> _Runs:
+    known: dict[str, int] = {}
+    starts, codes = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+    last: list[int] = []
+    row, before = 0, -1
+    for words in _words(raw, number):
+        code = np.array([known.setdefault(word.strip(), len(known)) for word in words])
+        new = np.flatnonzero(np.diff(code, prepend=before))
+        starts.append(row + new)
+        codes.append(code[new])
+        last += [0] * (len(known) - len(last))
+        seen, back = np.unique(code[::-1], return_index=True)
+        for c, k in zip(seen.tolist(), back.tolist(), strict=True):
+            last[c] = row + len(code) - k
+        row, before = row + len(code), int(code[-1])
+    return _Runs(list(known), np.concatenate(starts), np.concatenate(codes), np.array(last))
+
+
+def _words(raw: RawTable, number: int) -> Iterator[list[str]]:
+    if raw.words is not None:
+        yield from (words for words in raw.words(number) if words)
+        return
+    for block in raw.blocks([number]):
+        if len(block):
+            yield [f"{value:g}" for value in block[:, 0]]
+
+
+def _split(runs: _Runs, row: int, count: int) -> Iterator[tuple[int, slice]]:
+    """Yield the runs that a block of `count` rows from `row` holds, as slices of the block."""
+    first = int(np.searchsorted(runs.start, row, side="right")) - 1
+    last = int(np.searchsorted(runs.start, row + count, side="left"))
+    for k in range(first, last):
+        start = max(int(runs.start[k]) - row, 0)
+        end = int(runs.start[k + 1]) - row if k + 1 < len(runs.start) else count
+        yield int(runs.code[k]), slice(start, min(end, count))
+
+
+def _log(
+    pieces: list[dict[str, FloatArray]],
+    serial: str,
+    used: LogDescription,
+    sampled: Any,
+    path: Path,
+) -> Log | FoucaultError:
+    try:
+        return _made(pieces, serial, used, sampled, path)
+    except FoucaultError as problem:
+        return problem
+
+
+def _made(
+    pieces: list[dict[str, FloatArray]],
+    serial: str,
+    used: LogDescription,
+    sampled: Any,
+    path: Path,
+) -> Log:
+    """Make the log of one instrument from its rows."""
+
+    data = {key: np.concatenate([piece[key] for piece in pieces]) for key in pieces[0]}
+    data = timed(data, used)
+    data, told = usable(data, used, f"{path.name}, {serial}")
+    source = {
+        "file": path.name,
+        "serial": serial,
+        "rows": len(data["time"]),
+        "description": used.model_dump(mode="json", exclude_none=True),
+    }
+    return finished(data, used, sampled, told, source)

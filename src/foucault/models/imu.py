@@ -7,7 +7,7 @@ For each triad, with true specific force f and true angular rate w in body axes 
     q(f)  = (fx^2, fy^2, fz^2, fx fy, fx fz, fy fz)
 
 A gyro whose scale factor is no constant says ``r + A_g |r| + C_g r^3 + b_g + G f`` instead, with
-the rate sensed ``r = (I + S_g + M_g) w`` and diagonal A_g, C_g: see `models.gyro_scale`. An
+the rate sensed ``r = (I + S_g + M_g) w`` and diagonal A_g, C_g: see `models.deflection`. An
 accelerometer that scales unlike in its two senses says ``p + A_a |p| + b_a + K_a q(f)`` with
 ``p = (I + S_a + M_a) f``. Gyros that bend under specific force sense
 ``r = (I + S_g + M_g + D(f)) w`` with ``D_ij(f) = T_ijk f_k``: see `models.deflection`.
@@ -29,6 +29,8 @@ References
 .. [2] IEEE Std 647-2006 and 952-1997 (gyro model equation).
 .. [3] P. D. Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation
    Systems*, 2nd ed., 2013, eqs. (4.16), (4.17).
+
+The equations of `models.imu` in words, as results store and reports typeset them.
 """
 
 from __future__ import annotations
@@ -42,18 +44,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.models import deflection, gyro_scale
-from foucault.models.imu_equations import (
-    EQUATION,
-    FULL_EQUATION,
-    FULL_INVERSE,
-    INVERSE,
-    INVERSES,
-    SCALE_EQUATION,
-    SCALE_INVERSE,
-    SIZE_EQUATION,
-    SIZE_INVERSE,
-)
+from foucault.models import deflection
 from foucault.models.imu_layout import (
     LAYOUT,
     LINEAR_LOWER,
@@ -66,6 +57,62 @@ from foucault.models.imu_layout import (
     subset,
 )
 from foucault.tables import AXES, Log
+
+_ACCEL = "accel = (I + S_a + M_a) f + b_a + K_a q(f);  "
+_WORDS = (
+    "f: true specific force, w: true angular rate, both in body axes; "
+    "q(f) = (fx^2, fy^2, fz^2, fx fy, fx fz, fy fz)"
+)
+_ACCEL_INVERSE = "f = (I + S_a + M_a)^-1 (accel - b_a - K_a q(f));  "
+
+EQUATION = f"{_ACCEL}gyro = (I + S_g + M_g) w + b_g + G f;  {_WORDS}"
+"""The model equation in words, as stored in results."""
+
+INVERSE = f"{_ACCEL_INVERSE}w = (I + S_g + M_g)^-1 (gyro - b_g - G f)"
+"""The same solved for what is true, as `ImuModel.compensate` does it."""
+
+SCALE_EQUATION = (
+    f"{_ACCEL}gyro = r + A_g |r| + C_g r^3 + b_g + G f;  r = (I + S_g + M_g) w;  {_WORDS}; "
+    "A_g and C_g are diagonal, |r| and r^3 are taken axis by axis"
+)
+"""The model equation where a gyro's scale factor is no constant."""
+
+SCALE_INVERSE = (
+    f"{_ACCEL_INVERSE}r + A_g |r| + C_g r^3 = gyro - b_g - G f;  w = (I + S_g + M_g)^-1 r"
+)
+"""The same solved for what is true."""
+
+FULL_EQUATION = (
+    "accel = p + A_a |p| + b_a + K_a q(f);  p = (I + S_a + M_a) f;  "
+    "gyro = r + A_g |r| + C_g r^3 + b_g + G f;  r = (I + S_g + M_g + D(f)) w;  "
+    f"D_ij(f) = T_ijx fx + T_ijy fy + T_ijz fz;  {_WORDS}; "
+    "A_a, A_g and C_g are diagonal, |p|, |r| and r^3 are taken axis by axis; "
+    "T_ijk: angle that the input axis of gyro i bends towards j per specific force along k"
+)
+"""The model equation with all there is: asymmetries, and gyros that bend under specific force."""
+
+FULL_INVERSE = (
+    "p + A_a |p| = accel - b_a - K_a q(f);  f = (I + S_a + M_a)^-1 p;  "
+    "r + A_g |r| + C_g r^3 = gyro - b_g - G f;  w = (I + S_g + M_g + D(f))^-1 r"
+)
+"""The same solved for what is true."""
+
+SIZE_EQUATION = FULL_EQUATION.replace("K_a q(f);", "K_a q(f) + e;", 1) + (
+    ";  e_i = (w x (w x r_i) + dw x r_i)_i - tau df_i;  "
+    "dw and df: derivatives of rate and specific force as read; r_i: place of accelerometer i; "
+    "tau: how much later accelerometers read than gyros"
+)
+"""The model equation of accelerometers that are not at one place, or late (see
+`models.size_effect`)."""
+
+SIZE_INVERSE = FULL_INVERSE.replace("K_a q(f);", "K_a q(f) - e;", 1)
+"""The same solved for what is true."""
+
+INVERSES = {
+    EQUATION: INVERSE, SCALE_EQUATION: SCALE_INVERSE, FULL_EQUATION: FULL_INVERSE,
+    SIZE_EQUATION: SIZE_INVERSE,
+}  # fmt: skip
+"""Equation that a result may store -> the same solved for what is true."""
 
 __all__ = [
     "EQUATION", "FRAME", "FULL_EQUATION", "FULL_INVERSE", "INVERSE", "INVERSES", "LAYOUT",
@@ -102,7 +149,8 @@ class ImuModel:
     """The error model of one IMU as matrices.
 
     Where coefficients differ from sample to sample, as with temperature, every matrix has one more
-    axis in front, that of the samples: `measure` and `compensate` take those.
+    axis in front, that of the samples: `measure` and `compensate` take those. With two more, of N
+    and of 1, it is that of N instruments, of which `measure` takes readings (N, n, 3).
 
     Attributes
     ----------
@@ -223,12 +271,13 @@ class ImuModel:
         """
         accel = self._accel(f_b)
         gyro = _times(self.gyro_matrix, w_ib_b)
-        if self.deflection.ndim > 3:  # one for every sample
+        if self.deflection.ndim == 4:  # one for every sample
             gyro = gyro + _times(deflection.bending(self.deflection, f_b), w_ib_b)
         elif self.deflection.any():
-            gyro = gyro + deflection.felt(self.deflection, f_b, w_ib_b)
+            T = self.deflection[:, 0] if self.deflection.ndim > 4 else self.deflection
+            gyro = gyro + deflection.felt(T, f_b, w_ib_b)
         if not self.straight:
-            gyro = gyro_scale.readout(gyro, self.gyro_asymmetry, self.gyro_cubic)
+            gyro = deflection.readout(gyro, self.gyro_asymmetry, self.gyro_cubic)
         gyro = gyro + self.gyro_bias
         if self.g_sensitivity.any():
             gyro += _times(self.g_sensitivity, f_b)
@@ -258,7 +307,7 @@ class ImuModel:
             matrix = matrix + deflection.bending(self.deflection, f_b)
         p, r = _times(self.accel_matrix, f_b), _times(matrix, w_ib_b)
         if not self.straight:
-            bend = gyro_scale.readout_slope(r, self.gyro_asymmetry, self.gyro_cubic)
+            bend = deflection.readout_slope(r, self.gyro_asymmetry, self.gyro_cubic)
         # What multiplies the coefficients of each block, and the slope of what that goes through.
         inputs: dict[str, Callable[[], FloatArray]] = {
             "accel_bias": lambda: np.ones(3),
@@ -330,7 +379,7 @@ class ImuModel:
         if f_b is not None and self.g_sensitivity.any():
             rate -= _times(self.g_sensitivity, f_b)
         if not self.straight:
-            rate = gyro_scale.sensed(rate, self.gyro_asymmetry, self.gyro_cubic)
+            rate = deflection.sensed(rate, self.gyro_asymmetry, self.gyro_cubic)
         if f_b is None or not self.deflection.any():
             return f_b, _times(_inverse(self.gyro_matrix), rate)
         matrix = self.gyro_matrix + deflection.bending(self.deflection, f_b)
@@ -357,7 +406,7 @@ class ImuModel:
     def _compensate_accel(self, accel: FloatArray) -> FloatArray:
         sensed = accel - self.accel_bias
         if self.accel_asymmetry.any():
-            sensed = gyro_scale.sensed(sensed, self.accel_asymmetry, np.zeros(3))
+            sensed = deflection.sensed(sensed, self.accel_asymmetry, np.zeros(3))
         f_b = _times(_inverse(self.accel_matrix), sensed)
         if not self.accel_quadratic.any():
             return f_b
@@ -429,9 +478,11 @@ def products_slope(f_b: FloatArray) -> FloatArray:
 
 
 def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
-    """Multiply every vector by a matrix, the same one or its own."""
+    """Multiply every vector by a matrix: the same one, its own, or that of its instrument."""
     if matrix.ndim == 2:
         return np.asarray(vector @ matrix.T)
+    if matrix.ndim == 4:
+        return np.asarray(vector @ np.swapaxes(matrix[:, 0], 1, 2))
     return np.asarray(np.einsum("...ij,...j->...i", matrix, vector))
 
 

@@ -20,6 +20,13 @@ rotation in s, and body-side perturbations ``C_nb Exp(phi)``::
 
 An error of the accelerometers reaches the turns only through G, which makes it second order: the
 Jacobian leaves it out.
+
+What an instrument said on its six faces, and while it was turned about an axis of its case.
+
+Case axes k are those of the faces: in a rest on a face one of them is vertical. Directions are
+nominal ones; how far the instrument really was from them is part of the covariance.
+
+What gyros said on a rate table: one mean per constant rate, and what was true of it.
 """
 
 from __future__ import annotations
@@ -30,12 +37,13 @@ from functools import cached_property
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.kernels.rotation import integrate_turns
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import ImuModel, coefficient_slot
+from foucault.models.noise import TriadNoise
 from foucault.models.rotation import cross_matrix, exp, log, right_jacobian_inverse
-from foucault.tables import Log
+from foucault.tables import AXES, Log
 
 
 @dataclass(frozen=True)
@@ -214,3 +222,191 @@ def _turns(
     J[(*at, start[:, None, :])] = -right
     J[(*at, start[:, None, :] + 3)] = right @ modelled
     return rho, noise, bias_s, right, path, C_se
+
+
+SIX = tuple((axis, sign) for axis in range(3) for sign in (1, -1))
+"""The six faces: the case axis that is vertical, and +1 where it points up."""
+
+
+@dataclass(frozen=True)
+class FaceReadings:
+    """Means over rests on faces."""
+
+    up_k: FloatArray  # (n, 3) nominal direction of up, a case axis or its opposite [1]
+    accel: FloatArray  # (n, 3) mean specific force as measured [m/s^2]
+    gyro: FloatArray | None  # (n, 3) mean rate as measured [rad/s]
+    # start, time: (n,) beginning and length of each rest [s]
+    start: FloatArray
+    time: FloatArray
+    # (n,) rests with the same number are one placement: nothing but whole turns between them
+    group: IntArray
+
+    def __len__(self) -> int:
+        return len(self.up_k)
+
+    @property
+    def axis(self) -> IntArray:
+        """Number of the case axis that is vertical, shape (n,)."""
+        return np.asarray(np.argmax(np.abs(self.up_k), axis=1), dtype=np.int64)
+
+    @property
+    def sign(self) -> FloatArray:
+        """+1 where that axis points up, -1 where down, shape (n,) [1]."""
+        return np.asarray(self.up_k.sum(axis=1))
+
+
+@dataclass(frozen=True)
+class TurnReadings:
+    """Integrals over turns about case axes."""
+
+    axis_k: FloatArray  # (m, 3) the case axis turned about, positive [1]
+    angle: FloatArray  # (m,) angle turned about it, positive by the right hand [rad]
+    up_k: FloatArray  # (m, 3) nominal direction of up when the turn starts [1]
+    gyro: FloatArray  # (m, 3) integral of the rate as measured [rad]
+    accel: FloatArray  # (m, 3) integral of the specific force as measured [m/s]
+    # start, time: (m,) beginning and length of each integral [s]
+    start: FloatArray
+    time: FloatArray
+    group: IntArray  # (m,) the placement, as in `FaceReadings`
+    # first, last: (m,) first sample of each integral and the sample after its last
+    first: IntArray
+    last: IntArray
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    @property
+    def axis(self) -> IntArray:
+        """Number of the case axis turned about, shape (m,)."""
+        return np.asarray(np.argmax(self.axis_k, axis=1), dtype=np.int64)
+
+    @property
+    def about_up(self) -> FloatArray:
+        """+1 where the axis points up, -1 where down, 0 where it is level, shape (m,) [1]."""
+        return np.asarray(np.sum(self.axis_k * self.up_k, axis=1))
+
+
+def face_name(axis: int, sign: float) -> str:
+    """Return a face in words, such as "x up".
+
+    `axis`: 0, 1 or 2 for x, y or z [1]; `sign`: +1 where it points up [1].
+    """
+    return f"{AXES[axis]} {'up' if sign > 0 else 'down'}"
+
+
+def turn_name(axis: int, angle: float, about_up: float) -> str:
+    """Return a turn in words, such as "about x, x up, clockwise seen from above".
+
+    `axis`: 0, 1 or 2 for x, y or z [1]; `angle`: angle about that axis [rad]; `about_up`: +1
+    where the axis points up, -1 where down, 0 where it is level [1].
+    """
+    name = AXES[axis]
+    if about_up == 0:
+        return f"about {name}, {name} level, {'positive' if angle > 0 else 'negative'} sense"
+    sense = "counter-clockwise" if angle * about_up > 0 else "clockwise"
+    return f"about {name}, {face_name(axis, about_up)}, {sense} seen from above"
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What the gyros said at constant rates of the table."""
+
+    up: FloatArray  # (n, 3) axis that is along the vertical, with its sense; fixture axes [1]
+    placement: IntArray  # (n,) number of the placement; up is the same in all steps of one [1]
+    rate: FloatArray  # (n,) rate of the table, counter-clockwise seen from above [rad/s]
+    time: FloatArray  # (n,) how long was averaged [s]
+    gyro: FloatArray  # (n, 3) mean rate as measured [rad/s]
+    cov: FloatArray  # (n, 3, 3) covariance of the noise of these means [(rad/s)^2]
+    # (n, 3) true mean specific force, fixture axes, for the g-sensitivity [m/s^2]
+    force: FloatArray
+    # (n,) when each step began; None: one right after the other [s]
+    start: FloatArray | None = None
+    # declared noise of the gyros whose bias wanders, which ties the steps together; it is not in
+    # `cov` [SI]
+    slow: TriadNoise | None = None
+    # (n,) angle of the table when each step began, counter-clockwise from above; NaN where it did
+    # not tell it [rad]
+    azimuth: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.rate)
+
+    @property
+    def axis(self) -> IntArray:
+        """Which axis is along the vertical, 0, 1 or 2, shape (n,)."""
+        return np.asarray(np.abs(self.up).argmax(axis=1))
+
+    @property
+    def sense(self) -> FloatArray:
+        """1 where that axis points up, -1 where it points down, shape (n,)."""
+        return np.asarray(np.sign(np.take_along_axis(self.up, self.axis[:, None], 1)[:, 0]))
+
+    @cached_property
+    def level(self) -> FloatArray:
+        """The next two axes of the fixture, which are level, shape (n, 3, 2) [1]."""
+        eye = np.eye(3)
+        return np.stack([eye[(self.axis + 1) % 3], eye[(self.axis + 2) % 3]], axis=2)
+
+    @cached_property
+    def azimuth_known(self) -> BoolArray:
+        """Whether the table told its angle when a step began, shape (n,)."""
+        told = np.zeros(len(self)) if self.azimuth is None else np.isfinite(self.azimuth)
+        return np.asarray(told, bool)
+
+    @cached_property
+    def level_at_zero(self) -> FloatArray:
+        """What is `level` where the table is at angle 0, as seen by the steps, (n, 3, 2) [1]."""
+        angle = np.zeros(len(self)) if self.azimuth is None else self.azimuth
+        turn = np.where(self.azimuth_known, angle, 0.0) * self.sense
+        c, s = np.cos(turn), np.sin(turn)
+        return np.asarray(self.level @ np.moveaxis(np.array([[c, s], [-s, c]]), 2, 0))
+
+    @property
+    def half_time(self) -> float:
+        """When the session was half over [s]."""
+        middle, half = self.middle, self.time / 2
+        return float(((middle - half).min() + (middle + half).max()) / 2)
+
+    @property
+    def middle(self) -> FloatArray:
+        """When each step was half over, shape (n,) [s]."""
+        ends = np.concatenate([[0.0], np.cumsum(self.time)])
+        start = self.start
+        if start is None or not np.isfinite(start).all() or (np.diff(start) <= 0).any():
+            start = ends[:-1]
+        return np.asarray(start + self.time / 2)
+
+    @property
+    def turns(self) -> FloatArray:
+        """Turns averaged, shape (n,) [1]."""
+        return np.asarray(np.abs(self.rate) * self.time / (2 * np.pi))
+
+
+def mean_force_of_steps(
+    up: FloatArray,
+    placement: IntArray,
+    rate: FloatArray,
+    accel: FloatArray | None,
+    site: Site,
+) -> FloatArray:
+    """Return the true specific force of each step, fixture axes, shape (n, 3) [m/s^2].
+
+    Gravity along up, and what grows with the square of the rate across it: the accelerometers see
+    the centripetal acceleration of their place, and the gyros are taken to be there too.
+
+    `up` (n, 3): axis that is along the vertical, with its sense [1]; `placement` (n,): number of
+    the placement [1]; `rate` (n,): rate of the table [rad/s]; `accel` (n, 3) or None: mean
+    specific force as measured [m/s^2].
+    """
+    force = site.gravity * up
+    if accel is None:
+        return force
+    for p in np.unique(placement):
+        mine = placement == p
+        square = rate[mine] ** 2
+        spread = square - square.mean()
+        if spread @ spread > 0:
+            slope = spread @ (accel[mine] - accel[mine].mean(axis=0)) / (spread @ spread)
+            slope -= (slope @ up[mine][0]) * up[mine][0]
+            force[mine] += square[:, None] * slope
+    return np.asarray(force)

@@ -10,6 +10,26 @@ two_position    the same over two rests with a turn between them: gyro biases sh
 Of each the covariance is that of phi (E, N, U), ``C_nb_est = (I - [phi x]) C_nb_true``. No method
 at rest in one position sees a gyro bias to the east: `Alignment.azimuth_bias_sd` says what it is
 worth.
+
+Attitude at rest from two vectors: gravity and the Earth's rotation, each as a mean.
+
+Up is the direction of the mean specific force, which is fitted exactly; east is at right angles to
+it and to the mean rate::
+
+    u = f / |f|,   e = w x u / |w x u|,   C_nb = [e'; (u x e)'; u']
+
+The part of the mean rate along up is not used: with up it says the latitude (`latitude_seen`).
+Errors df, dw of the means, resolved in n, make the attitude error phi (E, N, U)::
+
+    phi_E = -df_N / g,   phi_N = df_E / g,   phi_U = tan L df_E / g - dw_E / (w_ie cos L)
+
+The body must not turn at all, and not sway much: a sway leaves a mean rate of its amplitude over
+the length of the mean. `navigate.inertial_frame` withstands it.
+
+References
+----------
+.. [1] P. D. Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation
+   Systems*, 2nd ed., Artech House, 2013, section 5.6.2 (gyrocompassing), eqs. (5.105)-(5.107).
 """
 
 from __future__ import annotations
@@ -23,18 +43,67 @@ import numpy as np
 from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, error, suggestion
-from foucault.models.attitude import angles_of
-from foucault.models.earth import Site
+from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.ins_errors import azimuth_from_gyro_bias
 from foucault.models.noise import ImuNoise
-from foucault.models.rotation import exp, turned
+from foucault.models.rotation import angles_of, exp, turned
 from foucault.navigate.fine_alignment import FineFit, by_velocity, two_position
 from foucault.navigate.increments import Increments, increments_of
-from foucault.navigate.inertial_frame import inertial_frame, known_latitude
-from foucault.navigate.sensor_errors import SensorErrors
-from foucault.navigate.two_vector import two_vector, two_vector_covariance
+from foucault.navigate.inertial_frame import SensorErrors, inertial_frame, known_latitude
 from foucault.tables import Log
 from foucault.units import plain
+
+
+def two_vector(f_b: FloatArray, w_ib_b: FloatArray) -> FloatArray:
+    """Return C_nb, shape (3, 3), from the means of specific force and rate.
+
+    `f_b` (3,): mean specific force, frame b, its direction is fitted exactly [m/s^2]; `w_ib_b`
+    (3,): mean angular rate, frame b [rad/s].
+    """
+    east = np.cross(w_ib_b, f_b)
+    size = float(np.linalg.norm(east))
+    if not size > 0 or not np.isfinite(size):
+        raise error("alignment.parallel", rate=np.linalg.norm(w_ib_b), force=np.linalg.norm(f_b))
+    up, east = f_b / np.linalg.norm(f_b), east / size
+    return np.array([east, np.cross(up, east), up])
+
+
+def two_vector_slopes(latitude: float, gravity: float) -> tuple[FloatArray, FloatArray]:
+    """Return d phi / d f_n and d phi / d w_n, each shape (3, 3).
+
+    `latitude`: geodetic latitude, positive north [rad]; `gravity`: local gravity [m/s^2]. Returns
+    `by_force` (3, 3): attitude error (E, N, U) per error of the mean specific force in n
+    [rad/(m/s^2)]; `by_rate` (3, 3): the same per error of the mean rate in n [s].
+    """
+    by_force, by_rate = np.zeros((3, 3)), np.zeros((3, 3))
+    by_force[0, 1], by_force[1, 0] = -1.0 / gravity, 1.0 / gravity
+    by_force[2, 0] = np.tan(latitude) / gravity
+    by_rate[2, 0] = -1.0 / (EARTH_RATE * np.cos(latitude))
+    return by_force, by_rate
+
+
+def two_vector_covariance(
+    C_nb: FloatArray, latitude: float, gravity: float, f_cov: FloatArray, w_cov: FloatArray
+) -> FloatArray:
+    """Return the covariance of phi (E, N, U), shape (3, 3) [rad^2].
+
+    `C_nb` (3, 3): the attitude found [1]; `latitude`: geodetic latitude, positive north [rad];
+    `gravity`: local gravity [m/s^2]; `f_cov`, `w_cov` (3, 3): covariance of the means in b: noise
+    and what the biases may be [m^2/s^4], [rad^2/s^2].
+    """
+    by_force, by_rate = (slope @ C_nb for slope in two_vector_slopes(latitude, gravity))
+    return np.asarray(by_force @ f_cov @ by_force.T + by_rate @ w_cov @ by_rate.T)
+
+
+def latitude_seen(f_b: FloatArray, w_ib_b: FloatArray) -> float:
+    """Return the latitude that the means show, ``asin(f . w / (|f| |w|))`` [rad].
+
+    `f_b` (3,): mean specific force, frame b [m/s^2]; `w_ib_b` (3,): mean angular rate, frame b
+    [rad/s].
+    """
+    sine = f_b @ w_ib_b / (np.linalg.norm(f_b) * np.linalg.norm(w_ib_b))
+    return float(np.arcsin(np.clip(sine, -1.0, 1.0)))
+
 
 Method = Literal["inertial_frame", "two_vector", "kalman", "two_position"]
 
@@ -89,11 +158,7 @@ class Alignment:
 
 
 def window(increments: Increments, start: float | None = None, end: float | None = None) -> slice:
-    """Return the rows of the intervals that lie within a window.
-
-    `increments`: the whole log [rad], [m/s]; `start`, `end`: ends of the window, None is that of
-    the log [s].
-    """
+    """Return the rows of the intervals from `start` to `end` [s], None: of the log."""
     first, last = float(increments.time[0] - increments.dt[0]), float(increments.time[-1])
     start = first if start is None else start
     end = last if end is None else end
@@ -114,7 +179,7 @@ def measured_errors(
     [m/s^2] and mean rate [rad/s]; `sensors`: as given where `PARTS` of the window scatter no more
     than their noise allows.
     """
-    from foucault.estimate.chi_square import chi_square_limits
+    from foucault.infer.gauss_newton import chi_square_limits
 
     length = float(increments.dt.sum())
     each = len(increments) // PARTS
@@ -177,7 +242,7 @@ def align(
 
     Notes
     -----
-    What can be wrong with the data is looked for by `diagnose.alignment.input.checked`.
+    What can be wrong with the data is looked for by `diagnose.alignment.checked`.
     """
     check_method(method)
     latitude = known_latitude(site)

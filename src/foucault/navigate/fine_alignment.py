@@ -26,9 +26,13 @@ from foucault.models.earth import Site, gravity
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.navigate.increments import Increments
-from foucault.navigate.inertial_frame import InertialFit, inertial_frame, known_latitude
-from foucault.navigate.sensor_errors import SensorErrors
-from foucault.navigate.state import State
+from foucault.navigate.inertial_frame import (
+    InertialFit,
+    SensorErrors,
+    inertial_frame,
+    known_latitude,
+)
+from foucault.navigate.strapdown import State
 from foucault.units import plain
 
 BIASES = ("gyro.bias", "accel.bias")

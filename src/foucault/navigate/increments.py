@@ -82,10 +82,7 @@ class Increments:
         return bend_weights(self.dt, self.joined)
 
     def row_at(self, time: float) -> int:
-        """Return the row whose interval ends nearest to a time.
-
-        `time`: time as in the log [s].
-        """
+        """Return the row whose interval ends nearest to `time` in the log [s]."""
         k = int(np.searchsorted(self.time, time))
         if k == len(self) or (k > 0 and time - self.time[k - 1] < self.time[k] - time):
             k -= 1
@@ -136,10 +133,7 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
 
 
 def navigable(log: Log) -> None:
-    """Refuse a log that cannot be integrated: a triad is missing, or its rows are means.
-
-    `log`: readings [SI].
-    """
+    """Refuse a log [SI] that lacks a triad, or whose rows are means: no integral."""
     for name in ("gyro", "accel"):
         if getattr(log, name) is None:
             raise error("strapdown.no_triad", missing=name)
@@ -148,10 +142,7 @@ def navigable(log: Log) -> None:
 
 
 def require_readings(log: Log) -> None:
-    """Refuse a triad all of whose readings are zero: no instrument at rest on Earth reads that.
-
-    `log`: readings of both triads [SI].
-    """
+    """Refuse a triad that reads zero throughout: no instrument at rest on Earth does [SI]."""
     for name in ("gyro", "accel"):
         if not np.any(getattr(log, name)):
             raise error("strapdown.zero", triad=name)

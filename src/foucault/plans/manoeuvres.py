@@ -9,6 +9,21 @@ Each segment begins where the one before has ended. Whatever changes follows a p
 grows over `ramp` by a 9th-order polynomial, is then constant, and fades in the same way: rates
 and accelerations have four continuous derivatives everywhere. Without a `ramp` half of the time
 is growth, half of it fading. `label` names a segment in figures and tables.
+
+In a campaign file a manoeuvre of a vehicle is a table::
+
+    manoeuvres = [
+      { straight = "20 s" },
+      { turn = "90 deg", time = "12 s" },            # positive to the right
+      { s_turn = "25 deg", time = "40 s" },
+      { accelerate = "85 m/s", time = "15 s" },      # to this speed
+      { climb = "50 m", time = "14 s" },             # by this height, and level again
+      { sway = ["0.7 deg", "1.5 deg", "5 deg"], period = "9 s", time = "60 s" },
+    ]
+
+All changes are built from the 9th-order step S from 0 to 1::
+
+    S(x) = x^5 (126 - 420 x + 540 x^2 - 315 x^3 + 70 x^4)       S'(x) = 630 x^4 (1 - x)^4
 """
 
 from __future__ import annotations
@@ -16,8 +31,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from math import inf, isfinite, pi
+from typing import Annotated, Any
 
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from foucault.arrays import FloatArray
 from foucault.errors import error, suggestion
+from foucault.units import Angle, Quantity
 
 STEEPEST = 85.0 * pi / 180.0
 """Largest angle of climb and of bank [rad]."""
@@ -305,3 +326,142 @@ def _timed(segment: Segment, time: float, ramp: float | None = None, key: str = 
         raise _refused("time", name(segment), time, "above zero")
     if ramp is not None and not 0 < ramp <= time / 2:
         raise _refused(key, name(segment), ramp, f"above zero and at most half of {time} s")
+
+
+Seconds = Annotated[float, Field(gt=0), Quantity("time")]
+
+KINDS = ("straight", "turn", "s_turn", "accelerate", "climb", "sway")
+
+TONES, FADE = 4, 0.2
+"""Sinusoids of a sway in each direction, and the part of it in which it fades in, and out [1]."""
+
+
+class ManoeuvreTable(BaseModel):
+    """One manoeuvre: a straight run, a turn, an S-turn, a change of speed, a climb or a swell."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    straight: Seconds | None = Field(None, description="go straight on for so long")
+    turn: Angle | None = Field(None, description="change of heading, positive to the right")
+    s_turn: Angle | None = Field(
+        None, description="turn so far, by twice as much the other way, and back"
+    )
+    accelerate: Annotated[float, Field(ge=0), Quantity("velocity")] | None = Field(
+        None, description="speed to reach"
+    )
+    climb: Annotated[float, Quantity("length")] | None = Field(
+        None, description="height to climb, down if negative"
+    )
+    sway: tuple[Angle, Angle, Angle] | None = Field(
+        None, description="swell or gusts: amplitudes of heading, pitch and roll"
+    )
+    time: Seconds | None = Field(None, description="how long it takes")
+    period: Seconds | None = Field(None, description="period of a sway")
+    flat: bool = Field(False, description="turn without rolling, as ships and cars do")
+
+    @model_validator(mode="after")
+    def _one_thing(self) -> ManoeuvreTable:
+        given = [kind for kind in KINDS if getattr(self, kind) is not None]
+        if len(given) != 1:
+            what = " and ".join(given) or "none of them"
+            raise ValueError(f"it has to have one of {', '.join(KINDS)}, and has {what}")
+        (kind,) = given
+        if (kind == "straight") == (self.time is not None):
+            needs = "says how long by itself" if kind == "straight" else "needs `time`"
+            raise ValueError(f"{kind} {needs}")
+        if (kind == "sway") != (self.period is not None):
+            raise ValueError("`period` goes with a sway, and a sway with a `period`")
+        if self.flat and kind not in ("turn", "s_turn"):
+            raise ValueError("`flat` goes with turn and s_turn")
+        return self
+
+    def segment(self, number: int = 0) -> Segment:
+        """Return what it says.
+
+        `number`: place in the plan: two sways are not the same one [1].
+        """
+        if self.straight is not None:
+            return Straight(self.straight)
+        assert self.time is not None
+        if self.turn is not None:
+            return Turn(self.turn, self.time, not self.flat)
+        if self.s_turn is not None:
+            return STurn(self.s_turn, self.time, not self.flat)
+        if self.accelerate is not None:
+            return Accelerate(self.accelerate, self.time)
+        if self.climb is not None:
+            return Climb(self.time, height=self.climb)
+        assert self.sway is not None and self.period is not None
+        return Sway(self.time, self.period, self.sway, tones=TONES, fade=FADE * self.time,
+                    seed=number)  # fmt: skip
+
+
+def plain_manoeuvre(segment: Segment) -> dict[str, Any]:
+    """Return a segment of one of `KINDS` but a sway as a campaign has it."""
+    if isinstance(segment, Straight):
+        return {"straight": f"{segment.time:.12g} s"}
+    lasting = {"time": f"{segment.time:.12g} s"}
+    if isinstance(segment, Turn | STurn):
+        key = "turn" if isinstance(segment, Turn) else "s_turn"
+        flat = {} if segment.banked else {"flat": True}
+        return {key: f"{np.degrees(segment.angle):.12g} deg"} | lasting | flat
+    if isinstance(segment, Accelerate):
+        return {"accelerate": f"{segment.speed:.12g} m/s"} | lasting
+    assert isinstance(segment, Climb) and segment.height is not None
+    return {"climb": f"{segment.height:.12g} m"} | lasting
+
+
+Three = tuple[FloatArray, FloatArray, FloatArray]
+
+
+def step(x: FloatArray) -> Three:
+    """Return S, S' and S'' at x, shape (n,) each [1].
+
+    `x` (n,): from 0 to 1 [1].
+    """
+    rest = x * (1.0 - x)
+    third = rest**3
+    s = x**5 * (126.0 + x * (-420.0 + x * (540.0 + x * (-315.0 + x * 70.0))))
+    return s, 630.0 * third * rest, 2520.0 * third * (1.0 - 2.0 * x)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A change from zero to `total`: the rate grows over `ramp`, is constant, and fades.
+
+    With peak = total / (time - ramp) and x = t / ramp, in the first half of the time::
+
+        rate = peak S(min(x, 1))    value = peak (ramp integral of S + max(t - ramp, 0))
+
+    and the second half is the first one backwards.
+    """
+
+    total: float = 0.0  # value at the end [any unit]
+    time: float = 1.0  # how long it takes [s]
+    ramp: float = 0.5  # growth of the rate, and its fading, at most half of the time [s]
+
+    @property
+    def peak(self) -> float:
+        """Largest rate [unit/s]."""
+        return self.total / (self.time - self.ramp)
+
+    def at(self, t: FloatArray) -> Three:
+        """Return value, rate and acceleration, shape (n,) each [unit, s].
+
+        `t` (n,): time since it began [s].
+        """
+        if self.total == 0.0:
+            zero = np.zeros_like(t)
+            return zero, zero, zero
+        late = t > self.time / 2
+        since = np.where(late, self.time - t, t)
+        x = np.minimum(since / self.ramp, 1.0)
+        s, slope, _ = step(x)
+        integral = x**6 * (21.0 + x * (-60.0 + x * (67.5 + x * (-35.0 + x * 7.0))))
+        value = self.peak * (self.ramp * integral + np.maximum(since - self.ramp, 0.0))
+        curve = self.peak / self.ramp * slope
+        return (
+            np.where(late, self.total - value, value),
+            self.peak * s,
+            np.where(late, -curve, curve),
+        )

@@ -19,14 +19,19 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from math import exp, inf, log
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from math import exp, inf, isfinite, log
+from typing import Any, ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from foucault.arrays import FloatArray
+from foucault.coefficients import Layout
+from foucault.diagnose.foresight import Limit
+from foucault.errors import Finding, error, suggestion
 
 HOT, COLD = 0.05, 0.0005
 """Temperature at the start and at the end of a descent, in units of the cost [1]."""
@@ -36,80 +41,132 @@ DRAWS, PROBED = 400, 32
 are allowed is where a descent begins [1]."""
 
 
-class Space(Protocol):
+@dataclass(frozen=True, kw_only=True)
+class Space:
     """The plans that a rig allows, and how good each of them is.
 
-    Plans are values: neither the search nor the space changes one in place. A space may also have
-    ``begin``, the plan to beat as one of its own, where the first restart begins;
+    Plans are values: neither the search nor the space changes one in place. The plan to beat may
+    be one that is none of the space: what is said of plans is said of it too. A space may also
+    have ``begin``, the plan to beat as one of its own, where the first restart begins;
     ``exact_cost(plan)``, by which the best plans of all restarts are compared; ``hardly(plan)``,
-    what counts and a plan hardly shows; ``findings``, what the user should know; and for the
-    report ``needs(plan)``, what of the rig a plan needs as `diagnose.foresight.Limit`, and
-    ``motion(plan)``, beginning, end and rates of every step.
-
-    Attributes
-    ----------
-    names : tuple of str
-        What is compared: coefficients, or what else a plan is made for.
-    kinds : tuple of str
-        Kind of the unit of each, as `units.KINDS` has it.
-    weights : ndarray, shape (n,)
-        How much each counts; they need not add up to one [1].
-    unseen : tuple of str
-        Those that no allowed plan shows; their weight is 0.
-    reference : object
-        The plan to beat.
-    reference_name : str
-        What to call it.
-    cases : tuple of str
-        Circumstances in which plans are compared: latitudes, true errors, headings.
-    limits : str
-        What is allowed, in words.
+    what counts and a plan hardly shows; and for the report ``motion(plan)``, beginning, end and
+    rates of every step.
     """
 
+    allowed: Any  # what the rig can do: it draws and moves plans, and says so in `words`
+    # names, kinds: what is compared, coefficients or what else a plan is made for, and the kinds
+    # of their units, as `units.KINDS` has them
     names: tuple[str, ...]
     kinds: tuple[str, ...]
-    weights: FloatArray
-    unseen: tuple[str, ...]
-    reference: Any
-    reference_name: str
-    cases: tuple[str, ...]
-    limits: str
+    weights: FloatArray  # (n,) how much each counts; they need not add up to one [1]
+    reference: Any  # the plan to beat
+    reference_name: str  # what to call it
+    cases: tuple[str, ...]  # circumstances in which plans are compared, the first of them usual
+    # plan as it is done, case -> sd of each that would be stated, shape (n,) [SI]
+    stated: Callable[[Any, str], FloatArray]
+    findings: tuple[Finding, ...] = ()  # what was noticed of what is assumed
+
+    def __getstate__(self) -> dict[str, Any]:
+        # What is remembered stays behind: not all of it can be sent to another process.
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @property
+    def limits(self) -> str:
+        """What is allowed, in words."""
+        words: str = self.allowed.words
+        return words
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Those that no allowed plan shows; refuses where one of them counts."""
+        return ()
 
     def draw(self, rng: np.random.Generator) -> Any:
         """Return a random plan that the rig allows."""
-        ...
+        return self.allowed.draw(rng)
 
     def moved(self, plan: Any, rng: np.random.Generator, heat: float) -> Any:
         """Return a neighbour of `plan`; `heat` falls from 1 to 0 [1] and may make moves smaller."""
-        ...
+        return self.allowed.moved(plan, rng, heat)
 
     def cost(self, plan: Any) -> float:
         """Return the cost, smaller is better; infinite where a limit is broken or nothing seen."""
-        ...
+        raise NotImplementedError
+
+    def done(self, plan: Any) -> Any:
+        """Return a plan as it is done."""
+        return plan
 
     def sd(self, plan: Any, case: str) -> FloatArray:
         """Return the sd of each of `names` that would be stated in one of `cases` [SI]."""
-        ...
+        return self.stated(self.done(plan), case)
 
     def as_json(self, plan: Any) -> Any:
-        """Return a plan as plain values."""
-        ...
+        """Return a plan as plain values: as it is, where it is of tuples and numbers."""
+        return plan
 
     def from_json(self, plain: Any) -> Any:
         """Return the plan that `as_json` wrote."""
-        ...
+        return tuple(map(self.from_json, plain)) if isinstance(plain, list | tuple) else plain
 
     def changes(self, plan: Any) -> Mapping[str, Mapping[str, Any]]:
         """Return table -> keys, as in the file, that make a campaign do this plan; None removes."""
-        ...
+        raise NotImplementedError
 
     def steps(self, plan: Any) -> tuple[tuple[str, ...], ...]:
         """Return the plan as a table for people: the headings, then one row per step."""
-        ...
+        raise NotImplementedError
+
+    def needs(self, plan: Any) -> tuple[Limit, ...]:
+        """Return what of the rig a plan needs, and how much of it is allowed."""
+        raise NotImplementedError
 
     def duration(self, plan: Any) -> float:
         """Return the time that the plan takes [s]."""
-        ...
+        duration: float = self.done(plan).duration
+        return duration
+
+
+@dataclass(frozen=True, kw_only=True)
+class QuickSpace(Space):
+    """A space whose plans are judged nearly while it is searched, and exactly in the end."""
+
+    prior_sd: FloatArray | float  # (n,) uncertainty beforehand, in the unit of `bound`
+    hidden: ClassVar[float]  # what keeps more than this share of its prior is not seen [1]
+
+    def bound(self, plan: Any) -> FloatArray:
+        """Return the sd of each of `names`, nearly, in any unit, shape (n,)."""
+        raise NotImplementedError
+
+    @cached_property
+    def beaten(self) -> FloatArray:
+        """What `bound` is of the plan to beat, shape (n,)."""
+        return self.bound(self.reference)
+
+    def fits(self, plan: Any) -> bool:
+        """Whether a plan keeps to what is allowed."""
+        return bool(self.allowed.fits(plan))
+
+    def price(self, plan: Any, sd: FloatArray, beaten: FloatArray) -> float:
+        """Return the weighted mean logarithm of the ratios of two sds.
+
+        `sd`, `beaten` (n,): of the plan and of that to beat [unit of each name].
+        """
+        return float(self.weights @ np.log(sd / beaten) / self.weights.sum())
+
+    def cost(self, plan: Any) -> float:
+        """Return the cost by what is nearly right; infinite beyond the limits."""
+        return self.price(plan, self.bound(plan), self.beaten) if self.fits(plan) else inf
+
+    def exact_cost(self, plan: Any) -> float:
+        """Return the cost by what a calibration would state."""
+        here = self.cases[0]
+        return self.price(plan, self.sd(plan, here), self.sd(self.reference, here))
+
+    def hardly(self, plan: Any) -> tuple[str, ...]:
+        """Return what counts and this plan hardly shows."""
+        left = (self.bound(plan) > self.hidden * self.prior_sd) & (self.weights > 0)
+        return tuple(name for name, is_left in zip(self.names, left, strict=True) if is_left)
 
 
 @dataclass(frozen=True)
@@ -216,3 +273,40 @@ def compare(space: Space, plan: Any) -> Comparison:
         np.array([space.sd(space.reference, case) for case in space.cases]),
         np.array([space.sd(plan, case) for case in space.cases]),
     )  # fmt: skip
+
+
+def weights_of(layout: Layout, given: Mapping[str, float]) -> FloatArray:
+    """Return the weight of every coefficient, shape (n,), over the largest of them [1].
+
+    `given`: weights of coefficients or of groups of them, 1 where nothing is said, the longer
+    name wins [1]. Raises ``optimise.weight``: an unknown name, a weight below zero, or nothing
+    left above zero.
+    """
+    weights = np.ones(len(layout.names))
+    groups = {n.rpartition(".")[0] for n in layout.names}
+    known = sorted({*layout.names, *groups, *(n.split(".")[0] for n in layout.names)} - {""})
+    for name in sorted(given, key=len):
+        if name not in known:
+            hint = suggestion(name, known)
+            allowed = ", ".join(sorted(groups - {""}) or layout.names)
+            raise error("optimise.weight_name", name=name, hint=hint, allowed=allowed)
+        if not (isfinite(given[name]) and given[name] >= 0):
+            raise error("optimise.weight", name=name, given=given[name])
+        weights[layout.group(name)] = given[name]
+    if not weights.any():
+        raise error("optimise.weightless")
+    return np.asarray(weights / weights.max())
+
+
+def require_seen(
+    names: tuple[str, ...], weights: FloatArray, unseen: npt.NDArray[np.bool_], limits: str
+) -> tuple[str, ...]:
+    """Return the names that no allowed plan shows; refuse those of them that count.
+
+    `weights` (n,): how much each counts [1]; `unseen` (n,): whether no allowed plan shows it.
+    """
+    counting = [n for n, w, u in zip(names, weights, unseen, strict=True) if u and w > 0]
+    if counting:
+        some = ", ".join(counting)
+        raise error("optimise.unseen", count=len(counting), names=some, limits=limits)
+    return tuple(n for n, u in zip(names, unseen, strict=True) if u)

@@ -14,11 +14,11 @@ from typing import Literal
 
 import numpy as np
 
-from foucault.diagnose.alignment import agreement as alignment_agreement
-from foucault.diagnose.alignment import input as alignment_checks
-from foucault.diagnose.rest_noise import FEWEST
-from foucault.diagnose.spikes import without_spikes
+from foucault.detect.noise import without_spikes
+from foucault.diagnose import alignment as alignment_checks
+from foucault.diagnose.noise_at_rest import FEWEST
 from foucault.errors import Finding, finding
+from foucault.guard.rest import contradictions, of_increments
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.navigate.align import (
@@ -26,17 +26,15 @@ from foucault.navigate.align import (
     Method,
     align,
     check_method,
+    latitude_seen,
     measured_errors,
     sensor_errors,
     window,
 )
 from foucault.navigate.increments import Increments, increments_of, navigable, require_readings
-from foucault.navigate.inertial_frame import known_latitude
-from foucault.navigate.sensor_errors import SensorErrors
-from foucault.navigate.two_vector import latitude_seen
+from foucault.navigate.inertial_frame import SensorErrors, known_latitude
 from foucault.procedures.navigation.run import bias_sds
-from foucault.procedures.navigation.settings import Settings
-from foucault.procedures.navigation.start import LEAST, before, in_rest, opening
+from foucault.procedures.navigation.start import LEAST, Settings, before, in_rest, opening
 from foucault.result import Result
 from foucault.tables import Log
 
@@ -135,9 +133,9 @@ def align_log(
     sensors = sensor_errors(rows, taken, gyro_sd, accel_sd)
     # What is plainly wrong is said before any method fails over it.
     for span in spans or [(from_, until)]:
-        alignment_checks.contradictions(whole[window(whole, *span)], site, sensors)
+        contradictions(whole[window(whole, *span)], site, sensors)
     if spans:
-        alignment_checks.check_turns(whole, spans)
+        of_increments(whole, spans)
     found = tuple(
         align(
             whole, site, method=method, start=from_, end=until, noise=taken,
@@ -201,6 +199,6 @@ def judged(
     swayed = bool(codes & {"alignment.sway", "alignment.turned"})
     return (
         *told,
-        *alignment_agreement.disagreement(found, swayed=swayed),
-        *alignment_agreement.innovations(found),
+        *alignment_checks.disagreement(found, swayed=swayed),
+        *alignment_checks.innovations(found),
     )

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.diagnose.transfer import delay as delay_checks
-from foucault.diagnose.transfer.delay import signed_axes
+from foucault.diagnose import transfer_motion as delay_checks
 from foucault.errors import Finding, error, finding
-from foucault.estimate.delay.fit import BRACKET, FEWEST, Delay, delay_of
-from foucault.estimate.delay.turned import SlaveAttitude
-from foucault.models.attitude import matrix_of
+from foucault.estimate.delay import BRACKET, FEWEST, Delay, delay_of
+from foucault.estimate.delay_matching import SlaveAttitude
+from foucault.guard.mistakes import columns
 from foucault.models.earth import earth_rate_n, transport_rate
-from foucault.models.master import MasterTable
 from foucault.models.rotation import log as rotation_vector
+from foucault.models.rotation import matrix_of
+from foucault.models.transfer import MasterTable
 from foucault.navigate.increments import Increments, increments_of
 from foucault.result import Level, Verdict
 from foucault.tables import Log
@@ -193,7 +193,7 @@ def _mirrored(
     if best is None or 1 - best.likeness > (1 - found.likeness) / CLEARLY:
         return []
     C = -best.C_ms if C_ms is None else -C_ms.T @ best.C_ms
-    return [finding("transfer.mirror", axes=signed_axes(C))]
+    return [finding("transfer.mirror", axes=", ".join(columns(C.T)))]
 
 
 def _turned(found: Delay, C_ms: FloatArray) -> float:

@@ -21,23 +21,19 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, field_validator
 
 from foucault.arrays import FloatArray
-from foucault.diagnose.faces.checks import FaceEvidence
-from foucault.diagnose.faces.moves import check_moves
-from foucault.diagnose.faces.whole_turns import BUMP, find_turns, is_whole
-from foucault.diagnose.spikes import without_spikes
+from foucault.detect.faces import BUMP, find_turns, is_whole
+from foucault.detect.noise import without_spikes
+from foucault.diagnose.faces import FaceEvidence
 from foucault.errors import error
-from foucault.estimate.faces.ferraris import published, scale_and_rotation
-from foucault.estimate.faces.likelihood import Scene, State
-from foucault.models.earth import Site
+from foucault.estimate.faces import Scene, State, published, scale_and_rotation
+from foucault.guard.rest import between_rests
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
-from foucault.models.noise import ImuNoise
+from foucault.plans.directions import RestPlan, face_plan
 from foucault.procedures import on_faces
-from foucault.procedures.on_faces.settings import FaceSession, FaceSettings
+from foucault.procedures.on_faces import FaceSession, FaceSettings
 from foucault.procedures.record import Given, Procedure
 from foucault.result import Result
-from foucault.simulate.faces import face_plan
-from foucault.simulate.faces import simulate as simulate_plan
-from foucault.simulate.hand_rotated import Simulation
+from foucault.simulate.hand_rotated import simulate_drawn
 from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Seconds
 
@@ -94,22 +90,16 @@ class Session(FaceSession):
     level_sd: AngleSd | None = Field(default=None, ge=0, examples=["5 arcmin"])
     """Tilt of the axis of a turn; default: as placement_sd."""
 
-
-def _simulated(
-    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
-) -> Simulation:
-    plan_seed, noise_seed = np.random.SeedSequence(seed).generate_state(2)
-    sds = (session.level_sd, session.angle_sd)
-    level, angle = (session.placement_sd if sd is None else sd for sd in sds)
-    plan = face_plan(
-        rest_time=session.rest_time, move_time=session.move_time, turn_time=session.turn_time,
-        angle=settings.angle, placement_sd=session.placement_sd, level_sd=level,
-        angle_sd=angle, seed=int(plan_seed),
-    )  # fmt: skip
-    return simulate_plan(
-        plan, model=model, noise=noise, site=site, rate=session.rate, sampled=session.kind,
-        seed=int(noise_seed),
-    )  # fmt: skip
+    def plan(self, settings: Settings, seed: int) -> RestPlan:
+        """Return the rests and turns; `seed`: seed of what is drawn of them [1]."""
+        level, angle = (
+            self.placement_sd if sd is None else sd for sd in (self.level_sd, self.angle_sd)
+        )
+        return face_plan(
+            rest_time=self.rest_time, move_time=self.move_time, turn_time=self.turn_time,
+            angle=settings.angle, placement_sd=self.placement_sd, level_sd=level,
+            angle_sd=angle, seed=seed,
+        )  # fmt: skip
 
 
 def names_of(settings: Settings) -> tuple[str, ...]:
@@ -128,7 +118,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     log = without_spikes(log)
     faces = on_faces.found_faces(log, site, settings)
     faces, turns = find_turns(log, faces, settings.angle, settings.sections)
-    check_moves(log, faces)
+    between_rests(log, faces.first, faces.last, faces.readings.up_k, alone=True)
     given.progress(0.5, "calibrating")
     declared = (settings.placement_sd, settings.level_sd, settings.angle_sd)
     names = names_of(settings)
@@ -187,7 +177,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
-    simulation=_simulated,
+    simulation=simulate_drawn,
     names=lambda settings, _: names_of(settings),
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

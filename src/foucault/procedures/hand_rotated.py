@@ -20,67 +20,63 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import information
-from foucault.diagnose.checks import unseen_sizes
-from foucault.diagnose.coverage import coverage, coverage_json
-from foucault.diagnose.earth_rate import no_latitude
-from foucault.diagnose.fit_checks import budget_json, chi_square_json
-from foucault.diagnose.hand_rotated import checks as judge
-from foucault.diagnose.hand_rotated import report as session_report
-from foucault.diagnose.hand_rotated.earth import vertical_check
-from foucault.diagnose.hand_rotated.held_out import hold_out
-from foucault.diagnose.hand_rotated.input import check_input, enough_rests
-from foucault.diagnose.rests import (
+from foucault.detect.noise import measure_noise, without_spikes
+from foucault.detect.readings import find_readings
+from foucault.detect.stretches import (
+    How,
     Rests,
     detection_table,
     find_rests,
-    measure_noise,
     rest_levels,
     rest_table,
 )
-from foucault.diagnose.spikes import without_spikes
-from foucault.errors import Finding
-from foucault.estimate.hand_rotated.likelihood import RestsAndTurns
-from foucault.estimate.hand_rotated.start import first_guess
+from foucault.diagnose import hand_rotated as judge
+from foucault.diagnose import hand_rotated as session_report
+from foucault.diagnose import table as table_report
+from foucault.diagnose.checks import check, unseen_sizes
+from foucault.diagnose.hand_rotated import coverage, coverage_json, hold_out, vertical_check
+from foucault.diagnose.references import no_latitude
+from foucault.errors import Finding, error
+from foucault.estimate.hand_rotated import RestsAndTurns, first_guess, resting_bias
+from foucault.guard.rest import check_session, enough_rests, first_rest, up_of_rests
+from foucault.guard.table import enough_readings
 from foucault.infer import mixed
+from foucault.infer.gauss_newton import Component
 from foucault.infer.mixed import NOISE_BASIS, SIGNIFICANT
-from foucault.logs.axes import spared
+from foucault.logs.checks import spared
 from foucault.models.earth import Site
-from foucault.models.imu import EQUATION, FRAME, Gauge, ImuModel
-from foucault.models.noise import ImuNoise
-from foucault.models.references import gravity_error, with_references
+from foucault.models.imu import LAYOUT
+from foucault.models.noise import ImuNoise, Readings, SessionNoise
 from foucault.models.rests_and_turns import Session as SessionData
-from foucault.models.session_noise import SessionNoise
-from foucault.plans.hand_rotated import hand_plan
-from foucault.procedures import Progress, fields
-from foucault.procedures.on_table import Task
-from foucault.procedures.on_table.poses import solve_poses
+from foucault.plans.directions import RestPlan, hand_plan
+from foucault.procedures import Progress, record
+from foucault.procedures.on_table import NORM_NEEDS, Task, from_readings
 from foucault.procedures.on_table.session import TableSettings
-from foucault.procedures.record import Given, Procedure
-from foucault.result import Result, Verdict
-from foucault.simulate.hand_rotated import Simulation
-from foucault.simulate.hand_rotated import simulate as simulate_plan
+from foucault.procedures.record import Given, Procedure, result_of
+from foucault.result import Check, Result, Verdict
+from foucault.simulate.hand_rotated import simulate_drawn
 from foucault.strict import Strict
-from foucault.tables import Log
+from foucault.tables import AXES, SPIKES, Log, TableColumns, range_below_g
 from foucault.units import Seconds
 
 NEEDED = 9  # accelerometer coefficients without quadratic terms: one equation each
 
 
-class Settings(fields.Robust, fields.EarthRate, fields.Terms):
+class Settings(record.Robust, record.EarthRate, record.Terms):
     """What can be chosen; the defaults suit most logs."""
 
-    repeatability: fields.Repeatability = True
+    repeatability: record.Repeatability = True
     held_out: int = Field(default=5, ge=0)
     """Parts left out in turn to test the prediction; 0: none."""
-    window: fields.Window = 0.5
-    shortest: fields.Shortest = 1.0
-    threshold: fields.Threshold = None
+    window: record.Window = 0.5
+    shortest: record.Shortest = 1.0
+    threshold: record.Threshold = None
 
 
 class Session(Strict):
@@ -94,22 +90,12 @@ class Session(Strict):
     """Typical length of a turn."""
     first_rest_time: Seconds = Field(default=10.0, gt=0)
     """Length of the first rest."""
-    rate: fields.SampleRate = 100.0
-    kind: fields.Sampling = "rate"
+    rate: record.SampleRate = 100.0
+    kind: record.Sampling = "rate"
 
-
-def _simulated(
-    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
-) -> Simulation:
-    plan_seed, noise_seed = np.random.SeedSequence(seed).generate_state(2)
-    plan = hand_plan(
-        session.rests, session.rest_time, session.turn_time, session.first_rest_time,
-        int(plan_seed),
-    )  # fmt: skip
-    return simulate_plan(
-        plan, model=model, noise=noise, site=site, rate=session.rate, sampled=session.kind,
-        seed=int(noise_seed),
-    )  # fmt: skip
+    def plan(self, settings: Any, seed: int) -> RestPlan:
+        """Return what a hand does; `seed`: seed of what is drawn of it [1]."""
+        return hand_plan(self.rests, self.rest_time, self.turn_time, self.first_rest_time, seed)
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:
@@ -119,14 +105,12 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         return solve_poses(log, task, given)
     progress(0.05, "finding the rests")
     log = without_spikes(log)
-    rests = find_rests(
-        log, window=settings.window, threshold=settings.threshold, shortest=settings.shortest
-    )
+    rests = find_rests(log, How(settings.window, settings.shortest, settings.threshold))
     needed = NEEDED + (3 if settings.accel_quadratic else 0)
     enough_rests(log, rests, needed, settings.shortest)
     data = SessionData.reduce(log, rests.first, rests.last, site)
     still = [(log.time[rests.first], log.time[rests.last - 1] - log.time[rests.first])]
-    findings = [*spared(log.findings, log, None, still), *rests.findings, *check_input(data)]
+    findings = [*spared(log.findings, log, None, still), *rests.findings, *check_session(data)]
     if site.latitude is None and log.gyro is not None:
         findings.append(no_latitude())
     progress(0.3, "calibrating")
@@ -148,7 +132,7 @@ def complete(result: Result, data: SessionData, rests: Rests, findings: list[Fin
     [SI].
     """
     site, log = data.site, data.log
-    validity = session_report.validity(data)
+    validity = range_below_g(log, site.gravity, SPIKES)
     return replace(
         result,
         findings=(*findings, *result.findings),
@@ -177,24 +161,11 @@ def _noise(data: SessionData, rests: Rests, noise: ImuNoise | None) -> SessionNo
     counts = log.sampled == "increment"
     if noise is not None:
         return SessionNoise.declared(noise, log.interval, counts)
-    assert log.accel is not None
-    accel = measure_noise(log.accel, log.interval, rests, increments=counts)
-    if log.gyro is None:
-        zero = np.zeros(3)
-        return SessionNoise(
-            accel.psd_of_mean,
-            zero,
-            zero,
-            ImuNoise(),
-            accel_rounding=accel.rounding,
-            accel_carried=accel.carried,
-        )
-    gyro = measure_noise(log.gyro, log.interval, rests, increments=counts)
-    return SessionNoise(
-        accel.psd_of_mean, gyro.psd_of_mean, gyro.psd, ImuNoise(),
-        accel_rounding=accel.rounding, gyro_rounding=gyro.rounding,
-        accel_carried=accel.carried, gyro_carried=gyro.carried,
-    )  # fmt: skip
+    accel, gyro = (
+        None if x is None else measure_noise(x, log.interval, rests, increments=counts)
+        for x in (log.accel, log.gyro)
+    )
+    return SessionNoise.measured(accel, gyro)
 
 
 def _likelihood(
@@ -206,7 +177,7 @@ def _likelihood(
     progress: Progress,
 ) -> Result:
     start = first_guess(data)
-    assert start is not None  # check_input has solved the same equations
+    assert start is not None  # `guard.rest` has solved the same equations
     # Noise measured in rests is a lower limit of what differs between them: scatter beyond it is
     # always estimated, for a test would leave moderate scatter out of the covariance.
     price = SIGNIFICANT if declared is not None else 0.0
@@ -226,31 +197,110 @@ def _likelihood(
     vertical = vertical_check(data, estimate)
     checks = judge.checks(judged, around, level) + ((vertical,) if vertical else ())
     turned_round = vertical is not None and not vertical.passed
-    gravity = gravity_error(estimate.coefficients, data.site) ** 2
-    return Result(
-        procedure="hand_rotated",
-        coefficients=with_references(estimate.coefficients, data.site),
-        equation=EQUATION,
-        frame=FRAME,
-        gauge=Gauge.LOWER.value,
-        verdict=Verdict.of(checks),
-        checks=checks,
+    return result_of(
+        "hand_rotated",
+        fit,
+        checks,
+        site=data.site,
         findings=tuple(session_report.hints(fit, prediction, turned_round)),
-        status=estimate.status,
         diagnostics={
-            "iterations": estimate.iterations,
             "noise": session_report.noise_json(model.noise, declared is not None, fit.found),
-            "chi_square": chi_square_json(fit.after),
-            "chi_square_of_noise_alone": chi_square_json(fit.before),
             "coverage": coverage_json(around, len(data.accel_mean)),
             "heading_sd": session_report.heading_sd(estimate) if data.earth.any() else None,
-            **information.bound(mixed.noise_alone(fit), fit.state),
-            **budget_json(
-                fit, {"local gravity": (gravity, "B", "standard uncertainty of local gravity")}
-            ),
         },
         tables=session_report.tables(fit, prediction, held_out, rest_table(data.log, rests)),
     )
+
+
+NO_TURNS = (
+    "Gyro scale factors, misalignments and g-sensitivity: means of poses do not hold the turns, "
+    "and what g-sensitivity makes of the rates is scatter of the bias."
+)
+"""What of the gyros a table of means cannot show."""
+
+
+def solve_poses(log: Log, task: Task, given: Given[Any]) -> Result:
+    """Calibrate the accelerometers, and the bias of the gyros, from means over poses.
+
+    The specific force of every pose of an instrument that nothing held and nobody measured has
+    the size of gravity, whatever the attitude: that calibrates the accelerometers, as norm
+    observation does. The turns between the poses are not in the table, so that of the gyros the
+    bias alone is seen: along up the Earth's rotation is known, across it the heading is not.
+
+    `log`: means, one row per pose [SI]; `task`: which coefficients, and what to do with a wrong
+    row; `given`: noise that is None is taken from the residuals. Raises too few poses, poses all
+    in a plane, wrong units: see `foucault.symptoms`.
+    """
+    site, settings, n = given.site, task.settings, len(log)
+    if log.accel is None:
+        raise error("session.no_accel")
+    still = TableColumns(np.full((n, 3), np.nan), np.zeros(n), None)
+    given.progress(0.2, "reading the poses")
+    readings = find_readings(replace(log, table=still), noise=given.noise)
+    rows = np.arange(n)
+    enough_readings(readings, NORM_NEEDS + 3 * settings.accel_quadratic, 0)
+    up_b = up_of_rests(SessionData.reduce(log, rows, rows + 1, site))
+    found = first_rest(log, up_b[0])
+    given.progress(0.4, "calibrating")
+    alone = from_readings(replace(readings, gyro=None), task, site=site, prior=given.prior)
+    result = alone if log.gyro is None else _with_gyros(alone, readings, site)
+    result.diagnostics["plan"] = ""
+    return replace(
+        result,
+        findings=(*log.findings, *found, *result.findings),
+        validity=table_report.validity(readings, log, site),
+    )
+
+
+def _with_gyros(alone: Result, readings: Readings, site: Site) -> Result:
+    """Add the bias of the gyros to a result of the accelerometers."""
+    table = alone.tables["readings"]
+    up_b = np.column_stack([table[f"up_{axis}"] for axis in AXES])
+    gyros = resting_bias(readings, up_b, site)
+    names = tuple(f"gyro.bias.{axis}" for axis in AXES)
+    c, m = alone.coefficients, len(alone.coefficients)
+    assert readings.gyro is not None and c.cov is not None
+    cov = np.zeros((m + 3, m + 3))
+    cov[:m, :m], cov[m:, m:] = c.cov, gyros.cov
+    vector = CoefficientVector(
+        LAYOUT.subset((*c.names, *names)), np.append(c.values, gyros.bias), cov,
+        prior_sd=np.append(c.prior_sd, np.full(3, np.inf)),
+    )  # fmt: skip
+    said = dict(alone.diagnostics)
+    left = np.diag(gyros.cov - gyros.noise)
+    said["budget"] = {k: [*v, 0.0, 0.0, 0.0] for k, v in said["budget"].items()} | {
+        "gyro noise": [*np.zeros(m).tolist(), *np.diag(gyros.noise).tolist()],
+        "scatter of the rates and unknown Earth rate": [*np.zeros(m).tolist(), *left.tolist()],
+    }
+    measured, unknown = NOISE_BASIS[readings.noise_from], ("A", "scatter of the rates at rest")
+    said["sources"] = said["sources"] | {
+        "gyro noise": [*measured], "scatter of the rates and unknown Earth rate": [*unknown],
+    }  # fmt: skip
+    if "bound" in said:
+        said["bound"] = [*said["bound"], *np.sqrt(np.diag(gyros.noise)).tolist()]
+    said["noise"] = said["noise"] | {"gyro_repeatability": gyros.scatter}
+    said["unseen"] = [*said["unseen"], NO_TURNS]
+    checks = (*alone.checks, *_explained(gyros.fit, readings.declared))
+    found = [f for f in alone.findings if f.code != "session.no_gyro"]
+    if site.latitude is None:
+        found.append(no_latitude())
+    tables = dict(alone.tables)
+    tables["readings"] = dict(table) | {
+        f"gyro_{axis}": readings.gyro[:, i] for i, axis in enumerate(AXES)
+    }
+    return replace(
+        alone, coefficients=vector, checks=checks, verdict=Verdict.of(checks),
+        findings=tuple(found), diagnostics=said, tables=tables,
+    )  # fmt: skip
+
+
+def _explained(fit: Component, declared: bool) -> list[Check]:
+    """Hold the rates along up against the noise that was declared."""
+    if not declared:
+        return []
+    given = {"ratio": np.sqrt(fit.ratio)}
+    name = "noise of angular rate at rest"
+    return [check("noise along up", name, fit.chi_square, fit.low, fit.high, given)]
 
 
 PROCEDURE = Procedure(
@@ -259,7 +309,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
-    simulation=_simulated,
+    simulation=simulate_drawn,
     names=lambda settings, _: settings.estimated(),
     # Means over poses know no turns.
     clocked=lambda log: (log.averaged is None, log.sampled == "increment"),

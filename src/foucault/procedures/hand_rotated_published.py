@@ -19,19 +19,19 @@ from pydantic import Field
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.detect.stretches import rest_table
+from foucault.diagnose import hand_rotated as judge
 from foucault.diagnose.checks import status_check
-from foucault.diagnose.compare.gravity import of_site
-from foucault.diagnose.hand_rotated import checks as judge
-from foucault.diagnose.hand_rotated.held_out import norm_columns
-from foucault.diagnose.hand_rotated.input import check_input, enough_rests, need_samples
-from foucault.diagnose.hand_rotated.published_rests import find_published_rests
-from foucault.diagnose.rests import rest_table
+from foucault.diagnose.comparable import of_site
+from foucault.diagnose.hand_rotated import norm_columns
 from foucault.errors import Status, error
+from foucault.estimate import hand_rotated as published_hand_rotated
 from foucault.estimate import norm_observation
-from foucault.estimate.hand_rotated import published as published_hand_rotated
-from foucault.logs.axes import spared
+from foucault.estimate.hand_rotated import find_published_rests
+from foucault.guard.rest import check_session, enough_rests
+from foucault.logs.checks import spared
 from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
-from foucault.models.references import gravity_error, with_references
+from foucault.models.layouts import gravity_error, with_references
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.procedures import hand_rotated
 from foucault.procedures.hand_rotated import NEEDED, complete
@@ -70,7 +70,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         raise error("published.unweighted", what=what)
     if log.accel is None:
         raise error("session.no_accel")
-    need_samples(log)
+    if log.averaged is not None:
+        raise error("session.means")
     progress(0.05, "finding the rests")
     rests = find_published_rests(
         log,
@@ -82,7 +83,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     enough_rests(log, rests, NEEDED, settings.samples_per_rest * log.interval)
     data = SessionData.reduce(log, rests.first, rests.last, replace(site, latitude=None))
     still = [(log.time[rests.first], log.time[rests.last - 1] - log.time[rests.first])]
-    findings = [*spared(log.findings, log, None, still), *check_input(data)]
+    findings = [*spared(log.findings, log, None, still), *check_session(data)]
     progress(0.5, "calibrating")
     result = _published(data, settings)
     model = ImuModel.from_coefficients(result.coefficients)
@@ -95,7 +96,7 @@ def _published(data: SessionData, settings: Settings) -> Result:
     log, gravity = data.log, data.site.gravity
     assert log.accel is not None
     solved = norm_observation.solve(data.accel_mean, gravity)
-    assert solved is not None  # check_input has solved the same equations
+    assert solved is not None  # `guard.rest` has solved the same equations
     readings = np.concatenate([log.accel[a : a + settings.samples_per_rest] for a in data.first])
     start = ImuModel(accel_matrix=solved[0], accel_bias=solved[1])
     accel = published_hand_rotated.fit_norms(readings, gravity, start)

@@ -13,11 +13,11 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.compare import gravity
-from foucault.diagnose.words import check
+from foucault.diagnose import comparable
+from foucault.diagnose.checks import check
 from foucault.errors import Finding, Status, error, finding
-from foucault.estimate.chi_square import chi_square_limits
 from foucault.estimate.fusion import Fused, Known, fused, with_sources
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models import cluster
 from foucault.models.layouts import BESIDE, is_cluster
 from foucault.result import Check, Level, Result, TimeBase, Verdict
@@ -250,7 +250,7 @@ def _known(result: Result, vector: CoefficientVector, clock: str = "") -> Known:
     """
     whole = result.coefficients
     at = [whole.layout.index(name) for name in vector.names]
-    errors: dict[Any, FloatArray] = dict(gravity.gravity_errors(result, whole))
+    errors: dict[Any, FloatArray] = dict(comparable.gravity_errors(result, whole))
     owed = {site: error[at] for site, error in errors.items() if error[at].any()}
     base = result.clock
     if clock and base is not None and (error := base.of(vector.names)).any():
@@ -294,7 +294,7 @@ def _owed(known: Known) -> dict[str, Any]:
     names = known.own.names
     errors: Iterable[tuple[Any, FloatArray]] = known.shared(names).items()
     errors = [(site, error) for site, error in errors if site[0] != CLOCK]
-    return {gravity.KEY: gravity.as_kept({
+    return {comparable.KEY: comparable.as_kept({
         site: dict(zip(names, error.tolist(), strict=True)) for site, error in errors
     })}  # fmt: skip
 

@@ -26,16 +26,16 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.estimate import norm_observation
-from foucault.estimate.table import four_positions, parallel_vectors
-from foucault.estimate.table.fit import TableFit
+from foucault.estimate import norm_observation as four_positions
+from foucault.estimate import norm_observation as parallel_vectors
+from foucault.estimate.table import TableFit
 from foucault.models import turntable
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
-from foucault.models.readings import Readings
-from foucault.models.table_state import State
+from foucault.models.noise import Readings
+from foucault.models.turntable import State
 from foucault.procedures import on_table
-from foucault.procedures.on_table import Task
-from foucault.procedures.on_table.procedure import table_procedure
+from foucault.procedures.on_table import Task, table_procedure
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.procedures.on_table.session import simulate as simulate
 
@@ -63,8 +63,10 @@ def task_of(settings: Settings) -> Task:
 
 def linear(
     settings: Settings, readings: Readings, site: Site, fit: TableFit
-) -> tuple[CoefficientVector, State]:
+) -> tuple[CoefficientVector, State, FloatArray]:
     """Solve by linear equations, with the covariance that first-order propagation gives.
+
+    With both it returns what one unit of each component of a reading does, shape (p, 3 k) [SI].
 
     `readings`: what was observed, readings that the fit left out are left out here too [SI];
     `fit`: the likelihood's solution: its covariance of the readings, scatter included, and
@@ -97,7 +99,7 @@ def linear(
     flat = slopes.reshape(len(names), -1)
     cov = flat @ fit.fit.covariance.whole @ flat.T
     vector = CoefficientVector(LAYOUT.subset(names), values, cov)
-    return vector, replace(fit.estimate.state, model=model, lever_arm=lever_arm)
+    return vector, replace(fit.estimate.state, model=model, lever_arm=lever_arm), flat
 
 
 def solve(settings: Settings, readings: Readings, site: Site) -> tuple[ImuModel, FloatArray]:
@@ -120,7 +122,7 @@ def solve(settings: Settings, readings: Readings, site: Site) -> tuple[ImuModel,
         w_d = (readings.gyro[spin] - bias) @ np.linalg.inv(L).T
         f_b = (readings.accel[spin] - b) @ np.linalg.inv(M).T
         if settings.unification == "four positions":
-            C_bd = four_positions.unify(readings, b, bias, h, site.gravity)
+            C_bd = four_positions.unify_four_positions(readings, b, bias, h, site.gravity)
         else:
             C_bd, arm = parallel_vectors.unify(f_b, w_d, h[spin], site.gravity, settings.lever_arm)
         model = replace(model, gyro_matrix=L @ C_bd.T, gyro_bias=bias)

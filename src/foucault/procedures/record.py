@@ -9,32 +9,47 @@
 
 A module of `foucault.procedures.PROCEDURES` has its record as ``PROCEDURE``. The defaults of a
 field are the usual case, so that a procedure states only what is its own.
+
+Settings that several procedures have: each with one meaning and one description.
+
+A field that only is there is an annotated type, to which a table of a campaign gives its default.
+What is done with a field is a method of the class that has it.
 """
 
 from __future__ import annotations
 
+import pickle
 import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
 
-from pydantic import BaseModel
+from pydantic import BaseModel, Field, ValidationInfo
 
 from foucault import logs
 from foucault.coefficients import Layout
-from foucault.diagnose.time_base import with_clock
+from foucault.diagnose.fit_checks import budget_json, chi_square_json
+from foucault.diagnose.references import with_clock
+from foucault.errors import Finding, FoucaultError
+from foucault.infer import mixed
+from foucault.infer.information import bound
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import imu
 from foucault.models.earth import Site
+from foucault.models.imu import LAYOUT, LINEAR_LOWER
+from foucault.models.layouts import gravity_error, rate_slope, with_references
 from foucault.models.noise import ImuNoise
 from foucault.procedures import Progress, silent, solvable
-from foucault.procedures.fields import EarthRate
-from foucault.result import Result, provenance
+from foucault.result import Check, Result, TableData, Verdict, provenance
+from foucault.strict import Strict
+from foucault.units import AngleSd, Quantity, RatioSd, Seconds
 
 if TYPE_CHECKING:
     from foucault.arrays import FloatArray
     from foucault.diagnose.foresight import Foresight
+
 
 S = TypeVar("S", bound=BaseModel)
 N = TypeVar("N", bound=BaseModel)
@@ -54,6 +69,55 @@ class Given(Generic[S]):
     shown: bool = True  # whether a report will show it: a trial is one of many
 
 
+def result_of(
+    procedure: str,
+    fit: mixed.Fit,
+    checks: tuple[Check, ...],
+    *,
+    site: Site,
+    findings: tuple[Finding, ...],
+    tables: Mapping[str, TableData],
+    diagnostics: Mapping[str, Any],
+    validity: Mapping[str, Any] = MappingProxyType({}),
+    described: tuple[str, str, str] = (imu.EQUATION, imu.FRAME, imu.Gauge.LOWER.value),
+    table_rate_sd: float | None = 0.0,
+    gain: FloatArray | None = None,
+    bounded: bool = True,
+) -> Result:
+    """Make the result of a mixed model: its estimate with budget and bound, judged and described.
+
+    `diagnostics`: what the procedure says beside that; it goes before what is said here;
+    `described`: equation, frame and gauge; `table_rate_sd`: relative sd of an error that all spin
+    rates share [1], None where neither that nor local gravity is in the coefficients; `gain`
+    (p, n d) or None: of another estimate from the same readings than the fit's [SI]; `bounded`:
+    False where nothing is known of the noise.
+    """
+    found = fit.estimate.coefficients
+    shared: dict[str, tuple[FloatArray, str, str]] = {}
+    if table_rate_sd is not None:
+        gravity, rate = gravity_error(found, site), rate_slope(found) * table_rate_sd
+        shared = {
+            "local gravity": (gravity**2, "B", "standard uncertainty of local gravity"),
+            "rate of the table": (
+                rate**2, "B", "table_rate_sd as given; tilt of the outer axis",
+            ),
+        }  # fmt: skip
+        found = with_references(found, site, table_rate_sd)
+    said = {
+        "iterations": fit.estimate.iterations,
+        "chi_square": chi_square_json(fit.after),
+        "chi_square_of_noise_alone": chi_square_json(fit.before),
+        **budget_json(fit, shared, gain),
+        **(bound(mixed.noise_alone(fit), fit.state) if bounded else {}),
+    }
+    equation, frame, gauge = described
+    return Result(
+        procedure, found, equation, frame, gauge, Verdict.of(checks), checks, findings,
+        fit.estimate.status, site=site.as_dict(), validity=dict(validity),
+        diagnostics=said | dict(diagnostics), tables=dict(tables),
+    )  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Beforehand(Generic[S, N]):
     """What a planned session is judged by."""
@@ -65,6 +129,24 @@ class Beforehand(Generic[S, N]):
     prior: Prior = field(default_factory=dict)  # what is known beforehand [SI]
     typical: ImuNoise | None = None  # to reckon with where none is declared [SI]
     wanted: Any = None  # [optimise], where the procedure has it
+
+
+@dataclass
+class Stated(Generic[S, N]):
+    """What a calibration would state of plans in some circumstances, each asked for once."""
+
+    known: Beforehand[S, N]  # all but the plan
+    # known, plan and circumstances -> sd of every coefficient (p,) [SI]
+    sd: Callable[[Beforehand[S, N], Any, str], FloatArray]
+    # (p,) what was stated before [SI]
+    _kept: dict[tuple[str, bytes], FloatArray] = field(default_factory=dict, repr=False)
+
+    def __call__(self, plan: Any, case: str) -> FloatArray:
+        """Return the sd of every coefficient, shape (p,) [SI]."""
+        key = case, pickle.dumps(plan)
+        if key not in self._kept:
+            self._kept[key] = self.sd(self.known, plan, case)
+        return self._kept[key]
 
 
 def _on_axes(log: Any) -> tuple[bool, bool]:
@@ -246,3 +328,124 @@ class Procedure(Generic[S, N]):
             site=site,
             seed=seed,
         )
+
+
+Checked = TypeVar("Checked")
+
+# -- of a calibration --------------------------------------------------------------------------
+
+Quadratic = Annotated[bool, Field(description="Estimate the accelerometers' quadratic terms too.")]
+Repeatability = Annotated[
+    bool,
+    Field(description="Estimate the scatter between readings that the noise does not explain."),
+]
+Window = Annotated[Seconds, Field(gt=0, description="Window of the rest detector.")]
+Shortest = Annotated[Seconds, Field(gt=0, description="Shortest rest.")]
+Threshold = Annotated[
+    float | None,
+    Field(
+        gt=1,
+        examples=[3.0],
+        description="Level (1 = quiet) below which the instrument rests; default: from the data.",
+    ),
+]
+RateSd = Annotated[
+    RatioSd, Field(ge=0, description="Relative sd of the rate from one spin or step to the next.")
+]
+TableRateSd = Annotated[
+    RatioSd, Field(ge=0, description="Relative sd of an error that all rates of the table share.")
+]
+
+# -- of a table ----------------------------------------------------------------------------------
+
+PlumbSd = Annotated[
+    AngleSd, Field(ge=0, description="Sd of the tilt of the outer axis, about each of two axes.")
+]
+OrthogonalitySd = Annotated[
+    AngleSd, Field(ge=0, description="Sd of the angles between the table's axes.")
+]
+ZeroSd = Annotated[
+    AngleSd, Field(ge=0, description="Sd of the zero errors of middle and inner angle.")
+]
+PositionSd = Annotated[
+    AngleSd,
+    Field(ge=0, description="Sd of the middle and inner angle from one position to the next."),
+]
+
+# -- of a simulated session ----------------------------------------------------------------------
+
+RestTime = Annotated[Seconds, Field(gt=0, description="Length of each rest.")]
+SampleRate = Annotated[float, Field(gt=0, description="Sample rate."), Quantity("frequency")]
+Sampling = Annotated[
+    Literal["rate", "increment"],
+    Field(description="Instantaneous rates, or means over each interval."),
+]
+Rows = Annotated[
+    Literal["samples", "means"],
+    Field(description="A row per sample, or one mean per position, step or stop."),
+]
+
+
+class Stretch(Strict):
+    """Which part of a log is used."""
+
+    start: Seconds | None = None
+    """Use the log from here on, such as "600 s"; times count from its start."""
+    end: Seconds | None = Field(default=None, gt=0)
+    """Use the log up to here, such as "90 min"."""
+    gaps: Literal["stop", "bridge"] = "stop"
+    """What to do where samples are missing."""
+
+
+class EarthRate(Strict):
+    """Whether the Earth's rotation is modelled."""
+
+    earth_rate: bool = True
+    """Model the Earth's rotation where the latitude is given."""
+
+    def where(self, site: Site) -> Site:
+        """Return the site as it is modelled: without latitude where the Earth is not to turn."""
+        return site if self.earth_rate else replace(site, latitude=None)
+
+
+class Terms(Strict):
+    """Which terms of the model of an IMU are estimated beside the linear ones."""
+
+    accel_quadratic: Quadratic = False
+    g_sensitivity: bool = False
+    """Estimate the gyros' g-sensitivity too (9 more)."""
+
+    def estimated(self, *, gyro: bool = True, turns: bool = True) -> tuple[str, ...]:
+        """Return the names of all coefficients that are estimated.
+
+        `gyro`: whether there are gyros; `turns`: whether they are turned, which shows their scale
+        factors and misalignments.
+        """
+        families = ("accel.",) + (("gyro." if turns else "gyro.bias.",) if gyro else ())
+        names = [n for n in LINEAR_LOWER if n.startswith(families)]
+        more = ("accel.quadratic.",) * self.accel_quadratic
+        more += ("gyro.g_sensitivity.",) * (self.g_sensitivity and gyro)
+        return tuple(n for n in LAYOUT.names if n in names or n.startswith(more))
+
+
+class Robust(Strict):
+    """What is done with readings that contradict the others."""
+
+    loss: Literal["robust", "squares"] = "robust"
+    """robust: a reading that contradicts the others, beyond 3 sd, counts little or nothing;
+    squares: all count in full."""
+
+    @property
+    def robust(self) -> bool:
+        """Whether such readings are left out or weighted down."""
+        return self.loss == "robust"
+
+
+def located(info: ValidationInfo, check: Callable[[], Checked]) -> Checked:
+    """Return what `check` does; where a file is read (`info` says so) its error names the key."""
+    try:
+        return check()
+    except FoucaultError as problem:
+        if "locate" in (info.context or ()):
+            raise ValueError(problem) from None
+        raise

@@ -13,20 +13,13 @@ References
 
 from __future__ import annotations
 
-import numpy as np
-
-from foucault.diagnose.faces.moves import check_moves
-from foucault.diagnose.spikes import without_spikes
-from foucault.models.earth import Site
-from foucault.models.imu import ImuModel
-from foucault.models.noise import ImuNoise
+from foucault.detect.noise import without_spikes
+from foucault.guard import rest as turns
 from foucault.procedures import on_faces
-from foucault.procedures.on_faces.settings import FaceSession, FaceSettings
+from foucault.procedures.on_faces import FaceSession, FaceSettings
 from foucault.procedures.record import Given, Procedure
 from foucault.result import Result
-from foucault.simulate.faces import face_plan
-from foucault.simulate.faces import simulate as simulate_plan
-from foucault.simulate.hand_rotated import Simulation
+from foucault.simulate.hand_rotated import simulate_drawn
 from foucault.tables import Log
 
 
@@ -38,26 +31,12 @@ class Session(FaceSession):
     """The session that `simulate` makes."""
 
 
-def _simulated(
-    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
-) -> Simulation:
-    plan_seed, noise_seed = np.random.SeedSequence(seed).generate_state(2)
-    plan = face_plan(
-        rest_time=session.rest_time, move_time=session.move_time,
-        placement_sd=session.placement_sd, seed=int(plan_seed),
-    )  # fmt: skip
-    return simulate_plan(
-        plan, model=model, noise=noise, site=site, rate=session.rate, sampled=session.kind,
-        seed=int(noise_seed),
-    )  # fmt: skip
-
-
 def _solve(log: Log, given: Given[Settings]) -> Result:
     site, settings, noise = given.site, given.settings, given.noise
     given.progress(0.1, "finding the faces")
     log = without_spikes(log)
     faces = on_faces.found_faces(log, site, settings)
-    check_moves(log, faces)
+    turns.between_rests(log, faces.first, faces.last, faces.readings.up_k, alone=True)
     given.progress(0.5, "calibrating")
     names = settings.estimated(gyro=log.gyro is not None, turns=False)
     declared = (settings.placement_sd, 0.0, 0.0)
@@ -71,7 +50,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
-    simulation=_simulated,
+    simulation=simulate_drawn,
     names=lambda settings, _: settings.estimated(turns=False),
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

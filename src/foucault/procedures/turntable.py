@@ -11,12 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from foucault.models.earth import Site
-from foucault.models.table_geometry import Trust
-from foucault.procedures.fields import OrthogonalitySd, PlumbSd, PositionSd, ZeroSd
-from foucault.procedures.on_table import Task
-from foucault.procedures.on_table.procedure import table_procedure
+from foucault.models.turntable import Trust
+from foucault.procedures.on_table import Task, table_procedure
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.procedures.on_table.session import simulate as simulate
+from foucault.procedures.record import OrthogonalitySd, PlumbSd, PositionSd, ZeroSd
 
 ARCSEC = float(np.radians(1 / 3600))
 

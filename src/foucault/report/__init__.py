@@ -1,4 +1,8 @@
-"""The report: a run folder as one self-contained page. It formats and computes nothing."""
+"""The report: what a run folder holds as a document, and its printer as one self-contained page.
+
+It formats and computes nothing. A kind of run is a module with `document`; what it says of a run is
+the same on the page, on the screen and as JSON.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +17,9 @@ from foucault.files import atomic
 from foucault.run_folder import REPORT_FILE, load_result
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from markupsafe import Markup
 
-    from foucault.report.ends import Heading
-    from foucault.report.page import Section
+    from foucault.report.page import Document
     from foucault.result import Result
 
 _HERE = Path(__file__).parent
@@ -30,27 +31,38 @@ def write(folder: str | Path) -> Path:
     Returns the report written: one HTML file that needs no network.
     """
     folder = Path(folder)
-    text = html(load_result(folder))
-    with atomic(folder / REPORT_FILE) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    return folder / REPORT_FILE
+    return save(of_result(load_result(folder)), folder / REPORT_FILE)
+
+
+def of_result(result: Result) -> Document:
+    """Return what there is to say of a calibration."""
+    from foucault.report import calibration
+
+    return calibration.document(result)
 
 
 def html(result: Result) -> str:
     """Return the report of `result` as HTML."""
-    from foucault.report.sections import heading, sections
-
-    return render(heading(result), sections(result))
+    return render(of_result(result))
 
 
-def render(head: Heading, sections: Sequence[Section]) -> str:
-    """Return a self-contained page of `sections` as HTML."""
+def save(document: Document, path: str | Path) -> Path:
+    """Write a document as one self-contained HTML file."""
+    path = Path(path)
+    text = render(document)
+    with atomic(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return path
+
+
+def render(document: Document) -> str:
+    """Return a document as a self-contained page of HTML."""
     from plotly.offline import get_plotlyjs
 
     return str(
         _template().render(
-            head=head,
-            sections=sections,
+            head=document.heading,
+            sections=document.sections,
             css=(_HERE / "page.css").read_text(encoding="utf-8"),
             js=(_HERE / "page.js").read_text(encoding="utf-8"),
             plotly=get_plotlyjs(),

@@ -1,29 +1,56 @@
-"""The page of a fleet: who passes, how the coefficients are distributed, who stands out."""
+"""The page of a fleet: who passes, how the coefficients are distributed, who stands out.
+
+Histograms stand side by side, drawn from counts, so that they stay small.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import format_value
-from foucault.diagnose.fleet import FEWEST
-from foucault.files import atomic
+from foucault.diagnose.compare import FEWEST, middle_and_spread
 from foucault.models.imu import LAYOUT
-from foucault.report import ends, render
-from foucault.report.ends import STATES, Heading
-from foucault.report.fleet_figures import families, ratios
-from foucault.report.page import Column, Items, Link, Section, Table, Text
-from foucault.report.uncertainty import shown
+from foucault.report import page
+from foucault.report.chart import (
+    BAD,
+    FIRST,
+    INK,
+    WARNING,
+    Trace,
+    axis,
+    bars,
+    draw,
+    noted,
+    ref,
+    upright,
+)
+from foucault.report.page import (
+    STATES,
+    Document,
+    Figure,
+    Heading,
+    Items,
+    Link,
+    Section,
+    Table,
+    minus,
+    said,
+    section,
+    table,
+    told,
+    unit_of,
+    words,
+)
 from foucault.result import Level
-from foucault.units import display_unit, factor, plain
+from foucault.units import plain
 
 if TYPE_CHECKING:
-    from foucault.campaign.fleet.table import FleetTable
-    from foucault.diagnose.fleet import Outlying
+    from foucault.campaign.fleet import FleetTable
+    from foucault.diagnose.compare import Outlying
 
 LISTED = 500
 """Instruments in the table of the page; the others are in fleet.parquet [1]."""
@@ -34,293 +61,442 @@ FEW = 40
 NAMED = 60
 """Lines in a list of what stands out [1]."""
 
+PER_ROW = 3
+"""Histograms side by side [1]."""
+
+REACH = 8.0
+"""Values farther from the median than this are counted in the margin [robust sd]."""
+
+MANY = 30
+"""So many redundant readings leave the size of the residuals little scatter [1]."""
+
 LOOKS = {
-    "pass": "good", "fail": "bad", "undecided": "warning", "doubtful": "warning",
-    "unusable": "bad", "broken": "bad",
-}  # fmt: skip
-ORDER = ("broken", "fail", "unusable", "undecided", "doubtful", "pass")
-"""Outcomes, worst first."""
+    "broken": "bad",
+    "fail": "bad",
+    "unusable": "bad",
+    "undecided": "warning",
+    "doubtful": "warning",
+    "pass": "good",
+}
+"""Look of every outcome, worst first."""
+
+TITLES = {"bias": "Biases", "scale": "Scale factor errors", "misalignment": "Misalignments"}
+TRIADS = {"accel": "accelerometers", "gyro": "gyros"}
 
 
-def write(table: FleetTable, about: Mapping[str, Any], path: str | Path) -> Path:
-    """Write one self-contained HTML file.
+def document(some: FleetTable, about: Mapping[str, Any]) -> Document:
+    """Return what there is to say of a fleet.
 
-    `table`: the instruments [SI].
+    `some`: the instruments [SI].
     """
-    path = Path(path)
-    with atomic(path) as temporary:
-        temporary.write_text(html(table, about), encoding="utf-8")
-    return path
-
-
-def html(table: FleetTable, about: Mapping[str, Any]) -> str:
-    """Return the page as HTML."""
-    odd = table.outlying()
-    order = _worst_first(table, odd)
-    made = [
-        _outcomes(table),
-        _attention(table, odd, order),
-        _outlying(table, odd),
-        *families(table),
-        _summary(table),
-        ratios(table),
-        _tolerance(table),
-        _instruments(table, odd, order),
+    odd = some.outlying()
+    order = _worst_first(some, odd)
+    return Document.of(
+        _heading(some, odd, about),
+        _outcomes(some),
+        _attention(some, odd, order),
+        _outlying(some, odd),
+        _families(some),
+        _summary(some),
+        ratios(some),
+        _tolerance(some),
+        _instruments(some, odd, order),
         _about(about),
-    ]
-    return render(_heading(table, about), [section for section in made if section is not None])
+    )
 
 
-def _heading(table: FleetTable, about: Mapping[str, Any]) -> Heading:
-    counts = table.counts()
-    bad = sum(counts.get(k, 0) for k in ("fail", "unusable", "broken"))
-    open_ = sum(counts.get(k, 0) for k in ("undecided", "doubtful"))
+def _heading(some: FleetTable, odd: list[Outlying], about: Mapping[str, Any]) -> Heading:
+    counts = some.counts()
+    bad, open_ = (
+        sum(n for word, n in counts.items() if LOOKS[word] == look) for look in ("bad", "warning")
+    )
     level = Level.UNUSABLE if bad else (Level.DOUBTFUL if open_ else Level.PASS)
-    said = ", ".join(f"{n} {word}" for word, n in counts.items() if n)
-    reasons = [f"{said[:1].upper()}{said[1:]}."]
-    odd = {o.index for o in table.outlying()}
-    if odd:
-        some = "one instrument differs" if len(odd) == 1 else f"{len(odd)} instruments differ"
-        reasons.append(f"{some[:1].upper()}{some[1:]} from the fleet.")
-    line = [f"{len(table)} instruments", str(about.get("procedure", ""))]
+    found = ", ".join(f"{n} {word}" for word, n in counts.items() if n)
+    reasons = [f"{found[:1].upper()}{found[1:]}."]
+    if n := len({o.index for o in odd}):
+        reasons.append(
+            f"{f'{n} instruments differ' if n > 1 else 'One instrument differs'} from the fleet."
+        )
     batch = about.get("solved_in_batch")
+    line = [f"{len(some)} instruments", str(about.get("procedure", ""))]
     line += [f"{batch} solved in one batch"] if batch else []
     created = str((about.get("provenance") or {}).get("created", ""))
     line += [created[:10]] if created else []
-    word = "All pass" if level is Level.PASS else f"{counts['pass']} of {len(table)} pass"
+    word = "All pass" if level is Level.PASS else f"{counts['pass']} of {len(some)} pass"
     return Heading("Calibration of a fleet", line, STATES[level], word, reasons)
 
 
-def _outcomes(table: FleetTable) -> Section:
-    meaning = {
-        "pass": "every coefficient with twice its standard deviation is inside its limit",
-        "fail": "a coefficient is outside its limit by more than twice its standard deviation",
-        "undecided": "a coefficient is too near to its limit, or not known well enough, to tell",
-        "broken": "there is no result; the reason is below",
-    }
-    if table.decisions is None:
-        meaning |= {
-            "pass": "all checks of the calibration passed",
-            "doubtful": "a check failed: read why before use",
-            "unusable": "not to be used",
-        }
-    counts, total = table.counts(), max(len(table), 1)
-    rows = [
-        [LOOKS[word], word, f"{n}", f"{100 * n / total:.1f} %", meaning[word]]
-        for word, n in counts.items()
-    ]
-    columns = [
-        Column("", "state"), Column("outcome"), Column("instruments", "number"),
-        Column("share", "number", aside=True), Column("what it means"),
-    ]  # fmt: skip
-    lead = (
-        "Measured against the tolerance, with a guard band of two standard deviations."
-        if table.decisions is not None
-        else "No tolerance was given: what the checks of each calibration say."
+def _outcomes(some: FleetTable) -> Section | None:
+    counts, total, key = some.counts(), max(len(some), 1), "fleet.outcomes"
+    bare = some.decisions is None
+    return section(
+        key,
+        table(
+            (": state", [LOOKS[word] for word in counts]),
+            ("outcome", counts),
+            ("instruments: number", [f"{n}" for n in counts.values()]),
+            ("share: number aside", [f"{100 * n / total:.1f} %" for n in counts.values()]),
+            (
+                "what it means",
+                [told(f"{key}.{word}{'_bare' * (bare and word == 'pass')}") for word in counts],
+            ),
+        ),
+        lead=told(f"{key}.bare") if bare else None,
     )
-    return Section("Outcome", lead, [Table(columns, rows)])
 
 
-def _outlying(table: FleetTable, odd: list[Outlying]) -> Section:
+def _outlying(some: FleetTable, odd: list[Outlying]) -> Section | None:
+    key = "fleet.outlying"
     if not odd:
-        few = int(table.good.sum()) < FEWEST
-        words = "No instrument differs from the others by more than chance."
-        if few:
-            words = f"With fewer than {FEWEST} instruments none can stand out."
-        return Section("Unlike the fleet", words, [])
-    lead = (
-        "z is the distance from the median in robust standard deviations of the fleet; what is "
-        "listed would be there by chance in one fleet of a hundred."
-    )
-    spread = {d.name: d for d in table.distributions()}
+        few = int(some.good.sum()) < FEWEST
+        lead = said(f"{key}.few" if few else f"{key}.none", fewest=FEWEST)
+        return Section(told(f"{key}.title"), lead, [])
+    spread = {d.name: d for d in some.distributions()}
     items = []
     for o in odd[:NAMED]:
-        serial = table.rows[o.index].serial
+        serial = some.rows[o.index].serial
         if o.name not in spread:
             items.append(("warning", f"{serial}: {o.name}, {o.value:.1f} times that of the fleet."))
             continue
-        d = spread[o.name]
-        unit, size = _unit(o.name, o.value)
+        d, (unit, one) = spread[o.name], _unit(o.name, o.value)
         text = (
-            f"{serial}: {o.name} is {plain(o.value / size, 4)} {shown(unit)}, z = {o.z:+.1f}; the "
-            f"fleet has {plain(d.median / size, 3)} ± {plain(d.spread / size, 2)} {shown(unit)}."
+            f"{serial}: {o.name} is {plain(o.value / one, 4)} {unit}, z = {o.z:+.1f}; the "
+            f"fleet has {plain(d.median / one, 3)} ± {plain(d.spread / one, 2)} {unit}."
         )
         items.append(("warning", text.replace(" -", " −")))
-    blocks: list[Any] = [Items(items)]
-    if len(odd) > NAMED:
-        blocks.append(Text(f"{len(odd) - NAMED} more are in fleet.json."))
-    return Section("Unlike the fleet", lead, blocks)
+    more = said(f"{key}.more", count=len(odd) - NAMED) if len(odd) > NAMED else ""
+    return section(key, Items(items), more)
 
 
-def _unit(name: str, value: float) -> tuple[str, float]:
-    kind = LAYOUT.coefficients[LAYOUT.index(name)].kind
-    unit = display_unit(kind, value)
-    return unit, factor(unit, kind)
+def _unit(name: str, *values: Any) -> tuple[str, float]:
+    return unit_of(LAYOUT.coefficients[LAYOUT.index(name)].kind, *values)
 
 
-def _use(table: FleetTable) -> FloatArray:
-    """Return the largest share of its limit that a coefficient of each instrument takes, (N,)."""
-    if table.tolerance is None or not table.names:
-        return np.full(len(table), np.nan)
-    limit = table.tolerance.limits(table.names)[0]
-    share = np.where(np.isfinite(table.values), np.abs(table.values), 0.0) / limit
-    return np.asarray(np.where(table.good, share.max(axis=1), np.nan))
+# -- the instruments -------------------------------------------------------------------------
 
 
-def _worst_first(table: FleetTable, odd: list[Outlying]) -> list[int]:
+def _use(some: FleetTable) -> FloatArray:
+    """Return the share of its limit that each coefficient of each instrument takes, (N, names)."""
+    if some.tolerance is None or not some.names:
+        return np.full((len(some), 1), np.nan)
+    limit = some.tolerance.limits(some.names)[0]
+    share = np.where(np.isfinite(some.values), np.abs(some.values), 0.0) / limit
+    return np.asarray(np.where(some.good[:, None], share, np.nan))
+
+
+def _worst_first(some: FleetTable, odd: list[Outlying]) -> list[int]:
     """Return the numbers of the instruments, those that need a look first."""
-    use, ratio, outcomes = _use(table), table.ratio, table.outcomes
+    use, ratio, outcomes, order = _use(some).max(axis=1), some.ratio, some.outcomes, list(LOOKS)
     worst_z: dict[int, float] = {}
     for o in odd:
         worst_z[o.index] = max(worst_z.get(o.index, 0.0), abs(o.z))
 
     def rank(i: int) -> tuple[int, float, float, float]:
-        share = float(np.nan_to_num(use[i]))
         noise = float(np.nanmax([*ratio[i], 0.0]))
-        return ORDER.index(outcomes[i]), -worst_z.get(i, 0.0), -share, -noise
+        share = float(np.nan_to_num(use[i]))
+        return order.index(outcomes[i]), -worst_z.get(i, 0.0), -share, -noise
 
-    return sorted(range(len(table)), key=rank)
+    return sorted(range(len(some)), key=rank)
 
 
-def _attention(table: FleetTable, odd: list[Outlying], order: list[int]) -> Section | None:
+def _attention(some: FleetTable, odd: list[Outlying], order: list[int]) -> Section | None:
     """List those that did not pass, so that nobody has to look for them."""
-    outcomes = table.outcomes
-    bad = [i for i in order if outcomes[i] != "pass"]
+    bad, key = [i for i in order if some.outcomes[i] != "pass"], "fleet.attention"
     if not bad:
         return None
-    lead = "The worst first."
-    if len(bad) > FEW:
-        lead += f" {FEW} of {len(bad)}; the others are in the table of all instruments."
-    return Section("Did not pass", lead, [_listed(table, odd, bad[:FEW], why=True)])
+    more = f"{key}.some" if len(bad) > FEW else ""
+    lead = said(f"{key}.lead", more, few=FEW, count=len(bad))
+    return section(key, _listed(some, bad[:FEW], odd), lead=lead)
 
 
-def _instruments(table: FleetTable, odd: list[Outlying], order: list[int]) -> Section:
-    lead = "The worst first."
-    if table.decisions is not None:
-        lead += " Of limit: the largest coefficient over its limit."
-    if np.isfinite(table.ratio).any():
-        lead += " Residual: size of what the model leaves over what the noise explains."
-    if len(table) > LISTED:
-        lead += f" {LISTED} of {len(table)} are listed; all are in `fleet.parquet`."
-    shown_ones = order[:LISTED]
-    # A folder without reports has nothing to link to.
-    return Section("Instruments", lead, [_listed(table, odd, shown_ones, why=False)])
+def _instruments(some: FleetTable, odd: list[Outlying], order: list[int]) -> Section | None:
+    key = "fleet.instruments"
+    lead = said(
+        f"{key}.lead",
+        f"{key}.limit" if some.decisions is not None else "",
+        f"{key}.residual" if np.isfinite(some.ratio).any() else "",
+        f"{key}.some" if len(some) > LISTED else "",
+        listed=LISTED,
+        count=len(some),
+    )
+    return section(key, _listed(some, order[:LISTED], None), lead=lead)
 
 
-def _listed(table: FleetTable, odd: list[Outlying], some: list[int], why: bool) -> Table:
-    use, ratio, outcomes = _use(table), table.ratio, table.outcomes
-    tolerance, tested = table.decisions is not None, bool(np.isfinite(ratio).any())
-    rows = []
-    for i in some:
-        row = table.rows[i]
-        cells = [LOOKS[outcomes[i]], Link.to(row.report, row.serial), outcomes[i]]
-        cells += [_percent(use[i])] * tolerance
-        cells += [_plain(ratio[i, 0]), _plain(ratio[i, 1])] * tested
-        worst = _worst(table, i) if not why else _why(table, i, odd)
-        rows.append([*cells, worst])
-    columns = [Column("", "state"), Column("instrument", "link"), Column("outcome", "short")]
-    columns += [Column("of limit", "number")] * tolerance
-    if tested:
-        columns += [Column(f"{t} residual", "number", aside=True) for t in ("accel", "gyro")]
-    columns.append(Column("why") if why else Column("nearest to its limit", aside=True))
-    if not why and not tolerance:
-        columns, rows = columns[:-1], [row[:-1] for row in rows]
-    return Table(columns, rows)
+def _listed(some: FleetTable, rows: list[int], odd: list[Outlying] | None) -> Table:
+    """Return some instruments, with `odd` why they did not pass; else what is nearest to its limit.
+
+    A folder without reports has nothing to link to.
+    """
+    use, ratio, limited = _use(some), some.ratio, some.decisions is not None
+    tested = bool(np.isfinite(ratio).any())
+
+    def nearest(i: int) -> str:
+        """Return the coefficient that takes the largest share of its limit."""
+        if some.tolerance is None or not some.good[i] or not some.names:
+            return ""
+        return some.names[int(np.argmax(np.nan_to_num(use[i])))]
+
+    def sized(values: FloatArray, text: str) -> list[str]:
+        return [text.format(float(values[i])) if np.isfinite(values[i]) else "" for i in rows]
+
+    return table(
+        (": state", [LOOKS[some.outcomes[i]] for i in rows]),
+        ("instrument: link", [Link.to(some.rows[i].report, some.rows[i].serial) for i in rows]),
+        ("outcome: short", [some.outcomes[i] for i in rows]),
+        ("of limit: number", sized(100 * use.max(axis=1), "{:.0f} %") if limited else None),
+        *(
+            (f"{triad} residual: number aside", sized(ratio[:, k], "{:.2f}") if tested else None)
+            for k, triad in enumerate(("accel", "gyro"))
+        ),
+        ("why", None if odd is None else [_why(some, i, odd) for i in rows]),
+        (
+            "nearest to its limit: aside",
+            [nearest(i) for i in rows] if odd is None and limited else None,
+        ),
+    )
 
 
-def _worst(table: FleetTable, i: int) -> str:
-    """Return the coefficient that takes the largest share of its limit."""
-    if table.tolerance is None or not table.good[i] or not table.names:
-        return ""
-    share = np.abs(table.values[i]) / table.tolerance.limits(table.names)[0]
-    return table.names[int(np.nanargmax(np.nan_to_num(share)))]
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %" if np.isfinite(share) else ""
-
-
-def _plain(value: float) -> str:
-    return f"{value:.2f}" if np.isfinite(value) else ""
-
-
-def _why(table: FleetTable, i: int, odd: list[Outlying], most: int = 3) -> str:
-    row = table.rows[i]
+def _why(some: FleetTable, i: int, odd: list[Outlying], most: int = 3) -> str:
+    row = some.rows[i]
     if row.problem is not None:
         return f"{row.problem.message} ({row.problem.code})"
-    said = [f"{name} {word}" for name, word in table.misses(i)]
-    words = [", ".join(said[:most]) + (f" and {len(said) - most} more" if said[most:] else "")]
-    unlike = [o.name for o in odd if o.index == i]
-    if unlike:
-        more = f" and {len(unlike) - most} more" if unlike[most:] else ""
-        words.append(f"unlike the fleet: {', '.join(unlike[:most])}{more}")
-    words += [reason.partition(";")[0] for reason in row.reasons[:2]]
-    return "; ".join(w.rstrip(".") for w in words if w)
+
+    def few(names: Sequence[str]) -> str:
+        more = f" and {len(names) - most} more" if names[most:] else ""
+        return ", ".join(names[:most]) + more
+
+    parts = [few([f"{name} {word}" for name, word in some.misses(i)])]
+    if unlike := [o.name for o in odd if o.index == i]:
+        parts.append(f"unlike the fleet: {few(unlike)}")
+    parts += [reason.partition(";")[0] for reason in row.reasons[:2]]
+    return "; ".join(part.rstrip(".") for part in parts if part)
 
 
-def _summary(table: FleetTable) -> Section | None:
-    found = table.distributions()
+# -- the coefficients ------------------------------------------------------------------------
+
+
+def _summary(some: FleetTable) -> Section | None:
+    found = some.distributions()
     if not found:
         return None
-    rows = []
-    widest: dict[str, float] = {}  # one unit for each family, so that it can be read down
+    spreads: dict[str, list[float]] = {}  # one unit for each family, so that it can be read down
     for d in found:
-        family = d.name.rpartition(".")[0]
-        widest[family] = max(widest.get(family, 0.0), d.spread)
-    for d in found:
-        unit, size = _unit(d.name, widest[d.name.rpartition(".")[0]])
-        numbers = [d.median, d.spread, d.lowest, d.highest]
-        cells = [format_value(v / size, d.spread / size / 10) for v in numbers]
-        sd = plain(d.sd / size, 2) if np.isfinite(d.sd) else ""
-        rows.append([d.name, *(c.replace("-", "−") for c in cells), sd, shown(unit)])
-    columns = [
-        Column("coefficient", "name"), Column("median", "number"), Column("spread", "number"),
-        Column("lowest", "number", aside=True), Column("highest", "number", aside=True),
-        Column("measured with sd", "number"), Column("unit", "short"),
-    ]  # fmt: skip
-    lead = (
-        "Spread is that of the instruments (1.48 times the median distance from the median); the "
-        "last number is the median uncertainty of one calibration. A spread that is not larger "
-        "says that the instruments cannot be told apart."
+        spreads.setdefault(d.name.rpartition(".")[0], []).append(d.spread)
+    unit = [_unit(d.name, spreads[d.name.rpartition(".")[0]]) for d in found]
+
+    def of(key: str) -> list[str]:
+        pairs = zip(found, unit, strict=True)
+        return [
+            minus(format_value(getattr(d, key) / one, d.spread / one / 10)) for d, (_, one) in pairs
+        ]
+
+    sd = [d.sd / one for d, (_, one) in zip(found, unit, strict=True)]
+    return section(
+        "fleet.summary",
+        table(
+            ("coefficient: name", [d.name for d in found]),
+            ("median: number", of("median")),
+            ("spread: number", of("spread")),
+            ("lowest: number aside", of("lowest")),
+            ("highest: number aside", of("highest")),
+            ("measured with sd: number", [plain(v, 2) if np.isfinite(v) else "" for v in sd]),
+            ("unit: short", [name for name, _ in unit]),
+        ),
     )
-    return Section("Distributions in numbers", lead, [Table(columns, rows)])
 
 
-def _tolerance(table: FleetTable) -> Section | None:
-    if table.tolerance is None:
+def _tolerance(some: FleetTable) -> Section | None:
+    if some.tolerance is None:
         return None
-    rows = []
-    limit, largest = table.tolerance.limits(table.names)
-    for k, name in enumerate(table.names):
-        if not np.isfinite(limit[k]) or table.decisions is None:
-            continue
-        unit, size = _unit(name, limit[k])
-        decided = table.decisions[table.good, k]
-        n = [int(np.sum(decided == d)) for d in (0, 2, 1)]
-        sd = plain(largest[k] / size, 3) if np.isfinite(largest[k]) else ""
-        state = "bad" if n[1] else ("warning" if n[2] else "good")
-        rows.append([state, name, plain(limit[k] / size, 4), sd, shown(unit), *(str(x) for x in n)])
-    columns = [
-        Column("", "state"), Column("coefficient", "name"), Column("limit ±", "number"),
-        Column("largest sd", "number", aside=True), Column("unit", "short"),
-        Column("pass", "number"), Column("fail", "number"), Column("undecided", "number"),
-    ]  # fmt: skip
-    lead = (
-        "Pass: |value| + 2 sd is not larger than the limit. Fail: |value| − 2 sd is. Between the "
-        "two the measurement cannot tell (decision rule of ISO 14253-1)."
+    limit, largest = some.tolerance.limits(some.names)
+    known = some.decisions is not None
+    kept = [k for k in range(len(some.names)) if np.isfinite(limit[k]) and known]
+    unit = {k: _unit(some.names[k], limit[k]) for k in kept}
+    counts = {
+        k: [int(np.sum(some.decisions[some.good, k] == d)) for d in (0, 2, 1)]
+        for k in kept
+        if some.decisions is not None
+    }
+    sd = {k: largest[k] / unit[k][1] for k in kept}
+    return section(
+        "fleet.tolerance",
+        table(
+            (
+                ": state",
+                ["bad" if n[1] else "warning" if n[2] else "good" for n in counts.values()],
+            ),
+            ("coefficient: name", [some.names[k] for k in kept]),
+            ("limit ±: number", [plain(limit[k] / unit[k][1], 4) for k in kept]),
+            (
+                "largest sd: number aside",
+                [plain(v, 3) if np.isfinite(v) else "" for v in sd.values()],
+            ),
+            ("unit: short", [unit[k][0] for k in kept]),
+            *(
+                (f"{word}: number", [str(n[i]) for n in counts.values()])
+                for i, word in enumerate(("pass", "fail", "undecided"))
+            ),
+        ),
     )
-    return Section("Tolerance", lead, [Table(columns, rows)])
 
 
 def _about(about: Mapping[str, Any]) -> Section:
     made = about.get("provenance") or {}
-    pairs = [
-        ("procedure", str(about.get("procedure", ""))),
-        ("solved in one batch", str(about.get("solved_in_batch", 0))),
-        ("tolerance", str((about.get("tolerance") or {}).get("file", "none"))),
-        ("created", str(made.get("created", ""))),
-        ("seconds", str(made.get("seconds", ""))),
-        ("SHA-256 of the campaign", str((about.get("campaign") or {}).get("sha256", ""))),
-        ("versions", ends.words(made.get("versions") or {})),
+    return page.provenance(
+        [
+            ("procedure", str(about.get("procedure", ""))),
+            ("solved in one batch", str(about.get("solved_in_batch", 0))),
+            ("tolerance", str((about.get("tolerance") or {}).get("file", "none"))),
+            ("created", str(made.get("created", ""))),
+            ("seconds", str(made.get("seconds", ""))),
+            ("SHA-256 of the campaign", str((about.get("campaign") or {}).get("sha256", ""))),
+            ("versions", words(made.get("versions") or {})),
+        ]
+    )
+
+
+# -- histograms ------------------------------------------------------------------------------
+
+
+def _families(some: FleetTable) -> list[Section]:
+    """Return one section per family of coefficients: a histogram for each of them."""
+    groups: dict[str, list[int]] = {}
+    for k, name in enumerate(some.names):
+        groups.setdefault(name.rpartition(".")[0], []).append(k)
+    out = []
+    for family, members in groups.items():
+        rows = [members[i : i + PER_ROW] for i in range(0, len(members), PER_ROW)]
+        drawn = [f for f in (_row(some, row) for row in rows) if f is not None]
+        if not drawn:
+            continue
+        triad, _, what = family.partition(".")
+        title = f"{TITLES.get(what, what.replace('_', ' '))} of the {TRIADS.get(triad, triad)}"
+        lead = "Solid: median of the fleet."
+        if some.tolerance is not None:
+            limit = some.tolerance.limits([some.names[k] for k in members])[0]
+            lead += " Dashed: tolerance." if np.isfinite(limit).any() else " No tolerance."
+        out.append(Section(title, lead, drawn))
+    return out
+
+
+def _row(some: FleetTable, members: list[int]) -> Figure | None:
+    """Draw the histograms of up to three coefficients."""
+    block, names = some.values[:, members], [some.names[k] for k in members]
+    known = block[np.isfinite(block)]
+    if not len(known):
+        return None
+    unit, one = _unit(names[0], float(np.quantile(np.abs(known), 0.9)))
+    limits = np.full(len(names), np.inf)
+    if some.tolerance is not None:
+        limits = np.asarray(some.tolerance.limits(names)[0]) / one
+    rows = [
+        (name, f"{name.rpartition('.')[2]} [{unit}]", x[np.isfinite(x)] / one, float(limit))
+        for name, x, limit in zip(names, block.T, limits, strict=True)
     ]
-    return ends.provenance(pairs)
+    alt = f"Histograms over the instruments of {', '.join(names)}"
+    return _histograms(rows, [[k * 0.345, k * 0.345 + 0.31] for k in range(PER_ROW)], 230, alt)
+
+
+def _histograms(
+    rows: Sequence[tuple[str, str, FloatArray, float]],
+    places: Sequence[list[float]],
+    height: float,
+    alt: str,
+    about: float | None = None,
+    least: float = 0.0,
+) -> Figure | None:
+    """Draw values side by side; a row is a name, the title of its axis, values and their limit.
+
+    `about` is the value that a solid line marks; the median where there is none.
+    """
+    data: list[Trace] = []
+    axes: dict[str, Any] = {}
+    shapes, notes = [], []
+    for k, (name, title, x, limit) in enumerate(rows):
+        if not len(x):
+            continue
+        drawn, low, high, outside = _bars(name, x, limit, least)
+        if about is not None:
+            low, high = min(low, 0.9 * about), max(high, 1.1 * about)
+        place = places[len(data) if about is not None else k]
+        on = {letter: ref(letter, k) for letter in "xy"} if data else {"x": "x", "y": "y"}
+        data.append(drawn | {"xaxis": on["x"], "yaxis": on["y"]})
+        middle = middle_and_spread(x)[0] if about is None else about
+        along = {"xref": on["x"], "yref": f"{on['y']} domain"}
+        shapes.append(upright(middle, "solid", INK, **along))
+        shapes += [
+            upright(s * limit, "dash", BAD, **along) for s in (-1, 1) if low < s * limit < high
+        ]
+        axes[on["x"].replace("x", "xaxis")] = axis(
+            title, domain=place, range=[low, high], anchor=on["y"], nticks=5, showgrid=False
+        )
+        axes[on["y"].replace("y", "yaxis")] = axis(
+            "" if len(data) > 1 else "instruments", anchor=on["x"], rangemode="tozero", nticks=4
+        )
+        if outside:
+            font = {"font": {"color": WARNING, "size": 12}}
+            notes.append(noted(f"{outside} beyond", place[1], "right", **font))
+    narrow = {k: {"showticklabels": False} for k in axes if k[:5] == "yaxis"}
+    return (
+        draw(
+            "fleet.histograms",
+            data,
+            height=height,
+            shapes=shapes,
+            notes=notes,
+            alt=alt,
+            meta={"narrow": narrow},
+            **axes,
+        )
+        if data
+        else None
+    )
+
+
+def _bars(name: str, x: FloatArray, limit: float, least: float) -> tuple[Trace, float, float, int]:
+    """Count values in bins; return bars, the range of the axis, and how many lie outside it.
+
+    Values that lie closer together than `least` are one bar, wide enough to be seen.
+    """
+    middle, spread = middle_and_spread(x)
+    spread = spread or float(np.ptp(x)) or abs(middle) or 1.0
+    near = x[np.abs(x - middle) <= REACH * spread]
+    low, high, n = float(near.min()), float(near.max()), len(near)
+    wanted = 2.0 * spread / max(n, 1) ** (1 / 3)  # a little finer than the usual rule
+    bins = int(np.clip(np.ceil((high - low) / wanted), 5, 60))
+    if high - low <= least:
+        half = least / 2 or 2 * spread
+        low, high, bins = middle - half, middle + half, 5
+    counts, edges = np.histogram(x, bins=bins, range=(low, high))
+    width = float(f"{edges[1] - edges[0]:.6g}")
+    drawn = bars(
+        name,
+        (edges[:-1] + edges[1:]) / 2,
+        counts.tolist(),
+        FIRST,
+        "%{x:.4g}: %{y}|",
+        width=width,
+        marker={"opacity": 0.75},
+    )
+    reach = 0.06 * (high - low)
+    left, right = low - reach, high + reach
+    # The limits are shown unless that would squeeze the histogram into a corner.
+    if np.isfinite(limit) and 2 * limit < 6 * (high - low):
+        left, right = min(left, -1.08 * limit), max(right, 1.08 * limit)
+    return drawn, left, right, len(x) - n
+
+
+def ratios(some: FleetTable) -> Section | None:
+    """Return the section on residuals: their size over what the noise says."""
+    ratio, key = some.ratio, "fleet.residuals"
+    rows = [
+        (name, name, ratio[np.isfinite(ratio[:, t]), t], np.inf)
+        for t, name in enumerate(("accelerometers", "gyros"))
+    ]
+    alt = "Histograms over the instruments of the size of the residuals over the noise"
+    figure = _histograms(rows, [[0.0, 0.46], [0.54, 1.0]], 250, alt, about=1.0, least=0.1)
+    d = some.redundancy[np.isfinite(some.redundancy).all(axis=1)]
+    few = len(d) and float(np.median(d)) < MANY
+    accel, gyro = np.median(d, axis=0) if few else (0.0, 0.0)
+    lead = said(f"{key}.lead", f"{key}.few" if few else "", accel=accel, gyro=gyro)
+    return section(key, figure, lead=lead)

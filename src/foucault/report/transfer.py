@@ -1,38 +1,76 @@
-"""What a transfer alignment did, and what it found: delay, estimates, what each manoeuvre shows."""
+"""What a transfer alignment did, and what it found: delay, estimates, innovations, hand-over."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from foucault import units
 from foucault.arrays import FloatArray
 from foucault.coefficients import format_value
-from foucault.models.geodesy import displacement
-from foucault.report import figures_navigation
-from foucault.report import figures_transfer as figures
-from foucault.report.figures import FIRST
-from foucault.report.figures_transfer import Times
-from foucault.report.figures_tumble import Family
-from foucault.report.page import Block, Column, Facts, Figure, Section, Table, Text
-from foucault.report.uncertainty import shown
+from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
+from foucault.models.earth import displacement
+from foucault.report import chart
+from foucault.report.chart import (
+    BAD,
+    FIRST,
+    SECOND,
+    SERIES,
+    SOFT,
+    Family,
+    Panel,
+    Trace,
+    axis,
+    band,
+    dots,
+    draw,
+    level,
+    line,
+    log_axis,
+    marked,
+    numbers,
+    titled,
+)
+from foucault.report.orientation import WAYS
+from foucault.report.page import (
+    Code,
+    Facts,
+    Figure,
+    Section,
+    Table,
+    columns,
+    known_to,
+    quantity,
+    said,
+    section,
+    shown,
+    table,
+    told,
+    unsigned,
+)
 from foucault.result import Result
 from foucault.units import plain
 
+Times = Sequence[float]
+
 MATCHED = {
-    "velocity+attitude": "velocity and attitude", "velocity": "velocity", "attitude": "attitude",
-}  # fmt: skip
+    "velocity+attitude": "velocity and attitude",
+    "velocity": "velocity",
+    "attitude": "attitude",
+}
 """What of the messages is used, in words."""
 
 FORMS = {"vector": "attitude as a rotation vector", "angles": "attitude as heading, pitch, roll"}
 """How attitudes are compared, in words."""
 
 METHODS = {
-    "rate matching": "what both turned", "likelihood": "the likeliest",
+    "rate matching": "what both turned",
+    "likelihood": "the likeliest",
     "state": "the middle of its bracket",
-}  # fmt: skip
+}
 """Where the delay starts from, in words."""
 
 WANTED = {"prior": "every state, in units of its prior", "outage": "position after the outage"}
@@ -48,19 +86,35 @@ GROUPS = {
 }
 """Group of coefficients -> how a figure calls it, and its unit."""
 
+COMPARED = ("gyro bias", "installation")
+"""Groups of coefficients that are drawn with the delay and without it."""
+
 MOST = 40
 """So many stretches are listed and marked [1]."""
-
-DOTTED = "Dotted: a manoeuvre begins or ends."
 
 BACK = 5.0
 """Turns that come to less end where they began [deg]."""
 
+DOTS = 600
+"""So many innovations of a component are drawn, and those outside three sd besides [1]."""
+
+GROUPED = 60
+"""Points that the course of the NIS is drawn with [1]."""
+
+GUIDE = 2.0
+"""Bands are drawn at so many standard deviations [1]."""
+
+LATE = 0.1
+"""An axis of estimates shows what they did after this part of the run in full [1]."""
+
+RANGE = 6.0
+"""And at least so many final standard deviations [1]."""
+
+UNSEEN = 0.01
+"""A part whose delay is less certain than this shows none [s]."""
+
 MINUTE = float(np.radians(1 / 60))
-
-
-def mine(result: Result) -> bool:
-    return result.procedure == "transfer_alignment" and "filter" in result.diagnostics
+TIME = axis("time [s]", showgrid=False)
 
 
 def started(result: Result) -> float:
@@ -68,110 +122,70 @@ def started(result: Result) -> float:
     return float(result.diagnostics.get("start", 0.0))
 
 
-def table_of(result: Result, name: str) -> Mapping[str, Any] | None:
-    """Return a table of the run, its times counted from the start of the slave's log [s].
-
-    None where there is none, or where it is of another procedure, which has tables of that name.
-    """
-    table = result.tables.get(name)
-    if table is None or not mine(result):
+def table_of(result: Result, name: str) -> dict[str, Any] | None:
+    """Return a table of the run, its times counted from the start of the slave's log [s]."""
+    some = result.tables.get(name)
+    if some is None or not len(next(iter(some.values()))):
         return None
     clock = ("time", "start", "end")
-    return {k: np.asarray(v, float) - started(result) if k in clock else v
-            for k, v in table.items()}  # fmt: skip
+    return {k: np.asarray(v, float) - started(result) if k in clock else v for k, v in some.items()}
 
 
 def done(result: Result) -> Section | None:
     """What was matched, by which filter, and where the delay is from."""
-    if not mine(result):
-        return None
     d, f = result.diagnostics, result.diagnostics["filter"]
-    messages, noise = d["messages"], d["noise"]
-    matching = [MATCHED[d["matching"]]]
-    if "attitude" in d["matching"]:
-        matching.append(FORMS[f["attitude_form"]])
+    noise, n = d["noise"], len(d["passes"]["values"])
+    name = {"kalman": "Kalman", "h_infinity": "H-infinity"}[f["name"]]
+    form = f"; {FORMS[f['attitude_form']]}" if "attitude" in d["matching"] else ""
+    sds = [f"{plain(f['velocity_sd'], 3)} m/s"] if "velocity" in d["matching"] else []
+    if form:
+        sds.append(f"{plain(f['attitude_sd'] / MINUTE, 3)} arcmin")
+    bounded: list[tuple[str, str]] = []
+    if f["gamma"] is not None:
+        times = f"{f['gamma'] / f['least_gamma']:.2f} times the least, {plain(f['least_gamma'], 4)}"
+        bounded = [
+            ("gamma", f"{plain(f['gamma'], 4)}, {times}"),
+            ("bound of", WANTED.get(f["wanted"], str(f["wanted"]))),
+        ]
+    start = f"{plain(started(result), 13)} s of the slave's clock, the start of its log"
     pairs = [
-        ("matched", "; ".join(matching)),
-        ("sd of a difference", _scatter(d["matching"], f)),
-        ("messages used", f"{messages['used']} of {messages['logged']}"),
-        ("filter", _filter(d)),
+        ("matched", MATCHED[d["matching"]] + form),
+        ("sd of a difference", ", ".join(sds) + " each component"),
+        ("messages used", f"{d['messages']['used']} of {d['messages']['logged']}"),
+        ("filter", f"{name}, {f['states']} states, {n} pass{'es' * (n != 1)}"),
+        *bounded,
         ("delay", _delay(d["delay"])),
         ("mount", _mount(f)),
-        ("noise of the gyros", _noise(noise["gyro"], "angle random walk")),
-        ("noise of the accelerometers", _noise(noise["accel"], "velocity random walk")),
-        *_clock(started(result)),
+        ("noise of the gyros", quantity(noise["gyro"], "angle random walk")),
+        ("noise of the accelerometers", quantity(noise["accel"], "velocity random walk")),
+        *([("time 0", start)] if started(result) else []),
     ]
-    lead = (
-        "The slave is navigated beside its master; what the two say of the same instants shows "
-        "the errors of the slave, how it is mounted, and how late the messages are."
-    )
-    if f["gamma"] is not None:
-        times = f["gamma"] / f["least_gamma"]
-        words = f"{plain(f['gamma'], 4)}, {times:.2f} times the least, {plain(f['least_gamma'], 4)}"
-        at = [name for name, _ in pairs].index("delay")
-        pairs[at:at] = [("gamma", words), ("bound of", WANTED.get(f["wanted"], str(f["wanted"])))]
-        lead += (
-            " Standard deviations are those of an H-infinity filter: bounds, inflated as gamma "
-            "demands, rather than the spread of the error. They do not make up for a noise or a "
-            "mount that is far from what was said."
-        )
-    return Section("What was done", lead, [Facts(pairs)])
-
-
-def _clock(start: float) -> list[tuple[str, str]]:
-    words = f"{plain(start, 13)} s of the slave's clock, the start of its log"
-    return [("time 0", words)] if start else []
-
-
-def _scatter(matching: str, f: Mapping[str, Any]) -> str:
-    parts = []
-    if "velocity" in matching:
-        parts.append(f"{plain(f['velocity_sd'], 3)} m/s")
-    if "attitude" in matching:
-        parts.append(f"{plain(f['attitude_sd'] / MINUTE, 3)} arcmin")
-    return ", ".join(parts) + " each component"
-
-
-def _filter(d: Mapping[str, Any]) -> str:
-    f, passes = d["filter"], np.array(d["passes"]["values"], float)
-    name = {"kalman": "Kalman", "h_infinity": "H-infinity"}[f["name"]]
-    n = len(passes)
-    return f"{name}, {f['states']} states, {n} pass{'es' * (n != 1)}"
+    lead = said("transfer.done.lead", "transfer.done.bounded" * bool(bounded))
+    return section("transfer.done", Facts(pairs), lead=lead)
 
 
 def _delay(delay: Mapping[str, Any]) -> str:
     if delay["method"] in METHODS:
-        value = milliseconds(delay["used"], delay["sd"])
+        value = " ± ".join(_milliseconds(delay["used"], delay["sd"]))
         return f"{value} ms, starting from {METHODS[delay['method']]}"
     if delay["method"] == "none":
         return "none: messages are taken as if they held when they arrive"
     return f"{plain(1e3 * delay['used'])} ms, as given"
 
 
-def milliseconds(seconds: float, sd: float) -> str:
-    value, spread = 1e3 * seconds, 1e3 * sd
-    return f"{signed(format_value(value, spread))} ± {format_value(spread, spread)}"
+def _milliseconds(seconds: float, sd: float) -> tuple[str, str]:
+    value, spread = 1e3 * float(seconds), 1e3 * float(sd)
+    return unsigned(format_value(value, spread)), format_value(spread, spread)
 
 
 def _mount(f: Mapping[str, Any]) -> str:
-    parts = []
-    if f["load"]:
-        parts.append("gives way under load")
+    parts = ["gives way under load"] if f["load"] else []
     if f["flexure_sd"] > 0:
-        parts.append(f"bends by {plain(f['flexure_sd'] / MINUTE, 3)} arcmin over "
-                     f"{plain(f['flexure_time'], 3)} s")  # fmt: skip
+        size, time = plain(f["flexure_sd"] / MINUTE, 3), plain(f["flexure_time"], 3)
+        parts.append(f"bends by {size} arcmin over {time} s")
     if f["wander"] > 0:
         parts.append("wanders")
     return ", ".join(parts) or "rigid"
-
-
-def _noise(white: float, kind: str) -> str:
-    unit = units.display_unit(kind, white)
-    return f"{plain(units.convert(white, kind, unit), 3)} {shown(unit)}"
-
-
-def signed(text: str) -> str:
-    return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
 
 
 # -- the motion ------------------------------------------------------------------------------
@@ -179,18 +193,19 @@ def signed(text: str) -> str:
 
 def changes(result: Result) -> Times:
     """Return when a manoeuvre begins or ends [s]; nothing where there are too many."""
-    table = table_of(result, "stretches")
-    if table is None or len(table["start"]) > MOST:
+    some = table_of(result, "stretches")
+    if some is None or len(some["start"]) > MOST:
         return []
-    return [float(t) for t in table["start"][1:]]
+    return [float(t) for t in some["start"][1:]]
 
 
 def families(result: Result) -> list[Family]:
     """Return the coefficients in groups of one kind."""
     out = []
     for group, (words, unit) in GROUPS.items():
-        some = [c for c in result.coefficients.layout.coefficients
-                if c.name.startswith(f"{group}.")]  # fmt: skip
+        some = [
+            c for c in result.coefficients.layout.coefficients if c.name.startswith(f"{group}.")
+        ]
         if some:
             names = tuple(c.name for c in some)
             labels = tuple(n.rpartition(".")[2] for n in names)
@@ -200,57 +215,64 @@ def families(result: Result) -> list[Family]:
 
 def motion(result: Result) -> Section | None:
     """What each manoeuvre has shown of every group of coefficients."""
-    table, course = table_of(result, "stretches"), table_of(result, "estimates")
-    if not mine(result) or table is None or course is None:
+    some, course = table_of(result, "stretches"), table_of(result, "estimates")
+    if some is None or course is None:
         return None
-    c = result.coefficients
+    c, times = result.coefficients, changes(result)
     before = dict(zip(c.names, c.prior_sd, strict=True))
     groups = [f for f in families(result) if all(0 < before[m] < np.inf for m in f.members)]
     path = table_of(result, "smoothed")
-    moved = path is not None and len(path["time"]) > 1
-    blocks: list[Block] = [
-        figures.known(course, groups, before, changes(result), 62 if moved else 100)
-    ]
-    if path is not None and moved:
-        blocks.append(_map(path))
-    n = len(table["start"])
-    lead = (
-        "Standard deviation of each group of coefficients, that of its least known axis, over "
-        "that beforehand. "
+    mapped = _map(path) if path is not None and len(path["time"]) > 1 else None
+    left = {
+        f.name: np.max(
+            [np.asarray(course[f"{m}_sd"], float) / before[m] for m in f.members], axis=0
+        )
+        for f in groups
+    }
+    known = draw(
+        "transfer.motion",
+        [
+            _course(name, course["time"], y, colour)
+            for (name, y), colour in zip(left.items(), SERIES, strict=False)
+        ],
+        x=TIME,
+        shapes=marked(times),
+        share=62 if mapped else 100,
     )
-    if n <= MOST:
-        words = "Manoeuvre by manoeuvre, sd after it over sd before it, mean of the axes:"
-        blocks += [Text(words), _stretches(table, groups, before)]
-        lead += DOTTED
-    else:
-        lead += f"The vehicle did {n} manoeuvres, too many to be listed."
-    return Section("What the motion shows", lead, blocks)
+    key, n = "transfer.motion", len(some["start"])
+    lead = said(f"{key}.lead", f"{key}.dotted" if n <= MOST else f"{key}.many", count=n)
+    listed = [told(f"{key}.listed"), _stretches(some, groups, before)] if n <= MOST else None
+    return section(key, known, mapped, listed, lead=lead)
+
+
+def _course(name: str, time: FloatArray, y: FloatArray, colour: str = FIRST, **more: Any) -> Trace:
+    return line(name, time, y, colour, f"%{{x:.1f}} s: %{{y:.4g}}|{name}", **more)
+
+
+def _panel(title: str, name: str, time: FloatArray, y: FloatArray) -> Panel:
+    """Return a panel with one line, which the title names."""
+    return Panel(title, [_course(name, time, y, showlegend=False)])
 
 
 def _stretches(
-    table: Mapping[str, Any], groups: list[Family], before: Mapping[str, float]
+    some: Mapping[str, Any], groups: Sequence[Family], before: Mapping[str, float]
 ) -> Table:
-    columns = [
-        Column("manoeuvre"), Column("from [s]", "number"), Column("to [s]", "number", aside=True),
-        *(Column(f"{g.name}", "number") for g in groups),
-    ]  # fmt: skip
-    rows = []
-    last = {m: before[m] for g in groups for m in g.members}
-    for k, (a, b) in enumerate(zip(table["start"], table["end"], strict=True)):
-        now = {m: float(table[f"{m}_sd"][k]) for m in last}
-        cells = [np.exp(np.mean([np.log(now[m] / last[m]) for m in g.members])) for g in groups]
-        rows.append([_did(table, k), f"{a:.0f}", f"{b:.0f}", *(_left(float(v)) for v in cells)])
-        last = now
-    return Table(columns, rows)
+    def left(group: Family) -> list[str]:
+        sd = np.array([[before[m], *some[f"{m}_sd"]] for m in group.members], float)
+        parts = np.exp(np.mean(np.diff(np.log(sd), axis=1), axis=0))
+        return [f"{part:.2f}" if part > 0.095 else plain(float(part), 1) for part in parts]
+
+    return table(
+        ("manoeuvre", [_did(some, k) for k in range(len(some["start"]))]),
+        ("from [s]: number", [f"{v:.0f}" for v in some["start"]]),
+        ("to [s]: number aside", [f"{v:.0f}" for v in some["end"]]),
+        *((f"{g.name}: number", left(g)) for g in groups),
+    )
 
 
-def _left(part: float) -> str:
-    return f"{part:.2f}" if part > 0.095 else plain(part, 1)
-
-
-def _did(table: Mapping[str, Any], k: int) -> str:
-    kind, turn = str(table["kind"][k]), float(np.degrees(table["turn"][k]))
-    faster = float(table["speed"][k])
+def _did(some: Mapping[str, Any], k: int) -> str:
+    kind, turn = str(some["kind"][k]), float(np.degrees(some["turn"][k]))
+    faster = float(some["speed"][k])
     if kind == "turning":
         return "turns to and fro" if turn < BACK else f"turns, net {turn:.0f}°"
     if kind == "accelerated":
@@ -260,28 +282,424 @@ def _did(table: Mapping[str, Any], k: int) -> str:
 
 def _map(path: Mapping[str, FloatArray]) -> Figure:
     lat, lon = (np.asarray(path[k], float) for k in ("latitude", "longitude"))
-    zero = np.zeros_like(lat)
-    east, north, _ = displacement(lat[0], lon[0], 0.0, lat, lon, zero).T
+    east, north, _ = displacement(lat[0], lon[0], 0.0, lat, lon, np.zeros_like(lat)).T
     time = np.asarray(path["time"], float)
     at = [int(np.searchsorted(time, t)) for t in np.linspace(time[0], time[-1], 5)[1:-1]]
     marks = [(f"{time[i]:.0f} s", float(east[i]), float(north[i])) for i in at]
-    line = ("slave", east, north, FIRST, "solid")
-    return figures_navigation.paths([line], [], marks, "East and north of the start.", share=38)
+    way = ("slave", east, north, FIRST, "solid")
+    return chart.paths([way], [], marks, "East and north of the start.", share=38)
 
 
-# -- estimates ----------------------------------------------------------------------------------
+# -- estimates, with the delay and without ---------------------------------------------------
 
 
 def estimates(result: Result) -> Section | None:
     """Estimates against time with two standard deviations."""
-    table = table_of(result, "estimates")
-    if not mine(result) or table is None or not len(table["time"]):
+    some, times, key = table_of(result, "estimates"), changes(result), "transfer.estimates"
+    if some is None:
         return None
-    times = changes(result)
-    blocks: list[Block] = [figures.estimates(table, f, times) for f in families(result)]
-    lead = (
-        "Each estimate as it was at that time, within two standard deviations. In the first "
-        "moments, when nothing is known, a band may leave the figure. "
+    lead = said(f"{key}.lead", "transfer.motion.dotted" * bool(times))
+    drawn = [_estimates([("", some, FIRST, chart.BAND)], f, times) for f in families(result)]
+    return section(key, drawn, lead=lead)
+
+
+def _estimates(
+    runs: Sequence[tuple[str, Mapping[str, Any], str, str]], family: Family, times: Times
+) -> Figure:
+    """Draw coefficients of one kind along each run, with +-2 sd, one panel each.
+
+    A run is its name, its table, its colour and that of its band.
+    """
+    panels = []
+    for member, label in zip(family.members, family.labels, strict=True):
+        courses = [
+            [
+                np.asarray(some[k], float) / size
+                for k, size in (("time", 1), (member, family.size), (f"{member}_sd", family.size))
+            ]
+            for _, some, _, _ in runs
+        ]
+        reach = np.array([_reach(y, sd) for _, y, sd in courses])
+        low, high = float(reach[:, 0].min()), float(reach[:, 1].max())
+        data: list[Trace] = []
+        for (name, _, colour, shade), (x, y, sd) in zip(runs, courses, strict=True):
+            edges = [np.clip(y + s * sd, low, high) for s in (-GUIDE, GUIDE)]
+            data.append(band("±2 sd", x, *edges, fillcolor=shade, showlegend=False))
+            hover = f"%{{x:.1f}} s: %{{y:.4g}} ± %{{customdata:.2g}} {family.unit}|{name}"
+            named: Trace = {} if name else {"showlegend": False}
+            data.append(line(name or label, x, y, colour, hover, customdata=numbers(sd), **named))
+        panels.append(Panel(label, data, {"range": [low, high], "nticks": 5}))
+    n, more = len(panels), 20 if len(runs) > 1 else 0
+    with_ = "" if not more else " with the delay and without it"
+    alt = f"{family.name} along the run{with_ or ' with two standard deviations'}"
+    return _panels(
+        panels,
+        80 + more + (95 if n > 1 else 150) * n,
+        times,
+        alt,
+        up=more,
+        notes=[titled(f"<b>{family.name}</b> [{family.unit}]", 4 + more)],
+        legend=True if more else None,
     )
-    lead += DOTTED if times else ""
-    return Section("Estimates in the course of time", lead.strip(), blocks)
+
+
+def _panels(
+    some: Sequence[Panel], height: float, times: Times, alt: str, up: float = 0, **more: Any
+) -> Figure:
+    """Draw panels against time [s] with the changes of the motion, half as wide as the page."""
+    look = {"share": 50, "top": 34 + up} | more
+    return chart.stacked(
+        "transfer.panels", some, height=height, x=TIME, shapes=marked(times), alt=alt, **look
+    )
+
+
+def _reach(y: FloatArray, sd: FloatArray) -> tuple[float, float]:
+    """Return the range of an axis: the first moments, when nothing is known, may leave it."""
+    late = slice(int(LATE * len(y)), None)
+    low = min(float(np.min((y - GUIDE * sd)[late])), float(y[-1] - RANGE * sd[-1]))
+    high = max(float(np.max((y + GUIDE * sd)[late])), float(y[-1] + RANGE * sd[-1]))
+    return low - 0.04 * (high - low), high + 0.04 * (high - low)
+
+
+def ignored(result: Result) -> Section | None:
+    """The estimates of the same run where messages are taken as if they held on arrival."""
+    ours, other = table_of(result, "estimates"), table_of(result, "undelayed")
+    if ours is None or other is None:
+        return None
+    runs = [
+        ("delay ignored", other, SECOND, "var(--second-band)"),
+        ("with the delay", ours, FIRST, chart.BAND),
+    ]
+    some, times = families(result), changes(result)
+    drawn = [_estimates(runs, f, times) for f in some if f.name in COMPARED]
+    rows = [(n, f) for f in some for n in f.members if n in other]
+    a, sd, b, claimed = (
+        [float(run[f"{n}{end}"][-1]) / f.size for n, f in rows]
+        for run, end in ((ours, ""), (ours, "_sd"), (other, ""), (other, "_sd"))
+    )
+    off = [abs(y - x) / s for x, y, s in zip(a, b, claimed, strict=True)]
+    listed = table(
+        ("coefficient: name", [n for n, _ in rows]),
+        ("unit: short", [f.unit for _, f in rows]),
+        ("with the delay: number", [known_to(*v) for v in zip(a, sd, strict=True)]),
+        ("± sd: number", [format_value(v, v) for v in sd]),
+        ("ignored: number", [known_to(*v) for v in zip(b, claimed, strict=True)]),
+        ("± its sd: number aside", [format_value(v, v) for v in claimed]),
+        ("off by, in its sds: number aside", [f"{v:.1f}" for v in off]),
+    )
+    return section("transfer.ignored", drawn, listed)
+
+
+def delay(result: Result) -> Section | None:
+    """How late messages are by each method and in parts, and what that is worth in motion."""
+    known, key, times = result.diagnostics["delay"], "transfer.delay", changes(result)
+    ways = (
+        {"the result: state of the filter": (known["used"], known["sd"])} if "sd" in known else {}
+    )
+    for name, words in (("likelihood", "likeliest"), ("rate_matching", "what both turned")):
+        if known.get(name):
+            ways[words] = (known[name]["value"], known[name]["sd"])
+    found = [_milliseconds(*v) for v in ways.values()]
+    methods = (
+        table(
+            ("method", ways),
+            ("delay [ms]: number", [v for v, _ in found]),
+            ("± sd [ms]: number", [sd for _, sd in found]),
+        )
+        if ways
+        else None
+    )
+    gone, tried = table_of(result, "delayed"), table_of(result, "likelihood")
+    fit, lead, drawn = known.get("likelihood"), "", []
+    if gone is not None and known["used"] != 0:
+        turned = np.degrees(gone["heading"])
+        ways_ = {k: gone[f"velocity_{k}"] for k in ("east", "north")}
+        lead = said(
+            f"{key}.lead",
+            used=plain(1e3 * known["used"], 4),
+            turn=plain(float(np.nanmax(np.abs(turned))), 2),
+            speed=plain(float(np.nanmax(np.hypot(*ways_.values()))), 2),
+        )
+        some = [_panel("heading [°]", "heading", gone["time"], turned)]
+        some += [_panel(f"{k} [m/s]", f"velocity {k}", gone["time"], y) for k, y in ways_.items()]
+        alt = "What the slave went on in heading and velocity while each message was under way"
+        drawn.append(
+            _panels(
+                some,
+                370,
+                times,
+                alt,
+                caption=told(f"{key}.caption"),
+                share=50 if tried is not None and fit else 100,
+            )
+        )
+    if tried is not None and fit:
+        drawn.append(_likelihood(tried, fit))
+    parts = table_of(result, "delay_parts")
+    listed = None
+    if parts is not None and len(parts["start"]) > 1:
+        cells = [
+            _milliseconds(v, sd) if sd < UNSEEN else ("not seen", "")
+            for v, sd in zip(parts["delay"], parts["delay_sd"], strict=True)
+        ]
+        listed = [
+            told(f"{key}.parts"),
+            table(
+                ("from [s]: number", [f"{v:.0f}" for v in parts["start"]]),
+                ("to [s]: number", [f"{v:.0f}" for v in parts["end"]]),
+                ("delay [ms]: number", [v for v, _ in cells]),
+                ("± sd [ms]: number", [sd for _, sd in cells]),
+            ),
+        ]
+    return section(key, methods, _drift(known), drawn, listed, lead=lead)
+
+
+def _drift(known: Mapping[str, Any]) -> str:
+    match = known.get("rate_matching")
+    if not match or not match["drift_sd"] > 0:
+        return ""
+    if match["drift"] == 0:
+        return said("transfer.delay.steady", sd=plain(2e6 * match["drift_sd"], 2))
+    sd = 1e6 * match["drift_sd"]
+    value = unsigned(format_value(1e6 * match["drift"], sd))
+    return said("transfer.delay.drifting", value=value, sd=format_value(sd, sd))
+
+
+def _likelihood(tried: Mapping[str, Any], fit: Mapping[str, float]) -> Figure:
+    """Draw by how much the likelihood of other delays is less than that of the best."""
+    at, log_l = (np.asarray(tried[k], float) for k in ("delay", "log_likelihood"))
+    less, best, sd = log_l.max() - log_l, fit["value"], fit["sd"]
+    away = np.geomspace(0.3 * sd, max(float(np.max(np.abs(at - best))), 3 * sd), 60)
+    x = np.concatenate([best - away[::-1], best + away])
+    pick = less > 0
+    data = [
+        line(
+            "parabola of the sd",
+            1e3 * x,
+            0.5 * ((x - best) / sd) ** 2,
+            SOFT,
+            dash="dash",
+            width=1.4,
+        ),
+        dots("tried", 1e3 * at[pick], less[pick], hover="%{x:.3f} ms: %{y:.3g} less|"),
+    ]
+    low = float(np.log10(max(min(0.1, float(np.min(less[pick], initial=1.0))), 1e-3)))
+    high = float(np.log10(np.max(less[pick], initial=10.0)))
+    look = log_axis("log-likelihood below the best", range=[low - 0.2, high + 0.3])
+    return draw("transfer.likelihood", data, y=look)
+
+
+# -- the run ---------------------------------------------------------------------------------
+
+
+def innovations(result: Result) -> Section | None:
+    """What each message said beyond what was expected, and how it scatters."""
+    some, times, key = table_of(result, "innovations"), changes(result), "transfer.innovations"
+    if some is None or "nis" not in some:
+        return None
+    blocks: list[Any] = [_innovations(some, f, times) for f in _channels(result, some)]
+    time, ratio, limits = grouped_nis(some)
+    if len(time) > 1:
+        top = 1.1 * max(limits[1], float(np.nanmax(ratio, initial=0.0)))
+        blocks.append(said(f"{key}.nis", span=time[1] - time[0]))
+        blocks.append(
+            draw(
+                "transfer.innovations",
+                [dots("", time, ratio, hover="%{x:.1f} s: %{y:.3f}|", size=6)],
+                x=TIME,
+                y=axis("NIS / number", range=[0, top]),
+                lines=limits,
+                shapes=marked(times),
+            )
+        )
+    scatter = "; ".join(
+        f"{name} {s['ratio']:.3f} times as much as expected, allowed {s['low']:.3f} to "
+        f"{s['high']:.3f}"
+        for name, s in (result.diagnostics.get("innovations") or {}).items()
+    )
+    bounded = result.diagnostics["filter"]["gamma"] is not None
+    lead = said(
+        f"{key}.lead",
+        f"{key}.together" * bool(scatter),
+        f"{key}.bounded" * bounded,
+        scatter=scatter,
+    )
+    return section(key, blocks, lead=lead)
+
+
+def _channels(result: Result, some: Mapping[str, Any]) -> list[Family]:
+    vector = result.diagnostics["filter"]["attitude_form"] == "vector"
+    names = WAYS if vector else ("heading", "pitch", "roll")
+    about = "attitude, about" if vector else "attitude"
+    out = []
+    for words, names_, unit, size in (
+        ("velocity", {f"velocity_{way}": way for way in WAYS}, "m/s", 1.0),
+        (about, {f"attitude_{k}": name for k, name in enumerate(names, 1)}, "arcmin", MINUTE),
+    ):
+        used = {k: v for k, v in names_.items() if k in some}
+        if used:
+            out.append(Family(words, tuple(used), tuple(used.values()), unit, size))
+    return out
+
+
+def _innovations(some: Mapping[str, Any], family: Family, times: Times) -> Figure:
+    """Draw innovations of one kind in their band of +-2 sd, one panel for each component."""
+    time, panels = np.asarray(some["time"], float), []
+    both = zip(family.of(some), family.of(some, "_sd"), family.labels, strict=True)
+    for y, sd, label in both:
+        pick = chosen(np.abs(y) > 3 * sd)
+        edge = GUIDE * sd[pick]
+        data = [band("±2 sd", time[pick], -edge, edge, showlegend=False)]
+        data.append(
+            dots(
+                "",
+                time[pick],
+                y[pick],
+                size=3,
+                hover=f"%{{x:.1f}} s: %{{y:.3g}} {family.unit}|{label}",
+            )
+        )
+        # The first message finds what was known beforehand, and would hide all others.
+        top = 1.1 * max(3 * float(np.nanmedian(sd)), float(np.nanquantile(np.abs(y), 0.998)))
+        panels.append(Panel(label, data, {"range": [-top, top], "nticks": 5}))
+    alt = f"Innovations, {family.name}, with two standard deviations, against time"
+    notes = [titled(f"<b>{family.name}</b> [{family.unit}]")]
+    return _panels(panels, 80 + 100 * len(panels), times, alt, notes=notes)
+
+
+def chosen(must: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """Return the rows that are drawn: an even choice, and those that must be."""
+    step = max(1, -(-len(must) // DOTS))
+    even = np.zeros(len(must), bool)
+    even[::step] = True
+    return np.flatnonzero(even | must)
+
+
+def grouped_nis(some: Mapping[str, Any]) -> tuple[FloatArray, FloatArray, tuple[float, float]]:
+    """Return times, means of the NIS over its number, and their limits.
+
+    `some` (m,): the innovations.
+    """
+    used = [k for k in some if f"{k}_sd" in some]
+    count = np.sum([np.isfinite(np.asarray(some[k], float)) for k in used], axis=0)
+    nis, time = np.asarray(some["nis"], float), np.asarray(some["time"], float)
+    seen = (count > 0) & np.isfinite(nis)
+    nis, time, count = nis[seen], time[seen], count[seen]
+    each = max(1, -(-len(nis) // GROUPED))
+    n = len(nis) // each
+    if n == 0:
+        return np.empty(0), np.empty(0), (0.0, 0.0)
+    square, number = (x[: n * each].reshape(n, each).sum(axis=1) for x in (nis, count))
+    fewest = int(number.min())
+    low, high = chi_square_limits(fewest, FALSE_ALARM, n)
+    middle = time[: n * each].reshape(n, each).mean(axis=1)
+    return middle, square / number, (low / fewest, high / fewest)
+
+
+def bound(result: Result) -> Section | None:
+    """How near the H-infinity filter comes to the end of its bound."""
+    some = table_of(result, "gamma")
+    if some is None:
+        return None
+    used, time = 1 - np.asarray(some["margin"], float), np.asarray(some["time"], float)
+    worst = int(np.nanargmax(used))
+    least = float(np.log10(max(1e-9, float(np.nanmin(used)))))
+    figure = draw(
+        "transfer.bound",
+        [_course("part of γ²", time, used)],
+        x=TIME,
+        y=log_axis("part of γ² used", range=[least - 0.2, 0.3]),
+        shapes=[level(1.0, colour=BAD), *marked(changes(result))],
+    )
+    gamma = plain(result.diagnostics["filter"]["gamma"], 4)
+    return section(
+        "transfer.bound",
+        figure,
+        gamma=gamma,
+        most=plain(float(used[worst]), 2),
+        when=plain(float(time[worst]), 4),
+    )
+
+
+def attitude(result: Result) -> Section | None:
+    """Heading, pitch and roll of the slave as seen from the end, with sd."""
+    some, times = table_of(result, "smoothed"), changes(result)
+    if some is None:
+        return None
+    time = np.asarray(some["time"], float)
+    heading = np.degrees(np.unwrap(np.asarray(some["heading"], float)))
+    heading -= 360 * np.floor(heading[0] / 360)
+    level_ = [
+        _course(n, time, np.degrees(some[n]), c) for n, c in (("pitch", FIRST), ("roll", SECOND))
+    ]
+    angles = [_panel("heading [°]", "heading", time, heading), Panel("pitch, roll [°]", level_)]
+    sds = [np.asarray(some[f"phi_{way}_sd"], float) / MINUTE for way in WAYS]
+    about = [
+        _course(f"about {w}", time, sd, c) for w, sd, c in zip(WAYS, sds, SERIES, strict=False)
+    ]
+    middle = [float(np.median(sd)) for sd in sds]
+    return section(
+        "transfer.attitude",
+        _panels(angles, 330, times, "Heading, pitch and roll of the slave against time"),
+        _panels(
+            [Panel("sd [arcmin]", about, {"rangemode": "tozero"})],
+            330,
+            times,
+            "Standard deviations of the attitude against time",
+        ),
+        level=plain(max(middle[:2]), 2),
+        up=plain(middle[2], 2),
+    )
+
+
+def mounting(result: Result) -> Section | None:
+    """How the slave is turned on its master, and how that is used."""
+    known = result.diagnostics["mounting"]
+    cells = [[unsigned(f"{np.degrees(x):.4f}") for x in known[k]] for k in ("nominal", "angles")]
+    angles = table(
+        ("of the slave on its master", ("heading", "pitch", "roll")),
+        ("nominal [°]: number", cells[0]),
+        ("found [°]: number", cells[1]),
+    )
+    matrix = "\n".join(f"    [{', '.join(f'{x:.9f}' for x in row)}]," for row in known["C_ms"])
+    code = (
+        f"C_ms = np.array([  # x_m = C_ms @ x_s\n{matrix}\n])\n"
+        "C_ns = C_nm @ C_ms    # attitude of the slave from that of its master, and\n"
+        "C_nm = C_ns @ C_ms.T  # the other way: f_m = C_ms @ f_s, w_m = C_ms @ w_s"
+    )
+    arm = ", ".join(unsigned(plain(x, 4)) for x in known["lever_arm"])
+    return section("transfer.mounting", angles, Code(code), arm=arm)
+
+
+def handed(result: Result) -> Section | None:
+    """The state in which the slave goes on alone."""
+    state = result.diagnostics["hand_over"]
+    sd = np.sqrt(np.diag(np.array(state["covariance"], float)))
+    level_, up = float(np.max(sd[:2])) / MINUTE, float(sd[2]) / MINUTE
+    rows = [
+        [k, unsigned(f"{np.degrees(state[k]):.7f}"), "°", ""] for k in ("latitude", "longitude")
+    ]
+    rows.append(["height", unsigned(f"{state['height']:.2f}"), "m", ""])
+    for way, v, s in zip(WAYS, state["velocity"], sd[3:], strict=True):
+        rows.append([f"velocity {way}", unsigned(format_value(v, s)), "m/s", format_value(s, s)])
+    for name, s in (("heading", up), ("pitch", level_), ("roll", level_)):
+        degrees = unsigned(f"{np.degrees(state[name]):.4f}")
+        rows.append([name, degrees, "°", f"{format_value(s, s)} arcmin"])
+    heads = columns("quantity | value: number | unit: short | ± sd: number")
+    at, key = float(state["time"]) - started(result), "transfer.handed"
+    speed = float(np.sqrt(np.mean(sd[3:6] ** 2)))
+    angles = " ".join(
+        f"--{n} '{np.degrees(state[n]):.5f} deg'" for n in ("heading", "pitch", "roll")
+    )
+    code = (
+        f"foucault navigate LOG --reference REFERENCE --calibration result.json \\\n"
+        f"    --from '{plain(at, 9)} s' {angles} \\\n"
+        f"    --heading-sd '{format_value(up, up)} arcmin' "
+        f"--level-sd '{format_value(level_, level_)} arcmin' \\\n"
+        f"    --velocity '{', '.join(f'{v:.4f} m/s' for v in state['velocity'])}' "
+        f"--velocity-sd '{format_value(speed, speed)} m/s' -o navigation"
+    )
+    place = told(f"{key}.{state.get('place', 'master')}")
+    return section(
+        key, Table(heads, rows), told(f"{key}.more"), Code(code), at=plain(at, 6), place=place
+    )

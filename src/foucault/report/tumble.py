@@ -2,195 +2,252 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from foucault import units
+from foucault.arrays import FloatArray
 from foucault.coefficients import format_value
 from foucault.models.cluster import CONSTANTS
-from foucault.report import figures_motion, figures_tumble
-from foucault.report.evidence import chi_square_words
-from foucault.report.figures import lowered
-from foucault.report.figures_tumble import GUIDE, Family
-from foucault.report.page import Block, Column, Equation, Facts, Items, Section, Table, Text
-from foucault.report.uncertainty import shown
+from foucault.report import chart, orientation
+from foucault.report.chart import (
+    FAINT,
+    FIRST,
+    OF_AXES,
+    SERIES,
+    Family,
+    Panel,
+    Trace,
+    axis,
+    dots,
+    draw,
+    level,
+    line,
+    log_axis,
+    lowered,
+    marked,
+    noted,
+    numbers,
+    ref,
+    short,
+    titled,
+)
+from foucault.report.page import (
+    Equation,
+    Facts,
+    Figure,
+    Items,
+    Section,
+    Table,
+    chi_square,
+    counted,
+    minus,
+    quantity,
+    said,
+    section,
+    shown,
+    table,
+    told,
+    unsigned,
+)
 from foucault.result import Result
 from foucault.tables import AXES
 
 ATTITUDE = "C_np = C_1(outer) C_2(middle) C_3(inner)"
 
-ANGLES = (
-    ("outer", "about North"),
-    ("middle", "about Up while outer is 0: azimuth"),
-    ("inner", "about z of the cluster"),
-)
-
-DRIFTS = ("drift", "drift_input", "drift_output", "drift_spin", "drift_input_output",
-          "drift_input_spin", "drift_output_spin")  # fmt: skip
-
-MOST_LEGS = 24
-"""Legs of the motion that are listed [1]."""
+ANGLES = {
+    "outer": "about North",
+    "middle": "about Up while outer is 0: azimuth",
+    "inner": "about z of the cluster",
+}
 
 OF_RESIDUALS = {"stretches", "neighbours", "slow errors"}
 """Checks that stand with the residuals, beside those of each accelerometer."""
 
+START = {"start.east": "ψ_E", "start.north": "ψ_N", "start.up": "ψ_U"}
+
+MOST_LEGS = 24
+"""Legs of the motion that are listed [1]."""
+
+MOST_NUMBERS = 20
+"""Legs that are numbered; more would stand on one another [1]."""
+
 MOST_UNSEEN = 12
 """Combinations that cannot be seen and are named [1]."""
 
-START = {"start.east": "ψ_E", "start.north": "ψ_N", "start.up": "ψ_U"}
+GUIDE = 3.0
+"""Lines and bands are drawn at so many standard deviations [1]."""
+
+DOTS = 700
+"""So many residuals of an axis are drawn, and beyond the lines twice as many more [1]."""
+
+TICKS = 2
+"""Powers of ten that are marked on each side of zero [1]."""
+
+NEAR = 0.22
+"""A mark nearer to zero than this part of the axis would stand on the zero [1]."""
+
+CURVES = 160
+"""Points of a sensitivity curve that are drawn [1]."""
+
+Legs = Sequence[Mapping[str, Any]]
 
 _NAME = re.compile(r"\b(?:gyro|accel|start|attitude)\.[\w.]*\w")
 
 
 def alignment(result: Result) -> Section | None:
     """Attitude at the end and at the start, and the delay."""
-    found = result.diagnostics.get("attitude")
-    if not found or "attitude.outer" not in result.coefficients.layout:
+    found, c = result.diagnostics["attitude"], result.coefficients
+    if "attitude.outer" not in c.layout:
         return None
-    lead = (
-        "How the cluster stood at the last reading, and where it began. All angles are zero where "
-        "x, y and z of the cluster point north, up and east; otherwise, with coordinate rotations "
-        "about North, Up and East:"
+    at = [c.layout.index(f"attitude.{word}") for word in ANGLES]
+    start, believed = (np.asarray(found[k], float) for k in ("start", "believed"))
+    ends = zip(np.degrees(c.values[at]), np.degrees(c.sd[at]), strict=True)
+    apart = (start - believed + np.pi) % (2 * np.pi) - np.pi
+    angles = table(
+        ("angle: short", ANGLES),
+        ("at the end: number", [unsigned(format_value(v, sd)) + "°" for v, sd in ends]),
+        ("± sd: number", [quantity(sd, "angle", 2) for sd in c.sd[at]]),
+        ("at the start: number", _degrees(start)),
+        ("as believed: number aside", _degrees(believed)),
+        ("difference: number aside", _degrees(apart)),
+        ("turns the axes: aside", ANGLES.values()),
     )
-    blocks: list[Block] = [Equation([ATTITUDE]), _angles(result, found), _axes(found)]
-    facts = [("attitude at the start known to", _sizes(found["start_sd"], "East, North and Up"))]
-    facts += [("attitude at the end known to", _sizes(found["sd"], "x, y and z of the cluster"))]
-    delay = result.diagnostics.get("delay")
-    if delay:
+    east, north, up = tips = np.asarray(found["C_pn"], float).T
+    pointing = table(
+        ("axis at the end: short", AXES),
+        ("azimuth: number", _degrees(np.arctan2(east, north) % (2 * np.pi))),
+        ("elevation: number", _degrees(np.arctan2(up, np.hypot(east, north)))),
+        *(
+            (f"{word}: number aside", [unsigned(f"{v:.6f}") for v in part])
+            for word, part in zip(orientation.WAYS, tips, strict=True)
+        ),
+    )
+    known = {
+        "start": ("start_sd", "East, North and Up"),
+        "end": ("sd", "x, y and z of the cluster"),
+    }
+    facts = [
+        (
+            f"attitude at the {when} known to",
+            ", ".join(quantity(v, "angle", 2) for v in found[key]) + f" about {about}",
+        )
+        for when, (key, about) in known.items()
+    ]
+    if delay := result.diagnostics.get("delay"):
         facts.append(("delay of the readings", _delay(delay)))
-    return Section("Alignment", lead, [*blocks, Facts(facts)])
+    return section("tumble.alignment", Equation([ATTITUDE]), angles, pointing, Facts(facts))
 
 
-def _angles(result: Result, found: Mapping[str, Any]) -> Table:
-    columns = [
-        Column("angle", "short"),
-        Column("at the end", "number"),
-        Column("± sd", "number"),
-        Column("at the start", "number"),
-        Column("as believed", "number", aside=True),
-        Column("difference", "number", aside=True),
-        Column("turns the axes", aside=True),
-    ]
-    rows = []
-    for k, (word, meaning) in enumerate(ANGLES):
-        at = result.coefficients.layout.index(f"attitude.{word}")
-        value, sd = result.coefficients.values[at], result.coefficients.sd[at]
-        start, believed = found["start"][k], found["believed"][k]
-        apart = (start - believed + np.pi) % (2 * np.pi) - np.pi
-        end = _signed(format_value(np.degrees(value), np.degrees(sd))) + "°"
-        cells = [word, end, _size(sd), _degrees(start), _degrees(believed)]
-        rows.append([*cells, _degrees(apart), meaning])
-    return Table(columns, rows)
-
-
-def _axes(found: Mapping[str, Any]) -> Table:
-    """Where each axis points: as azimuth and elevation, and in components."""
-    columns = [
-        Column("axis at the end", "short"),
-        Column("azimuth", "number"),
-        Column("elevation", "number"),
-        *[Column(word, "number", aside=True) for word in ("east", "north", "up")],
-    ]
-    rows = []
-    for axis, (east, north, up) in zip(AXES, found["C_pn"], strict=True):
-        azimuth = np.arctan2(east, north) % (2 * np.pi)
-        elevation = np.arctan2(up, np.hypot(east, north))
-        parts = [_signed(f"{v:.6f}") for v in (east, north, up)]
-        rows.append([axis, _degrees(azimuth), _degrees(elevation), *parts])
-    return Table(columns, rows)
-
-
-def _degrees(angle: float) -> str:
-    return _signed(f"{np.degrees(angle):.4f}") + "°"
-
-
-def _size(sd: float) -> str:
-    """Write the standard deviation of an angle to its second digit."""
-    unit = units.display_unit("angle", sd)
-    return f"{units.plain(units.convert(sd, 'angle', unit), 2)} {shown(unit)}"
-
-
-def _sizes(sd: Sequence[float], about: str) -> str:
-    return ", ".join(_size(v) for v in sd) + f" about {about}"
+def _degrees(angles: Iterable[float]) -> list[str]:
+    return [unsigned(f"{np.degrees(v):.4f}") + "°" for v in angles]
 
 
 def _delay(delay: Mapping[str, Any]) -> str:
     if not (delay["sd"] or 0) > 0:  # none where the motion shows no delay
         return "not tested"
     value, sd = (1e3 * delay[key] for key in ("value", "sd"))
-    words = f"{_signed(format_value(value, sd))} ± {format_value(sd, sd)} ms"
+    words = f"{unsigned(format_value(value, sd))} ± {format_value(sd, sd)} ms"
     if delay["estimated"]:
         return f"{words}, estimated with the rest"
-    none = "none seen" if abs(value) < GUIDE * sd else "NOT taken off"
-    return f"{words}, tested: {none}"
+    return f"{words}, tested: {'none seen' if abs(value) < GUIDE * sd else 'NOT taken off'}"
 
 
 # -- the motion ------------------------------------------------------------------------------
 
 
+def _legs(result: Result) -> Legs:
+    return list((result.diagnostics.get("observability") or {}).get("legs") or [])
+
+
+def changes(legs: Legs) -> list[Trace]:
+    """Return a thin line wherever the command changes, down the whole figure."""
+    return marked(leg["start"] for leg in legs[1:])
+
+
+def leg_numbers(legs: Legs) -> list[Trace]:
+    """Return the number of every leg, above its middle."""
+    some = legs if len(legs) <= MOST_NUMBERS else []
+    return [
+        noted(str(k), (leg["start"] + leg["end"]) / 2, xref="x") for k, leg in enumerate(some, 1)
+    ]
+
+
 def motion(result: Result) -> Section | None:
     """The way of the cluster axes, and the legs of the motion."""
-    table = result.tables.get("path")
-    if table is None or "x.east" not in table or "outer" not in table:
-        return None
-    legs = _legs(result)
-    blocks: list[Block] = [figures_motion.path(table), figures_motion.path_map(table)]
-    blocks.append(figures_motion.angles(table, legs))
-    if 0 < len(legs) <= MOST_LEGS:
-        blocks.append(_leg_table(legs, _seen(result)))
-    lead = "Where the three axes of the cluster pointed in the course of the tumble."
-    return Section("Motion", lead, blocks)
-
-
-def _seen(result: Result) -> Mapping[str, Any]:
-    found: Mapping[str, Any] = result.diagnostics.get("observability") or {}
-    return found
-
-
-def _legs(result: Result) -> list[dict[str, Any]]:
-    return list(_seen(result).get("legs") or [])
-
-
-def _leg_table(legs: Sequence[Mapping[str, Any]], seen: Mapping[str, Any]) -> Table:
-    columns = [
-        Column("leg", "short"),
-        Column("from [s]", "number"),
-        Column("to [s]", "number"),
-        *[Column(f"rate {a} [°/s]", "number") for a in AXES],
-        Column("rank by then", "number"),
-        Column("seen alone by then", "number", aside=True),
+    some, legs = result.tables["path"], _legs(result)
+    data = [
+        line(
+            word,
+            some["time"],
+            np.degrees(some[word]),
+            colour,
+            f"%{{x:.0f}} s: %{{y:.2f}}°|{word}",
+            width=2,
+        )
+        for word, colour in zip(ANGLES, OF_AXES.values(), strict=True)
     ]
-    until = np.asarray(seen["growth"]["until"])
-    rows = []
-    for k, leg in enumerate(legs, 1):
-        last = max(0, int(np.searchsorted(until, leg["end"] + 1e-6)) - 1)
-        rates = [_signed(f"{v:.3f}") for v in np.degrees(leg["rate"])]
-        counts = [str(seen["growth"][key][last]) for key in ("rank", "alone")]
-        rows.append([str(k), f"{leg['start']:.0f}", f"{leg['end']:.0f}", *rates, *counts])
-    return Table(columns, rows)
+    angles = draw("tumble.motion", data, shapes=changes(legs), notes=leg_numbers(legs))
+    listed = _leg_table(result, legs) if 0 < len(legs) <= MOST_LEGS else None
+    return section("tumble.motion", orientation.ways(some), angles, listed)
+
+
+def _leg_table(result: Result, legs: Legs) -> Table:
+    growth = result.diagnostics["observability"]["growth"]
+    until = np.asarray(growth["until"])
+    last = [max(0, int(np.searchsorted(until, leg["end"] + 1e-6)) - 1) for leg in legs]
+    rates = np.degrees([leg["rate"] for leg in legs]).T
+    return table(
+        ("leg: short", [str(k) for k in range(1, len(legs) + 1)]),
+        ("from [s]: number", [f"{leg['start']:.0f}" for leg in legs]),
+        ("to [s]: number", [f"{leg['end']:.0f}" for leg in legs]),
+        *(
+            (f"rate {a} [°/s]: number", [unsigned(f"{v:.3f}") for v in some])
+            for a, some in zip(AXES, rates, strict=True)
+        ),
+        ("rank by then: number", [str(growth["rank"][k]) for k in last]),
+        ("seen alone by then: number aside", [str(growth["alone"][k]) for k in last]),
+    )
 
 
 def observability(result: Result) -> Section | None:
     """What the motion shows, step by step, and what remains."""
-    seen = _seen(result)
+    seen = result.diagnostics["observability"]
     if "growth" not in seen:
         return None
-    rank, whole = seen["rank"], seen["states"]
-    growth = seen["growth"]
-    curves = {"combinations seen (rank)": growth["rank"], "seen each alone": growth["alone"]}
-    blocks: list[Block] = [
-        Text(_rank_words(seen)),
-        figures_motion.growth(growth["until"], curves, whole, _legs(result)),
-        Text(
-            "Standard deviation after the tumble over that before, by readings and prior alone: "
-            "farther left, better known. What gravity, latitude and slow noise add stands in the "
-            "uncertainty budget."
-        ),
-        *_left(seen["of_prior"]),
-    ]
+    key, rank, whole, growth = "tumble.observability", seen["rank"], seen["states"], seen["growth"]
+    until = growth["until"][int(np.argmax(np.asarray(growth["rank"]) == rank))]
+    left = counted(whole - rank, "combination") + " of coefficients"
+    weakest = "" if rank < whole else _rounded(1 / seen["smallest"])
+    words = said(
+        f"{key}.rank" if rank < whole else f"{key}.rank_full",
+        rank=rank,
+        whole=whole,
+        until=until,
+        left=left,
+        weakest=weakest,
+    )
+    share = seen["of_prior"]
+    drift = [n for n in share if n.startswith("gyro.drift")]
+    rest = sorted((n for n in share if n not in drift), key=lambda n: n in START)
+    return section(
+        key,
+        words,
+        _growth(growth, whole, _legs(result)),
+        said(f"{key}.of_prior"),
+        _of_prior("Drift of the gyros", drift, share, ""),
+        _of_prior("All others", rest, share, said(f"{key}.start")),
+        Items(_unseen(seen)),
+        title=told(f"{key}.title" if rank == whole else f"{key}.title_not_all"),
+    )
+
+
+def _unseen(seen: Mapping[str, Any]) -> list[tuple[str, str]]:
     unseen = [w.removesuffix(": not seen at all") for w in seen["unseen"]]
     items = [("warning", f"Not seen: {_named(w)}.") for w in unseen[:MOST_UNSEEN]]
     if len(unseen) > MOST_UNSEEN:
@@ -200,37 +257,8 @@ def observability(result: Result) -> Section | None:
     items += [("plain", f"Hard to tell apart: {_named(w)}.") for w in seen["weakest"][:3]]
     pairs = [f"`{a}` and `{b}` ({value:+.2f})" for a, b, value in seen["correlated"][:6]]
     if pairs:
-        words = f"Errors most correlated: {', '.join(pairs)}.".replace("-", "−")
-        items.append(("plain", words))
-    lead = (
-        "Piecewise-constant observability of the motion as it was: how many independent "
-        "combinations of the unknowns the readings have shown by then, each leg cut into short "
-        "turns. Combinations are in units of the priors."
-    )
-    title = "What the motion shows" if rank == whole else "What the motion shows, and what not"
-    return Section(title, lead, [*blocks, Items(items)])
-
-
-def _rank_words(seen: Mapping[str, Any]) -> str:
-    rank, whole, growth = seen["rank"], seen["states"], seen["growth"]
-    until = growth["until"][int(np.argmax(np.asarray(growth["rank"]) == rank))]
-    if rank < whole:
-        left = whole - rank
-        return (
-            f"Rank {rank} of {whole}, reached after {until:.0f} s: {left} combination"
-            f"{'s' * (left != 1)} of coefficients cannot be seen in this motion, however often it "
-            "is repeated. Only the prior says anything of what is not seen."
-        )
-    return (
-        f"Rank {rank} of {whole}, reached after {until:.0f} s: everything can be seen. In units "
-        f"of the priors the weakest combination shows {_rounded(1 / seen['smallest'])} times less "
-        "than the strongest."
-    )
-
-
-def _signed(text: str) -> str:
-    """Write a minus sign as such, and a rounded zero without one."""
-    return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
+        items.append(("plain", minus(f"Errors most correlated: {', '.join(pairs)}.")))
+    return items
 
 
 def _rounded(value: float) -> str:
@@ -239,28 +267,65 @@ def _rounded(value: float) -> str:
 
 def _named(words: str) -> str:
     """Mark names as code, and write signs as people do."""
-    words = words.replace("-", "−").replace(" ...", " and smaller parts")
+    words = minus(words).replace(" ...", " and smaller parts")
     return _NAME.sub(lambda m: f"`{m.group()}`", words)
 
 
-def _left(share: Mapping[str, float]) -> list[Block]:
-    """Two pictures side by side: drifts, and everything else."""
-    symbols = {c.name: c.symbol for c in CONSTANTS.coefficients} | START
-    drift = [n for n in share if n.startswith("gyro.drift")]
-    rest = [n for n in share if n not in drift]
-    rest.sort(key=lambda n: n in START)
-    out: list[Block] = []
-    parts = (
-        ("Drift of the gyros", drift, ""),
-        ("All others", rest, "ψ: start.east, .north, .up: attitude at the start, about these."),
-    )
-    for title, names, caption in parts:
-        labels = [lowered(symbols.get(n, n)) for n in names]
-        least = min(share.values())
-        out.append(
-            figures_motion.left_of_prior(title, labels, [share[n] for n in names], least, caption)
+def _growth(growth: Mapping[str, Any], whole: int, legs: Legs) -> Figure:
+    """Draw how many of `whole` unknowns have been seen by the end of each short turn [s]."""
+    until = growth["until"]
+    curves = (("combinations seen (rank)", "rank"), ("seen each alone", "alone"))
+    data = [
+        line(
+            name,
+            [0, *until],
+            [0, *growth[key]],
+            colour,
+            f"%{{x:.0f}} s: %{{y}}|{name}",
+            width=2,
+            shape="hv",
+            mode="lines+markers",
+            marker={"color": colour, "size": 6},
         )
-    return out
+        for (name, key), colour in zip(curves, SERIES, strict=False)
+    ]
+    return draw(
+        "tumble.growth",
+        data,
+        x=axis("time [s]", showgrid=False, range=[0, 1.005 * until[-1]]),
+        y=axis(f"of {whole}", range=[0, 1.06 * whole]),
+        lines=[whole],
+        shapes=changes(legs),
+        notes=leg_numbers(legs),
+    )
+
+
+def _of_prior(title: str, names: Sequence[str], share: Mapping[str, float], caption: str) -> Figure:
+    """Draw the standard deviation of each unknown over that before, from the least to 1."""
+    symbols = {c.name: c.symbol for c in CONSTANTS.coefficients} | START
+    labels = [lowered(symbols.get(n, n)) for n in names]
+    x = numbers(np.maximum([share[n] for n in names], 1e-12))
+    low = math.floor(math.log10(min(max(min(share.values()), 1e-12), 0.1)) - 0.05)
+    data = [
+        line(
+            "",
+            [v for one in x for v in (one, 1.0, None)],
+            [n for n in labels for _ in range(3)],
+            chart.BAND,
+            width=5,
+        ),
+        dots("", x, labels, hover="%{y}: %{x:.2g} of the prior|"),
+    ]
+    return draw(
+        "tumble.of_prior",
+        data,
+        height=86 + 18 * len(names),
+        x=log_axis("sd after / sd before", range=[low, 0.06], tickfont={"size": 11}),
+        y=chart.names_axis(labels, 12.5, 0.6),
+        notes=[titled(f"<b>{title}</b>")],
+        caption=caption,
+        alt=f"{title}: standard deviation of each over that before, from 1 down to 1e{low}",
+    )
 
 
 # -- estimates and residuals -----------------------------------------------------------------
@@ -268,33 +333,23 @@ def _left(share: Mapping[str, float]) -> list[Block]:
 
 def course(result: Result) -> Section | None:
     """How each estimate came about in the course of time."""
-    table = result.tables.get("course")
-    if table is None or not len(table["time"]) or "attitude.x" not in table:
-        return None
-    legs, time = _legs(result), np.asarray(table["time"], float)
-    blocks: list[Block] = []
-    for family in (*families(3), _attitude()):
-        values = np.column_stack([table[m] for m in family.members]).astype(float)
-        sd = np.column_stack([table[f"{m}.sd"] for m in family.members]).astype(float)
-        if family.name != "attitude":
-            values = values - values[-1]
-        blocks.append(figures_tumble.course(time, family, values, sd, legs))
-    lead = (
-        "Each estimate as it would have been at that time [s], minus the final one. Shaded: ±3 sd "
-        "as it was then. The scale is logarithmic on both sides of zero, and linear within the "
-        "final sd. Dotted: the command changes. A band narrows where the motion shows the "
-        "coefficient."
+    some = result.tables["course"]
+    return section(
+        "tumble.course",
+        [
+            _course(np.asarray(some["time"], float), family, some, _legs(result))
+            for family in (*families(3), _attitude())
+        ],
     )
-    return Section("Estimates in the course of time", lead, blocks)
 
 
 def families(most: int = 6) -> list[Family]:
     """Return the coefficients in groups of one kind, at most `most` in each."""
-    groups: dict[str, list[int]] = {}
-    for k, name in enumerate(CONSTANTS.names):
-        groups.setdefault(name.rpartition(".")[0], []).append(k)
+    groups: dict[str, list[str]] = {}
+    for name in CONSTANTS.names:
+        groups.setdefault(name.rpartition(".")[0], []).append(name)
     return [
-        _family(group, [CONSTANTS.names[k] for k in members[a : a + most]])
+        _family(group, members[a : a + most])
         for group, members in groups.items()
         for a in range(0, len(members), most)
     ]
@@ -313,32 +368,114 @@ def _attitude() -> Family:
     return Family("attitude", members, labels, "arcsec", units.factor("arcsec", "angle"))
 
 
+def _course(time: FloatArray, family: Family, some: Mapping[str, Any], legs: Legs) -> Figure:
+    """Draw estimates minus the last in their bands, one panel each.
+
+    Both are compressed beyond the smallest final standard deviation: logarithmic, with zero.
+    """
+    y, band = np.array(family.of(some)), GUIDE * np.array(family.of(some, ".sd"))
+    y = y if family.name == "attitude" else y - y[:, -1:]
+    final = band[:, -1]
+    unit = float(np.min(final, where=final > 0, initial=np.inf)) / GUIDE
+    unit = unit if np.isfinite(unit) else 1.0
+    top = float(np.max(np.abs([y, band]), where=np.isfinite([y, band]), initial=10 * unit))
+
+    def drawn(v: Any) -> FloatArray:
+        return np.asarray(np.sign(v) * np.log10(1 + np.abs(v) / unit))
+
+    data: list[Trace] = []
+    notes, axes = [titled(f"<b>{family.name}</b> [{family.unit}]", 20)], {}
+    n, shapes = len(family.members), [level(0)]
+    decade = 10.0 ** math.floor(math.log10(0.85 * time[-1]))
+    mark = decade * max(k for k in (1, 2, 4, 5, 8) if k * decade <= 0.85 * time[-1])
+    for k, label in enumerate(family.labels):
+        on = {"xaxis": ref("x", k)}
+        edge = np.round(drawn(band[k]), 4)
+        data.append(chart.band("", time, -edge, edge, **on))
+        hover = f"{label}, %{{x:.0f}} s: %{{customdata[0]}} ± %{{customdata[1]}} {family.unit}|"
+        both = [list(pair) for pair in zip(short(y[k]), short(band[k]), strict=True)]
+        data.append(
+            line("", time, np.round(drawn(y[k]), 4), FIRST, hover, width=1.6, customdata=both, **on)
+        )
+        domain = [k / n + 0.012 * (k > 0), (k + 1) / n - 0.012 * (k < n - 1)]
+        axes[ref("xaxis", k)] = {
+            "domain": domain,
+            "range": [0, time[-1]],
+            "tickvals": [mark],
+            "showgrid": False,
+        }
+        notes.append(noted(label, sum(domain) / 2))
+        shapes += [one | {"xref": ref("x", k)} for one in changes(legs)]
+    ticks, words = _symmetric(unit, top)
+    high = 1.05 * float(drawn(top))
+    look = {"tickvals": numbers(drawn(ticks)), "ticktext": words, "range": [-high, high]}
+    alt = f"{family.name}: estimate minus the last one against time, within three sd"
+    return draw("tumble.course", data, y=look, shapes=shapes, notes=notes, alt=alt, **axes)
+
+
+def _symmetric(unit: float, top: float) -> tuple[FloatArray, list[str]]:
+    """Return powers of ten between `unit` and `top`, both signs and zero, and their texts."""
+    high = math.floor(math.log10(top))
+    step = max(1, math.ceil((high - math.log10(unit)) / TICKS - 0.2))
+    powers = [high - step * k for k in range(TICKS)]
+    least = NEAR * math.log10(1 + top / unit)
+    powers = [p for p in powers if math.log10(1 + 10.0**p / unit) > least]
+    values = [sign * 10.0**p for p in powers for sign in (1, -1)]
+    said = [f"{10.0**p:g}" if -4 < p < 5 else minus(f"10<sup>{p}</sup>") for p in powers]
+    return np.array([0.0, *values]), ["0", *(sign + s for s in said for sign in ("", "−"))]
+
+
 def residuals(result: Result) -> Section | None:
     """White residuals against time."""
-    table = result.tables.get("residuals")
-    if table is None or "x" not in table or not len(table["x"]):
-        return None
-    time = np.asarray(table["time"], float)
-    white = {a: np.asarray(table[a], float) for a in AXES}
+    some, legs = result.tables["residuals"], _legs(result)
+    time = np.asarray(some["time"], float)
+    white = {a: np.asarray(some[a], float) for a in AXES}
+    panels = []
+    for name, y in white.items():
+        far = np.flatnonzero(np.abs(y) > GUIDE)
+        keep = np.union1d(_evenly(np.arange(len(y)), DOTS), _evenly(far, 2 * DOTS))
+        top = 1.08 * float(np.max(np.abs(y), where=np.isfinite(y), initial=4.0))
+        data = dots(
+            "",
+            time[keep],
+            np.round(y[keep], 3),
+            OF_AXES[name],
+            f"%{{x:.0f}} s: %{{y:.2f}} sd|{name}",
+            size=4,
+            marker={"opacity": 0.65},
+        )
+        look = {"range": [-top, top]}
+        panels.append(Panel(f"{name}: residual / sd", [data], look, (-GUIDE, GUIDE)))
+    figure = chart.stacked("tumble.residuals", panels, shapes=changes(legs))
     every = np.concatenate(list(white.values()))
-    beyond, expected = int(np.sum(np.abs(every) > GUIDE)), 0.0027 * len(every)
-    averaged = result.diagnostics.get("averaged")
-    lead = (
-        "What the model leaves unexplained, over the standard deviation it should have; white "
-        f"where model and noise are right. Dashed: {GUIDE:.0f} sd; of {len(every)} residuals "
-        f"{beyond} lie outside, where {expected:.0f} would by chance. "
-        + (f"Each is a mean over {averaged:.3g} s. " if averaged else "")
-        + "Drawn: those outside and an even choice of the others."
+    averaged, key = result.diagnostics.get("averaged"), "tumble.residuals"
+    lead = said(
+        f"{key}.lead",
+        f"{key}.averaged" if averaged else "",
+        f"{key}.drawn",
+        guide=GUIDE,
+        count=len(every),
+        beyond=int(np.sum(np.abs(every) > GUIDE)),
+        expected=0.0027 * len(every),
+        averaged=averaged,
     )
-    blocks: list[Block] = [figures_tumble.residuals(time, white, _legs(result))]
-    chi = (result.diagnostics.get("chi_square") or {}).get("accel")
-    if chi:
-        items = [chi_square_words("Readings of the accelerometers", chi)]
+    items = None
+    if chi := (result.diagnostics.get("chi_square") or {}).get("accel"):
         names = {f"accelerometer {a}" for a in AXES} | OF_RESIDUALS
-        items += [("good" if c.passed else "warning", c.sentence)
-                  for c in result.checks if c.name in names]  # fmt: skip
-        blocks.append(Items(items))
-    return Section("Residuals", lead, blocks)
+        tested = [c for c in result.checks if c.name in names]
+        items = Items(
+            [
+                chi_square("Readings of the accelerometers", chi),
+                *(("good" if c.passed else "warning", c.sentence) for c in tested),
+            ]
+        )
+    return section(key, figure, items, lead=lead)
+
+
+def _evenly(rows: npt.NDArray[Any], most: int) -> npt.NDArray[Any]:
+    """Return at most `most` [1] of the rows, evenly chosen."""
+    n = len(rows)
+    return rows if n <= most else rows[np.linspace(0, n - 1, most).astype(int)]
 
 
 # -- sensitivity -----------------------------------------------------------------------------
@@ -346,41 +483,85 @@ def residuals(result: Result) -> Section | None:
 
 def sensitivity(result: Result) -> Section | None:
     """How the readings change with each coefficient along the motion."""
-    table = result.tables.get("sensitivity")
-    if table is None or "x.gyro.drift.x" not in table:
-        return None
-    legs = _legs(result)
-    blocks: list[Block] = [
-        figures_tumble.sensitivity(title, table, some, legs) for title, some in _four()
-    ]
-    start = tuple(START)
+    some, legs = result.tables["sensitivity"], _legs(result)
     arcsec = units.factor("arcsec", "angle")
-    attitude = Family("attitude at the start", start, ("east", "north", "up"), "arcsec", arcsec)
-    blocks.append(figures_tumble.explorer(table, [*families(), attitude], legs))
-    lead = (
-        "How much the readings of the accelerometers x, y and z, one panel each, change with one "
-        "unit of a coefficient, along this motion; those that answer. Curves of a different shape "
-        "can be told apart; a coefficient whose curve is flat at zero is not seen. Below them any "
-        "family of your choice."
+    attitude = Family("attitude at the start", tuple(START), orientation.WAYS, "arcsec", arcsec)
+    return section(
+        "tumble.sensitivity",
+        [_pictured(title, some, of, legs) for title, of in _four()],
+        _explorer(some, [*families(), attitude], legs),
     )
-    return Section("Sensitivity", lead, blocks)
 
 
 def _four() -> list[tuple[str, list[Family]]]:
     """The four pictures that say most: gyro drift, one gyro, its axes, one accelerometer."""
-    first = [f"gyro.{word}.x" for word in DRIFTS[1:4]]
+    senses = ("input", "output", "spin")
+    first = [f"gyro.drift_{word}.x" for word in senses]
     axes = ["gyro.misalignment.xy", "gyro.misalignment.xz"]
-    y = [f"accel.{w}.y" for w in ("bias", "scale", "quadratic")]
-    own = [(n, n.split(".")[1]) for n in y] + [("accel.misalignment.yx", "yx")]
+    own = {w: f"accel.{w}.y" for w in ("bias", "scale", "quadratic")}
+    own |= {"yx": "accel.misalignment.yx"}
     return [
         ("Drift of the gyros [µg per °/h]", [_family("drift", [f"gyro.drift.{a}" for a in AXES])]),
-        (
-            "X gyro, drift per g [µg per °/h/g]",
-            [_family("first", first, ("input", "output", "spin"))],
-        ),
+        ("X gyro, drift per g [µg per °/h/g]", [_family("first", first, senses)]),
         ("X gyro, misalignments [µg per arcsec]", [_family("axes", axes)]),
         (
             "Y accelerometer [µg per µg, ppm, µg/g², arcsec]",
-            [_family(label, [name], [label]) for name, label in own],
+            [_family(label, [name], [label]) for label, name in own.items()],
         ),
     ]
+
+
+def _curves(some: Mapping[str, Any], families: Sequence[Family], output: str) -> list[Trace]:
+    """Curves of one accelerometer in micro-g per unit."""
+    time = np.asarray(some["time"], float)
+    rows = _evenly(np.arange(len(time)), CURVES)
+    out: list[Trace] = []
+    for family in families:
+        for member, label in zip(family.members, family.labels, strict=True):
+            y = np.asarray(some[f"{output}.{member}"], float)[rows] * family.size / 9.80665e-6
+            hover = f"%{{x:.0f}} s: %{{y:.3g}} µg per {family.unit}|{label} → {output}"
+            out.append(line(label, np.round(time[rows], 1), short(y), SERIES[len(out)], hover))
+    return out
+
+
+def _answers(
+    outputs: Iterable[tuple[str, list[Trace]]], legs: Legs, height: float, **more: Any
+) -> Figure:
+    """Draw d(reading)/d(coefficient), one panel for each accelerometer."""
+    panels = [Panel(a, data, {"nticks": 4, "exponentformat": "none"}) for a, data in outputs]
+    zero = [level(0, ref("y", k), FAINT) for k in range(len(panels))]
+    time = axis("time [s]", showgrid=False)
+    return chart.stacked(
+        "tumble.answers", panels, height=height, x=time, shapes=[*zero, *changes(legs)], **more
+    )
+
+
+def _pictured(title: str, some: Mapping[str, Any], of: Sequence[Family], legs: Legs) -> Figure:
+    """Draw the accelerometers that answer."""
+    members = [m for f in of for m in f.members]
+    strongest = {a: max(float(np.abs(some[f"{a}.{m}"]).max()) for m in members) for a in AXES}
+    outputs = [a for a, v in strongest.items() if v > 1e-4 * max(strongest.values())]
+    curves = [(a, _curves(some, of, a)) for a in outputs]
+    alt = f"Change of the accelerometers' readings with {title} against time"
+    return _answers(
+        curves, legs, 320, notes=[titled(f"<b>{title}</b>", 20)], top=60, share=50, alt=alt
+    )
+
+
+def _explorer(some: Mapping[str, Any], of: Sequence[Family], legs: Legs) -> Figure:
+    """Draw the same of one family at a time, which a list chooses."""
+    choices = {f"{f.name} [µg per {f.unit}]": f for f in of}
+    curves = [
+        (
+            a,
+            [
+                t | {"meta": choice, "legendgroup": t["name"], "showlegend": a == "x"}
+                for choice, f in choices.items()
+                for t in _curves(some, [f], a)
+            ],
+        )
+        for a in AXES
+    ]
+    alt = "Change of the accelerometers' readings with the chosen coefficients against time"
+    meta = {"choices": list(choices), "choose": "Change of the readings with"}
+    return _answers(curves, legs, 440, meta=meta, on="screen", alt=alt)

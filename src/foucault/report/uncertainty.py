@@ -2,27 +2,65 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from foucault import units
 from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector, format_value
-from foucault.report import figures
-from foucault.report.page import Block, Column, Items, Section, Table
+from foucault.coefficients import Coefficient, CoefficientVector
+from foucault.report.chart import (
+    SERIES,
+    Trace,
+    axis,
+    band,
+    dots,
+    draw,
+    heat,
+    line,
+    lowered,
+    shares,
+    whiskers,
+)
+from foucault.report.evidence import NOTHING_ADDED
+from foucault.report.page import (
+    Figure,
+    Items,
+    Section,
+    Table,
+    columns,
+    date,
+    known_to,
+    minus,
+    quantity,
+    said,
+    section,
+    shown,
+    size,
+    table,
+    told,
+    unit_of,
+)
 from foucault.result import Result
 from foucault.units import ZERO_CELSIUS
 
 TRIADS = {
-    "accel": "Accelerometers", "gyro": "Gyros", "attitude": "Attitude",
-    "installation": "Installation", "master": "Messages of the master",
+    "accel": "Accelerometers",
+    "gyro": "Gyros",
+    "attitude": "Attitude",
+    "installation": "Installation",
+    "master": "Messages of the master",
     "load": "Installation under load",
-}  # fmt: skip
+}
 COVERAGE = 2.0  # coverage factor of the expanded uncertainty: about 95 % (JCGM 100:2008, 6.2)
-NOTHING_ADDED = 0.9  # of the prior sd: the data hardly added to what was known
+CLOCK = "clock of the log"
+
+SMALL_SHARE = 0.05
+"""A source whose largest share is smaller has a row but no column of its own [percent]."""
+
+MANY = 36
+"""More coefficients than this need a larger matrix and smaller names [1]."""
 
 
 def coefficients(result: Result) -> Section | None:
@@ -33,44 +71,38 @@ def coefficients(result: Result) -> Section | None:
     prior = bool(np.isfinite(vector.prior_sd).any())
     bound = _bound(result)
     seconds = result.in_seconds.sd if result.clock is not None else None
-    columns = [
-        Column("coefficient", "name"),
-        Column("symbol", "symbol", aside=True),
-        Column("value", "number"),
-        Column("± sd", "number"),
-        Column("± U (k=2)", "number", optional=True),
-        *([Column("± sd in seconds", "number")] if seconds is not None else []),
-        Column("unit", "short"),
-        *([Column("prior sd", "number")] if prior else []),
-        *([Column("sd / bound", "number")] if bound is not None else []),
-        Column("meaning", "meaning"),
-    ]
+    heads = columns(
+        "coefficient: name | symbol: symbol aside | value: number | ± sd: number",
+        "± U (k=2): number optional",
+        "± sd in seconds: number" * (seconds is not None),
+        "unit: short",
+        "prior sd: number" * prior,
+        "sd / bound: number" * (bound is not None),
+        "meaning: meaning",
+    )
     rows: list[list[str]] = []
     start = 0
     for head in dict.fromkeys(name.partition(".")[0] for name in vector.names):
         part = vector[head]
-        limit = None if bound is None else bound[start : start + len(part)]
-        timed = None if seconds is None else seconds[start : start + len(part)]
+        own = slice(start, start + len(part))
+        limit, timed = (None if x is None else x[own] for x in (bound, seconds))
         rows += [[TRIADS.get(head, head)], *_coefficient_rows(part, prior, limit, timed)]
         start += len(part)
-    lead = f"Value and standard deviation (1 sigma). Axes: {result.frame}; {result.gauge}."
+    key = "uncertainty.coefficients"
+    at = ""
     if result.temperature is not None:
-        at = f"{result.temperature.reference - ZERO_CELSIUS:.1f}".replace("-", "−")
-        lead = f"At {at}\N{NO-BREAK SPACE}°C. {lead}"
-    if seconds is not None:
-        lead += (
-            " sd is in the log's own time: that for whoever integrates with the same stamps. In "
-            "seconds, as another clock counts them, the error of the log's clock comes to it."
-        )
-    if bound is not None:
-        lead += (
-            " sd / bound compares with the smallest uncertainty that the sensor noise alone "
-            "would allow (Cramér-Rao)."
-        )
-        if prior:
-            lead += " A prior can bring it below 1; what else is uncertain, such as gravity, above."
-    option = "expanded uncertainty U = 2 sd, about 95 %"
-    return Section("Coefficients", lead, [Table(columns, rows, option)])
+        at = minus(f"{result.temperature.reference - ZERO_CELSIUS:.1f}")
+    lead = said(
+        f"{key}.at" if at else "",
+        f"{key}.lead",
+        f"{key}.seconds" * (seconds is not None),
+        f"{key}.bound" * (bound is not None),
+        f"{key}.prior" * (bound is not None and prior),
+        at=at,
+        frame=result.frame,
+        gauge=result.gauge,
+    )
+    return section(key, Table(heads, rows, said(f"{key}.option")), lead=lead)
 
 
 def _bound(result: Result) -> FloatArray | None:
@@ -87,39 +119,21 @@ def _coefficient_rows(
     """Return the cells of each coefficient, in the order of the columns."""
     out = []
     for i, row in enumerate(vector.rows()):
-        unit, sd = row["display_unit"], row["display_sd"]
-        value = row["display_value"]
-        known = _signed(format_value(value, sd)) if np.isfinite(value) else "unknown"
-        free = row["free"]
-        cells = [row["name"], row["symbol"], known]
-        cells += [_size(sd) if free else "held", _size(COVERAGE * sd) if free and sd else ""]
+        value, sd, free = row["display_value"], row["display_sd"], row["free"]
+        one = units.factor(row["display_unit"], row["kind"])
+        cells = [row["name"], row["symbol"]]
+        cells.append(known_to(value, sd) if np.isfinite(value) else "unknown")
+        cells += [size(sd) if free else "held", size(COVERAGE * sd) if free and sd else ""]
         if seconds is not None:
-            timed = float(seconds[i]) / units.factor(unit, row["kind"])
-            cells.append(_size(timed) if free else "")
-        cells.append(shown(unit))
+            cells.append(size(float(seconds[i]) / one) if free else "")
+        cells.append(shown(row["display_unit"]))
         if prior:
-            cells.append(_size((row["prior_sd"] or 0.0) / units.factor(unit, row["kind"])))
+            cells.append(size((row["prior_sd"] or 0.0) / one))
         if bound is not None:
             seen = free and row["sd"] is not None and bound[i] > 0
             cells.append(f"{row['sd'] / bound[i]:.2f}" if seen else "")
         out.append([*cells, row["meaning"]])
     return out
-
-
-def shown(unit: str) -> str:
-    """Write a unit with the signs that people use."""
-    for plain, sign in (("ug", "µg"), ("us", "µs"), ("deg", "°"), ("percent", "%")):
-        unit = re.sub(rf"\b{plain}\b", sign, unit)
-    return unit.replace("^2", "²")
-
-
-def _signed(text: str) -> str:
-    return text.replace("-", "−")
-
-
-def _size(sd: float | None) -> str:
-    """Write an uncertainty to its second digit; nothing where there is none."""
-    return format_value(sd, sd) if sd and np.isfinite(sd) else ""
 
 
 def unseen(result: Result) -> Section | None:
@@ -128,64 +142,16 @@ def unseen(result: Result) -> Section | None:
     items = [("warning", f"Seen badly: {words}.") for words in facts.get("weakest") or []]
     gaps = (facts.get("coverage") or {}).get("missing") or []
     items += [("warning", f"No rest near: {gap.get('words', '')}.") for gap in gaps]
-    weak = (
-        vector.free & np.isfinite(vector.prior_sd) & (vector.sd > NOTHING_ADDED * vector.prior_sd)
-    )
+    prior, free = vector.prior_sd, vector.free
+    weak = free & np.isfinite(prior) & (vector.sd > NOTHING_ADDED * prior)
     if weak.any():
         names = ", ".join(f"`{n}`" for n, w in zip(vector.names, weak, strict=True) if w)
         items.append(("warning", f"Known hardly better than beforehand: {names}."))
-    held = [f"`{n}`" for n, free in zip(vector.names, vector.free, strict=True) if not free]
+    held = ", ".join(f"`{n}`" for n, f in zip(vector.names, free, strict=True) if not f)
     if held:
-        items.append(("plain", f"Held at their values, not estimated: {', '.join(held)}."))
+        items.append(("plain", f"Held at their values, not estimated: {held}."))
     items += [("plain", str(words)) for words in facts.get("unseen") or []]
-    if not items:
-        return None
-    lead = "What these data could not tell, and what this procedure cannot tell in principle."
-    return Section("What could not be seen", lead, [Items(items)])
-
-
-# -- budget --------------------------------------------------------------------------------
-
-CLOCK = "clock of the log"
-_MEASURED = ("A", "scatter of the samples within the readings")
-_LEFT = ("A", "scatter of the residuals")
-_UNKNOWN = ("", "not known; it is part of the scatter")
-_DECLARED = ("B", "noise as declared in the campaign")
-_BASIS = {
-    "scatter between rests": ("A", "scatter of the residuals beyond the noise"),
-    "scatter between readings": ("A", "scatter of the residuals beyond the noise"),
-    "jitter of the spin rate and unknown Earth rate": ("B", "rate_sd as given; heading unknown"),
-    "errors of the table": ("B", "what the campaign says of the table"),
-    "errors of the table and prior": ("B", "what the campaign says of table and coefficients"),
-    "placement": ("B", "placement as given in the campaign"),
-    "placement, estimated": ("A", "scatter of the residuals beyond the noise"),
-    "unknown heading": ("B", "heading not given: the whole circle"),
-    "unknown Earth rate": ("B", "latitude not given: any direction"),
-    "rate jitter": ("B", "rate_sd as given, with the scatter that was found"),
-    "rate of the table": ("B", "table_rate_sd as given; tilt of the outer axis"),
-    "fixture": ("B", "fixture_sd as given in the campaign"),
-    "parts of turns": ("B", "Earth rate across the axis that a part of a turn leaves"),
-    "reference headings": ("B", "heading_sd as given"),
-    "indexing": ("B", "index_sd as given"),
-    "gyro drift": ("B", "slow noise and drift as given"),
-    "tilt: drift": ("B", "slow noise as given"),
-    "noise and prior": ("B", "white noise and prior as given or assumed"),
-    "slow noise of accelerometers": ("B", "slow noise as given in the campaign"),
-    "slow noise of gyros": ("B", "slow noise as given in the campaign"),
-    "latitude": ("B", "standard uncertainty of the latitude"),
-    "table, latitude and what was known before": ("B", "what the campaign says of them"),
-    "prior": ("B", "prior as given in the campaign"),
-    "local gravity": ("B", "standard uncertainty of local gravity"),
-    CLOCK: ("B", "standard uncertainty of the log's clock; in seconds only"),
-}
-"""Source -> evaluation of type A (statistics) or B (other knowledge), and what it rests on.
-
-Of results that do not say it themselves in `diagnostics.sources`: those of 1.0, and of procedures
-that state no sources."""
-
-
-SMALL_SHARE = 0.05
-"""A source whose largest share is smaller has a row but no column of its own [percent]."""
+    return section("uncertainty.unseen", Items(items) if items else None)
 
 
 def budget(result: Result) -> Section | None:
@@ -208,45 +174,46 @@ def budget(result: Result) -> Section | None:
     if not order:
         return None
     large = [s for s in order if float(np.nanmax(share[s])) >= SMALL_SHARE] or order
-    symbols = [c.symbol for c in vector.layout.coefficients]
-    lead = (
-        "Where the variance of each coefficient comes from. Type A: evaluated from the scatter of "
-        "these data; type B: from other knowledge."
-    )
-    if CLOCK in parts:
-        lead += f" In seconds: without the {CLOCK} it is the variance in the log's own time."
-    blocks: list[Block] = [
-        figures.shares(symbols, {s: share[s] for s in large}),
+    labels = [lowered(c.symbol) for c in vector.layout.coefficients]
+    alt = "Share of every source in the variance of every coefficient"
+    key = "uncertainty.budget"
+    return section(
+        key,
+        shares(labels, {s: share[s] for s in large}, alt),
         _sources(result, {s: share[s] for s in order}),
         _contributions(vector, {s: parts[s] for s in large}, total),
-    ]
-    return Section("Uncertainty budget", lead, blocks)
+        lead=said(f"{key}.lead", f"{key}.clock" * (CLOCK in parts)),
+    )
 
 
 def _sources(result: Result, share: Mapping[str, FloatArray]) -> Table:
     """One row per source: type, basis, and its share of the variance."""
-    noise = str((result.diagnostics.get("noise") or {}).get("source", ""))
     names = result.coefficients.names
-    columns = [
-        Column("source"),
-        Column("type", "short"),
-        Column("evaluated from", aside=True),
-        Column("mean share", "number"),
-        Column("largest share", "number"),
-        Column("in"),
-    ]
-    rows = []
-    stated = result.diagnostics.get("sources") or {}
-    for source, values in share.items():
-        kind, basis = stated.get(source) or _BASIS.get(source, ("", ""))
-        if source not in stated and source.endswith(" noise"):
-            known = _MEASURED if noise.startswith("measured") else _DECLARED
-            known = _LEFT if noise.endswith("the residuals") else known
-            kind, basis = _UNKNOWN if noise.startswith("unknown") else known
-        worst = int(np.nanargmax(values))
-        mean, most = (_percent(float(v)) for v in (np.nanmean(values), values[worst]))
-        rows.append([source, kind, basis, mean, most, f"`{names[worst]}`"])
-    return Table(columns, rows)
+    kinds = [_basis(result, source) for source in share]
+    worst = [int(np.nanargmax(v)) for v in share.values()]
+    most = [float(v[k]) for v, k in zip(share.values(), worst, strict=True)]
+    return table(
+        ("source", share),
+        ("type: short", [kind for kind, _ in kinds]),
+        ("evaluated from: aside", [basis for _, basis in kinds]),
+        ("mean share: number", [_percent(float(np.nanmean(v))) for v in share.values()]),
+        ("largest share: number", [_percent(v) for v in most]),
+        ("in", [f"`{names[k]}`" for k in worst]),
+    )
+
+
+def _basis(result: Result, source: str) -> tuple[str, str]:
+    """Return whether a source is of type A or B, and what it rests on."""
+    stated = (result.diagnostics.get("sources") or {}).get(source)
+    if stated:
+        return stated[0], stated[1]
+    noise = str((result.diagnostics.get("noise") or {}).get("source", ""))
+    if source.endswith(" noise"):
+        source = "noise, measured" if noise.startswith("measured") else "noise, declared"
+        source = "noise, of the residuals" if noise.endswith("the residuals") else source
+        source = "noise, unknown" if noise.startswith("unknown") else source
+    kind, _, basis = told(f"basis.{source}").partition("; ")
+    return kind.rstrip(";"), basis
 
 
 def _percent(value: float) -> str:
@@ -257,22 +224,17 @@ def _contributions(
     vector: CoefficientVector, parts: Mapping[str, FloatArray], total: FloatArray
 ) -> Table:
     """Standard uncertainty that each source alone contributes to each coefficient."""
-    columns = [
-        Column("u of", "name"),
-        *[Column(source, "number") for source in parts],
-        Column("combined", "number"),
-        Column("unit", "short"),
-    ]
+    heads = ["u of: name", *(f"{source}: number" for source in parts), "combined: number"]
     rows = []
     for i, row in enumerate(vector.rows()):
-        size = units.factor(row["display_unit"], row["kind"])
-        combined = float(np.sqrt(total[i])) / size
+        one = units.factor(row["display_unit"], row["kind"])
+        combined = float(np.sqrt(total[i])) / one
         digits = 1 - int(np.floor(np.log10(combined))) if combined > 0 else 0
-        cells = [*(float(np.sqrt(max(v[i], 0.0))) / size for v in parts.values()), combined]
+        cells = [*(float(np.sqrt(max(v[i], 0.0))) / one for v in parts.values()), combined]
         texts = [f"{u:.{max(0, min(digits, 9))}f}" for u in cells]
         kept = [text if float(text) else "–" for text in texts]
         rows.append([row["name"], *kept, shown(row["display_unit"])])
-    return Table(columns, rows)
+    return Table(columns(*heads, "unit: short"), rows)
 
 
 def correlation(result: Result) -> Section | None:
@@ -282,9 +244,226 @@ def correlation(result: Result) -> Section | None:
     if vector.cov is None or keep.size < 2:
         return None
     sd = vector.sd[keep]
-    symbols = [vector.layout.coefficients[i].symbol for i in keep]
-    figure = figures.correlation(symbols, vector.cov[np.ix_(keep, keep)] / np.outer(sd, sd))
-    lead = (
-        "Strong colours off the diagonal: two coefficients that the data could not tell apart well."
+    matrix = np.round(vector.cov[np.ix_(keep, keep)] / np.outer(sd, sd), 3)
+    labels = [lowered(vector.layout.coefficients[i].symbol) for i in keep]
+    many = len(labels) > MANY
+    ticks = {
+        "type": "category",
+        "tickfont": {"size": 10 if many else 12.5},
+        "ticks": "",
+        "showgrid": False,
+        "tickmode": "linear",
+    }
+    data = heat(labels, labels, matrix, "%{y}, %{x}: %{z:.2f}|", 1, tickvals=[-1, -0.5, 0, 0.5, 1])
+    # About square on a narrow screen, where the columns have no room for their names.
+    narrow = {
+        "xaxis": {"showticklabels": False},
+        "yaxis": {"tickfont": {"size": 10}, "showticklabels": not many},
+    }
+    figure = draw(
+        "uncertainty.correlation",
+        [data],
+        height=760 if many else 520,
+        x=ticks | {"tickangle": -90},
+        y=ticks | {"autorange": "reversed"},
+        meta={"ratio": 1.05, "narrow": narrow},
     )
-    return Section("Correlation", lead, [figure])
+    return section("uncertainty.correlation", figure)
+
+
+# ------------------------------------------------------------------------------------------------
+# What a fit over temperature showed: functions with the sessions, terms, and what was left out.
+
+LIMIT = 3.0
+"""Lines of the figures of residuals [sd]."""
+
+
+def functions(result: Result) -> Section | None:
+    """Every family over temperature: the functions, their band, and what the sessions found."""
+    curves, model = result.tables["temperature_curves"], result.temperature
+    if model is None:
+        return None
+    families = {row["family"]: row for row in result.diagnostics.get("families") or []}
+    key = "temperature.functions"
+    low, high, at = (_celsius(v) for v in (model.low, model.high, model.reference))
+    knots = ", ".join(_celsius(k) for k in model.knots)
+    words = said(f"{key}.knots" if knots else f"{key}.powers", knots=knots, at=at)
+    return section(
+        key,
+        _figure(result, curves, list(families)),
+        _families(families.values()),
+        words,
+        low=low,
+        high=high,
+        at=at,
+    )
+
+
+def _figure(result: Result, curves: Mapping[str, Any], families: Sequence[str]) -> Figure:
+    data: list[Trace] = []
+    points = result.tables["temperature_points"]
+    ramps = result.tables.get("temperature_ramps") or {}
+    # Families that change come first: the list opens with what matters.
+    varying = result.temperature.varying() if result.temperature else ()
+    changing = {n.rpartition(".")[0] for n in varying}
+    every = result.coefficients.layout.coefficients
+    choices = []
+    for family in sorted(families, key=lambda f: f not in changing):
+        members = [c for c in every if (c.name.rpartition(".")[0] or c.name) == family]
+        sizes = [np.ptp(_of(curves, c.name, "value")) for c in members]
+        sds = [_of(curves, c.name, "sd").max() for c in members]
+        unit, scale = unit_of(members[0].kind, sizes, sds)
+        choices.append(f"{family} [{unit}]")
+        for k, c in enumerate(members):
+            start = result.coefficients.value(c.name)
+            data += _traces(c, curves, points, ramps, start, scale, SERIES[k % 6], choices[-1])
+    return draw("temperature.figure", data, meta={"choices": choices, "choose": "coefficients"})
+
+
+def _traces(
+    c: Coefficient,
+    curves: Mapping[str, Any],
+    points: Mapping[str, Any],
+    ramps: Mapping[str, Any],
+    start: float,
+    scale: float,
+    colour: str,
+    label: str,
+) -> list[Trace]:
+    """Return band, curve and points of one coefficient."""
+
+    def of(some: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+        y = (_of(some, c.name, "value") - start) / scale
+        return _of(some, c.name, "temperature") - ZERO_CELSIUS, y
+
+    x, y = of(curves)
+    two_sd = 2 * _of(curves, c.name, "sd") / scale
+    of_group: Trace = {"meta": label, "legendgroup": c.name}
+    hover = f"%{{x:.1f}} °C: %{{y:.4g}}|{c.name}"
+    out = [
+        band("", x, y - two_sd, y + two_sd, **of_group),
+        line(lowered(c.symbol), x, y, colour, hover, **of_group),
+    ]
+    if ramps and (np.asarray(ramps["coefficient"]) == c.name).any():
+        out.append(
+            dots("", *of(ramps), colour, f"{hover}, ramp", size=4, symbol="circle-open", **of_group)
+        )
+    seen = np.asarray(points["coefficient"]) == c.name
+    if seen.any():
+        bars = whiskers(2 * _of(points, c.name, "sd") / scale, colour, thickness=1.3)
+        session = np.asarray(points["session"])[seen].tolist()
+        out.append(
+            dots(
+                "",
+                *of(points),
+                colour,
+                f"%{{customdata}}, {hover}",
+                error_y=bars,
+                customdata=session,
+                **of_group,
+            )
+        )
+    return out
+
+
+def _families(rows: Any) -> Table:
+    return table(
+        ("coefficients: name", [row["family"] for row in rows]),
+        ("function", [row["function"] for row in rows]),
+        ("temperatures: number aside", [str(row["temperatures"]) for row in rows]),
+        ("scatter between sessions: number", [_scatter(row) for row in rows]),
+        ("why this function: aside", [_why(row) for row in rows]),
+    )
+
+
+def _scatter(row: Mapping[str, Any]) -> str:
+    from foucault.models.layouts import EVERY
+
+    sd = row["scatter"]
+    if sd is None or not np.isfinite(sd):
+        return "cannot be told"
+    kind = EVERY.coefficients[int(EVERY.group(row["family"])[0])].kind
+    size = quantity(sd, kind, 2) if sd else "none seen"
+    return size if row["scatter_found"] else f"{size if sd else 'none'} (declared)"
+
+
+def _why(row: Mapping[str, Any]) -> str:
+    """Say the F-tests in a sentence."""
+    words = []
+    for key, text in (("needed", "better than a {has}"), ("missing", "a {against} adds nothing")):
+        test = row.get(key)
+        if test is not None:
+            lost = key == "missing" and test["p"] < 0.01
+            text = "a {against} may fit better" if lost else text
+            p = "< 1e−6" if test["p"] < 1e-6 else minus(f"{test['p']:.2g}")
+            words.append(f"{text.format(**test)} (F {test['F']:.3g}, p {p})")
+    return "; ".join(words)
+
+
+def left_out(result: Result) -> Section | None:
+    """Residuals, and every temperature as predicted by the others."""
+    points, key = result.tables["temperature_points"], "temperature.left_out"
+    figures = []
+    if len(result.diagnostics.get("sessions") or []) > 1:  # one is met exactly
+        figures.append(_scattered(points, "residual", "residual / sd", told(f"{key}.residual")))
+    if np.isfinite(np.asarray(points["left_out"], float)).any():
+        what = "left out: error / sd"
+        figures.append(_scattered(points, "left_out", what, told(f"{key}.left_out")))
+    return section(key, figures, _sessions(result))
+
+
+def _scattered(points: Mapping[str, Any], column: str, what: str, caption: str) -> Figure:
+    y = np.asarray(points[column], float)
+    x = np.asarray(points["temperature"], float) - ZERO_CELSIUS
+    triads = np.array([str(n).partition(".")[0] for n in points["coefficient"]])
+    said_ = zip(points["coefficient"], points["session"], strict=True)
+    labels = np.array([f"{coefficient}, {session}" for coefficient, session in said_])
+    data = []
+    for k, triad in enumerate(dict.fromkeys(triads.tolist())):
+        pick = (triads == triad) & np.isfinite(y)
+        hover = "%{text}, %{x:.1f} °C: %{y:.2f} sd|"
+        data.append(
+            dots(
+                TRIADS.get(triad, triad),
+                x[pick],
+                y[pick],
+                SERIES[k % 6],
+                hover,
+                size=6,
+                text=labels[pick].tolist(),
+                marker={"opacity": 0.8},
+            )
+        )
+    top = 1.12 * max(LIMIT, float(np.nanmax(np.abs(y), initial=0.0)))
+    return draw(
+        "temperature.scattered",
+        data,
+        y=axis(what, range=[-top, top]),
+        caption=caption,
+        lines=[0, LIMIT, -LIMIT],
+        alt=f"{what} of every coefficient of every session against its temperature",
+    )
+
+
+def _sessions(result: Result) -> Table:
+    rows = list(result.diagnostics.get("sessions") or [])
+    ramps = result.diagnostics.get("ramps") or []
+    rows += [{"name": r["name"], "range": r["range"], "procedure": "ramp"} for r in ramps]
+    means = [_celsius(r["temperature"]) if r.get("temperature") else "" for r in rows]
+    return table(
+        ("session", [r["name"] for r in rows]),
+        ("mean [°C]: number", means),
+        ("range [°C]: number aside", [" to ".join(map(_celsius, r["range"])) for r in rows]),
+        ("procedure: aside", [r["procedure"] for r in rows]),
+        ("verdict", [r.get("verdict", "") for r in rows]),
+        ("made: aside", [date(str(r["created"])) if r.get("created") else "" for r in rows]),
+    )
+
+
+def _of(some: Mapping[str, Any], name: str, column: str) -> FloatArray:
+    mine = np.asarray(some["coefficient"]) == name
+    return np.asarray(some[column][mine], float)
+
+
+def _celsius(kelvin: float) -> str:
+    return minus(f"{kelvin - ZERO_CELSIUS:.1f}")

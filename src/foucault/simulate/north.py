@@ -19,8 +19,7 @@ from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp
-from foucault.simulate.noise import draw_noise, quantise
-from foucault.simulate.wandering import mean_noise
+from foucault.simulate.noise import draw_noise, mean_noise, quantise
 from foucault.tables import IndexedLog, whole_samples
 
 RIGHT, FORWARD, UP = np.eye(3)

@@ -2,7 +2,7 @@
 
 In each placement one axis is along the vertical spin axis; between placements the instrument is
 taken off and mounted anew, a little out of square. What happens in one placement is what
-`simulate.table.log` simulates on a table whose other two axes stand still.
+`simulate.table` simulates on a table whose other two axes stand still.
 """
 
 from __future__ import annotations
@@ -16,12 +16,10 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
-from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.models.readings import mean_variance, wander
+from foucault.models.noise import ImuNoise, TriadNoise, mean_variance, wander
 from foucault.models.turntable import TablePlan
 from foucault.simulate.noise import draw_noise, quantise
-from foucault.simulate.table.log import simulate
-from foucault.simulate.table.readings import Rig, simulate_readings
+from foucault.simulate.table import Rig, simulate, simulate_readings
 from foucault.tables import Log, TableColumns
 
 _QUARTER = np.pi / 2

@@ -1,7 +1,7 @@
 """Simulate a systematic calibration: a table turns the instrument through a sequence, at one place.
 
 In every action of a sequence the body turns about an axis a that is fixed in it, by an angle s(t)
-of known profile (`plans.systematic.sequence`). Gravity and the Earth's rate are constant vectors of
+of known profile (`plans.sequence`). Gravity and the Earth's rate are constant vectors of
 the level frame, so that with their components f_k, e_k in the body when the action begins::
 
     f_b    = Exp(-a s) f_k             w_ib_b = a s' + Exp(-a s) e_k
@@ -28,9 +28,8 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
 from foucault.models.size_effect import SizeEffect
-from foucault.plans.manoeuvres import Rotate
-from foucault.plans.profiles import Profile
-from foucault.plans.systematic.sequence import CalibrationSequence
+from foucault.plans.manoeuvres import Profile, Rotate
+from foucault.plans.sequence import CalibrationSequence
 from foucault.simulate.noise import noisy_log
 from foucault.tables import Log, whole_samples
 

@@ -25,7 +25,7 @@ from foucault.errors import error
 from foucault.models.cluster import LAYOUT, ClusterModel, angles_of, attitude_of
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.plans.tumble.torquing import TorquingPlan, nominal
+from foucault.plans.tumble import TorquingPlan, nominal
 from foucault.simulate.noise import draw_noise, quantise
 from foucault.tables import Log, whole_samples
 

@@ -15,11 +15,17 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.navigation import reference_checks
-from foucault.diagnose.navigation.budget import Budget
-from foucault.diagnose.navigation.errors import Growth, NavigationError, covered, error_of, growth
-from foucault.diagnose.navigation.schuler import SchulerFit
-from foucault.diagnose.spikes import KNOCKS, without_spikes
+from foucault.detect.noise import KNOCKS, without_spikes
+from foucault.diagnose import navigation as reference_checks
+from foucault.diagnose.navigation import (
+    Budget,
+    Growth,
+    NavigationError,
+    covered,
+    error_of,
+    growth,
+)
+from foucault.diagnose.schuler import SchulerFit
 from foucault.errors import Finding, error, finding
 from foucault.logs.reference import Reference
 from foucault.models.earth import Site
@@ -28,11 +34,9 @@ from foucault.models.noise import ImuNoise, noise_of
 from foucault.navigate.increments import increments_of, require_readings
 from foucault.navigate.strapdown import Trajectory
 from foucault.procedures import Progress, silent
-from foucault.procedures.navigation import evidence
-from foucault.procedures.navigation import place as places
+from foucault.procedures.navigation import run as places
 from foucault.procedures.navigation.run import Made, Task, without
-from foucault.procedures.navigation.settings import Settings
-from foucault.procedures.navigation.start import Opening, Start, opening
+from foucault.procedures.navigation.start import Opening, Settings, Start, opening
 from foucault.result import Check, Level, Result, Verdict, provenance
 from foucault.tables import Log
 from foucault.units import plain
@@ -132,7 +136,8 @@ def navigate_log(
     given = site
     site, place = places.place_of(site, longitude, reference, seen, settings.position_sd)
     reference = places.reference_of(reference, part, seen, settings, site, longitude)
-    settings = replace(settings, vertical=places.vertical_of(settings, reference))
+    vertical = places.vertical_of(settings, reference)
+    settings = settings.model_copy(update={"vertical": vertical})
     noise, source = _noise(noise, seen, calibration)
     if source == "none":
         told += (finding("navigate.no_noise"),)
@@ -153,15 +158,15 @@ def navigate_log(
         runs += [] if other is None else [other]
     progress(0.7, "propagating the errors of each coefficient")
     vector = None if calibration is None else of_sensors(calibration.coefficients)
-    budget = evidence.budget_of(task, main, vector)
+    budget = places.budget_of(task, main, vector)
     difference = _difference(runs, budget.time)
-    checks = evidence.checks(main.errors, budget, source, calibration is not None)
+    checks = places.checks(main.errors, budget, source, calibration is not None)
     if seen.against is not None:
         checks = (checks[0], seen.against.check, *checks[1:])
     if main.errors is not None and reference is not None:
         told += reference_checks.course(main.errors, reference)
         told += reference_checks.clock(main.errors, reference)
-    why = evidence.not_stationary(reference, main.trajectory, main.errors)
+    why = places.not_stationary(reference, main.trajectory, main.errors)
     progress(1.0, "done")
     also += places.latitude_told(given, place, main.told)
     return NavigationTest(
@@ -267,5 +272,5 @@ def _kept(task: Task, made: Made, why: str) -> Run:
     """Thin a run to what is kept of it."""
     step = max(1, round(1 / (task.settings.rate * made.log.interval)))
     rows = () if made.errors is None else growth(made.errors)
-    fit = None if why else evidence.schuler_of(task.site, made.errors, task.noise)
+    fit = None if why else places.schuler_of(task.site, made.errors, task.noise)
     return Run(made.name, made.start, made.trajectory.every(step), made.errors, rows, fit)

@@ -1,29 +1,32 @@
-"""Where a navigation starts: the rest at the start of a log, and the attitude found in it."""
+"""Where a navigation starts: what was chosen, the rest, and the attitude that is found in it.
+
+What can be chosen where a log is navigated.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from foucault.arrays import FloatArray
-from foucault.diagnose.alignment import input as alignment_checks
-from foucault.diagnose.alignment.input import POOR
-from foucault.diagnose.noise_at_rest import NoiseAtRest
-from foucault.diagnose.rest_noise import FEWEST, held_against, noise_of
-from foucault.diagnose.rests import Rests, find_rests
-from foucault.diagnose.spikes import KNOCKS, without_spikes
+from foucault.detect.noise import KNOCKS, without_spikes
+from foucault.detect.stretches import How, Rests, find_rests
+from foucault.diagnose import alignment as alignment_checks
+from foucault.diagnose.alignment import POOR
+from foucault.diagnose.noise_at_rest import FEWEST, NoiseAtRest, held_against, noise_of
 from foucault.errors import Finding, error
-from foucault.models.attitude import matrix_of
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.ins_errors import azimuth_from_gyro_bias
 from foucault.models.noise import ImuNoise
+from foucault.models.rotation import matrix_of
 from foucault.navigate.align import Alignment, align, sensor_errors, window
 from foucault.navigate.increments import Increments, increments_of
-from foucault.procedures.navigation.settings import Settings
+from foucault.procedures.record import Stretch
 from foucault.tables import Log
-from foucault.units import plain
+from foucault.units import Angle, Quantity, Seconds, plain
 
 USUAL = 300.0
 """Length of the alignment in a log that rests all along, where nothing is said [s]."""
@@ -80,7 +83,7 @@ def opening(log: Log, settings: Settings, declared: ImuNoise | None = None) -> O
     the rest [SI]. Raises ``navigate.no_rest``: none was found, and nothing was said.
     """
     log = without_spikes(log, most=KNOCKS)
-    rests = find_rests(log, window=max(0.5, 51 * log.interval))
+    rests = find_rests(log, How(window=max(0.5, 51 * log.interval)))
     longest = int(np.max(rests.last - rests.first, initial=0))
     still = longest + rests.window >= WHOLE * len(log) or _constant(log)
     first = float(log.time[0])
@@ -287,3 +290,75 @@ def _level_rate(part: Increments) -> float | None:
     across = float(np.linalg.norm(w - (w @ up) * up))
     still = float(np.linalg.norm(last - first)) < STEADY
     return across if still and across * time > 4.0 * STEADY else None
+
+
+Method = Literal["inertial_frame", "two_vector", "kalman"]
+
+LEVEL_SD = float(np.radians(0.02))
+"""Standard deviation of a pitch or roll that is given without one [rad]."""
+
+HEADING_SD = float(np.radians(0.2))
+"""Standard deviation of a heading that is given without one [rad]."""
+
+VELOCITY_SD = 0.1
+"""Standard deviation of each component of a velocity that is given without one [m/s]."""
+
+
+class Settings(Stretch):
+    """How a log is aligned and navigated."""
+
+    align: Seconds | None = Field(default=None, gt=0)
+    """How long it rests at the start, such as "300 s"; the first rest if left out."""
+    method: Method = "inertial_frame"
+    """Method that aligns it at the start."""
+    heading: Angle | None = None
+    """Heading at the start, such as "90.6 deg", where gyros cannot see it; found in the rest if
+    left out."""
+    heading_sd: Angle = Field(default=HEADING_SD, gt=0)
+    """Standard deviation of --heading, such as "0.1 deg"."""
+    pitch: Angle | None = None
+    """Pitch at the start, such as "1.2 deg"; found in the rest if left out."""
+    roll: Angle | None = None
+    """Roll at the start, such as "-0.4 deg"; found in the rest if left out."""
+    level_sd: Angle = Field(default=LEVEL_SD, gt=0)
+    """Standard deviation of --pitch and --roll, such as "1 arcmin"."""
+    velocity: tuple[float, float, float] | None = None
+    """Velocity at the start, east, north, up, where it is given; it needs the attitude [m/s]."""
+    velocity_sd: Annotated[float, Quantity("velocity")] | None = Field(default=None, gt=0)
+    """Standard deviation of each component, "0.1 m/s" if left out."""
+    position_sd: Annotated[float, Quantity("length")] | None = Field(default=None, gt=0)
+    """Standard deviation of --latitude, --longitude and --height, such as "3 m": the start is
+    there, not where the reference is."""
+    vertical: Literal["free", "held", "aided"] | None = None
+    """Vertical channel: free, held at the start, aided by reference heights."""
+    still: bool = False
+    """The log never left the site, though it may have turned."""
+    rate: Annotated[float, Quantity("frequency")] = Field(default=10.0, gt=0)
+    """Rate of the written trajectory; "10 Hz" if left out."""
+
+    @model_validator(mode="after")
+    def _whole(self) -> Settings:
+        given = {k: getattr(self, k) is not None for k in ("heading", "pitch", "roll")}
+        whole = all(given.values()) or not any(given.values())
+        if not whole and (given["pitch"] or given["roll"]):
+            raise error(
+                "navigate.attitude",
+                given=", ".join(f"--{k}" for k, is_given in given.items() if is_given),
+                missing=", ".join(f"--{k}" for k, is_given in given.items() if not is_given),
+            )
+        moving = [k for k in ("velocity", "velocity_sd") if getattr(self, k) is not None]
+        if moving and not all(given.values()):
+            raise error("navigate.velocity", given="--" + moving[0].replace("_", "-"))
+        return self
+
+    @property
+    def attitude_given(self) -> bool:
+        """Whether heading, pitch and roll are given."""
+        return self.pitch is not None
+
+    @property
+    def start_velocity_sd(self) -> float:
+        """Standard deviation of each component of the velocity at a start in motion [m/s]."""
+        if self.velocity_sd is not None:
+            return self.velocity_sd
+        return 0.0 if self.velocity is None else VELOCITY_SD

@@ -18,28 +18,23 @@ from typing import Any
 
 import numpy as np
 
-from foucault.diagnose.fit_checks import budget_json
-from foucault.diagnose.information import bound
-from foucault.diagnose.north import calibration as judge
-from foucault.diagnose.north.dwells import find_dwells, measured_noise
-from foucault.diagnose.north.input import alive, late_index, stops, units_first
-from foucault.diagnose.spikes import without_spikes
+from foucault.detect.dwells import find_dwells, measured_noise
+from foucault.detect.noise import without_spikes
+from foucault.diagnose import north_calibration as judge
+from foucault.diagnose.north import alive, late_index, stops, units_first
 from foucault.errors import error
-from foucault.estimate.north import calibration as estimation
-from foucault.estimate.north.attitude import Known
-from foucault.infer.mixed import noise_alone
+from foucault.estimate import north as estimation
+from foucault.estimate.north import Known
 from foucault.logs import indexed, indexed_own
-from foucault.logs.indexed_description import IndexedDescription
-from foucault.models.dwells import Dwells
+from foucault.logs.indexed_own import IndexedDescription
 from foucault.models.earth import Site
 from foucault.models.noise import noise_json
-from foucault.models.north_seeker import EQUATION, Compensation
-from foucault.procedures.north_seeking.foresight import foresee
+from foucault.models.north_seeker import EQUATION, Compensation, Dwells
+from foucault.procedures.north_seeking.fix import Solution, require_latitude, solved
+from foucault.procedures.north_seeking.foresight import Wanted, foresee, space
 from foucault.procedures.north_seeking.settings import Session, Settings, draw_errors, simulated
-from foucault.procedures.north_seeking.solution import Solution, require_latitude, solved
-from foucault.procedures.north_seeking.wanted import Wanted, space
-from foucault.procedures.record import Given, Procedure
-from foucault.result import Result, Verdict
+from foucault.procedures.record import Given, Procedure, result_of
+from foucault.result import Result
 from foucault.tables import IndexedLog, temperature_range
 
 FRAME = "axes of the case, right-forward-up: headings of the turntable"
@@ -107,24 +102,19 @@ def _result(s: Solution, dwells: Dwells, settings: Settings, site: Site) -> Resu
     estimate, apart = s.fit.estimate, judge.each_apart(s.fit)
     checks = judge.checks(s.fit, s.pairs, s.rig, dwells, s.source, apart)
     headings = judge.heading_table(s.fit, s.pairs, s.rig, dwells, apart)
-    return Result(
-        procedure="north_seeking",
-        coefficients=estimate.coefficients,
-        equation=EQUATION,
-        frame=FRAME,
-        gauge=GAUGES[s.rig.tilt],
-        verdict=Verdict.of(checks),
-        checks=checks,
+    return result_of(
+        "north_seeking",
+        s.fit,
+        checks,
+        site=site,
+        described=(EQUATION, FRAME, GAUGES[s.rig.tilt]),
         findings=(
             *dwells.findings,
             *s.findings,
             *judge.suspicious(estimate, site.latitude or 0.0),
             *judge.findings(apart, estimate, dwells, s.source),
         ),
-        status=estimate.status,
-        site=site.as_dict(),
         diagnostics={
-            "iterations": estimate.iterations,
             "noise": {"source": s.source} | noise_json(s.noise),
             "chi_square": judge.chi_square(s.fit, s.pairs),
             "unseen": judge.unseen(s.rig, estimate.coefficients.names),
@@ -138,10 +128,9 @@ def _result(s: Solution, dwells: Dwells, settings: Settings, site: Site) -> Resu
             "gyro_offset": float(np.median(s.pairs.offset)),
             "drift": settings.drift if not s.nuisance.drift_sd else "estimated",
             "z_coupling": None if s.z_test is None else list(s.z_test),
-            **budget_json(s.fit, {}),
-            **bound(noise_alone(s.fit), s.fit.state),
         },
         tables={"headings": headings},
+        table_rate_sd=None,
     )
 
 

@@ -10,14 +10,14 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from foucault import units
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
-from foucault.estimate.north.roots import NEAR_SD
+from foucault.estimate.north_reduction import NEAR_SD
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER
 from foucault.models.rotation import turned
-from foucault.plans.north.orders import PALINDROME, PUBLISHED, SEQUENTIAL
-from foucault.procedures.fields import Rows, SampleRate
+from foucault.plans.north_orders import PALINDROME, PUBLISHED, SEQUENTIAL
+from foucault.procedures.record import Rows, SampleRate
 from foucault.simulate.north import (
     NorthPlan,
     NorthSimulation,
@@ -78,7 +78,7 @@ class Settings(Strict):
     drift_sd: Ramp | None = Field(default=None, gt=0, examples=["0.05 deg/h/h"])
     """Standard deviation of that drift, if it is known; then it is weighed, not estimated freely.
     """
-    index_sd: AngleSd = Field(default=0.0, ge=0)
+    index_sd: AngleSd = Field(default=0.0, ge=0, examples=["10 arcsec"])
     """Sd of every index angle, by itself."""
     index_lag_sd: Seconds | None = Field(default=None, ge=0, examples=["1 ms"])
     """Sd of the time between an index angle and the middle of the gyro's reading, for a base that
@@ -106,8 +106,8 @@ class Settings(Strict):
     """Calibration. Sd of an error that all reference headings share."""
     level_sd: AngleSd | None = Field(default=None, gt=0, examples=["1 arcmin"])
     """How far from level it may stand, about each axis; needed without accelerometers."""
-    latitude_sd: AngleSd = Field(default=0.0, ge=0)
-    """Sd of the latitude in [site]."""
+    latitude_sd: AngleSd = Field(default=0.0, ge=0, examples=["0.5 deg"])
+    """Sd of the latitude of the site."""
     accel_bias_sd: Force = Field(default=units.parse("100 ug", "specific force"), ge=0)
     """Sd of the accelerometers' biases, where no calibration on one vertical axis has found them.
     """
@@ -116,7 +116,7 @@ class Settings(Strict):
     accel_misalignment_sd: AngleSd = Field(default=MINUTE / 3, ge=0)
     """Sd of the angle between the axes of tilt, which neither does."""
     unknown_latitude: bool = False
-    """Fix. Estimate the latitude; [site] needs gravity then."""
+    """Fix. Estimate the latitude; the site needs gravity then."""
     hemisphere: Literal["north", "south"] | None = None
     """Fix. Decides between two roots where latitude is unknown; north if left out."""
     near: Angle | None = Field(default=None, examples=["120 deg"])

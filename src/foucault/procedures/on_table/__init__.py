@@ -8,45 +8,44 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.detect.readings import find_readings, stream_readings
+from foucault.diagnose import table as table_checks
+from foucault.diagnose import table as table_hints
+from foucault.diagnose import table as table_report
 from foucault.diagnose.checks import foreseen_check
-from foucault.diagnose.coverage import Coverage, coverage, coverage_json
-from foucault.diagnose.first_rest import first_as_declared
-from foucault.diagnose.fit_checks import chi_square_json
-from foucault.diagnose.positions.readings import find_readings, stream_readings
-from foucault.diagnose.table import checks as table_checks
-from foucault.diagnose.table import hints as table_hints
-from foucault.diagnose.table import report as table_report
-from foucault.diagnose.table.gyro_axes import check_gyro_axes
-from foucault.diagnose.table.input import check_readings, enough_readings
-from foucault.diagnose.time_base import times_the_table
+from foucault.diagnose.foresight import Foresight
+from foucault.diagnose.hand_rotated import coverage, coverage_json
+from foucault.diagnose.references import times_the_table
 from foucault.errors import Finding, error, finding
-from foucault.estimate.table import likelihood as table_likelihood
-from foucault.estimate.table.fit import TableFit, fit
-from foucault.estimate.table.likelihood import Options
-from foucault.logs.axes import spared
-from foucault.logs.streaming import OnDisk
+from foucault.estimate import table as table_likelihood
+from foucault.estimate.table import Options, TableFit, fit
+from foucault.guard.rest import first_rest, same_unit
+from foucault.guard.table import check_gyro_axes, check_readings, enough_readings
+from foucault.logs.checks import spared
+from foucault.logs.follow import OnDisk
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.models.imu import EQUATION, FRAME, LAYOUT, Gauge
-from foucault.models.noise import ImuNoise
-from foucault.models.readings import Readings
-from foucault.models.references import with_references
-from foucault.models.table_geometry import Trust
-from foucault.models.table_state import State
-from foucault.models.turntable import up_k
-from foucault.plans.table.efficiency import refuse_singular
-from foucault.plans.table.plan import table_plan
-from foucault.procedures.on_table.session import TableSettings
-from foucault.procedures.record import Given
-from foucault.result import Result, Verdict
+from foucault.models.imu import LAYOUT
+from foucault.models.noise import ImuNoise, Readings
+from foucault.models.turntable import State, Trust, up_k
+from foucault.plans.directions import table_plan
+from foucault.plans.efficiency import refuse_singular
+from foucault.plans.table import PositionSpace, Wanted
+from foucault.procedures.on_table.session import LOG_LINES, TableSession, TableSettings, simulate
+from foucault.procedures.record import Beforehand, Given, Procedure, result_of
+from foucault.result import Result
 from foucault.tables import Log
+from foucault.units import STANDARD_GRAVITY
 
-Variant = Callable[[Readings, Site, TableFit], tuple[CoefficientVector, State]]
+S = TypeVar("S", bound=TableSettings)
+N = TypeVar("N", bound=TableSession)
+Variant = Callable[[Readings, Site, TableFit], tuple[CoefficientVector, State, FloatArray]]
+"""Coefficients with covariance, the state, and what one unit of each reading does to them."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +132,8 @@ def read_positions(
         )  # fmt: skip
     if found.gyro is not None and len(found) > 1 and _the_same(found.gyro):
         raise error("readings.gyro_constant")
+    if found.accel is not None:
+        same_unit(found.accel[~found.spin], STANDARD_GRAVITY)
     # Accelerometers alone need no spins, and none are missing then.
     plan = plans[described.gyro is not None or bool(found.spin.any())]
     checked = check_readings(
@@ -141,7 +142,8 @@ def read_positions(
         table_rate_sd=s.table_rate_sd if "spin_rate" in s.model_fields_set else None,
     )  # fmt: skip
     check_gyro_axes(found)  # `checked` has the senses of spins from the gyros
-    first_as_declared(found, described)
+    if found.accel is not None and found.accel[0].any():  # dead ones point nowhere
+        first_rest(described, found.accel[0] / np.linalg.norm(found.accel[0]))
     return checked
 
 
@@ -169,9 +171,9 @@ def from_readings(
     likelihood = None
     if task.variant is not None:
         likelihood = solution.estimate.coefficients
-        coefficients, state = task.variant(readings, site, solution)
+        coefficients, state, gain = task.variant(readings, site, solution)
         estimate = replace(solution.estimate, coefficients=coefficients, state=state)
-        solution = replace(solution, fit=replace(solution.fit, estimate=estimate))
+        solution = replace(solution, fit=replace(solution.fit, estimate=estimate), gain=gain)
     return _result(readings, task, site, solution, found, likelihood)
 
 
@@ -266,33 +268,41 @@ def _result(
     found: list[Finding],
     likelihood: CoefficientVector | None,
 ) -> Result:
-    estimate = solution.estimate
+    estimate, settings = solution.estimate, task.settings
     up = estimate.state.geometry.directions()[~readings.spin]
     covered = coverage(up if len(up) else estimate.state.geometry.directions())
     checks = table_checks.checks(solution)
     if likelihood is not None:
         checks += (table_checks.agreement(estimate.coefficients, likelihood),)
-    seen_best = table_report.bound(solution.fit)
-    if seen_best:
+    # Made-up weights of accelerometers against gyros bound nothing.
+    known = readings.noise_from != "unknown"
+    if known:
         checks += (foreseen_check(estimate.coefficients, table_report.allowed(solution.fit)),)
-    rate_sd = common_rate_sd(readings, task, site)
-    return Result(
-        procedure=task.procedure,
-        coefficients=with_references(estimate.coefficients, site, rate_sd),
-        equation=EQUATION,
-        frame=FRAME,
-        gauge=Gauge.LOWER.value,
-        verdict=Verdict.of(checks),
-        checks=checks,
+    return result_of(
+        task.procedure,
+        solution.fit,
+        checks,
+        site=site,
         findings=(*readings.findings, *found, *table_hints.hints(solution, checks)),
-        status=estimate.status,
-        site=site.as_dict(),
-        diagnostics=_diagnostics(solution, task, covered) | seen_best,
+        diagnostics={
+            "gravity": site.gravity,
+            "plan": settings.plan if settings.positions is None else "own positions",
+            "noise": {
+                "source": table_report.NOISE[readings.noise_from], "scatter": solution.scatter,
+            },
+            "coverage": coverage_json(covered, int(np.sum(~readings.spin))),
+            "unseen": table_report.unseen(
+                readings, site, settings.table_rate_sd, task.trust, settings.accel_quadratic
+            ),
+        },
         tables={
             "readings": table_report.readings_table(solution),
             "rig": table_report.rig_table(solution),
         },
-    )
+        table_rate_sd=common_rate_sd(readings, task, site),
+        gain=solution.gain,
+        bounded=known,
+    )  # fmt: skip
 
 
 def common_rate_sd(readings: Readings, task: Task, site: Site) -> float:
@@ -309,18 +319,40 @@ def common_rate_sd(readings: Readings, task: Task, site: Site) -> float:
     return float(np.hypot(sd, earth / np.abs(readings.rate[readings.spin]).min()))
 
 
-def _diagnostics(found: TableFit, task: Task, covered: Coverage) -> dict[str, Any]:
-    fit, r, site = found.fit, found.model.readings, found.model.site
-    return {
-        "gravity": site.gravity,
-        "iterations": fit.estimate.iterations,
-        "plan": task.settings.plan if task.settings.positions is None else "own positions",
-        "noise": {"source": table_report.NOISE[r.noise_from], "scatter": found.scatter},
-        "chi_square": chi_square_json(fit.after),
-        "chi_square_of_noise_alone": chi_square_json(fit.before),
-        "coverage": coverage_json(covered, int(np.sum(~r.spin))),
-        **table_report.budget(fit, site, common_rate_sd(r, task, site)),
-        "unseen": table_report.unseen(
-            r, site, task.settings.table_rate_sd, task.trust, task.settings.accel_quadratic
-        ),
-    }
+def table_procedure(
+    name: str,
+    doc: str,
+    Settings: type[S],
+    Session: type[N],
+    task_of: Callable[[S, Site], Task],
+) -> Procedure[S, N]:
+    """Return the record of a procedure on a table: they differ in the task that settings make."""
+
+    def foresee(b: Beforehand[S, N]) -> Foresight:
+        from foucault.procedures.on_table import plan
+
+        return plan.foresee(task_of(b.settings, b.site), b)
+
+    def space(b: Beforehand[S, N]) -> PositionSpace:
+        from foucault.procedures.on_table import plan
+
+        return plan.space(task_of(b.settings, b.site), b)
+
+    return Procedure(
+        name=name,
+        doc=doc,
+        Settings=Settings,
+        Session=Session,
+        solve=lambda log, given: solve(log, task_of(given.settings, given.site), given),
+        simulation=simulate,
+        names=lambda settings, _: settings.estimated(),
+        foresee=foresee,
+        space=space,
+        Wanted=Wanted,
+        assumes_noise=True,
+        streams=True,
+        # Nothing is needed of what is between two rests or spins.
+        more="stretches",
+        clocked=clocked,
+        log_lines=LOG_LINES,
+    )

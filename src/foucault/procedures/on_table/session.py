@@ -11,14 +11,12 @@ from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.turntable import TablePlan, up_k
-from foucault.plans.table.directions import Positions, canonical
-from foucault.plans.table.directions import positions as angles_of_positions
-from foucault.plans.table.efficiency import refuse_singular
-from foucault.plans.table.plan import table_plan
-from foucault.procedures import fields
-from foucault.simulate.table.log import Simulation, simulate_means
-from foucault.simulate.table.log import simulate as simulate_log
-from foucault.simulate.table.readings import Rig
+from foucault.plans.directions import Positions, canonical, table_plan
+from foucault.plans.directions import positions as angles_of_positions
+from foucault.plans.efficiency import refuse_singular
+from foucault.procedures import record
+from foucault.simulate.table import Rig, Simulation, simulate_means
+from foucault.simulate.table import simulate as simulate_log
 from foucault.strict import Strict
 from foucault.units import Angle, AngleSd, Quantity
 
@@ -36,7 +34,7 @@ position = "position"                   # number of the position, empty or -1 in
 """What the log of a session on a table has beside the instrument's columns."""
 
 
-class TableSettings(fields.Robust, fields.EarthRate, fields.Terms):
+class TableSettings(record.Robust, record.EarthRate, record.Terms):
     """What can be chosen of a session on a table; procedures add their own."""
 
     plan: str = "icosahedron 12"
@@ -52,13 +50,13 @@ class TableSettings(fields.Robust, fields.EarthRate, fields.Terms):
     """Each spin is followed by one the other way."""
     four_positions: bool = False
     """With the rests that the published unification of the frames needs."""
-    shortest: fields.Shortest = 5.0
-    rate_sd: fields.RateSd = 0.0
-    table_rate_sd: fields.TableRateSd = 0.0
-    plumb_sd: fields.PlumbSd = float(np.radians(1 / 60))
+    shortest: record.Shortest = 5.0
+    rate_sd: record.RateSd = 0.0
+    table_rate_sd: record.TableRateSd = 0.0
+    plumb_sd: record.PlumbSd = float(np.radians(1 / 60))
     lever_arm: bool = True
     """Estimate how far the accelerometers are from the centre of the table."""
-    repeatability: fields.Repeatability = True
+    repeatability: record.Repeatability = True
     cable_limit: Angle | None = Field(default=None, gt=0, examples=["3 rev"])
     """Largest outer angle either way that a cable allows, turns counted; for preflight and
     optimise, as the other limits of the table below."""
@@ -72,14 +70,14 @@ class TableSettings(fields.Robust, fields.EarthRate, fields.Terms):
     @field_validator("plan", mode="after")
     @classmethod
     def _known(cls, name: str, info: ValidationInfo) -> str:
-        fields.located(info, lambda: canonical(name))
+        record.located(info, lambda: canonical(name))
         return name
 
     @field_validator("positions", mode="after")
     @classmethod
     def _angles(cls, rows: list[list[str]] | None, info: ValidationInfo) -> list[list[str]] | None:
         if rows is not None:
-            fields.located(info, lambda: angles_of_positions(rows))
+            record.located(info, lambda: angles_of_positions(rows))
         return rows
 
     @field_validator("spin_rate", mode="after")
@@ -105,18 +103,18 @@ class TableSettings(fields.Robust, fields.EarthRate, fields.Terms):
 class TableSession(Strict):
     """The session on a table that `simulate` makes."""
 
-    rest_time: fields.RestTime = 60.0
+    rest_time: record.RestTime = 60.0
     turns: int = Field(default=4, ge=1)
     """Whole turns of each spin."""
-    rate: fields.SampleRate = 20.0
-    kind: fields.Sampling = "rate"
-    rows: fields.Rows = "samples"
-    plumb_sd: fields.PlumbSd = float(np.radians(30 / 3600))
-    orthogonality_sd: fields.OrthogonalitySd = float(np.radians(10 / 3600))
-    zero_sd: fields.ZeroSd = float(np.radians(10 / 3600))
-    position_sd: fields.PositionSd = float(np.radians(1 / 60))
-    rate_error_sd: fields.TableRateSd = 0.0
-    rate_jitter: fields.RateSd = 0.0
+    rate: record.SampleRate = 20.0
+    kind: record.Sampling = "rate"
+    rows: record.Rows = "samples"
+    plumb_sd: record.PlumbSd = float(np.radians(30 / 3600))
+    orthogonality_sd: record.OrthogonalitySd = float(np.radians(10 / 3600))
+    zero_sd: record.ZeroSd = float(np.radians(10 / 3600))
+    position_sd: record.PositionSd = float(np.radians(1 / 60))
+    rate_error_sd: record.TableRateSd = 0.0
+    rate_jitter: record.RateSd = 0.0
     mounting_sd: AngleSd = Field(default=float(np.radians(10 / 60)), ge=0)
     """Sd of the rotation of the instrument on the table, about each axis."""
     lever_arm_sd: Annotated[float, Quantity("length")] = Field(default=0.02, ge=0, le=100)
@@ -134,7 +132,7 @@ def plan_of(
 ) -> TablePlan:
     """Plan what the table does in the session to simulate.
 
-    `judged`: what the positions must determine, a key of `plans.table.efficiency.MODELS`, with
+    `judged`: what the positions must determine, a key of `plans.efficiency.MODELS`, with
     `accel_quadratic` "accel" becomes "accel quadratic". None does not judge them. Raises
     ``plan.singular`` and ``plan.too_few``.
     """

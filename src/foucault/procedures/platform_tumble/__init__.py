@@ -19,19 +19,26 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.diagnose.compare.gravity import of_site
-from foucault.diagnose.tumble import checks as judge
-from foucault.diagnose.tumble import input as tumble_input
-from foucault.diagnose.tumble import report as tumble_report
-from foucault.diagnose.tumble.checks import Evidence
+from foucault.diagnose import tumble as judge
+from foucault.diagnose import tumble as tumble_input
+from foucault.diagnose import tumble as tumble_report
+from foucault.diagnose.comparable import of_site
 from foucault.errors import Finding
+from foucault.estimate.tumble_solution import Solution
+from foucault.guard import command
 from foucault.models.cluster import EQUATION, LAYOUT
 from foucault.models.earth import Site
-from foucault.plans.tumble.torquing import nominal
-from foucault.procedures.platform_tumble import log as tumble_log
-from foucault.procedures.platform_tumble.foresight import foresee
-from foucault.procedures.platform_tumble.problem import noise_of, prior_of, tumble_of
-from foucault.procedures.platform_tumble.search import Wanted, space
+from foucault.plans.tumble import nominal
+from foucault.procedures.platform_tumble import settings as chosen
+from foucault.procedures.platform_tumble.foresight import (
+    Wanted,
+    foresee,
+    noise_of,
+    prior_of,
+    solved,
+    space,
+    tumble_of,
+)
 from foucault.procedures.platform_tumble.settings import (
     GRADE,
     NOISE,
@@ -39,13 +46,6 @@ from foucault.procedures.platform_tumble.settings import (
     Settings,
     draw_errors,
     simulated,
-)
-from foucault.procedures.platform_tumble.solution import (
-    Solution,
-    coefficients,
-    parts,
-    public,
-    solved,
 )
 from foucault.procedures.record import Given, Procedure
 from foucault.result import Result, Verdict
@@ -71,7 +71,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         measured="tumble.measured" in {f.code for f in said},
     )  # fmt: skip
     given.progress(0.8, "judging the result")
-    result = _result(solution, shown)
+    result = _result(solution, settings.filter, shown)
     return replace(
         result,
         findings=(*log.findings, *told, *said, *more, *result.findings),
@@ -84,10 +84,10 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
 
 def _look(log: Log, site: Site, settings: Settings) -> list[Finding]:
     """Refuse what cannot be right; say what is doubtful."""
-    tumble_input.require_readings(log, site, settings.rate_limit)
-    tumble_input.require_gravity(log, site, settings.angles)
+    command.require_readings(log, site, settings.rate_limit)
+    command.require_gravity(log, site, settings.angles)
     from_its_time = settings.held(log.sampled) == "from its time"
-    told = tumble_input.motion_findings(log, from_its_time, settings.delay_sd)
+    told = command.motion_findings(log, from_its_time, settings.delay_sd)
     told += tumble_input.gap_findings(log)
     plan = settings.torquing
     if plan is not None:
@@ -97,21 +97,15 @@ def _look(log: Log, site: Site, settings: Settings) -> list[Finding]:
     return told
 
 
-def _result(s: Solution, shown: bool) -> Result:
-    found = coefficients(s)
-    e = Evidence(s.tumble, s.prior, s.fit, found, s.settings.angles, s.slow, s.advice,
-                 None if s.slow or s.settings.filter != "gauss-newton" else s.earth)  # fmt: skip
-    checks = judge.checks(e)
-    bound = np.sqrt(np.diag(public(s, s.least)))
-    added = parts(s)
-    budget = {k: np.diag(v).tolist() for k, v in added.items()}
-    more: dict[str, Any] = {"bound": bound.tolist(), "budget": budget, "filter": s.settings.filter}
-    if "local gravity" in added:
-        names = found.names
-        error = _one_error(added["local gravity"], names.index("accel.scale.x"))
-        more |= of_site(s.site.as_dict(), names, error)
+def _result(s: Solution, filter_: str, shown: bool) -> Result:
+    found, checks = s.coefficients, judge.checks(s)
+    budget = {k: np.diag(v).tolist() for k, v in s.parts.items()}
+    more: dict[str, Any] = {"bound": s.bound.tolist(), "budget": budget, "filter": filter_}
+    if "local gravity" in s.parts:
+        error = _one_error(s.parts["local gravity"], found.names.index("accel.scale.x"))
+        more |= of_site(s.site.as_dict(), found.names, error)
     if shown:
-        more["observability"] = tumble_report.observability_json(e)
+        more["observability"] = tumble_report.observability_json(s)
     return Result(
         procedure="platform_tumble",
         coefficients=found,
@@ -120,11 +114,11 @@ def _result(s: Solution, shown: bool) -> Result:
         gauge=GAUGE,
         verdict=Verdict.of(checks),
         checks=checks,
-        findings=(*s.findings, *judge.findings(e)),
+        findings=(*s.findings, *judge.findings(s)),
         status=s.fit.status,
         site=s.site.as_dict(),
-        diagnostics=tumble_report.diagnostics(e, s.site, s.noise) | more,
-        tables=tumble_report.tables(e, s.site) if shown else {},
+        diagnostics=tumble_report.diagnostics(s) | more,
+        tables=tumble_report.tables(s) if shown else {},
     )
 
 
@@ -148,11 +142,11 @@ PROCEDURE = Procedure(
     grade=GRADE,
     noise=NOISE,
     draw_errors=draw_errors,
-    Description=tumble_log.Description,
-    read=tumble_log.read_log,
-    log_table=tumble_log.log_table,
-    noise_lines=tumble_log.NOISE_LINES,
-    prior_lines=tumble_log.PRIOR_LINES,
-    errors_line=tumble_log.ERRORS_LINE,
+    Description=chosen.Description,
+    read=chosen.read_log,
+    log_table=chosen.log_table,
+    noise_lines=chosen.NOISE_LINES,
+    prior_lines=chosen.PRIOR_LINES,
+    errors_line=chosen.ERRORS_LINE,
 )
 calibrate, simulate, trial = PROCEDURE.calibrate, PROCEDURE.simulate, PROCEDURE.trial

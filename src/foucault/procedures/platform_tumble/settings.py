@@ -1,35 +1,73 @@
-"""What can be chosen of a platform tumble, and the session that is simulated."""
+"""What can be chosen of a platform tumble, and the session that is simulated.
+
+Errors and noise that are usual of torqued clusters.
+
+The log of a tumble and what its campaign file says: a command in the place of the gyros.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from foucault import units
+from foucault import logs, units
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.errors import error
+from foucault.errors import Finding, error
+from foucault.logs.description import OWN_LOG, LogDescription, log_head
+from foucault.logs.reading import limits_si
 from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel
 from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise
-from foucault.plans.tumble import torquing
-from foucault.plans.tumble.reach import Limits
-from foucault.plans.tumble.torquing import TorquingPlan
-from foucault.procedures.fields import located
-from foucault.procedures.platform_tumble.usual import NOISE as NOISE
-from foucault.procedures.platform_tumble.usual import PRIOR as PRIOR
-from foucault.procedures.platform_tumble.usual import TYPICAL as TYPICAL
-from foucault.procedures.platform_tumble.usual import WHITE as WHITE
-from foucault.simulate.tumble import (
-    Acquisition,
-    TumbleSimulation,
-    simulate_tumble,
-)
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.plans import tumble as torquing
+from foucault.plans.tumble import Limits, TorquingPlan
+from foucault.procedures.record import located
+from foucault.simulate.tumble import Acquisition, TumbleSimulation, simulate_tumble
 from foucault.strict import Strict
+from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Rate, Seconds
+
+TYPICAL = {
+    "gyro.drift": ("1 deg/h", "0.2 deg/h"),
+    "gyro.drift_input": ("0.5 deg/h/g", "0.1 deg/h/g"),
+    "gyro.drift_output": ("0.5 deg/h/g", "0.1 deg/h/g"),
+    "gyro.drift_spin": ("0.5 deg/h/g", "0.1 deg/h/g"),
+    "gyro.drift_input_output": ("0.01 deg/h/g^2", "0.005 deg/h/g^2"),
+    "gyro.drift_input_spin": ("0.01 deg/h/g^2", "0.005 deg/h/g^2"),
+    "gyro.drift_output_spin": ("0.01 deg/h/g^2", "0.005 deg/h/g^2"),
+    "gyro.torquer_scale": ("400 ppm", "50 ppm"),
+    "gyro.misalignment": ("120 arcsec", "20 arcsec"),
+    "accel.bias": ("100 ug", "10 ug"),
+    "accel.scale": ("100 ppm", "10 ppm"),
+    "accel.misalignment": ("120 arcsec", "20 arcsec"),
+    "accel.quadratic": ("100 ug/g^2", "10 ug/g^2"),
+}
+"""Mean and sd of the errors of clusters, in the signs of `models.cluster.SOURCE_SYMBOLS`."""
+
+
+def _kind(group: str) -> str:
+    kind: str = CONSTANTS.coefficients[CONSTANTS.group(group)[0]].kind
+    return kind
+
+
+PRIOR = {group: (0.0, units.parse(mean, _kind(group))) for group, (mean, _) in TYPICAL.items()}
+"""What is known of the errors where nothing else is said: zero, give or take their usual size."""
+
+WHITE = ("0.4472136 ug/sqrt(Hz)", "3.72678e-05 deg/sqrt(h)")
+"""White noise of accelerometers and gyros: 1 ug in samples of 0.2 s, and a drift of 0.05 deg/h in
+samples of 2 ms."""
+
+NOISE = ImuNoise(
+    TriadNoise(white=units.parse(WHITE[0], "velocity random walk")),
+    TriadNoise(white=units.parse(WHITE[1], "angle random walk")),
+)
+"""Noise that is simulated where [noise] says nothing."""
 
 Three = tuple[str, str, str]
 
@@ -285,3 +323,94 @@ def draw_printed(seed: int) -> ClusterModel:
         mean, sd = (units.parse(text, c.kind) for text in TYPICAL[c.name.rpartition(".")[0]])
         values.append(SOURCE_SYMBOLS[c.name][1] * (mean + sd * float(one)))
     return ClusterModel.from_coefficients(CoefficientVector(CONSTANTS, np.array(values)))
+
+
+COMMANDED = """\
+# The commanded rates, not what a gyro says: the loop of the platform holds the gyros at null.
+"""
+"""What stands in [log] before the gyros."""
+
+LOG_TABLE = log_head(before_gyro=COMMANDED) + Path(__file__).with_name("log.toml").read_text(
+    encoding="utf-8"
+)
+"""[log] of the template, and of a simulated log."""
+
+NOISE_LINES = f"""\
+# Of the accelerometers, and of the drift of the gyros, which the log cannot show by itself.
+[noise.accel]
+white = "{WHITE[0]}"        # 1 ug in samples of 0.2 s
+[noise.gyro]
+white = "{WHITE[1]}"      # 0.05 deg/h in samples of 2 ms
+"""
+"""[noise] of the template."""
+
+PRIOR_LINES = """\
+# What is known beforehand of a coefficient, or of every coefficient of a group. Left out, all are
+# zero, give or take what is usual: drift 1 deg/h, 0.5 deg/h/g and 0.01 deg/h/g^2, torquer scale
+# factors 400 ppm, misalignments 120 arcsec, accelerometers 100 ug, 100 ppm and 100 ug/g^2.
+# [prior]
+# "gyro.drift" = { mean = "0 deg/h", sd = "5 deg/h" }
+# "accel.scale.x" = { mean = "0 ppm", sd = "500 ppm" }
+"""
+"""[prior] of the template."""
+
+ERRORS_LINE = '# errors = { "gyro.drift.x" = "2 deg/h", "accel.bias.y" = "50 ug" }'
+"""Errors that are not drawn, in the template."""
+
+
+class Description(LogDescription):
+    """How to read the log of a tumble: a row without readings still has a command."""
+
+    missing: Literal["mask", "error", "drop"] = Field(  # type: ignore[assignment]
+        "mask",
+        description='"mask" keeps rows whose accelerometers are missing, for their command; '
+        '"error" refuses, "drop" leaves out rows with missing or infinite values',
+    )
+
+
+STILL = ("log.saturated", "log.stuck")
+"""What a command is suspected of where it stands still, as it should."""
+
+
+def log_table(log: Log | None = None) -> str:
+    """Write the table [log] of the template, or for a simulated `log` [SI]."""
+    return OWN_LOG if log is not None and log.sampled == "increment" else LOG_TABLE
+
+
+def read_log(
+    description: Description,
+    folder: str | Path,
+    progress: Callable[[float], None] | None = None,
+) -> Log:
+    """Read the log of a tumble; a command that stands still is no finding.
+
+    `progress` or None: called with the fraction done, from 0 to 1.
+    """
+    log = logs.read(description, folder, progress)
+    return replace(log, accel=_within(log.accel, description), findings=of_a_command(log.findings))
+
+
+def _within(accel: FloatArray | None, description: Description) -> FloatArray | None:
+    """Let readings at the declared limits be missing ones: how far beyond they were, is unknown."""
+    limits = None if description.accel is None else limits_si(description.accel)
+    if accel is None or limits is None:
+        return accel
+    slack = 1e-6 * (limits[:, 1] - limits[:, 0])
+    clipped: npt.NDArray[np.bool_] = (accel <= limits[:, 0] + slack) | (
+        accel >= limits[:, 1] - slack
+    )
+    rows = np.flatnonzero(clipped.any(axis=1))
+    out = accel.copy()
+    out[rows] = np.nan
+    return out
+
+
+def of_a_command(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return `findings` without those about gyros that say the same value for long: a command may.
+
+    A gap is left to the procedure, which knows what was commanded.
+    """
+    return tuple(
+        f for f in findings
+        if f.code != "log.gap" and (f.code not in STILL or not f.message.startswith("gyro"))
+    )  # fmt: skip

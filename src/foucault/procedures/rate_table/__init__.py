@@ -23,26 +23,31 @@ from functools import partial
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import information
+from foucault.detect.readings import find_readings
 from foucault.diagnose.checks import unseen_sizes
-from foucault.diagnose.first_rest import first_as_declared
-from foucault.diagnose.fit_checks import budget_json, chi_square_json
-from foucault.diagnose.positions.readings import find_readings
-from foucault.diagnose.rate_table.steps import Commanded, rate_steps
-from foucault.diagnose.time_base import times_the_table
+from foucault.diagnose.rate_table import Commanded, rate_steps
+from foucault.diagnose.references import BEYOND_THE_SESSION, believed, times_the_table
 from foucault.errors import Finding, error
+from foucault.guard.rest import first_rest
 from foucault.infer import mixed
-from foucault.logs.axes import spared
+from foucault.logs.checks import spared
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION
-from foucault.models.readings import Readings
-from foucault.procedures.rate_table import checks as rate_checks
-from foucault.procedures.rate_table import figures
-from foucault.procedures.rate_table.checks import Solution, require_determined
-from foucault.procedures.rate_table.model import TIMES, RateTable
-from foucault.procedures.rate_table.session import LOG_LINES, Session, Settings, in_si, simulated
-from foucault.procedures.record import Given, Procedure
-from foucault.result import Result, Verdict
+from foucault.models.noise import Readings
+from foucault.procedures.rate_table import model as rate_checks
+from foucault.procedures.rate_table.model import (
+    LOG_LINES,
+    TIMES,
+    RateTable,
+    Session,
+    Settings,
+    Solution,
+    in_si,
+    require_determined,
+    simulated,
+)
+from foucault.procedures.record import Given, Procedure, result_of
+from foucault.result import Result
 from foucault.tables import AXES, Log, temperature_range
 
 FRAME = "axes of the fixture, right-forward-up as it holds the instrument"
@@ -78,7 +83,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         raise error("rate_table.no_gyro")
     given.progress(0.05, "finding the steps")
     readings = find_readings(log, noise=given.noise, shortest=settings.shortest)
-    first_as_declared(readings, log)
+    if readings.accel is not None:
+        first_rest(log, readings.accel[0] / np.linalg.norm(readings.accel[0]))
     told = log.table is not None and (
         log.table.rate is not None or bool(np.isfinite(log.table.angles[:, 0]).all())
     )
@@ -142,38 +148,28 @@ def _result(
     readings: Readings, settings: Settings, site: Site, e: Solution, found: list[Finding]
 ) -> Result:
     checks = rate_checks.checks(e)
-    estimate = e.fit.estimate
     bent = settings.asymmetry or settings.cubic
-    return Result(
-        procedure="rate_table",
-        coefficients=estimate.coefficients,
-        equation=SCALE_EQUATION if bent else EQUATION,
-        frame=FRAME,
-        gauge=GAUGE,
-        verdict=Verdict.of(checks),
-        checks=checks,
+    rates = [float(e.steps.gyro.min()), float(e.steps.gyro.max())]
+    return result_of(
+        "rate_table",
+        e.fit,
+        checks,
+        site=site,
+        described=(SCALE_EQUATION if bent else EQUATION, FRAME, GAUGE),
         findings=(*_told(readings), *found, *rate_checks.hints(e)),
-        status=estimate.status,
-        site=site.as_dict(),
-        validity={"gyro": [float(e.steps.gyro.min()), float(e.steps.gyro.max())]},
+        validity={"gyro": rates},
         diagnostics={
-            "iterations": estimate.iterations,
             "noise": {"source": SOURCES[e.table.noise], "gyro_white": _white(e)},
-            "chi_square": chi_square_json(e.fit.after),
-            "chi_square_of_noise_alone": chi_square_json(e.fit.before),
-            "rate_table": figures.standard_figures(e),
+            "rate_table": rate_checks.standard_figures(e),
             "rate_scatter": e.scatter,
-            "bias_drift": figures.drift_figures(e),
+            "bias_drift": rate_checks.drift_figures(e),
             "unseen": [
                 *unseen(settings),
-                *unseen_sizes(
-                    estimate.coefficients, site.gravity, (e.steps.gyro.min(), e.steps.gyro.max())
-                ),
+                *unseen_sizes(e.fit.estimate.coefficients, site.gravity, rates),
             ],
-            **budget_json(e.fit, {}),
-            **information.bound(mixed.noise_alone(e.fit), e.fit.state),
         },
-        tables={"rate_steps": figures.step_table(e, readings.start)},
+        tables={"rate_steps": rate_checks.step_table(e, readings.start)},
+        table_rate_sd=None,
     )
 
 
@@ -191,20 +187,14 @@ def _white(e: Solution) -> list[float]:
 
 def unseen(settings: Settings) -> list[str]:
     """Say what a rate table cannot show in principle, for result.json."""
-
-    def known(sd: float, size: float, unit: str) -> str:
-        if not sd:
-            return "it was taken as exact"
-        return f"its standard uncertainty, {sd / size:.3g} {unit}, is part of every uncertainty"
-
-    rate = known(settings.table_rate_sd, 1e-6, "ppm")
-    square = known(settings.fixture_sd, float(np.radians(1 / 3600)), "arcsec")
+    rate = believed(settings.table_rate_sd, 1e-6, "ppm")
+    square = believed(settings.fixture_sd, float(np.radians(1 / 3600)), "arcsec")
     out = [
         f"A wrong rate of the table: 1 ppm is 1 ppm in all gyro scale factors; {rate}.",
         f"A fixture out of square: what it is goes into the misalignments; {square}.",
         "How the axes lie to the accelerometers: they are those of the fixture.",
         "Rates beyond the fastest step: there the result is extrapolated.",
-        "Other temperatures than that of the session.",
+        BEYOND_THE_SESSION[1],
     ]
     if left := [a for a in AXES if a not in settings.placed]:
         out.append(

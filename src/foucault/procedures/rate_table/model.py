@@ -10,6 +10,10 @@ v is the Earth's rate along up. What is not known of table, fixture, place and b
 error each: an error that all rates share, another one in every step, the tilts of u, the Earth's
 rate where the latitude is unknown and where a step is no whole turn, a bias that moves.
 
+A session on a rate table: what can be chosen of its calibration, and how one is simulated.
+
+Judge a calibration on a rate table: can it be made, is it right, what do standards ask for.
+
 References
 ----------
 .. [1] IEEE Std 647-2006, annex A, and IEEE Std 952-1997, section 12 (rate table tests).
@@ -18,20 +22,45 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
 
+from foucault import units
 from foucault.arrays import BoolArray, FloatArray
-from foucault.coefficients import Layout
-from foucault.infer.mixed import NOISE_BASIS, UNEXPLAINED_BASIS, Linearisation, Source
-from foucault.models.earth import EARTH_RATE
+from foucault.coefficients import CoefficientVector, Layout
+from foucault.diagnose.checks import check, reversed_earth_check
+from foucault.diagnose.fit_checks import Judged
+from foucault.diagnose.fit_checks import checks as fit_checks
+from foucault.diagnose.rate_table import lacking, name_of
+from foucault.errors import Finding, error, finding
+from foucault.infer import mixed
+from foucault.infer.mixed import (
+    NOISE_BASIS,
+    UNEXPLAINED_BASIS,
+    Covariance,
+    Fit,
+    Linearisation,
+    Source,
+)
+from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, ImuModel, Slopes
-from foucault.models.rate_steps import Steps
-from foucault.models.readings import wander
-from foucault.procedures.rate_table.session import Settings
+from foucault.models.noise import ImuNoise, wander
+from foucault.models.rests_and_turns import Steps
+from foucault.procedures import record
+from foucault.result import Check
+from foucault.simulate.rate_table import (
+    RatePlan,
+    RateTableSimulation,
+    TableErrors,
+    simulate_rate_table,
+)
+from foucault.strict import Strict
+from foucault.tables import AXES
+from foucault.units import AngleSd, RatioSd, Seconds, plain
 
 TIMES = (np.inf, 1.0, 0.5, 0.25, 0.12, 0.06)
 """Correlation times that are tried, as parts of the session; infinite: a straight line [1]."""
@@ -213,3 +242,356 @@ def _alike(cov: FloatArray) -> FloatArray:
     least = max(1e-9 * float(np.diag(cov).max()), 1e-40)
     root = np.linalg.cholesky(cov + least * np.eye(len(cov)))
     return np.asarray(np.einsum("nk,ij->nikj", root, np.eye(3)).reshape(len(cov), 3, -1))
+
+
+LOG_LINES = """\
+# A spreadsheet of means, a row per step:  averaged = { column = "averaged", unit = "s" }
+
+# The table; leave out what is not logged ("" in place of an angle), and list `rates` below instead.
+[log.table]
+columns = ["outer", "", ""]
+unit = "rad"
+rate = "table_rate"                     # counter-clockwise from above
+rate_unit = "rad/s"
+"""
+"""What the log of a session on a rate table has beside the instrument's columns."""
+
+Axis = Literal["x up", "x down", "y up", "y down", "z up", "z down"]
+
+
+def in_si(rates: tuple[str, ...]) -> FloatArray:
+    """Return rates written with their unit, such as "10 deg/s", shape (k,) [rad/s]."""
+    return np.array([units.parse(text, "angular rate", "rates") for text in rates])
+
+
+class _Rates(Strict):
+    """A list of rates as text, each checked where it stands."""
+
+    @field_validator("rates", mode="after", check_fields=False)
+    @classmethod
+    def _are_rates(cls, rates: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        record.located(info, lambda: in_si(rates))
+        return rates
+
+
+class Settings(_Rates, record.Robust, record.EarthRate):
+    """What can be chosen; the defaults suit most tables."""
+
+    rates: tuple[str, ...] = ()
+    """Rates of the table in each placement, in order, counter-clockwise seen from above positive;
+    needed where the log carries no rate of the table. Rests between rates above 0.2 deg/s need not
+    be listed."""
+    axes: tuple[Axis, ...] = ()
+    """Placements in order, such as x up; needed where the log has no accelerometers, checked where
+    it has. An axis that is not named is not estimated."""
+    asymmetry: bool = True
+    """Estimate the asymmetry of each scale factor (3 more)."""
+    cubic: bool = True
+    """Estimate the cubic term of each scale factor (3 more)."""
+    g_sensitivity: bool = False
+    """Estimate the gyros' g-sensitivity too (9 more); needs every axis up and down."""
+    rate_sd: record.RateSd = 0.0
+    table_rate_sd: record.TableRateSd = 0.0
+    fixture_sd: AngleSd = Field(default=0.0, ge=0)
+    """Sd of the tilt of the instrument in each placement, about each level axis."""
+    repeatability: record.Repeatability = True
+    shortest: record.Shortest = 5.0
+
+    @property
+    def placed(self) -> tuple[str, ...]:
+        """Axes of the instrument that were along the spin axis: all, unless `axes` names some."""
+        return tuple(a for a in AXES if not self.axes or any(p.startswith(a) for p in self.axes))
+
+
+class Session(_Rates):
+    """The session that `simulate` makes."""
+
+    rates: tuple[str, ...] = (
+        "10 deg/s",
+        "-10 deg/s",
+        "25 deg/s",
+        "-25 deg/s",
+        "50 deg/s",
+        "-50 deg/s",
+        "100 deg/s",
+        "-100 deg/s",
+    )
+    """Rates in each placement, unless [procedure] lists them."""
+    axes: tuple[Axis, ...] = ("x up", "x down", "y up", "y down", "z up", "z down")
+    """Placements, unless [procedure] lists them."""
+    step_time: Seconds = Field(default=30.0, gt=0)
+    """Each rate is held for whole turns, at least so long."""
+    rest_time: Seconds = Field(default=0.0, ge=0)
+    """Length of a rest before each rate and after the last; 0: no rests."""
+    asymmetry_sd: RatioSd = Field(default=100e-6, ge=0)
+    """Sd of the asymmetry of the scale factors."""
+    cubic_sd: RatioSd = Field(default=50e-6, ge=0)
+    """Sd of the cubic term at the fastest rate."""
+    rate: record.SampleRate = 20.0
+    rows: record.Rows = "samples"
+
+
+def simulated(
+    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
+) -> RateTableSimulation:
+    """Simulate a session; what is wrong with table and fixture is drawn from the settings.
+
+    `model`: errors of the instrument, asymmetry and cubic terms are drawn where it has none;
+    `noise`: its noise [SI]; `seed`: seed of table, instrument and noise [1].
+    """
+    rng = np.random.default_rng([seed, 3])
+    rates = in_si(settings.rates or session.rates)
+    asymmetry = session.asymmetry_sd * rng.standard_normal(3)
+    cubic = session.cubic_sd * rng.standard_normal(3) / max(float(np.abs(rates).max()), 1e-9) ** 2
+    if not model.gyro_asymmetry.any():
+        model = replace(model, gyro_asymmetry=asymmetry)
+    if not model.gyro_cubic.any():
+        model = replace(model, gyro_cubic=cubic)
+    errors = TableErrors(
+        settings.table_rate_sd * float(rng.standard_normal()),
+        settings.rate_sd,
+        settings.fixture_sd,
+    )
+    plan = RatePlan(settings.axes or session.axes, rates, session.step_time)
+    if session.rest_time:
+        plan = plan.with_rests(session.rest_time)
+    return simulate_rate_table(
+        plan, model=model, noise=noise, site=site, errors=errors, rate=session.rate,
+        means=session.rows == "means", seed=seed,
+    )  # fmt: skip
+
+
+LARGE_DRIFT = 3.0
+"""A bias that moves by more than this many times the noise of a step is no constant [1]."""
+
+LARGE_TERM = 0.05
+"""A scale factor that changes by more over its range is a wrong reading, not a gyro [1]."""
+
+BLURRED = 1000.0
+"""Coefficients this many times less certain together than each alone are not separated [1]."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A session on a rate table and what was made of it."""
+
+    table: RateTable  # with the correlation time that was found
+    fit: Fit
+    site: Site  # gravity and latitude; None for a latitude that does not count
+
+    @property
+    def steps(self) -> Steps:
+        """What was measured [SI]."""
+        return self.table.steps
+
+    @property
+    def model(self) -> ImuModel:
+        """The error model found."""
+        model: ImuModel = self.fit.state
+        return model
+
+    @property
+    def scatter(self) -> float:
+        """Relative scatter of the rates that was found [1]."""
+        return self.fit.found.get("rate scatter", 0.0)
+
+    @property
+    def bias_sd(self) -> float:
+        """How far the bias was found to move [rad/s]."""
+        return self.fit.found.get("bias drift", 0.0)
+
+    @cached_property
+    def speed(self) -> FloatArray:
+        """True rate along each axis in its steps, with sign, shape (n,) [rad/s]."""
+        e, v = (
+            float(mixed.causes(self.fit, name).sum())
+            for name in ("rate of the table", "unknown Earth rate")
+        )
+        return (self.steps.rate * (1.0 + e) + self.table.vertical + v) * self.steps.sense
+
+
+def require_determined(table: RateTable, prior: CoefficientVector | None) -> None:
+    """Refuse steps that cannot separate the coefficients.
+
+    `prior` or None: what is known of the coefficients [SI].
+    """
+    steps, names = table.steps, table.names
+    at = table.linearise(table.start)
+    # What is unknown of table and place is known so far that it can hide no coefficient.
+    noise = [s for s in at.sources if s.name == "gyro noise"]
+    every = np.ones(len(steps))
+    columns = Covariance(noise, {"gyro noise": 1.0}, (len(steps), 3), every).whiten(at.jacobian)
+    if prior is not None:
+        columns = np.concatenate([columns, np.diag(1.0 / prior.prior_sd)])
+    size = np.linalg.norm(columns, axis=0)
+    unit = columns / np.where(size > 0, size, 1.0)
+    squares, directions = np.linalg.eigh(unit.T @ unit)
+    weak = directions.T[squares < squares[-1] / BLURRED**2]
+    if not len(weak):
+        return
+    seen_in = np.linalg.norm(weak, axis=0)
+    blind = [n for n, share in zip(names, seen_in, strict=True) if share > 0.2]
+    listed = ", ".join(blind)
+    tied = all(n.startswith(("gyro.g_sensitivity.", "gyro.bias.")) for n in blind)
+    if tied and any(n.startswith("gyro.g_sensitivity.") for n in blind):
+        seen = dict.fromkeys(name_of(u) for u in steps.up)
+        raise error("rate_table.g_sensitivity", placements=", ".join(seen), names=listed)
+    reason = "; ".join(lacking(steps))
+    raise error(
+        "rate_table.undetermined", steps=len(steps), names=listed,
+        reason=f": {reason}" if reason else "",
+    )  # fmt: skip
+
+
+def checks(e: Solution) -> tuple[Check, ...]:
+    """Return every test of the result; a failed one carries its reason."""
+    sign = reversed_earth_check(e.fit.estimate.coefficients, e.site)
+    return (*fit_checks(judged(e)), *_bent(e), *_drift(e), *([] if sign is None else [sign]))
+
+
+def judged(e: Solution) -> Judged:
+    """Return what every fit is asked, of a session on a rate table."""
+    noise = e.table.noise
+    return Judged(
+        e.fit, {"steps": "steps"}, noise, e.steps.middle,
+        found_in={"steps": ("gyro noise",) if noise == "unknown" else tuple(PRICE)},
+        readings="steps", cure="Add rates.", more="add rates",
+        cause={"steps": f"the rates scatter by {_ppm(e.scatter)} ppm"} if e.scatter else {},
+        named=lambda k: f"step {k + 1} ({plain(float(np.degrees(e.steps.rate[k])), 4)} deg/s)",
+    )  # fmt: skip
+
+
+def _bent(e: Solution) -> list[Check]:
+    """Judge how much the scale factors change with the rate, where that is estimated."""
+    if e.model.straight:
+        return []
+    top = float(np.abs(e.steps.rate).max())
+    change = np.maximum(np.abs(e.model.gyro_asymmetry), np.abs(e.model.gyro_cubic) * top**2)
+    ppm = 1e6 * float(change.max())
+    return [check("scale factor terms", "scale factor terms", ppm, None, 1e6 * LARGE_TERM)]
+
+
+def _drift(e: Solution) -> list[Check]:
+    """Judge a bias that moves: within the noise it is any gyro's, beyond it a constant is wrong."""
+    if not e.bias_sd:
+        return []
+    noise = np.sqrt(np.trace(e.steps.cov, axis1=1, axis2=2) / 3)
+    value = float(e.bias_sd / np.median(noise))
+    return [check("bias drift", "bias drift", value, None, LARGE_DRIFT, {"moved": moved(e)})]
+
+
+def moved(e: Solution) -> str:
+    """Say how far the bias moved, and how fast."""
+    size, time = plain(float(np.degrees(e.bias_sd)) * 3600, 2), e.table.bias_time
+    if time == 0.0:
+        return f"{size} deg/h (sd) from step to step"
+    if np.isinf(time):
+        return f"{size} deg/h (sd) along a straight line, and is that of the middle of the session"
+    return f"{size} deg/h (sd) over {plain(time / 60, 2)} min"
+
+
+def _ppm(share: float) -> str:
+    return f"{1e6 * share:.3g}"
+
+
+def hints(e: Solution) -> list[Finding]:
+    """Return findings about the session: outliers, scatter, an unknown latitude."""
+    out = []
+    norms = mixed.norms(e.fit.at, e.fit.covariance)
+    for k in e.fit.outliers.tolist():
+        rate = plain(float(np.degrees(e.steps.rate[k])), 4)
+        words = {"step": k + 1, "rate": rate, "placement": name_of(e.steps.up[k])}
+        out.append(finding("rate_table.outlier", norm=f"{norms[k]:.0f}", **words))
+    if e.scatter:
+        out.append(finding("rate_table.scatter", ppm=_ppm(e.scatter)))
+    if e.bias_sd:
+        out.append(finding("rate_table.bias_moved", moved=moved(e)))
+    if e.table.latitude is None:
+        sd = np.degrees(EARTH_RATE / np.sqrt(3)) * 3600
+        out.append(finding("rate_table.no_latitude", sd=f"{sd:.1f}"))
+    return out
+
+
+OF_A_STEP = ("gyro noise", "rate jitter", "rate scatter", "bias drift")
+"""Sources that make one step differ from another."""
+
+
+def step_table(e: Solution, start: FloatArray) -> dict[str, Any]:
+    """Return the table "rate_steps".
+
+    `start` (n,): when each step began [s].
+    """
+    s, n = e.steps, len(e.steps)
+    rows, axis = np.arange(n), e.steps.axis
+    gyro = s.gyro[rows, axis]
+    w_b = e.model.compensate(s.force, s.gyro)[1]
+    assert w_b is not None
+    some = [source for source in e.fit.at.sources if source.name in OF_A_STEP]
+    whole = Covariance(some, e.fit.sds, (n, 3), np.ones(n)).whole.reshape(n, 3, n, 3)
+    back = np.linalg.inv(e.model.gyro_matrix)
+    cov = back @ whole[rows, :, rows] @ back.T
+    norms = e.fit.estimate.residuals[: 3 * n].reshape(n, 3)
+    worst = np.take_along_axis(norms, np.abs(norms).argmax(axis=1)[:, None], 1)[:, 0]
+    return {
+        "start": start,
+        "end": start + s.time,
+        "placement": s.placement,
+        "axis": np.array(AXES)[axis],
+        "up": s.sense,
+        "rate": s.rate,
+        "rate_true": e.speed,
+        "gyro": gyro,
+        "turns": s.turns,
+        "before": gyro - e.speed,
+        "line": gyro - _lines(e)[0],
+        "after": w_b[rows, axis] - e.speed,
+        "after_sd": np.sqrt(cov[rows, axis, axis]),
+        "residual": worst,
+        "weight": e.fit.estimate.weights,
+    }
+
+
+def _lines(e: Solution) -> tuple[FloatArray, dict[str, dict[str, float]]]:
+    """Fit a straight line to the steps about each axis; return it there, and what it says."""
+    gyro = e.steps.gyro[np.arange(len(e.steps)), e.steps.axis]
+    out, figures = np.full(len(e.steps), np.nan), {}
+    for i, a in enumerate(AXES):
+        mine = (e.steps.axis == i) & (e.fit.estimate.weights > 0.5)
+        x, y = e.speed[mine], gyro[mine]
+        senses = e.steps.rate[mine] * e.steps.sense[mine]
+        if (senses >= 0).all() or (senses <= 0).all() or len(x) < 3:
+            continue
+        top = float(np.abs(x).max())
+        straight = np.column_stack([x / top, np.ones_like(x)])
+        slope, bias = np.linalg.lstsq(straight, y, rcond=None)[0]
+        rows = e.steps.axis == i
+        out[rows] = slope * e.speed[rows] / top + bias
+        bent = np.linalg.lstsq(np.column_stack([straight, np.abs(x) / top]), y, rcond=None)[0]
+        figures[a] = {
+            "scale_factor": float(slope / top),
+            # slope is the scale factor times the full scale: the quotient is of full scale.
+            "nonlinearity": float(np.abs(y - straight @ [slope, bias]).max() / abs(slope)),
+            "asymmetry": float(2 * bent[2] / bent[0]),
+            "full_scale": top,
+        }
+    return out, figures
+
+
+def standard_figures(e: Solution) -> dict[str, dict[str, float]]:
+    """Return what IEEE Std 647 and 952 ask for, per axis, as plain values.
+
+    ``scale_factor``: slope of the straight line through all steps [1]; ``nonlinearity``: largest
+    deviation from it, as a fraction of full scale [1]; ``asymmetry``: difference of the slopes for
+    positive and negative rates over their mean [1]; ``full_scale``: largest rate [rad/s].
+    """
+    return _lines(e)[1]
+
+
+def drift_figures(e: Solution) -> dict[str, Any]:
+    """Return how the bias moved, for result.json: ``sd`` [rad/s], ``time`` [s], ``kind``."""
+    if not e.bias_sd:
+        return {"sd": 0.0, "kind": "none"}
+    if np.isinf(e.table.bias_time):
+        return {"sd": e.bias_sd, "kind": "line"}
+    kind = "Gauss-Markov" if e.table.bias_time else "steps"
+    return {"sd": e.bias_sd, "kind": kind, "time": e.table.bias_time}

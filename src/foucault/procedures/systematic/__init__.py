@@ -21,30 +21,29 @@ from typing import Any
 
 import numpy as np
 
-from foucault.diagnose.compare.gravity import of_site
-from foucault.diagnose.spikes import without_spikes
-from foucault.diagnose.systematic import checks as judge
-from foucault.diagnose.systematic import deflection_verdict, recordings
-from foucault.diagnose.systematic import report as systematic_report
-from foucault.diagnose.systematic.legs import legs_of
+from foucault.detect.noise import without_spikes
+from foucault.diagnose import deflection as deflection_verdict
+from foucault.diagnose import systematic as judge
+from foucault.diagnose import systematic as systematic_report
+from foucault.diagnose import systematic_sequence as recordings
+from foucault.diagnose.comparable import of_site
+from foucault.diagnose.systematic import legs_of
 from foucault.errors import error
-from foucault.estimate.earth_seen import EarthSeen, earth_seen
-from foucault.estimate.ins_filter import FilterRun
+from foucault.estimate.ins_filter import EarthSeen, FilterRun, earth_seen
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
-from foucault.models.references import gravity_error, with_references
+from foucault.models.layouts import gravity_error, with_references
 from foucault.navigate.increments import Increments
 from foucault.procedures.record import Given, Procedure
-from foucault.procedures.systematic.bound import bound
-from foucault.procedures.systematic.choice import Decided, decided, resumed
-from foucault.procedures.systematic.foresight import foresee
-from foucault.procedures.systematic.left_out import left_out
-from foucault.procedures.systematic.log import log_table
-from foucault.procedures.systematic.navigation import navigation_tests
-from foucault.procedures.systematic.plan import Wanted, space
+from foucault.procedures.systematic.choice import Decided, decided, left_out, resumed
+from foucault.procedures.systematic.plan import Wanted, bound, foresee, space
 from foucault.procedures.systematic.problem import (
+    Solution,
     SystematicProblem,
     as_parameters,
+    named,
+    navigation_tests,
     prior_of,
+    public,
     steady,
 )
 from foucault.procedures.systematic.settings import (
@@ -54,9 +53,9 @@ from foucault.procedures.systematic.settings import (
     Session,
     Settings,
     draw_errors,
+    log_table,
     simulated,
 )
-from foucault.procedures.systematic.solution import Solution, named, public
 from foucault.result import Result, TableData, Verdict
 from foucault.tables import Log, range_below_g
 
@@ -104,9 +103,9 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     checks = judge.checks(e)
     apart = _between(decision)
     if apart:
-        checks = (*checks, recordings.check(apart))
+        checks = (*checks, recordings.recordings_check(apart))
     if choice is not None:
-        checks = (*checks, deflection_verdict.check(choice))
+        checks = (*checks, deflection_verdict.deflection_check(choice))
     found = public(solution, settings)
     tables: dict[str, TableData] = {}
     findings = [*log.findings, *problem.findings, *decision.findings, *judge.findings(e)]

@@ -1,30 +1,63 @@
-"""A planned systematic calibration: what it will show, and what a better plan may do."""
+"""A planned systematic calibration: what it will show, and what a better plan may do.
+
+A covariance depends on motion, noise and prior, not on readings. What a planned session will show
+is what the procedure states of a simulated one without noise, of an instrument that is as [prior]
+expects. What could be shown at best is what the noise of the sensors alone leaves: velocity at
+rest known for sure, turns counted in full, and nothing known beforehand.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from math import inf
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.diagnose.foresight import Limit
-from foucault.errors import error
+from foucault.diagnose import systematic as judge
+from foucault.diagnose.checks import HARDLY, hardly
+from foucault.diagnose.foresight import Extra, Foresight, Limit
+from foucault.diagnose.systematic_sequence import lasting
+from foucault.errors import Finding, error, finding
+from foucault.estimate.ins_filter import start_cov
+from foucault.estimate.systematic import AtRest
+from foucault.infer.information import Information, largest_shares, terms
+from foucault.models import imu
+from foucault.models.deflection import MODELS
 from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
+from foucault.models.layouts import with_references
 from foucault.models.noise import ImuNoise, grade
-from foucault.plans.manoeuvres import Rotate
-from foucault.plans.systematic.built_in import SPIN_RATE, built_in
-from foucault.plans.systematic.moves import Allowed
-from foucault.plans.systematic.search import SystematicSpace, sd_limit
-from foucault.plans.systematic.sequence import RATE, CalibrationSequence
-from foucault.plans.weights import weights_of
-from foucault.procedures.fields import Shortest, located
-from foucault.procedures.record import Beforehand
-from foucault.procedures.systematic.bound import Foreseen, Prior, foreseen
-from foucault.procedures.systematic.problem import steady
-from foucault.procedures.systematic.quick import Quick
+from foucault.navigate.increments import increments_of
+from foucault.plans.manoeuvres import Rest, Rotate
+from foucault.plans.optimise import weights_of
+from foucault.plans.sequence import RATE, SPIN_RATE, CalibrationSequence, built_in
+from foucault.plans.sequence_file import ActionTable, plain_action, plain_start, turns_of
+from foucault.plans.sequence_search import (
+    Accuracy,
+    Allowed,
+    SystematicSpace,
+    sd_limits,
+    table_needs,
+)
+from foucault.procedures.record import Beforehand, Shortest, Stated, located
+from foucault.procedures.systematic.choice import foreseen_of
+from foucault.procedures.systematic.problem import (
+    Solution,
+    SystematicProblem,
+    as_parameters,
+    prior_of,
+    problem_of,
+    public,
+    require_place,
+    solved,
+    steady,
+)
+from foucault.procedures.systematic.quick import Quick, Stills
 from foucault.procedures.systematic.settings import (
     FIRST,
     GRADE,
@@ -34,8 +67,158 @@ from foucault.procedures.systematic.settings import (
     draw_errors,
     planned,
 )
+from foucault.simulate.systematic import simulate_systematic
 from foucault.strict import Strict
 from foucault.units import Quantity, Seconds, parse
+
+Plan = Beforehand[Settings, Session]
+
+SURE = 1e-2
+"""At best the velocity at rest is as sure as this part of what the noise adds to it from one update
+to the next [1]."""
+
+BLIND = 1e3
+"""A coefficient that is left less certain than so many times its prior is not seen [1]."""
+
+WIDER, FIRM = 10.0, 1.1
+"""Nor is one whose bound grows by more than `FIRM` where the prior is `WIDER` times less certain:
+it hangs on what the session does not show. Rounding adds far less, what is shared far more [1]."""
+
+
+@dataclass(frozen=True)
+class Foreseen:
+    """A planned session, calibrated beforehand."""
+
+    problem: SystematicProblem  # what will be solved
+    # what will be found, with covariance: of an instrument as expected, without noise
+    solution: Solution
+
+    @property
+    def states(self) -> CoefficientVector:
+        """The states that are coefficients, with covariance and prior [SI]."""
+        return self.solution.states
+
+
+def reckoned(noise: ImuNoise | None) -> ImuNoise:
+    """Return the noise to reckon with [SI]; `noise` or None: as declared, or typical [SI]."""
+    return noise or grade(GRADE).noise
+
+
+def foreseen(
+    sequence: CalibrationSequence, b: Plan, *, instrument: ImuModel | None = None
+) -> Foreseen:
+    """Simulate a sequence, find its rests, and calibrate it without noise.
+
+    `instrument`: the instrument, None takes the means of the prior.
+    """
+    settings, site, noise, prior = b.settings, b.site, reckoned(b.noise), b.prior
+    require_place(site, "the plan of a systematic calibration")
+    expected = instrument_of(settings, prior)
+    known_as: dict[str, Any] = {
+        "site": site, "rate": b.session.rate, "model": instrument or expected,
+    }  # fmt: skip
+    quiet = simulate_systematic(sequence, **known_as)
+    noisy = simulate_systematic(sequence, noise=noise, **known_as)  # where rests are found in
+    known = dict(prior)
+    if instrument is not None:  # the covariance about it, not the way to it
+        vector = instrument.coefficients()
+        kept = prior_of(settings.sensors, prior)
+        known |= {
+            n: (vector.value(n), float(sd))
+            for n, sd in zip(kept.names, kept.prior_sd, strict=True) if n in vector.layout
+        }  # fmt: skip
+    once = settings.model_copy(update={"passes": 1} | _unlike(settings.plan, sequence))
+    problem = problem_of(noisy.log, site, once, noise, known)
+    start = replace(problem.start, C_nb=_begun(problem, sequence))
+    begun = replace(problem, start=start, increments=increments_of(quiet.log))
+    return Foreseen(begun, solved(begun, once))
+
+
+def _unlike(plan: CalibrationSequence | None, done: CalibrationSequence) -> dict[str, Any]:
+    """Return settings that name what is done, where it is not what is planned."""
+    turns = [
+        [a for a in one.actions if isinstance(a, Rotate)] for one in (plan, done) if one is not None
+    ]
+    if turns[0] == turns[-1]:
+        return {}
+    actions = tuple(ActionTable.model_validate(plain_action(a)) for a in done.actions)
+    return {"sequence": (), "start": plain_start(done), "actions": actions}
+
+
+def _begun(problem: SystematicProblem, sequence: CalibrationSequence) -> FloatArray:
+    return np.asarray(sequence.at(problem.increments.time[[problem.first]])[0][0])
+
+
+def instrument_of(settings: Settings, prior: Mapping[str, tuple[float, float]]) -> ImuModel:
+    """Return the instrument that a prior expects: without errors but for the means in it.
+
+    `prior`: mean and standard deviation of coefficients or groups of coefficients [SI].
+    """
+    given = CoefficientVector.prior(settings.sensors.layout, dict(prior))
+    if settings.model is not None:
+        given = settings.model.general(given)
+    return ImuModel.from_coefficients(given.chosen(n for n in given.names if n in imu.LAYOUT))
+
+
+# -- at best -------------------------------------------------------------------------------------
+
+
+def bound(problem: SystematicProblem, solution: Solution, settings: Settings) -> dict[str, Any]:
+    """Return the Cramer-Rao bound of the sensor noise alone [SI], for result.json.
+
+    It is None where nothing is seen. Without noise it would be zero, and the filter that finds it
+    singular: there is none.
+
+    `solution`: what was found: the bound is that about it.
+    """
+    p = steady(problem)
+    if not (p.noise.accel.white > 0 and p.noise.gyro.white > 0):
+        return {}
+    known = SURE * p.noise.accel.white * np.sqrt(p.at_rest.interval)
+    sure = replace(p.at_rest, velocity_sd=known, decorrelate=False)
+    begun = [(run.trajectory.C_nb[0], p.phi_sd) for run in solution.run.recordings()]
+    if settings.steps == "published":
+        begun[0] = p.begun[0]
+    found = replace(p.model, at_rest=sure).filtered(
+        p.starts(begun), solution.states.values, p.prior.prior_sd
+    )
+    told = lasting(replace(found.estimate, prior_sd=p.prior.prior_sd))
+    near, far = (
+        public(replace(solution, states=_hardly_known(told, wide)), settings)
+        for wide in (BLIND, WIDER * BLIND)
+    )
+    seen = (far.sd < FIRM * near.sd) & (near.sd < BLIND * near.prior_sd)
+    return {"bound": [float(v) if s else None for v, s in zip(far.sd, seen, strict=True)]}
+
+
+def _hardly_known(states: CoefficientVector, wide: float) -> CoefficientVector:
+    """Return what a session tells where the prior is `wide` times less certain."""
+    values, vectors, unit = _told(states)
+    half = vectors / np.sqrt(values + wide**-2.0) * unit[:, None]
+    return replace(states, cov=half @ half.T)
+
+
+def without_prior(states: CoefficientVector) -> Information:
+    """Return what a session alone tells of its states, whatever was known of them.
+
+    `states`: with covariance, and prior standard deviations that were not correlated [SI].
+    """
+    values, vectors, unit = _told(states)
+    return Information(states.layout, (vectors * np.sqrt(values)).T / unit)
+
+
+def _told(states: CoefficientVector) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the information of a session alone, its directions, and the unit of both: the prior.
+
+    From the covariance itself: where nothing is told that is the prior's, exactly, whereas the
+    rounding of its inverse is that of what is known best.
+    """
+    unit = states.prior_sd
+    assert states.cov is not None
+    left, vectors = np.linalg.eigh(states.cov / np.outer(unit, unit))
+    left = np.clip(left, np.finfo(float).eps * left[-1], 1.0)
+    return (1.0 - left) / left, vectors, unit
+
 
 HERE = "the site"
 OTHERS = ("latitude 0 deg", "latitude 60 deg", "instrument 1", "turns counted otherwise")
@@ -66,6 +249,9 @@ class Wanted(Strict):
     """Rate of all turns but the spins."""
     alike: bool = True
     """Whether the rests between quarter turns are alike."""
+    open_turns: bool | None = None
+    """Whether axes, senses and order of the quarter turns are open; left out, where there are no
+    spins to seek."""
     weights: dict[str, float] = Field(default={}, examples=[{"deflection": 3.0, "accel": 0.0}])
     """How much coefficients or groups of them count; 1 if left out."""
 
@@ -92,7 +278,7 @@ def accuracy_of(name: str, text: str) -> float:
     return sd
 
 
-def members(layout: Layout, wanted: Wanted) -> dict[str, tuple[list[int], float]]:
+def members(layout: Layout, wanted: Wanted) -> Accuracy:
     """Return which coefficients each wanted accuracy is of, and how large it is [SI]."""
     out = {}
     for name, text in wanted.accuracy.items():
@@ -104,76 +290,56 @@ def members(layout: Layout, wanted: Wanted) -> dict[str, tuple[list[int], float]
     return out
 
 
-def settled(settings: Settings) -> Settings:
-    """Return settings with a model of deflection, where it is yet to be chosen."""
+def settled(b: Plan) -> Plan:
+    """Return it with noise to reckon with, and a model of deflection where one is to be chosen."""
+    settings = b.settings
     if settings.deflection == "choose":
-        return settings.model_copy(update={"deflection": FIRST})
-    return settings
-
-
-def noise_of(noise: ImuNoise | None, typical: ImuNoise | None) -> ImuNoise:
-    """Return the noise to reckon with [SI]."""
-    return noise or typical or grade(GRADE).noise
+        settings = settings.model_copy(update={"deflection": FIRST})
+    return replace(b, settings=settings, noise=reckoned(b.noise or b.typical))
 
 
 # -- a better plan -------------------------------------------------------------------------------
 
 
-@dataclass
-class Stated:
-    """What a calibration of a sequence would state, without the approximations of a search."""
-
-    settings: Settings  # what was chosen of the filter
-    rate: float  # sample rate [Hz]
-    site: Site
-    noise: ImuNoise  # to reckon with [SI]
-    prior: Prior  # what is known beforehand [SI]
-    # (p,) what was stated before [SI]
-    _kept: dict[str, FloatArray] = field(default_factory=dict, repr=False)
-
-    def __call__(self, sequence: CalibrationSequence, case: str) -> FloatArray:
-        """Return the sd of every state that is a coefficient, shape (p,) [SI]."""
-        key = f"{case} {sequence.start.tolist()} {sequence.actions}"
-        if key not in self._kept:
-            self._kept[key] = self.foreseen(sequence, case).states.sd
-        return self._kept[key]
-
-    def foreseen(self, sequence: CalibrationSequence, case: str = HERE) -> Foreseen:
-        """Return the session in the circumstances of `case`."""
-        site, settings, drawn = self.site, self.settings, None
-        kind, _, what = case.partition(" ")
-        if kind == "latitude":
-            site = replace(site, latitude=parse(what, "angle"))
-        elif kind == "instrument":
-            drawn = draw_errors(GRADE, int(what))
-        elif kind == "turns":
-            settings = settings.model_copy(update={"decorrelate": not settings.restarts})
-        return foreseen(sequence, settings, rate=self.rate, site=site, noise=self.noise,
-                        prior=self.prior, instrument=drawn)  # fmt: skip
+def in_case(b: Plan, sequence: CalibrationSequence, case: str = HERE) -> Foreseen:
+    """Return what a calibration would state in some circumstances, without approximations."""
+    drawn = None
+    kind, _, what = case.partition(" ")
+    if kind == "latitude":
+        b = replace(b, site=replace(b.site, latitude=parse(what, "angle")))
+    elif kind == "instrument":
+        drawn = draw_errors(GRADE, int(what))
+    elif kind == "turns":
+        other = {"decorrelate": not b.settings.restarts}
+        b = replace(b, settings=b.settings.model_copy(update=other))
+    return foreseen(sequence, b, instrument=drawn)
 
 
-def space(b: Beforehand[Settings, Session]) -> SystematicSpace:
+def _stated(b: Plan, sequence: CalibrationSequence, case: str) -> FloatArray:
+    """Return the sd of every state that is a coefficient, shape (p,) [SI]."""
+    return in_case(b, sequence, case).states.sd
+
+
+def space(b: Plan) -> SystematicSpace:
     """Return the sequences that are allowed; the plan to beat is the campaign's."""
-    settings, session, site, wanted = b.settings, b.session, b.site, b.wanted
-    if settings.steps == "published":
+    if b.settings.steps == "published":
         raise error("systematic.search_published")
-    settings, reference = settled(settings), planned(settings, session)
-    used, layout = noise_of(b.noise, b.typical), settings.sensors.layout
-    stated = Stated(settings, session.rate, site, used, b.prior)
-    p = steady(stated.foreseen(reference).problem)
-    quick = Quick(site, settings.sensors, used, p.at_rest, p.start_cov())
+    b, wanted = settled(b), b.wanted
+    settings, reference = b.settings, planned(b.settings, b.session)
+    layout, p = settings.sensors.layout, steady(in_case(b, reference).problem)
+    quick = Quick(b.site, settings.sensors, reckoned(b.noise), p.at_rest, p.start_cov())
     return SystematicSpace(
         allowed=_allowed(settings, wanted, reference),
         names=layout.names,
         kinds=tuple(c.kind for c in layout.coefficients),
         weights=weights_of(layout, wanted.weights),
         prior_sd=p.prior.prior_sd,
-        accuracy={name: sd for name, (_, sd) in members(layout, wanted).items()},
+        accuracy=members(layout, wanted),
         reference=reference,
         reference_name=reference.name,
         cases=(HERE, *OTHERS),
         quick=quick.sd,
-        stated=stated,
+        stated=Stated(b, _stated),
     )
 
 
@@ -182,10 +348,11 @@ def _allowed(settings: Settings, wanted: Wanted, reference: CalibrationSequence)
     rate = settings.rate_limit or max([SPIN_RATE, *(t.rate for t in turns)])
     quarters = [name for name in settings.sequence if "positions" in name]
     usual = SPINS if settings.model is not None else 0
+    poses = usual if wanted.poses is None else wanted.poses
     return Allowed(
         first=wanted.first or (quarters[0] if quarters and not settings.actions else FIRST_PART),
         total=wanted.total or (inf if wanted.accuracy else reference.duration),
-        poses=usual if wanted.poses is None else wanted.poses,
+        poses=poses,
         rate=rate,
         moves=min(wanted.move_rate, rate),
         step=settings.angle_step or 0.0,
@@ -194,6 +361,7 @@ def _allowed(settings: Settings, wanted: Wanted, reference: CalibrationSequence)
         most=wanted.most_turns,
         alike=wanted.alike,
         fill=not wanted.accuracy,
+        open_turns=poses == 0 if wanted.open_turns is None else wanted.open_turns,
     )
 
 
@@ -211,8 +379,148 @@ def wanted_limits(
     """
     if wanted is None:
         return ()
-    out = [Limit("time", "time", duration, wanted.total)] if wanted.total is not None else []
-    for name, (at_, sd) in members(states.layout, wanted).items():
-        kind = states.layout.coefficients[at_[0]].kind
-        out.append(sd_limit(name, kind, float(states.sd[at_].max()), sd))
+    time = [Limit("time", "time", duration, wanted.total)] if wanted.total is not None else []
+    kinds = [c.kind for c in states.layout.coefficients]
+    return (*time, *sd_limits(members(states.layout, wanted), kinds, states.sd))
+
+
+LONGER = 300.0
+"""How much longer a session is made to see what that would buy [s]."""
+
+
+def foresee(b: Plan) -> Foresight:
+    """Return what the planned session will show."""
+    b = settled(b)
+    settings, site, prior = b.settings, b.site, as_parameters(b.prior, b.settings)
+    sequence = planned(settings, b.session)
+    found = in_case(replace(b, prior=prior), sequence)
+    states = found.states
+    alone, blind = without_prior(states), _blind(states)
+    return Foresight(
+        coefficients=with_references(public(found.solution, settings), site),
+        linearised_at=("means in [prior], " if prior else "") + "no errors, a perfect table",
+        plan=sequence.name,
+        duration=sequence.duration,
+        states=len(states),
+        rank=len(states) - len(blind),
+        fastest=max((a.rate for a in sequence.actions if isinstance(a, Rotate)), default=0.0),
+        rate_limit=settings.rate_limit,
+        hardly=tuple(hardly(states)),
+        unseen=tuple(blind),
+        remaining=tuple(r.words for r in alone.remaining(states.prior_sd)),
+        correlated=alone.with_prior(states.prior_sd).correlated(),
+        limits=(
+            *table_needs(sequence, settings.rate_limit, settings.angle_step),
+            *wanted_limits(b.wanted, states, sequence.duration),
+        ),
+        more=_more(sequence, found),
+        findings=(*found.problem.findings, *_warned(found, settings, prior)),
+    )
+
+
+def _blind(states: CoefficientVector) -> list[str]:
+    """Return the combinations of which a session tells less than was known, in words."""
+    assert states.cov is not None
+    unit = states.prior_sd
+    values, vectors = np.linalg.eigh(states.cov / np.outer(unit, unit))
+    blind = vectors[:, values > HARDLY**2].T
+    return [terms(largest_shares(states.layout, v), dots=True) for v in blind]
+
+
+def _warned(
+    found: Foreseen, settings: Settings, prior: Mapping[str, tuple[float, float]]
+) -> list[Finding]:
+    """Say what will not be seen, and whether a calibration will refuse that."""
+    states = found.states
+    out = judge.unseen_of(states, prior_of(settings.sensors, {}).prior_sd)
+    out += foreseen_of(found.problem, settings, found.solution, prior)
+    if settings.model is None:
+        return out
+    rank, blind = judge.told_of(states, settings.model.layout.names)
+    if blind:
+        known = any(name.partition(".")[0] == "deflection" for name in prior)
+        out.append(finding(
+            "systematic.deflection_planned", model=settings.model.name, rank=rank,
+            count=len(settings.model), blind="; ".join(blind[:6]) + "; ..." * (len(blind) > 6),
+            then="take from [prior]" if known else "refuse", wanted=judge.WANTED["deflection"],
+        ))  # fmt: skip
+    return out
+
+
+# -- what more would buy -------------------------------------------------------------------------
+
+
+def _more(sequence: CalibrationSequence, found: Foreseen) -> tuple[Extra, ...]:
+    """Return what five more minutes would buy: of rest, and of spins."""
+    p = steady(found.problem)
+    quick = Quick(p.site, p.sensors, p.noise, p.at_rest, p.start_cov())
+    before, out = quick.sd(sequence), []
+    for what, longer in (_rested(sequence), _spun(sequence)):
+        if longer is not None:
+            ratio = quick.sd(longer) / before
+            more = longer.duration - sequence.duration
+            out.append(Extra.of(what, more, p.sensors.layout.names, ratio))
     return tuple(out)
+
+
+def _rested(sequence: CalibrationSequence) -> tuple[str, CalibrationSequence]:
+    rests = [a.time for a in sequence.actions if isinstance(a, Rest)]
+    share = 1.0 + LONGER / sum(rests)
+    actions = tuple(
+        replace(a, time=share * a.time) if isinstance(a, Rest) else a for a in sequence.actions
+    )
+    return f"rests {share:.2f} times as long", replace(sequence, actions=actions)
+
+
+def _spun(sequence: CalibrationSequence) -> tuple[str, CalibrationSequence | None]:
+    spins = [a for a in sequence.actions if isinstance(a, Rotate) and abs(turns_of(a)) > 1]
+    if not spins:
+        return "", None
+    more = round(LONGER / sum(2 * np.pi / a.rate for a in spins))
+    if more < 1:
+        return "", None
+    actions = tuple(
+        replace(a, angle=a.angle + np.sign(a.angle) * 2 * np.pi * more) if a in spins else a
+        for a in sequence.actions
+    )
+    return f"{more} more turns in every spin", replace(sequence, actions=actions)
+
+
+# -- what a sequence shows of every model ---------------------------------------------------------
+
+
+def shown(
+    sequence: CalibrationSequence, site: Site, noise: ImuNoise, kept: Stills | None = None
+) -> tuple[tuple[int, int], dict[str, tuple[int, int]]]:
+    """Return what a sequence shows: errors of the instrument, combinations of every deflection.
+
+    `noise`: white noise of the sensors [SI]; `kept` or None: what is kept from one sequence to
+    the next at the same site with the same noise. Returns how many of how many errors of the
+    instrument it shows by itself; model of deflection -> how many combinations of how many
+    parameters it tells better than 3 arcsec/g.
+    """
+    kept = {} if kept is None else kept
+    plain = _quick_states(sequence, Settings(), site, noise, kept)
+    seen = int(np.count_nonzero(plain.sd <= HARDLY * plain.prior_sd))
+    models = {}
+    for name in MODELS:
+        given = Settings.model_validate({"deflection": name})
+        states = _quick_states(sequence, given, site, noise, kept)
+        part = [n for n in states.names if n.startswith("deflection.")]
+        models[name] = (judge.told_of(states, part)[0], len(part))
+    return (seen, len(plain)), models
+
+
+def _quick_states(
+    sequence: CalibrationSequence, settings: Settings, site: Site, noise: ImuNoise, kept: Stills
+) -> CoefficientVector:
+    """Return the states with covariance, from a start as usual."""
+    sensors = settings.sensors
+    known = prior_of(sensors, {})
+    at_rest = AtRest(
+        settings.velocity_sd, settings.position_sd, settings.interval, settings.restarts
+    )
+    P = start_cov(np.diag([5e-3, 5e-3, 0.1]) ** 2, at_rest.velocity_sd, at_rest.position_sd,
+                  known.prior_sd)  # fmt: skip
+    quick = Quick(site, sensors, noise, at_rest, P, kept)
+    return replace(known, cov=quick.cov(sequence))

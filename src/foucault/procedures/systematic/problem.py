@@ -1,30 +1,55 @@
-"""From the log of a systematic calibration and what was said of it to what the filter takes."""
+"""From the log of a systematic calibration and what was said of it to what the filter takes.
+
+Solve a systematic calibration, and name what was found.
+
+What a calibration is worth in navigation: a spin and a long rest, with it and without.
+
+The navigation test of the source: x up, y east, z north; ten turns at 18 deg/s about east or north,
+then 500 s of rest. The instrument is the one that was found; it is compensated by coefficients that
+differ from its own as the covariance allows, one draw, so that what remains is no more nor less
+than what is promised. Noise is left out: it is the same either way.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.detect.noise import measure_noise
+from foucault.detect.sequence import FoundSequence, find_sequence, require_triads
 from foucault.diagnose.noise_at_rest import NoiseAtRest, noise_at_rest
-from foucault.diagnose.rests import measure_noise
-from foucault.diagnose.systematic.input import check_readings, require_readings
-from foucault.diagnose.systematic.rests import FoundSequence, find_sequence, require_triads
-from foucault.diagnose.systematic.sequence import Matched, match_sequence, recognised
-from foucault.errors import Finding, FoucaultError, error, finding
-from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic.fit import AtRest, Start, SystematicModel
-from foucault.models.deflection import GENERAL
+from foucault.diagnose.systematic_sequence import Matched, match_sequence, recognised
+from foucault.errors import Finding, FoucaultError, Status, error, finding
+from foucault.estimate.ins_filter import FilterRun, start_cov
+from foucault.estimate.systematic import (
+    AtRest,
+    Start,
+    SystematicModel,
+    attitude_at_start,
+    second_step,
+)
+from foucault.guard.rest import check_sequence, require_live
+from foucault.models import imu, size_effect
+from foucault.models.deflection import GENERAL, DeflectionModel
 from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
+from foucault.models.layouts import model_of
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.rotation import log as rotation_vector
+from foucault.models.size_effect import SizeEffect
 from foucault.navigate.align import Alignment, align
 from foucault.navigate.increments import Increments, increments_of
+from foucault.navigate.strapdown import State, navigate
+from foucault.plans.sequence import built_in, navigation_test
 from foucault.procedures.systematic.settings import FIRST_REST, PRIOR, Settings
+from foucault.simulate.systematic import SystematicSimulation, simulate_systematic
 from foucault.tables import Log
 
 WIDER = 3.0
@@ -125,7 +150,7 @@ def problem_of(
     """
     require_place(site, "a systematic calibration")
     require_triads(log)
-    require_readings(log)
+    require_live(log)
     found, matched, told = _found(log, site, settings)
     numbers = np.flatnonzero(found.still)
     rests = tuple((int(found.rests.first[k]), int(found.rests.last[k]) - 1) for k in numbers)
@@ -173,7 +198,7 @@ def _found(
             still = int(np.count_nonzero(one.still))
             if still < fewest:
                 raise error("systematic.all_move", given=still, rests=len(one.rests))
-            doubts += check_readings(part, one, site)
+            doubts += check_sequence(part, one, site)
             if plan is not None:
                 same = match_sequence(one, plan)
                 before = sum(len(f.rests) for _, f in found)
@@ -316,3 +341,230 @@ def _aligned(
     across = np.hypot(sd("gyro.misalignment"), tilt) * EARTH_RATE  # the Earth's rate, off its axis
     heading = min(np.hypot(biases[0], across) / max(level, 1e-9), np.pi)
     return found, WIDER * np.sqrt(np.array([tilt, tilt, heading]) ** 2 + np.diag(found.cov))
+
+
+NARROWED = 30.0
+"""Later passes begin with so many times the uncertainty that the first has left [1]."""
+
+SETTLED = 0.1
+"""Passes have settled where none moves a coefficient by more than this of its uncertainty [1]."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What was found."""
+
+    run: FilterRun  # the last pass of the filter
+    states: CoefficientVector  # the states that are coefficients, with covariance and prior [SI]
+    passes: tuple[FloatArray, ...]  # (p,) the same after each pass [SI]
+    status: Status  # how the passes ended
+    # of the innovations of the last pass, but for a constant, with the prior that it began with: it
+    # ranks models that fit very differently, and `deflection_choice` compares them [1]
+    log_likelihood: float
+
+
+def solved(p: SystematicProblem, settings: Settings) -> Solution:
+    """Filter in one step or in two."""
+    if settings.steps == "published":
+        return _published(p, settings)
+    return _joint(p, settings.passes)
+
+
+def _published(p: SystematicProblem, settings: Settings) -> Solution:
+    """Filter the first sequence without deflection, and go on with it over the others."""
+    p = steady(p)  # the source knows no biases that wander
+    few = settings.model_copy(update={"deflection": "none", "steps": "joint"}).sensors
+    prior = p.prior
+    at = [prior.layout.index(name) for name in few.layout.names]
+    known = CoefficientVector(few.layout, prior.values[at], prior_sd=prior.prior_sd[at])
+    part = replace(p, sensors=few, prior=known, rests=p.rests[: _first_part(p, settings)])
+    one = _joint(part, settings.passes)
+    two, begun = second_step(p.model, one.run, one.states, prior)
+    passes = (begun, two.coefficients[-1])
+    return _solution(two, replace(two.estimate, prior_sd=prior.prior_sd), passes, one.status)
+
+
+def _joint(p: SystematicProblem, passes: int) -> Solution:
+    """Filter in one step, again and again.
+
+    A wide prior lets the filter wander far while it has seen little, and what it finds is then not
+    linear in the readings. So later passes have a prior `NARROWED` about the result before, whose
+    information is taken out again in the end.
+    """
+    found = p.model.filtered(p.starts(p.begun), p.prior.values, p.prior.prior_sd, keep=True)
+    if passes == 1:
+        states = replace(found.estimate, prior_sd=p.prior.prior_sd)
+        return _solution(found, states, (states.values,), Status.CONVERGED)
+    return again(p, found.estimate, begins(found, [C_nb for C_nb, _ in p.begun]), passes - 1)
+
+
+def begins(
+    found: FilterRun, C_nb: Sequence[FloatArray] | None = None
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the attitude at the start of every recording [1], and its sd, E N U [rad].
+
+    `C_nb` (3, 3): the attitudes that it began with, None for those of its first epochs [1].
+    """
+    runs = found.recordings()
+    before = [run.trajectory.C_nb[0] for run in runs] if C_nb is None else C_nb
+    return [
+        (attitude_at_start(run, C, found.coefficients[-1]), np.sqrt(np.diag(run.attitude_cov)))
+        for run, C in zip(runs, before, strict=True)
+    ]
+
+
+def again(
+    p: SystematicProblem, near: CoefficientVector,
+    begun: Sequence[tuple[FloatArray, FloatArray]], passes: int,
+) -> Solution:  # fmt: skip
+    """Filter again, from a result that is near, until passes settle.
+
+    `near`: the result, with covariance [SI]; `begun` (3, 3): attitude at the start of every
+    recording [1] and its uncertainty, E N U [rad]; `passes`: most passes [1].
+    """
+    stay = ~p.sensors.wanders  # what wanders is at the start not what it is at the end
+    sd = np.where(stay, np.minimum(p.prior.prior_sd, NARROWED * near.sd), p.prior.prior_sd)
+    narrow = [NARROWED * phi_sd for _, phi_sd in begun]
+    C_nb, values = [C for C, _ in begun], [np.where(stay, near.values, 0.0)]
+    while True:
+        starts = p.starts(list(zip(C_nb, narrow, strict=True)))
+        found = p.model.filtered(starts, values[-1], sd, keep=True)
+        # With the prior that counts: what the session hardly shows would wander on and on without.
+        estimate = exchanged(found.estimate, (values[-1], sd), p.prior)
+        moved = float((np.abs(estimate.values - values[-1]) / estimate.sd)[stay].max())
+        values.append(np.where(stay, estimate.values, 0.0))
+        if moved < SETTLED or len(values) > passes:
+            break
+        C_nb = [C for C, _ in begins(found, C_nb)]
+    status = Status.CONVERGED if moved < SETTLED else Status.NOT_CONVERGED
+    return _solution(found, estimate, tuple(values), status)
+
+
+def exchanged(
+    estimate: CoefficientVector, used: tuple[FloatArray, FloatArray], prior: CoefficientVector
+) -> CoefficientVector:
+    """Return an estimate with another prior than the one it was made with.
+
+    ``P^-1 = P_u^-1 - D_u + D``, ``P^-1 x = P_u^-1 x_u - D_u m_u + D m``, D the information of the
+    priors and m their means.
+
+    `estimate`: with covariance [SI]; `used` (p,): mean and standard deviation of the prior it was
+    made with [SI]; `prior`: the prior it shall have: values and prior_sd [SI].
+    """
+    assert estimate.cov is not None
+    unit = estimate.sd
+    mean, sd = used
+    old, new = (unit / sd) ** 2, (unit / prior.prior_sd) ** 2
+    information = np.linalg.inv(estimate.cov / np.outer(unit, unit)) + np.diag(new - old)
+    cov = np.linalg.inv((information + information.T) / 2)
+    pull = new * (prior.values - estimate.values) - old * (mean - estimate.values)
+    values = estimate.values + unit * (cov @ (pull / unit))
+    return replace(
+        estimate, values=values, cov=cov * np.outer(unit, unit), prior_sd=prior.prior_sd
+    )  # fmt: skip
+
+
+def _first_part(p: SystematicProblem, settings: Settings) -> int:
+    """Return how many of the rests belong to the first of several sequences."""
+    if settings.actions or len(settings.sequence) < 2:
+        raise error("systematic.first_part", what="one sequence is declared")
+    moves = len(built_in(settings.sequence[0]).moves)
+    before = np.array([sum(m.after < k for m in p.found.moves) for k in p.numbers])
+    return int(np.count_nonzero(before <= moves))
+
+
+def _solution(
+    run: FilterRun, states: CoefficientVector, passes: tuple[FloatArray, ...], status: Status
+) -> Solution:
+    stay = ~run.sensors.wanders
+    if not stay.all():
+        assert states.cov is not None
+        layout = run.sensors.without(~stay).layout
+        states = CoefficientVector(layout, states.values[stay], states.cov[np.ix_(stay, stay)],
+                                   prior_sd=states.prior_sd[stay])  # fmt: skip
+    logs = run.innovation**2 / run.variance + np.log(run.variance)
+    passes = tuple(values[stay] for values in passes)
+    return Solution(run, states, passes, status, float(-0.5 * np.nansum(logs)))
+
+
+def named(states: Sequence[str], deflections: Sequence[str]) -> tuple[str, ...]:
+    """Return the coefficients of the result: those that readings are compensated by, in order."""
+    some = {*states, *deflections}
+    return tuple(name for name in (*imu.LAYOUT.names, *size_effect.LAYOUT.names) if name in some)
+
+
+def public(s: Solution, settings: Settings) -> CoefficientVector:
+    """Return the coefficients of the result [SI]."""
+    vector = s.states if settings.model is None else settings.model.general(s.states)
+    return vector.chosen(named(vector.names, ()))
+
+
+RATE, BEFORE, REST = 50.0, 100.0, 500.0
+"""Sample rate [Hz], rest before the spin, and after it [s]."""
+
+EVERY = 5.0
+"""Time between the points that are kept [s]."""
+
+
+def navigation_tests(
+    found: CoefficientVector, site: Site, model: DeflectionModel | None
+) -> tuple[dict[str, npt.NDArray[Any]], list[dict[str, Any]]]:
+    """Navigate the tests about east and about north.
+
+    `found`: what was found, with covariance [SI]; `model` or None: the model of deflection, if
+    there is one: then the tests are also done with everything but the deflection compensated.
+    Returns `table`: which test, what is compensated, time since the spin began [s], velocity
+    [m/s], and how far the attitude has moved since then [rad]: east, north, up; `ends`: of each
+    test and compensation the tilt by the spin [rad] and the velocity at the end [m/s].
+    """
+    instrument, size = model_of(found), SizeEffect.of(found)
+    assert isinstance(instrument, ImuModel)
+    assert found.cov is not None
+    values, vectors = np.linalg.eigh(found.cov / np.outer(found.sd, found.sd))
+    z = np.random.default_rng(0).standard_normal(len(found))
+    missed = found.sd * (vectors @ (np.sqrt(np.maximum(values, 0.0)) * z))
+    told = CoefficientVector(found.layout, found.values + missed)
+    ways = {"none": told.with_values(dict.fromkeys(told.names, 0.0)), "all": told}
+    if model is not None:
+        stiff = told.with_values(dict.fromkeys(model.names, 0.0))
+        ways = {"none": ways["none"], "all but deflection": stiff, "all": told}
+    rows: list[dict[str, npt.NDArray[Any]]] = []
+    ends: list[dict[str, Any]] = []
+    for about in ("east", "north"):
+        made = simulate_systematic(navigation_test(about, before=BEFORE, rest=REST), site=site,
+                                   model=instrument, rate=RATE, arms=size.arms,
+                                   delay=size.delay)  # fmt: skip
+        for way, by in ways.items():
+            time, velocity, away = _navigated(made, by)
+            n = len(time)
+            rows.append({"about": np.full(n, about), "compensated": np.full(n, way), "time": time,
+                         **_columns("velocity", velocity), **_columns("shift", away)})  # fmt: skip
+            spun = made.sequence.actions[1].time
+            at = int(np.searchsorted(time, spun - 1e-6))
+            ends.append({"about": about, "compensated": way, "shift": away[at].tolist(),
+                         "velocity": velocity[-1].tolist()})  # fmt: skip
+    return {key: np.concatenate([row[key] for row in rows]) for key in rows[0]}, ends
+
+
+def _columns(what: str, values: FloatArray) -> dict[str, npt.NDArray[Any]]:
+    return {f"{what}_{way}": values[:, k] for k, way in enumerate(("east", "north", "up"))}
+
+
+def _navigated(
+    made: SystematicSimulation, by: CoefficientVector
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Align and navigate; return time since the spin began, velocity and change of attitude."""
+    assert made.site.latitude is not None
+    model = model_of(by)
+    assert isinstance(model, ImuModel)
+    increments = increments_of(SizeEffect.of(by).apply(model, made.log))
+    first = increments.row_at(BEFORE)
+    begin = align(increments, made.site, end=BEFORE)
+    state = State.at_rest(begin.C_nb, made.site.latitude, 0.0, made.site.height)
+    offset = made.site.anomaly
+    run = navigate(increments, state, first=first, gravity_offset=offset, vertical="held")
+    rows = np.arange(0, len(run.time), round(EVERY * RATE))
+    time = run.time[rows]
+    # C_est = (I - [phi x]) C_true
+    phi = -rotation_vector(run.C_nb[rows] @ np.swapaxes(made.attitude(time), 1, 2))
+    return time - time[0], run.velocity_n[rows], phi - phi[0]

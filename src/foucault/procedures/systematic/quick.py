@@ -11,7 +11,7 @@ can be kept and used again:
   second, kept for every turn from every attitude.
 
 Approximations: turns are sampled every `STEP` or less often than `SLOW`, rests begin and end on an
-update, and the uncertainty at the start is that of the plan to beat. `procedures.systematic.bound`
+update, and the uncertainty at the start is that of the plan to beat. `procedures.systematic.plan`
 has none of them.
 """
 
@@ -25,14 +25,14 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.estimate.ins_filter import Updates, run
-from foucault.estimate.systematic.fit import BETWEEN, STAYS, AtRest
+from foucault.estimate.systematic import BETWEEN, STAYS, AtRest
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.ins_errors import Sensors, dynamics
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import increments_of
-from foucault.navigate.state import State
+from foucault.navigate.strapdown import State
 from foucault.plans.manoeuvres import Rest, Rotate
-from foucault.plans.systematic.sequence import CalibrationSequence
+from foucault.plans.sequence import CalibrationSequence
 from foucault.simulate.systematic import simulate_systematic
 
 STEP, SLOW = np.radians(6.0), 10.0
@@ -92,7 +92,8 @@ class Quick:
         """
         P = self.start
         for k, action in enumerate(sequence.actions):
-            C_nb = sequence.attitudes[k]
+            # What is kept is that of the rounded attitude, whichever way first led there.
+            C_nb = sequence.attitudes[k].round(12) + 0.0
             if isinstance(action, Rotate):
                 if abs(action.angle) > 0:
                     P = self._turned(P, action, C_nb)
@@ -110,7 +111,7 @@ class Quick:
         still = self._still(rest.time, 9 if first else 3 if self.at_rest.decorrelate else 6)
         B = np.zeros((15, len(P)))
         B[:9, :9] = np.eye(9)
-        key = C_nb.round(12).tobytes()
+        key = C_nb.tobytes()
         if key not in self._felt:
             if len(self._felt) >= KEPT:
                 self._felt.clear()
@@ -183,8 +184,8 @@ class Quick:
     # -- turns
 
     def _turned(self, P: FloatArray, turn: Rotate, C_nb: FloatArray) -> FloatArray:
-        said = np.array([*C_nb.ravel(), turn.angle, turn.rate, turn.ramp]).round(9)
-        key = said.tobytes() + turn.axis.encode()
+        said = np.array([turn.angle, turn.rate, turn.ramp]).round(9)
+        key = C_nb.tobytes() + said.tobytes() + turn.axis.encode()
         if key not in self._turns:
             if len(self._turns) >= KEPT:
                 self._turns.clear()

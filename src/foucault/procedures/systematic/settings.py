@@ -1,9 +1,13 @@
-"""What can be chosen of a systematic calibration, and how a session of one is simulated."""
+"""What can be chosen of a systematic calibration, and how a session of one is simulated.
+
+How a campaign describes the log of a systematic calibration.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from functools import reduce
+from pathlib import Path
 from typing import Annotated, Literal, get_args
 
 import numpy as np
@@ -12,6 +16,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from foucault import units
 from foucault.coefficients import Layout
 from foucault.errors import error
+from foucault.logs.description import OWN_LOG, log_head
 from foucault.models import imu
 from foucault.models.deflection import MODELS, DeflectionModel, deflection_model
 from foucault.models.earth import Site
@@ -21,13 +26,13 @@ from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LEVER, OFFSET, with_size_effect
 from foucault.navigate.inertial_frame import EPOCH, FEWEST
 from foucault.plans.manoeuvres import Rest, Rotate
-from foucault.plans.systematic.built_in import built_in
-from foucault.plans.systematic.file import ActionTable
-from foucault.plans.systematic.sequence import REST, CalibrationSequence, orientation
-from foucault.procedures.fields import Quadratic, SampleRate, Shortest, located
+from foucault.plans.sequence import REST, CalibrationSequence, built_in, orientation
+from foucault.plans.sequence_file import ActionTable
+from foucault.procedures.record import Quadratic, SampleRate, Shortest, located
 from foucault.simulate import hand_rotated
 from foucault.simulate.systematic import SystematicSimulation, TableErrors, simulate_systematic
 from foucault.strict import Strict
+from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Quantity, Seconds
 
 Deflection = Literal[
@@ -329,3 +334,12 @@ def simulated(
         table=TableErrors(session.angle_sd, (east, north, up)), arms=arms, delay=session.delay,
         seed=seed,
     )  # fmt: skip
+
+
+LOG_TABLE = log_head() + Path(__file__).with_name("log.toml").read_text(encoding="utf-8")
+"""[log] of the template."""
+
+
+def log_table(log: Log | None = None) -> str:
+    """Write the table [log] of the template, or for a simulated `log` [SI]."""
+    return LOG_TABLE if log is None else OWN_LOG

@@ -1,10 +1,9 @@
 """Coefficients as functions of temperature, from calibrations at several temperatures or a ramp.
 
-It glues: what sessions and ramps say (`temperature.evidence`), which functions are fitted to it
-(`temperature.task`), the fit and how many terms it needs (`estimate.temperature.fit`,
-`estimate.temperature.order`), and whether to trust it (`diagnose.temperature.checks`). The result
-is like any other: its coefficients are those at a reference temperature, the functions are beside
-them, and `Result.apply` uses the functions.
+It glues: what sessions and ramps say and which functions are fitted to it (`temperature.evidence`),
+the fit and how many terms it needs (`estimate.temperature`), and whether to trust it
+(`diagnose.temperature`). The result is like any other: its coefficients are those at a reference
+temperature, the functions are beside them, and `Result.apply` uses the functions.
 """
 
 from __future__ import annotations
@@ -16,16 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from foucault.diagnose.compare.gravity import KEY, as_kept
-from foucault.diagnose.temperature import checks as diagnose
-from foucault.diagnose.temperature import report as tables
+from foucault.diagnose import temperature as diagnose
+from foucault.diagnose import temperature as tables
+from foucault.diagnose.comparable import KEY, as_kept
 from foucault.errors import Finding, Status, error, finding
 from foucault.models.imu import INVERSES
 from foucault.models.temperature import TemperatureModel
 from foucault.procedures.merged import logs_of
-from foucault.procedures.temperature import gravity
-from foucault.procedures.temperature.evidence import Ramp, Session
-from foucault.procedures.temperature.task import (
+from foucault.procedures.temperature import evidence
+from foucault.procedures.temperature.evidence import (
+    Ramp,
+    Session,
     Settings,
     Task,
     celsius,
@@ -85,10 +85,10 @@ def calibrate(
     settings = settings or Settings()
     _one_instrument(sessions)
     _independent(sessions)
-    alone, common = gravity.taken_out(sessions)
+    alone, common = evidence.taken_out(sessions)
     task = task_of(alone, settings, ramps)
     choice = solved(task, settings)
-    model = gravity.put_back(model_of(task, choice), common)
+    model = evidence.put_back(model_of(task, choice), common)
     turning = settings.visited or any((r.rising != r.rising[0]).any() for r in ramps)
     seen = diagnose.Seen(
         task.layout, task.families, task.family, task.unit, task.spaces, task.evidence, choice,

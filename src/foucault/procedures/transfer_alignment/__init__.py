@@ -35,32 +35,37 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.diagnose.compare.gravity import of_site
-from foucault.diagnose.time_base import stretched
-from foucault.diagnose.transfer import checks as judge
-from foucault.diagnose.transfer import findings, report
+from foucault.diagnose import transfer as judge
+from foucault.diagnose import transfer as report
+from foucault.diagnose import transfer_motion as findings
+from foucault.diagnose.comparable import of_site
+from foucault.diagnose.references import stretched
 from foucault.errors import Finding, FoucaultError, error
-from foucault.logs.master_description import MasterDescription
+from foucault.logs.master import MasterDescription
 from foucault.models.imu import EQUATION
 from foucault.procedures import silent
 from foucault.procedures.record import Given, Procedure
-from foucault.procedures.transfer_alignment import log as transfer_log
 from foucault.procedures.transfer_alignment import settings as chosen
-from foucault.procedures.transfer_alignment.foresight import foresee
-from foucault.procedures.transfer_alignment.input import heard, there, usable
-from foucault.procedures.transfer_alignment.log import SlaveLog
-from foucault.procedures.transfer_alignment.plan import EVALUATIONS, Wanted, space
-from foucault.procedures.transfer_alignment.problem import problem_of
-from foucault.procedures.transfer_alignment.session import GRADE, Session, draw_errors, simulated
-from foucault.procedures.transfer_alignment.settings import Settings
-from foucault.procedures.transfer_alignment.solution import (
+from foucault.procedures.transfer_alignment.problem import (
     Solution,
     bent,
     gravity_error,
     handed_over,
     ignoring_delay,
+    problem_of,
     solved,
 )
+from foucault.procedures.transfer_alignment.session import (
+    EVALUATIONS,
+    GRADE,
+    Session,
+    Wanted,
+    draw_errors,
+    foresee,
+    simulated,
+    space,
+)
+from foucault.procedures.transfer_alignment.settings import Settings, SlaveLog, heard, there, usable
 from foucault.result import Result, TableData, Verdict
 from foucault.tables import Log, temperature_range
 
@@ -225,11 +230,11 @@ PROCEDURE = Procedure(
     grade=GRADE,
     noise=chosen.NOISE,
     draw_errors=draw_errors,
-    write=transfer_log.write_log,
+    write=chosen.write_log,
     Master=MasterDescription,
-    with_master=transfer_log.with_master,
+    with_master=chosen.with_master,
     clock_slope=_clock_slope,
-    log_table=transfer_log.log_table,
+    log_table=chosen.log_table,
     noise_lines=chosen.NOISE_LINES,
     prior_lines=chosen.PRIOR_LINES,
 )

@@ -1,9 +1,15 @@
-"""How a session of transfer alignment is simulated, and what is written of it."""
+"""How a session of transfer alignment is simulated, and what is written of it.
+
+What a planned motion will show of a slave, before it is flown, and what a better one may do.
+
+A slave without errors is navigated beside a master without noise; the covariance of the filter, of
+the noise that is expected, is then that of the result, whatever the errors will be.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,26 +19,46 @@ from pydantic import Field
 from foucault import logs
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.errors import error
+from foucault.diagnose.foresight import Extra, Foresight
+from foucault.diagnose.transfer import HARDLY, unknown
+from foucault.diagnose.transfer_motion import unseen
+from foucault.errors import Finding, error
+from foucault.estimate.transfer import after_outage
+from foucault.infer import filtered
+from foucault.infer.information import Remaining, correlated, largest_shares
 from foucault.logs import master as masters
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.layouts import BESIDE
-from foucault.models.master import MasterTable
 from foucault.models.noise import ImuNoise, grade
-from foucault.plans.manoeuvre_table import ManoeuvreTable
-from foucault.plans.transfer.profiles import TransferProfile, transfer_profile
-from foucault.procedures.fields import SampleRate
-from foucault.procedures.transfer_alignment.log import SlaveLog
-from foucault.procedures.transfer_alignment.settings import Settings
-from foucault.simulate.transfer.link import Link, MasterNoise
-from foucault.simulate.transfer.session import (
+from foucault.models.transfer import MasterTable
+from foucault.plans.manoeuvres import Accelerate, ManoeuvreTable, Segment, Straight, STurn, Turn
+from foucault.plans.optimise import weights_of
+from foucault.plans.transfer import (
+    POSITION,
+    Flyable,
+    TransferProfile,
+    TransferSpace,
+    transfer_profile,
+)
+from foucault.procedures.record import Beforehand, SampleRate, Stated
+from foucault.procedures.transfer_alignment.problem import (
+    TransferProblem,
+    assumed_noise,
+    problem_of,
+)
+from foucault.procedures.transfer_alignment.settings import LEFT_OUT, NOISE, Settings, SlaveLog
+from foucault.simulate.transfer import (
     INSTALLATION,
+    Flexure,
+    Link,
+    MasterNoise,
+    Slave,
     TransferSimulation,
+    Vibration,
     simulate_transfer,
     turn_on_grade,
 )
-from foucault.simulate.transfer.slave import Flexure, Slave, Vibration
 from foucault.strict import Strict
 from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Quantity, Seconds
@@ -267,3 +293,271 @@ def moved(profile: TransferProfile, site: Site) -> TransferProfile:
 def _three(x: FloatArray) -> tuple[float, float, float]:
     a, b, c = np.asarray(x, float).tolist()
     return a, b, c
+
+
+RATE = 50.0
+"""Samples in a second that a covariance takes [Hz]."""
+
+TIED = 0.5
+"""Errors that are less correlated are not named [1]."""
+
+MOST = 3
+"""So many combinations are named [1]."""
+
+_DEG = np.pi / 180.0
+
+AHEAD = (0.0, 90 * _DEG, 180 * _DEG, 270 * _DEG)
+"""Turns with which an outage may begin: straight on, no manoeuvre before it is worth much [rad]."""
+
+
+def manoeuvres(speed: float) -> dict[str, tuple[Segment, ...]]:
+    """Return what may be added to a motion, each half a minute, by name.
+
+    `speed`: speed of the vehicle [m/s].
+    """
+    return {
+        "straight on": (Straight(30.0),),
+        "an S-turn of 40 deg": (STurn(40 * _DEG, 30.0),),
+        "faster by a fifth and back": (Accelerate(1.2 * speed, 15.0), Accelerate(speed, 15.0)),
+        "a turn of 90 deg": (Turn(90 * _DEG, 30.0),),
+    }
+
+
+@dataclass(frozen=True)
+class Foreseen:
+    """What one motion shows."""
+
+    name: str
+    time: float  # how long it takes [s]
+    # coefficients at zero with the covariance that they will have, and sds of the prior [SI]
+    vector: CoefficientVector
+    hardly: tuple[str, ...]  # those that the motion shows hardly anything of
+    # what all errors will make of the horizontal position after the outage of the settings: root
+    # mean square over the headings of `AHEAD` [m]
+    position: float
+
+
+def foresee(b: Beforehand[Settings, Session]) -> Foresight:
+    """Return what the motion of a session will show, and what a manoeuvre more would."""
+    plan, hand_over = moved(replace(b.session.motion, outage=()), b.site), b.settings.hand_over
+    now, more = foreseen(plan, b, gravity=True), []
+    before, after = _at_hand_over(plan, hand_over)
+    for name, segments in manoeuvres(_speed_after(plan, before)).items():
+        longer, later = replace(plan, calibration=(*before, *segments, *after)), b
+        if hand_over is not None:
+            end = hand_over + sum(segment.time for segment in segments)
+            later = replace(b, settings=b.settings.model_copy(update={"hand_over": end}))
+        then = foreseen(longer, later, gravity=True)
+        more.append(Extra.of(name, then.time - now.time, now.vector.names,
+                             then.vector.sd / now.vector.sd))  # fmt: skip
+    return _judged(now, tuple(more), [] if b.noise else [assumed_noise()])
+
+
+def _at_hand_over(
+    plan: TransferProfile, hand_over: float | None
+) -> tuple[tuple[Segment, ...], tuple[Segment, ...]]:
+    """Return what is flown before a manoeuvre more, and after it: the one it is handed over in."""
+    begun, ends = plan.calibration, np.cumsum([s.time for s in plan.calibration])
+    if hand_over is None or not len(ends) or hand_over >= ends[-1]:
+        return begun, ()
+    k = int(np.searchsorted(ends, hand_over))
+    return begun[:k], begun[k:]
+
+
+def _speed_after(plan: TransferProfile, flown: tuple[Segment, ...]) -> float:
+    speeds = [s.speed for s in flown if isinstance(s, Accelerate)]
+    return float(speeds[-1] if speeds else plan.start.speed)
+
+
+def problem_on(
+    plan: TransferProfile, b: Beforehand[Settings, Session], *, rate: float = RATE
+) -> TransferProblem:
+    """Return what a slave without errors beside a master without noise shows of a motion.
+
+    `rate`: samples of the slave in a second [Hz].
+    """
+    session = Session(
+        rate=rate, message_rate=b.session.message_rate, message_delay=b.session.message_delay,
+        master_velocity_sd=0.0, master_attitude_sd=0.0, installation_sd=0.0,
+    )  # fmt: skip
+    made = simulate_motion(plan, session, b.settings, ImuModel(), ImuNoise(), 0)
+    about = b.settings.model_copy(update={"delay_method": "state"})
+    zero = {name: (0.0, sd) for name, (_, sd) in b.prior.items()}
+    p = problem_of(made.log, b.site, about, b.noise or NOISE, zero, match=False)
+    return p.with_delay(made.delay)
+
+
+def foreseen(
+    plan: TransferProfile, b: Beforehand[Settings, Session], *, rate: float = RATE,
+    gravity: bool = False,
+) -> Foreseen:  # fmt: skip
+    """Return the covariance that a motion leaves.
+
+    `rate`: samples of the slave in a second [Hz]; `gravity`: whether what is not known of local
+    gravity counts, no motion makes it less.
+    """
+    p = problem_on(plan, b, rate=rate)
+    fit, names = filtered.foreseen(p.model), p.model.names[p.model.first :]
+    states = p.model.estimate(fit, p.prior)
+    vector = states.chosen(b.settings.reported)
+    cov = vector.cov
+    assert cov is not None
+    if gravity:
+        of_gravity = filtered.response(fit, p.model.heavier(p.site.gravity_sd))
+        of_gravity = of_gravity[[names.index(name) for name in vector.names]]
+        cov = cov + np.outer(of_gravity, of_gravity)
+    settings = b.settings
+    ahead = np.array([after_outage(fit.system, settings.sensors, settings.outage, turn=turn)
+                      for turn in AHEAD])  # fmt: skip
+    # Where it is is what the master says: of the position at the hand-over nothing is counted.
+    # Nor is gravity: what it is taken for wrongly, the bias makes good as long as it is.
+    ahead[:, :, 6:9] = 0.0
+    squares = np.einsum("tij,jk,tik->t", ahead, fit.run.cov, ahead)
+    zero = replace(vector, values=np.zeros(len(vector)), cov=cov)
+    return Foreseen(plan.name, plan.hand_over, zero, unknown(states, LEFT_OUT, motion=True),
+                    float(np.sqrt(squares.mean())))  # fmt: skip
+
+
+def _judged(now: Foreseen, more: tuple[Extra, ...], told: list[Finding]) -> Foresight:
+    vector = now.vector
+    assert vector.cov is not None
+    # Combinations of the coefficients, their priors as units.
+    left, ways = np.linalg.eigh(vector.cov / np.outer(vector.prior_sd, vector.prior_sd))
+    left = np.sqrt(np.maximum(left, 0.0))
+    words = [Remaining(a, largest_shares(vector.layout, w)).words
+             for a, w in zip(left[::-1].tolist(), ways.T[::-1], strict=True)]  # fmt: skip
+    lost = int(np.sum(left > HARDLY))
+    rho = vector.cov / np.outer(vector.sd, vector.sd)
+    return Foresight(
+        coefficients=vector,
+        linearised_at="a slave without errors",
+        plan=now.name,
+        duration=now.time,
+        states=len(vector),
+        rank=len(vector) - lost,
+        smallest=float(left.min()),
+        hardly=now.hardly,
+        unseen=tuple(words[:lost]),
+        remaining=tuple(words[lost : lost + MOST]),
+        correlated=correlated(vector.names, rho, TIED)[:MOST],
+        more=more,
+        findings=(*told, *unseen(now.hardly)),
+    )
+
+
+EVALUATIONS = 200
+"""Plans that a restart judges: each is a run of the filter [1]."""
+
+QUICK_RATE, MESSAGES = 10.0, 2.0
+"""Samples and messages in a second that a search reckons with [Hz]."""
+
+ELSEWHERE = np.radians(60.0)
+
+HERE = "the site"
+OTHERS = ("turned by 90 deg", "latitude 60 deg")
+"""Where a plan found is compared, and what else is changed there."""
+
+FASTER = 0.2
+"""Part of the speed at the start by which it may be left, where nothing is said [1]."""
+
+
+class Wanted(Strict):
+    """What a better motion may do."""
+
+    aim: Literal["coefficients", "position"] = "coefficients"
+    """What is to be known best: coefficients, or the position after the outage."""
+    total: Annotated[float, Quantity("time")] | None = Field(default=None, gt=0, examples=["4 min"])
+    """Time until the hand-over; left out, that of the motion to beat."""
+    most: int = Field(default=8, ge=1, le=40)
+    """Most manoeuvres, straight runs among them."""
+    shortest: Annotated[float, Quantity("time")] = Field(default=8.0, ge=1)
+    """Shortest manoeuvre."""
+    slowest: Annotated[float, Quantity("velocity")] | None = Field(
+        default=None, gt=0, examples=["40 m/s"]
+    )
+    """Lowest speed; left out, a fifth below that at the start."""
+    fastest: Annotated[float, Quantity("velocity")] | None = Field(
+        default=None, gt=0, examples=["55 m/s"]
+    )
+    """Highest speed; left out, a fifth above that at the start."""
+    bank: Annotated[float, Quantity("angle")] = Field(default=float(np.radians(45.0)), gt=0, lt=1.4)
+    """Largest angle of bank; of a flat turn, of the force that is felt sideways."""
+    acceleration: Annotated[float, Quantity("specific force")] = Field(default=0.15 * 9.80665, gt=0)
+    """Largest acceleration along the path."""
+    climb: Annotated[float, Quantity("angle")] = Field(default=float(np.radians(8.0)), ge=0, lt=1.4)
+    """Largest angle of climb; 0 for a vehicle that does not."""
+    height: Annotated[float, Quantity("length")] = Field(default=100.0, ge=0)
+    """How far above and below the start it may go."""
+    flat: bool = False
+    """Whether it turns without rolling, as ships do."""
+    weights: dict[str, float] = Field(default={}, examples=[{"gyro.bias": 3.0, "accel": 0.0}])
+    """How much coefficients or groups of them count; 1 if left out."""
+
+
+def _stated(b: Beforehand[Settings, Session], motion: TransferProfile, case: str) -> FloatArray:
+    """Return the sd of every coefficient and of the position, shape (p,) [SI]."""
+    if case == OTHERS[0]:
+        start = replace(motion.start, heading=motion.start.heading + np.pi / 2)
+        motion = replace(motion, start=start)
+    elif case == OTHERS[1]:
+        motion = replace(motion, start=replace(motion.start, latitude=ELSEWHERE))
+    return _all(foreseen(motion, b))
+
+
+def _quick(b: Beforehand[Settings, Session], motion: TransferProfile) -> FloatArray:
+    """Return the same by fewer messages, each as good as those that it stands for."""
+    few = b.session.message_rate / MESSAGES
+    settings = b.settings.model_copy(update={
+        "velocity_sd": b.settings.velocity_sd / np.sqrt(few),
+        "attitude_sd": b.settings.attitude_sd / np.sqrt(few),
+    })  # fmt: skip
+    session = b.session.model_copy(update={"message_rate": MESSAGES})
+    return _all(foreseen(motion, replace(b, settings=settings, session=session), rate=QUICK_RATE))
+
+
+def _all(found: Foreseen) -> FloatArray:
+    return np.append(found.vector.sd, found.position)
+
+
+def space(b: Beforehand[Settings, Session]) -> TransferSpace:
+    """Return the motions that are allowed; the one to beat is the campaign's."""
+    wanted = b.wanted
+    reference = moved(replace(b.session.motion, outage=()), b.site)
+    vector = foreseen(reference, b).vector
+    weights = weights_of(vector.layout, wanted.weights)
+    aims = wanted.aim == "position"
+    return TransferSpace(
+        allowed=_allowed(wanted, reference),
+        names=(*vector.names, POSITION),
+        kinds=(*(c.kind for c in vector.layout.coefficients), "length"),
+        weights=np.append(0.0 * weights if aims else weights, float(aims)),
+        prior_sd=np.append(vector.prior_sd, np.inf),
+        reference=reference,
+        reference_name=reference.name,
+        cases=(HERE, *OTHERS),
+        quick=partial(_quick, b),
+        stated=Stated(b, _stated),
+    )
+
+
+def _allowed(wanted: Wanted, reference: TransferProfile) -> Flyable:
+    begun, total = float(reference.start.speed), wanted.total or reference.hand_over
+    out = Flyable(
+        start=replace(reference, calibration=()),
+        total=int(total),
+        most=wanted.most,
+        shortest=int(np.ceil(wanted.shortest)),
+        slowest=(1.0 - FASTER) * begun if wanted.slowest is None else wanted.slowest,
+        fastest=(1.0 + FASTER) * begun if wanted.fastest is None else wanted.fastest,
+        bank=wanted.bank,
+        acceleration=wanted.acceleration,
+        climb=wanted.climb,
+        height=wanted.height,
+        flat=wanted.flat,
+    )
+    if not out.slowest <= begun <= out.fastest:
+        raise error("transfer_plan.speed", given=f"{begun:g}", slowest=f"{out.slowest:g}",
+                    fastest=f"{out.fastest:g}")  # fmt: skip
+    if out.total < (out.most + 1) * out.shortest:
+        raise error("transfer_plan.short", total=out.total, most=out.most, shortest=out.shortest)
+    return out

@@ -1,23 +1,38 @@
-"""What can be chosen where a slave is calibrated against a master in motion."""
+"""What can be chosen where a slave is calibrated against a master in motion.
+
+The log of a slave beside what its master said: how it is described, what of both can be used.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from foucault import logs
 from foucault.arrays import FloatArray
 from foucault.coefficients import Layout
-from foucault.errors import FoucaultError, error
+from foucault.detect.noise import KNOCKS, without_spikes
+from foucault.errors import Finding, FoucaultError, error, finding
+from foucault.files import sha256
+from foucault.logs import master as masters
+from foucault.logs.checks import on_a_shared_clock
+from foucault.logs.description import OWN_LOG, log_head
+from foucault.logs.master import MasterDescription
 from foucault.models import imu
-from foucault.models.attitude import matrix_of
+from foucault.models.earth import SEMI_MAJOR_AXIS, Site
 from foucault.models.ins_errors import Sensors
 from foucault.models.layouts import BESIDE
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.models.transfer import LOAD, Matching, Mount
+from foucault.models.rotation import matrix_of
+from foucault.models.transfer import LOAD, MasterTable, Matching, Mount
+from foucault.navigate.increments import Increments, increments_of
 from foucault.strict import Strict
-from foucault.units import Angle, AngleSd, Quantity, Seconds, parse
+from foucault.tables import Log
+from foucault.units import Angle, AngleSd, Quantity, Seconds, parse, plain, span
 
 ASIDE = ("gyro.misalignment", "accel.scale", "accel.misalignment")
 """Groups that are there for the uncertainties of the others: a motion need not show them."""
@@ -236,3 +251,225 @@ class Settings(Strict):
         left_out = {*(() if self.load else LOAD.names),
                     *(() if self.estimates_delay else ("master.delay",))}  # fmt: skip
         return tuple(name for name in BESIDE.names if name not in left_out)
+
+
+MASTER_FILE = "master.csv"
+"""File of the messages of a simulated master."""
+
+LOG_TABLE = log_head("the slave's IMU; ") + Path(__file__).with_name("log.toml").read_text(
+    encoding="utf-8"
+)
+"""[log] and [master] of the template."""
+
+SIMULATED_TABLE = f"""\
+{OWN_LOG}
+[master]
+file = "master.csv"                     # the titles of its columns say what they are
+"""
+"""The same of a simulated session."""
+
+
+@dataclass(frozen=True)
+class SlaveLog(Log):
+    """The log of a slave, and what its master said.
+
+    Attributes
+    ----------
+    time, gyro, accel, temperature, averaged, begins : ndarray
+        Of the slave, as in `Log` [SI].
+    sampled, findings, source, table, clock
+        The same.
+    master : MasterTable or None
+        Messages of the master.
+    """
+
+    master: MasterTable | None = None
+
+    @classmethod
+    def of(cls, log: Log, master: MasterTable) -> SlaveLog:
+        """Return the log of a slave beside what its master said.
+
+        `log`: readings of the slave [SI]; `master`: messages of the master [SI].
+        """
+        told = (*on_a_shared_clock(log.findings), *master.findings)
+        return cls(log.time, log.gyro, log.accel, log.sampled, log.temperature, told, log.source,
+                   log.table, log.averaged, log.clock, log.begins, master)  # fmt: skip
+
+    @property
+    def messages(self) -> MasterTable:
+        """What the master said; refused where there is no master."""
+        if self.master is None:
+            raise error("transfer.no_master")
+        return self.master
+
+
+def with_master(log: Log, description: MasterDescription, folder: str | Path) -> SlaveLog:
+    """Read the table of the master beside the log of a slave.
+
+    `log`: readings of the slave [SI]; `folder`: folder that a relative file name starts from.
+    """
+    assert description.file is not None
+    table, file = masters.read(description, folder), Path(folder) / description.file
+    source = log.source | {"master": {"file": description.file, "sha256": sha256(file)}}
+    return replace(SlaveLog.of(log, table), source=source)
+
+
+def write_log(log: SlaveLog, path: str | Path) -> None:
+    """Write the log of a slave, and the table of its master beside it.
+
+    `log`: what was simulated [SI]; `path`: file of the slave's log, `MASTER_FILE` gets into the
+    same folder.
+    """
+    logs.write(log, path)
+    masters.write(log.messages, Path(path).with_name(MASTER_FILE))
+
+
+def log_table(log: Log | None = None) -> str:
+    """Write the tables [log] and [master] of the template, or for a simulated `log` [SI]."""
+    return LOG_TABLE if log is None else SIMULATED_TABLE
+
+
+LEAST = 20
+"""Messages that it takes at least [1]."""
+
+BEYOND = 0.3
+"""A delay is looked for so far outside its bracket too, to be told [s]."""
+
+ELSEWHERE = np.radians(0.1)
+"""A master whose latitude differs by so much from that of the site is not there [rad]."""
+
+NORMAL = "normal gravity"
+"""`Site.gravity_source` where gravity is that of the place."""
+
+SPARE = 1.0
+"""The slave's log is used from so much before the first message to so much after the last [s]."""
+
+LONGEST_GAP = 0.25
+"""A longer gap of the slave's log is not bridged: nothing says what it did meanwhile [s]."""
+
+
+def heard(table: MasterTable, settings: Settings) -> tuple[Settings, list[Finding]]:
+    """Return the settings for what a master says: some say no vertical velocity, and write zero.
+
+    `table`: messages of the master [SI].
+    """
+    used = settings.matched.vertical and settings.matching != "attitude"
+    if not used or table.velocity_n[:, 2].any():
+        return settings, []
+    return settings.model_copy(update={"vertical": False}), [finding("transfer.no_vertical")]
+
+
+def usable(log: SlaveLog) -> SlaveLog:
+    """Return the log without spikes, each message once; refuse it backwards or not finite.
+
+    `log`: readings of the slave beside what its master said [SI].
+
+    Logs read from files are whole already.
+    """
+    columns = [x for x in (log.gyro, log.accel) if x is not None]
+    lost = ~np.isfinite(np.column_stack([log.time, *columns])).all(axis=1)
+    if lost.any():
+        raise error("transfer.not_finite", count=int(lost.sum()),
+                    time=stamp(float(log.time[np.argmax(lost)])))  # fmt: skip
+    for triad in ("gyro", "accel"):
+        column = getattr(log, triad)
+        if column is not None and len(column) and not np.ptp(column, axis=0).any():
+            raise error("transfer.dead", triad=triad)
+    back = np.flatnonzero(np.diff(log.time) <= 0)
+    if len(back):
+        raise error("transfer.backwards", count=len(back),
+                    time=stamp(float(log.time[back[0] + 1])))  # fmt: skip
+    said = log.messages.cleaned("error")
+    log = without_spikes(log, most=KNOCKS)
+    known = {f.code for f in log.findings}
+    told = [f for f in said.findings if f.code not in known]
+    return replace(log, master=said, findings=(*log.findings, *told))
+
+
+def stamp(time: float) -> str:
+    """Write `time`, shape () [s], to the millisecond, whether it counts from switch-on or 1970."""
+    return plain(round(time, 3), 13)
+
+
+def placed(table: MasterTable, site: Site) -> MasterTable:
+    """Return the table with positions: those of a master that has none begin at the site.
+
+    `table`: messages [SI].
+    """
+    if table.has_place:
+        return table if table.height is not None else table.from_place(0.0, site.height)
+    if site.latitude is None:
+        raise error("transfer.place")
+    return table.from_place(site.latitude, site.height)
+
+
+def there(site: Site, table: MasterTable) -> tuple[Site, list[Finding]]:
+    """Return the site where the run begins: a master that says its position knows it better.
+
+    `table`: messages [SI].
+    """
+    if table.latitude is None or table.longitude is None:
+        return site, []
+    latitude = float(table.latitude[0])
+    height = site.height if table.height is None else float(table.height[0])
+    if site.latitude is None:
+        return replace(site, latitude=latitude, height=height), []
+    off = abs(latitude - site.latitude)
+    if off < ELSEWHERE:
+        return site, []
+    moved = replace(site, latitude=latitude)
+    if site.gravity_source == NORMAL:
+        moved = replace(Site.at(latitude, height), gravity_sd=site.gravity_sd)
+    told = finding("transfer.site", site=f"{np.degrees(site.latitude):.4f}",
+                   master=f"{np.degrees(latitude):.4f}",
+                   away=f"{off * SEMI_MAJOR_AXIS / 1e3:.0f} km")  # fmt: skip
+    return moved, [told]
+
+
+def even(table: MasterTable) -> MasterTable:
+    """Return the table with times of arrival that do not jitter.
+
+    The master's own stamps are even: the straight line of arrival over stamp is one clock against
+    the other, and the mean of what the messages are late, which is part of the delay.
+
+    `table`: messages [SI].
+    """
+    if table.arrival is None:
+        return table
+    age = table.time - table.time[0]
+    slope, offset = np.polyfit(age, table.arrival, 1)
+    return replace(table, arrival=offset + slope * age)
+
+
+def common(
+    log: SlaveLog, table: MasterTable, settings: Settings
+) -> tuple[float, MasterTable, Increments]:
+    """Return when the slave is handed over, the messages until then, and the slave beside them.
+
+    `log`: readings of the slave [SI]; `table`: messages, with positions [SI].
+    """
+    time = table.messages.time
+    first, last = float(log.time[0]), float(log.time[-1])
+    inside = (time > first) & (time <= last)
+    end = settings.hand_over
+    if end is not None and not (np.sum(inside) and time[inside][0] < end <= last):
+        begin = float(time[inside][0]) if inside.any() else np.nan
+        raise error("transfer.hand_over", given=stamp(end), begin=stamp(begin),
+                    last=stamp(last))  # fmt: skip
+    if end is not None:
+        inside &= time <= end
+    if np.sum(inside) < LEAST:
+        raise error("transfer.overlap", first=stamp(first), last=stamp(last),
+                    begin=stamp(float(time[0])), end=stamp(float(time[-1])),
+                    used=int(np.sum(inside)), least=LEAST)  # fmt: skip
+    used = table[inside]
+    end = float(time[inside][-1]) if end is None else end
+    near = SPARE + settings.longest_delay + BEYOND
+    rows = np.searchsorted(log.time, [float(time[inside][0]) - near, end + SPARE])
+    some = log[slice(int(rows[0]), int(rows[1]))]
+    step, allowed = np.diff(some.time), max(LONGEST_GAP, 2.0 * some.interval)
+    if step.max() > allowed:
+        at = float(some.time[np.argmax(step)])
+        raise error("transfer.gap", count=int(np.sum(step > allowed)), time=stamp(at),
+                    longest=span(float(step.max())), allowed=span(allowed))  # fmt: skip
+    return end, used, increments_of(some, gaps="bridge")

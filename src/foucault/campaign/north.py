@@ -1,0 +1,366 @@
+"""North from a file, and the folder of that: all that its report needs.
+
+A file is a campaign of a north seeker, or readings whose titles say all. The folder holds::
+
+    north.json        every set-up: angles, covariance, bound, budget, checks, findings [SI, rad]
+    fixes.csv         a row per set-up for a spreadsheet, in degrees
+    fixes.parquet     the same in SI, with covariance and budget
+    dwells.parquet    every reading with its fit and residual
+    report.html       for people, written by `report.north`
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault import run_folder
+from foucault.arrays import FloatArray
+from foucault.campaign.reading import load as load_campaign
+from foucault.campaign.running import Said, calibration_of, noise_of, read_log
+from foucault.campaign.tables import SiteTable
+from foucault.errors import error, finding
+from foucault.escape import csv_cell
+from foucault.files import plain_json
+from foucault.logs import indexed
+from foucault.logs.indexed_own import description_of
+from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise, mean_variance
+from foucault.procedures import Progress, silent
+from foucault.procedures.north_seeking.fix import Survey, find_north
+from foucault.procedures.north_seeking.settings import Settings
+from foucault.result import Result
+from foucault.run_folder import RESULT_FILE, Record
+from foucault.tables import IndexedLog
+
+if TYPE_CHECKING:
+    from foucault.procedures.north_seeking.fix import Survey
+
+PROCEDURE = "north_seeking"
+
+
+@dataclass(frozen=True)
+class _Read:
+    """Readings, and what their file says of them."""
+
+    log: IndexedLog
+    instrument: dict[str, Any]
+    site: Mapping[str, Any]
+    settings: Settings
+    noise: ImuNoise | None
+    prior: Mapping[str, tuple[float, float]]
+
+
+def run(
+    readings: str | Path,
+    said: Said | None = None,
+    *,
+    calibration: str | Path | None = None,
+    progress: Progress = silent,
+) -> Survey:
+    """Find the heading of every set-up of a file.
+
+    `readings`: a campaign file, or a CSV or Parquet file whose titles carry the units; `said` or
+    None: what is said beside it; `calibration` or None: run folder or result.json of the
+    calibration; `progress`: called with the fraction done and what is being done. Returns the
+    solution of all set-ups [SI].
+    """
+    said, path = said or Said(), Path(readings)
+    # A wrong calibration shows before a long log is read.
+    known: dict[str, str] = {}
+    result: Result | None = None
+    if calibration is not None:
+        result, known = calibration_of(Path(calibration))
+    read = _campaign(path, said, progress) if path.suffix == ".toml" else _bare(path, said)
+    settings = Settings.model_validate(read.settings.model_dump() | dict(said.settings or {}))
+    instrument = read.instrument | ({"serial": said.serial} if said.serial else {})
+    survey = find_north(
+        read.log, site=_site(read, said, settings), settings=settings,
+        noise=_noise(read, said), calibration=result, prior=read.prior, instrument=instrument,
+        progress=progress,
+    )  # fmt: skip
+    findings = survey.findings
+    if survey.compensation.serial and not instrument.get("serial"):
+        findings += (finding("north.whose", serial=survey.compensation.serial),)
+    made = survey.provenance | {"settings": settings.model_dump(), "calibration": known}
+    return replace(survey, findings=findings, provenance=made)
+
+
+def _campaign(path: Path, said: Said, progress: Progress) -> _Read:
+    campaign = load_campaign(path)
+    if campaign.procedure != PROCEDURE:
+        raise error("north.other_campaign", file=path, given=campaign.procedure)
+    if said.reads is not None:
+        raise error("north.reads_declared", file=path)
+    log = read_log(campaign, progress)
+    return _Read(
+        log, campaign.instrument, campaign.tables.site.model_dump(), campaign.settings,
+        campaign.noise, campaign.prior,
+    )  # fmt: skip
+
+
+def _bare(path: Path, said: Said) -> _Read:
+    description, told = description_of(path, said.reads)
+    log = indexed.read(description, path.parent)
+    return _Read(replace(log, findings=told + log.findings), {}, {}, Settings(), None, {})
+
+
+def _site(read: _Read, said: Said, settings: Settings) -> Site:
+    site = {**read.site, **said.site}
+    if read.log.latitude is not None and site.get("latitude") is None:
+        return _of_log(read.log, site)
+    if settings.unknown_latitude and site.get("gravity") is None and site.get("latitude") is None:
+        raise error("north.fix_gravity")
+    if not settings.unknown_latitude and site.get("latitude") is None:
+        raise error("north.fix_latitude")
+    return SiteTable.model_validate(site).site()
+
+
+def _of_log(log: IndexedLog, site: Mapping[str, Any]) -> Site:
+    """Return the place of the first set-up, where the log alone says the latitudes."""
+    assert log.latitude is not None
+    known = np.isfinite(log.latitude)
+    said = set(log.setup[known].tolist())
+    without = [name for k, name in enumerate(log.names) if k not in said]
+    if without:
+        raise error("north.place_missing", count=len(without), name=without[0])
+    first = float(log.latitude[np.argmax(known)])
+    return SiteTable.model_validate({**site, "latitude": first}).site()
+
+
+def _noise(read: _Read, said: Said) -> ImuNoise | None:
+    if read.noise is None:
+        for given, mine, missing, other in (
+            ("gyro", said.gyro_white, "accelerometers", said.accel_white),
+            ("accelerometers", said.accel_white, "gyro", said.gyro_white),
+        ):
+            needed = missing == "gyro" or read.log.accel is not None
+            if mine is not None and other is None and needed:
+                raise error("north.noise_half", given=given, missing=missing)
+    return noise_of(said, read.noise)
+
+
+Columns = dict[str, tuple[Any, str]]
+
+ANGLES = ("heading", "pitch", "roll", "latitude")
+
+UNRESOLVED = "sign of the vertical rate"
+"""What the budget calls the uncertainty that covers both roots, where neither can be told."""
+
+COVERED = {"north.ambiguous": "one heading", "north.dwell_short": "accuracy"}
+"""Findings that say what a check says too -> the check."""
+
+ROUNDING = 1e-3
+"""Part of a variance that may be missing in the sum of its sources [1]."""
+
+
+def record(survey: Survey) -> Record:
+    """Return what the folder of a survey keeps."""
+    return run_folder.record("north", _document(survey), {"dwells": _dwells(survey)})
+
+
+def save(survey: Survey, folder: str | Path) -> Record:
+    """Write the folder of a survey, without its report; an earlier one in it is replaced."""
+    if (Path(folder) / RESULT_FILE).exists():
+        raise error("north.folder", folder=folder)
+    about = _document(survey)
+    tables = {"dwells": _dwells(survey), "fixes": _fixes(about)}
+    return run_folder.write(folder, "north", about, tables, {"fixes.csv": _csv(about)})
+
+
+def load(folder: str | Path) -> Record:
+    """Read a folder back."""
+    return run_folder.read(folder, "north")
+
+
+# -- north.json ----------------------------------------------------------------------------
+
+
+def _document(survey: Survey) -> dict[str, Any]:
+    out = {
+        "instrument": survey.instrument,
+        "site": asdict(survey.site),
+        "known": asdict(survey.known),
+        "noise": {"source": survey.noise_source} | asdict(survey.noise),
+        "calibration": survey.calibration,
+        "coefficients": {
+            row["name"]: {k: row[k] for k in ("value", "sd", "unit")}
+            for row in survey.compensation.coefficients.rows()
+        },
+        "drift_sd": "free" if np.isinf(survey.drift_sd) else survey.drift_sd,
+        "findings": [f.as_dict() for f in survey.findings],
+        "setups": [_setup(survey, i) for i in range(len(survey.fixes))],
+        "provenance": survey.provenance,
+    }
+    return {key: plain_json(value) for key, value in out.items()}
+
+
+def _setup(survey: Survey, i: int) -> dict[str, Any]:
+    fixes, pairs, dwells = survey.fixes, survey.pairs, survey.dwells.of(i)
+    sd = fixes.sd[i]
+    verdict = survey.verdicts[i]
+    end = float(np.max(dwells.start + dwells.time))
+    out: dict[str, Any] = {"name": survey.dwells.names[i]}
+    for k, angle in enumerate(ANGLES):
+        value = {"value": fixes.angles[i, k], "sd": sd[k], "bound": survey.bound[i, k]}
+        out[angle] = value
+    other = dict(zip(ANGLES, fixes.other[i], strict=True))
+    return out | {
+        "verdict": str(verdict.level),
+        "reasons": list(verdict.reasons),
+        "warnings": _warnings(survey, i),
+        "reference_heading": survey.dwells.heading[i],
+        "covariance": fixes.cov[i].tolist(),
+        "budget": _budget(survey, i),
+        "ambiguous": fixes.ambiguous[i],
+        "other": other | {"square": fixes.other_square[i] - fixes.square[i]},
+        "clamped": fixes.clamped[i],
+        "solved": fixes.status[i] == 0,
+        "rate": {"x": pairs.values[i, 0], "y": pairs.values[i, 1]},
+        "specific_force": {"x": pairs.values[i, 2], "y": pairs.values[i, 3]},
+        "gyro_offset": pairs.offset[i],
+        "gyro_drift": pairs.drift[i],
+        "drift_effect": survey.drift_effect[i],
+        "chi_square": {
+            sensor: {"value": pairs.chi_square[i, k], "dof": pairs.dof[i, k]}
+            for k, sensor in enumerate(("gyro", "accel"))
+        },
+        "dwells": len(dwells),
+        "measured": float(dwells.time.sum()),
+        "start": float(dwells.start.min()),
+        "duration": end - float(dwells.start.min()),
+        "checks": [asdict(c) for c in survey.checks[i]],
+        "findings": [f.as_dict() for f in survey.setup_findings[i]],
+    }
+
+
+def _warnings(survey: Survey, i: int) -> str:
+    """Return why a set-up did not pass, and what else was noticed, as one text."""
+    failed = {c.name for c in survey.checks[i] if not c.passed}
+    noticed = [
+        f.message for f in survey.setup_findings[i]
+        if f.severity != "note" and COVERED.get(f.code) not in failed
+    ]  # fmt: skip
+    return " ".join([*survey.verdicts[i].reasons, *noticed])
+
+
+def _budget(survey: Survey, i: int) -> dict[str, dict[str, float]]:
+    """Return standard deviations by source, negative where a source makes the sum smaller."""
+    variances = {name: variance[i] for name, variance in survey.fixes.sources.items()}
+    rest = np.diagonal(survey.fixes.cov[i]) - sum(variances.values())
+    if rest[0] > ROUNDING * survey.fixes.cov[i, 0, 0]:
+        variances[UNRESOLVED] = rest
+    return {
+        name: dict(zip(ANGLES, np.sign(v) * np.sqrt(np.abs(v)), strict=True))
+        for name, v in variances.items()
+    }
+
+
+# -- tables --------------------------------------------------------------------------------
+
+
+def _dwells(survey: Survey) -> Columns:
+    """Return every reading with its fit, and what the figures need of it."""
+    d, pairs = survey.dwells, survey.pairs
+    each = pairs.values[d.setup]
+    turned = each[:, 0] * d.sine + each[:, 1] * d.cosine
+    out: Columns = {
+        "setup": (d.setup, ""),
+        "name": (np.array(d.names, object)[d.setup], ""),
+        "start": (d.start, "s"),
+        "time": (d.time, "s"),
+        "index": (d.index, "rad"),
+        "cosine": (d.cosine, "1"),
+        "sine": (d.sine, "1"),
+        "gyro": (d.gyro, "rad/s"),
+        "gyro_fit": (pairs.fit, "rad/s"),
+        "gyro_constant": (pairs.fit - turned, "rad/s"),  # offset and drift
+        "gyro_sd": (np.sqrt(mean_variance(survey.noise.gyro, d.time, d.interval)), "rad/s"),
+        "residual": (pairs.residuals, "1"),
+    }
+    if d.accel is None:
+        return out
+    sd = np.sqrt(mean_variance(survey.noise.accel, d.time, d.interval))
+    if d.accel.shape[1] == 2:
+        out["accel_x"], out["accel_y"] = (d.accel[:, 0], "m/s^2"), (d.accel[:, 1], "m/s^2")
+    else:
+        turned = each[:, 2] * d.sine + each[:, 3] * d.cosine
+        out["accel"] = (d.accel[:, 0], "m/s^2")
+        out["accel_constant"] = (_offset(d.accel[:, 0] - turned, sd, d.setup), "m/s^2")
+        out["accel_residual"] = (pairs.accel_residuals, "1")
+    return out | {"accel_sd": (sd, "m/s^2")}
+
+
+def _offset(left: FloatArray, sd: FloatArray, setup: npt.NDArray[np.int64]) -> FloatArray:
+    """Return the mean of what the tilt leaves of each set-up, for every row, shape (n,)."""
+    weight = np.ones_like(sd) if not sd.all() else sd**-2
+    return np.asarray((np.bincount(setup, weight * left) / np.bincount(setup, weight))[setup])
+
+
+def _fixes(about: Mapping[str, Any]) -> Columns:
+    """Return a row per set-up in SI."""
+    rows = about["setups"]
+    out: Columns = {"setup": ([r["name"] for r in rows], "")}
+    for angle in ANGLES:
+        for key, name in (("value", angle), ("sd", f"{angle}_sd"), ("bound", f"{angle}_bound")):
+            out[name] = (_numbers(r[angle][key] for r in rows), "rad")
+    for i, one in enumerate(ANGLES):
+        for k, two in enumerate(ANGLES[:i]):
+            covariance = _numbers(r["covariance"][i][k] for r in rows)
+            out[f"covariance_{two}_{one}"] = (covariance, "rad^2")
+    for source in dict.fromkeys(name for r in rows for name in r["budget"]):
+        part = _numbers(r["budget"].get(source, {}).get("heading") for r in rows)
+        out[f"heading_sd.{source}"] = (part, "rad")
+    reference = _numbers(r["reference_heading"] for r in rows)
+    out |= {
+        "reference_heading": (reference, "rad"),
+        "other_heading": (_numbers(r["other"]["heading"] for r in rows), "rad"),
+        "ambiguous": ([r["ambiguous"] for r in rows], ""),
+        "gyro_offset": (_numbers(r["gyro_offset"] for r in rows), "rad/s"),
+        "gyro_drift": (_numbers(r["gyro_drift"] for r in rows), "rad/s^2"),
+        "drift_effect": (_numbers(r["drift_effect"] for r in rows), "rad"),
+        "dwells": ([r["dwells"] for r in rows], "1"),
+        "measured": (_numbers(r["measured"] for r in rows), "s"),
+        "verdict": ([r["verdict"] for r in rows], ""),
+        "warnings": ([r["warnings"] for r in rows], ""),
+    }
+    return out
+
+
+def _numbers(values: Any) -> FloatArray:
+    return np.array([np.nan if v is None else v for v in values], float)
+
+
+def _csv(about: Mapping[str, Any]) -> str:
+    """Return a row per set-up as people want it: degrees, and words."""
+    titles = ["set-up"]
+    for angle in ANGLES:
+        titles += [f"{angle} (deg)", f"{angle} sd (deg)"]
+    titles += ["bound of the heading sd (deg)", "reference heading (deg)", "other heading (deg)",
+               "gyro offset (deg/h)", "dwells", "measured (s)", "verdict", "warnings"]  # fmt: skip
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(titles)
+    for r in about["setups"]:
+        cells = [r["name"]]
+        for angle in ANGLES:
+            value = _degrees(r[angle]["value"])
+            turned = angle == "heading" and value == _degrees(2 * np.pi)  # rounded up to north
+            cells += [_degrees(0.0) if turned else value, _degrees(r[angle]["sd"])]
+        other = r["other"]["heading"] if r["ambiguous"] else None
+        cells += [_degrees(v) for v in (r["heading"]["bound"], r["reference_heading"], other)]
+        offset = "" if r["gyro_offset"] is None else f"{3600 * np.degrees(r['gyro_offset']):.6f}"
+        cells += [offset, str(r["dwells"]), f"{r['measured']:.3f}", r["verdict"], r["warnings"]]
+        writer.writerow([csv_cell("" if cell is None else cell) for cell in cells])
+    return stream.getvalue()
+
+
+def _degrees(value: float | None) -> str:
+    return "" if value is None else f"{np.degrees(value):.6f}"

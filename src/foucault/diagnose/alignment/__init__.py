@@ -1,1 +1,0 @@
-"""Whether an alignment can be trusted, and agrees with another."""

@@ -1,1 +1,0 @@
-"""Allan deviations, and the noise that explains them."""

@@ -1,1 +1,0 @@
-"""A session by hand: what is wrong with it, its checks, and the parts of its report."""

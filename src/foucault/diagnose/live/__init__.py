@@ -1,1 +1,0 @@
-"""What is told while a session is being recorded."""

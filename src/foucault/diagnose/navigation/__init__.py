@@ -1,1 +1,0 @@
-"""Errors of a navigation: against a reference, standing still, and what they come from."""

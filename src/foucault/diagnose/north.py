@@ -1,0 +1,520 @@
+"""What a north seeker's stops show, whether they agree, and what made them disagree.
+
+Stops, times and sizes are looked at before north is sought; noise and drift are measured where
+nobody has said what they are; fixes are judged, set-up by set-up.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from foucault.arrays import FloatArray
+from foucault.diagnose.checks import check
+from foucault.errors import Finding, FoucaultError, error, finding
+from foucault.estimate.north import Fixes, Known, compensated, solve
+from foucault.estimate.north_reduction import UNSEEN, Nuisance, Pairs, reduce, turn_rate
+from foucault.infer.gauss_newton import Component, chi_square_limits
+from foucault.logs.checks import long_enough, moment, noisy, standstill
+from foucault.models.earth import EARTH_RATE
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.north_seeker import Compensation, Dwells
+from foucault.models.rotation import turned
+from foucault.result import Check, Level
+from foucault.tables import IndexedLog
+from foucault.units import plain, span
+
+TOO_FAST = 1.5
+"""Horizontal rate, in Earth rates, that no noise within reason gives [1]."""
+
+ROWS = 8
+"""Fewer rows may well read the same [1]."""
+
+SIDES = ("right accelerometer", "forward accelerometer")
+"""Two accelerometers that stay with the case."""
+
+MANY_SD = 6.0
+"""What differs by so many standard deviations is no noise [1]."""
+
+OVERLAP = 0.9
+"""Means that begin within this share of the one before overlap; clocks are coarse [1]."""
+
+UNITS = ("north.index_unit", "north.gyro_unit", "north.accel_unit")
+"""Findings of the reader that a unit looks wrong."""
+
+BY_UNITS = (
+    "north.sense", "north.index_zero", "north.gyro_scale", "north.undetermined", "north.too_fast",
+    "north.tilt",
+)  # fmt: skip
+"""Errors that a wrong unit leads to."""
+
+
+def alive(log: IndexedLog) -> tuple[Finding, ...]:
+    """Refuse a sensor that reads one value throughout; name one that does so for a while [SI]."""
+    columns = [("gyro", "gyro", log.gyro)]
+    # A log that is free of noise, as made up ones are, has no stuck accelerometers.
+    if log.accel is not None and (log.averaged is not None or noisy(log.gyro)):
+        names = ("accelerometer",) if log.accel.shape[1] == 1 else SIDES
+        columns += [("accel", *each) for each in zip(names, log.accel.T, strict=True)]
+    needed = ROWS if log.averaged is not None else long_enough(log.interval)
+    found = []
+    for triad, sensor, x in columns:
+        if triad == "accel" and log.averaged is not None and not x.any():
+            continue  # means that say 0 throughout: it was levelled, to the digits that are given
+        still = (0, len(x) - 1) if len(x) >= ROWS and np.ptp(x) == 0 else None
+        still = still or standstill(x, needed)
+        if still is None:
+            continue
+        start, end = still
+        rows = end + 1 - start
+        if triad == "gyro" or rows == len(x):
+            unit, one = ("deg/h", np.pi / 180 / 3600) if triad == "gyro" else ("m/s^2", 1.0)
+            value = f"{plain(float(x[start]) / one, 5)} {unit}"
+            raise error("north.stuck", sensor=sensor, triad=triad, value=value, rows=rows,
+                        of=len(x))  # fmt: skip
+        axis = "column" if len(columns) == 2 else sensor.split()[0]
+        first, last = (moment(log.time[k] - log.time[0]) for k in still)
+        found.append(finding("log.stuck", triad=triad, axis=axis, start=first, end=last))
+    return tuple(found)
+
+
+def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
+    """Look at the index angles of every set-up: missing, repeated, too few.
+
+    `dwells`: readings [SI]; `known`: a rough heading and how level the case stands, if they were
+    given. Raises ``north.stops`` and ``north.stops_tilt`` where they do not show the heading or
+    the tilt.
+    """
+    patterns = [_pattern(dwells.of(i)) for i in range(len(dwells.names))]
+    found: list[Finding] = []
+    times = Counter(map(tuple, patterns))
+    for pattern, count in times.items():  # set-ups with the same stops are named once
+        angles = list(pattern)
+        name = dwells.names[patterns.index(angles)]
+        name += f" and {count - 1} more" * (count > 1)
+        distinct = sorted(set(angles))
+        if not spans(distinct):
+            if known.near is None:
+                raise error("north.stops", name=name, stops=_list(distinct))
+            on_base = dwells.accel is not None and dwells.accel.shape[1] == 1
+            if on_base and known.level_sd is None:
+                raise error("north.stops_tilt", name=name, stops=_list(distinct))
+        found += _opposites(name, angles, distinct) if len(angles) < 24 else []
+    found += _overlaps(dwells)
+    usual, often = Counter(map(tuple, map(sorted, patterns))).most_common(1)[0]
+    if often > 1 and often > len(patterns) / 2:
+        for name, angles in zip(dwells.names, patterns, strict=True):
+            if len(angles) != len(usual):
+                found.append(
+                    finding("north.stops_differ", name=name, given=len(angles),
+                            angles=_list(angles), most=len(usual))
+                )  # fmt: skip
+    return tuple(found)
+
+
+def _pattern(d: Dwells) -> list[int]:
+    """Return the index angles of a set-up in order, in whole degrees."""
+    return [round(float(np.degrees(a))) % 360 for a in d.index]
+
+
+def _list(angles: list[int]) -> str:
+    some = ", ".join(str(a) for a in angles[:12])
+    return some + (", ..." if len(angles) > 12 else "")
+
+
+def spans(angles: list[int]) -> bool:
+    """Tell whether constant, cosine and sine over whole-degree `angles` [deg] are told apart."""
+    a = np.radians(np.array(angles, float))
+    design = np.stack([np.ones_like(a), np.cos(a), np.sin(a)], 1)
+    return len(a) >= 3 and bool(np.linalg.svd(design, compute_uv=False)[-1] > 0.05)
+
+
+def _opposites(name: str, angles: list[int], distinct: list[int]) -> list[Finding]:
+    found = []
+    for stop in distinct:
+        missing = (stop + 180) % 360
+        if not any(abs((a - missing + 180) % 360 - 180) <= 2 for a in distinct):
+            found.append(finding("north.opposite_missing", name=name, stop=stop, missing=missing))
+            break
+    twice = [a for a, b in pairwise(angles) if a == b]
+    if twice and len(set(Counter(angles).values())) > 1:  # a palindrome has each as often
+        rest = _list([a for a in distinct if a != twice[0]])
+        found.append(finding("north.stop_repeated", name=name, stop=twice[0], other=rest))
+    return found
+
+
+def late_index(dwells: Dwells, lag_sd: float | None) -> tuple[Finding, ...]:
+    """Say what an index late by `lag_sd` [s], which nobody said, does where the base turns."""
+    first = dwells.of(0)
+    if lag_sd is not None or not len(first) or not first.rotates:
+        return ()
+    rate = turn_rate(first)
+    half = dwells.interval / 2
+    return (
+        finding("north.index_lag", rate=f"{np.degrees(rate):.3g}", lag=span(half),
+                effect=f"{np.degrees(rate * half):.2g}"),
+    )  # fmt: skip
+
+
+def _overlaps(dwells: Dwells) -> list[Finding]:
+    """Notice means that begin long before the one before has ended."""
+    step = np.diff(dwells.start)
+    early = (step < OVERLAP * dwells.time[:-1]) & (np.diff(dwells.setup) == 0)
+    if not early.any():
+        return []
+    row = int(np.argmax(early))
+    return [finding("north.overlap", name=dwells.names[dwells.setup[row]],
+                    dwell=f"{dwells.time[row]:.4g}", step=f"{step[row]:.4g}")]  # fmt: skip
+
+
+def require_plausible(
+    dwells: Dwells, pairs: Pairs, known: Known, compensation: Compensation
+) -> None:
+    """Refuse `pairs` [SI] that say more than the Earth's rate, or more than gravity."""
+    numbers = compensated(pairs.values, known.gravity, compensation)
+    cov = pairs.cov
+    for axes, limit, size, code in (
+        (slice(0, 2), TOO_FAST, EARTH_RATE, "north.too_fast"),
+        (slice(2, 4), 1.0, known.gravity, "north.tilt"),
+    ):
+        length = np.linalg.norm(numbers[:, axes], axis=1)
+        sd = np.sqrt(np.einsum("nii->n", cov[:, axes, axes])) / size
+        wrong = np.flatnonzero((length - limit > MANY_SD * sd) & (sd < np.sqrt(UNSEEN) * 1e-2))
+        if len(wrong):
+            worst = int(wrong[np.argmax(length[wrong])])
+            raise error(code, name=dwells.names[worst], size=f"{length[worst]:.4g}")
+
+
+@contextmanager
+def units_first(findings: tuple[Finding, ...]) -> Iterator[None]:
+    """Let a wrong unit that the reader has noticed explain what fails because of it."""
+    try:
+        yield
+    except FoucaultError as problem:
+        for seen in findings:
+            if problem.code in BY_UNITS and seen.code in UNITS:
+                words = f"{problem.message} {seen.message}"
+                raise FoucaultError(seen.code, words, seen.cure) from None
+        raise
+
+
+GUESS = ImuNoise(TriadNoise(white=1e-3), TriadNoise(white=1e-6))
+"""Noise to start from where none is known [SI]."""
+
+FEWEST = 5
+"""Redundant readings that a noise level needs at least [1]."""
+
+NEARLY_FREE = 1.1
+"""A drift is estimated by itself where it makes no rate less certain than by this factor [1]."""
+
+
+def from_residuals(
+    pairs: Pairs, accelerometers: bool, more: Sequence[Component] = ()
+) -> ImuNoise | None:
+    """Measure white noise by what the fits over the index angle leave.
+
+    `pairs`: set-ups, reduced with the noise of `GUESS` [SI]; `more`: how gyro, and accelerometers,
+    fit over the set-ups, with the noise of `GUESS`. Returns white noise of both [SI]; None where
+    either has too few redundant readings.
+    """
+    square, dof = pairs.chi_square.sum(axis=0), pairs.dof.sum(axis=0).astype(float)
+    for k, over in enumerate(more):
+        square[k] += over.chi_square
+        dof[k] += over.redundancy
+    if dof[0] < FEWEST or (accelerometers and dof[1] < FEWEST):
+        return None
+    # From few readings the noise itself is uncertain: errors over their sd are then Student's t,
+    # whose variance is dof / (dof - 2).
+    scale = np.sqrt(square / np.maximum(dof - 2.0, 1.0))
+    accel = replace(GUESS.accel, white=GUESS.accel.white * float(scale[1]))
+    gyro = replace(GUESS.gyro, white=GUESS.gyro.white * float(scale[0]))
+    return ImuNoise(accel if accelerometers else TriadNoise(), gyro)
+
+
+def drift_sd(
+    dwells: Dwells, noise: ImuNoise, wanted: Literal["auto", "none", "linear"], known: float | None
+) -> float:
+    """Return the standard deviation that the drift is given beforehand [rad/s^2].
+
+    `dwells`: readings [SI]; `noise`: noise of the sensors [SI]; `known` or None: declared
+    standard deviation [rad/s^2]. Returns 0 where the drift is taken as none, infinite where it is
+    estimated freely.
+    """
+    if wanted == "none":
+        return 0.0
+    if known is not None:
+        return known
+    if wanted == "linear":
+        return float("inf")
+    plain, free = (reduce(dwells, noise, Nuisance(drift_sd=sd)) for sd in (0.0, np.inf))
+    if np.any(free.dof[:, 0] < 1):
+        return 0.0
+    ratio = _sizes(free) / _sizes(plain)
+    return float("inf") if np.all(ratio < NEARLY_FREE**2) else 0.0
+
+
+def _sizes(pairs: Pairs) -> FloatArray:
+    """Return the larger variance of the two rates of every set-up, shape (m,) [rad^2/s^2]."""
+    return np.asarray(np.max(np.linalg.eigvalsh(pairs.cov[:, :2, :2]), axis=1))
+
+
+def signal_to_noise(fixes: Fixes, pairs: Pairs) -> FloatArray:
+    """Return the Earth's horizontal rate over the gyro's uncertainty across it, shape (m,) [1].
+
+    Level that is ``w_ie cos L / sd``: one over what the gyro alone leaves uncertain of the heading.
+
+    `fixes`: solutions with their budget [rad]; `pairs`: set-ups [SI].
+    """
+    gyro = [v[:, 0] for name, v in fixes.sources.items() if name.startswith("gyro")]
+    out = 1.0 / np.sqrt(np.maximum(np.sum(gyro, axis=0), 1e-300))
+    # Where the rate along z is lost it is that, and not the gyro, which leaves heading uncertain.
+    lost = fixes.status == 1
+    level = EARTH_RATE * np.cos(fixes.angles[:, 3]) / np.sqrt(_sizes(pairs))
+    return np.where(lost, level, out)
+
+
+SEES = 3.0
+"""Horizontal Earth rate over its sd below which heading is guesswork [1]."""
+
+TESTS = 4
+"""Statistical tests of a set-up, which share its false alarms: scatter of gyro and accelerometer,
+rate and latitude, level [1]."""
+
+FAR_OUT = 6.0
+"""A set-up whose readings scatter by more than this was disturbed [sd]."""
+
+STEEP = np.radians(89.5)
+"""At a tilt beyond this heading is hardly defined [rad]."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What the judgement looks at."""
+
+    dwells: Dwells  # readings [SI]
+    pairs: Pairs  # four numbers of every set-up [SI]
+    fixes: Fixes  # solutions [rad]
+    known: Known  # place, and what decided between solutions
+    noise: ImuNoise  # noise that was taken [SI]
+    noise_source: str  # where it comes from
+    accuracy: float | None  # wanted standard deviation of the heading [rad]
+    # (m,) how far the accelerometers depart from level, of `level_square` [1]; None where there are
+    # none, or nothing was said of the level
+    level: FloatArray | None = None
+
+
+def checks(j: Judged, calibration: Level | None) -> tuple[tuple[Check, ...], ...]:
+    """Return the tests of every set-up.
+
+    `calibration` or None: verdict of the calibration that was used.
+    """
+    ratio = signal_to_noise(j.fixes, j.pairs)
+    shared: list[Check] = []
+    if j.noise_source != "from the residuals" and len(j.fixes) > 1:
+        shared = [c for k in (0, 1) if (c := _scatter_of_all(j, k)) is not None]
+    return tuple(_checks(j, i, float(ratio[i]), calibration, shared) for i in range(len(j.fixes)))
+
+
+def _checks(
+    j: Judged, i: int, ratio: float, calibration: Level | None, shared: list[Check]
+) -> tuple[Check, ...]:
+    if not np.isfinite(j.fixes.angles[i]).all():
+        return (_solved(j, i),)
+    out = [_solved(j, i), _sees(ratio)]
+    if j.noise_source != "from the residuals":
+        out += [c for k in (0, 1) if (c := _scatter(j, i, k)) is not None] + shared
+    elif (fitting := _fitting(j, i)) is not None:
+        out.append(fitting)
+    if j.known.latitude is not None:
+        out.append(_norm(j, i))
+    if j.level is not None:
+        out.append(_level(float(j.level[i])))
+    out.append(_ambiguous(j, i))
+    out.append(_upright(j, i))
+    if j.accuracy is not None:
+        out.append(_accurate(float(j.fixes.sd[i, 0]), j.accuracy))
+    if calibration is not None and calibration is not Level.PASS:
+        given = {"level": calibration.value}
+        out.append(check("calibration used", "calibration", 0.0, 1.0, None, given,
+                         fails=calibration))  # fmt: skip
+    return tuple(out)
+
+
+def _solved(j: Judged, i: int) -> Check:
+    status, finite = int(j.fixes.status[i]), bool(np.isfinite(j.fixes.angles[i]).all())
+    fine = status in (0, 1) and finite
+    words = {
+        0: "The solution converged.",
+        1: "The rate along the axis of the base is lost in the noise: both its signs are covered "
+        "by the uncertainty.",
+        2: "The solution did not settle.",
+        3: "The readings do not determine the attitude.",
+    }.get(status, "A reading is not a finite number.")
+    given = {"advice": words}
+    return check("converged", "solved", float(fine), 1.0, None, given, fails=Level.UNUSABLE)
+
+
+def _sees(ratio: float) -> Check:
+    factor = SEES / max(ratio, 1e-9)
+    given = {"ratio": plain(ratio, 3), "factor": factor, "times": factor**2}
+    name = "sees the Earth"
+    return check(name, name, ratio, SEES, None, given, fails=Level.UNUSABLE)
+
+
+def _scatter(j: Judged, i: int, sensor: int) -> Check | None:
+    dof, value = int(j.pairs.dof[i, sensor]), float(j.pairs.chi_square[i, sensor])
+    what = ("gyro", "accelerometer")[sensor]
+    then = ": a disturbance, a drift, too few digits, or more noise than was said."
+    return _noise(j, sensor, f"{what} over index angle", f"the {what}", value, dof, then)
+
+
+def _scatter_of_all(j: Judged, sensor: int) -> Check | None:
+    """Test all set-ups together, but those far out: a little too much noise in each."""
+    dof, value = j.pairs.dof[:, sensor], j.pairs.chi_square[:, sensor]
+    usual = (dof > 0) & (value <= FAR_OUT**2 * dof)
+    total, n = float(value[usual].sum()), int(dof[usual].sum())
+    name = ("gyro", "accelerometer")[sensor] + " over all set-ups"
+    then = ": there is more noise than was said, or the bias wanders."
+    return None if n < 2 else _noise(j, sensor, name, f"the {name}", total, n, then)
+
+
+def _noise(
+    j: Judged, sensor: int, name: str, what: str, value: float, dof: int, then: str
+) -> Check | None:
+    if dof < 1 or (sensor == 1 and not j.noise.accel.white):
+        return None
+    ratio = np.sqrt(value / dof)
+    given = {"what": what, "ratio": ratio, "dof": dof, "then": then, "overstated": "the noise is"}
+    return check("noise", name, value, None, chi_square_limits(dof, tests=TESTS)[1], given)
+
+
+def _norm(j: Judged, i: int) -> Check:
+    value, high = float(j.fixes.square[i]), chi_square_limits(1, tests=TESTS)[1]
+    name = "rate and latitude"
+    return check(name, name, value, None, high, {"sd": np.sqrt(value)})
+
+
+def _level(value: float) -> Check:
+    given = {"what": "case", "ratio": np.sqrt(value / 2)}
+    return check("level", "level", value, None, chi_square_limits(2, tests=TESTS)[1], given)
+
+
+def _ambiguous(j: Judged, i: int) -> Check:
+    heading, latitude = np.degrees(j.fixes.other[i, [0, 3]])
+    given = {"heading": heading, "latitude": latitude}
+    fine = float(not j.fixes.ambiguous[i])
+    return check("one heading", "one heading", fine, 1.0, None, given)
+
+
+def _upright(j: Judged, i: int) -> Check:
+    _, pitch, roll, _ = j.fixes.angles[i]
+    tilt = np.arccos(np.clip(np.cos(pitch) * np.cos(roll), -1.0, 1.0))
+    return check("tilt", "tilt", float(np.degrees(tilt)), None, float(np.degrees(STEEP)))
+
+
+def _accurate(sd: float, wanted: float) -> Check:
+    return check("accuracy", "accuracy", float(np.degrees(sd)), None, float(np.degrees(wanted)))
+
+
+def findings(j: Judged) -> tuple[tuple[Finding, ...], ...]:
+    """Return what was noticed of every set-up."""
+    return tuple(tuple(_findings(j, i)) for i in range(len(j.fixes)))
+
+
+def _findings(j: Judged, i: int) -> list[Finding]:
+    name, f = j.dwells.names[i], j.fixes
+    found = []
+    if f.ambiguous[i]:
+        other, latitude = np.degrees(f.other[i, [0, 3]])
+        found.append(finding("north.ambiguous", name=name, other=f"{other:.3f}",
+                             latitude=f"{latitude:.2f}"))  # fmt: skip
+    if f.clamped[i] and j.known.latitude is None:
+        size = np.linalg.norm(j.pairs.values[i, :2]) / EARTH_RATE
+        found.append(finding("north.clamped", name=name, size=f"{size:.4f}"))
+    if j.known.near is not None:
+        near = np.broadcast_to(j.known.near, len(f))[i]
+        away = abs(float(turned(f.angles[i, 0] - near)))
+        if away > 3 * j.known.near_sd:
+            found.append(finding("north.far", name=name, away=f"{np.degrees(away):.0f}"))
+    if j.accuracy is not None and not f.sd[i, 0] <= j.accuracy:
+        sd, wanted = (f"{np.degrees(v):.4g}" for v in (f.sd[i, 0], j.accuracy))
+        cure = _longer(j, i)
+        found.append(finding("north.dwell_short", name=name, sd=sd, wanted=wanted, cure=cure))
+    return found + _outlier(j, i)
+
+
+def _longer(j: Judged, i: int) -> str:
+    """Say how long to dwell, where that helps."""
+    assert j.accuracy is not None
+    white = sum(v[i, 0] for k, v in j.fixes.sources.items() if k in ("gyro noise", "tilt: noise"))
+    rest = float(j.fixes.cov[i, 0, 0] - white)
+    room = j.accuracy**2 - rest
+    if room <= 0:
+        sources = {k: v[i, 0] for k, v in j.fixes.sources.items() if "noise" not in k}
+        largest = max(sources, key=lambda k: float(sources[k]))
+        return (
+            f"Longer dwells do not help: {np.degrees(np.sqrt(rest)):.4g} deg come from other "
+            f"sources, most of all '{largest}'."
+        )
+    dwell = float(np.median(j.dwells.of(i).time)) * float(white) / room
+    return f"Dwell at least {dwell:.0f} s at each stop, with the same order."
+
+
+def _worst(j: Judged, i: int) -> tuple[int, float, float] | None:
+    """Return the reading that fits worst: its row, its test over the limit, and its size [sd].
+
+    Noise measured by the residuals of the file is measured anew without it.
+    """
+    from scipy.special import fdtri
+
+    rows = np.flatnonzero(j.dwells.setup == i)
+    total = int(j.pairs.dof[:, 0].sum())
+    if j.pairs.dof[i, 0] < 1:
+        return None
+    square = np.nan_to_num(j.pairs.residuals[rows]) ** 2
+    limit = chi_square_limits(1, tests=len(rows))[1]
+    if j.noise_source == "from the residuals":
+        square = square * total / (total - 2.0)  # as it was before Student's factor
+        square = square * (total - 1.0) / np.maximum(total - square, 1e-9)
+        limit = float(fdtri(1.0, total - 1.0, 1 - 0.01 / len(j.dwells)))
+    worst = int(np.argmax(square))
+    return int(rows[worst]), float(square[worst] / limit), float(np.sqrt(square[worst]))
+
+
+def _fitting(j: Judged, i: int) -> Check | None:
+    found = _worst(j, i)
+    if found is None:
+        return None
+    given = {"what": "reading", "size": found[2]}
+    return check("worst", "every reading fits", found[1], None, 1.0, given)
+
+
+def _outlier(j: Judged, i: int) -> list[Finding]:
+    """Name the reading that stands out; with one redundant reading all look alike."""
+    found = _worst(j, i)
+    if found is None or found[1] <= 1 or j.pairs.dof[i, 0] < 2:
+        return []
+    stop = f"{np.degrees(j.dwells.index[found[0]]) % 360:.1f}"
+    return [finding("north.reading_outlier", name=j.dwells.names[i], stop=stop,
+                    size=f"{found[2]:.1f}")]  # fmt: skip
+
+
+def drift_effect(
+    pairs: Pairs, fixes: Fixes, known: Known, compensation: Compensation, drift: float
+) -> FloatArray:
+    """Return what a linear drift that is not estimated does to each heading, shape (m,) [rad].
+
+    `pairs`: set-ups, with what a drift does to the four numbers [SI]; `fixes`: their solutions
+    [rad]; `drift`: [rad/s^2].
+    """
+    near = np.where(np.isfinite(fixes.angles[:, 0]), fixes.angles[:, 0], 0.0)
+    step = 1e-3 * drift
+    moved = replace(pairs, values=pairs.values + step * pairs.drift_slope)
+    again = solve(moved, known, compensation)
+    return np.asarray(turned(again.angles[:, 0] - near) / 1e-3)

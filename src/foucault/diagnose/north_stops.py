@@ -1,0 +1,390 @@
+"""Does a calibration hold here: its stops, its temperature, a reference heading.
+
+Offsets that repeat with the stop, beyond those that look like a rate: twice per turn, or any.
+
+Four stops with four biases have one combination that no rate makes, b(0) + b(180) - b(90) -
+b(270). It cancels in the rates of the same stops, but not in the residuals, where it would pass for
+noise. Over many set-ups it is the mean of the residuals at each stop.
+
+A gyro whose gains differ from sense to sense, or from axis to axis of the base (ref. [1], eqs.
+(36)-(37)), has such a combination too, and it goes with the rates of the set-up: over headings it
+is the slope of the residuals at each stop against the rates along x_b and y_b. What the stops share
+is in the coefficients.
+
+References
+----------
+.. [1] Liu Cheng, "Parameter compensation algorithm for four-position FOG north seeker",
+   Piezoelectrics & Acoustooptics, 2016.
+
+What a plan for north seeking will give, before anything is measured.
+
+Readings without noise are made for set-ups at all headings, and solved by what solves readings of
+the field: the standard deviations are those that the field solution will state, source by source.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.errors import Finding, finding
+from foucault.estimate.north import Fixes, Known, solve
+from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
+from foucault.models.earth import EARTH_RATE, gravity
+from foucault.models.noise import ImuNoise
+from foucault.models.north_seeker import Compensation, Dwells, earth_rate_b, up_b
+from foucault.models.rotation import turned
+from foucault.units import ZERO_CELSIUS
+
+NEAR_STOP = np.radians(2.0)
+"""Index angles that differ by less are the same stop [rad]."""
+
+WARM = 5.0
+"""Temperatures within so much of those of the calibration are the same [K]."""
+
+CONTRADICTS = 4.0
+"""A heading further from its reference than this contradicts it [sd]."""
+
+
+def other_conditions(
+    dwells: Dwells, temperature: FloatArray | None, validity: Mapping[str, Any]
+) -> tuple[Finding, ...]:
+    """Compare stops and temperature with those of the calibration.
+
+    `dwells`: readings [SI]; `temperature` (n,) or None: of the instrument [K]; `validity`: what
+    the result of the calibration says of itself.
+    """
+    found = []
+    calibrated = [float(a) for a in validity.get("index") or ()]
+    if calibrated:
+        apart = np.abs(turned(dwells.index[:, None] - np.radians(calibrated))).min(axis=1)
+        others = sorted({round(a) % 360 for a in np.degrees(dwells.index[apart > NEAR_STOP])})
+        if others:
+            given = "stops at " + _list(others) + " deg" if len(others) < 24 else "turned"
+            found.append(finding("north.other_stops", given=given, calibrated=_list(calibrated)))
+    said = validity.get("temperature")
+    if said and temperature is not None:
+        low, high = float(np.min(temperature)), float(np.max(temperature))
+        if low < said[0] - WARM or high > said[1] + WARM:
+            found.append(finding("north.other_temperature", given=_range(low, high),
+                                 calibrated=_range(*said)))  # fmt: skip
+    return tuple(found)
+
+
+def contradicted(
+    dwells: Dwells, fixes: Fixes, heading_sd: float
+) -> tuple[tuple[Finding, ...], ...]:
+    """Compare every heading with the reference in the file, where there is one.
+
+    `dwells`: with reference headings, NaN where there are none [rad]; `fixes`: solutions [rad];
+    `heading_sd`: standard deviation of the references [rad].
+    """
+    away = turned(fixes.angles[:, 0] - dwells.heading)
+    size = np.abs(away) / np.sqrt(fixes.cov[:, 0, 0] + heading_sd**2)
+    return tuple(
+        (finding("north.reference", name=name, away=f"{np.degrees(a):.3g}", size=f"{z:.1f}"),)
+        if z > CONTRADICTS
+        else ()
+        for name, a, z in zip(dwells.names, away, size, strict=True)
+    )
+
+
+def _list(angles: list[Any]) -> str:
+    return ", ".join(f"{a:g}" for a in angles[:8]) + ", ..." * (len(angles) > 8)
+
+
+def _range(low: float, high: float) -> str:
+    one, two = f"{low - ZERO_CELSIUS:.0f}", f"{high - ZERO_CELSIUS:.0f}"
+    return one if one == two else f"{one} to {two}"
+
+
+FEWEST = 6
+"""Set-ups with the same stops that it takes to see what repeats [1]."""
+
+SIGNIFICANT = 1e-3
+"""Offsets are worth a word where chance gives so much less often than this [1]."""
+
+
+def stop_offsets(
+    dwells: Dwells, noise: ImuNoise, nuisance: Nuisance
+) -> tuple[dict[str, float], float]:
+    """Return what the gyro reads too much at each stop.
+
+    It is taken off whether it is significant or not: that costs one set-up's redundant readings,
+    while what is there and left in would pass for noise.
+
+    `dwells`: set-ups with the same stops in the same order [SI]; `noise`: noise of the sensors,
+    its size does not matter [SI]. Returns `offsets`: index angle in whole degrees -> offset
+    [rad/s]; empty where these set-ups do not show it; `chance`: how often chance gives so much
+    [1].
+    """
+    stops = _alike(dwells)
+    if stops is None:
+        return {}, 1.0
+    before = reduce(dwells, noise, nuisance)
+    if before.dof[:, 0].min() < 1:
+        return {}, 1.0
+    left = dwells.gyro - before.fit
+    found = {f"{stop}": float(left[stops == stop].mean()) for stop in np.unique(stops)}
+    return found, _chance(before, reduce(without(dwells, found), noise, nuisance), spent=0, more=1)
+
+
+def _chance(before: Pairs, after: Pairs, *, spent: int, more: int) -> float:
+    """Return how often chance lets the residuals fall by so much, by an F test [1].
+
+    `spent`, `more`: numbers that were taken off each stop before, and now [1].
+    """
+    from scipy.special import fdtrc
+
+    total, rest = (float(p.chi_square[:, 0].sum()) for p in (before, after))
+    shared = int(before.dof[0, 0])
+    gained, free = float(more * shared), float(shared * (len(before) - spent - more))
+    ratio = (total - rest) / gained / max(rest / free, 1e-300)
+    return float(fdtrc(gained, free, max(ratio, 0.0)))
+
+
+Gains = dict[str, list[float]]
+"""Index angle in whole degrees -> what the gyro reads too much there, as a part of the rates along
+x_b and y_b [1]."""
+
+GAINS = 0.01
+"""Gains that differ are taken off where chance gives so much less often than this [1]."""
+
+
+def stop_gains(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[Gains, float]:
+    """Return by what part of the rates the gyro reads too much at each stop, beyond what all share.
+
+    `dwells`: set-ups with the same stops in the same order, offsets of the stops taken off [SI];
+    `noise`: noise of the sensors, its size does not matter [SI]. Returns `gains`: by index angle
+    [1]; empty where the test does not see them; `chance`: how often chance gives so much [1].
+    """
+    stops = _alike(dwells)
+    if stops is None:
+        return {}, 1.0
+    before = reduce(dwells, noise, nuisance)
+    if before.dof[:, 0].min() < 1:
+        return {}, 1.0
+    left = dwells.gyro - before.fit
+    rates = before.values[dwells.setup, :2]
+    found: Gains = {}
+    for stop in np.unique(stops):
+        at = stops == stop
+        design = np.column_stack([np.ones(at.sum()), rates[at]])
+        found[f"{stop}"] = np.linalg.lstsq(design, left[at], rcond=None)[0][1:].tolist()
+    after = reduce(without_gains(dwells, found, before.values), noise, nuisance)
+    chance = _chance(before, after, spent=1, more=2)
+    return (found if chance < GAINS else {}), chance
+
+
+def without_gains(dwells: Dwells, gains: Gains, values: FloatArray) -> Dwells:
+    """Take off what gains of single stops make of the rates.
+
+    `dwells`: readings [SI]; `gains`: by index angle [1]; `values` (m, 4): rates along x_b and y_b
+    of every set-up, and two numbers that do not count [SI].
+    """
+    if not gains:
+        return dwells
+    rates = values[dwells.setup, :2]
+    table = np.array(list(gains.values()))
+    nearest, there = _nearest(dwells, gains)
+    more = np.einsum("ni,ni->n", table[nearest], rates)
+    return replace(dwells, gyro=dwells.gyro - np.where(there, more, 0.0))
+
+
+def gain_words(gains: Gains, chance: float) -> tuple[Finding, ...]:
+    """Say which `gains` by index angle [1] were found, by chance so often: `chance` [1]."""
+    if not gains:
+        return ()
+    size = f"{1e6 * max(abs(k) for row in gains.values() for k in row):.2g}"
+    return (finding("north.stop_gains", size=size, p=f"{chance:.1g}"),)
+
+
+def _alike(dwells: Dwells) -> IntArray | None:
+    """Return the index angles of all rows in whole degrees where all set-ups have the same."""
+    m = len(dwells.names)
+    k = len(dwells) // max(m, 1)
+    if dwells.turning is not None and dwells.turning.any():
+        return None
+    stops = np.round(np.degrees(dwells.index)).astype(int) % 360
+    if m < FEWEST or len(dwells) != m * k or np.any(stops.reshape(m, k) != stops[:k]):
+        return None
+    return np.asarray(stops)
+
+
+def without(dwells: Dwells, offsets: Mapping[str, float]) -> Dwells:
+    """Take the `offsets`, index angle in degrees -> offset [rad/s], off the same stops."""
+    if not offsets or (dwells.turning is not None and dwells.turning.any()):
+        return dwells
+    nearest, there = _nearest(dwells, offsets)
+    values = np.array(list(offsets.values()))[nearest]
+    return replace(dwells, gyro=dwells.gyro - np.where(there, values, 0.0))
+
+
+def _nearest(dwells: Dwells, stops: Mapping[str, object]) -> tuple[IntArray, BoolArray]:
+    """Return which of the stops each row is at, and whether it is there."""
+    known = np.radians([float(stop) for stop in stops])
+    apart = np.abs(turned(dwells.index[:, None] - known))
+    nearest = apart.argmin(axis=1)
+    return nearest, apart[np.arange(len(dwells)), nearest] < NEAR_STOP
+
+
+def spent(pairs: Pairs, setups: int = 1) -> Pairs:
+    """Count redundant readings of so many `setups` [1] as used up by the offsets and gains."""
+    dof = pairs.dof.copy()
+    dof[:setups, 0] = 0
+    return replace(pairs, dof=dof)
+
+
+def words(offsets: Mapping[str, float], chance: float) -> tuple[Finding, ...]:
+    """Say which `offsets`, by index angle [rad/s], are significant, by chance `chance` [1]."""
+    if not offsets or chance > SIGNIFICANT:
+        return ()
+    most = max(offsets, key=lambda stop: abs(offsets[stop]))
+    size = f"{np.degrees(offsets[most]) * 3600:.2g}"
+    return (finding("north.stop_offsets", size=size, stop=most),)
+
+
+HEADINGS = np.radians(np.arange(15.0, 360.0, 30.0))
+"""Headings that are averaged over; 45 deg is where drift does most to four positions [rad]."""
+
+LINEAR_DRIFT = "linear drift"
+LOST_RATE = "rate along the axis"
+"""What the solution adds where that rate, which tells an unknown latitude, is lost in the noise."""
+
+SMALL = 1e-3
+"""Size of a drift that is tried, over all of the time, in Earth's rates [1]."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Instrument, place, and what is known."""
+
+    latitude: float  # positive north [rad]
+    noise: ImuNoise  # of the sensors [SI]
+    latitude_sd: float = 0.0  # standard deviation of the latitude [rad]
+    latitude_known: bool = True  # false where the readings have to tell the latitude too
+    tilt: float = 0.0  # up to which the case may be tilted [rad]
+    drift: float = 0.0  # size of a linear drift of the gyro [rad/s^2]
+    # whether the solution estimates it, with `drift` as prior standard deviation
+    drift_estimated: bool = True
+    index_sd: float = 0.0  # of every index angle [rad]
+    level_sd: float | None = None  # without accelerometers: how well the case is levelled [rad]
+    # the instrument's calibration, with covariance
+    compensation: Compensation = field(default_factory=Compensation)
+    # of the gyro's constant offset, infinite where the readings have to tell it [rad/s]
+    offset_sd: float = np.inf
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a plan gives, over all headings."""
+
+    sd: float  # standard deviation of the heading, root mean square [rad]
+    worst: float  # at the worst heading [rad]
+    sources: dict[str, float]  # mean variance of the heading by source [rad^2]
+    drift_error: float  # largest error by a linear drift of 1 rad/s^2 that is not estimated [s^2]
+
+    @property
+    def largest(self) -> str:
+        """The source with the largest share."""
+        return max(self.sources, key=lambda name: self.sources[name])
+
+
+def poses(tilt: float) -> FloatArray:
+    """Return headings, pitches and rolls to average over, of up to `tilt`, shape (m, 3) [rad]."""
+    if tilt == 0:
+        return np.stack([HEADINGS, 0 * HEADINGS, 0 * HEADINGS], 1)
+    size = tilt / np.sqrt(3)  # root mean square of sizes that are spread evenly
+    towards = np.radians(np.arange(45.0, 360.0, 90.0))
+    h, t = (x.ravel() for x in np.meshgrid(HEADINGS, towards, indexing="ij"))
+    return np.stack([h, size * np.cos(t), size * np.sin(t)], 1)
+
+
+def predict(
+    dwells: Dwells, at: FloatArray, conditions: Conditions, *, near: bool = False,
+    drift: bool = True, on_case: bool | None = None,
+) -> Prediction:  # fmt: skip
+    """Predict the standard deviation of the heading.
+
+    `dwells`: the stops of m set-ups, their readings are of no interest [SI]; `at` (m, 3):
+    heading, pitch and roll of each [rad]; `conditions`: instrument, place, and what is known
+    [SI]; `near`: whether a rough heading decides between solutions. Its two stops do not show the
+    tilt in both directions to one accelerometer that turns with them: two on the case are taken;
+    `drift`: whether to find the error by drift too, NaN without; `on_case`: whether two
+    accelerometers stay with the case, None takes them for a rough heading alone.
+    """
+    made = readings(dwells, at, conditions, on_case=near if on_case is None else on_case)
+    prior = conditions.drift if conditions.drift_estimated else 0.0
+    fixes = _solved(_reduced(made, conditions, prior), at, conditions, near)
+    ignored = bool(conditions.drift) and not conditions.drift_estimated
+    moved = np.full(len(at), np.nan)
+    if drift or ignored:
+        moved = _moved_by_drift(made, at, conditions, near)
+    sources = {name: v[:, 0] for name, v in fixes.sources.items()}
+    variance = fixes.cov[:, 0, 0]
+    if ignored:
+        sources[LINEAR_DRIFT] = (conditions.drift * moved) ** 2
+        variance = variance + sources[LINEAR_DRIFT]
+    left = variance - np.asarray(sum(sources.values()))
+    if (left > 1e-3 * variance).any():
+        sources[LOST_RATE] = np.maximum(left, 0.0)
+    return Prediction(
+        float(np.sqrt(variance.mean())), float(np.sqrt(variance.max())),
+        {name: float(v.mean()) for name, v in sources.items()},
+        float(np.abs(moved).max()),
+    )  # fmt: skip
+
+
+def readings(
+    dwells: Dwells, at: FloatArray, conditions: Conditions, *, on_case: bool = False
+) -> Dwells:
+    """Return dwells with the readings that the instrument gives without noise.
+
+    `dwells`: the stops of m set-ups [SI]; `at` (m, 3): heading, pitch and roll of each [rad];
+    `conditions`: instrument and place [SI]; `on_case`: whether two accelerometers stay with the
+    case, instead of one that turns with the gyro.
+    """
+    heading, pitch, roll = at.T
+    w_b = earth_rate_b(heading, pitch, roll, np.full(len(at), conditions.latitude))
+    f_b = gravity(conditions.latitude) * up_b(pitch, roll)
+    four = conditions.compensation.predict(w_b, f_b)[dwells.setup]
+    axis = np.stack([dwells.sine, dwells.cosine], 1)
+    gyro = np.sum(axis * four[:, :2], axis=1)
+    accel = four[:, 2:] if on_case else np.sum(axis * four[:, 2:], axis=1, keepdims=True)
+    if conditions.level_sd is not None:
+        accel = None
+    return replace(dwells, gyro=gyro, accel=accel)
+
+
+def _reduced(made: Dwells, conditions: Conditions, drift_sd: float) -> Pairs:
+    nuisance = Nuisance(
+        offset_sd=conditions.offset_sd, drift_sd=drift_sd, index_sd=conditions.index_sd
+    )
+    return reduce(made, conditions.noise, nuisance)
+
+
+def _solved(pairs: Pairs, at: FloatArray, conditions: Conditions, near: bool) -> Fixes:
+    known = Known(
+        gravity(conditions.latitude),
+        conditions.latitude if conditions.latitude_known else None,
+        conditions.latitude_sd,
+        "north" if conditions.latitude >= 0 else "south",
+        near=at[:, 0] if near else None,
+        level_sd=conditions.level_sd,
+    )
+    return solve(pairs, known, conditions.compensation)
+
+
+def _moved_by_drift(made: Dwells, at: FloatArray, conditions: Conditions, near: bool) -> FloatArray:
+    """Return what a drift of 1 rad/s^2 that is not estimated does to each heading [s^2]."""
+    middle = made.start + made.time / 2
+    size = SMALL * EARTH_RATE / float(middle.max())
+    headings = [
+        _solved(_reduced(d, conditions, 0.0), at, conditions, near).angles[:, 0]
+        for d in (made, replace(made, gyro=made.gyro + size * middle))
+    ]
+    return np.asarray(turned(headings[1] - headings[0]) / size)

@@ -1,1 +1,0 @@
-"""Constant rates of a table: steps, norms, and the report of both."""

@@ -1,1 +1,0 @@
-"""Rests, turns and spins of a systematic calibration: found, judged and reported."""

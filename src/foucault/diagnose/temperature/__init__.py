@@ -1,1 +1,0 @@
-"""Whether coefficients follow the functions of temperature that were fitted."""

@@ -1,1 +1,0 @@
-"""A platform tumble: input, checks, and what its motion shows."""

@@ -1,1 +1,0 @@
-"""The time offset of two instruments on one body."""

@@ -1,1 +1,0 @@
-"""Rests on the six faces, and turns between them."""

@@ -1,1 +1,0 @@
-"""Rests by hand and the turns between them."""

@@ -1,1 +1,0 @@
-"""North from the stops of one gyro, and the calibration of what seeks it."""

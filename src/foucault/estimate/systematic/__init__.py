@@ -1,1 +1,0 @@
-"""Every instrument error from velocities at rest."""

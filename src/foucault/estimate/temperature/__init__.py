@@ -1,1 +1,0 @@
-"""Coefficients as functions of temperature, and how many terms they need."""

@@ -1,1 +1,0 @@
-"""A slave's errors from what its master says."""

@@ -1,1 +1,0 @@
-"""A torqued cluster in continuous rotation: calibrated and aligned at once."""

@@ -1,0 +1,209 @@
+"""What residuals follow: the time, as a coefficient that drifts, or a term that was left out.
+
+With white residuals r of a solution and its Jacobian J, a coefficient that changed in proportion to
+time, by d from the first observation to the last, adds ``d c`` to the residuals, where c is the
+coefficient's column of J times the time of each row, from -1/2 to 1/2. With c' the part of c that
+the unknowns do not explain::
+
+    d = c'.r / c'.c'        t = d |c'| / s
+
+and t has Student's distribution, s the root mean square of what the drift leaves of the residuals:
+scatter that was fitted to a drift does not hide it.
+
+Terms that were left out are tested in the same way, their own columns for c, several together by
+the F distribution. Neither needs to know how large the noise is: it is all that can be tested where
+the residuals alone tell it.
+
+References
+----------
+.. [1] R. D. Cook, S. Weisberg, *Residuals and Influence in Regression*, Chapman and Hall, 1982,
+   section 2.4 (added variables).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from foucault.arrays import FloatArray, IntArray
+from foucault.infer.gauss_newton import FALSE_ALARM
+from foucault.result import Linearised
+from foucault.tables import AXES
+
+SHOWN = 1e-4
+"""A drift of which less than this share shows in the residuals is not tested [1]."""
+
+LITTLE = 0.01
+"""A kind of observation with less than this share in a drift does not count [1]."""
+
+ENOUGH = 3.0
+"""With fewer degrees of freedom besides it a drift is not told from chance [1]."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """The drift that the residuals show most clearly."""
+
+    name: str  # the coefficient, or accel.scale or gyro.scale for all three alike
+    # size, sd: how much it changed from the first observation to the last [SI]
+    size: float
+    sd: float
+    dof: float  # degrees of freedom that the sd was found from [1]
+    limit: float = np.inf  # `ratio` that chance allows for the largest of all [1]
+
+    @property
+    def ratio(self) -> float:
+        """The drift over its sd, without sign [1]."""
+        return abs(self.size) / self.sd
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is more than chance."""
+        return self.ratio > self.limit
+
+
+def by_time(time: FloatArray) -> FloatArray:
+    """Return `time` (k,) [s] from -1/2, the first, to 1/2, the last, shape (k,) [1]."""
+    span = float(np.ptp(time))
+    return np.asarray((time - time.min()) / span - 0.5) if span > 0 else np.zeros(len(time))
+
+
+def find_drift(
+    at: Linearised,
+    names: Sequence[str],
+    time: FloatArray,
+    *,
+    kinds: IntArray | None = None,
+    candidates: FloatArray | None = None,
+) -> Drift | None:
+    """Look for the coefficient whose drift explains the residuals best.
+
+    `at`: the problem linearised at its solution, everything that was estimated in its columns;
+    `time` (blocks,): middle of each observation [s]; `kinds` (blocks,): kind of each observation,
+    which has a scatter of its own, None for one kind; `candidates` (m, p): what a drift of each
+    coefficient does to the white residuals, where whitening mixes observations, None: each row of
+    `at` times its time. Returns None where nothing would show.
+    """
+    from scipy.special import stdtrit
+
+    moment = np.where(at.blocks >= 0, by_time(time)[at.blocks], 0.0)
+    c = at.jacobian[:, : len(names)] * moment[:, None] if candidates is None else candidates
+    what = list(names)
+    for family in ("accel.scale", "gyro.scale"):  # what warms up changes all three alike
+        mine = [k for k, name in enumerate(names) if name.startswith(f"{family}.")]
+        if len(mine) == len(AXES):
+            what.append(family)
+            c = np.column_stack([c, c[:, mine].sum(axis=1)])
+    left, r, free = _unexplained(at, c)
+    kind = _kind_of_rows(at, kinds)
+    square = np.sum(left**2, axis=0)
+    shown = square > SHOWN * np.maximum(np.sum(c**2, axis=0), 1e-300)
+    found: list[Drift] = []
+    for k in np.flatnonzero(shown).tolist():
+        drift = float(left[:, k] @ r / square[k])
+        variance, dof = _variance(left[:, k], r - drift * left[:, k], free, kind)
+        if dof >= ENOUGH and variance > 0:
+            found.append(Drift(what[k], drift, float(np.sqrt(variance)), dof))
+    if not found:
+        return None
+    alpha = FALSE_ALARM / len(found)
+    told = [replace(one, limit=float(-stdtrit(one.dof, alpha / 2))) for one in found]
+    return max(told, key=lambda one: one.ratio / one.limit)
+
+
+def _unexplained(at: Linearised, c: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what the unknowns leave of columns and residuals, and the redundancy of each row."""
+    size = np.linalg.norm(at.jacobian, axis=0)
+    basis, s, _ = np.linalg.svd(at.jacobian[:, size > 0] / size[size > 0], full_matrices=False)
+    basis = basis[:, s > 1e-10 * s.max(initial=0.0)]
+    r = at.residuals - basis @ (basis.T @ at.residuals)
+    return c - basis @ (basis.T @ c), r, 1 - np.sum(basis**2, axis=1)
+
+
+def _kind_of_rows(at: Linearised, kinds: IntArray | None) -> IntArray:
+    kind = np.zeros(int(at.blocks.max(initial=0)) + 1, int) if kinds is None else kinds
+    return np.where(at.blocks >= 0, kind[at.blocks], -1)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Terms that were left out, as the residuals show them, all together."""
+
+    names: tuple[str, ...]
+    # size, sd: (k,) what they would be, and its standard deviation; NaN where nothing shows [SI]
+    size: FloatArray
+    sd: FloatArray
+    ratio: float  # mean square that they explain over that of what remains [1]
+    dof: float  # degrees of freedom of what remains [1]
+    limit: float  # `ratio` that chance allows [1]
+
+    @property
+    def significant(self) -> bool:
+        """Whether they are more than chance."""
+        return self.ratio > self.limit
+
+
+def find_left_out(
+    at: Linearised, names: Sequence[str], columns: FloatArray, *, kinds: IntArray | None = None
+) -> LeftOut | None:
+    """Test whether the residuals follow terms that were not estimated.
+
+    `at`: the problem linearised at its solution, everything that was estimated in its columns;
+    `columns` (m, k): what each of them does to the white residuals [1 / SI]; `kinds` (blocks,) or
+    None: kind of each observation, what the terms do not touch says nothing of them. Returns None
+    where nothing would show.
+    """
+    from scipy.special import fdtri
+
+    left, r, free = _unexplained(at, columns)
+    shown = np.sum(left**2, axis=0) > SHOWN * np.maximum(np.sum(columns**2, axis=0), 1e-300)
+    if not shown.any():
+        return None
+    unit = np.linalg.norm(left[:, shown], axis=0)
+    Q, s, V = np.linalg.svd(left[:, shown] / unit, full_matrices=False)
+    seen = s > np.sqrt(SHOWN)
+    Q, V = Q[:, seen], V[seen] / s[seen, None]
+    explained, kind = Q.T @ r, _kind_of_rows(at, kinds)
+    share = np.sum(Q**2, axis=1)
+    touched = [k for k in np.unique(kind[kind >= 0]) if share[kind == k].sum() > LITTLE]
+    mine = np.isin(kind, touched)
+    dof = float(np.sum((free - share)[mine]))
+    remains = float(np.sum((r - Q @ explained)[mine] ** 2))
+    if dof < ENOUGH or remains <= 0:
+        return None
+    variance, k = remains / dof, int(seen.sum())
+    size, sd = np.full((2, len(names)), np.nan)
+    size[shown] = V.T @ explained / unit
+    sd[shown] = np.sqrt(variance * np.sum(V**2, axis=0)) / unit
+    ratio = float(explained @ explained) / k / variance
+    return LeftOut(tuple(names), size, sd, ratio, dof, float(fdtri(k, dof, 1 - FALSE_ALARM)))
+
+
+def _variance(
+    left: FloatArray, rest: FloatArray, free: FloatArray, kind: IntArray
+) -> tuple[float, float]:
+    """Return the variance of a drift and its degrees of freedom, each kind with its own scatter.
+
+    Several scatters added have the degrees of freedom of Welch and Satterthwaite. What a prior
+    says, of a bias that wanders too, is believed as it is: its rows have the variance 1. Where most
+    of the drift is in them the observations tell no scatter of their own: there is one for all.
+    """
+    square = float(left @ left)
+    believed = float(np.sum(left[kind < 0] ** 2)) / square**2
+    if believed * square > 0.5:
+        kind, believed = np.zeros_like(kind), 0.0
+    parts, dofs = [], []
+    for one in np.unique(kind[kind >= 0]):
+        mine = kind == one
+        share = float(left[mine] @ left[mine]) / square
+        dof = float(np.sum(free[mine])) - share
+        if share > LITTLE:
+            if dof < 1:
+                return 0.0, 0.0
+            parts.append(share * float(rest[mine] @ rest[mine]) / dof / square)
+            dofs.append(dof)
+    total = believed + sum(parts)
+    wide = sum(v**2 / dof for v, dof in zip(parts, dofs, strict=True))
+    return total, total**2 / wide if wide > 0 else 0.0

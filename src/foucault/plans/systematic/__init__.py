@@ -1,1 +1,0 @@
-"""Sequences of a systematic calibration: built in, from a file, or searched for."""

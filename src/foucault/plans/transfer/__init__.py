@@ -1,1 +1,0 @@
-"""Motions on which a slave is calibrated in its vehicle."""

@@ -1,1 +1,0 @@
-"""How a torqued cluster is turned, within what its rig allows."""

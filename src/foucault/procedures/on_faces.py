@@ -1,0 +1,196 @@
+"""What procedures on the six faces have in common: the settings, the solution and the result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from pydantic import Field
+
+from foucault.coefficients import CoefficientVector
+from foucault.detect.faces import Faces, find_faces
+from foucault.detect.noise import measure_noise
+from foucault.detect.stretches import How, Rests, detection_table
+from foucault.diagnose import faces as face_checks
+from foucault.diagnose import faces as face_report
+from foucault.diagnose import hand_rotated as session_report
+from foucault.diagnose.checks import unseen_sizes
+from foucault.diagnose.faces import FaceEvidence
+from foucault.errors import Finding
+from foucault.estimate.faces import FaceNoise, closed_form, on_faces, unbiased
+from foucault.guard.rest import first_rest, same_unit
+from foucault.infer import mixed
+from foucault.infer.snooping import snoop
+from foucault.logs.checks import spared
+from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise, SessionNoise
+from foucault.models.rests_and_turns import TurnReadings, face_name
+from foucault.plans.directions import RestPlan, face_plan
+from foucault.procedures import record
+from foucault.result import Result
+from foucault.strict import Strict
+from foucault.tables import SPIKES, Log, range_below_g
+from foucault.units import AngleSd, Seconds
+
+
+class FaceSettings(record.EarthRate, record.Terms):
+    """What can be chosen of rests on faces; procedures add their own."""
+
+    placement_sd: AngleSd | None = Field(default=None, ge=0, examples=["5 arcmin"])
+    """How far a placement is off about each axis (block and support together). Left out: found from
+    the residuals."""
+    accel_quadratic: bool = False
+    """Estimate the accelerometers' quadratic terms too: errors of placement look much the same."""
+    sections: dict[str, list[int]] | None = Field(
+        default=None, examples=[{"x_p": [540, 1271], "x_a": [1620, 2361]}]
+    )
+    """First sample and the sample after the last of every rest, by name: x_p, x_a, y_p, y_a, z_p,
+    z_a. Left out: found in the log."""
+    window: record.Window = 0.5
+    shortest: record.Shortest = 1.0
+    threshold: record.Threshold = None
+
+
+class FaceSession(Strict):
+    """The session on faces that `simulate` makes."""
+
+    rest_time: record.RestTime = 10.0
+    move_time: Seconds = Field(default=2.0, gt=0)
+    """Length of the move from one face to the next."""
+    rate: record.SampleRate = 100.0
+    kind: record.Sampling = "rate"
+    placement_sd: AngleSd = Field(default=0.0, ge=0)
+    """How far placements are off, about each of two axes."""
+
+    def plan(self, settings: Any, seed: int) -> RestPlan:
+        """Return the rests; `seed`: seed of what is drawn of them [1]."""
+        return face_plan(
+            rest_time=self.rest_time, move_time=self.move_time,
+            placement_sd=self.placement_sd, seed=seed,
+        )  # fmt: skip
+
+
+def found_faces(log: Log, site: Site, settings: FaceSettings) -> Faces:
+    """Find the rests on faces, and compare the first with its declaration.
+
+    `log`: readings [SI].
+    """
+    how = How(settings.window, settings.shortest, settings.threshold)
+    faces = find_faces(log, site.gravity, sections=settings.sections, how=how)
+    same_unit(faces.readings.accel, site.gravity)
+    told = first_rest(log, faces.readings.up_k[0])
+    return replace(faces, findings=(*faces.findings, *told))
+
+
+def noise_of(
+    log: Log, faces: Faces, turns: TurnReadings | None, declared: ImuNoise | None
+) -> FaceNoise:
+    """Return the noise of the readings: as declared, else as measured in the rests.
+
+    `log`: readings [SI]; `turns` or None: the turns; `declared` or None: noise of the instrument
+    [SI].
+    """
+    if log.averaged is not None:
+        return FaceNoise.of_means(declared, faces.readings)
+    counts = log.sampled == "increment"
+    if declared is not None:
+        noise = SessionNoise.declared(declared, log.interval, counts)
+        return FaceNoise.sampled(noise, faces.readings, turns, "declared")
+    assert log.accel is not None
+    rests = Rests(faces.first, faces.last)
+    accel, gyro = (
+        measure_noise(x, log.interval, rests, increments=counts)
+        for x in (log.accel, log.accel if log.gyro is None else log.gyro)
+    )
+    noise = SessionNoise.measured(accel, gyro)
+    return FaceNoise.sampled(noise, faces.readings, turns, "measured")
+
+
+def solve(
+    log: Log,
+    faces: Faces,
+    turns: TurnReadings | None,
+    site: Site,
+    names: tuple[str, ...],
+    noise: ImuNoise | None,
+    given: tuple[float | None, float | None, float | None],
+    prior: Mapping[str, tuple[float, float]],
+) -> FaceEvidence:
+    """Solve the model of rests and turns.
+
+    `log`: readings [SI]; `turns` or None: the turns; `noise` or None: declared noise [SI];
+    `given`: placement, level and angle as declared, or None [rad]; `prior`: mean and standard
+    deviation of coefficients or groups [SI].
+    """
+    scene, start = closed_form(faces.readings, turns, site, names, log)
+    had = noise_of(log, faces, turns, noise)
+    model = on_faces(scene, start, names, had, given)
+    fit = mixed.fit(model, CoefficientVector.prior(model.layout, prior) if prior else None)
+    tested = snoop(fit.white, fit.estimate.state_cov)
+    fit = replace(fit, estimate=unbiased(fit.estimate))
+    return FaceEvidence(fit, model, faces, tested, given[0] is not None, given[2] is not None)
+
+
+def result_of(procedure: str, log: Log, e: FaceEvidence) -> Result:
+    """Make the result of what was solved.
+
+    `log`: readings [SI].
+    """
+    site, faces = e.scene.site, e.faces
+    validity = range_below_g(log, site.gravity, SPIKES)
+    checks = face_checks.checks(e)
+    tables: dict[str, Any] = {"readings": face_report.readings_table(e)}
+    if faces.rests is not None:
+        tables["detection"] = detection_table(log, faces.rests)
+    return record.result_of(
+        procedure,
+        e.fit,
+        checks,
+        site=site,
+        findings=(*_noticed(log, e), *faces.findings, *face_checks.findings(e)),
+        validity=validity,
+        diagnostics=_diagnostics(log, e, validity.get("gyro")),
+        tables=tables,
+        gain=e.gain,
+    )
+
+
+def _noticed(log: Log, e: FaceEvidence) -> tuple[Finding, ...]:
+    used = [(r.start, r.time) for r in (e.scene.rests, e.scene.turns) if r is not None]
+    return spared(log.findings, log, used, used)
+
+
+def _diagnostics(log: Log, e: FaceEvidence, rates: list[float] | None) -> dict[str, Any]:
+    estimate, r = e.fit.estimate, e.scene.rests
+    out: dict[str, Any] = {
+        "noise": session_report.noise_json(
+            e.model.noise.session, e.model.noise.source == "declared"
+        ),
+        "gravity": e.scene.site.gravity,
+        "unseen": [
+            *face_checks.unseen(e),
+            *unseen_sizes(estimate.coefficients, e.scene.site.gravity, rates),
+        ],
+        "placement_sd": e.tilt(0),
+        "placement_declared": e.placement_given,
+        "faces": [face_name(int(a), s) for a, s in zip(r.axis, r.sign, strict=True)],
+        "mounting": estimate.state.C_bk.tolist(),
+    }
+    if not e.model.noise.known:
+        out["noise"] = {"source": "unknown: from the residuals"}
+    if e.scene.turns is not None:
+        out |= {
+            "turns": face_checks.turns_in_words(e.scene),
+            "level_sd": e.tilt(1),
+            "angle_sd": e.tilt(2),
+        }
+    if e.faces.rests is not None:
+        rests = e.faces.rests
+        out["detection"] = {
+            "threshold": rests.threshold,
+            "window": rests.window * log.interval,
+            "rests": len(r),
+            "rest_time": float(r.time.sum()),
+        }
+    return out

@@ -1,1 +1,0 @@
-"""Instruments on a table: means of many at once, or the log of one."""

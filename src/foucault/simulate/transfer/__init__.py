@@ -1,1 +1,0 @@
-"""A master INS and a slave IMU on one vehicle."""

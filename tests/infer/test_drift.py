@@ -1,0 +1,140 @@
+"""Residuals against time: a drift is named with its size, chance is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from foucault.infer.drift import by_time, find_drift
+from foucault.infer.gauss_newton import FALSE_ALARM
+from foucault.models.noise import grade
+from foucault.procedures import ferraris, hand_rotated, rate_table
+from foucault.result import Level, Linearised
+from foucault.simulate.hand_rotated import draw_errors, simulate
+from make_faces import short_log
+from make_rates import make_readings, make_steps
+from make_session import SITE, short_plan
+
+NAMES = ("accel.scale.x", "accel.scale.y", "accel.scale.z", "accel.bias.x")
+TIME = np.sort(np.random.default_rng(5).uniform(10.0, 400.0, 16))
+MEMS = grade("mems").noise
+
+
+def solved(rng, drift=(0, 0, 0, 0), sd=(1.0, 1.0)):
+    """Sixteen observations of three rows and two kinds, fitted by four coefficients."""
+    J = rng.normal(size=(16, 3, 4))
+    noise = np.where(np.arange(16) < 8, *sd)[:, None] * rng.normal(size=(16, 3))
+    y = noise + J @ np.array(drift, float) * by_time(TIME)[:, None]
+    J, y = J.reshape(-1, 4), y.ravel()
+    r = y - J @ np.linalg.lstsq(J, y)[0]
+    return Linearised(r, J, np.repeat(np.arange(16), 3))
+
+
+def test_times_run_from_minus_a_half_to_a_half():
+    np.testing.assert_allclose(by_time(np.array([5.0, 7.0, 9.0])), [-0.5, 0.0, 0.5])
+    assert (by_time(np.full(3, 7.0)) == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("drift", "name", "size"),
+    [
+        ((0, 0, 0, 8.0), "accel.bias.x", 8.0),
+        ((0, -9.0, 0, 0), "accel.scale.y", -9.0),
+        ((5.0, 5.0, 5.0, 0), "accel.scale", 5.0),
+    ],
+)
+def test_a_drift_is_named_with_its_size(drift, name, size):
+    found = find_drift(solved(np.random.default_rng(1), drift), NAMES, TIME)
+    assert found.significant and found.name == name
+    assert abs(found.size - size) < 4 * found.sd < 4.0
+
+
+@pytest.mark.parametrize("sd", [(1.0, 1.0), (10.0, 1.0)])
+def test_chance_is_taken_for_a_drift_as_often_as_is_stated(sd):
+    """Scatter of any size, of each kind its own, since none is believed."""
+    rng, kinds = np.random.default_rng(2), np.repeat([0, 1], 8)
+    wrong = sum(
+        find_drift(solved(rng, sd=sd), NAMES, TIME, kinds=kinds).significant for _ in range(1500)
+    )
+    low, high = binom.ppf([0.005, 0.995], 1500, [FALSE_ALARM / 3, 1.3 * FALSE_ALARM])
+    assert low <= wrong <= high  # Welch's degrees of freedom are an approximation
+
+
+def test_scatter_fitted_to_a_drift_does_not_hide_it():
+    at = solved(np.random.default_rng(1), (0, 0, 0, 30.0))
+    size = np.sqrt(np.mean(at.residuals**2))
+    believed = replace(at, residuals=at.residuals / size, jacobian=at.jacobian / size)
+    one, other = (find_drift(x, NAMES, TIME) for x in (at, believed))
+    assert other.significant and other.ratio == pytest.approx(one.ratio)
+    assert other.size == pytest.approx(one.size)
+
+
+def test_what_would_not_show_is_not_judged():
+    rng = np.random.default_rng(1)
+    J = np.eye(4)
+    at = Linearised(rng.normal(size=4), J, np.arange(4))
+    assert find_drift(at, NAMES, TIME[:4]) is None  # nothing is redundant
+    still = solved(rng)
+    assert find_drift(still, NAMES, np.full(16, 3.0)) is None  # no time passes
+
+
+def the(result):
+    (check,) = [c for c in result.checks if c.name == "drift"]
+    return check
+
+
+def drifting(log, gyro=0.0, accel=0.0, scale=0.0):
+    tau = by_time(log.time)[:, None]
+    return replace(
+        log, gyro=log.gyro + gyro * tau, accel=log.accel * (1 + scale * tau) + accel * tau
+    )
+
+
+DRIFTS = [
+    ({"gyro": np.radians(0.03) * np.array([1, 0, 0])}, "gyro.bias.x had drifted by"),
+    ({"accel": 9.81e-3 * np.array([0, 1, 0])}, "accel.bias.y had drifted by"),
+]
+
+
+@pytest.mark.parametrize("declared", [True, False])
+@pytest.mark.parametrize(
+    ("drift", "words"), [*DRIFTS, ({"scale": 1e-3}, "accel.scale had drifted by")]
+)
+def test_a_session_by_hand_that_drifts_is_no_pass(drift, words, declared):
+    plan = short_plan(20)
+    log = simulate(plan, model=draw_errors("mems", 1), noise=MEMS, site=SITE, seed=1).log
+    noise = MEMS if declared else None
+    good, bad = (
+        hand_rotated.calibrate(x, site=SITE, noise=noise) for x in (log, drifting(log, **drift))
+    )
+    assert good.verdict.level is Level.PASS and the(good).passed
+    assert the(good).sentence.startswith("The residuals do not follow time")
+    assert bad.verdict.level is Level.DOUBTFUL
+    assert words in the(bad).sentence and "Let the instrument warm up" in the(bad).sentence
+    # What follows from the drift comes after it.
+    assert bad.verdict.reasons[0] == the(bad).sentence
+
+
+@pytest.mark.parametrize(("drift", "words"), DRIFTS)
+def test_a_session_on_faces_that_drifts_is_no_pass(drift, words):
+    log, _ = short_log(1)
+    good, bad = (
+        ferraris.calibrate(x, site=SITE, noise=MEMS) for x in (log, drifting(log, **drift))
+    )
+    assert the(good).passed
+    assert bad.verdict.level is Level.DOUBTFUL and words in the(bad).sentence
+
+
+def test_a_scale_that_drifts_on_a_rate_table_is_no_pass():
+    rng, sd = np.random.default_rng(3), 1e-5
+    steps = make_steps(draw_errors("mems", 2), sd=sd)
+    steps.gyro[:] += rng.normal(0, sd, steps.gyro.shape)
+    steps.gyro[:] *= 1 + 1e-3 * by_time(steps.middle)[:, None]
+    result = rate_table.from_readings(
+        make_readings(steps), rate_table.Settings(), told=True, site=SITE
+    )
+    assert result.verdict.level is Level.DOUBTFUL
+    assert "gyro.scale had drifted by" in the(result).sentence

@@ -1,0 +1,22 @@
+"""Directions that do not depend on the rounding of a library."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from foucault.arrays import settled
+
+
+def test_directions_of_equal_values_do_not_depend_on_how_they_are_turned() -> None:
+    rng = np.random.default_rng(4)
+    V = np.linalg.qr(rng.standard_normal((5, 5)))[0].T
+    values = np.array([3.0, 2.0, 2.0, 2.0, 1.0])
+    turned = V.copy()
+    turned[1:4] = np.linalg.qr(rng.standard_normal((3, 3)))[0] @ V[1:4]
+    first, second = settled(values, V), settled(values, turned)
+    np.testing.assert_allclose(first, second, atol=1e-12)
+    np.testing.assert_allclose(first @ first.T, np.eye(5), atol=1e-12)
+    # The same space, and those with a value of their own untouched.
+    np.testing.assert_allclose(first[1:4].T @ first[1:4], V[1:4].T @ V[1:4], atol=1e-12)
+    np.testing.assert_array_equal(first[[0, 4]], V[[0, 4]])
+    assert not np.allclose(V[1:4], turned[1:4], atol=0.1)
