@@ -6,37 +6,27 @@ the same log before and after are then aligned with them. A simulation compares 
 rests of the same total length, gyro biases drawn anew in each.
 
 Logs are looked for under $FOUCAULT_DATA (default ../shared/data).
-
-Run: python validation/alignment.py [draws]
 """
 
 from __future__ import annotations
 
-import os
-import sys
 from dataclasses import replace
-from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from common import limits, must
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests"))
-
-from foucault.diagnose.alignment.input import checked  # noqa: E402
-from foucault.estimate.chi_square import chi_square_limits  # noqa: E402
-from foucault.logs import LogDescription, read  # noqa: E402
-from foucault.models.earth import Site  # noqa: E402
-from foucault.models.ins_errors import azimuth_from_gyro_bias  # noqa: E402
-from foucault.models.noise import ImuNoise, TriadNoise  # noqa: E402
-from foucault.navigate.align import Alignment, align, sensor_errors, window  # noqa: E402
-from foucault.navigate.fine_alignment import SETTLING, by_velocity, two_position  # noqa: E402
-from foucault.navigate.increments import Increments, increments_of  # noqa: E402
-from foucault.navigate.sensor_errors import SensorErrors  # noqa: E402
-from foucault.navigate.two_vector import latitude_seen  # noqa: E402
-from foucault.plans.manoeuvres import Rest, Rotate  # noqa: E402
-from make_alignment import (  # noqa: E402
+from foucault.diagnose.alignment import checked
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.logs import LogDescription, read
+from foucault.models.earth import Site
+from foucault.models.ins_errors import azimuth_from_gyro_bias
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.navigate.align import Alignment, align, latitude_seen, sensor_errors, window
+from foucault.navigate.fine_alignment import SETTLING, by_velocity, two_position
+from foucault.navigate.increments import Increments, increments_of
+from foucault.navigate.inertial_frame import SensorErrors
+from foucault.plans.manoeuvres import Rest, Rotate
+from make_alignment import (
     DPH,
     LN100,
     LN100_SITE,
@@ -197,7 +187,7 @@ def position_rows(draws: int) -> tuple[list[str], bool]:
         "|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
     ]
     good = True
-    low, high = (x / (3 * draws) for x in chi_square_limits(3 * draws, tests=tests))
+    low, high = limits(3 * draws, tests=tests)
     for k, bias in enumerate(BIASES):
         sensors = replace(SENSORS, gyro_bias_sd=bias * DPH)
         limit = azimuth_from_gyro_bias(sensors.gyro_bias_sd, SITE.latitude)
@@ -230,9 +220,8 @@ def position_rows(draws: int) -> tuple[list[str], bool]:
     return lines, good
 
 
-def main() -> int:
-    """Write the page; 1 where anything lies outside its limits."""
-    draws = int(sys.argv[1]) if len(sys.argv) > 1 else 60
+def main(draws: int = 60) -> tuple[bool, dict[str, object]]:
+    """Return whether all lies within its limits."""
     for folder in ("ring_laser_in_vehicle", "ln100_static"):
         if not (REAL / folder).is_dir():
             print(f"skipped: {REAL / folder} is missing; set FOUCAULT_DATA")
@@ -245,59 +234,17 @@ def main() -> int:
     ring_lines, ring_good = ring_rows(ring, noise)
     ln100_lines, ln100_good = ln100_rows(ln100, noise)
     position_lines, position_good = position_rows(draws)
-    text = [
-        "# Alignment: checked",
-        "",
-        "Written by `python validation/alignment.py`.",
-        "",
-        "## A ring laser unit in a standing vehicle",
-        "",
-        "People move in the vehicle for the first ten minutes. The white noise is that which makes "
-        "the innovations of a fine alignment from 300 s to 600 s likeliest; biases of 0.01 deg/h "
-        "and 50 ug (sd) are declared, which make most of every sd below. Vibration and the "
-        "rounding of the accelerometers (1.2 mm/s) are measured in each window as the disturbance "
-        "of the velocity.",
-        "",
-        *noise_lines,
-        "",
-        f"Both methods that withstand a disturbance are to give {GOAL} +- {GOAL_BAND} deg at the "
-        "end of the first and of the last window, and the last, calm one is to be consistent "
-        "(two-sided at 1 %). The mean of two vectors is 7 deg off in the first, and says so: its "
-        "sd is measured from the scatter of ten parts.",
-        "",
-        *ring_lines,
-        "",
-        f"All so: {'yes' if ring_good else '**no**'}.",
-        "",
-        "## A ring laser unit at rest",
-        "",
-        "Litton LN-100, x axis up: heading is the azimuth of its y axis, and the roll -90 deg. Its "
-        "gyros read 1.9 % less than the Earth's rate, which the findings say. The rounding of its "
-        "angles is worth 0.07 deg of azimuth to the mean of two vectors. The white noise taken is "
-        "that of the other unit; the NIS says that this one has more, and 300 s leave no part of "
-        "the log to measure it in.",
-        "",
-        *ln100_lines,
-        "",
-        f"All headings from 7.29 to 7.33 deg: {'yes' if ln100_good else '**no**'}.",
-        "",
-        "## One position and two",
-        "",
-        f"Simulated: {draws} draws of the biases for each row, white noise 0.001 deg/sqrt(h) and 5 "
-        f"ug/sqrt(Hz), accelerometer bias 50 ug (sd), velocity disturbed by {1e3 * DISTURBANCE:g} "
-        f"mm/s, {LENGTH:.0f} s in each of two positions half a turn apart, or as long in one. "
-        "Errors in degrees, means of NEES per component within two-sided limits of 1 % for the "
-        "whole table.",
-        "",
-        *position_lines,
-        "",
-        f"All within: {'yes' if position_good else '**no**'}.",
-    ]
-    path = ROOT / "docs" / "validation" / "alignment.md"
-    path.write_text("\n".join(text) + "\n", encoding="utf-8")
-    print("\n".join(text))
-    return 0 if ring_good and ln100_good and position_good else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return ring_good and ln100_good and position_good, {
+        "noise_lines": noise_lines,
+        "goal": GOAL,
+        "goal_band": GOAL_BAND,
+        "ring_lines": ring_lines,
+        "ring_good": must(ring_good),
+        "ln100_lines": ln100_lines,
+        "ln100_good": must(ln100_good),
+        "draws": draws,
+        "disturbance": 1000.0 * DISTURBANCE,
+        "length": LENGTH,
+        "position_lines": position_lines,
+        "position_good": must(position_good),
+    }

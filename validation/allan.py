@@ -2,33 +2,20 @@
 
 Deviations beside allantools (bench extra); 200 draws of each noise, coverage of the intervals
 against binomial limits; real logs under $FOUCAULT_DATA (default ../shared/data).
-
-Run: python validation/allan.py [draws]
 """
 
 from __future__ import annotations
 
-import os
-import sys
-from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import allantools
 import numpy as np
+from common import DATA, must
+from hand_rotated_logs import XSENS as XSENS_LOG
 from scipy.stats import binom
 
 from foucault.campaign import parse, read_log
-from foucault.diagnose.allan import deviation as allan
-from foucault.diagnose.allan import log as allan_log
-
-ROOT = Path(__file__).resolve().parents[1]
-DATA = Path(os.environ.get("FOUCAULT_DATA", ROOT.parent / "shared" / "data")).resolve()
-sys.path.insert(0, str(ROOT / "tests"))
-
-from hand_rotated_logs import XSENS as XSENS_LOG  # noqa: E402
-
-from make_noise import draw  # noqa: E402
+from foucault.diagnose import allan
+from foucault.diagnose import allan as allan_log
+from make_noise import draw
 
 XSENS = (
     XSENS_LOG.replace("{folder}", "{data}/xsens_hand_rotated")
@@ -68,8 +55,7 @@ name = "hand_rotated"
 def peers() -> tuple[list[str], bool]:
     """Compare deviations with allantools on common averaging times."""
     y = 1e-5 * draw(100_000, (1, 1, 1, 1e-3, 1e-9), np.random.default_rng(1)) + 0.3
-    lines = ["| deviation | averaging times | largest relative difference | below 1e-10 |",
-             "|---|---|---|---|"]  # fmt: skip
+    lines = []
     good = True
     for kind in allan.KINDS:
         tau, ours = allan.deviations(y, 0.01, kind=kind)
@@ -78,7 +64,7 @@ def peers() -> tuple[list[str], bool]:
         off = float(np.abs(ours[: len(theirs)] / theirs - 1).max())
         good &= off < 1e-10
         lines.append(
-            f"| {kind} (`{PEERS[kind]}`) | {len(theirs)} | {off:.1e} | {_word(off < 1e-10)} |"
+            f"| {kind} (`{PEERS[kind]}`) | {len(theirs)} | {off:.1e} | {must(off < 1e-10)} |"
         )
     return lines, good
 
@@ -152,33 +138,13 @@ def real() -> list[str]:
     return lines
 
 
-def _word(good: bool) -> str:
-    return "yes" if good else "**no**"
-
-
-def main(draws: int = 200) -> int:
+def main(draws: int = 200) -> tuple[bool, dict[str, object]]:
     same, first = peers()
     found, second = recovery(draws)
-    lines = [
-        "# Allan variance: checked",
-        "",
-        "Written by `python validation/allan.py`.",
-        "",
-        f"## Beside allantools {allantools.__version__}",
-        "",
-        *same,
-        "",
-        "## Known noise recovered",
-        "",
-        *found,
-    ]
-    if (DATA / "ln100_static").is_dir() and (DATA / "xsens_hand_rotated").is_dir():
-        lines += ["", "## Real logs", *real()]
-    page = ROOT / "docs" / "validation" / "allan.md"
-    page.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    print(page.read_text(encoding="utf-8"))
-    return 0 if first and second else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main(*(int(word) for word in sys.argv[1:])))
+    there = (DATA / "ln100_static").is_dir() and (DATA / "xsens_hand_rotated").is_dir()
+    return first and second, {
+        "version": allantools.__version__,
+        "same": same,
+        "found": found,
+        "real": ["", "## Real logs", *real()] if there else [],
+    }

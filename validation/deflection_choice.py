@@ -1,25 +1,18 @@
-"""Do gyros bend, and by which model? How often the answer is wrong, over simulated sessions.
-
-Run from the repository root: python validation/deflection_choice.py
-"""
+"""Do gyros bend, and by which model? How often the answer is wrong, over simulated sessions."""
 
 from __future__ import annotations
 
 import multiprocessing
-import os
-import sys
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from common import word
 from scipy.stats import binom, kstest
 
-from foucault.diagnose.systematic import deflection_choice as choices
-from foucault.diagnose.systematic.deflection_choice import UNIT, Choice, Told
-from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
+from foucault.diagnose import deflection
+from foucault.diagnose.deflection import UNIT, Choice, Told
+from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.models.deflection import deflection_model
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -28,7 +21,6 @@ from foucault.procedures.systematic import simulate
 from foucault.procedures.systematic.problem import problem_of
 from foucault.procedures.systematic.settings import PRIOR, Session, Settings, draw_errors
 
-ROOT = Path(__file__).parents[1]
 NULLS, FEW, RUNS, DRAWS = 500, 30, 100, 400
 REST = 60.0
 UG = 9.80665e-6
@@ -116,15 +108,15 @@ def linear(case: Case, J: np.ndarray, size: float | None = None) -> list[Choice]
     """Choose over linear and Gaussian draws; parameters of `size`, or as in `sizes`."""
     values, vectors = np.linalg.eigh(J)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    B = choices.in_general(deflection_model(case.truth, case.chirality))
+    B = deflection.in_general(deflection_model(case.truth, case.chirality))
     rng, out = np.random.default_rng(0), []
     for _ in range(DRAWS):
         theta = sizes(rng, B.shape[1])
         if size is not None:
             theta = size * UNIT * rng.standard_normal(B.shape[1])
         told = Told(J, J @ (B @ theta) + root @ rng.standard_normal(18))
-        choice = choices.judged(told, {"deflection": PRIOR["deflection"]})
-        out.append(replace(choice, used=choices.chosen(choice)))
+        choice = deflection.judged(told, {"deflection": PRIOR["deflection"]})
+        out.append(replace(choice, used=deflection.chosen(choice)))
     return out
 
 
@@ -188,11 +180,7 @@ def nulls(some: list[Choice]) -> tuple[list[str], bool]:
 
 def conditions(runs: dict[Case, list[Choice]]) -> list[str]:
     """Write what other settings and errors that are not estimated do to the test."""
-    lines = [
-        "", "## Other settings, and errors that nobody told the filter of", "",
-        "Without deflection; the mean is that of the model coupled6, chirality -1.", "",
-        "| session | runs | deflection seen in | mean |", "|---|--:|--:|--:|",
-    ]  # fmt: skip
+    lines = []
     for case, some in runs.items():
         first = [s.candidates[0] for s in some]
         mean = sum(c.square for c in first) / sum(c.rank for c in first)
@@ -205,15 +193,7 @@ def between(
     runs: dict[Case, list[Choice]], told: dict[Case, list[Choice]]
 ) -> tuple[list[str], bool]:
     """Write how often the right model is chosen."""
-    lines = [
-        "", "## Which model", "",
-        "Parameters of 1 to 3 arcsec/g of either sign. Wrong: another model was used. Sure: it was "
-        "said to be at least 99 % likely, and otherwise a warning names the others. Failed: the "
-        "check `deflection`, because a model that is not seen whole fits better. Linear: wrong "
-        f"choices of {DRAWS} draws from what the information of one session says.", "",
-        "| spins | truth | seen whole | runs | right | wrong | sure | sure and wrong | failed "
-        "| said of the right one | linear |", "|---|---|---|--:|--:|--:|--:|--:|--:|--:|--:|",
-    ]  # fmt: skip
+    lines = []
     fine = True
     for case, some in runs.items():
         wrong = [s for s in some if label_of(s) != case.label]
@@ -223,7 +203,7 @@ def between(
         whole = next(c.whole for c in some[0].candidates if c.label == case.label)
         missed = np.mean([label_of(s) != case.label for s in told[case]])
         cells = ("simple" if case.sequence == SIMPLE else "both", case.label,
-                 "yes" if whole else "no", str(len(some)), str(len(some) - len(wrong)),
+                 word(whole), str(len(some)), str(len(some) - len(wrong)),
                  str(len(wrong)), str(sum(map(sure, some))), str(both), str(failed),
                  f"{100 * said:.0f} %", f"{100 * missed:.1f} %")  # fmt: skip
         lines.append(f"| {' | '.join(cells)} |")
@@ -235,13 +215,7 @@ def between(
 
 def small(cases: list[tuple[Case, np.ndarray]]) -> list[str]:
     """Write what becomes of small deflections, over draws."""
-    lines = [
-        "", "## Small deflections", "",
-        f"{DRAWS} draws each from what the information of one session says, parameters normal "
-        "with this standard deviation.", "",
-        "| spins | truth | sd [arcsec/g] | seen to bend | right model | sure and wrong | failed |",
-        "|---|---|--:|--:|--:|--:|--:|",
-    ]  # fmt: skip
+    lines = []
     for case, J in cases:
         for size in (0.0, 0.1, 0.3, 1.0, 3.0):
             some = linear(case, J, size)
@@ -259,8 +233,7 @@ def small(cases: list[tuple[Case, np.ndarray]]) -> list[str]:
     return lines
 
 
-def main() -> int:
-    share = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
+def main(share: float = 1.0) -> tuple[bool, dict[str, object]]:
     with multiprocessing.Pool(2) as pool:
         rigid = many(pool, Case("no deflection"), max(2, round(share * NULLS)))
         other = {c: many(pool, c, max(2, round(share * FEW))) for c in CONDITIONS}
@@ -268,27 +241,14 @@ def main() -> int:
         J = dict(zip(TRUTHS, pool.map(information, TRUTHS), strict=True))
     minutes = {s: session(Case("", sequence=s), 0)[1].time[-1] / 60 for s in (SIMPLE, BOTH)}
     first, kept = nulls(rigid)
-    last, right = between(bent, {c: linear(c, J[c]) for c in TRUTHS})
-    last += small([(c, J[c]) for c in TRUTHS if c.chirality == -1])
-    lines = [
-        "# Deflection of dithered gyros: with or without, and which model", "",
-        "Written by `python validation/deflection_choice.py`.", "",
-        f"Simulated sessions at 50 Hz, rests of {REST:g} s, angle random walk 0.0007 deg/sqrt(h), "
-        "velocity random walk 5 ug/sqrt(Hz), instruments of navigation grade, turns that miss by "
-        "1 arcmin: "
-        f"the 19 positions and \"spins, simple 6\" ({minutes[SIMPLE]:.0f} min), or these and "
-        f"\"spins, icosahedral 6\" ({minutes[BOTH]:.0f} min). Every session is calibrated with "
-        'deflection = "choose" and the settings that are usual; the table stands perfectly still, '
-        "velocity_sd = 0.1 mm/s is more than the truth.", "",
-        *first, *conditions(other), *last, "",
-        "With one set of six poses the two senses of coupled6 differ by little more than what "
-        "quarter turns show, direct6+transverse3 explains the same, and the choice says so. With "
-        "both sets all models but general18 are seen whole and told apart.", "",
-    ]  # fmt: skip
-    (ROOT / "docs" / "validation" / "deflection_choice.md").write_text("\n".join(lines))
-    print("\n".join(lines))
-    return int(not (kept and right))
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+    chosen, right = between(bent, {c: linear(c, J[c]) for c in TRUTHS})
+    return kept and right, {
+        "rest": REST,
+        "simple": minutes[SIMPLE],
+        "both": minutes[BOTH],
+        "first": first,
+        "conditions": conditions(other),
+        "draws": DRAWS,
+        "chosen": chosen,
+        "small": small([(c, J[c]) for c in TRUTHS if c.chirality == -1]),
+    }

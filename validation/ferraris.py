@@ -1,32 +1,24 @@
-"""Six rests and three turns: a real session beside imucal, and consistency by simulation.
-
-Run from the repository root: python validation/ferraris.py
-"""
+"""Six rests and three turns: a real session beside imucal, and consistency by simulation."""
 
 from __future__ import annotations
 
 import json
-import os
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
+from common import DATA, limits, word
 
-from foucault.diagnose.consistency import nees
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.diagnose.study import nees
 from foucault.logs import LogDescription, read
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.noise import grade
 from foucault.procedures import ferraris, six_position
 from foucault.simulate.hand_rotated import draw_errors
+from make_faces import IMUCAL
 
-ROOT = Path(__file__).parents[1]
-DATA = Path(os.environ.get("FOUCAULT_DATA", ROOT.parent / "shared" / "data")) / "ferraris_session"
+FOLDER = DATA / "ferraris_session"
 PLACE = replace(Site.at(np.radians(48.8462), 60.0), gravity_sd=0.0)  # as it is simulated
 THERE = Site(9.81, np.radians(49.6))  # where the session may have been taken; it is not known
-sys.path.insert(0, str(ROOT / "tests"))
-from make_faces import IMUCAL  # noqa: E402
 
 ARCMIN = np.radians(1 / 60)
 SESSIONS = 500
@@ -44,8 +36,8 @@ def session():
         "accel": {"columns": ["acc_x", "acc_y", "acc_z"], "unit": "m/s^2"},
         "gyro": {"columns": ["gyr_x", "gyr_y", "gyr_z"], "unit": "deg/s"},
     }  # fmt: skip
-    rows = json.loads((DATA / "example_ferraris_session_list.json").read_text())
-    log = read(LogDescription.model_validate(words), DATA)
+    rows = json.loads((FOLDER / "example_ferraris_session_list.json").read_text())
+    log = read(LogDescription.model_validate(words), FOLDER)
     return log, {name: (row["start"], row["end"]) for name, row in rows.items()}
 
 
@@ -132,15 +124,15 @@ def study(procedure, name, place, given, n) -> str:
         errors.append(result.coefficients.values - model.coefficients(names).values)
         covs.append(result.coefficients.cov)
     e, P = np.array(errors), np.array(covs)
-    low, high = (v / (n * len(names)) for v in chi_square_limits(n * len(names), tests=8))
+    low, high = limits(n * len(names), tests=8)
     value = nees(e, P).mean() / len(names)
     z = np.sqrt(np.mean(e**2 / np.einsum("nii->ni", P), axis=0))
-    inside = "yes" if low < value < high else "no"
-    limits = f"{low:.3f} to {high:.3f}" if given is not None else "none"
+    inside = word(low < value < high)
+    shown = f"{low:.3f} to {high:.3f}" if given is not None else "none"
     label = "as it was" if given is not None else "from the residuals"
     return (
         f"| {procedure.__name__.rpartition('.')[2]} | {name} | {place / ARCMIN:.0f} arcmin | "
-        f"{label} | {value:.3f} | {limits} | {inside if given is not None else ''} | "
+        f"{label} | {value:.3f} | {shown} | {inside if given is not None else ''} | "
         f"{z.min():.2f} to {z.max():.2f} |"
     )
 
@@ -159,50 +151,13 @@ def consistency(n: int) -> list[str]:
     return rows
 
 
-def main(n: int = SESSIONS) -> None:
+def main(n: int = SESSIONS) -> tuple[bool, dict[str, object]]:
     log, sections = session()
     earth = np.degrees(EARTH_RATE) * 3600
-    lines = [
-        "# Six rests and three turns",
-        "",
-        "Written by `python validation/ferraris.py`.",
-        "",
-        "## A real session: the published solution beside imucal 2.6.0",
-        "",
-        *published(log, sections),
-        "",
-        "Of matrices the diagonal is shown; the difference is the worst of all nine entries. "
-        "imucal models no Earth rate. The place of the session is not known; for the columns with "
-        "Earth rate a latitude of 49.6 deg is assumed. There the vertical part of the Earth's "
-        f"{earth:.1f} deg/h is taken off the rests and the turns first. Without that the published "
-        "solution takes it for g-sensitivity, since both follow up, and takes it off the turns as "
-        "such: the scale factors hardly change, the g-sensitivity does.",
-        "",
-        "## The same session by maximum likelihood",
-        "",
-        *likelihood(log, sections),
-        "",
-        "The opposite faces disagree by far more than the noise explains: the instrument did not "
-        "lie on its faces to better than some arc-minutes. imucal gives no uncertainties; its "
-        "digits beyond the third are those of the placement. The rests before and after a turn, "
-        "which the sections leave unused, tell how the instrument lay when it was turned, so that "
-        "the gyros' misalignments are known better where rests and turns are found in the log.",
-        "",
-        "## Consistency",
-        "",
-        f"{n} simulated sessions each (10 s rests, 100 Hz, turns of 5 s, latitude 48.8 deg, "
-        "headings random), noise declared. NEES over the number of coefficients, two-sided limits "
-        "at 1 % for the table together. With a placement from the residuals there are no such "
-        "limits: the uncertainties are chosen so that the mean NEES is right where errors of "
-        "placement dominate (the tails are Student's), and careful where there are none.",
-        "",
-        *consistency(n),
-    ]
-    target = ROOT / "docs/validation/ferraris.md"
-    text = "\n".join(lines) + "\n"
-    target.write_text(text)
-    print(text)
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else SESSIONS)
+    return True, {
+        "published": published(log, sections),
+        "earth": earth,
+        "likelihood": likelihood(log, sections),
+        "n": n,
+        "consistency": consistency(n),
+    }

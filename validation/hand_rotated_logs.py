@@ -2,26 +2,17 @@
 
 Logs are looked for under $FOUCAULT_DATA (default ../shared/data). The reference figures are
 those published with the logs.
-
-Run: python validation/hand_rotated_logs.py
 """
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import numpy as np
+from common import DATA
 
 from foucault.campaign import Campaign, parse, read_log
 from foucault.models.imu import Gauge
 from foucault.procedures import load
 from foucault.result import Result
-
-ROOT = Path(__file__).resolve().parents[1]
-DATA = Path(os.environ.get("FOUCAULT_DATA", ROOT.parent / "shared" / "data")).resolve()
 
 XSENS = """
 [site]
@@ -139,10 +130,7 @@ def _list(x: np.ndarray) -> str:
 
 
 def likelihood() -> list[str]:
-    out = [
-        "| counts per unit | ours | sd | imu_tk | difference / sd | maker | off maker |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    out = []
     folder = DATA / "xsens_hand_rotated"
     extra = []
     for settings, label in (("", ""), ("g_sensitivity = true", ", with g-sensitivity")):
@@ -180,10 +168,7 @@ def likelihood() -> list[str]:
 
 
 def mpu() -> list[str]:
-    out = [
-        "| coefficient | ours | sd | authors | imu_tk |",
-        "|---|---|---|---|---|",
-    ]
+    out = []
     notes = []
     for name, (a1, a2, g1, g2) in MPU_SCALE.items():
         _, result = calibrate(MPU.format(file=DATA / "mpu9150_hand_rotated" / f"{name}.log"))
@@ -202,48 +187,5 @@ def mpu() -> list[str]:
     return [*out, "", *notes]
 
 
-def main() -> None:
-    lines = [
-        "# Hand-rotated calibration of real logs",
-        "",
-        "Written by `python validation/hand_rotated_logs.py`.",
-        "",
-        "## Xsens MTi, published recipe: imu_tk to its last digit",
-        "",
-        *published(),
-        "",
-        "imu_tk is quoted converged. Its model is `X' = T K (X - B)` with the z accelerometer as "
-        "reference; ours is turned into that gauge for the comparison.",
-        "",
-        "## Xsens MTi, maximum likelihood",
-        "",
-        *likelihood(),
-        "",
-        "Why the accelerometer scales differ from imu_tk's by about 1e-4: imu_tk fits the first "
-        "100 samples of each rest, with equal weights; we fit the mean of the whole rest (4 to "
-        "52 s) weighted by its noise per axis. With all samples of each rest imu_tk's own cost "
-        "gives 414.414 412.042 414.596, which is closer to ours. The gyros differ because "
-        "imu_tk holds the bias at its mean over the first 50 s, while ours is seen by all "
-        "rests, and the readings at rest depend on orientation by far more than noise. With "
-        "g-sensitivity in the model the unexplained scatter of the turns falls to a quarter and "
-        "the gyro scales come closer to the maker's; imu_tk has no such term, and is several of "
-        "our standard deviations away there.",
-        "",
-        "## MPU-9150, two instruments on one frame",
-        "",
-        *mpu(),
-        "",
-        "Scale factor errors in the gauge of the other two programs (z accelerometer as "
-        "reference). Both logs were taken together and share their flaw: the instruments were "
-        "shaken in a third of the rests. The two published programs, which hold the gyro bias "
-        "at its mean over the first rest, differ by 4.9e-3 on the z gyro of imu1; ours lies "
-        "between them. Its x gyro is about 3 sd from both.",
-    ]
-    target = ROOT / "docs/validation/hand_rotated_logs.md"
-    text = "\n".join(lines) + "\n"
-    target.write_text(text)
-    print(text)
-
-
-if __name__ == "__main__":
-    main()
+def main() -> tuple[bool, dict[str, object]]:
+    return True, {"published": published(), "likelihood": likelihood(), "mpu": mpu()}

@@ -5,37 +5,29 @@ of several descents stands beside the published order and the best order that ha
 set-ups are simulated with the stops found and solved: their root mean square error stands beside
 the prediction inside two-sided chi-square limits at a family-wise false-alarm rate of 1 %. At a
 site of latitude 30 deg, level, 300 s in all.
-
-Run: python validation/north_plan_search.py [draws]
 """
 
 from __future__ import annotations
 
-import os
-import sys
 import time
 from dataclasses import dataclass, replace
-from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from common import must
 
 from foucault import units
-from foucault.diagnose.north.dwells import find_dwells
-from foucault.diagnose.north.plan import HEADINGS, Conditions
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.attitude import Known as Told
-from foucault.estimate.north.attitude import solve
-from foucault.estimate.north.reduction import Nuisance, reduce
+from foucault.detect.dwells import find_dwells
+from foucault.diagnose.north_stops import HEADINGS, Conditions
+from foucault.estimate.north import Known as Told
+from foucault.estimate.north import solve
+from foucault.estimate.north_reduction import Nuisance, reduce
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import turned
-from foucault.plans.north import orders
-from foucault.plans.north.bound import Known, seen
-from foucault.plans.north.moves import Rig, Schedule, schedule
-from foucault.plans.north.search import PLAIN, NorthSpace
+from foucault.plans import north_orders as orders
+from foucault.plans.north import PLAIN, Known, NorthSpace, Rig, Schedule, schedule, seen
 from foucault.plans.optimise import descend
 from foucault.simulate.north import (
     NorthPlan,
@@ -74,7 +66,7 @@ def space(slow: float = 0.0, move: float = 0.0, rig: dict[str, object] | None = 
     r = Rig(**{"total": TOTAL, "move": move, "shortest": 5.0} | (rig or {}))
     gyro = TriadNoise(white=ARW, bias_instability=slow * INSTABILITY, correlation_time=300.0)
     told = Known(Conditions(LATITUDE, ImuNoise(ACCEL, gyro)), **known)
-    return NorthSpace(r, told, schedule(orders.PUBLISHED.index, orders.PUBLISHED.share, r), "")
+    return NorthSpace.of(r, told, schedule(orders.PUBLISHED.index, orders.PUBLISHED.share, r), "")
 
 
 CASES: dict[str, NorthSpace] = {
@@ -120,8 +112,8 @@ def search(one: NorthSpace) -> Found:
     named = [orders.PAIR, orders.AGAIN, *NAMED] if one.known.rough_sd is not None else list(NAMED)
     rows = []
     for order in named:
-        plan = schedule(order.index, order.share, one.rig)
-        if min(plan.dwell) * 0.1 >= one.rig.shortest and len(plan) <= one.rig.most:
+        plan = schedule(order.index, order.share, one.allowed)
+        if min(plan.dwell) * 0.1 >= one.allowed.shortest and len(plan) <= one.allowed.most:
             rows.append((float(one.sd(plan, "level")[0]), order.name))
     published = float(one.sd(one.reference, "level")[0])
     return Found(best, float(one.sd(best, "level")[0]), published, *min(rows))
@@ -129,7 +121,7 @@ def search(one: NorthSpace) -> Found:
 
 def simulated(one: NorthSpace, plan: Schedule, draws: int, seed: int) -> np.ndarray:
     """Errors of the heading of set-ups, through simulator and solution."""
-    angle, _, dwell = one._times(plan)
+    angle, _, dwell = one.allowed.times(plan)
     number = np.arange(draws)
     near = None
     headings = HEADINGS[number % 12]
@@ -140,11 +132,11 @@ def simulated(one: NorthSpace, plan: Schedule, draws: int, seed: int) -> np.ndar
     # Long pauses make the slow noise of the set-ups independent; a drift would go on over them.
     drift, pause = one.known.drift, 3000.0
     made = simulate_north(
-        NorthPlan(setups, Stops(angle, dwell, one.rig.move), pause), model=ImuModel(), noise=noise,
-        site=SITE, errors=SeekerErrors(gyro_drift=drift), reference=False, seed=seed,
+        NorthPlan(setups, Stops(angle, dwell, one.allowed.move), pause), model=ImuModel(),
+        noise=noise, site=SITE, errors=SeekerErrors(gyro_drift=drift), reference=False, seed=seed,
         accel="case" if one.known.on_case else "base",
     )  # fmt: skip
-    owed = seen(*one._times(plan), one.known).drift_sd
+    owed = seen(*one.allowed.times(plan), one.known).drift_sd
     pairs = reduce(find_dwells(made.log), noise, Nuisance(drift_sd=owed))
     fixes = solve(pairs, Told(SITE.gravity, LATITUDE, near=near))
     return turned(fixes.angles[:, 0] - headings)
@@ -160,7 +152,7 @@ def judged(one: NorthSpace, found: Found, draws: int, seed: int) -> tuple[str, b
     limits = f"{np.sqrt(low / draws):.3f} to {np.sqrt(high / draws):.3f}"
     return (
         f"{deg(found.sd)} | {deg(rms)} | {np.sqrt(square / draws):.3f} | {limits} | "
-        f"{'yes' if inside else '**no**'} | {deg(before)} | {rms / before:.3f}"
+        f"{must(inside)} | {deg(before)} | {rms / before:.3f}"
     ), inside
 
 
@@ -185,8 +177,8 @@ def speed() -> list[str]:
     whole = (time.perf_counter() - begun) / 20
     return [
         f"One plan is judged in {1e3 * quick:.2f} ms on average by the linear bound of the search "
-        f"(at most {one.rig.most} stops), in {1e3 * whole:.1f} ms by the solution of readings at "
-        "twelve headings, which the tables below show. Of a shared processor; a search of "
+        f"(at most {one.allowed.most} stops), in {1e3 * whole:.1f} ms by the solution of readings "
+        "at twelve headings, which the tables below show. Of a shared processor; a search of "
         f"{RESTARTS} restarts is {RESTARTS * EVALUATIONS} plans.",
     ]
 
@@ -200,7 +192,7 @@ def extremes(found: dict[str, Found]) -> list[str]:
     def by_drift(name: str, plan: Schedule) -> float:
         quiet = replace(CASES[name].known, drift=0.0)
         still = replace(CASES[name], known=quiet)
-        return float(np.sqrt(max(CASES[name]._bound(plan) ** 2 - still._bound(plan) ** 2, 0.0)))
+        return float(np.sqrt(max(CASES[name].bound(plan) ** 2 - still.bound(plan) ** 2, 0.0)))
 
     name = "drift ignored, at most 6 stops"
     return [
@@ -219,7 +211,7 @@ def extremes(found: dict[str, Found]) -> list[str]:
     ]
 
 
-def main(draws: int = 4800) -> int:
+def main(draws: int = 4800) -> tuple[bool, dict[str, object]]:
     found, good = {}, True
     table = [
         "| case | published (deg) | best with a name (deg) | found (deg) | found / best named | "
@@ -239,36 +231,14 @@ def main(draws: int = 4800) -> int:
         )
         words, inside = judged(one, f, draws, i)
         runs.append(f"| {name} | {words} |")
-        good &= inside and f.sd <= f.named * (1 + PLAIN * one.rig.most)
+        good &= inside and f.sd <= f.named * (1 + PLAIN * one.allowed.most)
         print(table[-1], runs[-1], sep="\n", flush=True)
-    text = [
-        "# Search for orders of stops of a north seeker",
-        "",
-        "Written by `python validation/north_plan_search.py`. Latitude 30 deg, level, 300 s in all "
-        "with moves, 0.003 deg/sqrt(h) of white noise, slow noise with a correlation time of 300 "
-        f"s; {RESTARTS} restarts of {EVALUATIONS} plans each. Stops have opposites unless said "
-        "otherwise, and the solution estimates a drift where that is nearly free. Where a rough "
-        "heading is known the index angles found count from north.",
-        "",
-        *speed(),
-        "",
-        *extremes(found),
-        "",
-        "## What is found",
-        "",
-        *table,
-        "",
-        "## Simulated and solved",
-        "",
-        f"{draws} set-ups a row at twelve headings (a rough heading: off by 2 deg either way); "
-        "two-sided chi-square limits, 1 % false alarms for the table.",
-        "",
-        *runs,
-    ]
-    path = Path(__file__).parents[1] / "docs" / "validation" / "north_plan_search.md"
-    path.write_text("\n".join(text) + "\n", encoding="utf-8")
-    return 0 if good else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main(*(int(a) for a in sys.argv[1:])))
+    return good, {
+        "restarts": RESTARTS,
+        "evaluations": EVALUATIONS,
+        "speed": speed(),
+        "extremes": extremes(found),
+        "table": table,
+        "draws": draws,
+        "runs": runs,
+    }

@@ -8,25 +8,19 @@ apart from the solvers' own derivatives.
 Near ``w_z = 0`` no bound tells the truth: there ``w_z = sqrt(1 - M^2 - N^2)`` has no slope. With
 the bound ``sd`` of w_z and ``s`` of M and N, all over the Earth's rate, a heading counts as regular
 where the bend ``sd^2 / 2s`` is below `BENT`; the others are counted, and looked at apart.
-
-Run: python validation/north_seeking_bound.py [draws per heading]
 """
 
 from __future__ import annotations
 
-import os
-import sys
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from common import limits, must
 
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.attitude import Fixes, Known, closed_form, solve
-from foucault.estimate.north.reduction import Pairs
+from foucault.estimate.north import Fixes, Known, closed_form, solve
+from foucault.estimate.north_reduction import Pairs
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE
 from foucault.models.north_seeker import attitude, earth_rate_b, up_b
 from foucault.models.rotation import turned
@@ -131,10 +125,10 @@ class Verdicts:
         dof = [d for _, d in self.rows]
         caught = [not self.judge(i, f) for i in range(len(dof)) for f in (WRONG**2, WRONG**-2)]
         least = min(dof)
-        limits = [np.sqrt(v / least) for v in chi_square_limits(least, tests=len(dof))]
+        within = [np.sqrt(v) for v in limits(least, tests=len(dof))]
         text = (
             f"{len(dof)} tests, 1 % false alarms for all together. With the fewest degrees of "
-            f"freedom, {least}, RMS over bound must lie in {limits[0]:.4f} to {limits[1]:.4f}. "
+            f"freedom, {least}, RMS over bound must lie in {within[0]:.4f} to {within[1]:.4f}. "
             f"Power: with every standard deviation taken {100 * (WRONG - 1):.0f} % too small, or "
             f"too large, {sum(caught)} of {len(caught)} tests fail."
         )
@@ -243,8 +237,7 @@ def likelihood_row(tilt, mode: str, verdicts: Verdicts, draws: int, rng) -> list
 
 def bend_rows(draws: int, rng) -> list[str]:
     """RMS over bound against the bend, and the same set-ups with a quarter of the noise."""
-    lines = ["| tilt | latitude | bend | headings | RMS over bound | with a quarter of the noise |",
-             "|---|---|---|--:|--:|--:|"]  # fmt: skip
+    lines = []
     edges = (0.0, BENT, 4 * BENT, 16 * BENT, 64 * BENT, np.inf)
     for tilt, degrees, mode in (((10, 10), 10, "unknown"), ((89, 0), 45, "known"),
                                 ((89, 0), 45, "unknown")):  # fmt: skip
@@ -284,7 +277,7 @@ def closed_table(rows: list[tuple], verdicts: Verdicts) -> tuple[list[str], bool
         inside = verdicts.judge(row)
         good &= inside
         lines.append(f"| {pair(tilt)} | {mode} | {loss:.4f} | {rms:.4f} | {100 * left_out:.0f} % | "
-                     f"{word(inside)} |")  # fmt: skip
+                     f"{must(inside)} |")  # fmt: skip
     return lines, good
 
 
@@ -300,15 +293,11 @@ def likelihood_table(rows: list[list], verdicts: Verdicts) -> tuple[list[str], b
         good &= inside
         cells = " | ".join([f"{v:.4f}" for v in rms] + [""] * (4 - len(rms)))
         lines.append(f"| {pair(tilt)} | {mode} | {score:.4f} | {cells} | {100 * left_out:.0f} % | "
-                     f"{100 * taken:.1f} % | {word(inside)} |")  # fmt: skip
+                     f"{100 * taken:.1f} % | {must(inside)} |")  # fmt: skip
     return lines, good
 
 
-def word(good: bool) -> str:
-    return "yes" if good else "**no**"
-
-
-def main(draws: int = 60) -> int:
+def main(draws: int = 60) -> tuple[bool, dict[str, object]]:
     rng, verdicts = np.random.default_rng(1), Verdicts()
     gentle = [r for t in GENTLE for r in closed_rows(t, verdicts, draws, rng, "bound")]
     steep = [r for t in STEEP for r in closed_rows(t, verdicts, draws, rng, "own")]
@@ -317,53 +306,17 @@ def main(draws: int = 60) -> int:
     tables = [closed_table(gentle, verdicts), closed_table(steep, verdicts),
               likelihood_table(best, verdicts)]  # fmt: skip
     latitudes = ", ".join(map(str, LATITUDES))
-    text = [
-        "# North seeking: the bound",
-        "",
-        "Written by `python validation/north_seeking_bound.py`.",
-        "",
-        f"Four stops with {STOP_SD / DPH:g} deg/h and {UP_SD * np.sqrt(2) * 1e6:.0f} ug of noise "
-        f"each; {HEADINGS} headings all around, latitudes {latitudes} deg, {draws} draws of each "
-        f"together in one row. {power}",
-        "",
-        "A heading is left out where the bound is no measure: where w_z is so near zero that an "
-        f"error of w_z by its sd bends M and N by more than {BENT:g} of their own sd, or where the "
-        "sign of w_z is not that of the hemisphere (closed form, latitude unknown).",
-        "",
-        "## Closed form",
-        "",
-        "Sum of squared heading errors over the bound. The exact loss is the closed form's own sd "
-        "over the bound, from covariances.",
-        "",
-        *tables[0][0],
-        "",
-        "Beyond, the sums of squares are over the closed form's own sd:",
-        "",
-        *tables[1][0],
-        "",
-        "## Maximum likelihood",
-        "",
-        "RMS error over bound, and NEES with the covariance that each solution says of itself, in "
-        "turns of the case. `rough`: the latitude is known to "
-        f"{np.degrees(ROUGH):.2f} deg. The hemisphere and a rough heading help to choose between "
-        "roots; draws where the other root was taken are counted, must all be flagged as "
-        "ambiguous, and do not enter the sums.",
-        "",
-        *tables[2][0],
-        "",
-        "### Off the bound, and why",
-        "",
-        "RMS heading error over bound against that bend, and for the same set-ups with a quarter "
-        "of the noise, where the bend is a quarter too: what departs from the bound is the "
-        "curvature of the problem, and goes with the noise. The better of two roots is taken.",
-        "",
-        *bend_rows(draws, rng),
-    ]
-    path = Path(__file__).parents[1] / "docs" / "validation" / "north_seeking_bound.md"
-    path.write_text("\n".join(text) + "\n", encoding="utf-8")
-    print("\n".join(text))
-    return 0 if strong and all(good for _, good in tables) else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main(*(int(a) for a in sys.argv[1:])))
+    return strong and all((good for _, good in tables)), {
+        "stop_sd": STOP_SD / DPH,
+        "up_sd": UP_SD * np.sqrt(2) * 1000000.0,
+        "headings": HEADINGS,
+        "latitudes": latitudes,
+        "draws": draws,
+        "power": power,
+        "bent": BENT,
+        "gentle": tables[0][0],
+        "steep": tables[1][0],
+        "rough": np.degrees(ROUGH),
+        "best": tables[2][0],
+        "bend_rows": bend_rows(draws, rng),
+    }

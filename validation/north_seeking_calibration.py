@@ -1,36 +1,30 @@
-"""What the calibration of a north seeker costs and shows: its noise, its consistency, z couplings.
-
-Run: python validation/north_seeking_calibration.py [draws]
-"""
+"""What the calibration of a north seeker costs and shows: noise, consistency, z couplings."""
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
+from common import limits, must
 from north_seeking_bound import pairs_of
 from north_seeking_tables import (
     ACCEL_SD,
     DPH,
     HEADINGS,
     LATITUDE,
-    ROOT,
     TILTS,
     G,
     attitudes,
 )
 
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.attitude import Known, solve
-from foucault.estimate.north.calibration import calibrate_batch
+from foucault.estimate.north import Known, calibrate_batch, solve
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import RATE_TILTED, SEEKER, Compensation, earth_rate_b, up_b
 from foucault.models.rotation import turned
 from foucault.procedures import north_seeking
-from foucault.procedures.north_seeking import solution as north_solution
+from foucault.procedures.north_seeking import fix as north_solution
 
 
 def inflation(draws: int) -> tuple[list[str], bool]:
@@ -38,7 +32,7 @@ def inflation(draws: int) -> tuple[list[str], bool]:
     rng = np.random.default_rng(5)
     n, sd = 50 * draws, 0.01 * DPH
     tests = 2
-    limits = [np.sqrt(v / n) for v in chi_square_limits(n, tests=tests)]
+    within = [np.sqrt(v) for v in limits(n, tests=tests)]
     lines = ["| dwell of the calibration | RMS with / without | sqrt(1 + 1/(4 k)) | method | RMS "
              "over that | inside |", "|--:|--:|--:|--:|--:|---|"]  # fmt: skip
     good = True
@@ -60,10 +54,10 @@ def inflation(draws: int) -> tuple[list[str], bool]:
         rms = [np.sqrt(np.mean(e**2)) for e in errors]
         theory = np.sqrt(1 + 3 / (12 * k))
         over = rms[1] / (single * theory)
-        inside = limits[0] <= over <= limits[1]
+        inside = within[0] <= over <= within[1]
         good &= bool(inside)
         lines.append(f"| {k} | {rms[1] / rms[0]:.4f} | {theory:.4f} | {printed} | {over:.4f} | "
-                     f"{'yes' if inside else '**no**'} |")  # fmt: skip
+                     f"{must(inside)} |")  # fmt: skip
     return lines, good
 
 
@@ -123,7 +117,7 @@ def nees(draws: int) -> tuple[list[str], bool]:
         good &= inside and caught
         lines.append(
             f"| {label} | {len(c)} | {total / dof:.4f} | {low / dof:.4f} to {high / dof:.4f} | "
-            f"{'yes' if inside else '**no**'} | {'rejected' if caught else '**passes**'} |"
+            f"{must(inside)} | {'rejected' if caught else '**passes**'} |"
         )
     return lines, good
 
@@ -165,39 +159,13 @@ def field_errors(model: ImuModel, found: CoefficientVector, site: Site) -> np.nd
     return turned(angles[:, 0] - x[:, 0])
 
 
-def main(draws: int = 400) -> int:
+def main(draws: int = 400) -> tuple[bool, dict[str, object]]:
     (inflated, a), (consistent, b), (coupling, c) = inflation(draws), nees(draws), z_coupling()
-    text = [
-        "# North seeking: what a calibration costs",
-        "",
-        "Written by `python validation/north_seeking_calibration.py`.",
-        "",
-        "## Noise of the calibration in the heading",
-        "",
-        f"Twelve headings, level, latitude {np.degrees(LATITUDE):.1f} deg, stops of the "
-        f"calibration k times as long as those of the measurement; {50 * draws} draws.",
-        "",
-        *inflated,
-        "",
-        "## Consistency",
-        "",
-        f"NEES of {2 * draws} calibrations each, with errors of the instrument drawn anew each "
-        "time; two-sided, 1 % for all together.",
-        "",
-        *consistent,
-        "",
-        "## A coupling of the rate along z_b",
-        "",
-        "-0.7e-3 into x and 1e-3 into y, without noise; then headings all around at 10 deg of "
-        "pitch and roll, all four quadrants, by maximum likelihood.",
-        "",
-        *coupling,
-    ]
-    path = ROOT / "docs" / "validation" / "north_seeking_calibration.md"
-    path.write_text("\n".join(text) + "\n", encoding="utf-8")
-    print("\n".join(text))
-    return 0 if a and b and c else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main(*(int(a) for a in sys.argv[1:])))
+    return a and b and c, {
+        "latitude": np.degrees(LATITUDE),
+        "draws": 50 * draws,
+        "inflated": inflated,
+        "calibrations": 2 * draws,
+        "consistent": consistent,
+        "coupling": coupling,
+    }

@@ -9,33 +9,25 @@ every mean, ``ADEV = sqrt(3) Q / tau``; a mean over T then has the sd ``sqrt(2) 
 has bumps, so that the largest Q of all averaging times is taken.
 
 The log is looked for under $FOUCAULT_DATA (default ../shared/data).
-
-Run: python validation/north_seeking_static.py
 """
 
 from __future__ import annotations
 
-import os
-import sys
 from dataclasses import replace
-from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from common import DATA, must
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.allan.log import measure_log
-from foucault.estimate.chi_square import FALSE_ALARM, chi_square_limits
-from foucault.estimate.north.attitude import Fixes, Known, solve
-from foucault.estimate.north.reduction import Pairs
+from foucault.diagnose.allan import measure_log
+from foucault.estimate.north import Fixes, Known, solve
+from foucault.estimate.north_reduction import Pairs
+from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.logs import LogDescription, read
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.north_seeker import SEEKER, Compensation
 from foucault.tables import Log
 
-ROOT = Path(__file__).resolve().parents[1]
-DATA = Path(os.environ.get("FOUCAULT_DATA", ROOT.parent / "shared" / "data")).resolve()
 DPH = np.pi / 648000
 SITE = Site.at(np.radians(51.08))
 REFERENCE = {"azimuth": (7.33, 7.29), "rate": 14.755, "latitude": 51.0826}
@@ -134,7 +126,7 @@ def scatter_rows(log: Log, Q: np.ndarray) -> tuple[list[str], bool]:
             good &= square < limit
             lines.append(
                 f"| {time:.0f} s | {name} | {x.std(ddof=1):.3f} | {np.sqrt(np.mean(x_sd**2)):.3f} "
-                f"| {square:.2f} | {limit:.1f} | {'yes' if square < limit else '**no**'} |"
+                f"| {square:.2f} | {limit:.1f} | {must(square < limit)} |"
             )
     return lines, good
 
@@ -219,26 +211,10 @@ def whole(azimuth, azimuth_sd, latitude, latitude_sd, size, size_sd, known) -> t
     return lines, bool(good)
 
 
-def main() -> int:
+def main() -> tuple[bool, dict[str, object]]:
     if not (DATA / "ln100_static").is_dir():
         print(f"skipped: {DATA / 'ln100_static'} is missing; set FOUCAULT_DATA")
-        return 0
+        return None
     log = read(LogDescription.model_validate(DESCRIPTION), DATA / "ln100_static")
     lines, good = page(log)
-    text = [
-        "# North from a navigation unit at rest",
-        "",
-        "Written by `python validation/north_seeking_static.py`. The log: Litton LN-100, "
-        f"{log.duration:.0f} s at rest, x axis up. Right is -z, forward y, up x; the azimuth is "
-        "that of y. Two gyros and two accelerometers are solved as one set-up of a north seeker.",
-        "",
-        *lines,
-    ]
-    path = ROOT / "docs" / "validation" / "north_seeking_static.md"
-    path.write_text("\n".join(text) + "\n", encoding="utf-8")
-    print("\n".join(text))
-    return 0 if good else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return good, {"duration": log.duration, "lines": lines}

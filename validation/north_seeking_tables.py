@@ -5,35 +5,22 @@ at each of the four stops, (34)-(37), in counts. It is calibrated at twelve leve
 then finds north at twelve headings in each of the sixteen attitudes of Table 2, before and after
 compensation; many times, as the table is one draw. The paper does not define its "circle
 accuracy": three readings are given.
-
-Run: python validation/north_seeking_tables.py [draws]
 """
 
 from __future__ import annotations
 
-import os
-import sys
-from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import numpy as np
+from common import limits
 
+import reference as published
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.north.attitude import closed_form, compensated
-from foucault.estimate.north.calibration import calibrate_batch
+from foucault.estimate.north import calibrate_batch, closed_form, compensated
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import RATE_LEVEL, SEEKER, Compensation, earth_rate_b, up_b
 from foucault.models.rotation import turned
 from foucault.procedures import north_seeking
 from foucault.tables import IndexedLog
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests"))  # the published equations, one line each
-
-import reference as published  # noqa: E402
 
 G = 9.80665
 DPH = np.pi / 648000
@@ -216,7 +203,7 @@ def table_1(draws: int) -> tuple[list[str], bool]:
            np.abs(full - truth)[order] / units[order]]  # fmt: skip
     scatter = sessions("Table 1", draws, None)[1] - TABLE_1
     sds = np.sqrt(np.diag(cov))[order] / units[order]
-    limits = [np.sqrt(v / draws) for v in chi_square_limits(draws, tests=6)]
+    within = [np.sqrt(v) for v in limits(draws, tests=6)]
     lines = [
         "| parameter | Table 1 | published equations, off | batch, off | likelihood, off | RMS "
         "with noise | sd of the batch | RMS / sd |",
@@ -225,7 +212,7 @@ def table_1(draws: int) -> tuple[list[str], bool]:
     good = True
     for i, name in enumerate(PARAMETERS):
         rms = float(np.sqrt(np.mean(scatter[:, i] ** 2)))
-        good &= limits[0] <= rms / sds[i] <= limits[1]
+        good &= within[0] <= rms / sds[i] <= within[1]
         good &= bool(max(o[i] for o in off) < 1e-5)
         cells = " | ".join(f"{o[i]:.1e}" for o in off)
         lines.append(f"| {name} | {TABLE_1[i]:.5f} | {cells} | {rms:.4g} | {sds[i]:.4g} | "
@@ -233,8 +220,8 @@ def table_1(draws: int) -> tuple[list[str], bool]:
     lines += [
         "",
         f"Biases in counts, the others in counts/(deg/s); {SETS['Table 1'][1]} deg/h at a stop, of "
-        f"the calibration {DWELL:g} times as long. RMS / sd must lie in {limits[0]:.3f} to "
-        f"{limits[1]:.3f} ({draws} draws, 1 % for all together).",
+        f"the calibration {DWELL:g} times as long. RMS / sd must lie in {within[0]:.3f} to "
+        f"{within[1]:.3f} ({draws} draws, 1 % for all together).",
     ]
     return lines, good
 
@@ -289,30 +276,14 @@ def grown(errors: np.ndarray) -> tuple[float, float]:
     return float(ratio[0]), float(ratio[1])
 
 
-def main(draws: int = 400) -> int:
+def main(draws: int = 400) -> tuple[bool, dict[str, object]]:
     first, good = table_1(draws)
-    text = [
-        "# North seeking: the paper's tables",
-        "",
-        "Written by `python validation/north_seeking_tables.py`. Source: Liu Cheng, Piezoelectrics "
-        "& Acoustooptics, 2016.",
-        "",
-        "## Table 1",
-        "",
-        *first,
-        "",
-        "## Table 2",
-        "",
-        f"Before / after compensation [deg], mean and scatter of {draws} sessions at latitude "
-        f"{np.degrees(LATITUDE):.1f} deg: twelve headings, accelerometer {ACCEL_SD * 1e6:.0f} ug "
-        f"at a stop, latitude unknown, (33). Before: nominal scale factor, no bias, no coupling. A "
-        f"stop of the calibration is {DWELL:g} times as long as one of the measurement.",
-    ]
     closest = [
         "| parameters | std | max | peak to peak | closest | slope of the std over its scatter in "
         "one session, before | after |",
         "|---|--:|--:|--:|---|--:|--:|",
     ]
+    sets = []
     worst, best = 0.0, (np.inf, "", "")
     for name, (parameters, sd) in SETS.items():
         errors, _, apart = sessions(name, draws, None)
@@ -324,7 +295,7 @@ def main(draws: int = 400) -> int:
         ]
         worst = max(worst, apart)
         listed = ", ".join(f"{p} {v:.6g}" for p, v in zip(PARAMETERS, parameters, strict=True))
-        text += ["", f"### {name}", "", f"{sd} deg/h at a stop; {listed}.", "", *lines]
+        sets += ["", f"### {name}", "", f"{sd} deg/h at a stop; {listed}.", "", *lines]
         each = np.sqrt(np.mean(misfit**2, axis=1))
         nearest = int(np.argmin(each))
         best = min(best, (float(each[nearest]), METRICS[nearest], name))
@@ -335,26 +306,16 @@ def main(draws: int = 400) -> int:
         closest.append(f"| {name} | {cells} | {METRICS[nearest]} | {before:.1f} | "
                        f"{after:.2f} |")  # fmt: skip
     good &= worst < 1e-12
-    text += [
-        "",
-        "### Which reading of circle accuracy",
-        "",
-        "Typical departure from the 32 printed numbers (RMS of the logarithm of the ratio), for "
-        "each reading. Each of the two sets was chosen for the reading in its name.",
-        "",
-        *closest,
-        "",
-        f"Closest of all is the {best[1]} with the {best[2]}: within {100 * np.expm1(best[0]):.0f} "
-        f"% of the printed numbers.",
-        "",
-        f"The published equations (20)-(33), (48), (49) and the closed form of the package differ "
-        f"by at most {worst:.1e} rad in all these headings.",
-    ]
-    path = ROOT / "docs" / "validation" / "north_seeking_tables.md"
-    path.write_text("\n".join(text) + "\n", encoding="utf-8")
-    print("\n".join(text))
-    return 0 if good else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main(*(int(a) for a in sys.argv[1:])))
+    return good, {
+        "first": first,
+        "draws": draws,
+        "latitude": np.degrees(LATITUDE),
+        "accel_sd": ACCEL_SD * 1000000.0,
+        "dwell": DWELL,
+        "sets": sets,
+        "closest": closest,
+        "reading": best[1],
+        "parameters": best[2],
+        "within": 100 * np.expm1(best[0]),
+        "worst": worst,
+    }

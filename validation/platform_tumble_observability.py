@@ -4,16 +4,12 @@ The rank of the stripped observability matrix for the plan cut into more and mor
 constant rate; the weakest directions and strongest correlations of the bound; the slopes of the
 readings, the paper's figures 4 to 7, against central differences of the simulator; the bound from
 these differences alone where gyros have no noise; and the bound at other latitudes.
-
-Run: python validation/platform_tumble_observability.py
 """
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from platform_tumble_setting import (
@@ -33,15 +29,15 @@ from platform_tumble_setting import (
 )
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose import tumble as evidence
 from foucault.diagnose.observability import Observability
-from foucault.diagnose.tumble import observability as evidence
-from foucault.diagnose.tumble.observability import STATE
-from foucault.estimate.tumble import fit as estimation
-from foucault.estimate.tumble.fit import State
+from foucault.diagnose.tumble import STATE
+from foucault.estimate import tumble as estimation
+from foucault.estimate.tumble import State
 from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel, angles_of, normalised
 from foucault.models.earth import Site
 from foucault.models.rotation import exp, log
-from foucault.plans.tumble.torquing import PUBLISHED, nominal
+from foucault.plans.tumble import PUBLISHED, nominal
 
 CUTS = {(1, 1, 1, 1): 24, (2, 2, 2, 2): 39, (8, 4, 8, 4): 45, (16, 8, 16, 8): 45}
 """Segments of each of the four steps, and the rank that is expected."""
@@ -97,11 +93,7 @@ def cut(pieces: tuple[int, ...], constants: np.ndarray) -> Observability:
 
 def ranks(constants: np.ndarray) -> tuple[list[str], bool]:
     """Rank by number of segments, constants zero and as they are."""
-    lines = [
-        "| segments | of each step | rank, constants zero | constants of a run | smallest that "
-        "counts, over the largest | largest that does not | powers of F |",
-        "|--:|---|--:|--:|--:|--:|--:|",
-    ]
+    lines = []
     good, finest = True, None
     for pieces, expected in CUTS.items():
         zero, real = cut(pieces, np.zeros(42)), cut(pieces, constants)
@@ -144,7 +136,7 @@ def directions(run: Run) -> tuple[list[str], bool]:
     sd = run.prior.sd[: len(STATE)]
     data = evidence.information_of(fit, run.prior)
     weakest = data.remaining(sd, 6)
-    lines = ["| direction, in priors | sd over the prior | expected |", "|---|--:|---|"]
+    lines = []
     good = True
     for k, part in enumerate(weakest):
         expected = "-"
@@ -332,11 +324,7 @@ def latitudes(run: Run) -> list[str]:
         fit = estimation.bound(there.tumble, there.prior, there.truth)
         sd[latitude] = np.append(there.sd(fit.cov), np.sqrt(fit.start_cov[2, 2]) / ARCSEC)
     home = sd[40.0]
-    lines = [
-        "| latitude [deg] | 42 constants over 40 deg, geometric mean | best | worst | azimuth at "
-        "the start [arcsec] | alpha | beta | gamma at the end |",
-        "|--:|--:|---|---|--:|--:|--:|--:|",
-    ]
+    lines = []
     for latitude, values in sd.items():
         ratio = (values / home)[3:45]
         low, high = int(ratio.argmin()), int(ratio.argmax())
@@ -348,47 +336,17 @@ def latitudes(run: Run) -> list[str]:
     return lines
 
 
-def main() -> int:
+def main() -> tuple[bool, dict[str, object]]:
     run = zeroth()
     first, complete = ranks(run.truth.constants)
     second, expected = directions(replace(run, tumble=replace(run.tumble, block=BLOCK)))
     curves = slopes(run)
     third, right = slope_table(run, curves)
     fourth, bounded = brute_force(run, curves)
-    text = [
-        "# Platform tumble: what the motion shows",
-        "",
-        "Written by `python validation/platform_tumble_observability.py`. The plan of the paper, "
-        "latitude 40 deg, one cluster drawn about its means; names and signs of the source.",
-        "",
-        "## Rank",
-        "",
-        *first,
-        "",
-        "## Weakest directions",
-        "",
-        "Of the bound of attitude and 42 constants, gyro noise and prior included.",
-        "",
-        *second,
-        "",
-        "## Slopes of the readings",
-        "",
-        "d(reading)/d(coefficient) along the plan against central differences of the simulator: "
-        "largest deviation over the largest value of the curve, the worst of each group.",
-        "",
-        *third,
-        "",
-        fourth[0],
-        "",
-        "## Latitude",
-        "",
-        *latitudes(run),
-    ]
-    path = Path(__file__).parents[1] / "docs" / "validation" / "platform_tumble_observability.md"
-    path.write_text("\n".join(text) + "\n", encoding="utf-8")
-    print("\n".join(text))
-    return 0 if complete and expected and right and bounded else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return complete and expected and right and bounded, {
+        "first": first,
+        "second": second,
+        "third": third,
+        "fourth": fourth[0],
+        "latitudes": latitudes(run),
+    }

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foucault.estimate.tumble.fit import Prior, State, Tumble
+from foucault.estimate.tumble import Prior, State, Tumble
 from foucault.models.cluster import (
     CONSTANTS,
     SOURCE_SYMBOLS,
@@ -24,7 +24,7 @@ from foucault.models.cluster import (
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log
-from foucault.plans.tumble.torquing import TorquingPlan
+from foucault.plans.tumble import TorquingPlan
 from foucault.procedures.platform_tumble import simulate as simulated
 from foucault.procedures.platform_tumble.settings import (
     NOISE,

@@ -3,23 +3,18 @@
 For each case: simulate, calibrate with the noise declared, compare the errors of all coefficients
 with the covariance. The mean NEES must lie inside two-sided chi-square limits at 1 % for the cases
 together; with a covariance that is 10 % too small it must lie outside.
-
-Run: python validation/rate_table.py [sessions]
 """
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
+from common import limits, word
 
-from foucault.diagnose.consistency import nees
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.diagnose.study import nees
 from foucault.models.earth import Site
 from foucault.models.noise import grade
 from foucault.procedures.rate_table import calibrate, names_of, simulate
-from foucault.procedures.rate_table.session import Session, Settings
+from foucault.procedures.rate_table.model import Session, Settings
 from foucault.simulate.hand_rotated import draw_errors
 
 SITE = Site.at(np.radians(48.8462), 60.0)
@@ -49,23 +44,10 @@ def one(name: str, settings: Settings, seed: int) -> tuple[np.ndarray, np.ndarra
     return errors, result.coefficients.cov, np.array(result.diagnostics["bound"])
 
 
-def main(sessions: int = 500) -> int:
+def main(sessions: int = 500) -> tuple[bool, dict[str, object]]:
     n = len(NAMES)
-    low, high = (x / (n * sessions) for x in chi_square_limits(n * sessions, tests=len(CASES)))
-    lines = [
-        "# Rate table: are the uncertainties right?",
-        "",
-        "Written by `python validation/rate_table.py`.",
-        "",
-        f"{sessions} simulated sessions each, {n} coefficients, noise declared. Mean NEES over {n} "
-        f"must lie in {low:.3f} to {high:.3f} (two-sided, 1 % for the {len(CASES)} cases "
-        "together), and outside with a covariance that is 10 % too small. The bound knows the "
-        "noise of the gyros only: what the table and the fixture add is beyond it.",
-        "",
-        "| case | mean NEES / n | inside | covariance 10 % too small | inside | "
-        "RMS error over bound, median | largest |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    low, high = limits(n * sessions, tests=len(CASES))
+    shown = []
     good = True
     for case, (name, chosen) in CASES.items():
         settings = Settings.model_validate(chosen)
@@ -77,20 +59,15 @@ def main(sessions: int = 500) -> int:
         ratio = np.sqrt(((errors / bounds) ** 2).mean(axis=0))
         inside, missed = low <= right <= high, low <= wrong <= high
         good &= inside and not missed
-        lines.append(
-            f"| {case} | {right:.3f} | {_word(inside)} | {wrong:.3f} | {_word(missed)} | "
+        shown.append(
+            f"| {case} | {right:.3f} | {word(inside)} | {wrong:.3f} | {word(missed)} | "
             f"{np.median(ratio):.3f} | {ratio.max():.3f} |"
         )
-    text = "\n".join(lines) + "\n"
-    target = Path(__file__).parents[1] / "docs/validation/rate_table.md"
-    target.write_text(text, encoding="utf-8")
-    print(text)
-    return 0 if good else 1
-
-
-def _word(inside: bool) -> str:
-    return "yes" if inside else "no"
-
-
-if __name__ == "__main__":
-    sys.exit(main(*(int(a) for a in sys.argv[1:])))
+    return good, {
+        "sessions": sessions,
+        "n": n,
+        "low": low,
+        "high": high,
+        "cases": len(CASES),
+        "shown": shown,
+    }

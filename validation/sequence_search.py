@@ -1,39 +1,36 @@
-"""Poses and sequences of systematic calibration that a search finds, and what they come to.
-
-Run from the repository root: python validation/sequence_search.py
-"""
+"""Poses and sequences of systematic calibration that a search finds, and what they come to."""
 
 from __future__ import annotations
 
-import os
-import sys
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import numpy as np
+from common import rms, word
 
 from foucault import campaign, monte_carlo
 from foucault.campaign import optimisation
 from foucault.campaign.reading import Campaign
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.deflection import deflection_model
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
 from foucault.plans.manoeuvres import Rest, Rotate
-from foucault.plans.systematic.built_in import action_sequences, nineteen_positions
-from foucault.plans.systematic.pose_search import best_poses
-from foucault.plans.systematic.sequence import CalibrationSequence
-from foucault.plans.systematic.spin_poses import poses, quality
-from foucault.plans.systematic.steps import turns_of
+from foucault.plans.sequence import (
+    CalibrationSequence,
+    action_sequences,
+    best_poses,
+    nineteen_positions,
+    poses,
+    quality,
+)
+from foucault.plans.sequence_file import turns_of
 from foucault.procedures import systematic
 from foucault.procedures.systematic.plan import HERE
 from foucault.simulate.systematic import simulate_systematic
 
-ROOT = Path(__file__).parents[1]
 RUNS, RESTARTS, EVALUATIONS = 32, 4, 400
 UNIT = np.radians(1 / 3600) / 9.80665
 GOAL = 0.0085
@@ -88,12 +85,6 @@ def brute_force(angles: np.ndarray, steps: int = 720) -> float:
 def pose_lines() -> list[str]:
     """Find six poses from random starts, with several seeds, and judge them twice."""
     lines = [
-        "## Six poses", "",
-        "Root mean square of the sd of the six coefficients for sd 1 of the reduced tilt of each "
-        "pose. The last column is from a turn integrated in 720 steps instead of the closed form.",
-        "", "| poses | random starts | time (s) | rms sd | integrated |", "|---|--:|--:|--:|--:|",
-    ]  # fmt: skip
-    lines += [
         f"| {name} | | | {quality(poses(name)).spread:.4f} | {brute_force(poses(name)):.4f} |"
         for name in ("simple 6", "icosahedral 6")
     ]
@@ -105,7 +96,7 @@ def pose_lines() -> list[str]:
         assert quality(found).spread <= 1.44 and integrated <= 1.44
         lines.append(f"| found, seed {seed} | 20 | {took:.2f} | {quality(found).spread:.4f} "
                      f"| {integrated:.4f} |")  # fmt: skip
-    return [*lines, ""]
+    return lines
 
 
 # -- sequences -----------------------------------------------------------------------------------
@@ -184,15 +175,8 @@ def described(s: CalibrationSequence) -> str:
     )
 
 
-def main() -> int:
-    """Search, judge, simulate, and write the page."""
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
-    lines = [
-        "# Poses and sequences of systematic calibration, searched for", "",
-        "Written by `python validation/sequence_search.py`. Noise: angle random walk 0.0007 "
-        "deg/sqrt(h), velocity random walk 5 ug/sqrt(Hz). Turns other than spins at 10 deg/s.", "",
-        *pose_lines(),
-    ]  # fmt: skip
+def main(runs: int = RUNS) -> tuple[bool, dict[str, object]]:
+    """Search, judge and simulate."""
     with ProcessPoolExecutor(2) as pool:
         found = dict(zip(SEARCHES, pool.map(search, SEARCHES.values()), strict=True))
         sequences = known() | {name: f[0] for name, f in found.items()}
@@ -202,30 +186,16 @@ def main() -> int:
         cured = list(pool.map(size_effect, sequences.values(), [True] * len(sequences)))
         texts = [found[name][2] for name in list(SEARCHES)[:2]]
         trials = list(pool.map(session, [(t, k) for t in texts for k in range(runs)]))
-    lines += [
-        "## Sequences", "",
-        f"Found by {RESTARTS} restarts of {EVALUATIONS} plans, as `foucault optimise` does. "
-        "Predicted sd of the six coefficients of deflection (root mean square, and the largest) "
-        "[arcsec/g]: of the default, that begins every rest anew, and counting the turns in full. "
-        "What lever arms of 3 cm, unknown to the filter, do to a coefficient at most: with the "
-        "default, and counting the turns.", "",
-        "| sequence | rests, spins, rest before / after | min | sd, rms / largest "
-        "| counting turns, rms | 3 cm: default | counting turns |", "|---|---|--:|--:|--:|--:|--:|",
-    ]  # fmt: skip
+    shown = []
     for (name, s), one, full, bad, good in zip(
         sequences.items(), sd, all_, biased, cured, strict=True
     ):
-        lines.append(
+        shown.append(
             f"| {name} | {described(s)} | {s.duration / 60:.1f} | {rms(one):.4f} / {one.max():.4f} "
             f"| {rms(full):.4f} | {good:.4f} | {bad:.3f} |"
         )
     took = ", ".join(f"{found[name][1]:.0f} s" for name in SEARCHES)
-    lines += ["", f"The searches took {took} on one thread each.", "", "## Simulated sessions", "",
-              f"{runs} sessions of each at 50 Hz through the procedure: an instrument of class "
-              "navigation and deflections of 3 arcsec/g drawn for each, table errors of 1 arcmin a "
-              "turn, start off by 0.5 deg. Limits: chi-square, 1 % for both together.", "",
-              "| sequence | error, rms [arcsec/g] | predicted, rms | NEES / n | limits | inside |",
-              "|---|--:|--:|--:|--:|---|"]  # fmt: skip
+    shown_2 = []
     fine = True
     for k, name in enumerate(list(SEARCHES)[:2]):
         part = trials[k * runs : (k + 1) * runs]
@@ -236,18 +206,14 @@ def main() -> int:
         goal = found[name][0].duration <= 2700 or k
         fine &= inside and sd[len(known()) + k].max() <= GOAL and bool(goal)
         err, said = (rms(np.array([row[i] for row in part])) for i in (0, 1))
-        lines.append(f"| {name} | {err:.4f} | {said:.4f} | {nees:.3f} | {low:.3f} to {high:.3f} "
-                     f"| {'yes' if inside else 'no'} |")  # fmt: skip
-    page = ROOT / "docs/validation/sequence_search.md"
-    page.write_text("\n".join([*lines, ""]), encoding="utf-8")
-    print("\n".join(lines))
-    return int(not fine)
-
-
-def rms(values: np.ndarray) -> float:
-    """Return the root mean square of `values`."""
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+        shown_2.append(f"| {name} | {err:.4f} | {said:.4f} | {nees:.3f} | {low:.3f} to {high:.3f} "
+                     f"| {word(inside)} |")  # fmt: skip
+    return fine, {
+        "pose_lines": pose_lines(),
+        "restarts": RESTARTS,
+        "evaluations": EVALUATIONS,
+        "shown": shown,
+        "took": took,
+        "runs": runs,
+        "shown_2": shown_2,
+    }

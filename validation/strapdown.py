@@ -4,34 +4,24 @@ The truth is integrated in the Earth-fixed frame by a Runge-Kutta method of orde
 nothing with the navigation but the model of the Earth; increments are integrals by Gauss and
 Legendre, exact to rounding. Then errors of a standing instrument over hours and days, coning and
 sculling, the vertical channel, and runs there and back.
-
-Run: python validation/strapdown.py
 """
 
 from __future__ import annotations
 
-import os
-import sys
 from dataclasses import replace
-from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from common import word
 from scipy.linalg import expm
 
+import make_motion
+import make_strapdown as made
 from foucault.models.earth import EARTH_RATE, gravity, radii
 from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.increments import increments_of
 from foucault.navigate.strapdown import HEIGHT_LOOP, navigate
 from foucault.simulate.motion import simulate_motion
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests"))
-
-import make_motion  # noqa: E402
-import make_strapdown as made  # noqa: E402
-from reference import strapdown_step  # noqa: E402
+from reference import strapdown_step
 
 DEG = np.pi / 180
 HOUR = 3600.0
@@ -240,7 +230,7 @@ def vibration() -> Page:
             # To 1e-6 ug: what is left there is of other terms.
             good &= abs(scull - scull_formula) < 2e-3 * abs(scull_formula) + 1e-11
             lines.append(
-                f"| {frequency:g} | {'yes' if compensated else 'no'} | {cone / DEG * HOUR:.4g} | "
+                f"| {frequency:g} | {word(compensated)} | {cone / DEG * HOUR:.4g} | "
                 f"{cone_formula / DEG * HOUR:.4g} | {scull / 9.80665e-6:.4g} | "
                 f"{scull_formula / 9.80665e-6:.4g} |"
             )
@@ -325,25 +315,13 @@ PARTS = (
 )  # fmt: skip
 
 
-def main() -> int:
-    text = [
-        "# Strapdown navigation: checked",
-        "",
-        "Written by `python validation/strapdown.py`. The truth is integrated in the Earth-fixed "
-        "frame by a Runge-Kutta method of order 8 (DOP853 of SciPy, relative 3e-14).",
-    ]
-    good = True
+def main() -> tuple[bool, dict[str, object]]:
+    good, shown = True, []
     for title, part, words in PARTS:
         lines, right = part()
         good &= right
-        text += ["", f"## {title}", "", *([words, ""] if words else []), *lines]
+        shown += ["", f"## {title}", "", *([words, ""] if words else []), *lines]
         if not right:
-            text += ["", "**Not as it should be.**"]
+            shown += ["", "**Not as it should be.**"]
             print(title, "is not as it should be", flush=True)
-    page = ROOT / "docs" / "validation" / "strapdown.md"
-    page.write_text("\n".join(text) + "\n", encoding="utf-8")
-    return 0 if good else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return good, {"shown": shown}

@@ -2,20 +2,15 @@
 
 Sessions without noise, so that what remains is bias: lever arms of 3 cm that nobody told the
 filter, a table that misses its angles, accelerometers with quadratic terms. Each with the cure.
-
-Run from the repository root: python validation/systematic_biases.py
 """
 
 from __future__ import annotations
 
 import multiprocessing
-import os
-import sys
 from dataclasses import dataclass, replace
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import numpy as np
+from common import rms, word
 from systematic_setting import (
     ARCSEC,
     BEND,
@@ -31,13 +26,10 @@ from systematic_setting import (
     both_steps,
     groups,
     instrument,
-    rms,
     spread_of,
-    word,
-    write,
 )
 
-from foucault.estimate.systematic.fit import AtRest
+from foucault.estimate.systematic import AtRest
 from foucault.models.ins_errors import Sensors
 from foucault.models.size_effect import with_size_effect
 from foucault.simulate.systematic import TableErrors, simulate_systematic
@@ -111,8 +103,7 @@ def one(job: tuple[Case, int]) -> tuple[np.ndarray, np.ndarray]:
     return found.values[at] - truth, found.sd[at]
 
 
-def main() -> int:
-    draws = int(sys.argv[1]) if len(sys.argv) > 1 else DRAWS
+def main(draws: int = DRAWS) -> tuple[bool, dict[str, object]]:
     lines = [
         "| disturbance | filter | bias, rms | largest | earlier study | sd | bias / sd | below 0.1 "
         "| worst of the others, bias / sd |", "|---|---|--:|--:|--:|--:|--:|---|---|",
@@ -135,39 +126,4 @@ def main() -> int:
                 f"{FULL.layout.names[others[k]]}, {z[k]:.2g} |"
             )
             print(lines[-1], flush=True)
-    write("systematic_biases", [
-        "# Systematic calibration: what biases it, and the cures", "",
-        "Written by `python validation/systematic_biases.py`.", "",
-        f"{draws} instruments for each row, each in a session of 19 positions and six spins "
-        "without "
-        f"noise, {RATE:g} Hz: what is left is bias. The filter is told the reference noise, and "
-        "goes "
-        f"through the session {PASSES} times. Deflections in arcsec/g: rms and largest bias of the "
-        "six, beside their sd and what an earlier study found; the last column has the rms bias "
-        "of the instrument error that suffers most, in units of its sd. Cured is what keeps below "
-        "a tenth of the sd, for then it adds half a percent to the error.", "",
-        *lines, "",
-        "**Lever arms.** The x and y accelerometer are 3 cm from the z accelerometer, in random "
-        "directions; the table turns about the z accelerometer. Left alone they ruin the result, "
-        "the "
-        "more so the faster the spins; the gyro misalignments suffer more than the deflections. "
-        "`decorrelate = true` (the default where lever arms are not estimated) forgets at every "
-        "rest "
-        "what the turn did to velocity and position, and costs about 15 % of the sd. "
-        "`lever_arms = true` costs almost nothing, but is linear: products of lever arms and "
-        "misalignments are left out, which is what remains of the deflections at 90 deg/s. The "
-        "accelerometer biases of the faster spins are another matter: at 50 Hz the instrument "
-        "turns "
-        "1.8 deg in an interval, and at 100 Hz that bias is five times smaller.", "",
-        "**Table.** Errors of 60 and 600 arcsec in every turn, adding up, change nothing: the "
-        "angles "
-        "are not used.", "",
-        "**Quadratic terms.** 12 ug/g^2 of random sign on each accelerometer; the asymmetry of the "
-        "accelerometers takes most of it and the deflections a little. `accel_quadratic = true` is "
-        "the cure, at no cost in the deflections.",
-    ])  # fmt: skip
-    return 0 if good else 1
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+    return good, {"draws": draws, "rate": RATE, "passes": PASSES, "lines": lines}

@@ -3,18 +3,14 @@
 The tilt after whole turns by `models.deflection` beside an integration that is written out here
 from the printed equations; how many combinations each model shows by whole turns, and in the 19
 positions with six spins; and the quality of the sets of poses.
-
-Run from the repository root: python validation/systematic_excitation.py
 """
 
 from __future__ import annotations
 
-import os
 from itertools import pairwise
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import numpy as np
+from common import word
 from systematic_setting import (
     ARCSEC,
     BEND,
@@ -27,22 +23,18 @@ from systematic_setting import (
     both_steps,
     groups,
     spread_of,
-    word,
-    write,
 )
 
 from foucault.estimate.ins_filter import start_cov
-from foucault.estimate.systematic.fit import AtRest, Start
+from foucault.estimate.systematic import AtRest, Start
 from foucault.models.deflection import MODELS, deflection_model, whole_turns
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
 from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.increments import increments_of
-from foucault.navigate.state import State
-from foucault.navigate.strapdown import navigate
+from foucault.navigate.strapdown import State, navigate
 from foucault.plans.manoeuvres import Rest
-from foucault.plans.systematic.sequence import CalibrationSequence, spin
-from foucault.plans.systematic.spin_poses import NAMES, poses, quality, spin_axis
+from foucault.plans.sequence import NAMES, CalibrationSequence, poses, quality, spin, spin_axis
 from foucault.simulate.systematic import simulate_systematic
 
 Page = tuple[list[str], bool]
@@ -286,41 +278,13 @@ def pose_sets() -> Page:
     return lines, good and rank == 3
 
 
-def main() -> int:
+def main() -> tuple[bool, dict[str, object]]:
     pages = [closed_form(), size(), ranks(), pose_sets()]
     formula, tilt, seen, sets = (lines for lines, _ in pages)
-    write("systematic_excitation", [
-        "# Systematic calibration: what turns and spins show of the deflection", "",
-        "Written by `python validation/systematic_excitation.py`.", "",
-        "## Whole turns: the closed form", "",
-        f"{TURNS} turns about a level axis in random poses, T drawn with 3 arcsec/g. The "
-        "integration is written out in the script from the printed equations and shares nothing "
-        "with the "
-        "library.", "", *formula, "",
-        "## The size of it", "",
-        "Ten turns about North, x east, y north, z up, all six T = 1 arcsec/g; arcsec. The formula "
-        "says 20 pi = 62.8319 east and nothing north.", "", *tilt, "",
-        "With plus signs throughout, six equal T leave no tilt at all.", "",
-        "## How many combinations are seen", "",
-        "Whole turns: the rank of the tilts in 40 random poses, integrated; a quadratic form has "
-        "six coefficients, and with plus signs throughout one of the six is lost. Turns and "
-        "spins: the "
-        "tilts between all turns of the 19 positions and the six spins "
-        "(simple 6) together, on an Earth at rest and to 1e-9, with attitude, bias, scale, "
-        "asymmetry and misalignments free. The last three columns are what that is worth at the "
-        "reference noise: sd of the best and of the worst combination (arcsec/g), nothing being "
-        "known of the deflection beforehand, and the worst where every rest starts anew with "
-        "velocity and position.", "", *seen, "",
-        "Being seen in principle is not much: models with more than the six of coupled6 have "
-        "combinations that are seen ten to a hundred times worse than the best.", "",
-        "## Sets of poses", "",
-        "Condition number of the six tilts as functions of the six T, and "
-        "A = sqrt(tr inv(R'R) / 6), the factor from the noise of a tilt to that of a T; from "
-        "integrated tilts, and the same from the library to 1e-9.", "", *sets,
-    ])  # fmt: skip
-    print([good for _, good in pages])
-    return 0 if all(good for _, good in pages) else 1
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+    return all((good for _, good in pages)), {
+        "turns": TURNS,
+        "formula": formula,
+        "tilt": tilt,
+        "seen": seen,
+        "sets": sets,
+    }

@@ -2,20 +2,14 @@
 
 Each filter's errors against what it promises, by group and coefficient; innovations; and how far
 the joint filter is from the Cramer-Rao bound, which a batch solution without a filter gives.
-
-Run from the repository root: python validation/systematic_filters.py
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import sys
 from dataclasses import dataclass
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import numpy as np
+from common import each, limits, rms, word
 from systematic_setting import (
     BEND,
     DEG,
@@ -32,22 +26,17 @@ from systematic_setting import (
     group_of,
     groups,
     instrument,
-    rms,
     spread_of,
-    word,
-    write,
 )
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.consistency import nees
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.diagnose.study import nees
 from foucault.estimate.ins_filter import FilterRun, Updates, run, start_cov
-from foucault.estimate.systematic.fit import AtRest
-from foucault.estimate.systematic.published import second_step
-from foucault.models.geodesy import displaced
+from foucault.estimate.systematic import AtRest, second_step
+from foucault.models.earth import displaced
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp
-from foucault.navigate.state import State
+from foucault.navigate.strapdown import State
 from foucault.simulate.systematic import simulate_systematic
 
 RUNS = 200
@@ -148,7 +137,6 @@ def by_kind(found: FilterRun) -> np.ndarray:
 
 # -- the bound -------------------------------------------------------------------------------
 
-
 BATCH = 5
 """Seconds between measurements of the batch solution; each as good as those it stands for."""
 
@@ -233,22 +221,14 @@ def quiet_sd() -> float:
 # -- tables ----------------------------------------------------------------------------------
 
 
-def limits(dof: int, tests: int) -> tuple[float, float]:
-    low, high = chi_square_limits(dof, tests=tests)
-    return low / dof, high / dof
-
-
 def mean_nees(err: np.ndarray, cov: np.ndarray, at: np.ndarray) -> float:
     return float(nees(err[:, at], cov[:, at[:, None], at]).mean() / len(at))
 
 
 def filter_table(found: dict, runs: int) -> tuple[list[str], bool]:
     """Compare the four filters."""
-    low, high = limits(runs * len(SD), len(FILTERS))
-    lines = [
-        "| filter | deflection [arcsec/g] | gyro bias [deg/h] | gyro misalignment [arcsec] | "
-        "accelerometer bias [ug] | NEES / n | inside |", "|---|--:|--:|--:|--:|--:|---|",
-    ]  # fmt: skip
+    low, high = limits(runs * len(SD), tests=len(FILTERS))
+    lines = []
     inside = {}
     for name, words in FILTERS.items():
         err, cov = found[name]
@@ -270,15 +250,12 @@ def filter_table(found: dict, runs: int) -> tuple[list[str], bool]:
 def group_table(found: dict, runs: int, bounds: tuple) -> tuple[list[str], bool]:
     """Test groups and innovations of the joint filter; told scatter, and at perfect rest."""
     tests = len(GROUPS) + 1 + 2
-    lines = [
-        "| | limits | readings scatter as told | inside | perfect rest | not above | expected |",
-        "|---|---|--:|---|--:|---|--:|",
-    ]
+    lines = []
     rows = [("all coefficients", np.arange(len(SD)))]
     rows += [(SHORT[g], at) for g, at in GROUPS.items()]
     good = True
     for label, at in rows:
-        low, high = limits(runs * len(at), tests)
+        low, high = limits(runs * len(at), tests=tests)
         told, still = (mean_nees(*found[name], at) for name in ("joint", "still"))
         good &= low < told < high and still < high
         best, at_rest = (c[np.ix_(at, at)] for c in bounds[:2])
@@ -289,7 +266,7 @@ def group_table(found: dict, runs: int, bounds: tuple) -> tuple[list[str], bool]
         )
     (told, dof), (still, _) = (found[f"nis {name}"] for name in ("joint", "still"))
     half = int(dof.sum()) // 2
-    low, high = limits(half, tests)
+    low, high = limits(half, tests=tests)
     for k, label in enumerate(("innovations of velocity", "innovations of position")):
         a, b = (float(x[:, k].sum()) / half for x in (told, still))
         good &= low < a < high and b < high
@@ -303,11 +280,8 @@ def coefficient_table(found: dict, runs: int, bounds: tuple) -> tuple[list[str],
     best, still, filtered = (np.sqrt(np.diag(c)) for c in bounds)
     err, cov = found["joint"]
     sd = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
-    low, high = limits(runs, len(SD))
-    lines = [
-        "| coefficient | bound | sd / bound | rms error / bound | (error / sd)^2 | inside |",
-        "|---|--:|--:|--:|--:|---|",
-    ]
+    low, high = limits(runs, tests=len(SD))
+    lines = []
     good = True
     for i, name in enumerate(NAMES):
         unit, label = UNITS[group_of(name)]
@@ -335,59 +309,23 @@ def coefficient_table(found: dict, runs: int, bounds: tuple) -> tuple[list[str],
     return lines, good
 
 
-def main() -> int:
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
-    with multiprocessing.Pool() as pool:
-        rows = []
-        for k, row in enumerate(pool.imap(one, range(runs))):
-            rows.append(row)
-            print(f"\r{k + 1} of {runs}", end="", flush=True)
-    print()
+def main(runs: int = RUNS) -> tuple[bool, dict[str, object]]:
+    rows = list(each(one, range(runs)))
     found = {
         key: tuple(np.array([row[key][k] for row in rows]) for k in range(2)) for key in rows[0]
     }
     filters, first = filter_table(found, runs)
     bounds = bound()
     parts, second = group_table(found, runs, bounds)
-    each, third = coefficient_table(found, runs, bounds)
-    write("systematic_filters", [
-        "# Systematic calibration: four filters, and the bound", "",
-        "Written by `python validation/systematic_filters.py`.", "",
-        f"{runs} simulated sessions: 19 positions with rests of 150 s and six spins of ten turns "
-        f"at 18 deg/s with rests of 200 s, {RATE:g} Hz, latitude {SITE.latitude / DEG:.1f} deg, "
-        "angle "
-        "random walk 0.0007 deg/sqrt(h), velocity random walk 5 ug/sqrt(Hz). Errors of instrument "
-        "and start are drawn from what the filters are told. Velocity and position are measured "
-        "once a second of each rest and scatter by 1 mm/s and 1 cm, as the filters are told. All "
-        "limits are two-sided chi-square limits that all tests of a table keep together in 99 % of "
-        "such studies.", "",
-        "## Filters", "", *filters, "",
-        "The joint filter must be inside. The carried covariance must not: without the deflection "
-        "the first step takes it for misalignment, and is sure of it. Nor must the filter without "
-        "deflection. The reset of the source is a guess of how sure one may be after the first "
-        "step; where it is inside, that was a good guess for this instrument.", "",
-        "## The joint filter, group by group", "", *parts, "",
-        "A real instrument on a table stands far stiller than 1 mm/s. The last three columns are "
-        "of the same sessions with velocity and position exactly zero and the filter told the "
-        "same as "
-        "before. Its innovations are then far too small, its uncertainties a little too large: "
-        "only the upper limit is a fair test of either. What is expected of the coefficients is "
-        "that of the batch solution below.", "",
-        "## Every coefficient, and the bound", "",
-        f"The bound is that of one session, by a batch solution of measurements every {BATCH} s, "
-        "each as good as the five it stands for: all measurements at once with their full "
-        "covariance, linear about the truth, no filter.", "", *each, "",
-        "The source reports deflections to 0.01 arcsec/g. At this noise no estimator has them "
-        "better "
-        f"than the bound, {rms(np.sqrt(np.diag(bounds[0]))[GROUPS['deflection']]) / BEND:.3f}; "
-        "with "
-        "an angle random walk of 0.0002 deg/sqrt(h) and a velocity random walk of 1 ug/sqrt(Hz) "
-        "the "
-        f"sd is {quiet_sd() / BEND:.4f} arcsec/g.",
-    ])  # fmt: skip
-    print(first, second, third)
-    return 0 if first and second and third else 1
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+    coefficients, third = coefficient_table(found, runs, bounds)
+    return first and second and third, {
+        "runs": runs,
+        "rate": RATE,
+        "latitude": SITE.latitude / DEG,
+        "filters": filters,
+        "parts": parts,
+        "batch": BATCH,
+        "coefficients": coefficients,
+        "best": rms(np.sqrt(np.diag(bounds[0]))[GROUPS["deflection"]]) / BEND,
+        "quiet": quiet_sd() / BEND,
+    }

@@ -3,20 +3,15 @@
 Instruments are drawn and calibrated in a simulated session; then ten turns at 18 deg/s about East
 or North and 500 s of rest are navigated with all of the calibration, and with all but the
 deflection.
-
-Run from the repository root: python validation/systematic_navigation.py
 """
 
 from __future__ import annotations
 
 import multiprocessing
-import os
-import sys
 from dataclasses import replace
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import numpy as np
+from common import rms, word
 from systematic_setting import (
     ARCSEC,
     BEND,
@@ -29,20 +24,15 @@ from systematic_setting import (
     both_steps,
     groups,
     instrument,
-    rms,
     spread_of,
-    word,
-    write,
 )
 
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.align import align
 from foucault.navigate.increments import increments_of
-from foucault.navigate.state import State
-from foucault.navigate.strapdown import navigate
-from foucault.plans.systematic.built_in import navigation_test
-from foucault.plans.systematic.sequence import CalibrationSequence
+from foucault.navigate.strapdown import State, navigate
+from foucault.plans.sequence import CalibrationSequence, navigation_test
 from foucault.procedures import systematic
 from foucault.procedures.systematic.settings import Settings
 from foucault.simulate.systematic import SystematicSimulation, simulate_systematic
@@ -136,10 +126,7 @@ def formula() -> tuple[list[str], bool]:
     model = drawn(0)
     ways = {"all but deflection": without(model), "all": model}
     found = tested(model, ways)
-    lines = [
-        "| about | | shift (arcsec) | velocity after the spin (m/s) | after 500 s of rest (m/s) |",
-        "|---|---|--:|--:|--:|",
-    ]
+    lines = []
     good = True
     for about in AXES:
         before, after = (found[about, way] for way in ways)
@@ -176,8 +163,7 @@ def reductions(name: str, rows: list) -> tuple[list[str], bool]:
     return lines, good
 
 
-def main() -> int:
-    draws = int(sys.argv[1]) if len(sys.argv) > 1 else DRAWS
+def main(draws: int = DRAWS) -> tuple[bool, dict[str, object]]:
     exact, good = formula()
     lines = [
         "| session | about | shift | velocity after 500 s | shift less by, median / worst | "
@@ -193,42 +179,10 @@ def main() -> int:
         err, sd = (np.array([row[k] for row in rows]) / BEND for k in (1, 2))
         told.append(f"| {name} | {rms(err):.4f} | {rms(sd):.4f} | "
                     f"{word(kept[name])} |")  # fmt: skip
-    write("systematic_navigation", [
-        "# Systematic calibration: the navigation test", "",
-        "Written by `python validation/systematic_navigation.py`.", "",
-        "x up, y east, z north. Alignment over 300 s, ten turns at 18 deg/s about East or North, "
-        "500 "
-        "s of rest. The shift is the change of the attitude error by the spin, about North in "
-        "spins about East and about East in spins about North; the velocity is along East and "
-        "along "
-        f"North. {RATE:g} Hz, without noise: the angle random walk of the setting, "
-        "0.0007 deg/sqrt(h), would add 0.6 arcsec to every single test.", "",
-        "## With the truth, beside Table 3 of the source", "",
-        "The deflections are such that the closed form gives -27.00 and 25.31 arcsec; the other "
-        "errors are drawn, and compensated in all rows.", "", *exact, "",
-        "The navigator shows 1 % less than the closed form, for the level frame of its wrong place "
-        "has tilted too. What the source has left over is its instrument and its calibration, not "
-        "the method. The signs of its velocities are its own.", "",
-        "## With calibrations", "",
-        f"{draws} instruments, each calibrated from a simulated session of its own by the "
-        "procedure, "
-        "with the reference noise, and then compensated in the test by what was found, all 30 "
-        "coefficients. Before: the same without the deflection. In the last column only the "
-        "deflection is from the session, the rest is the truth. Rms after; reductions of the "
-        "median and of the worst instrument.", "",
-        *lines, "",
-        "| session | deflection, rms error (arcsec/g) | sd | half of the instruments above 98 % |",
-        "|---|--:|--:|---|", *told, "",
-        "Half of the instruments are better than 98 % throughout, after every session. The worst "
-        f"of {draws} is not: after the session of the source the noise of its six spins leaves 0.6 "
-        "to 0.8 arcsec of the shift, up to 3 %, and no filter does much better: its sd is within "
-        "15 % of the Cramer-Rao bound (see [filters](systematic_filters.md); the default starts "
-        "every rest anew, which costs these 15 %). Faster and longer spins leave a third. Most of "
-        "the velocity that is then left is by the other coefficients of the session: it is less "
-        "where the deflection alone is from the session.",
-    ])  # fmt: skip
-    return 0 if good and all(kept.values()) else 1
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+    return good and all(kept.values()), {
+        "rate": RATE,
+        "exact": exact,
+        "draws": draws,
+        "lines": lines,
+        "told": told,
+    }

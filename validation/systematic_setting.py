@@ -10,22 +10,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
 from foucault.estimate.ins_filter import FilterRun, start_cov
-from foucault.estimate.systematic.fit import AtRest, Start, SystematicModel, attitude_at_start
+from foucault.estimate.systematic import AtRest, Start, SystematicModel, attitude_at_start
 from foucault.models.deflection import DeflectionModel, deflection_model
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.navigate.increments import Increments, increments_of
-from foucault.plans.systematic.built_in import action_sequences, nineteen_positions
-from foucault.plans.systematic.sequence import CalibrationSequence
+from foucault.plans.sequence import (
+    CalibrationSequence,
+    action_sequences,
+    nineteen_positions,
+)
 from foucault.procedures.systematic.settings import NAMES as INSTRUMENT
 from foucault.simulate.systematic import SystematicSimulation
 
@@ -153,18 +155,3 @@ class Session:
         """Return what a pass takes."""
         rests = self.rests if rests is None else rests
         return SystematicModel(self.increments, SITE, sensors, rests, noise, at_rest or AtRest())
-
-
-def write(name: str, lines: list[str]) -> None:
-    """Write a page, and show it."""
-    path = Path(__file__).parents[1] / "docs" / "validation" / f"{name}.md"
-    path.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
-    print("\n".join(lines))
-
-
-def rms(x: FloatArray) -> float:
-    return float(np.sqrt(np.mean(x**2)))
-
-
-def word(good: bool) -> str:
-    return "yes" if good else "no"

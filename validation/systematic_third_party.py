@@ -1,22 +1,16 @@
 """The nineteen positions of another program: every coefficient beside its author's truth.
 
 The file is not part of this project; see the page for what it holds. Skipped where it is missing.
-
-Run from the repository root: python validation/systematic_third_party.py
 """
 
 from __future__ import annotations
 
-import os
-import sys
 from itertools import pairwise
-from pathlib import Path
 from time import process_time
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import numpy as np
-from systematic_setting import DEG, UNITS, G, word, write
+from common import DATA, word
+from systematic_setting import DEG, UNITS, G
 
 from foucault.logs import LogDescription, read
 from foucault.models.earth import Site
@@ -26,7 +20,6 @@ from foucault.procedures.systematic.settings import Settings
 from foucault.result import Result
 from foucault.tables import Log
 
-DATA = Path(os.environ.get("FOUCAULT_DATA", Path(__file__).parents[2] / "shared" / "data"))
 FOLDER = DATA / "systematic_19_positions"
 DESCRIPTION = LogDescription.model_validate({
     "file": "imusysclbt.bin",
@@ -90,10 +83,7 @@ def table(result: Result) -> tuple[list[str], bool]:
 
 def beside(result: Result, free: Result) -> tuple[list[str], bool]:
     """Largest error of each group beside the other program's."""
-    lines = [
-        "| group | largest error | PSINS, 43 states | as close | asymmetry estimated too | sd |",
-        "|---|--:|--:|---|--:|--:|",
-    ]
+    lines = []
     good, more = True, errors(free)
     for group, (_, err, _) in errors(result).items():
         own, other = float(np.abs(err).max()), PSINS.get(group)
@@ -156,10 +146,10 @@ def five_passes(problem: SystematicProblem) -> float:
     return min(times)
 
 
-def main() -> int:
+def main() -> tuple[bool, dict[str, object]]:
     if not FOLDER.is_dir():
         print(f"skipped: the file of another program is not here; set FOUCAULT_DATA ({FOLDER})")
-        return 0
+        return None
     log = read(DESCRIPTION, FOLDER)
     free = systematic.trial(log, site=SITE, settings=SETTINGS)
     result = systematic.trial(log, site=SITE, settings=SYMMETRIC)
@@ -171,56 +161,19 @@ def main() -> int:
     white = result.diagnostics["noise"]
     seconds = five_passes(problem)
     states = 9 + len(problem.sensors)
-    write("systematic_third_party", [
-        "# Systematic calibration: another program's nineteen positions", "",
-        "Written by `python validation/systematic_third_party.py` where the file is at hand: "
-        "`imusysclbt.bin` of PSINS (Yan Gongmin, BSD-2), 98,200 rows at 100 Hz, simulated by its "
-        "author without noise and kept as float32. Increments; dt is taken from the row, for the "
-        "time column is rounded.", "",
-        f"Noise as measured in the rests, which is rounding: {white['accel']:.1e} m/s/sqrt(s) and "
-        f"{white['gyro']:.1e} rad/sqrt(s). At rest rounding does not scatter, so that the sd is "
-        "made by what is said of the rests, 0.1 mm/s and 1 cm. "
-        f"Latitude 34 deg, height 0; {states} states, of which the asymmetry of the accelerometers "
-        "is known to be zero.", "",
-        *each, "",
-        "Values are measured minus true. The scale factors of the accelerometers are no better "
-        "known "
-        f"than his gravity: {GRAVITY} ppm is in their sd. They miss the truth by about the same, "
-        f"{errors(result)['accel.scale'][1].mean():.3f} ppm; half a step of float32 is 0.04 "
-        "ppm.", "",
-        "## Beside the program of the author", "", *groups, "",
-        "The last two columns have the default, where the asymmetry is estimated too. All rests "
-        "are within 1.4 deg of a direction of the axes, where an asymmetry and a quadratic term "
-        "with "
-        "a bias are the same: only their sum is seen, and the sd says so. To tell them apart takes "
-        "rests in between. "
-        f"Every coefficient inside 3 sd there, too: {word(free_inside)}.", "",
-        f"CPU time of five passes with {states} states, compiled: {seconds:.2f} s (wanted: at most "
-        "1 s; the program of the author takes about 10 min).", "",
-        "## What is in the file", "",
-        "A description that goes with the file gives accelerometer biases of 100, 200, 300 ug and "
-        "a "
-        "delay of 5 ms. The file has other ones, as two looks without a filter show:", "",
-        "* Half the sum of the readings of an axis up and down is bias plus quadratic term: "
-        f"{sums[0]:.1f}, {sums[1]:.1f}, {sums[2]:.1f} ug (misalignments add up to 4 ug). With "
-        "quadratic terms of 10, 20, 30 ug/g^2 that is 10, 20, 30 ug of bias; 100, 200, 300 ug "
-        "would "
-        "make 110, 220, 330 or 90, 180, 270.",
-        "* At the same angle of a turn there and the turn back, accelerometers that read late "
-        "differ "
-        "by 2 tau w df/dangle: tau = "
-        + ", ".join(f"{v:.3f} ms ({k})" for k, v in late.items())
-        + ". Not 5 ms.", "",
-        "The script that made it says the same: `base/imu/imuclbt.m` of PSINS (06a10fcf) has "
-        "`clbt.db = [10; 20; 30]*glv.ug` and `clbt.tGA = 0.001`. So the results that are quoted of "
-        "PSINS, near 100, 200, 300 ug and 5 ms, are of another session than this file; its errors "
-        "are compared, not its values. Lever arms and delay have the sign opposite to the one of "
-        "that script, too: they are -1 to -6 cm and -1 ms (accelerometers read early).",
-    ])  # fmt: skip
     real = (np.abs(sums + 20 * THREE) < 4).all() and all(abs(v + 1) < 0.1 for v in late.values())
-    print(inside, free_inside, close, real)
-    return 0 if inside and free_inside and close and real else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return inside and free_inside and close and real, {
+        "accel_noise": white["accel"],
+        "gyro_noise": white["gyro"],
+        "states": states,
+        "each": each,
+        "gravity": GRAVITY,
+        "missed": errors(result)["accel.scale"][1].mean(),
+        "groups": groups,
+        "free_inside": word(free_inside),
+        "seconds": seconds,
+        "first": sums[0],
+        "second": sums[1],
+        "third": sums[2],
+        "delays": ", ".join((f"{v:.3f} ms ({k})" for k, v in late.items())),
+    }

@@ -1,26 +1,18 @@
-"""Positions on a table and poses for spins that a search finds, beside the known sets.
-
-Run: python validation/table_plan_search.py
-"""
+"""Positions on a table and poses for spins that a search finds, beside the known sets."""
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
 from foucault.models.earth import Site
 from foucault.models.noise import grade
 from foucault.models.turntable import up_k
+from foucault.plans.efficiency import efficiency
 from foucault.plans.optimise import compare, descend
-from foucault.plans.systematic.pose_search import best_poses
-from foucault.plans.systematic.spin_poses import NAMES, poses, quality
-from foucault.plans.table.efficiency import efficiency
-from foucault.plans.table.search import Wanted
+from foucault.plans.sequence import NAMES, best_poses, poses, quality
+from foucault.plans.table import Wanted
 from foucault.procedures import norm_observation, turntable
 from foucault.procedures.record import Beforehand
 
@@ -67,64 +59,39 @@ def search(case: tuple) -> tuple:
     )  # fmt: skip
 
 
-def main() -> None:
-    """Search, and write the page."""
+def main() -> tuple[bool, dict[str, object]]:
+    """Search."""
     known = [("norm_observation", s, {}, {"criterion": c}) for s in SETS for c in ("det", "sd")]
     with ProcessPoolExecutor(2) as pool:
         rows = list(pool.map(search, [*known, *TABLES]))
     yes = {True: "yes", False: "no"}
-    lines = [
-        "# Positions on a table and poses for spins, searched for", "",
-        "Written by `python validation/table_plan_search.py`: "
-        f"{RESTARTS + 1} descents of {EVALUATIONS} plans each, tactical noise, rests of 60 s, "
-        "spins of 4 turns. Ratios are bounds over those of the plan to beat, the geometric mean "
-        "of all coefficients and the worst one; the largest of four instruments, without errors "
-        "and with three sets of drawn ones.", "",
-        "## Sets of positions, without limits", "",
-        "| set to beat | searched for | its D-efficiency | found | geometric mean | worst "
-        "| time (s), its | found |",
-        "|---|---|--:|--:|--:|--:|--:|--:|",
-    ]  # fmt: skip
+    shown = []
     for case, name, d, mean, worst, _, time, _ in rows[: len(known)]:
-        lines.append(
+        shown.append(
             f"| {name} | {case[3]['criterion']} | {d[0]:.4f} | {d[1]:.4f} | {mean.max():.4f} "
             f"| {worst.max():.3f} | {time[0]:.0f} | {time[1]:.0f} |"
         )
     twelve = next(r for r in rows if r[1] == "icosahedron 12")
-    lines += [
-        "",
-        f"log10 det of the 12 positions found for det: {twelve[-1]:.4f} (icosahedron -7.187).",
-        "",
-        "The icosahedron and the dodecahedron cannot be beaten in det, and hardly in the mean sd; "
-        "every other number of positions can be made as good per reading.", "",
-        "## With limits, weights and other models", "",
-        "| procedure, settings | plan to beat | geometric mean | worst | a bad rest is named "
-        "| time (s), its | found |",
-        "|---|---|--:|--:|---|--:|--:|",
-    ]  # fmt: skip
+    shown_2 = []
     for case, name, _, mean, worst, named, time, _ in rows[len(known) :]:
         said = ", ".join(f"{k} = {v}" for k, v in (case[2] | case[3]).items())
-        lines.append(
+        shown_2.append(
             f"| {case[0]}: {said} | {name} | {mean.max():.4f} | {worst.max():.3f} "
             f"| {yes[named[0]]}, then {yes[named[1]]} | {time[0]:.0f} | {time[1]:.0f} |"
         )
-    lines += [
-        "", "## Poses for spins about a level axis", "",
-        "Six coefficients of the deflection of dithered gyros; rms sd of a coefficient for sd 1 of "
-        "the reduced tilt of a pose.", "",
-        "| poses | number | condition | rms sd | times root of number |",
-        "|---|--:|--:|--:|--:|",
-    ]  # fmt: skip
+    shown_3 = []
     sets = [(n, poses(n)) for n in NAMES]
     sets += [(f"optimised {n}", best_poses(n, starts=20)) for n in (6, 7, 8, 9)]
     for name, angles in sets:
         q, n = quality(angles), len(angles)
-        lines.append(
+        shown_3.append(
             f"| {name} | {n} | {q.condition:.3f} | {q.spread:.4f} | {q.spread * n**0.5:.4f} |"
         )
-    page = Path(__file__).parents[1] / "docs/validation/table_plan_search.md"
-    page.write_text("\n".join([*lines, ""]), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()
+    return True, {
+        "restarts": RESTARTS + 1,
+        "evaluations": EVALUATIONS,
+        "shown": shown,
+        "log10_det": twelve[-1],
+        "shown_2": shown_2,
+        "shown_3": shown_3,
+    }

@@ -4,30 +4,24 @@
 it finds is compared with the published plan at latitudes 0, 28, 40 and 60 deg and for drawn
 clusters, and confirmed by simulated sessions that are solved: their errors are as large as the
 bounds say, and smaller than under the published plan by what the search promised.
-
-Run: python validation/torquing_plan_search.py [restarts] [runs]
 """
 
 from __future__ import annotations
 
-import os
-import sys
 import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import numpy as np
+from common import limits
 
 from foucault import campaign
 from foucault.campaign import optimisation, study
-from foucault.campaign.found import Found
+from foucault.campaign.optimisation import Found
 from foucault.diagnose.study import Study
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 
-PAGE = Path(__file__).parents[1] / "docs" / "validation" / "torquing_plan_search.md"
 WORKERS = 2
 BASE = """
 [site]
@@ -121,7 +115,7 @@ def confirmed(case: Case, found: Study, published: Study) -> list[str]:
     )
     over = rms(found) / np.sqrt(np.mean(found.bound[:, :42] ** 2, axis=0))
     low, high = (v / runs for v in chi_square_limits(45 * runs))
-    each = [np.sqrt(v / runs) for v in chi_square_limits(runs, tests=42)]
+    each = [np.sqrt(v) for v in limits(runs, tests=42)]
     good = low <= found.nees.mean() <= high and each[0] <= over.min() <= over.max() <= each[1]
     return [
         f"| {case.title} | {runs} of {sum(found.status.values())} | "
@@ -131,7 +125,7 @@ def confirmed(case: Case, found: Study, published: Study) -> list[str]:
     ]
 
 
-def main(restarts: int = 64, runs: int = 100) -> None:
+def main(restarts: int = 64, runs: int = 100) -> tuple[bool, dict[str, object]]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         plain = folder / "published.toml"
@@ -146,22 +140,4 @@ def main(restarts: int = 64, runs: int = 100) -> None:
                 done = sessions(folder / str(k) / "campaign.toml", folder / f"{k} study", runs)
                 tests += confirmed(case, done, published)
                 print(tests[-1], flush=True)
-    head = [
-        "# Better motions for a platform tumble", "",
-        "Written by `python validation/torquing_plan_search.py`. All numbers are sd over sd of the "
-        "published plan (0.1 deg/s, four turns, 5400 s), of the 42 constants; the same time, noise "
-        "and prior. Searched at 40 deg and at errors of usual size only; latitudes and clusters "
-        "are looked at afterwards, by the bound without approximations.", "",
-        "## Confirmed by sessions", "",
-        f"Clusters and noise drawn anew for each of {runs} sessions, all solved by Gauss-Newton; "
-        "the same draws under the published plan and under the plan found. Limits are two-sided "
-        "at 1 %, for all 42 constants together.", "",
-        "| plan | converged | RMS error over that under the published plan | the bounds say | "
-        "NEES, 45 expected | RMS / bound, 42 constants | |",
-        "|---|--:|--:|--:|--:|--:|---|", *tests, "",
-    ]  # fmt: skip
-    PAGE.write_text("\n".join([*head, *parts]), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(*(int(word) for word in sys.argv[1:]))
+    return True, {"runs": runs, "tests": tests, "parts": parts}

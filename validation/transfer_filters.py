@@ -1,14 +1,11 @@
-"""Transfer alignment: do errors have the size that is promised, and how far is it to the bound?
-
-Run from the repository root: python validation/transfer_filters.py
-"""
+"""Transfer alignment: do errors have the size that is promised, and how far is it to the bound?"""
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 
 import numpy as np
+from common import word
 from transfer_setting import (
     ARCMIN,
     SITE,
@@ -18,10 +15,9 @@ from transfer_setting import (
     missed,
     session_of,
     unit_of,
-    write,
 )
 
-from foucault.estimate.chi_square import chi_square_limits
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log as rotation_vector
@@ -149,26 +145,13 @@ def bound() -> dict[str, float]:
     return {n: float(known[i] * np.sqrt(cov[i, i])) for i, n in enumerate(layout.names)}
 
 
-def main() -> int:
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
+def main(runs: int = RUNS) -> tuple[bool, dict[str, object]]:
     least = bound()
     rows = list(each(one, range(runs)))
     names = rows[0]["default"][0].names
     tests = len(names) + 2
     limit = np.array(chi_square_limits(runs, 0.01 / tests)) / runs
-    lines = [
-        "# Transfer alignment: consistency and bound", "",
-        "Written by `python validation/transfer_filters.py`.", "",
-        f"{runs} slaves of the published class on the profile `flight`, messages at 10 Hz with "
-        "noise of 0.05 m/s and 1 arcmin, delays drawn from 0 to 200 ms; everything is drawn from "
-        f"what the default filter is told. Limits are two-sided, 1 % for all {tests} tests "
-        f"together: mean square of error over sd {limit[0]:.3f} to {limit[1]:.3f}. phi and "
-        "velocity are those at the last message. The bound is that of one batch of differences of "
-        "navigations, with the noise of the slave as unknowns; it has no filter and no error "
-        "equations in it.", "",
-        "| state | unit | rms error | sd | (error / sd)^2 | inside | bound | sd / bound | rms / "
-        "bound |", "|---|---|--:|--:|--:|---|--:|--:|--:|",
-    ]  # fmt: skip
+    shown = []
     err = np.array([r["default"][0].err for r in rows])
     sd = np.array([r["default"][0].sd for r in rows])
     good, far = True, []
@@ -182,14 +165,19 @@ def main() -> int:
         if name in least:
             far.append(said / least[name])
             cells = [f"{least[name] / size:.4g}", f"{far[-1]:.3f}", f"{rms / least[name]:.3f}"]
-        lines.append(f"| {name} | {unit} | {rms / size:.4g} | {said / size:.4g} | {square:.3f} | "
-                     f"{'yes' if inside else 'no'} | {' | '.join(cells)} |")  # fmt: skip
+        shown.append(f"| {name} | {unit} | {rms / size:.4g} | {said / size:.4g} | {square:.3f} | "
+                     f"{word(inside)} | {' | '.join(cells)} |")  # fmt: skip
     good &= bool(np.all(np.abs(np.array(far) - 1) < 0.05))
     table, right = together(rows, 0.01 / tests)
-    lines += ["", *table]
-    lines += ["", *of_delay(list(each(delays, range(min(runs, DELAYS)))), rows)]
-    write("transfer_filters", lines)
-    return int(not (good and right))
+    return good and right, {
+        "runs": runs,
+        "tests": tests,
+        "low": limit[0],
+        "high": limit[1],
+        "shown": shown,
+        "table": table,
+        "of_delay": of_delay(list(each(delays, range(min(runs, DELAYS)))), rows),
+    }
 
 
 def _unit(name: str) -> tuple[float, str]:
@@ -200,8 +188,7 @@ def _unit(name: str) -> tuple[float, str]:
 
 def together(rows: list, alpha: float) -> tuple[list[str], bool]:
     """Return NEES and NIS of the filters beside their limits, and whether they are as due."""
-    lines = ["| filter | states | NEES / states | limits | inside | NIS / values | limits | "
-             "inside |", "|---|--:|--:|---|---|--:|---|---|"]  # fmt: skip
+    lines = []
     words = {
         "default": "default, delay estimated", "told": "delay known",
         "sixteen": "delay known, the source's 16 states (no bias of accelerometer z)",
@@ -221,9 +208,9 @@ def together(rows: list, alpha: float) -> tuple[list[str], bool]:
             ok, okay = few[0] < value < few[1], wide[0] < nis < wide[1]
             inside[name, k] = ok and (okay or k > 0)
             of_nis = ("", "", "") if k else (f"{nis:.4f}", f"{wide[0]:.4f} to {wide[1]:.4f}",
-                                             "yes" if okay else "no")  # fmt: skip
+                                             word(okay))  # fmt: skip
             lines.append(f"| {case} | {n} | {value:.3f} | {few[0]:.3f} to {few[1]:.3f} | "
-                         f"{'yes' if ok else 'no'} | {' | '.join(of_nis)} |")  # fmt: skip
+                         f"{word(ok)} | {' | '.join(of_nis)} |")  # fmt: skip
     right = inside["default", 0] and inside["told", 0]
     return lines, bool(right and not inside["default", 1] and not inside["sixteen", 0])
 
@@ -237,9 +224,11 @@ def of_delay(some: list, rows: list) -> list[str]:
         "after state": "delay state, begun in the middle of the bracket",
     }  # fmt: skip
     lines = [
-        "## Delay", "", f"Drawn from 0 to 200 ms, nothing known before; {len(some)} runs.", "",
-        "| method | rms error [ms] | largest [ms] | rms of error / sd |", "|---|--:|--:|--:|",
-    ]  # fmt: skip
+        f"Drawn from 0 to 200 ms, nothing known before; {len(some)} runs.",
+        "",
+        "| method | rms error [ms] | largest [ms] | rms of error / sd |",
+        "|---|--:|--:|--:|",
+    ]
     for name, what in words.items():
         lines.append(_delay_row(what, [r[name] for r in some]))
     lines.append(_delay_row(f"{words['matched']}, {len(rows)} runs", [r["matched"] for r in rows]))
@@ -250,7 +239,3 @@ def _delay_row(what: str, found: list[tuple[float, float]]) -> str:
     e, sd = np.array(found).T
     rms, most, ratio = 1e3 * np.sqrt(np.mean(e**2)), 1e3 * np.abs(e).max(), np.mean((e / sd) ** 2)
     return f"| {what} | {rms:.3f} | {most:.3f} | {np.sqrt(ratio):.2f} |"
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -1,11 +1,7 @@
-"""Transfer alignment: the H-infinity filter against the Kalman filter, paired.
-
-Run from the repository root: python validation/transfer_h_infinity.py
-"""
+"""Transfer alignment: the H-infinity filter against the Kalman filter, paired."""
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -17,10 +13,9 @@ from transfer_setting import (
     outages,
     session_of,
     wanted,
-    write,
 )
 
-from foucault.infer.h_infinity import h_infinity, least_gamma
+from foucault.infer.linear_filter import h_infinity, least_gamma
 from foucault.models.noise import ImuNoise
 from foucault.procedures.transfer_alignment.session import Session
 from foucault.procedures.transfer_alignment.settings import NOISE, PRIOR, Settings
@@ -90,26 +85,14 @@ def apart(a: np.ndarray, b: np.ndarray) -> tuple[str, float, float]:
     return f"{mark}{d.mean():+.0f} ({low:+.0f} to {high:+.0f}){mark}", low, high
 
 
-def main() -> int:
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
+def main(runs: int = RUNS) -> tuple[bool, dict[str, object]]:
     jobs = [(name, seed) for name in CASES for seed in range(runs)]
     found = outages(one, jobs)
     found = {k: dict(zip(CASES, v.reshape(len(CASES), runs), strict=True))
              for k, v in found.items()}  # fmt: skip
     columns = [f"{what} {factor}" for what in WANTED for factor in FACTORS]
     heads = " | ".join(f"L = {what}, {factor}" for what in WANTED for factor in FACTORS)
-    lines = [
-        "# Transfer alignment: H-infinity against Kalman", "",
-        "Written by `python validation/transfer_h_infinity.py`.", "",
-        f"{runs} slaves of the published class on the profile `flight`, at 100 Hz; messages at "
-        "10 Hz, their delay estimated, 16 states, bias of accelerometer z, vertical velocity and "
-        "delay beside the position. Horizontal position error after 600 s alone; H-infinity less "
-        "Kalman of the same run, with its 95 % interval, bold where that excludes zero. "
-        "Gamma is 1.05, 1.2 and 1.5 times the least. L = prior wants every state in units of its "
-        "prior, but for the position; L = navigation wants the position at the "
-        "end of the outage.", "",
-        f"| case | Kalman [m] | least gamma | {heads} |", "|---|--:|--:|" + "--:|" * len(columns),
-    ]  # fmt: skip
+    shown = ["|---|--:|--:|" + "--:|" * len(columns)]  # fmt: skip
     better, worse = [], []
     for name in CASES:
         kalman = found["Kalman"][name]
@@ -121,27 +104,27 @@ def main() -> int:
             words = f"{name} (L = {column.replace(' ', ', ')})"
             part = (low + high) / 2 / kalman.mean()
             (better if high < 0 else worse if low > 0 else []).append((words, part))
-        lines.append(f"| {name} | {kalman.mean():.0f} | {gammas} | {' | '.join(cells)} |")
-    lines += ["", *finding(better, worse, len(CASES) * len(columns))]
-    write("transfer_h_infinity", lines)
+        shown.append(f"| {name} | {kalman.mean():.0f} | {gammas} | {' | '.join(cells)} |")
     ideal = found["Kalman"]["near-ideal: all as the filter is told"].mean()
     told = found["Kalman"]["flexure of 5 arcmin, with flexure states"].mean()
-    return int(not ideal < told < found["Kalman"]["flexure of 5 arcmin, not told"].mean())
+    return ideal < told < found["Kalman"]["flexure of 5 arcmin, not told"].mean(), {
+        "runs": runs,
+        "shown": shown,
+        "heads": heads,
+        "finding": finding(better, worse, len(CASES) * len(columns)),
+    }
 
 
 def finding(better: list, worse: list, tests: int) -> list[str]:
     """Return what was found, whichever way it went."""
-    lines = ["## Finding", "",
-             f"Of {tests} comparisons at 95 %, {tests * 0.025:.1f} on either side are due to "
-             f"chance where there is no difference. H-infinity was better in {len(better)} and "
-             f"worse in {len(worse)}."]  # fmt: skip
+    lines = [
+        f"Of {tests} comparisons at 95 %, {tests * 0.025:.1f} on either side are due to "
+        f"chance where there is no difference. H-infinity was better in {len(better)} and "
+        f"worse in {len(worse)}."
+    ]
     for title, some in (("Better", better), ("Worse", worse)):
         if some:
             lines += ["", f"{title}:", "",
                       *(f"* {words}: {100 * part:+.1f} % of the Kalman filter's error"
                         for words, part in some)]  # fmt: skip
     return lines
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

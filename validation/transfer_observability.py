@@ -1,17 +1,13 @@
-"""Transfer alignment: what a straight run, an S-turn and accelerations show.
-
-Run from the repository root: python validation/transfer_observability.py
-"""
+"""Transfer alignment: what a straight run, an S-turn and accelerations show."""
 
 from __future__ import annotations
 
-from transfer_setting import DEG, SITE, unit_of, write
+from transfer_setting import DEG, SITE, unit_of
 
 from foucault.plans.manoeuvres import Accelerate, Start, Straight, STurn
-from foucault.plans.transfer.profiles import TransferProfile, transfer_profile
+from foucault.plans.transfer import TransferProfile, transfer_profile
 from foucault.procedures.record import Beforehand
-from foucault.procedures.transfer_alignment.foresight import foreseen
-from foucault.procedures.transfer_alignment.session import Session
+from foucault.procedures.transfer_alignment.session import Session, foreseen
 from foucault.procedures.transfer_alignment.settings import NOISE, Settings
 
 START = Start(32 * DEG, 118 * DEG, 1000.0, heading=40 * DEG, speed=45.0)
@@ -30,7 +26,7 @@ PROTOTYPE = {
 }  # fmt: skip
 
 
-def main() -> int:
+def main() -> tuple[bool, dict[str, object]]:
     vectors = {}
     for name, calibration in PLANS.items():
         start = START if name not in ("uav", "ship") else transfer_profile(name).start
@@ -39,29 +35,17 @@ def main() -> int:
         session = Session(with_outage=False)
         vectors[name] = foreseen(plan, Beforehand(perfect, session, SITE, NOISE)).vector
     names = next(iter(vectors.values())).names
-    lines = [
-        "# Transfer alignment: what manoeuvres show", "",
-        "Written by `python validation/transfer_observability.py`.", "",
-        "Standard deviations at the hand-over after 240 s of messages at 10 Hz (0.05 m/s, "
-        "1 arcmin), the delay estimated from 0 to 200 ms; by the covariance of the default filter "
-        "with a slave without errors. `speed` goes from 45 to 55 m/s and back, without a turn; "
-        "`S-turn` is one of 40 deg in 40 s; `flight`, `uav` and `ship` are the built-in profiles. "
-        "Another program's, where it is known: straight / S-turn / accelerated.", "",
-        f"| coefficient | unit | prior | {' | '.join(PLANS)} | another program's |",
-        "|---|---|--:|" + "--:|" * len(PLANS) + "---|",
-    ]  # fmt: skip
+    shown = ["|---|---|--:|" + "--:|" * len(PLANS) + "---|"]  # fmt: skip
     for i, name in enumerate(names):
         size, unit = unit_of(name)
         cells = [f"{v.sd[i] / size:.3g}" for v in vectors.values()]
         prior = vectors["straight"].prior_sd[i] / size
         other = " / ".join(f"{x:g}" for x in PROTOTYPE.get(name, ()))
         other = "0.24 to 0.31 in all" if name.startswith("gyro.bias") else other
-        lines.append(f"| {name} | {unit} | {prior:.3g} | {' | '.join(cells)} | {other} |")
-    write("transfer_observability", lines)
+        shown.append(f"| {name} | {unit} | {prior:.3g} | {' | '.join(cells)} | {other} |")
     straight, flight = vectors["straight"], vectors["flight"]
     hidden = straight.sd > 0.3 * straight.prior_sd
-    return int(not (flight.sd[hidden] < 0.1 * straight.sd[hidden]).all())
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+    return (flight.sd[hidden] < 0.1 * straight.sd[hidden]).all(), {
+        "shown": shown,
+        "plans_join": " | ".join(PLANS),
+    }

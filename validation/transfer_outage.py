@@ -1,11 +1,7 @@
-"""Ten minutes without the master: position errors of a slave after calibrations of several kinds.
-
-Run from the repository root: python validation/transfer_outage.py
-"""
+"""Ten minutes without the master: position errors after calibrations of several kinds."""
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -20,12 +16,11 @@ from transfer_setting import (
     outages,
     session_of,
     wanted,
-    write,
 )
 
-from foucault.infer.h_infinity import h_infinity, least_gamma
+from foucault.infer.linear_filter import h_infinity, least_gamma
 from foucault.plans.manoeuvres import Accelerate, Climb, Straight, STurn, Turn
-from foucault.plans.transfer.profiles import transfer_profile
+from foucault.plans.transfer import transfer_profile
 from foucault.procedures.transfer_alignment.session import Session, draw_errors, simulate_motion
 from foucault.procedures.transfer_alignment.settings import NOISE, Settings
 
@@ -117,42 +112,32 @@ def difference(a: np.ndarray, b: np.ndarray) -> tuple[str, float, float]:
     return f"{d.mean():+.0f} ({low:+.0f} to {high:+.0f})", low, high
 
 
-def main() -> int:
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
+def main(runs: int = RUNS) -> tuple[bool, dict[str, object]]:
     found = outages(one, range(runs))
     bare, ours = found["uncalibrated"], found["ours"]
-    lines = [
-        "# Transfer alignment: ten minutes without the master", "",
-        "Written by `python validation/transfer_outage.py`.", "",
-        f"{runs} slaves of the published class (turn-on errors of 2.4 deg/h, 1 mg and 500 ppm, "
-        "0.06 deg/sqrt(h)), installed to within 5 arcmin, fly the profile `flight`: 240 s beside "
-        "the master, whose messages (noise 0.05 m/s, 1 arcmin) arrive 100 ms late, then 600 s "
-        "alone with a barometer, with turns. Horizontal position error at the end. The H-infinity "
-        "filters have L of the prior and 1.2 times the least gamma.", "",
-        f"| calibration | mean of the first {FIRST} [m] | largest [m] | of uncalibrated | first "
-        f"[m] | mean of {runs} [m] | less the default, 99 % interval [m] |",
-        "|---|--:|--:|--:|--:|--:|--:|",
-    ]  # fmt: skip
+    shown = []
     for name, words in WORDS.items():
         few = found[name][:FIRST]
         apart = "" if name == "ours" else difference(found[name], ours)[0]
-        lines.append(
+        shown.append(
             f"| {words} | {few.mean():.0f} | {few.max():.0f} | "
             f"{few.mean() / bare[:FIRST].mean():.3f} | {few[0]:.0f} | {found[name].mean():.0f} | "
             f"{apart} |"
         )
     mean, _ = PUBLISHED["uncalibrated"]
-    lines += [
-        "", "The publication, seven flights:", "",
-        "| calibration | mean [m] | largest [m] | of uncalibrated | first [m] |",
-        "|---|--:|--:|--:|--:|",
-        *(f"| {name} | {a:g} | {b:g} | {a / mean:.3f} | {first:g} |"
-          for (name, (a, b)), first in zip(PUBLISHED.items(), (4140.5, 1647.5, 985.4),
-                                           strict=True)),
-    ]  # fmt: skip
-    lines += ["", *remarks(found), "", *paths(outages(along_paths, range(FEW)))]
-    write("transfer_outage", lines)
-    return int(difference(bare, ours)[1] < 0 or difference(found["guessed"], ours)[1] < 0)
+    return not (difference(bare, ours)[1] < 0 or difference(found["guessed"], ours)[1] < 0), {
+        "runs": runs,
+        "shown": shown,
+        "first": FIRST,
+        "published": [
+            f"| {name} | {a:g} | {b:g} | {a / mean:.3f} | {first:g} |"
+            for (name, (a, b)), first in zip(
+                PUBLISHED.items(), (4140.5, 1647.5, 985.4), strict=True
+            )
+        ],
+        "remarks": remarks(found),
+        "paths": paths(outages(along_paths, range(FEW))),
+    }
 
 
 def remarks(found: dict[str, np.ndarray]) -> list[str]:
@@ -182,18 +167,15 @@ def remarks(found: dict[str, np.ndarray]) -> list[str]:
 def paths(found: dict[str, np.ndarray]) -> list[str]:
     """Return what the path does to M1 and M2."""
     lines = [
-        "## The path", "",
-        f"{FEW} slaves, 1 Hz, R of (0.5 m/s, 30 arcmin), 16 states, Kalman; the same outage.", "",
+        f"{FEW} slaves, 1 Hz, R of (0.5 m/s, 30 arcmin), 16 states, Kalman; the same outage.",
+        "",
         "| calibrated on | uncalibrated [m] | M1 [m] | M2 [m] | M1 / uncalibrated | M1 less M2, "
-        "99 % interval [m] |", "|---|--:|--:|--:|--:|--:|",
-    ]  # fmt: skip
+        "99 % interval [m] |",
+        "|---|--:|--:|--:|--:|--:|",
+    ]
     for path in PATHS:
         bare, one, two = (found[f"{path}, {k}"] for k in ("uncalibrated", "M1, Kalman",
                                                            "M2, Kalman"))  # fmt: skip
         lines.append(f"| {path} | {bare.mean():.0f} | {one.mean():.0f} | {two.mean():.0f} | "
                      f"{one.mean() / bare.mean():.2f} | {difference(one, two)[0]} |")  # fmt: skip
     return lines
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

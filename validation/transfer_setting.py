@@ -2,44 +2,33 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from common import each
 
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.consistency import nees
+from foucault.diagnose.study import nees
 from foucault.estimate.ins_filter import seen_at_place
-from foucault.estimate.transfer.hand_over import HandOver, after_outage
-from foucault.infer.h_infinity import by_prior
-from foucault.infer.linear_filter import LinearRun
+from foucault.estimate.transfer import HandOver, after_outage
+from foucault.infer.linear_filter import LinearRun, by_prior
 from foucault.kernels.ins_filter import corrected
-from foucault.models.earth import Site
-from foucault.models.geodesy import displacement
+from foucault.models.earth import Site, displacement
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.increments import increments_of
-from foucault.navigate.state import State, state_of
-from foucault.navigate.strapdown import navigate
+from foucault.navigate.strapdown import State, navigate, state_of
 from foucault.procedures.transfer_alignment import simulate
-from foucault.procedures.transfer_alignment.problem import problem_of
+from foucault.procedures.transfer_alignment.problem import Solution, handed_over, problem_of, solved
 from foucault.procedures.transfer_alignment.session import (
     Session,
     TransferSession,
     draw_errors,
 )
 from foucault.procedures.transfer_alignment.settings import NOISE, Settings
-from foucault.procedures.transfer_alignment.solution import Solution, handed_over, solved
 
-ROOT = Path(__file__).parents[1]
 SITE = Site.at(np.radians(32.0), 1000.0)
 DEG = np.radians(1.0)
 ARCMIN, DEG_H, UG, PPM = DEG / 60, DEG / 3600, 9.80665e-6, 1e-6
@@ -186,19 +175,3 @@ def outages(one: Callable[[int], dict[str, float]], seeds: Sequence[int]) -> dic
     """Return what `one` gives for each seed, by two processes at most."""
     rows = list(each(one, seeds))
     return {key: np.array([row[key] for row in rows]) for key in rows[0]}
-
-
-def each(one: Callable[[int], Any], seeds: Sequence[int]) -> Iterator[Any]:
-    """Do so for all seeds."""
-    with multiprocessing.Pool(min(2, os.cpu_count() or 1)) as pool:
-        for k, row in enumerate(pool.imap(one, seeds)):
-            print(f"\r{k + 1} of {len(seeds)}", end="", file=sys.stderr, flush=True)
-            yield row
-    print(file=sys.stderr)
-
-
-def write(name: str, lines: Sequence[str]) -> None:
-    """Write a page of docs/validation, and show it."""
-    text = "\n".join(lines) + "\n"
-    (ROOT / "docs" / "validation" / f"{name}.md").write_text(text, encoding="utf-8")
-    print(text)

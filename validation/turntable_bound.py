@@ -5,43 +5,33 @@ every coefficient, and NEES, two-sided at a family-wise false-alarm rate of 1 %.
 estimate of instrument and table beside norm observation on the same readings, for errors of the
 table from nothing to a degree, and whether the table's own errors are found within their sd. Last,
 one reading that is off by 1 mg.
-
-Run: python validation/turntable_bound.py [draws]
 """
 
 from __future__ import annotations
 
-import os
-import sys
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 from dataclasses import replace
 
 import numpy as np
+from common import limits, must
 
-from foucault.diagnose.information import information
-from foucault.estimate import gauss_newton
-from foucault.estimate.chi_square import chi_square_limits
-from foucault.estimate.table import likelihood as turntable_likelihood
-from foucault.estimate.table.likelihood import Options, TableModel
-from foucault.infer import mixed
+from foucault.estimate import table as turntable_likelihood
+from foucault.estimate.table import Options, TableModel
+from foucault.infer import gauss_newton, mixed
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.infer.information import information
 from foucault.kernels.norm_observation import calibrate_batch
 from foucault.models import turntable
 from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER, ImuModel
-from foucault.models.noise import ImuNoise, TriadNoise, grade
-from foucault.models.readings import Readings
-from foucault.models.table_geometry import Trust
-from foucault.models.table_state import State
-from foucault.plans.table.plan import table_plan
+from foucault.models.noise import ImuNoise, Readings, TriadNoise, grade
+from foucault.models.turntable import State, Trust
+from foucault.plans.directions import table_plan
 from foucault.procedures import on_table
 from foucault.procedures.norm_observation import Settings as NormSettings
 from foucault.procedures.norm_observation import task_of
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.simulate.table.readings import Rig, simulate_readings
+from foucault.simulate.table import Rig, simulate_readings
 
 SITE = Site.at(np.radians(45.0))
 PLANS = ("icosahedron 12", "dodecahedron 20", "26")
@@ -144,7 +134,7 @@ def bounds_table(draws: int, pool: ProcessPoolExecutor) -> tuple[list[str], bool
         "|---|---|---|--:|--:|--:|---|",
     ]
     tests = len(PLANS) * len(GRADES) * (21 + ACCEL + 3)
-    ratio = [np.sqrt(v / draws) for v in chi_square_limits(draws, tests=tests)]
+    ratio = [np.sqrt(v) for v in limits(draws, tests=tests)]
     lines[0] = lines[0].format(ratio=f"{ratio[0]:.4f} to {ratio[1]:.4f}")
     good = True
     for plan in PLANS:
@@ -168,7 +158,7 @@ def bounds_table(draws: int, pool: ProcessPoolExecutor) -> tuple[list[str], bool
                 good &= inside
                 lines.append(
                     f"| {plan} | {grade_name} | {name} | {score:.4f} | {rms.min():.4f} | "
-                    f"{rms.max():.4f} | {'yes' if inside else '**no**'} |"
+                    f"{rms.max():.4f} | {must(inside)} |"
                 )
                 print(lines[-1], flush=True)
     lines += [
@@ -236,9 +226,9 @@ def joint_table(draws: int, pool: ProcessPoolExecutor) -> tuple[list[str], bool]
             f"{'' if size == 0 else f'{table:.3f}'} |"
         )
         print(lines[-1], flush=True)
-    limits = [np.sqrt(v / (6 * draws)) for v in chi_square_limits(6 * draws, tests=6)]
-    lines += ["", f"RMS over sd of the table's six common errors must lie in {limits[0]:.3f} to "
-              f"{limits[1]:.3f} ({draws} draws each)."]  # fmt: skip
+    within = [np.sqrt(v) for v in limits(6 * draws, tests=6)]
+    lines += ["", f"RMS over sd of the table's six common errors must lie in {within[0]:.3f} to "
+              f"{within[1]:.3f} ({draws} draws each)."]  # fmt: skip
     return lines, good
 
 
@@ -276,37 +266,12 @@ def outliers(draws: int) -> list[str]:
     return lines
 
 
-def main(draws: int = 5000) -> int:
+def main(draws: int = 5000) -> tuple[bool, dict[str, object]]:
     with ProcessPoolExecutor(2) as pool:
         table, fine = bounds_table(draws, pool)
         joint, never_worse = joint_table(max(draws // 5, 4), pool)
-    text = [
-        "# Calibration on a table: the bound, the joint estimate, outliers",
-        "",
-        "Written by `python validation/turntable_bound.py`.",
-        "",
-        "## Against the Cramer-Rao bound",
-        "",
-        *table,
-        "",
-        "## Joint estimate of instrument and table beside norm observation",
-        "",
-        "The same readings (icosahedron 12, noise 1e-5 g and 0.01 deg/h per reading), the errors "
-        "of the table declared as they are. Ratios of RMS errors, below 1 where the joint estimate "
-        "is better.",
-        "",
-        *joint,
-        "",
-        "## One reading off by 1 mg",
-        "",
-        "Accelerometers at rest alone, noise 1e-5 g per reading, a random position.",
-        "",
-        *outliers(max(draws // 25, 4)),
-    ]
-    path = Path(__file__).parents[1] / "docs" / "validation" / "turntable_bound.md"
-    path.write_text("\n".join(text) + "\n", encoding="utf-8")
-    return 0 if fine and never_worse else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main(*(int(a) for a in sys.argv[1:])))
+    return fine and never_worse, {
+        "table": table,
+        "joint": joint,
+        "outliers": outliers(max(draws // 25, 4)),
+    }
