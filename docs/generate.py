@@ -1,8 +1,13 @@
-"""Write the generated pages; after a change of messages, coefficients, commands or docstrings."""
+"""Put together what Sphinx reads: the pages that are written, and those that are made.
+
+Made are the pages that messages, coefficients, commands and docstrings say by themselves; they are
+never kept beside the others.
+"""
 
 from __future__ import annotations
 
 import json
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -11,8 +16,10 @@ from generators import (
     benchmarks,
     coefficients,
     commands,
+    contributing,
     guard,
     messages,
+    packages,
     pictures,
     verified,
 )
@@ -21,6 +28,12 @@ from foucault import campaign
 from foucault.run_folder import result_schema
 
 HERE = Path(__file__).parent
+KEPT = (".md", ".png")
+BUILT = (
+    api.FOLDER,
+    "gallery",
+    "sg_execution_times.rst",
+)  # by Sphinx, which keeps what is up to date
 
 PAGES = {
     "messages.md": messages.index,
@@ -31,22 +44,29 @@ PAGES = {
     "commands.md": commands.page,
     "verified.md": verified.page,
     "benchmarks.md": benchmarks.page,
+    "images/packages.svg": packages.draw,
+    "contributing.md": contributing.page,
     **{f"images/{name}.svg": draw for name, draw in pictures.PICTURES.items()},
     "campaign.schema.json": lambda: json.dumps(campaign.schema(), indent=1) + "\n",
     "result.schema.json": lambda: json.dumps(result_schema(), indent=1) + "\n",
 }
-"""File in this folder -> what it must contain."""
+"""File beside those of this folder -> what it contains."""
 
 
-def main() -> None:
-    for name, make in PAGES.items():
-        path = HERE / name
-        path.parent.mkdir(exist_ok=True)
-        text = make()
-        if not path.exists() or path.read_text(encoding="utf-8") != text:
-            path.write_text(text, encoding="utf-8")
-            print(path)
+def main(target: Path) -> None:
+    """Write all into a folder; what has not changed keeps its time, so that a build is short."""
+    wanted = {p.relative_to(HERE): p.read_bytes() for p in HERE.rglob("*") if p.suffix in KEPT}
+    wanted |= {Path(name): make().encode() for name, make in PAGES.items()}
+    for name, content in wanted.items():
+        path = target / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists() or path.read_bytes() != content:
+            path.write_bytes(content)
+    for path in target.rglob("*"):
+        name = path.relative_to(target)
+        if path.is_file() and name.parts[0] not in BUILT and name not in wanted:
+            path.unlink()
 
 
 if __name__ == "__main__":
-    main()
+    main(Path(sys.argv[1]))

@@ -12,8 +12,8 @@ Run it as a script, or cell by cell in an editor that knows `# %%`. It leaves a 
 # %%
 from pathlib import Path
 
-from foucault import campaign
-from foucault.campaign import optimisation, preflight
+from foucault import campaign, report
+from foucault.campaign import optimisation
 from foucault.report import optimisation as search_report
 
 POD = """
@@ -38,7 +38,7 @@ white = "0.06 deg/sqrt(h)"
 profile = "straight"
 rate = "50 Hz"
 """
-straight = preflight.foresee(campaign.parse(POD))
+straight = optimisation.foresee(campaign.parse(POD))
 print(f"straight on, {straight.duration:.0f} s: rank {straight.rank} of {straight.states}")
 for words in straight.unseen:
     print("  hardly seen:", words)
@@ -59,7 +59,7 @@ for more in straight.more:
 # Turns, a climb and changes of speed in the same four minutes see everything.
 
 # %%
-survey = preflight.foresee(campaign.parse(POD.replace('"straight"', '"survey"')))
+survey = optimisation.foresee(campaign.parse(POD.replace('"straight"', '"survey"')))
 print(f"survey, {survey.duration:.0f} s: rank {survey.rank} of {survey.states}")
 print("sd that is left of what was known before:    straight  survey")
 for before, after in zip(straight.rows(), survey.rows(), strict=True):
@@ -86,7 +86,9 @@ white = "3.7e-05 deg/sqrt(h)"
 """
 platform = campaign.parse(PLATFORM)
 for plan in ("-x", "-x -z -y +z"):
-    seen = preflight.foresee(platform, {"plan": plan, "segment": f"{5400 // len(plan.split())} s"})
+    seen = optimisation.foresee(
+        platform, {"plan": plan, "segment": f"{5400 // len(plan.split())} s"}
+    )
     print(f"plan {plan}: rank {seen.rank} of {seen.states}")
     for words in (*seen.unseen, *seen.weakest)[:3]:
         print("  ", words)
@@ -99,4 +101,4 @@ for plan in ("-x", "-x -z -y +z"):
 # %%
 folder = Path("can_my_motion_see_it")
 found = optimisation.run(platform, folder, restarts=2, evaluations=40, seed=1)
-print("report:", search_report.write(found, folder / "report.html"))
+print("report:", report.save(search_report.document(found, folder), folder / "report.html"))

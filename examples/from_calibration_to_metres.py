@@ -19,17 +19,16 @@ from pathlib import Path
 import numpy as np
 
 import foucault
-from foucault import campaign
+from foucault import campaign, report
 from foucault.campaign import navigation
-from foucault.campaign.navigation import folder as navigation_folder
+from foucault.campaign.running import Said
 from foucault.navigate.align import align
 from foucault.navigate.increments import increments_of
-from foucault.navigate.state import State
-from foucault.navigate.strapdown import navigate
+from foucault.navigate.strapdown import State, navigate
 from foucault.plans.manoeuvres import Accelerate, Rest, Start, Straight, Turn
-from foucault.plans.systematic.built_in import navigation_test
+from foucault.plans.sequence import navigation_test
 from foucault.procedures import systematic
-from foucault.procedures.navigation.settings import Settings
+from foucault.procedures.navigation.start import Settings
 from foucault.report import navigation as page
 from foucault.simulate.motion import simulate_motion
 from foucault.simulate.systematic import simulate_systematic
@@ -87,8 +86,8 @@ np.savetxt(reference, rows, "%.9f", ",", header=titles, comments="")
 # %%
 place = {"latitude": start.latitude, "height": start.height}
 said = {
-    "parked": navigation.Said(place, Settings(align=600.0), serial="0001"),
-    "drive": navigation.Said(serial="0001"),
+    "parked": Said(place, Settings(align=600.0), serial="0001"),
+    "drive": Said(serial="0001"),
 }
 for name, about in said.items():
     against = reference if name == "drive" else None
@@ -102,8 +101,8 @@ for name, about in said.items():
     for k in test.budget.ranked(test.budget.worth)[:3]:
         east, north = test.budget.worth[-1, 6:8, k]
         print(f"  {test.budget.names[k]}: {np.hypot(east, north):.0f} m")
-    record = navigation_folder.save(test, folder / name)
-    print("  report:", page.write(record, folder / name / "report.html"))
+    record = navigation.save(test, folder / name)
+    print("  report:", report.save(page.document(record), folder / name / "report.html"))
 
 # %% [markdown]
 # ## When the model is too small

@@ -13,7 +13,7 @@ def page() -> str:
     lines = [
         "# Coefficients",
         "",
-        "Written by `docs/generate.py` from the models. A name is output axis first, then inputs.",
+        "A name is output axis first, then inputs.",
         "",
         *_table(LAYOUT.coefficients),
         "",

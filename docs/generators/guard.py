@@ -6,8 +6,6 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from generators.messages import where
-
 from foucault.symptoms import SYMPTOMS
 
 GUARD = Path(__file__).parents[1] / "guard.toml"
@@ -55,6 +53,6 @@ def _told(cell: str, said: dict[str, Any]) -> str:
     if is_reason:
         return ("No harm: " if kind == "same" else "Cannot be told: ") + said["reasons"][reason]
     codes = [word for word in cell.split() if word in SYMPTOMS]
-    words = ", ".join(f"[`{code}`]({where(code)})" for code in codes)
+    words = ", ".join(f"[`{code}`](#{code})" for code in codes)
     failing = "the verdict does not pass"
     return words if "fails" not in cell.split() else f"{words}; {failing}" if words else failing

@@ -39,12 +39,12 @@ GROUPS: dict[str, tuple[str, str]] = {
 _PAGE = {word: page for page, (_, words) in GROUPS.items() for word in words.split()}
 
 
-def where(code: str) -> str:
-    """Return page and anchor of a code, relative to docs/."""
+def _where(code: str) -> str:
+    """Return the page of a code."""
     word = code.split(".")[0]
     if word not in _PAGE:
         raise KeyError(f"no page for '{code}': add '{word}' to GROUPS in {__file__}")
-    return f"messages/{_PAGE[word]}.md#{code}"
+    return _PAGE[word]
 
 
 def index() -> str:
@@ -70,11 +70,15 @@ def index() -> str:
         "",
         "## By code",
         "",
-        '<details markdown="1"><summary>All codes</summary>',
+        "```{dropdown} All codes",
+        ", ".join(f"[`{code}`](#{code})" for code in SYMPTOMS),
+        "```",
         "",
-        ", ".join(f"[`{code}`]({where(code)})" for code in SYMPTOMS),
+        "```{toctree}",
+        ":hidden:",
         "",
-        "</details>",
+        *(f"messages/{page}" for page in GROUPS),
+        "```",
     ]
     return "\n".join(lines) + "\n"
 
@@ -84,7 +88,8 @@ def page(name: str) -> str:
     for row in _rows(name):
         lines += [
             "",
-            f"#### {_text(row.symptom)} {{ #{row.code} }}",
+            f"({row.code})=",
+            f"## {_text(row.symptom)}",
             "",
             f"{row.severity} `{row.code}`",
             "",
@@ -96,7 +101,7 @@ def page(name: str) -> str:
 
 
 def _rows(page: str) -> list[Symptom]:
-    return [row for row in SYMPTOMS.values() if where(row.code).startswith(f"messages/{page}.md")]
+    return [row for row in SYMPTOMS.values() if _where(row.code) == page]
 
 
 def _text(template: str) -> str:

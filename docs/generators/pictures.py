@@ -1,4 +1,4 @@
-"""Pictures of axes and signs, as SVG that follows the light or dark setting of the reader."""
+"""Pictures of axes and signs, as SVG without a ground; in the dark the site turns them over."""
 
 from __future__ import annotations
 
@@ -15,12 +15,8 @@ text{font:15px system-ui,'DejaVu Sans',sans-serif;fill:#222}
 .head.blue,text.blue{fill:#1565c0}.head.grey,text.grey{fill:#777}
 text.red,text.green,text.blue,text.grey{stroke:none}
 .face{fill:#9aa7b8;fill-opacity:.25;stroke:#667;stroke-width:1.2}
-@media (prefers-color-scheme:dark){text{fill:#e4e4e8}.small{fill:#aab}
-.line{stroke:#e4e4e8}.head.line{fill:#e4e4e8}.face{stroke:#99a}
-.red{stroke:#ff8a80}.head.red,text.red{fill:#ff8a80}
-.green{stroke:#81c784}.head.green,text.green{fill:#81c784}
-.blue{stroke:#82b1ff}.head.blue,text.blue{fill:#82b1ff}
-.grey{stroke:#888}.head.grey,text.grey{fill:#aaa}}
+.box{fill:#eef1f5;stroke:#667;stroke-width:1.2}
+.grey.thin{opacity:.7}.head.thin{stroke-width:1}
 </style>"""
 
 Point = tuple[float, float]

@@ -17,8 +17,8 @@ here are taken from those pages. *Beside* is what a paper printed, another progr
 closed form says; *bound* is the Cramér-Rao bound or the limit that ours must keep. Statistical
 limits are two-sided chi-square limits with 1 % false alarms for a whole table.
 
-`make validation` runs all scripts, one after the other: more than an hour. Each runs alone too,
-`python validation/NAME.py` with the name in the last column. Those on real logs need [the
+`make validation` runs all of them, one after the other: more than an hour. Each runs alone too,
+`python validation/run.py NAME` with the name in the last column. Those on real logs need [the
 logs](install.md#logs-for-the-validation). The tests hold the short form of these checks and run
 at every change.
 """
