@@ -18,7 +18,7 @@ import numpy as np
 LARGE = """
 import json, resource, time
 import numpy as np
-from foucault.diagnose.allan.deviation import deviations
+from foucault.diagnose.allan import deviations
 rate = np.random.default_rng(1).standard_normal(100_000_000)
 start = time.perf_counter()
 tau, deviation = deviations(rate, 0.01)
@@ -39,7 +39,7 @@ def best(function, *arguments, times: int = 9, **more) -> float:
 
 
 def main() -> None:
-    from foucault.diagnose.allan.deviation import deviations, measure, octaves
+    from foucault.diagnose.allan import deviations, measure, octaves
 
     rate = np.random.default_rng(1).standard_normal(1_000_000)
     m = octaves(len(rate))

@@ -34,7 +34,7 @@ def best(function, rounds=9, clock=time.perf_counter):
 CLOSED_FORM = (
     SETUPS.replace("COUNT", "1_000_000")
     + """
-from foucault.estimate.north.attitude import closed_form
+from foucault.estimate.north import closed_form
 rate, up = np.empty((n, 2)), np.empty((n, 2))
 def solve(threads, known=latitude):
     for out, four in ((rate, stops), (up, lean)):
@@ -75,8 +75,8 @@ print(json.dumps(best(solve) / n))
 LIKELIHOOD = (
     SETUPS.replace("COUNT", "20_000")
     + """
-from foucault.estimate.north.reduction import Pairs
-from foucault.estimate.north.attitude import Known, solve
+from foucault.estimate.north_reduction import Pairs
+from foucault.estimate.north import Known, solve
 g = 9.81
 values = np.stack([(stops[:, 2] - stops[:, 3]) / 2, (stops[:, 0] - stops[:, 1]) / 2,
                    (lean[:, 2] - lean[:, 3]) / 2 * g, (lean[:, 0] - lean[:, 1]) / 2 * g], 1)
@@ -121,7 +121,7 @@ print(json.dumps((time.process_time() - start) / n))
 CALIBRATION = """
 import json, time
 import numpy as np
-from foucault.estimate.north.calibration import calibrate_batch
+from foucault.estimate.north import calibrate_batch
 from foucault.models.earth import EARTH_RATE
 n, latitude = 100_000, np.radians(29.5)
 heading = np.radians(np.arange(12) * 30.0)

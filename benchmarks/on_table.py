@@ -13,8 +13,8 @@ import numpy as np
 from foucault.models.earth import Site
 from foucault.models.noise import grade
 from foucault.models.turntable import mean_rate
-from foucault.plans.table.plan import table_plan
-from foucault.simulate.table.readings import Fleet, Rig, simulate_readings
+from foucault.plans.directions import table_plan
+from foucault.simulate.table import Fleet, Rig, simulate_readings
 site = Site.at(np.radians(45.0))
 plan = table_plan("icosahedron 12", spin_rate=np.radians(10), rest_time=60.0, turns=5)
 rig = Rig(lever_arm=np.array([0.1, -0.05, 0.02]), mounting=np.radians([0.2, -0.1, 0.1]))
@@ -77,7 +77,7 @@ def calibrate(i):
     C_bd, _ = Rotation.align_vectors(f, u)
     return Ma, ba, Mg @ C_bd.as_matrix().T, bg
 Ma, ba, Mg, bg = calibrate(0)
-assert np.abs(Ma - s.fleet.accel_matrix[0]).max() < 1e-4
+assert np.abs(Ma - s.fleet.models.accel_matrix[0, 0]).max() < 1e-4
 assert np.abs(Mg - s.fleet.gyro_matrix[0]).max() < 1e-3
 start = time.process_time()
 for i in range(20):
@@ -104,7 +104,8 @@ with tempfile.TemporaryDirectory() as folder:
     whole = 1e9
     for _ in range(4):
         start = time.perf_counter()
-        subprocess.run(command, check=True, capture_output=True)
+        code = subprocess.run(command, capture_output=True).returncode
+        assert code in (0, 3), code  # 3: done, and doubtful
         whole = min(whole, time.perf_counter() - start)
     log = read_log(parse(text, str(file)))
     task = norm_observation.task_of(campaign.settings)

@@ -9,12 +9,12 @@ from __future__ import annotations
 SESSION = """
 import json, time
 import numpy as np
-from foucault.estimate.tumble import fit as estimation
-from foucault.estimate.tumble.published import filter_angles
-from foucault.estimate.tumble.one_pass import look
+from foucault.estimate import tumble as estimation
+from foucault.estimate.tumble_solution import filter_angles
+from foucault.estimate.tumble import look
 from foucault.models.earth import Site
-from foucault.plans.tumble import torquing
-from foucault.procedures.platform_tumble.problem import prior_of, tumble_of
+from foucault.plans import tumble as torquing
+from foucault.procedures.platform_tumble.foresight import prior_of, tumble_of
 from foucault.procedures.platform_tumble import settings as tumble
 from foucault.procedures.platform_tumble import simulate
 from foucault.procedures.platform_tumble.settings import Settings, draw_printed

@@ -86,7 +86,8 @@ with tempfile.TemporaryDirectory() as folder:
     best = 1e9
     for _ in range(3):
         start = time.perf_counter()
-        subprocess.run(command, check=True, capture_output=True)
+        code = subprocess.run(command, capture_output=True).returncode
+        assert code in (0, 3), code  # 3: done, and doubtful
         best = min(best, time.perf_counter() - start)
 print(json.dumps(best))
 """
@@ -184,7 +185,7 @@ print(json.dumps([ours, peer]))
 ALLAN = """
 import json, time
 import numpy as np
-from foucault.diagnose.allan.deviation import deviations, octaves
+from foucault.diagnose.allan import deviations, octaves
 rate = np.random.default_rng(1).standard_normal(1_000_000)
 m = octaves(len(rate))
 def best(function, *arguments, **more):

@@ -25,7 +25,8 @@ from typing import Any
 import psutil
 
 from foucault import campaign
-from foucault.campaign import parts, study
+from foucault.campaign import study
+from foucault.campaign import study as parts
 from foucault.cli import cluster
 from foucault.cli.screen import Screen
 

@@ -11,7 +11,7 @@ import json, time
 import numpy as np
 from foucault.models.earth import earth_rate_n, gravity_n
 from foucault.navigate.increments import Increments
-from foucault.navigate.state import State
+from foucault.navigate.strapdown import State
 rate, latitude = 100.0, 0.8
 t = np.arange(n) / rate
 w = 0.05 * np.cos(np.outer(t, [1.1, 0.7, 1.9])) + earth_rate_n(latitude)
@@ -73,7 +73,7 @@ NUMPY = (
 import sys
 sys.path.insert(0, TESTS)
 import reference
-from foucault.models.geodesy import east_north_up
+from foucault.models.earth import east_north_up
 start = state.C_nb, state.velocity_n, east_north_up(latitude, 0.0), 0.0
 few, i = 300, increments
 print(json.dumps(best(lambda: reference.strapdown_run(

@@ -30,7 +30,7 @@ BOTH_STEPS = (
 from systematic_setting import FULL, NOISE, PHI_SD, PLAIN, SITE, Session, both_steps, instrument
 from systematic_setting import spread_of
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.systematic.published import second_step
+from foucault.estimate.systematic import second_step
 from foucault.simulate.systematic import simulate_systematic
 sd = spread_of(FULL)
 truth = sd * np.random.default_rng(1).standard_normal(len(sd))

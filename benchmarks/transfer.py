@@ -33,7 +33,7 @@ def best(function, rounds=5):
 FILTERS = (
     FLIGHT
     + """
-from foucault.infer.h_infinity import by_prior, h_infinity, least_gamma
+from foucault.infer.linear_filter import by_prior, h_infinity, least_gamma
 from foucault.infer.linear_filter import kalman
 def free(): return p.model.about(p.model.start)
 system = free()
@@ -50,8 +50,8 @@ print(json.dumps([best(run) for run in (
 DELAY = (
     FLIGHT
     + """
-from foucault.estimate.delay.fit import delay_of
-from foucault.estimate.transfer.likeliest import likeliest_delay
+from foucault.estimate.delay import delay_of
+from foucault.estimate.transfer import likeliest_delay
 from foucault.models.earth import earth_rate_n, transport_rate
 t = p.table
 turning = earth_rate_n(t.latitude) + transport_rate(t.latitude, t.height, t.velocity_n)
