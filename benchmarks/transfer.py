@@ -74,9 +74,11 @@ with tempfile.TemporaryDirectory() as folder:
     file = Path(folder) / "campaign.toml"
     file.write_text(campaign.template("transfer_alignment"))
     start = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "foucault", "montecarlo", str(file), "--trials", "50",
-                    "--workers", "2", "--output", str(Path(folder) / "study")], check=True,
-                   capture_output=True)
+    code = subprocess.run(
+        [sys.executable, "-m", "foucault", "montecarlo", str(file), "--trials", "50",
+         "--workers", "2", "--output", str(Path(folder) / "study")], capture_output=True
+    ).returncode
+    assert code in (0, 3), code  # 3: done, and doubtful
     print(json.dumps(time.perf_counter() - start))
 """
 
