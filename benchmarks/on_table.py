@@ -78,7 +78,7 @@ def calibrate(i):
     return Ma, ba, Mg @ C_bd.as_matrix().T, bg
 Ma, ba, Mg, bg = calibrate(0)
 assert np.abs(Ma - s.fleet.models.accel_matrix[0, 0]).max() < 1e-4
-assert np.abs(Mg - s.fleet.gyro_matrix[0]).max() < 1e-3
+assert np.abs(Mg - s.fleet.models.gyro_matrix[0, 0]).max() < 1e-3
 start = time.process_time()
 for i in range(20):
     calibrate(i)
