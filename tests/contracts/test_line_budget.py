@@ -18,7 +18,7 @@ BUDGET = {
     "estimate": 7_381,
     "export": 1_865,
     "guard": 1_908,
-    "infer": 2_385,
+    "infer": 2_408,
     "kernels": 4_302,
     "logs": 6_089,
     "models": 4_870,

@@ -29,6 +29,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, Protocol, TypeVar, cast
@@ -173,6 +174,33 @@ class Covariance:
         out = self.tied.copy() if self.tied.size else np.zeros((n * d, n * d))
         at = d * np.arange(n)[:, None, None] + np.arange(d)[:, None]
         out[at, np.swapaxes(at, 1, 2)] += self.own
+        return out
+
+    @cached_property
+    def inverse(self) -> FloatArray:
+        """The inverse of the whole covariance, shape (n d, n d) [1 / SI]."""
+        return np.asarray(np.linalg.inv(self.whole))
+
+    def weighted(self, weights: FloatArray) -> Covariance:
+        """Return the same with other `weights` (n,) [1]; its inverse is this one, corrected [1].
+
+        With D more covariance for itself a reading k leaves
+        ``C^-1 - C^-1_:k (D^-1 + C^-1_kk)^-1 C^-1_k:``.
+        """
+        out = copy(self)
+        for name in ("whole", "inverse", "_root"):
+            out.__dict__.pop(name, None)
+        out.own = self.own * (self.weights / weights)[:, None, None]
+        out.weights, d = weights.copy(), self.own.shape[1]
+        changed = np.flatnonzero(weights != self.weights)
+        if self.tied.size and "inverse" in self.__dict__:
+            at = (d * changed[:, None] + np.arange(d)).ravel()
+            more = np.linalg.inv((out.own - self.own)[changed])
+            inner = self.inverse[np.ix_(at, at)].reshape(len(changed), d, len(changed), d)
+            inner[np.arange(len(changed)), :, np.arange(len(changed))] += more
+            inner = inner.reshape(len(at), len(at))
+            columns = self.inverse[:, at]
+            out.__dict__["inverse"] = self.inverse - columns @ np.linalg.solve(inner, columns.T)
         return out
 
     @cached_property
@@ -418,8 +446,8 @@ def _outliers(model: Model, sds: Mapping[str, float], estimate: Estimate, few: f
     at = model.linearise(estimate.state)
     n, d = at.residuals.shape
     weights, scatters = np.ones(n), np.zeros(n, bool)
+    whole = covariance = Covariance(at.sources, sds, (n, d), weights.copy())
     while True:
-        covariance = Covariance(at.sources, sds, (n, d), weights)
         far = norms(at, covariance) * ((weights > 0.5) & ~scatters)
         out = far > gauss_newton.ROBUST_LIMIT
         if covariance.tied.size:  # a reading that is wrong makes those look wrong that it shares
@@ -430,7 +458,8 @@ def _outliers(model: Model, sds: Mapping[str, float], estimate: Estimate, few: f
         for rows in model.kinds.values():
             mine = rows.any(axis=1)
             if np.sum(weights[mine] < 0.5) > few * mine.sum():
-                weights[mine], scatters[mine] = 1.0, True
+                weights[mine], scatters[mine], covariance = 1.0, True, whole
+        covariance = covariance.weighted(weights)
 
 
 def norms(at: Linearisation, covariance: Covariance) -> FloatArray:
@@ -446,7 +475,7 @@ def norms(at: Linearisation, covariance: Covariance) -> FloatArray:
     if not covariance.tied.size:
         left, cov = at.residuals, covariance.own
     else:
-        inverse = np.linalg.inv(covariance.whole)
+        inverse = covariance.inverse
         cov = np.linalg.inv(inverse.reshape(n, d, n, d)[np.arange(n), :, np.arange(n)])
         left = np.einsum("nij,nj->ni", cov, (inverse @ at.residuals.ravel()).reshape(n, d))
     cov = cov - (1 - covariance.weights)[:, None, None] * covariance.own
