@@ -152,7 +152,8 @@ class Covariance:
     ) -> None:
         """Add up sources of sizes `sds` [SI], readings of `shape` counting `weights` (n,) [1]."""
         n, d = shape
-        self.own, self.tied, self.weights = np.zeros((n, d, d)), np.zeros((0, 0)), weights
+        self.own: FloatArray = np.zeros((n, d, d))
+        self.tied, self.weights = np.zeros((0, 0)), weights
         for source, sd in ((s, size_of(s, sds)) for s in sources):
             if source.each is not None and sd:
                 self.own += sd**2 * source.each @ np.swapaxes(source.each, 1, 2)
