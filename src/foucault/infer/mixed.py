@@ -41,6 +41,7 @@ from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import Status, error
 from foucault.infer import gauss_newton
 from foucault.infer.gauss_newton import FALSE_ALARM, Component, chi_square_limits, student
+from foucault.kernels.small_matrices import decorrelate
 from foucault.result import Estimate, Linearised, Problem
 
 SIGNIFICANT = 5.4
@@ -58,6 +59,9 @@ NEARLY = 2.0
 
 LEAST = 1e-13
 """Least variance of a reading for itself, as a part of its whole variance [1]."""
+
+MANY = 8
+"""Numbers read for each cause that they share, above which rows are whitened cause by cause [1]."""
 
 SEEN = 0.01
 """A direction of a reading of which less than this share is redundant is not predicted [1]."""
@@ -152,27 +156,26 @@ class Covariance:
     ) -> None:
         """Add up sources of sizes `sds` [SI], readings of `shape` counting `weights` (n,) [1]."""
         n, d = shape
+        self.weights = weights
         self.own: FloatArray = np.zeros((n, d, d))
-        self.tied, self.weights = np.zeros((0, 0)), weights
+        shared = [np.zeros((n * d, 0))]
         for source, sd in ((s, size_of(s, sds)) for s in sources):
             if source.each is not None and sd:
                 self.own += sd**2 * source.each @ np.swapaxes(source.each, 1, 2)
             if source.shared is not None and sd and source.shared.size:
-                rows = source.shared.reshape(n * d, -1)
-                self.tied = self.tied if self.tied.size else np.zeros((n * d, n * d))
-                self.tied += sd**2 * rows @ rows.T
+                shared.append(sd * source.shared.reshape(n * d, -1))
+        self.shared: FloatArray = np.concatenate(shared, axis=1)
         # What every reading has for itself keeps an inverse, also where there is no noise, and
         # where what readings share is so much larger that rounding would hide it.
-        least = LEAST * np.trace(self.own, axis1=1, axis2=2)
-        if self.tied.size:
-            least = np.maximum(least, LEAST * np.diag(self.tied).reshape(n, d).sum(axis=1))
+        tied = np.sum(self.shared.reshape(n, -1) ** 2, axis=1)
+        least = LEAST * np.maximum(np.trace(self.own, axis1=1, axis2=2), tied)
         self.own = (self.own + least[:, None, None] * np.eye(d)) / weights[:, None, None]
 
     @cached_property
     def whole(self) -> FloatArray:
         """The covariance of all components, shape (n d, n d) [SI]."""
         n, d, _ = self.own.shape
-        out = self.tied.copy() if self.tied.size else np.zeros((n * d, n * d))
+        out = self.shared @ self.shared.T
         at = d * np.arange(n)[:, None, None] + np.arange(d)[:, None]
         out[at, np.swapaxes(at, 1, 2)] += self.own
         return out
@@ -194,36 +197,40 @@ class Covariance:
         out.own = self.own * (self.weights / weights)[:, None, None]
         out.weights, d = weights.copy(), self.own.shape[1]
         changed = np.flatnonzero(weights != self.weights)
-        if self.tied.size and "inverse" in self.__dict__:
+        if self.shared.size and "inverse" in self.__dict__:
             at = (d * changed[:, None] + np.arange(d)).ravel()
             more = np.linalg.inv((out.own - self.own)[changed])
             inner = self.inverse[np.ix_(at, at)].reshape(len(changed), d, len(changed), d)
             inner[np.arange(len(changed)), :, np.arange(len(changed))] += more
-            inner = inner.reshape(len(at), len(at))
             columns = self.inverse[:, at]
-            out.__dict__["inverse"] = self.inverse - columns @ np.linalg.solve(inner, columns.T)
+            less = columns @ np.linalg.solve(inner.reshape(len(at), len(at)), columns.T)
+            out.__dict__["inverse"] = self.inverse - less
         return out
 
     @cached_property
     def _root(self) -> FloatArray:
-        return np.asarray(np.linalg.cholesky(self.whole if self.tied.size else self.own))
+        return np.asarray(np.linalg.cholesky(self.whole))
 
     def whiten(self, rows: FloatArray) -> FloatArray:
         """Return L^-1 times `rows` (n, d, k) [SI], as shape (n d, k)."""
         from scipy.linalg import solve_triangular
 
         n, d, k = rows.shape
-        if not self.tied.size:
-            return np.asarray(np.linalg.solve(self._root, rows)).reshape(n * d, k)
-        flat = rows.reshape(n * d, k)
-        return np.asarray(solve_triangular(self._root, flat, lower=True, check_finite=False))
+        if MANY * self.shared.shape[1] > n * d:
+            return np.asarray(solve_triangular(self._root, rows.reshape(n * d, k), lower=True))
+        both = np.concatenate([self.shared.reshape(n, d, -1), rows], axis=2)
+        white = np.linalg.solve(np.linalg.cholesky(self.own), both).reshape(n * d, -1)
+        shared, white = white[:, :-k], np.ascontiguousarray(white[:, -k:])
+        if shared.size:
+            decorrelate(np.ascontiguousarray(shared), white)
+        return white
 
     def solve(self, rows: FloatArray) -> FloatArray:
         """Return C^-1 times `rows` (n, d, k) [SI], as shape (n d, k)."""
         from scipy.linalg import cho_solve
 
         n, d, k = rows.shape
-        if not self.tied.size:
+        if not self.shared.size:
             return np.asarray(np.linalg.solve(self.own, rows)).reshape(n * d, k)
         return np.asarray(cho_solve((self._root, True), rows.reshape(n * d, k)))
 
@@ -451,7 +458,7 @@ def _outliers(model: Model, sds: Mapping[str, float], estimate: Estimate, few: f
     while True:
         far = norms(at, covariance) * ((weights > 0.5) & ~scatters)
         out = far > gauss_newton.ROBUST_LIMIT
-        if covariance.tied.size:  # a reading that is wrong makes those look wrong that it shares
+        if covariance.shared.size:  # a reading that is wrong makes those look wrong that it shares
             out &= far == far.max()
         if not out.any():
             return weights
@@ -473,11 +480,11 @@ def norms(at: Linearisation, covariance: Covariance) -> FloatArray:
     Returns (n,): with the weight of each reading undone [1].
     """
     n, d = at.residuals.shape
-    if not covariance.tied.size:
-        left, cov = at.residuals, covariance.own
+    if not covariance.shared.size:
+        left, cov = at.residuals, np.asarray(covariance.own)
     else:
         inverse = covariance.inverse
-        cov = np.linalg.inv(inverse.reshape(n, d, n, d)[np.arange(n), :, np.arange(n)])
+        cov = np.asarray(np.linalg.inv(inverse.reshape(n, d, n, d)[np.arange(n), :, np.arange(n)]))
         left = np.einsum("nij,nj->ni", cov, (inverse @ at.residuals.ravel()).reshape(n, d))
     cov = cov - (1 - covariance.weights)[:, None, None] * covariance.own
     square = np.einsum("ni,ni->n", left, np.linalg.solve(cov, left[:, :, None])[:, :, 0])

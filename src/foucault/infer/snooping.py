@@ -78,7 +78,7 @@ def snoop_fit(fit: Fit) -> Snooping:
     ``R = L' (C^-1 - C^-1 J P J' C^-1) L`` and ``r = L' C^-1 e``.
     """
     (n, d), at = fit.at.residuals.shape, fit.white
-    if not fit.covariance.tied.size:
+    if not fit.covariance.shared.size:
         return snoop(at, fit.estimate.state_cov, d)
     roots = np.linalg.cholesky(fit.covariance.own)
     wide = np.zeros((n, d, n, d))

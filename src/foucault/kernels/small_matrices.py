@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from foucault.kernels import kernel
 
 
@@ -41,6 +43,40 @@ def substitute(L, x, n):
         for k in range(i + 1, n):
             s -= L[k, i] * x[k]
         x[i] = s * L[i, i]
+
+
+@kernel
+def decorrelate(u, x):
+    """Replace x (m, c) by inv(L) x, L the Cholesky factor of I + u u', u (m, k).
+
+    Row by row, as a filter of k causes with the root S of their covariance [Potter]: what few
+    causes do to many rows takes m k (k + c) steps, and no matrix of m rows and columns.
+    """
+    m, k = u.shape
+    S, z = np.eye(k), np.zeros((k, x.shape[1]))
+    f, g = np.zeros(k), np.zeros(k)
+    for i in range(m):
+        s = 1.0
+        for a in range(k):
+            f[a] = 0.0
+            for b in range(k):
+                f[a] += S[b, a] * u[i, b]
+            s += f[a] * f[a]
+        q = 1.0 / math.sqrt(s)
+        for a in range(k):
+            for j in range(x.shape[1]):
+                x[i, j] -= u[i, a] * z[a, j]
+        for j in range(x.shape[1]):
+            x[i, j] *= q
+        for a in range(k):
+            g[a] = 0.0
+            for b in range(k):
+                g[a] += S[a, b] * f[b]
+            for j in range(x.shape[1]):
+                z[a, j] += g[a] * q * x[i, j]
+        for a in range(k):
+            for b in range(k):
+                S[a, b] -= q * q / (1.0 + q) * g[a] * f[b]
 
 
 @kernel
