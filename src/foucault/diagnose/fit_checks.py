@@ -8,18 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.checks import check, drift_check, judge_prior, plausible_scales, status_check
-from foucault.infer import filtered, mixed
+from foucault.infer import mixed
 from foucault.infer.drift import Drift, by_time, find_drift
 from foucault.infer.gauss_newton import FALSE_ALARM, TOLD, Component, chi_square_limits
 from foucault.infer.mixed import Fit, HeldOut
 from foucault.result import Check, Level
 from foucault.units import plain
+
+if TYPE_CHECKING:
+    from foucault.infer import filtered
 
 TOO_MUCH = 5.0
 """Residuals this many times the noise are no scatter: a term is missing [1]."""

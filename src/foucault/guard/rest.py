@@ -23,11 +23,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
-from foucault.detect.sequence import FoundSequence
 from foucault.detect.stretches import How, Rests, find_rests, require_finite, require_live_gyros
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate import norm_observation
@@ -46,11 +46,13 @@ from foucault.kernels.rotation import integrate_turns
 from foucault.logs.description import LogDescription
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.rests_and_turns import Session
-from foucault.navigate.align import latitude_seen, measured_errors
 from foucault.navigate.increments import GAP, Increments
-from foucault.navigate.inertial_frame import SensorErrors
 from foucault.tables import AXES, Log
 from foucault.units import convert, plain, span
+
+if TYPE_CHECKING:
+    from foucault.detect.sequence import FoundSequence
+    from foucault.navigate.inertial_frame import SensorErrors
 
 SUSPICIOUS = np.radians(10.0)
 """A miss of the direction of gravity that no calibration error explains, rms [rad]."""
@@ -462,6 +464,8 @@ def contradictions(
     `increments`: one rest [rad], [m/s]; `site`: where it stood, the latitude must be known.
     Raises a wrong unit, axis or sign explains what the data contradict.
     """
+    from foucault.navigate.align import measured_errors  # few rests are alignments
+
     assert site.latitude is not None
     f, w, noise = measured_errors(increments, sensors)
     cov = noise.mean_cov(float(increments.dt.sum()))
@@ -503,6 +507,8 @@ def _along_up(
     f: FloatArray, w: FloatArray, w_sd: float, sd: float, latitude: float
 ) -> tuple[Finding, ...]:
     """Check f . w against g w_ie sin L, with its standard deviation `sd` [rad/s]."""
+    from foucault.navigate.align import latitude_seen
+
     up, size = f / np.linalg.norm(f), float(np.linalg.norm(w))
     seen, wanted = float(up @ w), float(EARTH_RATE * np.sin(latitude))
     if abs(seen - wanted) < SURE * sd:
