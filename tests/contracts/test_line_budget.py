@@ -24,7 +24,7 @@ BUDGET = {
     "models": 4_870,
     "navigate": 1_506,
     "plans": 5_819,
-    "procedures": 13_153,
+    "procedures": 13_170,
     "report": 8_347,
     "simulate": 3_354,
     "symptoms": 87,
