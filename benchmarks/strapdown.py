@@ -51,7 +51,7 @@ FILTER = (
     LONG
     + ROCKING
     + """
-from foucault.estimate.ins_filter import Updates, run, start_cov
+from foucault.navigate.ins_filter import Updates, run, start_cov
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
 kinds = ("bias", "scale", "misalignment")

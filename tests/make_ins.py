@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from foucault.estimate.ins_filter import Updates
 from foucault.models.earth import EARTH_RATE, displaced, east_north_up, ecef, gravity_n
 from foucault.models.imu import ImuModel, coefficient_slot
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp, log
 from foucault.navigate.increments import Increments
+from foucault.navigate.ins_filter import Updates
 from foucault.navigate.strapdown import State, matrix_of, states_of
 from foucault.plans.manoeuvres import Climb, Plan, Rest, Rotate, Start, Straight, STurn, Sway, Turn
 from foucault.simulate.motion import Motion, motion_of

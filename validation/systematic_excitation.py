@@ -25,13 +25,13 @@ from systematic_setting import (
     spread_of,
 )
 
-from foucault.estimate.ins_filter import start_cov
 from foucault.estimate.systematic import AtRest, Start
 from foucault.models.deflection import MODELS, deflection_model, whole_turns
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
 from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.increments import increments_of
+from foucault.navigate.ins_filter import start_cov
 from foucault.navigate.strapdown import State, navigate
 from foucault.plans.manoeuvres import Rest
 from foucault.plans.sequence import NAMES, CalibrationSequence, poses, quality, spin, spin_axis

@@ -31,11 +31,11 @@ from systematic_setting import (
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.study import nees
-from foucault.estimate.ins_filter import FilterRun, Updates, run, start_cov
 from foucault.estimate.systematic import AtRest, second_step
 from foucault.models.earth import displaced
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp
+from foucault.navigate.ins_filter import FilterRun, Updates, run, start_cov
 from foucault.navigate.strapdown import State
 from foucault.simulate.systematic import simulate_systematic
 

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.ins_filter import FilterRun, start_cov
 from foucault.estimate.systematic import AtRest, Start, SystematicModel, attitude_at_start
 from foucault.models.deflection import DeflectionModel, deflection_model
 from foucault.models.earth import Site
@@ -23,6 +22,7 @@ from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.navigate.increments import Increments, increments_of
+from foucault.navigate.ins_filter import FilterRun, start_cov
 from foucault.plans.sequence import (
     CalibrationSequence,
     action_sequences,

@@ -10,7 +10,6 @@ from common import each
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.study import nees
-from foucault.estimate.ins_filter import seen_at_place
 from foucault.estimate.transfer import HandOver, after_outage
 from foucault.infer.linear_filter import LinearRun, by_prior
 from foucault.kernels.ins_filter import corrected
@@ -19,6 +18,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.increments import increments_of
+from foucault.navigate.ins_filter import seen_at_place
 from foucault.navigate.strapdown import State, navigate, state_of
 from foucault.procedures.transfer_alignment import simulate
 from foucault.procedures.transfer_alignment.problem import Solution, handed_over, problem_of, solved

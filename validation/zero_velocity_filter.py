@@ -24,14 +24,14 @@ from common import limits, word
 from foucault import units
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.study import nees
-from foucault.estimate import ins_filter
-from foucault.estimate.ins_filter import FilterRun, Updates, spread, start_cov
 from foucault.models.earth import EARTH_RATE, displaced, displacement, east_north_up, gravity
 from foucault.models.imu import ImuModel, products
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp, log, matrix_of
+from foucault.navigate import ins_filter
 from foucault.navigate.increments import Increments
+from foucault.navigate.ins_filter import FilterRun, Updates, spread, start_cov
 from foucault.navigate.strapdown import State, navigate
 from foucault.plans.manoeuvres import Plan, Rest, Rotate, Start
 from foucault.simulate.motion import motion_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.diagnose.hand_rotated import coverage, direction_words
+from foucault.detect.coverage import coverage, direction_words
 from foucault.plans.directions import spread_directions
 
 SIX = np.concatenate([np.eye(3), -np.eye(3)])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.estimate.ins_filter import run, start_cov
 from foucault.models.deflection import deflection_model
 from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.navigate.ins_filter import run, start_cov
 from foucault.plans.manoeuvres import Start
 from make_ins import SITE, increments, made, still, tumble
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.ins_filter import start_cov
 from foucault.estimate.systematic import BETWEEN, AtRest, SystematicModel, attitude_at_start
 from foucault.estimate.systematic import Start as RecordingStart
 from foucault.infer.gauss_newton import chi_square_limits
@@ -17,6 +16,7 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import angles_of, exp
 from foucault.models.size_effect import with_size_effect
 from foucault.navigate.increments import Increments, increments_of
+from foucault.navigate.ins_filter import start_cov
 from foucault.plans.manoeuvres import Rest, Rotate, Start
 from foucault.simulate.motion import motion_of, simulate_motion
 

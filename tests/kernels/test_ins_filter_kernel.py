@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import reference
-from foucault.estimate import ins_filter
 from foucault.kernels import ins_filter as module
 from foucault.models.earth import displaced
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.navigate import ins_filter
 from foucault.navigate.strapdown import matrix_of, quaternion_of
 from foucault.plans.manoeuvres import Start
 from make_ins import DEG, FLIGHT, errors, increments, made, off, unit

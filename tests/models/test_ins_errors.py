@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from foucault.estimate.ins_filter import Updates, run, sensitivity
 from foucault.models.earth import EARTH_RATE, displacement, gravity, radii
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
 from foucault.models.ins_errors import STATES, Sensors, dynamics
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
+from foucault.navigate.ins_filter import Updates, run, sensitivity
 from foucault.navigate.strapdown import matrix_of, navigate
 from foucault.plans.manoeuvres import Start, Straight, Turn
 from make_ins import DEG, FLIGHT, chained, errors, increments, made, off, unit, with_one

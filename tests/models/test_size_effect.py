@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.ins_filter import Updates, run
 from foucault.kernels import ins_transition as kernel
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.ins_errors import Sensors
@@ -17,6 +16,7 @@ from foucault.models.size_effect import GAP, SizeEffect, changes, with_size_effe
 from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
 from foucault.navigate import increments
 from foucault.navigate.increments import increments_of
+from foucault.navigate.ins_filter import Updates, run
 from foucault.navigate.strapdown import State, navigate
 from foucault.tables import Log
 

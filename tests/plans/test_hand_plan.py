@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from foucault.diagnose.hand_rotated import coverage
+from foucault.detect.coverage import coverage
 from foucault.plans.directions import hand_plan, spread_directions
 
 

@@ -9,11 +9,11 @@ gyros and accelerometers, drawn as a navigation-grade instrument has them.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from foucault.estimate.ins_filter import spread, start_cov
 from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import Increments
+from foucault.navigate.ins_filter import spread, start_cov
 from foucault.navigate.strapdown import State
 
 L, n = np.radians(45.0), 7200

@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray, IntArray
+from foucault.detect.coverage import coverage, direction_words, named_directions
 from foucault.detect.live import LiveRests
 from foucault.detect.noise import measure_noise, told_of, without_spikes
 from foucault.detect.stretches import Rests, find_rests, rest_table, turning
-from foucault.diagnose.hand_rotated import ENOUGH_RESTS, coverage, direction_words, named_directions
+from foucault.diagnose.hand_rotated import ENOUGH_RESTS
 from foucault.errors import Finding, FoucaultError, finding
 from foucault.guard import rest
 from foucault.guard.rest import first_rest, same_unit

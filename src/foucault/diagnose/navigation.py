@@ -235,7 +235,7 @@ def _circular_table() -> tuple[FloatArray, FloatArray]:
 
 # -- what each coefficient contributes -------------------------------------------------------------
 #
-# The errors of navigation are propagated with the errors of the sensors (`estimate.ins_filter`);
+# The errors of navigation are propagated with the errors of the sensors (`navigate.ins_filter`);
 # an error of a coefficient acts twice, while the instrument is aligned and while it navigates::
 #
 #     x(t) = (S(t) + Phi(t) A) c + Phi(t) (phi_0, v_0, p_0) + noise,     A = d phi_0 / d c

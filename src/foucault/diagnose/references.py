@@ -20,7 +20,7 @@ from foucault.result import Check, Estimate, Result, TimeBase
 from foucault.tables import AXES, Clock, Log
 
 if TYPE_CHECKING:
-    from foucault.estimate.ins_filter import EarthSeen
+    from foucault.navigate.ins_filter import EarthSeen
 
 
 def norm_with_cov(

@@ -42,13 +42,13 @@ from foucault.diagnose.references import (
     wrong_gravity,
 )
 from foucault.errors import Finding, Status, error, finding
-from foucault.estimate.ins_filter import EarthSeen, FilterRun, Updates, run, smooth
 from foucault.estimate.systematic import SystematicModel
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.infer.information import largest_shares, terms
 from foucault.models.deflection import DeflectionModel
 from foucault.models.earth import Site
 from foucault.navigate.increments import Increments
+from foucault.navigate.ins_filter import EarthSeen, FilterRun, Updates, run, smooth
 from foucault.navigate.strapdown import State, navigate
 from foucault.result import Check
 from foucault.tables import AXES

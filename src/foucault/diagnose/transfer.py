@@ -23,7 +23,6 @@ from foucault.diagnose.checks import check, prior_check, status_check
 from foucault.diagnose.fit_checks import held_out_check
 from foucault.errors import Status
 from foucault.estimate.delay import Delay
-from foucault.estimate.ins_filter import seen_at_place
 from foucault.estimate.transfer import DelayFit, HandOver, TransferFit, TransferModel
 from foucault.infer.filtered import components, dependence, parts_out
 from foucault.infer.gauss_newton import FALSE_ALARM, Component
@@ -33,6 +32,7 @@ from foucault.models.rotation import angles_of, exp, turned
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.transfer import Messages, Mount
 from foucault.navigate.increments import Increments
+from foucault.navigate.ins_filter import seen_at_place
 from foucault.navigate.strapdown import states_of
 from foucault.result import Check, TableData
 

@@ -32,7 +32,7 @@ from foucault.diagnose.transfer import (
 from foucault.errors import Finding, Status, finding, listed
 from foucault.estimate.delay import SEEN, UNLIKE, Delay
 from foucault.estimate.transfer import likeliest_flexure
-from foucault.guard.mistakes import factors, likely
+from foucault.guard.master import SURE_SD, of_size, of_wild
 from foucault.infer import filtered
 from foucault.infer.filtered import component
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
@@ -43,9 +43,6 @@ from foucault.units import plain
 
 NO_DELAY = 1e-3
 """A delay below this is none [s]."""
-
-SURE_SD = 3.0
-"""So many standard deviations make a difference [1]."""
 
 WANDERS = 1e-3
 """False-alarm rate of a delay that does not stay [1]."""
@@ -58,9 +55,6 @@ ASTRAY = np.radians(10.0)
 
 POORLY = np.radians(1.0)
 """A mounting that is known no better is told [rad]."""
-
-OTHER_SIZE = 0.05
-"""Turning that differs by more in size is told [1]."""
 
 _AXES = (("right", "forward", "up"), ("left", "back", "down"))
 _SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -84,25 +78,6 @@ def checked(
     if messages:
         told += _near_zero(found)
     return (*told, *of_wild(found))
-
-
-def of_size(found: Delay, dt: float = np.nan) -> list[Finding]:
-    """Tell where one turns more than the other, a unit; `dt`: usual time between samples [s]."""
-    off = abs(found.scale - 1.0)
-    if found.likeness < UNLIKE or off < max(OTHER_SIZE, SURE_SD * found.scale_sd):
-        return []
-    hint = _unit(found.scale, dt)
-    return [finding("delay.scale", ratio=plain(found.scale, 4), hint=hint)]
-
-
-def of_wild(found: Delay) -> list[Finding]:
-    """Tell of turns that no body makes."""
-    if not found.wild.any():
-        return []
-    size = np.degrees(np.linalg.norm(found.turns.phi_m, axis=1))
-    worst = int(np.argmax(np.where(found.wild, np.nan_to_num(size), 0.0)))
-    return [finding("delay.wild", count=int(found.wild.sum()), size=plain(size[worst], 3),
-                    time=plain(round(float(found.turns.end[worst]), 3), 13))]  # fmt: skip
 
 
 def percent(part: float) -> str:
@@ -200,12 +175,6 @@ def _names(C_ms: FloatArray) -> str:
     """Return along which axes of the master those of the slave lie, more or less."""
     place = np.argmax(np.abs(C_ms), axis=0)
     return ", ".join(_AXES[int(C_ms[place[i], i] < 0)][place[i]] for i in range(3))
-
-
-def _unit(scale: float, dt: float) -> str:
-    cause = likely(scale, factors("gyro", dt), 1.0 + OTHER_SIZE)
-    of_both = ", or of the master the reverse" if cause and "unit" in cause else ""
-    return f" Of the slave probably {cause}{of_both}." if cause else ""
 
 
 def _ms(seconds: float, sd: float = MATTERS) -> str:

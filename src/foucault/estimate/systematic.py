@@ -5,7 +5,7 @@ Systematic calibration: every instrument error from the velocity error at rest a
 The instrument navigates through turns and rests whose angles nobody needs to know. At rest its
 velocity is zero and its position that of the site; what the navigator says instead is the sum of
 what all errors have done since the start, each through the motion as it was. The filter is that of
-`estimate.ins_filter`; here are its measurements, and a pass over all recordings.
+`navigate.ins_filter`; here are its measurements, and a pass over all recordings.
 
 A coefficient that turns up only in the second part of a session (the deflection of dithered gyros)
 must be a state from the beginning: carried over without it, the covariance of the first part is
@@ -39,12 +39,12 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
-from foucault.estimate.ins_filter import FilterRun, Updates, run, start_cov
 from foucault.models.earth import Site
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
 from foucault.navigate.increments import Increments
+from foucault.navigate.ins_filter import FilterRun, Updates, run, start_cov
 from foucault.navigate.strapdown import State
 
 BETWEEN = 2.0

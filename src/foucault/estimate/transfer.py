@@ -53,7 +53,6 @@ import numpy as np
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import FoucaultError
-from foucault.estimate.ins_filter import Updates, run, seen_at_place
 from foucault.infer.filtered import Fit
 from foucault.infer.linear_filter import LinearRun, LinearSystem, kalman
 from foucault.kernels.ins_filter import corrected
@@ -79,6 +78,7 @@ from foucault.models.transfer import (
     states_of_transfer,
 )
 from foucault.navigate.increments import Increments
+from foucault.navigate.ins_filter import Updates, run, seen_at_place
 from foucault.navigate.strapdown import State, state_of, states_of
 from foucault.tables import AXES
 
@@ -115,7 +115,7 @@ def by_the_master(states: dict[str, FloatArray], place: FloatArray) -> FloatArra
     is hundreds of metres off the master's would be seen as a heading error.
 
     `states`: of the run, see `navigate.strapdown.states_of` [SI]; `place` (m, 9, 9): see
-    `estimate.ins_filter.seen_at_place` [SI].
+    `navigate.ins_filter.seen_at_place` [SI].
     """
     turn = np.tan(states["latitude"]) / (SEMI_MAJOR_AXIS + states["height"])
     turned = turn[:, None] * place[:, 6]  # of the computed axes against the true ones, about up

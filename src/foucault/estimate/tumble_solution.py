@@ -34,7 +34,7 @@ nodes.
 
 The filter takes the Earth's rate for known. The white residuals r of the fit, those of the prior
 with them, change by ``D x`` where it is taken for more by x along north and up, and everything else
-is fitted anew: see `estimate.ins_filter`.
+is fitted anew: see `navigate.ins_filter`.
 
 References
 ----------
@@ -56,7 +56,6 @@ import numpy as np
 from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, Status
-from foucault.estimate.ins_filter import STEP, EarthSeen
 from foucault.estimate.tumble import (
     STATES,
     Fit,
@@ -86,6 +85,7 @@ from foucault.models.cluster import (
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp, log, turned
+from foucault.navigate.ins_filter import STEP, EarthSeen
 
 DIVERGED = 2.0
 """Mean square of the innovations of the second half beyond which the filter is not believed, in

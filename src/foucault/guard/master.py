@@ -16,9 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.diagnose import transfer_motion
 from foucault.errors import Finding, finding
-from foucault.estimate.delay import Delay, delay_of
+from foucault.estimate.delay import UNLIKE, Delay, delay_of
 from foucault.guard.mistakes import Mistake, columns, exchanges, explain, factors, likely
 from foucault.models.rotation import angles_of, matrix_of
 from foucault.models.rotation import log as rotation_vector
@@ -43,6 +42,12 @@ EXPLAINED = 0.6
 
 FEWEST = 10
 """Means that it takes [1]."""
+
+SURE_SD = 3.0
+"""So many standard deviations make a difference [1]."""
+
+OTHER_SIZE = 0.05
+"""Turning that differs by more in size is told [1]."""
 
 GAP = 1.5
 """Messages that are so many times the usual apart are not compared [1]."""
@@ -187,7 +192,7 @@ def turning(
         return off(other) < max(float(ASTRAY), SURELY * float(np.sqrt(np.trace(other.mu_cov))))
 
     if agrees(found):
-        return [*transfer_motion.of_size(found, dt), *transfer_motion.of_wild(found)]
+        return [*of_size(found, dt), *of_wild(found)]
     far = delay_of(increments, said.time, said.C_nm, C_ms=C_ms, bracket=(-FAR, FAR))
     if far is not None and agrees(far) and not bracket[0] < far.delay < bracket[1]:
         size = f"{abs(far.delay):.3f} s"
@@ -207,14 +212,39 @@ def turning(
     other = delay_of(increments, said.time, said.C_nm, bracket=bracket)
     if other is not None and other.likeness >= ALIKE:
         heading, pitch, roll = (np.degrees(angles_of(other.C_ms)) + 180.0) % 360.0 - 180.0
-        told = finding("transfer.mounting", heading=f"{heading:.1f}", pitch=f"{pitch:.1f}",
+        mounted = finding("transfer.mounting", heading=f"{heading:.1f}", pitch=f"{pitch:.1f}",
                        roll=f"{roll:.1f}", angle=f"{np.degrees(off(other)):.1f}")  # fmt: skip
-        return [told, *transfer_motion.of_size(other, dt)]
+        return [mounted, *of_size(other, dt)]
     mirror = replace(increments, dtheta_b=-increments.dtheta_b)
     other = delay_of(mirror, said.time, said.C_nm, bracket=bracket)
-    of_size = transfer_motion.of_size(found, dt)
+    told = of_size(found, dt)
     if other is None or other.likeness < ALIKE:
-        return of_size
+        return told
     # Where the gyros point, in the axes of the nominal mounting: a wrong sign, or two columns.
     axes = ", ".join(columns((-C_ms.T @ other.C_ms).T))
-    return [*of_size, finding("transfer.mirror", axes=axes)]
+    return [*told, finding("transfer.mirror", axes=axes)]
+
+
+def of_size(found: Delay, dt: float = np.nan) -> list[Finding]:
+    """Tell where one turns more than the other, a unit; `dt`: usual time between samples [s]."""
+    off = abs(found.scale - 1.0)
+    if found.likeness < UNLIKE or off < max(OTHER_SIZE, SURE_SD * found.scale_sd):
+        return []
+    hint = _unit(found.scale, dt)
+    return [finding("delay.scale", ratio=plain(found.scale, 4), hint=hint)]
+
+
+def of_wild(found: Delay) -> list[Finding]:
+    """Tell of turns that no body makes."""
+    if not found.wild.any():
+        return []
+    size = np.degrees(np.linalg.norm(found.turns.phi_m, axis=1))
+    worst = int(np.argmax(np.where(found.wild, np.nan_to_num(size), 0.0)))
+    return [finding("delay.wild", count=int(found.wild.sum()), size=plain(size[worst], 3),
+                    time=plain(round(float(found.turns.end[worst]), 3), 13))]  # fmt: skip
+
+
+def _unit(scale: float, dt: float) -> str:
+    cause = likely(scale, factors("gyro", dt), 1.0 + OTHER_SIZE)
+    of_both = ", or of the master the reverse" if cause and "unit" in cause else ""
+    return f" Of the slave probably {cause}{of_both}." if cause else ""

@@ -260,7 +260,7 @@ def first_rest(described: Log | LogDescription, up_b: FloatArray) -> list[Findin
         if cosine < -np.cos(np.radians(45))
         else "Correct the order of `columns` in [log.accel] and [log.gyro], or first_rest."
     )
-    from foucault.diagnose.hand_rotated import direction_words
+    from foucault.detect.coverage import direction_words
 
     words = {"declared": declared, "measured": direction_words(up_b), "advice": advice}
     raise error("accel.orientation", **words)
@@ -314,7 +314,7 @@ def up_of_rests(data: Session) -> FloatArray:
 
     `data`: the session, reduced to its rests [SI]. Raises a wrong unit, rests in a plane.
     """
-    from foucault.diagnose.hand_rotated import coverage  # not for a rest alone
+    from foucault.detect.coverage import coverage  # not for a rest alone
 
     same_unit(data.accel_mean, data.site.gravity)
     norm = float(np.median(np.linalg.norm(data.accel_mean, axis=1)))

@@ -1,7 +1,7 @@
 """Fine alignment: the navigator runs on, and zero or given velocity corrects it and its biases.
 
 States are attitude, velocity, position, three gyro and three accelerometer biases
-(`estimate.ins_filter`). The start is that of the alignment in inertial space, from the same window;
+(`navigate.ins_filter`). The start is that of the alignment in inertial space, from the same window;
 so that no reading counts twice, the filter is told next to nothing of how good it is: what noise
 and disturbance make of its covariance counts `LOOSE` times. What biases make of it is told as it
 is, together with the biases. What is measured is the velocity at one instant, and its standard
@@ -20,7 +20,6 @@ import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.errors import error
-from foucault.estimate.ins_filter import FilterRun, Updates, run, start_cov
 from foucault.models import rotation
 from foucault.models.earth import Site, gravity
 from foucault.models.ins_errors import Sensors
@@ -32,6 +31,7 @@ from foucault.navigate.inertial_frame import (
     inertial_frame,
     known_latitude,
 )
+from foucault.navigate.ins_filter import FilterRun, Updates, run, start_cov
 from foucault.navigate.strapdown import State
 from foucault.units import plain
 

@@ -17,10 +17,10 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.detect import match as position_match
+from foucault.detect.coverage import coverage, coverage_json
 from foucault.diagnose import table as batch
 from foucault.diagnose import table as table_report
 from foucault.diagnose.checks import plausible_scales, status_check
-from foucault.diagnose.hand_rotated import coverage, coverage_json
 from foucault.diagnose.table import UNKNOWN_NOISE
 from foucault.errors import FoucaultError, Status, error
 from foucault.estimate import fleet

@@ -25,6 +25,7 @@ from typing import Any
 from pydantic import Field
 
 from foucault.coefficients import CoefficientVector
+from foucault.detect.coverage import coverage, coverage_json
 from foucault.detect.noise import measure_noise, without_spikes
 from foucault.detect.stretches import (
     How,
@@ -37,7 +38,7 @@ from foucault.detect.stretches import (
 from foucault.diagnose import hand_rotated as judge
 from foucault.diagnose import hand_rotated as session_report
 from foucault.diagnose.checks import unseen_sizes
-from foucault.diagnose.hand_rotated import coverage, coverage_json, hold_out, vertical_check
+from foucault.diagnose.hand_rotated import hold_out, vertical_check
 from foucault.diagnose.references import no_latitude
 from foucault.errors import Finding
 from foucault.estimate.hand_rotated import RestsAndTurns, first_guess

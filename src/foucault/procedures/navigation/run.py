@@ -25,7 +25,6 @@ from foucault.diagnose.navigation import (
 )
 from foucault.diagnose.schuler import Place
 from foucault.errors import Finding, FoucaultError, error, finding
-from foucault.estimate import ins_filter as free_run
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.logs.reference import Reference
 from foucault.models import earth
@@ -37,6 +36,7 @@ from foucault.models.rotation import log as rotation_vector
 from foucault.models.rotation import turned
 from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
 from foucault.models.size_effect import LEVER, OFFSET, with_size_effect
+from foucault.navigate import ins_filter as free_run
 from foucault.navigate.increments import Increments, increments_of
 from foucault.navigate.strapdown import State, Trajectory, navigate
 from foucault.procedures.navigation.start import (

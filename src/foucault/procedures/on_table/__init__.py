@@ -14,13 +14,13 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.detect.coverage import coverage, coverage_json
 from foucault.detect.readings import find_readings, stream_readings
 from foucault.diagnose import table as table_checks
 from foucault.diagnose import table as table_hints
 from foucault.diagnose import table as table_report
 from foucault.diagnose.checks import foreseen_check
 from foucault.diagnose.foresight import Foresight
-from foucault.diagnose.hand_rotated import coverage, coverage_json
 from foucault.diagnose.references import times_the_table
 from foucault.errors import Finding, error, finding
 from foucault.estimate import table as table_likelihood

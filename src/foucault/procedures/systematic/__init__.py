@@ -29,10 +29,10 @@ from foucault.diagnose import systematic_sequence as recordings
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.systematic import legs_of
 from foucault.errors import error
-from foucault.estimate.ins_filter import EarthSeen, FilterRun, earth_seen
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.layouts import gravity_error, with_references
 from foucault.navigate.increments import Increments
+from foucault.navigate.ins_filter import EarthSeen, FilterRun, earth_seen
 from foucault.procedures.record import Given, Procedure
 from foucault.procedures.systematic.choice import Decided, decided, left_out, resumed
 from foucault.procedures.systematic.plan import Wanted, bound, foresee, space

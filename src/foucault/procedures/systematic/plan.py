@@ -23,7 +23,6 @@ from foucault.diagnose.checks import HARDLY, hardly
 from foucault.diagnose.foresight import Extra, Foresight, Limit
 from foucault.diagnose.systematic_sequence import lasting
 from foucault.errors import Finding, error, finding
-from foucault.estimate.ins_filter import start_cov
 from foucault.estimate.systematic import AtRest
 from foucault.infer.information import Information, largest_shares, terms
 from foucault.models import imu
@@ -33,6 +32,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.layouts import with_references
 from foucault.models.noise import ImuNoise, grade
 from foucault.navigate.increments import increments_of
+from foucault.navigate.ins_filter import start_cov
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.optimise import weights_of
 from foucault.plans.sequence import RATE, SPIN_RATE, CalibrationSequence, built_in

@@ -26,7 +26,6 @@ from foucault.detect.sequence import FoundSequence, find_sequence, require_triad
 from foucault.diagnose.noise_at_rest import NoiseAtRest, noise_at_rest
 from foucault.diagnose.systematic_sequence import Matched, match_sequence, recognised
 from foucault.errors import Finding, FoucaultError, Status, error, finding
-from foucault.estimate.ins_filter import FilterRun, start_cov
 from foucault.estimate.systematic import (
     AtRest,
     Start,
@@ -46,6 +45,7 @@ from foucault.models.rotation import log as rotation_vector
 from foucault.models.size_effect import SizeEffect
 from foucault.navigate.align import Alignment, align
 from foucault.navigate.increments import Increments, increments_of
+from foucault.navigate.ins_filter import FilterRun, start_cov
 from foucault.navigate.strapdown import State, navigate
 from foucault.plans.sequence import built_in, navigation_test
 from foucault.procedures.systematic.settings import FIRST_REST, PRIOR, Settings

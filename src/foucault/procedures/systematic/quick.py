@@ -24,12 +24,12 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray
-from foucault.estimate.ins_filter import Updates, run
 from foucault.estimate.systematic import BETWEEN, STAYS, AtRest
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.ins_errors import Sensors, dynamics
 from foucault.models.noise import ImuNoise
 from foucault.navigate.increments import increments_of
+from foucault.navigate.ins_filter import Updates, run
 from foucault.navigate.strapdown import State
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.sequence import CalibrationSequence

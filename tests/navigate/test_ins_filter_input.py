@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.estimate.ins_filter import Updates, run
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.navigate.ins_filter import Updates, run
 from make_ins import at_rest, still
 
 NOISE = ImuNoise(accel=TriadNoise(white=5e-5), gyro=TriadNoise(white=1e-6))

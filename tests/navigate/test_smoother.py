@@ -9,12 +9,12 @@ import pytest
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.study import nees
-from foucault.estimate.ins_filter import FilterRun, Updates, _divided, run, smooth
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import displaced, displacement
 from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.navigate.ins_filter import FilterRun, Updates, _divided, run, smooth
 from foucault.navigate.strapdown import states_of
 from foucault.plans.manoeuvres import Start
 from make_ins import FLIGHT, SITE, errors, increments, made, off, tumble

@@ -9,12 +9,12 @@ import pytest
 from scipy.stats import chi2
 
 from foucault.diagnose.study import nees
-from foucault.estimate.ins_filter import Updates, run, spread, start_cov
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import displaced, displacement, east_north_up
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, ImuModel
 from foucault.models.ins_errors import STATES, Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.navigate.ins_filter import Updates, run, spread, start_cov
 from foucault.navigate.strapdown import navigate, states_of
 from foucault.plans.manoeuvres import Start
 from make_ins import (

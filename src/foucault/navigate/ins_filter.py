@@ -387,7 +387,7 @@ class Smoothed:
 
 
 def smooth(found: FilterRun) -> Smoothed:
-    """Smooth a run of `estimate.ins_filter.run` made with ``keep=True``."""
+    """Smooth a run of `navigate.ins_filter.run` made with ``keep=True``."""
     m, n = found.sd.shape
     if len(found.transitions) != m:
         raise ValueError("a run to be smoothed must be made with keep=True")
