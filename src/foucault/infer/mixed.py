@@ -684,9 +684,9 @@ def bases(at: Fit) -> dict[str, list[str]]:
 
 
 def noise_alone(at: Fit) -> Problem:
-    """Return the problem whose information is the Cramer-Rao bound: sensor noise, no prior."""
+    """Return the problem whose information is the Cramer-Rao bound: sensor noise, its prior."""
     once = cast("Model", _Once(at.model, at.state, at.at))
-    return stated(once, at.sds, noise_alone=True)
+    return stated(once, at.sds, at.problem.prior, noise_alone=True)
 
 
 @dataclass(frozen=True)
