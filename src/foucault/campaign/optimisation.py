@@ -406,8 +406,8 @@ def _concluded(
 
 
 # -- What the planned session of a campaign will show, told before it is made --------------------
-# Procedures that plan a motion say it themselves (`foresee`). Of the others one session is
-# simulated and calibrated: its covariance is the prediction.
+# Where a procedure states no likelihood one session is simulated and calibrated: its covariance is
+# the prediction.
 
 PLAN = ("plan", "rate", "segment", "steps", "positions")
 """Keys of [procedure] that say how it is turned; another plan takes the place of them all."""
@@ -438,10 +438,10 @@ def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> For
         kept = {k: v for k, v in campaign.tables.procedure.items() if k not in replaced}
         settings = validate(procedure.Settings, kept | changes, ("procedure",), ("name",))
         campaign = replace(campaign, settings=settings)
-    if procedure.foresee is None:
-        return _simulated(campaign)
     known, told = beforehand(campaign)
-    found = procedure.foresee(known)
+    found = procedure.foreseen(known)
+    if found is None:
+        return _simulated(campaign)
     if procedure.more == "recordings" and campaign.log.more:
         told = (*told, finding("systematic.recordings_planned"))
     return replace(found, findings=(*told, *found.findings))
@@ -451,8 +451,10 @@ def beforehand(campaign: Campaign) -> tuple[Beforehand[Any, Any], tuple[Finding,
     """Return what a plan is judged by, and what was assumed for it."""
     c = campaign
     earlier.refuse(c, "a search")
-    known = Beforehand(c.settings, c.session, c.site, c.noise, c.prior, wanted=c.wanted)
-    if not procedures.load(c.procedure).assumes_noise or c.noise:
+    seed = c.simulate.seed
+    known = Beforehand(c.settings, c.session, c.site, c.noise, c.prior, wanted=c.wanted, seed=seed)
+    procedure = procedures.load(c.procedure)
+    if c.noise or not (procedure.assumes_noise or procedure.observe):
         return known, ()
     typical = grade(c.simulate.grade, "simulate.grade").noise
     return replace(known, typical=typical), (finding("preflight.typical", grade=c.simulate.grade),)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -65,9 +65,9 @@ def preflight(
         optimisation.write(found, output)
     screen.table(
         "",
-        ("coefficient", "sd", "unit", "of the prior"),
-        [(r["name"], *_cells(r["display_sd"], r["display_unit"], r["of_prior"]))
-         for r in found.rows()],
+        ("coefficient", "sd", "unit", "of the prior", *(("mostly from",) if found.budget else ())),
+        [(r["name"], *_cells(r["display_sd"], r["display_unit"], r["of_prior"]),
+          *((_mostly(r),) if found.budget else ())) for r in found.rows()],
     )  # fmt: skip
     if found.legs:
         screen.table(
@@ -103,6 +103,10 @@ def _cells(sd: float | None, unit: str, share: float | None) -> tuple[str, str, 
         unit,
         "" if share is None else plain(share, 2),
     )
+
+
+def _mostly(row: dict[str, Any]) -> str:
+    return f"{row['mostly']} {100 * row['mostly_share']:.0f} %" if "mostly" in row else ""
 
 
 def _legs(found: Foresight) -> list[tuple[str, ...]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from foucault import units
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding
+from foucault.infer.information import Information
 
 NOTHING = 1e-12
 """What is needed or allowed and below this is rounding [SI]."""
@@ -118,7 +120,27 @@ class Foresight:
     more: tuple[Extra, ...] = ()  # what a little more would buy
     # whether the angles of the attitude at the end are no measure: see `findings`
     singular: bool = False
+    # (n,) the least that any estimate from these readings could have, the sensors' noise alone [SI]
+    bound: FloatArray | None = None
+    budget: Mapping[str, FloatArray] = field(default_factory=dict)  # source -> variances (n,) [SI]
     findings: tuple[Finding, ...] = ()  # what the user should know
+
+    @classmethod
+    def of(cls, info: Information, **said: Any) -> Foresight:
+        """Return it with all that the information of a plan tells by itself.
+
+        `info`: of the unknowns, what is known beforehand in it; `said`: what else it is to say,
+        also in the place of what is told.
+        """
+        all_of_them = len(info.layout)
+        told: dict[str, Any] = {
+            "states": all_of_them,
+            "rank": info.rank,
+            "unseen": tuple(c.words for c in info.weakest(all_of_them, np.inf)),
+            "weakest": tuple(c.words for c in info.weakest() if np.isfinite(c.factor)),
+            "correlated": info.correlated(),
+        }
+        return cls(**told | said)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -157,6 +179,7 @@ class Foresight:
                 {key: row[key] for key in ("name", "unit", "sd", "prior_sd")}
                 | {
                     "of_prior": None if before is None else float(share),
+                    **self._made_of(row["name"]),
                     "display_unit": unit,
                     "display_sd": None if sd is None else units.convert(sd, row["kind"], unit),
                     "display_prior_sd": (
@@ -166,6 +189,17 @@ class Foresight:
             )
         return out
 
+    def _made_of(self, name: str) -> dict[str, Any]:
+        """Return bound and largest source of a coefficient, where they are known."""
+        k, out = self.names.index(name), dict[str, Any]()
+        if self.bound is not None:
+            out["bound"] = float(self.bound[k]) if np.isfinite(self.bound[k]) else None
+        if self.budget and np.isfinite(self.sd[k]):
+            most = max(self.budget, key=lambda source: float(self.budget[source][k]))
+            share = float(self.budget[most][k]) / self.sd[k] ** 2
+            out |= {"mostly": most, "mostly_share": share}
+        return out
+
     def as_dict(self) -> dict[str, Any]:
         """Return all of it as JSON: SI, and the display units beside."""
         plain = ("linearised_at", "plan", "duration", "fastest", "rate_limit", "states", "rank")
@@ -173,6 +207,7 @@ class Foresight:
         return (
             {key: getattr(self, key) for key in (*plain, "smallest", "complete", "singular")}
             | {"coefficients": self.rows(), "legs": [asdict(leg) for leg in self.legs]}
+            | {"budget": {source: part.tolist() for source, part in self.budget.items()}}
             | {"limits": [asdict(item) | {"kept": item.kept} for item in self.limits]}
             | {"more": [asdict(item) for item in self.more]}
             | {key: list(getattr(self, key)) for key in lists}

@@ -228,10 +228,14 @@ def information(at: Linearised, layout: Layout) -> Information:
 def bound(problem: Problem, state: Any) -> dict[str, Any]:
     """Return the Cramer-Rao bound of a problem, and what is seen worst, for result.json.
 
-    `problem`: with what is to count: most often the noise of the sensors alone.
+    A prior counts in the bound, since it does in what is compared with it; what is seen worst is
+    that of the readings.
+
+    `problem`: with what is to count: most often the noise of the sensors and the prior alone.
     """
     info = information(problem.linearise(state, np.ones(problem.n_blocks)), problem.layout)
-    return {"bound": info.sd.tolist(), "weakest": [c.words for c in info.weakest()]}
+    whole = info if problem.prior is None else info.with_prior(problem.prior.prior_sd)
+    return {"bound": whole.sd.tolist(), "weakest": [c.words for c in info.weakest()]}
 
 
 def correlated(

@@ -14,6 +14,7 @@ repeatability: all are sources, and from the list of them everything follows tha
     held_out        readings predicted from the others, without solving again [2]
     without         the same, with sizes that were found without them
     foreseen        the covariance of a session that was only planned
+    planned         the whole fit of such a session, its budget and bound
     drawn           errors of the readings for one trial of a Monte Carlo study
 
 A variance that is found from v degrees of freedom counts as ``v / (v - 2)`` times as large: errors
@@ -721,9 +722,9 @@ def bases(at: Fit) -> dict[str, list[str]]:
 
 
 def noise_alone(at: Fit) -> Problem:
-    """Return the problem whose information is the Cramer-Rao bound: sensor noise, no prior."""
+    """Return the problem whose information is the Cramer-Rao bound: sensor noise, its prior."""
     once = cast("Model", _Once(at.model, at.state, at.at))
-    return stated(once, at.sds, noise_alone=True)
+    return stated(once, at.sds, at.problem.prior, noise_alone=True)
 
 
 @dataclass(frozen=True)
@@ -840,6 +841,32 @@ def drawn(at: Linearisation, rng: np.random.Generator) -> FloatArray:
                     "ndc,nc->nd", root, np.broadcast_to(u, (len(out), u.shape[1]))
                 )
     return out
+
+
+def planned(
+    model: Model, sds: Mapping[str, float] | None = None, prior: CoefficientVector | None = None
+) -> Fit:
+    """Return the fit of a session that was only planned: its residuals decide nothing.
+
+    Sizes that they will tell are those of the plan, as uncertain as the redundancy of the plan
+    leaves them: each counts with Student's factor, as in `fit`.
+
+    `sds` or None: source -> size of those to be found, nothing where it is not given [SI]; `prior`
+    or None: what is known of the coefficients [SI].
+    """
+    once, every = cast("Model", _Once(model)), np.ones(len(next(iter(model.kinds.values()))))
+    at = once.linearise(model.start)
+    free = {s.name: s.price for s in at.sources if s.sd is None}
+    var = {name: sd**2 for name, sd in (sds or {}).items() if sd and name in free}
+    z, V = _contrasts(at, free, every)
+    dof = dict.fromkeys(free, 0.0)
+    if var and len(z):
+        S = _inverse(z, V, var)
+        dof |= {name: v * float(np.sum(S * V[name])) for name, v in var.items()}
+    wide = {name: float(np.sqrt(v)) * student(dof[name]) for name, v in var.items()}
+    problem = stated(once, dict.fromkeys(free, 0.0) | wide, prior)
+    estimate = gauss_newton.solve(problem, loss=partial(gauss_newton.held, every), weights=every)
+    return replace(_fit_of(once, problem, estimate, wide), model=model, dof=dof)
 
 
 def foreseen(model: Model, prior: CoefficientVector | None = None) -> Linearised:

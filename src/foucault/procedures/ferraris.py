@@ -25,12 +25,19 @@ from foucault.detect.faces import BUMP, find_turns, is_whole
 from foucault.detect.noise import without_spikes
 from foucault.diagnose.faces import FaceEvidence
 from foucault.errors import error
-from foucault.estimate.faces import Scene, State, published, scale_and_rotation
+from foucault.estimate.faces import (
+    TILTS,
+    OnFaces,
+    Scene,
+    State,
+    published,
+    scale_and_rotation,
+)
 from foucault.guard.rest import between_rests
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.plans.directions import RestPlan, face_plan
 from foucault.procedures import on_faces
-from foucault.procedures.on_faces import FaceSession, FaceSettings
+from foucault.procedures.on_faces import FaceSession, FaceSettings, Observed
 from foucault.procedures.record import Given, Procedure
 from foucault.result import Result
 from foucault.simulate.hand_rotated import simulate_drawn
@@ -92,14 +99,19 @@ class Session(FaceSession):
 
     def plan(self, settings: Settings, seed: int) -> RestPlan:
         """Return the rests and turns; `seed`: seed of what is drawn of them [1]."""
-        level, angle = (
-            self.placement_sd if sd is None else sd for sd in (self.level_sd, self.angle_sd)
-        )
+        placement, level, angle = self.sizes.values()
         return face_plan(
             rest_time=self.rest_time, move_time=self.move_time, turn_time=self.turn_time,
-            angle=settings.angle, placement_sd=self.placement_sd, level_sd=level,
-            angle_sd=angle, seed=seed,
+            angle=settings.angle, placement_sd=placement, level_sd=level, angle_sd=angle,
+            seed=seed,
         )  # fmt: skip
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """What is wrong with how it lies and turns, as `estimate.faces.TILTS` names it [rad]."""
+        sds = (self.placement_sd, self.level_sd, self.angle_sd)
+        each = (self.placement_sd if sd is None else sd for sd in sds)
+        return {name: sd for (name, _), sd in zip(TILTS, each, strict=True)}
 
 
 def names_of(settings: Settings) -> tuple[str, ...]:
@@ -110,23 +122,26 @@ def names_of(settings: Settings) -> tuple[str, ...]:
     return settings.estimated()
 
 
-def _solve(log: Log, given: Given[Settings]) -> Result:
-    site, settings, noise = given.site, given.settings, given.noise
+def _observed(log: Log, given: Given[Settings]) -> Observed:
+    settings = given.settings
     if settings.solution == "published" and given.prior:
         raise error("ferraris.prior")
-    given.progress(0.1, "finding faces and turns")
     log = without_spikes(log)
-    faces = on_faces.found_faces(log, site, settings)
+    faces = on_faces.found_faces(log, given.site, settings)
     faces, turns = find_turns(log, faces, settings.angle, settings.sections)
     between_rests(log, faces.first, faces.last, faces.readings.up_k, alone=True)
-    given.progress(0.5, "calibrating")
     declared = (settings.placement_sd, settings.level_sd, settings.angle_sd)
-    names = names_of(settings)
-    solved = on_faces.solve(log, faces, turns, site, names, noise, declared, given.prior)
-    extra: dict[str, Any] = {}
-    if settings.solution == "published":
+    return Observed(log, faces, turns, names_of(settings), declared)
+
+
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    given.progress(0.1, "finding faces and turns")
+    observed = _observed(log, given)
+    given.progress(0.5, "calibrating")
+    solved, extra = observed.solve(given), dict[str, Any]()
+    if given.settings.solution == "published":
         solved, extra = _published(solved)
-    result = on_faces.result_of("ferraris", log, solved)
+    result = on_faces.result_of("ferraris", observed.log, solved)
     return replace(result, diagnostics=result.diagnostics | extra)
 
 
@@ -171,6 +186,11 @@ def _slope(values: Any, scene: Scene) -> FloatArray:
     return np.stack(out, axis=1)
 
 
+def _stated(log: Log, given: Given[Settings]) -> OnFaces | None:
+    likelihood = given.settings.solution == "likelihood"
+    return _observed(log, given).model(given) if likelihood else None
+
+
 PROCEDURE = Procedure(
     name="ferraris",
     doc=__doc__,
@@ -178,6 +198,8 @@ PROCEDURE = Procedure(
     Session=Session,
     solve=_solve,
     simulation=simulate_drawn,
+    observe=_stated,
+    sizes=lambda session, _: session.sizes,
     names=lambda settings, _: names_of(settings),
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

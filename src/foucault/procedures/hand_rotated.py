@@ -18,7 +18,6 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -49,7 +48,7 @@ from foucault.logs.checks import spared
 from foucault.models.noise import ImuNoise, SessionNoise
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.plans.directions import RestPlan, hand_plan
-from foucault.procedures import Progress, record
+from foucault.procedures import record
 from foucault.procedures.record import Given, Procedure, result_of
 from foucault.result import Result
 from foucault.simulate.hand_rotated import simulate_drawn
@@ -91,24 +90,41 @@ class Session(Strict):
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:
-    site, settings, progress = given.site, given.settings, given.progress
     if log.averaged is not None:
         from foucault.procedures.poses import solve_poses  # few logs are means
 
         return solve_poses(log, given)
-    progress(0.05, "finding the rests")
+    given.progress(0.05, "finding the rests")
     log = without_spikes(log)
+    data, rests = _reduced(log, given)
+    still = [(log.time[rests.first], log.time[rests.last - 1] - log.time[rests.first])]
+    findings = [*spared(log.findings, log, None, still), *rests.findings, *check_session(data)]
+    if given.site.latitude is None and log.gyro is not None:
+        findings.append(no_latitude())
+    given.progress(0.3, "calibrating")
+    return complete(_likelihood(data, rests, given), data, rests, findings)
+
+
+def _reduced(log: Log, given: Given[Settings]) -> tuple[SessionData, Rests]:
+    settings = given.settings
     rests = find_rests(log, How(settings.window, settings.shortest, settings.threshold))
     needed = NEEDED + (3 if settings.accel_quadratic else 0)
     enough_rests(log, rests, needed, settings.shortest)
-    data = SessionData.reduce(log, rests.first, rests.last, site)
-    still = [(log.time[rests.first], log.time[rests.last - 1] - log.time[rests.first])]
-    findings = [*spared(log.findings, log, None, still), *rests.findings, *check_session(data)]
-    if site.latitude is None and log.gyro is not None:
-        findings.append(no_latitude())
-    progress(0.3, "calibrating")
-    result = _likelihood(data, rests, settings, given.noise, given.prior, progress)
-    return complete(result, data, rests, findings)
+    return SessionData.reduce(log, rests.first, rests.last, given.site), rests
+
+
+def _model(data: SessionData, rests: Rests, given: Given[Settings]) -> RestsAndTurns:
+    settings, declared = given.settings, given.noise is not None
+    start = first_guess(data)
+    assert start is not None  # `guard.rest` has solved the same equations
+    # Noise measured in rests is a lower limit of what differs between them: scatter beyond it is
+    # always estimated, for a test would leave moderate scatter out of the covariance.
+    price = SIGNIFICANT if declared else 0.0
+    return RestsAndTurns(
+        data, settings.estimated(gyro=data.gyro_mean is not None), start,
+        _noise(data, rests, given.noise), NOISE_BASIS["declared" if declared else "measured"],
+        price if settings.repeatability else None,
+    )  # fmt: skip
 
 
 def complete(result: Result, data: SessionData, rests: Rests, findings: list[Finding]) -> Result:
@@ -154,32 +170,17 @@ def _noise(data: SessionData, rests: Rests, noise: ImuNoise | None) -> SessionNo
     return SessionNoise.measured(accel, gyro)
 
 
-def _likelihood(
-    data: SessionData,
-    rests: Rests,
-    settings: Settings,
-    declared: ImuNoise | None,
-    given: Mapping[str, tuple[float, float]],
-    progress: Progress,
-) -> Result:
-    start = first_guess(data)
-    assert start is not None  # `guard.rest` has solved the same equations
-    # Noise measured in rests is a lower limit of what differs between them: scatter beyond it is
-    # always estimated, for a test would leave moderate scatter out of the covariance.
-    price = SIGNIFICANT if declared is not None else 0.0
-    model = RestsAndTurns(
-        data, settings.estimated(gyro=data.gyro_mean is not None), start,
-        _noise(data, rests, declared), NOISE_BASIS["measured" if declared is None else "declared"],
-        price if settings.repeatability else None,
-    )  # fmt: skip
-    prior = CoefficientVector.prior(model.layout, given)
+def _likelihood(data: SessionData, rests: Rests, given: Given[Settings]) -> Result:
+    settings, declared = given.settings, given.noise is not None
+    model = _model(data, rests, given)
+    prior = CoefficientVector.prior(model.layout, given.prior)
     fit = mixed.fit(model, prior, robust=settings.robust)
     estimate, prediction = fit.estimate, model.predict(fit.state)
-    progress(0.7, "predicting held-out rests")
+    given.progress(0.7, "predicting held-out rests")
     count = min(settings.held_out, len(data.accel_mean) - NEEDED)
     held_out = hold_out(fit, count) if count > 1 else None
     around, level = coverage(fit.state.C_nb[:, 2, :]), rest_levels(rests)
-    judged = judge.judged(fit, declared is not None, level, held_out)
+    judged = judge.judged(fit, declared, level, held_out)
     vertical = vertical_check(data, estimate)
     checks = judge.checks(judged, around, level) + ((vertical,) if vertical else ())
     turned_round = vertical is not None and not vertical.passed
@@ -190,7 +191,7 @@ def _likelihood(
         site=data.site,
         findings=tuple(session_report.hints(fit, prediction, turned_round)),
         diagnostics={
-            "noise": session_report.noise_json(model.noise, declared is not None, fit.found),
+            "noise": session_report.noise_json(model.noise, declared, fit.found),
             "coverage": coverage_json(around, len(data.accel_mean)),
             "heading_sd": session_report.heading_sd(estimate) if data.earth.any() else None,
         },
@@ -205,6 +206,7 @@ PROCEDURE = Procedure(
     Session=Session,
     solve=_solve,
     simulation=simulate_drawn,
+    observe=lambda log, given: _model(*_reduced(log, given), given),
     names=lambda settings, _: settings.estimated(),
     # Means over poses know no turns.
     clocked=lambda log: (log.averaged is None, log.sampled == "increment"),

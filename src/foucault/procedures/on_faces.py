@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pydantic import Field
@@ -18,7 +17,7 @@ from foucault.diagnose import hand_rotated as session_report
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.faces import FaceEvidence
 from foucault.errors import Finding
-from foucault.estimate.faces import FaceNoise, closed_form, on_faces, unbiased
+from foucault.estimate.faces import FaceNoise, OnFaces, closed_form, on_faces, unbiased
 from foucault.guard.rest import first_rest, same_unit
 from foucault.infer import mixed
 from foucault.infer.snooping import snoop
@@ -28,6 +27,7 @@ from foucault.models.noise import ImuNoise, SessionNoise
 from foucault.models.rests_and_turns import TurnReadings, face_name
 from foucault.plans.directions import RestPlan, face_plan
 from foucault.procedures import record
+from foucault.procedures.record import Given
 from foucault.result import Result
 from foucault.strict import Strict
 from foucault.tables import SPIKES, Log, range_below_g
@@ -107,29 +107,34 @@ def noise_of(
     return FaceNoise.sampled(noise, faces.readings, turns, "measured")
 
 
-def solve(
-    log: Log,
-    faces: Faces,
-    turns: TurnReadings | None,
-    site: Site,
-    names: tuple[str, ...],
-    noise: ImuNoise | None,
-    given: tuple[float | None, float | None, float | None],
-    prior: Mapping[str, tuple[float, float]],
-) -> FaceEvidence:
-    """Solve the model of rests and turns.
+@dataclass(frozen=True)
+class Observed:
+    """What was seen of a session on faces, and what it is to tell."""
 
-    `log`: readings [SI]; `turns` or None: the turns; `noise` or None: declared noise [SI];
-    `given`: placement, level and angle as declared, or None [rad]; `prior`: mean and standard
-    deviation of coefficients or groups [SI].
-    """
-    scene, start = closed_form(faces.readings, turns, site, names, log)
-    had = noise_of(log, faces, turns, noise)
-    model = on_faces(scene, start, names, had, given)
-    fit = mixed.fit(model, CoefficientVector.prior(model.layout, prior) if prior else None)
-    tested = snoop(fit.white, fit.estimate.state_cov)
-    fit = replace(fit, estimate=unbiased(fit.estimate))
-    return FaceEvidence(fit, model, faces, tested, given[0] is not None, given[2] is not None)
+    log: Log  # readings [SI]
+    faces: Faces
+    turns: TurnReadings | None
+    names: tuple[str, ...]  # coefficients that are estimated
+    # placement, level and angle as declared, or None [rad]
+    tilts: tuple[float | None, float | None, float | None]
+
+    def model(self, given: Given[Any]) -> OnFaces:
+        """State the model of rests and turns."""
+        readings = self.faces.readings
+        scene, start = closed_form(readings, self.turns, given.site, self.names, self.log)
+        had = noise_of(self.log, self.faces, self.turns, given.noise)
+        return on_faces(scene, start, self.names, had, self.tilts)
+
+    def solve(self, given: Given[Any]) -> FaceEvidence:
+        """Solve it."""
+        model, prior = self.model(given), given.prior
+        fit = mixed.fit(model, CoefficientVector.prior(model.layout, prior) if prior else None)
+        tested = snoop(fit.white, fit.estimate.state_cov)
+        fit = replace(fit, estimate=unbiased(fit.estimate))
+        placement, _, angle = self.tilts
+        return FaceEvidence(
+            fit, model, self.faces, tested, placement is not None, angle is not None
+        )
 
 
 def result_of(procedure: str, log: Log, e: FaceEvidence) -> Result:

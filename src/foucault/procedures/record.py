@@ -5,7 +5,7 @@
     log -> Procedure.calibrate -> solve -> Result       (all of it, for a report)
            Procedure.trial     -> solve -> Result       (one of many: without what a report shows)
     session -> Procedure.simulate -> simulation -> log
-    plan -> Procedure.foresee, Procedure.space          (preflight, optimise)
+    plan -> Procedure.foreseen, Procedure.space         (preflight, optimise)
 
 A module of `foucault.procedures.PROCEDURES` has its record as ``PROCEDURE``. The defaults of a
 field are the usual case, so that a procedure states only what is its own.
@@ -20,27 +20,29 @@ from __future__ import annotations
 
 import pickle
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, Field, ValidationInfo
 
 from foucault import logs
-from foucault.coefficients import Layout
+from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose.fit_checks import budget_json, chi_square_json
+from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.references import with_clock
-from foucault.errors import Finding, FoucaultError
+from foucault.errors import Finding, FoucaultError, finding
 from foucault.infer import mixed
-from foucault.infer.information import bound
+from foucault.infer.information import bound, information
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import imu
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
-from foucault.models.layouts import gravity_error, rate_slope, with_references
-from foucault.models.noise import ImuNoise
+from foucault.models.layouts import gravity_error, model_of, rate_slope, with_references
+from foucault.models.noise import ImuNoise, grade
 from foucault.procedures import Progress, silent, solvable
 from foucault.result import Check, Result, TableData, Verdict, provenance
 from foucault.strict import Strict
@@ -48,7 +50,6 @@ from foucault.units import AngleSd, Quantity, RatioSd, Seconds
 
 if TYPE_CHECKING:
     from foucault.arrays import FloatArray
-    from foucault.diagnose.foresight import Foresight
 
 
 S = TypeVar("S", bound=BaseModel)
@@ -128,6 +129,7 @@ class Beforehand(Generic[S, N]):
     noise: ImuNoise | None = None  # as declared [SI]
     prior: Prior = field(default_factory=dict)  # what is known beforehand [SI]
     typical: ImuNoise | None = None  # to reckon with where none is declared [SI]
+    seed: int = 0  # of what is drawn of the session [1]
     wanted: Any = None  # [optimise], where the procedure has it
 
 
@@ -177,7 +179,18 @@ class Procedure(Generic[S, N]):
     every_name: Callable[[S], tuple[str, ...]] | None = None
     layout: Layout = imu.LAYOUT  # what a campaign may name in [prior]
 
-    # The plan of a session: what it will show, and the plans that may be sought.
+    # Log and what is given -> the model that it states; None: it has no likelihood.
+    observe: Callable[[Any, Given[S]], mixed.Model | None] | None = None
+    # What is wrong with a session that its calibration has to find: source -> size [SI].
+    sizes: Callable[[N, S], Mapping[str, float]] | None = None
+    # A model whose readings do not show all -> the motion they lack, in words.
+    lacking: Callable[[Any], Sequence[str]] | None = None
+    # Relative sd of an error that all rates share and no source is; None: neither that nor local
+    # gravity is in the coefficients [1].
+    table_rate_sd: float | None = 0.0
+
+    # The plan of a session: what it will show, where not as `observe` has it, and the plans that
+    # may be sought.
     foresee: Callable[[Beforehand[S, N]], Foresight] | None = None
     space: Callable[[Beforehand[S, N]], Any] | None = None
     Wanted: type[BaseModel] | None = None  # [optimise], where there is a `space`
@@ -302,6 +315,54 @@ class Procedure(Generic[S, N]):
         if isinstance(settings, EarthRate):
             site = settings.where(site)
         return Given(site, settings, noise, prior or {}, progress)
+
+    def foreseen(self, b: Beforehand[S, N]) -> Foresight | None:
+        """Return what a planned session will show, None where nobody can say without calibrating.
+
+        The session is simulated, with its noise, which decides how much of the rests is found
+        quiet; the model that it states says the rest, hardly by what was read.
+        """
+        if self.foresee is not None:
+            return self.foresee(b)
+        if self.observe is None:
+            return None
+        noise = b.noise or b.typical or self.noise or grade(self.grade).noise
+        given = self._given(b.site, b.settings, noise, b.prior, silent)
+        usual = model_of(CoefficientVector.prior(self.layout, b.prior))
+        log = self.simulate(
+            b.session, settings=b.settings, model=usual, noise=noise, site=b.site, seed=b.seed
+        ).log
+        with solvable():
+            model = self.observe(log, given)
+            if model is None:
+                return None
+            prior = CoefficientVector.prior(model.layout, b.prior)
+            sizes = self.sizes(b.session, b.settings) if self.sizes else {}
+            fit = mixed.planned(model, sizes, prior)
+        found = result_of(
+            self.name, fit, (), site=given.site, findings=(), tables={}, diagnostics={},
+            table_rate_sd=self.table_rate_sd,
+        )  # fmt: skip
+        at = fit.problem.linearise(fit.state, fit.estimate.weights)
+        info = information(at, model.layout).with_prior(prior.prior_sd)
+        blind = np.flatnonzero(~np.isfinite(info.sd))
+        cov = np.array(found.coefficients.cov)
+        cov[blind, :] = cov[:, blind] = 0.0
+        cov[blind, blind] = np.inf
+        lost = {n for c in info.weakest(len(prior), np.inf) for n in c.shares}
+        reason = "".join(f"; {lack}" for lack in (self.lacking(model) if self.lacking else ()))
+        names = ", ".join(n for n in prior.names if n in lost)
+        told = (finding("preflight.not_shown", names=names, reason=reason),)
+        return Foresight.of(
+            info,
+            coefficients=replace(found.coefficients, cov=cov),
+            linearised_at=("means in [prior], " if b.prior else "") + "no errors",
+            plan="that of [simulate]",
+            duration=float(log.time[-1] - log.time[0]),
+            bound=np.array(found.diagnostics["bound"]),
+            budget={k: np.array(v) for k, v in found.diagnostics["budget"].items()},
+            findings=told if lost else (),
+        )
 
     def simulate(
         self,

@@ -16,7 +16,7 @@ from __future__ import annotations
 from foucault.detect.noise import without_spikes
 from foucault.guard import rest as turns
 from foucault.procedures import on_faces
-from foucault.procedures.on_faces import FaceSession, FaceSettings
+from foucault.procedures.on_faces import FaceSession, FaceSettings, Observed
 from foucault.procedures.record import Given, Procedure
 from foucault.result import Result
 from foucault.simulate.hand_rotated import simulate_drawn
@@ -31,17 +31,20 @@ class Session(FaceSession):
     """The session that `simulate` makes."""
 
 
-def _solve(log: Log, given: Given[Settings]) -> Result:
-    site, settings, noise = given.site, given.settings, given.noise
-    given.progress(0.1, "finding the faces")
+def _observed(log: Log, given: Given[Settings]) -> Observed:
+    settings = given.settings
     log = without_spikes(log)
-    faces = on_faces.found_faces(log, site, settings)
+    faces = on_faces.found_faces(log, given.site, settings)
     turns.between_rests(log, faces.first, faces.last, faces.readings.up_k, alone=True)
-    given.progress(0.5, "calibrating")
     names = settings.estimated(gyro=log.gyro is not None, turns=False)
-    declared = (settings.placement_sd, 0.0, 0.0)
-    solved = on_faces.solve(log, faces, None, site, names, noise, declared, given.prior)
-    return on_faces.result_of("six_position", log, solved)
+    return Observed(log, faces, None, names, (settings.placement_sd, 0.0, 0.0))
+
+
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    given.progress(0.1, "finding the faces")
+    observed = _observed(log, given)
+    given.progress(0.5, "calibrating")
+    return on_faces.result_of("six_position", observed.log, observed.solve(given))
 
 
 PROCEDURE = Procedure(
@@ -51,6 +54,8 @@ PROCEDURE = Procedure(
     Session=Session,
     solve=_solve,
     simulation=simulate_drawn,
+    observe=lambda log, given: _observed(log, given).model(given),
+    sizes=lambda session, _: {"placement": session.placement_sd},
     names=lambda settings, _: settings.estimated(turns=False),
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

@@ -155,7 +155,6 @@ def _of_a_calibration(p: _Planned, session: Session, told: list[Finding]) -> For
     of_data = information(
         fit.problem.linearise(fit.state, np.ones(fit.problem.n_blocks)), found.layout
     )
-    seen = of_data.with_prior(found.prior_sd)
     share = found.sd / found.prior_sd
     hardly = tuple(n for n, left in zip(found.names, share, strict=True) if left > HARDLY)
     coupled = ", ".join(n for n in hardly if n in Z_COUPLING)
@@ -166,17 +165,15 @@ def _of_a_calibration(p: _Planned, session: Session, told: list[Finding]) -> For
     motion = session.motion(p.settings.index_limit)
     told.append(_in_the_field(p, s, motion))
     m = session.headings * len(session.tilts)
-    return Foresight(
+    return Foresight.of(
+        of_data.with_prior(found.prior_sd),
         coefficients=found,
         linearised_at="an instrument without errors",
         plan=f"{m} set-ups of the {session.called}, {len(motion.index)} stops each",
         duration=_duration(session, motion),
-        states=len(found),
         rank=of_data.rank,
         hardly=hardly,
         unseen=tuple(c.words for c in of_data.weakest() if not np.isfinite(c.factor)),
-        weakest=tuple(c.words for c in seen.weakest() if np.isfinite(c.factor)),
-        correlated=seen.correlated(),
         limits=_limits(motion, p.settings),
         more=_more(p, session, lambda x: p.calibrated(x).fit.estimate.coefficients, found),
         findings=(*told, *s.findings),

@@ -464,16 +464,12 @@ def foresee(task: Task, beforehand: Beforehand[Any, Any]) -> Foresight:
     if not seen:
         names = [n for n, s in zip(found.names, found.sd, strict=True) if not np.isfinite(s)]
         told.append(finding("table.unseen", plan=name, names=", ".join(names)))
-    return Foresight(
+    return Foresight.of(
+        info,
         coefficients=found,
         linearised_at=("means in [prior], " if b.prior else "") + "no errors, a perfect table",
         plan=name,
         duration=timetable(plan)[0],
-        states=len(b.layout),
-        rank=info.rank,
-        unseen=tuple(c.words for c in info.weakest(len(b.layout), np.inf)),
-        weakest=tuple(c.words for c in info.weakest() if np.isfinite(c.factor)),
-        correlated=info.correlated(),
         limits=limits(b, angles),
         more=_more(b, angles, found) if seen else (),
         findings=tuple(told),

@@ -25,7 +25,7 @@ import numpy as np
 from foucault.coefficients import CoefficientVector
 from foucault.detect.readings import find_readings
 from foucault.diagnose.checks import unseen_sizes
-from foucault.diagnose.rate_table import Commanded, rate_steps
+from foucault.diagnose.rate_table import Commanded, lacking, rate_steps
 from foucault.diagnose.references import BEYOND_THE_SESSION, believed, times_the_table
 from foucault.errors import Finding, error
 from foucault.guard.rest import first_rest
@@ -77,17 +77,27 @@ def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
     )
 
 
-def _solve(log: Log, given: Given[Settings]) -> Result:
-    settings = given.settings
+def _read(log: Log, given: Given[Settings]) -> tuple[Readings, bool]:
+    """Return the readings, and whether their rates are those of the table."""
     if log.gyro is None:
         raise error("rate_table.no_gyro")
-    given.progress(0.05, "finding the steps")
-    readings = find_readings(log, noise=given.noise, shortest=settings.shortest)
+    readings = find_readings(log, noise=given.noise, shortest=given.settings.shortest)
     if readings.accel is not None:
         first_rest(log, readings.accel[0] / np.linalg.norm(readings.accel[0]))
-    told = log.table is not None and (
+    return readings, log.table is not None and (
         log.table.rate is not None or bool(np.isfinite(log.table.angles[:, 0]).all())
     )
+
+
+def _stated(log: Log, given: Given[Settings]) -> RateTable:
+    readings, told = _read(log, given)
+    return _table(readings, given.settings, told, given.site)[0]
+
+
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    settings = given.settings
+    given.progress(0.05, "finding the steps")
+    readings, told = _read(log, given)
     given.progress(0.5, "calibrating")
     result = from_readings(readings, settings, told=told, site=given.site, prior=given.prior)
     validity = dict(result.validity)
@@ -114,13 +124,20 @@ def from_readings(
     of coefficients or groups of coefficients [SI].
     """
     site = settings.where(site)
+    table, found = _table(readings, settings, told, site)
+    return _result(readings, settings, site, solved(table, site, prior), found)
+
+
+def _table(
+    readings: Readings, settings: Settings, told: bool, site: Site
+) -> tuple[RateTable, list[Finding]]:
+    """State the model of readings [SI], and what was noticed in them."""
     commanded = Commanded(in_si(settings.rates), settings.axes)
     steps, found = rate_steps(readings, commanded, told=told, site=site)
-    table = RateTable(
+    return RateTable(
         steps, names_of(settings), settings, site.latitude,
         "declared" if readings.declared else "unknown" if readings.noise_unknown else "measured",
-    )  # fmt: skip
-    return _result(readings, settings, site, solved(table, site, prior), found)
+    ), found  # fmt: skip
 
 
 def solved(
@@ -213,6 +230,9 @@ PROCEDURE = Procedure(
     Session=Session,
     solve=_solve,
     simulation=simulated,
+    observe=_stated,
+    table_rate_sd=None,  # it is among the sources
+    lacking=lambda table: lacking(table.steps),
     names=lambda settings, _: names_of(settings),
     # Nothing is needed of what is between two steps.
     more="stretches",
