@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foucault.cli import options
-from foucault.cli.options import Amount, Of, command, given, quantity, span
+from foucault.cli.options import Of, command, span
 from foucault.cli.screen import EXIT_CODES, Screen, kept
 
 if TYPE_CHECKING:
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from foucault.procedures.delay import FoundDelay
 
 
-if TYPE_CHECKING:
-    pass
-
+_SITE = ("latitude", "height", "gravity", "gyro_noise", "accel_noise")
+_SAID = Of(options.SAID, only=("longitude", *_SITE, "serial"))
+_STILL = Of(options.SAID, only=_SITE)
 _SETTINGS = Of(
     "foucault.procedures.navigation.start:Settings",
     only=("align", "method", "heading", "heading_sd", "pitch", "roll", "level_sd", "velocity_sd",
@@ -46,12 +46,7 @@ def navigate(
     log: options.LogFile,
     calibration: options.Calibration = None,
     output: options.FolderIfWanted = None,
-    latitude: options.Latitude = None,
-    longitude: Annotated[
-        Amount | None, quantity("angle", 'Longitude of the site, such as "8.5 deg".')
-    ] = None,
-    height: options.Height = None,
-    gravity: options.Gravity = None,
+    said: Annotated[Any, _SAID] = None,
     settings: Annotated[Any, _SETTINGS] = None,
     velocity: Annotated[
         str | None,
@@ -66,29 +61,24 @@ def navigate(
             help="File of positions, velocities or angles to compare with; none if left out."
         ),
     ] = None,
-    gyro_noise: options.GyroNoise = None,
-    accel_noise: options.AccelNoise = None,
-    serial: options.Serial = "",
 ) -> None:
     """Navigate with and without a calibration: its worth in metres.
 
     What every coefficient costs, and whether the error is as large as predicted.
     """
     from foucault.campaign import navigation
-    from foucault.campaign.running import Said
+    from foucault.campaign.tables import Said
     from foucault.procedures.navigation.start import Settings
 
     screen: Screen = ctx.obj
-    site = given({"latitude": latitude, "longitude": longitude, "height": height,
-                  "gravity": gravity})  # fmt: skip
     chosen = Settings(velocity=_three(velocity), **settings)
-    said = Said(site, chosen, gyro_noise, accel_noise, serial)
-    with screen.progress() as tell:
-        found = navigation.run(log, said, calibration=calibration, reference=reference,
-                               progress=tell)  # fmt: skip
+    with screen.work(output, "navigation") as tell:
+        test = navigation.run(
+            log, Said(**said), chosen, calibration=calibration, reference=reference, progress=tell
+        )
         tell(0.95, "writing")
-        result = kept("navigation", found, output)
-    raise result.tell(screen, result.held[0].about)
+        found = kept(navigation.record(test), output)
+    raise found.tell(screen, found.held[0].about)
 
 
 def _three(text: str | None) -> tuple[float, float, float] | None:
@@ -131,9 +121,7 @@ def align(
     ctx: typer.Context,
     log: options.LogFile,
     calibration: options.Calibration = None,
-    latitude: options.Latitude = None,
-    height: options.Height = None,
-    gravity: options.Gravity = None,
+    said: Annotated[Any, _STILL] = None,
     window: Annotated[Any, _WINDOW] = None,
     rest: Annotated[
         list[str] | None,
@@ -151,8 +139,6 @@ def align(
             "that fit if left out.",
         ),
     ] = None,
-    gyro_noise: options.GyroNoise = None,
-    accel_noise: options.AccelNoise = None,
 ) -> None:
     """Find heading, pitch and roll of a log at rest, and their sd.
 
@@ -160,17 +146,15 @@ def align(
     """
     from foucault.campaign import navigation
     from foucault.campaign.navigation import Window
-    from foucault.campaign.running import Said
+    from foucault.campaign.tables import Said
 
     screen: Screen = ctx.obj
     chosen = Window(
         methods=tuple(method or ()), rests=tuple(span("--rest", text) for text in rest or ()),
         **window,
     )  # fmt: skip
-    site = {"latitude": latitude, "height": height, "gravity": gravity}
-    said = Said(given(site), gyro_white=gyro_noise, accel_white=accel_noise)
     with screen.progress() as tell:
-        found = navigation.align(log, said, chosen, calibration=calibration, progress=tell)
+        found = navigation.align(log, Said(**said), chosen, calibration=calibration, progress=tell)
     angles = ("heading (deg)", "sd", "pitch (deg)", "sd", "roll (deg)", "sd")
     screen.table("", ("method", *angles, "window (s)"), _rows(found))
     screen.say(*_words(found))

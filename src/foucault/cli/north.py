@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from foucault.cli import options
-from foucault.cli.options import Of, add, command, given
+from foucault.cli.options import Of, add, command
 from foucault.cli.screen import EXIT_CODES, Screen, kept
 
 if TYPE_CHECKING:
@@ -30,6 +30,10 @@ FIND = "find"
 
 SETTINGS = "foucault.procedures.north_seeking.settings:Settings"
 
+_SAID = Of(
+    options.SAID,
+    only=("latitude", "height", "gravity", "gyro_noise", "accel_noise", "accel_reads", "serial"),
+)
 _SETTINGS = Of(
     SETTINGS,
     only=("latitude_sd", "unknown_latitude", "hemisphere", "near", "level_sd", "index_sd", "drift",
@@ -85,36 +89,25 @@ def find(
     ],
     calibration: options.Calibration = None,
     output: options.FolderIfWanted = None,
-    latitude: options.Latitude = None,
-    height: options.Height = None,
-    gravity: options.Gravity = None,
-    gyro_noise: options.GyroNoise = None,
-    accel_noise: options.AccelNoise = None,
-    accel_reads: Annotated[
-        Literal["gravity", "specific force"] | None,
-        typer.Option(help="Sign of the accelerometers: specific force is +1 g upwards."),
-    ] = None,
+    said: Annotated[Any, _SAID] = None,
     settings: Annotated[Any, _SETTINGS] = None,
-    serial: options.Serial = "",
 ) -> None:
     """Find north: heading, pitch and roll of every set-up.
 
     With their covariance, what limits them, and the latitude if asked for.
     """
     from foucault.campaign import north
-    from foucault.campaign.running import Said
+    from foucault.campaign.tables import Said
     from foucault.errors import error
 
     screen: Screen = ctx.obj
-    site = given({"latitude": latitude, "height": height, "gravity": gravity})
     given_both = [f"--{k.replace('_', '-')}" for k in ("latitude", "latitude_sd")
-                  if k in site or k in settings]  # fmt: skip
+                  if k in said | settings]  # fmt: skip
     if "unknown_latitude" in settings and given_both:
         raise error("north.latitude_both", given=given_both[0])
-    said = Said(site, settings, gyro_noise, accel_noise, accel_reads, serial)
-    with screen.progress() as tell:
-        survey = north.run(readings, said, calibration=calibration, progress=tell)
-        found = kept("north", survey, output)
+    with screen.work(output, "north") as tell:
+        survey = north.run(readings, Said(**said), settings, calibration=calibration, progress=tell)
+        found = kept(north.record(survey), output)
     setups = found.held[0].about["setups"]
     levels = {setup["verdict"] for setup in setups}
     code = EXIT_CODES[levels.pop() if len(levels) == 1 else "doubtful"]

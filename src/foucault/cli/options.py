@@ -57,11 +57,6 @@ def quantity(kind: str, said: str, *names: str, least: Least = "") -> Any:
     return typer.Option(*names, callback=parsed, help=said)
 
 
-def given(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options that were given."""
-    return {name: value for name, value in options.items() if value is not None}
-
-
 def span(option: str, text: str) -> tuple[float, float]:
     """Return start and end of a stretch of a log, "0 s to 300 s" [s]."""
     from foucault.errors import error
@@ -263,9 +258,9 @@ Tolerance = Annotated[
     Path | None,
     typer.Option(help="TOML file with the limits of coefficients; none if left out."),
 ]
-Serial = Annotated[
-    str, typer.Option(help="Serial number of the instrument, compared with the calibration.")
-]
+SAID = "foucault.campaign.tables:Said"
+"""What is said beside a log."""
+
 SITE = (
     "Site and noise that are left out are those of the campaign, where the log is one; otherwise "
     "the height is 0 m and gravity is normal gravity there."
@@ -273,30 +268,6 @@ SITE = (
 """Note of commands that take a site and noise."""
 
 Seed = Annotated[int, typer.Option(help="Seed of the random numbers.", min=0)]
-
-# -- quantities, in SI -------------------------------------------------------------------
-
-Latitude = Annotated[
-    Amount | None, quantity("angle", 'Latitude of the site, positive north, such as "47.3 deg".')
-]
-Height = Annotated[Amount | None, quantity("length", 'Height of the site, such as "430 m".')]
-Gravity = Annotated[Amount | None, quantity("gravity", 'Local gravity, such as "9.8072 m/s^2".')]
-GyroNoise = Annotated[
-    Amount | None,
-    quantity(
-        "angle random walk",
-        'Angle random walk of the gyros, such as "0.003 deg/sqrt(h)".',
-        least="greater than 0",
-    ),
-]
-AccelNoise = Annotated[
-    Amount | None,
-    quantity(
-        "velocity random walk",
-        'Velocity random walk of the accelerometers, such as "30 ug/sqrt(Hz)".',
-        least="greater than 0",
-    ),
-]
 
 # -- what is written -----------------------------------------------------------------------
 

@@ -211,7 +211,7 @@ def optimise(
     from foucault.campaign import optimisation
     from foucault.cli.sessions import load_or_template
     from foucault.errors import error
-    from foucault.files import alone, plain_json
+    from foucault.files import plain_json
     from foucault.run_folder import CAMPAIGN_FILE
 
     screen: Screen = ctx.obj
@@ -221,9 +221,8 @@ def optimise(
     campaign = load_or_template(what)
     there = optimisation.finished(output)
     with (
-        alone(output),
         cluster.spread(screen, workers, scheduler, local_cluster) as map_,
-        screen.progress() as tell,
+        screen.work(output, "search") as tell,
     ):
         found = optimisation.run(
             campaign, output, restarts=restarts, evaluations=evaluations, time_limit=limit,
@@ -268,14 +267,12 @@ def montecarlo(
     Errors against their standard deviations and against the bound.
     """
     from foucault.campaign import study
-    from foucault.files import alone
 
     screen: Screen = ctx.obj
     described = load_or_template(what)
     with (
-        alone(output),
         cluster.spread(screen, workers, scheduler, local_cluster) as map_,
-        screen.progress() as tell,
+        screen.work(output, "study") as tell,
     ):
         result = study.run(
             described,
