@@ -12,7 +12,7 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_256,
     "campaign": 4_799,
-    "cli": 4_345,
+    "cli": 4_275,
     "detect": 4_352,
     "diagnose": 11_632,
     "estimate": 7_381,
@@ -24,7 +24,7 @@ BUDGET = {
     "models": 4_870,
     "navigate": 1_506,
     "plans": 5_819,
-    "procedures": 13_153,
+    "procedures": 13_168,
     "report": 8_334,
     "simulate": 3_354,
     "symptoms": 87,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foucault.cli import options
-from foucault.cli.options import Of, command, span
+from foucault.cli.options import Amount, Of, Several, command
 from foucault.cli.screen import EXIT_CODES, Screen, kept
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _SITE = ("latitude", "height", "gravity", "gyro_noise", "accel_noise")
 _SAID = Of(options.SAID, only=("longitude", *_SITE, "serial"))
 _STILL = Of(options.SAID, only=_SITE)
+_VELOCITY = Several("velocity", "east, north and up", "12.1 m/s, -3.4 m/s, 0 m/s")
 _SETTINGS = Of(
     "foucault.procedures.navigation.start:Settings",
     only=("align", "method", "heading", "heading_sd", "pitch", "roll", "level_sd", "velocity_sd",
@@ -49,10 +50,9 @@ def navigate(
     said: Annotated[Any, _SAID] = None,
     settings: Annotated[Any, _SETTINGS] = None,
     velocity: Annotated[
-        str | None,
-        typer.Option(
-            help='Velocity at a start in motion: east, north, up, such as "12.1 m/s, -3.4 m/s, '
-            '0 m/s".'
+        Amount | None,
+        _VELOCITY.option(
+            'Velocity at a start in motion: east, north, up, such as "12.1 m/s, -3.4 m/s, 0 m/s".'
         ),
     ] = None,
     reference: Annotated[
@@ -71,7 +71,7 @@ def navigate(
     from foucault.procedures.navigation.start import Settings
 
     screen: Screen = ctx.obj
-    chosen = Settings(velocity=_three(velocity), **settings)
+    chosen = Settings(velocity=velocity, **settings)
     with screen.work(output, "navigation") as tell:
         test = navigation.run(
             log, Said(**said), chosen, calibration=calibration, reference=reference, progress=tell
@@ -79,19 +79,6 @@ def navigate(
         tell(0.95, "writing")
         found = kept(navigation.record(test), output)
     raise found.tell(screen, found.held[0].about)
-
-
-def _three(text: str | None) -> tuple[float, float, float] | None:
-    """Return a velocity east, north, up [m/s]."""
-    from foucault.campaign.tables import parse_at
-    from foucault.errors import error
-
-    if text is None:
-        return None
-    parts = [parse_at("--velocity", one.strip(), "velocity") for one in text.split(",")]
-    if len(parts) != 3:
-        raise error("navigate.three", given=text)
-    return parts[0], parts[1], parts[2]
 
 
 # -- Commands about one log: `align` an instrument, `delay` of a master --------------------------
@@ -124,11 +111,10 @@ def align(
     said: Annotated[Any, _STILL] = None,
     window: Annotated[Any, _WINDOW] = None,
     rest: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="<str>",
-            help='A rest, such as "0 s to 300 s"; may be repeated: two rests or more at different '
-            "headings take the gyro bias out.",
+        list[Amount] | None,
+        options.REST.option(
+            'A rest, such as "0 s to 300 s"; may be repeated: two rests or more at different '
+            "headings take the gyro bias out."
         ),
     ] = None,
     method: Annotated[
@@ -150,8 +136,7 @@ def align(
 
     screen: Screen = ctx.obj
     chosen = Window(
-        methods=tuple(method or ()), rests=tuple(span("--rest", text) for text in rest or ()),
-        **window,
+        methods=tuple(method or ()), rests=tuple(rest or ()), **window
     )  # fmt: skip
     with screen.progress() as tell:
         found = navigation.align(log, Said(**said), chosen, calibration=calibration, progress=tell)
@@ -260,6 +245,9 @@ def _document(path: Path, found: Comparison) -> dict[str, Any]:
 
 # -- The command that finds the time offset of two logs: delay -----------------------------------
 
+_MOUNTING = Several("angle", "heading, pitch and roll", "90 deg, 0 deg, 0 deg")
+_BRACKET = Several("time", "between which offsets to look, or any", "-0.5 s to 0.5 s")
+
 
 @command(
     "foucault delay imu.csv navigation.csv",
@@ -282,9 +270,9 @@ def delay(
         ),
     ] = None,
     mounting: Annotated[
-        str | None,
-        typer.Option(
-            help="Heading, pitch, roll of the slave in the master's axes, such as \"90 deg, 0 deg, "
+        Amount | None,
+        _MOUNTING.option(
+            "Heading, pitch, roll of the slave in the master's axes, such as \"90 deg, 0 deg, "
             '0 deg", to within 10 deg. The mounting is found without it; with it a wrong sign is '
             "named."
         ),
@@ -300,9 +288,9 @@ def delay(
     from foucault.campaign import delay as campaign
 
     screen: Screen = ctx.obj
-    where, turned = _bracket(bracket), _mounting(mounting)
+    where = _bracket(bracket)
     with screen.progress() as tell:
-        found = campaign.run(slave, master, mounting=turned, bracket=where, progress=tell)
+        found = campaign.run(slave, master, mounting=mounting, bracket=where, progress=tell)
     _show(screen, found)
     level = found.verdict.level
     screen.verdict(level, found.verdict.reasons)
@@ -311,30 +299,12 @@ def delay(
 
 
 def _bracket(text: str) -> tuple[float, float] | None:
-    from foucault.errors import error
-    from foucault.units import parse
-
     if text.strip() == "any":
         return None
-    ends = text.split(" to ")
-    if len(ends) != 2:
-        raise error("delay.bracket", given=text)
-    low, high = (parse(one.strip(), "time", "--bracket") for one in ends)
+    low, high = _BRACKET.read("--bracket", text)
     if not low < high:
-        raise error("delay.bracket", given=text)
+        raise _BRACKET.refused("--bracket", text)
     return low, high
-
-
-def _mounting(text: str | None) -> tuple[float, float, float] | None:
-    from foucault.errors import error
-    from foucault.units import parse
-
-    if text is None:
-        return None
-    angles = [parse(one.strip(), "angle", "--mounting") for one in text.split(",")]
-    if len(angles) != 3:
-        raise error("delay.mounting_given", given=text)
-    return angles[0], angles[1], angles[2]
 
 
 def _show(screen: Screen, found: FoundDelay) -> None:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from foucault.models.noise import ImuNoise
     from foucault.models.north_seeker import Compensation
     from foucault.plans.north_orders import Choice, Row
+    from foucault.procedures.north_seeking.settings import Planning
 
 
 MOST = 12
@@ -132,13 +133,14 @@ def _of_many(setups: Sequence[Mapping[str, Any]]) -> list[str]:
 
 # -- The command that plans north seeking: north plan --------------------------------------------
 
-"""What can be chosen of north seeking."""
-
 _PLANNED = Of(
+    "foucault.procedures.north_seeking.settings:Planning",
+    called={"drift_estimated": "drift-estimated/--drift-ignored"},
+)
+_CHOSEN = Of(
     SETTINGS,
     only=("accuracy", "level_sd", "index_sd", "latitude_sd", "unknown_latitude"),
     over=True,
-    as_text=True,
 )
 
 ACCEL = "5 ug/sqrt(Hz)"
@@ -157,9 +159,6 @@ TILTED = "10 deg"
 )
 def plan(
     ctx: typer.Context,
-    latitude: Annotated[
-        str, typer.Option(help='Latitude of the site, positive north, such as "47.3 deg".')
-    ],
     gyro_noise: Annotated[
         str | None,
         typer.Option(
@@ -170,45 +169,9 @@ def plan(
         Path | None,
         typer.Option(help="Campaign file whose [noise] is taken, instead of --gyro-noise."),
     ] = None,
-    time: Annotated[
-        str | None, typer.Option(help='Time there is, moves included, such as "10 min".')
-    ] = None,
-    gyro_bias_instability: Annotated[
-        str | None, typer.Option(help='Bias instability of the gyro, such as "0.005 deg/h".')
-    ] = None,
-    gyro_correlation_time: Annotated[
-        str | None, typer.Option(help='Correlation time of that instability; "300 s" if left out.')
-    ] = None,
-    gyro_random_walk: Annotated[
-        str | None,
-        typer.Option(help='Rate random walk of the gyro, such as "0.002 deg/h/sqrt(h)".'),
-    ] = None,
-    accel_noise: Annotated[
-        str | None,
-        typer.Option(help=f'Velocity random walk of the accelerometers; "{ACCEL}" if left out.'),
-    ] = None,
-    drift: Annotated[
-        str | None, typer.Option(help='Linear drift of the gyro to expect, such as "0.01 deg/h/h".')
-    ] = None,
-    drift_estimated: Annotated[
-        bool,
-        typer.Option(
-            "--drift-estimated/--drift-ignored", help="Whether the solution estimates the drift."
-        ),
-    ] = True,
-    tilt: Annotated[
-        str | None,
-        typer.Option(help='Largest tilt of the case, such as "10 deg"; level if left out.'),
-    ] = None,
-    settings: Annotated[Any, _PLANNED] = None,
-    rough: Annotated[
-        str | None,
-        typer.Option(help='Standard deviation of a heading that is known, such as "2 deg".'),
-    ] = None,
+    planned: Annotated[Any, _PLANNED] = None,
+    chosen: Annotated[Any, _CHOSEN] = None,
     calibration: options.Calibration = None,
-    move: Annotated[
-        str, typer.Option(help="Time from one stop to the next, settling included.")
-    ] = "10 s",
     order: Annotated[
         list[str] | None,
         typer.Option(
@@ -222,88 +185,57 @@ def plan(
     output: options.TableIfWanted = None,
 ) -> None:
     """Say how long north seeking takes, and in which order to stop."""
+    from foucault import units
     from foucault.diagnose.north_stops import Conditions
     from foucault.errors import error
     from foucault.plans.north_orders import NAMES, Task, compare, write_stops
+    from foucault.procedures.north_seeking.fix import require_latitude
+    from foucault.procedures.north_seeking.settings import Planning
 
     screen: Screen = ctx.obj
-    accuracy, level_sd, index_sd, latitude_sd, unknown_latitude = map(settings.get, _PLANNED.only)
-    if accuracy is None and time is None:
+    asked = Planning(**planned)
+    accuracy, level_sd = chosen.get("accuracy"), chosen.get("level_sd")
+    if accuracy is None and asked.time is None:
         raise error("north_plan.wanted")
-    slow = {
-        "bias_instability": ("--gyro-bias-instability", gyro_bias_instability, "angular rate"),
-        "correlation_time": ("--gyro-correlation-time", gyro_correlation_time, "time"),
-        "random_walk": ("--gyro-random-walk", gyro_random_walk, "rate random walk"),
-    }
+    require_latitude(asked.latitude)
     conditions = Conditions(
-        _latitude(latitude),
-        _noise(gyro_noise, noise, accel_noise, slow),
-        latitude_sd=_size("--latitude-sd", latitude_sd),
-        latitude_known=not unknown_latitude,
-        tilt=_size("--tilt", tilt),
-        drift=_size("--drift", drift, "rate ramp"),
-        drift_estimated=drift_estimated,
-        index_sd=_size("--index-sd", index_sd),
-        level_sd=None if level_sd is None else _size("--level-sd", level_sd),
+        asked.latitude,
+        _noise(gyro_noise, noise, asked),
+        latitude_sd=chosen.get("latitude_sd", 0.0),
+        latitude_known="unknown_latitude" not in chosen,
+        tilt=asked.tilt,
+        drift=asked.drift or 0.0,
+        drift_estimated=asked.drift_estimated,
+        index_sd=chosen.get("index_sd", 0.0),
+        level_sd=level_sd,
         compensation=_compensation(calibration),
     )
-    for option, said, fine, with_what in (
-        ("--drift-ignored", "given", drift_estimated or drift is not None, "given with --drift"),
-        ("--latitude-sd", latitude_sd, not (latitude_sd and unknown_latitude),
+    for option, fine, with_what in (
+        ("--drift-ignored", asked.drift_estimated or asked.drift is not None, "given with --drift"),
+        ("--latitude-sd", conditions.latitude_known or not conditions.latitude_sd,
          "left out with --unknown-latitude"),
-        ("--tilt", tilt, not (tilt and level_sd), "left out with --level-sd"),
-        ("--accel-noise", accel_noise, not (accel_noise and level_sd), "left out with --level-sd"),
+        ("--tilt", level_sd is None or not asked.tilt, "left out with --level-sd"),
+        ("--accel-noise", level_sd is None or asked.accel_noise is None,
+         "left out with --level-sd"),
+        ("--tilt", asked.tilt < math.radians(89.0), "below 89 deg"),
     ):  # fmt: skip
-        _refuse(option, said, fine, with_what)
-    _refuse("--tilt", tilt, conditions.tilt < math.radians(89.0), "below 89 deg")
-    total = None if time is None else _size("--time", time, "time")
-    _refuse("--time", time, total is None or total > 0, "above 0")
-    task = Task(
-        conditions,
-        None if accuracy is None else _size("--accuracy", accuracy),
-        total,
-        _size("--move", move, "time"),
-        None if rough is None else _size("--rough", rough),
-    )
-    _refuse("--accuracy", accuracy, task.accuracy != 0, "above 0")
+        _refuse(option, fine, with_what)
+    task = Task(conditions, accuracy, asked.time, asked.move, asked.rough)
     choice = compare(task, order or NAMES, cycles)
     if output is not None:
         write_stops(choice.best.order, choice.best.time, task.move, output)
-    _show_plans(screen, choice, _size("--drift", drift or DRIFT, "rate ramp"), output)
+    _show_plans(screen, choice, asked.drift or units.parse(DRIFT, "rate ramp"), output)
 
 
-def _size(option: str, text: str | None, kind: str = "angle") -> float:
-    """Return what an option says, not negative; 0 where it says nothing [SI]."""
-    from foucault import units
-    from foucault.units import SMALLEST
-
-    if text is None:
-        return 0.0
-    value = units.parse(text, kind, option)
-    _refuse(option, text, value == 0 or SMALLEST < value < math.inf, "0 or above")
-    return value
-
-
-def _refuse(option: str, given: object, fine: bool, allowed: str) -> None:
+def _refuse(option: str, fine: bool, allowed: str) -> None:
     from foucault.errors import error
 
     if not fine:
-        raise error("north_plan.range", option=option, given=given, allowed=allowed)
+        raise error("north_plan.range", option=option, given="given", allowed=allowed)
 
 
-def _latitude(text: str) -> float:
-    from foucault import units
-    from foucault.procedures.north_seeking.fix import require_latitude
-
-    value = units.parse(text, "angle", "--latitude")
-    require_latitude(value)
-    return value
-
-
-def _noise(
-    gyro: str | None, file: Path | None, accel: str | None,
-    slow: dict[str, tuple[str, str | None, str]],
-) -> ImuNoise:  # fmt: skip
+def _noise(gyro: str | None, file: Path | None, asked: Planning) -> ImuNoise:
+    """Return the noise of a grade, of a campaign, or of what was given of it."""
     from dataclasses import replace
 
     from foucault import campaign, units
@@ -313,10 +245,13 @@ def _noise(
     if (gyro is None) == (file is None):
         given = "Nothing says" if gyro is None else "Both --gyro-noise and --noise say"
         raise error("north_plan.gyro", given=given, grades=", ".join(GRADES))
+    slow = ("bias_instability", "correlation_time", "random_walk")
+    more = asked.model_dump(
+        include={f"gyro_{key}" for key in slow} | {"accel_noise"}, exclude_none=True
+    )
     if file is not None:
-        for option, text, _ in (("--accel-noise", accel, ""), *slow.values()):
-            if text is not None:
-                raise error("north_plan.noise_option", option=option)
+        for key in more:
+            raise error("north_plan.noise_option", option=f"--{key.replace('_', '-')}")
         found = campaign.load(file).noise
         if found is None:
             raise error(
@@ -328,15 +263,16 @@ def _noise(
         white = units.parse(gyro, "angle random walk", "--gyro-noise")
         forces = units.parse(ACCEL, "velocity random walk")
         found = ImuNoise(TriadNoise(white=forces), TriadNoise(white=white))
-    if accel is not None:
-        white = _size("--accel-noise", accel, "velocity random walk")
-        found = replace(found, accel=replace(found.accel, white=white))
-    more = {key: _size(*said) for key, said in slow.items() if said[1] is not None}
-    found = replace(found, gyro=replace(found.gyro, **more))
-    option, text, _ = slow["correlation_time"]
-    _refuse(option, text, found.gyro.correlation_time > 0, "above 0")
-    useful = text is None or found.gyro.bias_instability > 0
-    _refuse(option, text, useful, "given with --gyro-bias-instability")
+    accel = {"white": more.pop("accel_noise")} if "accel_noise" in more else {}
+    found = ImuNoise(
+        replace(found.accel, **accel),
+        replace(found.gyro, **{key.removeprefix("gyro_"): value for key, value in more.items()}),
+    )
+    _refuse(
+        "--gyro-correlation-time",
+        asked.gyro_correlation_time is None or found.gyro.bias_instability > 0,
+        "given with --gyro-bias-instability",
+    )
     if not found.gyro.white > 0:
         raise error("north_plan.no_noise", given=gyro or "zero")
     return found

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foucault.cli import cluster, options
-from foucault.cli.options import command
+from foucault.cli.options import Amount, command, quantity
 from foucault.cli.screen import Screen, written
 from foucault.cli.sessions import load_or_template
 
@@ -52,7 +52,6 @@ def preflight(
     Standard deviation of every coefficient, what cannot be told apart, whether the rig can do it.
     """
     from foucault.campaign import optimisation
-    from foucault.cli.sessions import load_or_template
 
     screen: Screen = ctx.obj
     given = {"plan": plan, "rate": rate, "segment": segment}
@@ -186,9 +185,11 @@ def optimise(
         ),
     ] = None,
     time_limit: Annotated[
-        str | None,
-        typer.Option(
-            help='Begin no further restart after this time, such as "60 s"; no limit if left out.'
+        Amount | None,
+        quantity(
+            "time",
+            'Begin no further restart after this time, such as "60 s"; no limit if left out.',
+            least="0 or more",
         ),
     ] = None,
     seed: options.Seed = 0,
@@ -207,17 +208,11 @@ def optimise(
     """Search for a plan that sees more, within limits of the rig."""
     from dataclasses import asdict
 
-    from foucault import units
     from foucault.campaign import optimisation
-    from foucault.cli.sessions import load_or_template
-    from foucault.errors import error
     from foucault.files import plain_json
     from foucault.run_folder import CAMPAIGN_FILE
 
     screen: Screen = ctx.obj
-    limit = None if time_limit is None else units.parse(time_limit, "time", "--time-limit")
-    if limit is not None and limit < 0:
-        raise error("optimise.time_limit", given=time_limit)
     campaign = load_or_template(what)
     there = optimisation.finished(output)
     with (
@@ -225,7 +220,7 @@ def optimise(
         screen.work(output, "search") as tell,
     ):
         found = optimisation.run(
-            campaign, output, restarts=restarts, evaluations=evaluations, time_limit=limit,
+            campaign, output, restarts=restarts, evaluations=evaluations, time_limit=time_limit,
             seed=seed, size=size, map=map_,
             progress=lambda done, total: tell(done / total, f"restart {done} of {total}"),
         )  # fmt: skip

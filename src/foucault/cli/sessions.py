@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foucault.cli import options
-from foucault.cli.options import command, span
+from foucault.cli.options import Amount, command
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
@@ -322,9 +322,9 @@ def allan(
         str, typer.Option(help="Deviation: overlapping, modified or hadamard.")
     ] = "overlapping",
     rest: Annotated[
-        str | None,
-        typer.Option(
-            help='Part at rest, such as "0 s to 50 s". The whole log if left out, or the longest '
+        Amount | None,
+        options.REST.option(
+            'Part at rest, such as "0 s to 50 s". The whole log if left out, or the longest '
             "rest of one that moves."
         ),
     ] = None,
@@ -338,11 +338,10 @@ def allan(
     from foucault.diagnose.allan import measure_log
 
     screen: Screen = ctx.obj
-    still = None if rest is None else span("--rest", rest)
     with screen.progress() as tell:
         table, _ = from_start(read_any(log, tell)[0])
         tell(0.7, "computing variances")
-        seen = measure_log(table, axes=tuple(axis or ()), kind=_kind(kind), rest=still)
+        seen = measure_log(table, axes=tuple(axis or ()), kind=_kind(kind), rest=rest)
         if output is not None:
             tell(0.9, "writing")
             _write(seen, str(table.source.get("file", log.name)), output)
