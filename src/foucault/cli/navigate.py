@@ -88,12 +88,6 @@ _WINDOW = Of(
     only=("start", "end", "gyro_bias_sd", "accel_bias_sd", "gaps"),
     called={"start": "from", "end": "until"},
 )
-_WORDS = {
-    "inertial_frame": "inertial frame",
-    "kalman": "Kalman, zero velocity",
-    "two_vector": "two vectors",
-    "two_position": "two positions",
-}
 
 
 @command(
@@ -133,6 +127,7 @@ def align(
     from foucault.campaign import navigation
     from foucault.campaign.navigation import Window
     from foucault.campaign.tables import Said
+    from foucault.report import alignment as report
 
     screen: Screen = ctx.obj
     chosen = Window(
@@ -140,79 +135,10 @@ def align(
     )  # fmt: skip
     with screen.progress() as tell:
         found = navigation.align(log, Said(**said), chosen, calibration=calibration, progress=tell)
-    angles = ("heading (deg)", "sd", "pitch (deg)", "sd", "roll (deg)", "sd")
-    screen.table("", ("method", *angles, "window (s)"), _rows(found))
-    screen.say(*_words(found))
-    screen.findings(found.findings)
+    screen.document(report.document(found, log.name))
     screen.data(_document(log, found))
     if any(item.severity == "warning" for item in found.findings):
         raise typer.Exit(3)
-
-
-def _rows(found: Comparison) -> list[tuple[str, ...]]:
-    import numpy as np
-
-    from foucault.coefficients import format_value
-
-    rows = []
-    for one in found.found:
-        both = zip(np.degrees(one.angles), np.degrees(one.angles_sd), strict=True)
-        cells = [text for x, sd in both for text in (format_value(x, sd), f"{sd:.2g}")]
-        rows.append((_WORDS[one.method], *cells, f"{one.start:.1f} to {one.end:.1f}"))
-    return rows
-
-
-def _words(found: Comparison) -> list[str]:
-    import numpy as np
-
-    from foucault.units import convert, plain
-
-    first = found.found[0]
-    seen, size = convert(found.rate_seen, "angular rate", "deg/h"), np.degrees(found.latitude_seen)
-    lines = [
-        f"Rate seen: {seen:.4g} deg/h (the Earth: 15.04). Latitude seen: {size:.4f} deg (given: "
-        f"{np.degrees(found.site.latitude or 0.0):.4f})."
-    ]
-    if found.gyro_bias_sd > 0:
-        bias = convert(found.gyro_bias_sd, "angular rate", "deg/h")
-        limit = np.degrees(first.azimuth_bias_sd)
-        lines.append(
-            f"A gyro bias of {plain(bias, 2)} deg/h limits the heading to {plain(limit, 2)} deg in "
-            "one position; two positions take it out."
-        )
-    lines += _undeclared(found)
-    if first.disturbance_sd is not None:
-        sway = convert(float(np.mean(first.disturbance_sd)), "velocity", "m/s")
-        lines.append(f"Sway and vibration: {plain(1000 * sway, 2)} mm/s.")
-    return lines
-
-
-def _undeclared(found: Comparison) -> list[str]:
-    """Say what the biases would add that were not declared: the sds hold nothing of them."""
-    import numpy as np
-
-    from foucault.models.ins_errors import azimuth_from_gyro_bias
-    from foucault.units import parse, plain
-
-    gyro, accel = parse("0.01 deg/h", "angular rate"), parse("50 ug", "specific force")
-    azimuth = np.degrees(azimuth_from_gyro_bias(gyro, found.site.latitude or 0.0))
-    level = np.degrees(accel / found.site.gravity)
-    missing, adds = [], []
-    if not found.gyro_bias_sd > 0:
-        missing.append("--gyro-bias-sd")
-        adds.append(f"0.01 deg/h would add {plain(float(azimuth), 2)} deg of heading")
-    if not found.accel_bias_sd > 0:
-        missing.append("--accel-bias-sd")
-        adds.append(f"50 ug would add {plain(float(level), 2)} deg of pitch and roll")
-    if not missing:
-        return []
-    which = "No bias" if len(missing) == 2 else "No accelerometer bias"
-    if missing == ["--gyro-bias-sd"]:
-        which = "No gyro bias"
-    return [
-        f"{which} is declared ({', '.join(missing)}, or a calibration): the sds hold nothing of "
-        f"it. {'; '.join(adds)}."
-    ]
 
 
 def _document(path: Path, found: Comparison) -> dict[str, Any]:
@@ -286,16 +212,15 @@ def delay(
     By what both turned; with its standard deviation, drift of the clocks and mounting.
     """
     from foucault.campaign import delay as campaign
+    from foucault.report import alignment as report
 
     screen: Screen = ctx.obj
     where = _bracket(bracket)
     with screen.progress() as tell:
         found = campaign.run(slave, master, mounting=mounting, bracket=where, progress=tell)
-    _show(screen, found)
-    level = found.verdict.level
-    screen.verdict(level, found.verdict.reasons)
+    screen.document(report.offset(found))
     screen.data(document(slave, master, found))
-    raise typer.Exit(EXIT_CODES[level])
+    raise typer.Exit(EXIT_CODES[found.verdict.level])
 
 
 def _bracket(text: str) -> tuple[float, float] | None:
@@ -305,50 +230,6 @@ def _bracket(text: str) -> tuple[float, float] | None:
     if not low < high:
         raise _BRACKET.refused("--bracket", text)
     return low, high
-
-
-def _show(screen: Screen, found: FoundDelay) -> None:
-    import numpy as np
-
-    from foucault.coefficients import format_value
-    from foucault.models.rotation import angles_of, turned
-    from foucault.units import convert, plain
-
-    one = found.delay
-    about = "" if not one.drift else f" at {one.middle - found.start:.1f} s"
-    text = f"{format_value(1e3 * one.delay, 1e3 * one.delay_sd)} ± {1e3 * one.delay_sd:.2g} ms"
-    screen.say(f"Delay: {text}{about}; {_share(one.likeness)} of the turning is in both.")
-    if one.delay_sd > 0 and not one.seen:
-        screen.findings(found.findings)
-        return
-    if found.start:
-        screen.say(f"Times count from {plain(found.start, 13)} s, the start of the first log.")
-    rows = [
-        (f"{a:.1f} to {b:.1f}", format_value(1e3 * x, 1e3 * sd), f"{1e3 * sd:.2g}")
-        for a, b, x, sd in zip(one.part_start - found.start, one.part_end - found.start,
-                               one.part_delay, np.sqrt(np.diag(one.part_cov)), strict=True)
-    ]  # fmt: skip
-    screen.table("", ("part (s)", "delay (ms)", "sd"), rows)
-    heading, pitch, roll = np.degrees(turned(angles_of(one.C_ms)))
-    sd = np.degrees(np.sqrt(np.diag(one.mu_cov)))
-    screen.say(
-        f"Mounting of the slave in the axes of the other: heading {heading:.3f}, pitch "
-        f"{pitch:.3f}, roll {roll:.3f} deg (about the slave's axes ± {sd[0]:.2g}, {sd[1]:.2g}, "
-        f"{sd[2]:.2g} deg)."
-    )
-    bias = [convert(float(x), "angular rate", "deg/h") for x in one.bias]
-    size = [convert(float(x), "angular rate", "deg/h") for x in np.sqrt(np.diag(one.bias_cov))]
-    text = ", ".join(f"{format_value(x, s)} ± {s:.2g}" for x, s in zip(bias, size, strict=True))
-    screen.say(f"Gyro bias of the slave against the other: {text} deg/h.")
-    if found.transport is not None:
-        late = 1e3 * np.asarray(found.transport)
-        screen.say(f"Messages arrive {late.mean():.2f} ms after they hold, from {late.min():.2f} "
-                   f"to {late.max():.2f} ms.")  # fmt: skip
-    screen.findings(found.findings)
-
-
-def _share(part: float) -> str:
-    return f"{100 * part:.3g} %"
 
 
 def document(slave: Path, master: Path | None, found: FoundDelay) -> dict[str, Any]:

@@ -15,11 +15,10 @@ from foucault.cli.options import Of, add, command
 from foucault.cli.screen import EXIT_CODES, Screen, kept
 
 if TYPE_CHECKING:
-    from foucault.diagnose.north_stops import Prediction
     from foucault.errors import Finding
     from foucault.models.noise import ImuNoise
     from foucault.models.north_seeker import Compensation
-    from foucault.plans.north_orders import Choice, Row
+    from foucault.plans.north_orders import Choice
     from foucault.procedures.north_seeking.settings import Planning
 
 
@@ -149,9 +148,6 @@ ACCEL = "5 ug/sqrt(Hz)"
 DRIFT = "0.1 deg/h/h"
 """Drift to show the effect of where it is not given."""
 
-TILTED = "10 deg"
-"""Tilt to show the effect of where none is given."""
-
 
 @command(
     'foucault north plan --latitude "47 deg" --gyro-noise "0.003 deg/sqrt(h)" --accuracy "0.1 deg"',
@@ -191,6 +187,7 @@ def plan(
     from foucault.plans.north_orders import NAMES, Task, compare, write_stops
     from foucault.procedures.north_seeking.fix import require_latitude
     from foucault.procedures.north_seeking.settings import Planning
+    from foucault.report import planned as report
 
     screen: Screen = ctx.obj
     asked = Planning(**planned)
@@ -224,7 +221,12 @@ def plan(
     choice = compare(task, order or NAMES, cycles)
     if output is not None:
         write_stops(choice.best.order, choice.best.time, task.move, output)
-    _show_plans(screen, choice, asked.drift or units.parse(DRIFT, "rate ramp"), output)
+    drift = asked.drift or units.parse(DRIFT, "rate ramp")
+    tilted, noticed = report.tilted(choice), report.noticed(choice)
+    screen.document(report.north(choice, drift, tilted, noticed))
+    if output is not None:
+        screen.say(f"Stops: {output}")
+    screen.data(_document(choice, drift, tilted, noticed, output))
 
 
 def _refuse(option: str, fine: bool, allowed: str) -> None:
@@ -291,158 +293,18 @@ def _compensation(path: Path | None) -> Compensation:
     return Compensation(result.coefficients, str(result.instrument.get("serial") or ""))
 
 
-# -- what is shown -------------------------------------------------------------------------
-
-
-def _show_plans(screen: Screen, choice: Choice, drift: float, output: Path | None) -> None:
-    from foucault import units
-
-    task, best = choice.task, choice.best
-    tilted = _tilted(choice)
-    findings = _findings(choice)
-    wanted = () if task.accuracy is None else (f"minutes for {_angle(task.accuracy)}",)
-    time = () if task.total is None else (f"sd in {_minutes(task.total)} min",)
-    ramp = f"{units.convert(drift, 'rate ramp', 'deg/h/h'):.4g} deg/h/h"
-    screen.table(
-        "",
-        ("order", *wanted, *time, f"error by {ramp} of drift", "needs"),
-        [_cells(row, choice, drift) for row in choice.rows],
-    )
-    screen.say(*_advice(choice), "")
-    if best.at is not None:
-        screen.table("what the sd is made of, of the recommended order", ("source", "sd", "share"),
-                     _budget(best.at))  # fmt: skip
-    if tilted is not None:
-        screen.say(f"Tilted by up to {TILTED}, with the tilt measured: {_angle(tilted)}.")
-    screen.findings(findings)
-    if output is not None:
-        screen.say(f"Stops: {output}")
-    screen.data(_document(choice, drift, tilted, findings, output))
-
-
-def _tilted(choice: Choice) -> float | None:
-    """Return the sd of the recommended order with a tilt, where none was given [rad]."""
-    from dataclasses import replace
-
-    from foucault import units
-    from foucault.plans.north_orders import at_time
-
-    c, best = choice.task.conditions, choice.best
-    if c.tilt or c.level_sd is not None or best.at is None:
-        return None
-    other = replace(choice.task, conditions=replace(c, tilt=units.parse(TILTED, "angle")))
-    return at_time(best.order, best.time, other, drift=False).sd
-
-
-def _cells(row: Row, choice: Choice, drift: float) -> list[str]:
-    cells = [row.order.name]
-    if choice.task.accuracy is not None:
-        cells.append(_minutes(row.needed) if math.isfinite(row.needed) else _floor(row))
-    if choice.task.total is not None:
-        cells.append(row.why if row.at is None else _angle(row.sd))
-    cells.append("" if row.at is None else _angle(row.drift_error * drift))
-    return [*cells, row.order.needs]
-
-
-def _floor(row: Row) -> str:
-    if row.floor is None:
-        return row.why
-    return f"not reachable: floor {_angle(row.floor.sd)} from {row.limit}"
-
-
-def _advice(choice: Choice) -> list[str]:
-    """Which order to use, and why."""
-    task, best = choice.task, choice.best
-    how = f"Use {best.order.name}: {choice.reason}."
-    what = f"{_minutes(best.time)} minutes give {_angle(best.sd)} (1 sd)"
-    per = _per_stop(best, task.move)
-    out = [how, f"{what}{', ' + per if per else ''}."]
-    if task.accuracy is not None and not math.isfinite(best.needed):
-        out.append(f"{_angle(task.accuracy)} is {_floor(best)}.")
-    if choice.beyond is not None:
-        better = choice.beyond
-        gain = f"{_angle(better.sd)} in {_minutes(better.time)} minutes"
-        out.append(f"With {better.order.needs}, {better.order.name} gives {gain}.")
-    if choice.repeats is not None:
-        times, sd = choice.repeats
-        out.append(
-            f"Gone through {times} times in the same time (--cycles {times}) it gives "
-            f"{_angle(sd)}: slow noise of the gyro does less to shorter stops."
-        )
-    return out
-
-
-def _per_stop(row: Row, move: float) -> str:
-    from foucault.plans.north_orders import StopOrder
-
-    if not isinstance(row.order, StopOrder):
-        return ""
-    lengths = row.order.stops(row.time, move)
-    return f"{_range(float(lengths.min()), float(lengths.max()))} per stop"
-
-
-def _range(least: float, most: float) -> str:
-    return f"{least:.0f} s" if most - least < 0.5 else f"{least:.0f} to {most:.0f} s"
-
-
-def _budget(at: Prediction) -> list[tuple[str, ...]]:
-    whole = sum(at.sources.values())
-    rows = sorted(at.sources.items(), key=lambda item: -item[1])
-    return [(n, _angle(math.sqrt(v)), f"{v / whole:.1%}") for n, v in rows if v > 1e-6 * whole]
-
-
-def _findings(choice: Choice) -> list[Finding]:
-    from foucault.errors import finding
-    from foucault.plans.north_orders import SEEN, SHORTEST
-
-    task, best = choice.task, choice.best
-    out = []
-    minutes = _minutes(best.time)
-    if choice.signal < SEEN:
-        factor = SEEN / choice.signal
-        out.append(finding(
-            "north_plan.gyro_noisy", minutes=minutes, ratio=f"{1 / choice.signal:.2g}",
-            factor=f"{factor:.2g}", longer=f"{factor**2:.2g}",
-        ))  # fmt: skip
-    if task.accuracy is not None and task.total is not None and best.sd > task.accuracy:
-        cure = f"The accuracy is {_floor(best)}."
-        if math.isfinite(best.needed):
-            from dataclasses import replace
-
-            longer = replace(best, time=max(best.needed, best.order.shortest(task.move, SHORTEST)))
-            use = _per_stop(longer, task.move).replace(" per", " for each")
-            cure = f"Use at least {use or 'that long'}: {_minutes(longer.time)} minutes in all."
-        out.append(finding(
-            "north_plan.dwell_short", minutes=minutes, stop=_per_stop(best, task.move) or "turning",
-            sd=_angle(best.sd), accuracy=_angle(task.accuracy), cure=cure,
-        ))  # fmt: skip
-    return out
-
-
-def _angle(value: float) -> str:
-    """Write an angle in degrees."""
-    from foucault import units
-
-    degrees = math.degrees(value)
-    if not degrees < 90.0:
-        return "more than 90 deg"
-    return "0 deg" if degrees < 1e-9 else f"{units.plain(degrees, 3)} deg"
-
-
-def _minutes(seconds: float) -> str:
-    return f"{math.ceil(seconds / 6 - 1e-6) / 10:g}"  # upwards, in tenths
-
-
 def _document(
     choice: Choice, drift: float, tilted: float | None, findings: list[Finding],
     output: Path | None,
 ) -> dict[str, Any]:  # fmt: skip
     """All of it as JSON: angles in rad, times in s."""
+    from foucault.report import planned as report
+
     return {
         "orders": [row.as_dict(choice.task.move, drift) for row in choice.rows],
         "recommended": choice.best.order.name,
         "reason": choice.reason,
-        "advice": _advice(choice),
+        "advice": report.advice(choice),
         "tilted_sd": tilted,
         "findings": [f.as_dict() for f in findings],
         "file": None if output is None else str(output),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,11 +12,8 @@ from foucault.cli.screen import Screen, written
 from foucault.cli.sessions import load_or_template
 
 if TYPE_CHECKING:
-    from foucault.diagnose.foresight import Foresight
+    pass
 
-
-SHOWN = 4
-"""Combinations and pairs that are printed; all of them are in the JSON."""
 
 INCOMPLETE = 3
 """Exit code where something is hardly seen, that of a doubtful result."""
@@ -52,6 +48,7 @@ def preflight(
     Standard deviation of every coefficient, what cannot be told apart, whether the rig can do it.
     """
     from foucault.campaign import optimisation
+    from foucault.report import planned
 
     screen: Screen = ctx.obj
     given = {"plan": plan, "rate": rate, "segment": segment}
@@ -62,28 +59,7 @@ def preflight(
         found = optimisation.foresee(campaign, changes)
     if output is not None:
         optimisation.write(found, output)
-    screen.table(
-        "",
-        ("coefficient", "sd", "unit", "of the prior"),
-        [(r["name"], *_cells(r["display_sd"], r["display_unit"], r["of_prior"]))
-         for r in found.rows()],
-    )  # fmt: skip
-    if found.legs:
-        screen.table(
-            "the plan",
-            ("leg", "until (s)", "rate about x, y, z (deg/s)", "rank", "seen alone"),
-            _legs(found),
-        )
-    if found.limits:
-        screen.table("limits of the rig", ("", "needed", "allowed", ""), _limits(found))
-    if found.more:
-        screen.table(
-            "what more would buy",
-            ("", "longer (s)", "sd, of that without", "largest gain"),
-            _extras(found),
-        )
-    screen.say(*_summary(found))
-    screen.findings((*campaign.findings, *found.findings))
+    screen.document(planned.preflight(found, campaign.findings))
     if output is not None:
         screen.say(f"Table: {output}")
     screen.data(
@@ -92,71 +68,6 @@ def preflight(
         | {"file": None if output is None else str(output)}
     )
     raise typer.Exit(0 if found.complete else INCOMPLETE)
-
-
-def _cells(sd: float | None, unit: str, share: float | None) -> tuple[str, str, str]:
-    from foucault.units import plain
-
-    return (
-        "" if sd is None else plain(sd, 2),
-        unit,
-        "" if share is None else plain(share, 2),
-    )
-
-
-def _legs(found: Foresight) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = []
-    for k, leg in enumerate(found.legs, 1):
-        rate = ", ".join(f"{math.degrees(w):z.4f}" for w in leg.rate)
-        rows.append((str(k), f"{leg.end:.0f}", rate, str(leg.rank), str(leg.alone)))
-    return rows
-
-
-def _limits(found: Foresight) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = []
-    for limit in found.limits:
-        state = "" if limit.kept else "BROKEN"
-        rows.append((limit.name, limit.said_needed, limit.said_allowed, state))
-    return rows
-
-
-def _extras(found: Foresight) -> list[tuple[str, ...]]:
-    return [
-        (
-            more.what,
-            f"{more.time:.0f}",
-            f"{more.ratio:.3f}",
-            ", ".join(f"{name} {ratio:.2f}" for name, ratio in more.best[:1]),
-        )
-        for more in found.more
-    ]
-
-
-def _summary(found: Foresight) -> list[str]:
-    limit = found.rate_limit
-    allowed = "" if limit is None else f", of {math.degrees(limit):.4g} deg/s that the rig allows"
-    fastest = ""
-    if found.fastest is not None:
-        fastest = f", at most {math.degrees(found.fastest):.4g} deg/s about an axis{allowed}"
-    smallest = ""
-    if found.smallest is not None:
-        smallest = f"; smallest relative singular value {found.smallest:.2g}, the priors as units"
-    out = [
-        f"Plan: {found.plan}, {found.duration:.0f} s{fastest}.",
-        f"Rank {found.rank} of {found.states}{smallest}.",
-        f"Linearised at {found.linearised_at}.",
-    ]
-    out += _listed("Remains least known", found.remaining)
-    out += _listed("Hard to tell apart", found.weakest)
-    out += _listed("Seen by no leg" if found.legs else "Not seen", found.unseen)
-    pairs = [f"{a} and {b} ({value:+.2f})" for a, b, value in found.correlated[:SHOWN]]
-    return out + ([f"Errors most correlated: {', '.join(pairs)}."] if pairs else [])
-
-
-def _listed(title: str, words: tuple[str, ...]) -> list[str]:
-    more = len(words) - SHOWN
-    rest = [f"  and {more} more (--json names all)"] if more > 0 else []
-    return [f"{title}:", *(f"  {w}" for w in words[:SHOWN]), *rest] if words else []
 
 
 # -- The command that searches for a better plan: optimise ---------------------------------------

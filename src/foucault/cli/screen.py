@@ -86,14 +86,18 @@ class Screen:
             out.add_row(*(Text(screen(cell)) for cell in row))
         _console().print(out)
 
-    def document(self, said: Document, keys: Iterable[str]) -> None:
-        """Print the sections of a document that `keys` name, and its verdict."""
+    def document(self, said: Document, keys: Iterable[str] | None = None) -> None:
+        """Print the sections of a document that `keys` name, None for all, and its verdict."""
         head = said.heading
         self.say("", head.title, style="bold")
         self.say(*([", ".join(head.line)] if head.line else []))
         for one in said.sections:
-            if one.key in keys:
+            drawn = all(block.kind == "figure" for block in one.blocks)
+            if not drawn and (keys is None or one.key in keys):
                 self.section(one)
+        if head.state not in STATES:
+            self.say("", head.word + ".", *head.reasons)
+            return
         level = STATES[head.state][1]
         word = head.word[:1].lower() + head.word[1:]
         self.verdict(level, (reason.translate(SIGNS) for reason in head.reasons), word)
@@ -132,7 +136,8 @@ class Screen:
         looks = [some.columns[i].look for i in shown]
         lines = []
         for row in rows:
-            cells = [row[0]] if len(row) == 1 else [row[i] for i in shown]
+            aside_of = looks.index("text") if len(row) == 1 and "text" in looks else 0
+            cells = [""] * aside_of + [row[0]] if len(row) == 1 else [row[i] for i in shown]
             lines.append([
                 STATES.get(cell, ("", ""))[0] if look == "state" else cell
                 for look, cell in zip(looks, cells, strict=False)
