@@ -96,7 +96,7 @@ class Screen:
             if not drawn and (keys is None or one.key in keys):
                 self.section(one)
         if head.state not in STATES:
-            self.say("", head.word + ".", *head.reasons)
+            self.say(*([f"\n{head.word}."] if head.word else []), *head.reasons)
             return
         level = STATES[head.state][1]
         word = head.word[:1].lower() + head.word[1:]
