@@ -21,7 +21,7 @@ import numpy as np
 import foucault
 from foucault import campaign, report
 from foucault.campaign import navigation
-from foucault.campaign.running import Said
+from foucault.campaign.tables import Said
 from foucault.navigate.align import align
 from foucault.navigate.increments import increments_of
 from foucault.navigate.strapdown import State, navigate
@@ -86,13 +86,13 @@ np.savetxt(reference, rows, "%.9f", ",", header=titles, comments="")
 # %%
 place = {"latitude": start.latitude, "height": start.height}
 said = {
-    "parked": Said(place, Settings(align=600.0), serial="0001"),
-    "drive": Said(serial="0001"),
+    "parked": (Said(**place, serial="0001"), Settings(align=600.0)),
+    "drive": (Said(serial="0001"), Settings()),
 }
-for name, about in said.items():
+for name, (beside, settings) in said.items():
     against = reference if name == "drive" else None
     test = navigation.run(
-        folder / f"{name}.csv", about, calibration=folder / "run", reference=against
+        folder / f"{name}.csv", beside, settings, calibration=folder / "run", reference=against
     )
     print(f"{name}: {test.verdict.level}", *test.verdict.reasons)
     for run in test.runs:
@@ -101,7 +101,7 @@ for name, about in said.items():
     for k in test.budget.ranked(test.budget.worth)[:3]:
         east, north = test.budget.worth[-1, 6:8, k]
         print(f"  {test.budget.names[k]}: {np.hypot(east, north):.0f} m")
-    record = navigation.save(test, folder / name)
+    record = navigation.record(test).save(folder / name)
     print("  report:", report.save(page.document(record), folder / name / "report.html"))
 
 # %% [markdown]

@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 from foucault import campaign
 from foucault.campaign import delay, navigation
 from foucault.campaign.navigation import Window
-from foucault.campaign.running import Said
+from foucault.campaign.tables import Said
 from foucault.campaign.writing import changed
 from foucault.cli.watch import _open as open_watch
 from foucault.diagnose.allan import measure_log

@@ -284,6 +284,23 @@ def test_a_campaign_in_the_run_folder_is_left_as_it_is(
     assert campaign.parse(kept, tmp_path / "run" / "campaign.toml").log.file == "../log.csv"
 
 
+@pytest.mark.parametrize(
+    "words",
+    [("calibrate", "campaign.toml"), ("fleet", "campaign.toml"), ("merge", "a", "b"),
+     ("temperature", "a", "b"), ("montecarlo", "hand_rotated"), ("optimise", "platform_tumble")],
+)  # fmt: skip
+def test_a_folder_of_another_kind_is_refused_before_the_work(
+    words: tuple[str, ...], session: Path, tmp_path: Path, answer: Callable[[Any], None]
+) -> None:
+    answer(AssertionError("no work is to be done"))
+    (tmp_path / "north.json").write_text("{}")
+    given = [session if word == "campaign.toml" else word for word in words]
+    result = run(*given, "-o", tmp_path)
+    assert result.exit_code == 1
+    assert f"'{tmp_path}' already holds north.json, of another kind of run." in result.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["north.json"]
+
+
 def test_unwritable_output_is_one_clear_error(
     session: Path, tmp_path: Path, answer: Callable[[Any], None]
 ) -> None:

@@ -24,6 +24,7 @@ from typer.testing import CliRunner
 import foucault
 from foucault import campaign, report, run_folder
 from foucault.campaign import north, tolerance
+from foucault.campaign.tables import Said
 from foucault.cli.app import app
 from foucault.logs import read as read_log
 from foucault.models.imu import LAYOUT as IMU
@@ -116,11 +117,11 @@ def test_readings_in_the_docs_give_the_headings_they_say(tmp_path: Path) -> None
     ).groups()  # type: ignore[union-attr]
     file = tmp_path / "readings.csv"
     file.write_text(table, encoding="utf-8")
-    said = north.Said(
-        {"latitude": np.radians(47.3)}, {},
-        parse("0.003 deg/sqrt(h)", "angle random walk"),
-        parse("30 ug/sqrt(Hz)", "velocity random walk"),
-    )  # fmt: skip
+    said = Said(
+        latitude=np.radians(47.3),
+        gyro_noise=parse("0.003 deg/sqrt(h)", "angle random walk"),
+        accel_noise=parse("30 ug/sqrt(Hz)", "velocity random walk"),
+    )
     fixes = north.run(file, said).fixes
     assert [f"{a:.2f}" for a in np.degrees(fixes.angles[:, 0])] == [first, second]
     assert [f"{a:.2f}" for a in np.degrees(fixes.sd[:, 0])] == [sd, sd]

@@ -22,7 +22,7 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -30,7 +30,15 @@ import numpy as np
 
 from foucault import tables
 from foucault.errors import FoucaultError, error
-from foucault.files import HEAD, atomic, keep_others, parse_json, read_text, unwritable
+from foucault.files import (
+    HEAD,
+    atomic,
+    keep_others,
+    parse_json,
+    plain_json,
+    read_text,
+    unwritable,
+)
 from foucault.result import Result, TableData
 
 if TYPE_CHECKING:
@@ -73,10 +81,28 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Record:
-    """What a folder holds."""
+    """What a folder holds, or is to hold."""
 
     about: Mapping[str, Any]  # what the document says [SI]
     tables: Mapping[str, TableData]  # name of the table -> column -> values [SI]
+    kind: str = ""  # a key of `KINDS`
+    units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # of the tables
+    texts: Mapping[str, str] = field(default_factory=dict)  # other files: name -> content
+
+    def save(self, folder: str | Path) -> Record:
+        """Write it, without its page, whole or not at all; what was of that kind is replaced.
+
+        The hashes of all other files are put to the document under "files". The page of what was
+        there before is removed. Raises ``output.kind``.
+        """
+        files = {
+            f"{name}.parquet": _parquet(columns, {c: {"unit": u} for c, u in units.items()})
+            for (name, columns), units in zip(self.tables.items(), self.units.values(), strict=True)
+        } | {name: text.encode() for name, text in self.texts.items()}
+        listed = {"files": {name: _sha256(data) for name, data in files.items()}} if files else {}
+        document = dict(self.about) | listed
+        _written(Path(folder), self.kind, document, files)
+        return replace(self, about=document)
 
 
 def kind_of(folder: str | Path) -> str:
@@ -84,38 +110,29 @@ def kind_of(folder: str | Path) -> str:
     return next((k for k, kind in KINDS.items() if (Path(folder) / kind.file).is_file()), "result")
 
 
-def others_in(folder: str | Path, kind: str) -> str | None:
-    """Return a document in a folder that is of another kind than what is to be written there."""
-    found = (k.file for name, k in KINDS.items() if name != kind)
-    return next((file for file in found if (Path(folder) / file).exists()), None)
+def refuse_others(folder: str | Path, kind: str) -> None:
+    """Refuse a folder that holds another kind of run; raises ``output.kind``."""
+    for name, other in KINDS.items():
+        if name != kind and (Path(folder) / other.file).exists():
+            raise error("output.kind", folder=folder, what=other.file)
 
 
-def record(kind: str, about: Mapping[str, Any], tables: Mapping[str, Columns]) -> Record:
-    """Return what a folder would hold, without writing it."""
-    plain = {t: {c: np.asarray(v) for c, (v, _) in rows.items()} for t, rows in tables.items()}
-    return Record({"schema": KINDS[kind].schema} | dict(about), plain)
+def record(
+    kind: str, about: Mapping[str, Any], tables: Mapping[str, Columns] | None = None,
+    **texts: str,
+) -> Record:  # fmt: skip
+    """Return what a folder is to hold: its schema is put to `about`, plain values [SI].
 
-
-def write(
-    folder: str | Path,
-    kind: str,
-    about: Mapping[str, Any],
-    tables: Mapping[str, Columns] | None = None,
-    texts: Mapping[str, str] | None = None,
-) -> Record:
-    """Write a folder, without its page, whole or not at all; what was of that kind is replaced.
-
-    `about`: what the document says, as plain values: its schema, and the hashes of all other files
-    under "files", are put to it; `texts`: other files, name -> content. The page of what was there
-    before is removed.
+    `texts`: other files, name -> content.
     """
-    held = record(kind, about, tables or {})
-    files = {f"{name}.parquet": parquet(columns) for name, columns in (tables or {}).items()}
-    files |= {name: text.encode() for name, text in (texts or {}).items()}
-    listed = {"files": {name: _sha256(data) for name, data in files.items()}} if files else {}
-    document = dict(held.about) | listed
-    _written(Path(folder), KINDS[kind].file, document, files)
-    return Record(document, held.tables)
+    given = (tables or {}).items()
+    return Record(
+        {"schema": KINDS[kind].schema} | {key: plain_json(value) for key, value in about.items()},
+        {name: {c: np.asarray(v) for c, (v, _) in columns.items()} for name, columns in given},
+        kind,
+        {name: {c: unit for c, (_, unit) in columns.items()} for name, columns in given},
+        texts,
+    )
 
 
 def read(folder: str | Path, kind: str) -> Record:
@@ -123,7 +140,8 @@ def read(folder: str | Path, kind: str) -> Record:
     file = Path(folder) / KINDS[kind].file
     about = about_of(folder, kind)
     named = {n: digest for n, digest in about.get("files", {}).items() if n.endswith(".parquet")}
-    return Record(about, {Path(n).stem: read_table(file, n, digest) for n, digest in named.items()})
+    tables = {Path(n).stem: read_table(file, n, digest) for n, digest in named.items()}
+    return Record(about, tables, kind)
 
 
 def about_of(folder: str | Path, kind: str) -> dict[str, Any]:
@@ -175,7 +193,7 @@ def save(result: Result, folder: str | Path, campaign_text: str | None = None) -
     if campaign_text is not None:
         files[CAMPAIGN_FILE] = campaign_text.encode()
         doc["campaign"] = {"file": CAMPAIGN_FILE, "sha256": _sha256(files[CAMPAIGN_FILE])}
-    _written(folder, RESULT_FILE, doc, files)
+    _written(folder, "result", doc, files)
     with suppress(OSError):  # the result is whole; what cannot be removed is only in the way
         for old in (folder / TABLE_FOLDER).glob("*.parquet"):
             if _TABLE_NAME.fullmatch(old.name) and f"{TABLE_FOLDER}/{old.name}" not in files:
@@ -268,8 +286,10 @@ def result_schema() -> dict[str, Any]:
 # -- writing -------------------------------------------------------------------------------
 
 
-def _written(folder: Path, name: str, doc: Mapping[str, Any], files: Mapping[str, bytes]) -> None:
+def _written(folder: Path, kind: str, doc: Mapping[str, Any], files: Mapping[str, bytes]) -> None:
     """Write a document and the files that belong to it; the page of what was there goes."""
+    refuse_others(folder, kind)
+    name = KINDS[kind].file
     text = json.dumps(doc, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     new = [folder / file for file in files if not (folder / file).exists()]
     try:
@@ -293,12 +313,6 @@ def _written(folder: Path, name: str, doc: Mapping[str, Any], files: Mapping[str
 
 def _says(file: Path, text: str) -> bool:
     return file.is_file() and file.read_text(encoding="utf-8") == text
-
-
-def parquet(columns: Columns) -> bytes:
-    """Return a table as a Parquet file that carries the units."""
-    values = {name: values for name, (values, _) in columns.items()}
-    return _parquet(values, {name: {"unit": unit} for name, (_, unit) in columns.items()})
 
 
 def _parquet(columns: Mapping[str, Any], notes: Mapping[str, Mapping[str, str]]) -> bytes:

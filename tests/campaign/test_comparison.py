@@ -34,10 +34,10 @@ def drifting(n=4, per_year=12.0):
 
 @pytest.mark.thorough
 def test_the_order_of_the_arguments_does_not_matter(folders):
-    wanted = comparison.document(comparison.run(folders))
+    wanted = comparison.record(comparison.run(folders)).about
     wanted.pop("provenance")
     for some in itertools.permutations(folders):
-        said = comparison.document(comparison.run(some))
+        said = comparison.record(comparison.run(some)).about
         said.pop("provenance")
         assert json.dumps(said) == json.dumps(wanted)  # to the last bit
 
@@ -261,17 +261,18 @@ def test_results_that_agree_too_well_are_noted():
 
 
 def test_the_folder_is_read_back_and_never_written_over_another(folders, tmp_path):
-    about = comparison.document(comparison.run(folders), 0.5)
+    record = comparison.record(comparison.run(folders), 0.5)
+    about = record.about
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "report.html").write_text("old")
-    comparison.save(about, tmp_path / "out")
+    record.save(tmp_path / "out")
     assert not (tmp_path / "out" / "report.html").exists()
-    assert comparison.load(tmp_path / "out") == json.loads(json.dumps(about))
+    assert run_folder.read(tmp_path / "out", "comparison").about == json.loads(json.dumps(about))
     assert about["results"][0]["sha256"] and about["provenance"]["versions"]["foucault"]
     with pytest.raises(FoucaultError, match=r"already holds result\.json") as problem:
-        comparison.save(about, folders[0])
-    assert problem.value.code == "compare.folder"
+        record.save(folders[0])
+    assert problem.value.code == "output.kind"
     (tmp_path / "out" / "compare.json").write_text('{"schema": "foucault.compare/9"}')
     with pytest.raises(FoucaultError) as problem:
-        comparison.load(tmp_path / "out")
+        run_folder.read(tmp_path / "out", "comparison")
     assert problem.value.code == "result.schema"

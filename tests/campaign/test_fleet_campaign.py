@@ -53,7 +53,7 @@ def test_a_fleet_is_solved_in_one_batch_and_each_has_a_result(tmp_path):
     told = []
     table = fleet.run(described, tmp_path / "out", progress=lambda f, w: told.append((f, w)))
     assert table.counts() == {"pass": 40, "doubtful": 0, "unusable": 0, "broken": 0}
-    about = fleet.about(tmp_path / "out")
+    about = run_folder.about_of(tmp_path / "out", "fleet")
     assert about["solved_in_batch"] == 40 and about["instruments"] == 40
     assert about["schema"] == "foucault.fleet/1" and about["tolerance"] is None
     assert told[-1][1] == "writing 40 of 40" and all(0 <= f <= 1 for f, _ in told)
@@ -134,7 +134,9 @@ def test_broken_instruments_are_listed_and_the_others_go_on(tmp_path):
     good = [r.serial for r in table.rows if r.problem is None]
     want = [r.serial for r in before.rows if r.serial not in codes]
     assert good == want
-    listed = {row["serial"]: row for row in fleet.about(tmp_path / "out")["broken"]}
+    listed = {
+        row["serial"]: row for row in run_folder.about_of(tmp_path / "out", "fleet")["broken"]
+    }
     assert set(listed) == set(codes) and all(row["cure"] for row in listed.values())
     # What they had before is no longer their result.
     for serial in codes:
@@ -223,7 +225,7 @@ def test_one_by_one_where_the_batch_does_not_solve_what_was_asked(tmp_path):
     likelihood = '[procedure]\nname = "norm_observation"\n'
     described = bench(tmp_path / "bench", 3, procedure=likelihood)
     table = fleet.run(described, tmp_path / "out", workers=2)
-    assert fleet.about(tmp_path / "out")["solved_in_batch"] == 0
+    assert run_folder.about_of(tmp_path / "out", "fleet")["solved_in_batch"] == 0
     log = dict(by_serial(described.log, described.folder))["SN002"]
     alone = norm_observation.calibrate(log, site=described.site, settings=described.settings)
     np.testing.assert_array_equal(table.values[1], alone.coefficients.values)

@@ -9,12 +9,15 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from foucault import run_folder
 from foucault.campaign import north
+from foucault.campaign.tables import Said
 from foucault.errors import FoucaultError
 from foucault.models.noise import ImuNoise, TriadNoise
 from make_north import ACCEL_WHITE, GYRO_WHITE, LATITUDE, many, write_readings
 
-SAID = north.Said({"latitude": LATITUDE}, {}, GYRO_WHITE, ACCEL_WHITE)
+WHITE = {"gyro_noise": GYRO_WHITE, "accel_noise": ACCEL_WHITE}
+SAID = Said(latitude=LATITUDE, **WHITE)
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +42,8 @@ def test_headings_are_found_to_their_uncertainty(survey, readings):
 
 
 def test_the_folder_reads_back_what_was_saved(survey, tmp_path):
-    saved = north.save(survey, tmp_path / "out")
-    read = north.load(tmp_path / "out")
+    saved = north.record(survey).save(tmp_path / "out")
+    read = run_folder.read(tmp_path / "out", "north")
     assert read.about == json.loads(json.dumps(saved.about))
     assert read.about["schema"] == "foucault.north/1"
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
@@ -63,7 +66,7 @@ def test_the_budget_adds_up_to_the_variance(survey):
 
 
 def test_the_tables_say_the_same_in_their_units(survey, tmp_path):
-    north.save(survey, tmp_path)
+    north.record(survey).save(tmp_path)
     rows = list(csv.DictReader((tmp_path / "fixes.csv").read_text("utf-8").splitlines()))
     fixes = pq.read_table(tmp_path / "fixes.parquet")
     assert fixes.schema.field("heading_sd").metadata == {b"unit": b"rad"}
@@ -81,9 +84,9 @@ def test_the_tables_say_the_same_in_their_units(survey, tmp_path):
 
 def test_a_set_up_near_the_equator_tells_what_its_uncertainty_covers(tmp_path):
     write_readings(tmp_path / "r.csv", many(6, 8.0), latitude=np.radians(4.0))
-    said = north.Said({"gravity": 9.79}, {"unknown_latitude": True}, GYRO_WHITE, ACCEL_WHITE)
-    survey = north.run(tmp_path / "r.csv", said)
-    about = north.save(survey, tmp_path / "out").about
+    said = Said(gravity=9.79, **WHITE)
+    survey = north.run(tmp_path / "r.csv", said, {"unknown_latitude": True})
+    about = north.record(survey).save(tmp_path / "out").about
     lost = [s for s in about["setups"] if north.UNRESOLVED in s["budget"]]
     assert lost and len(lost) < 6
     fixes = pq.read_table(tmp_path / "out" / "fixes.parquet")
@@ -93,7 +96,7 @@ def test_a_set_up_near_the_equator_tells_what_its_uncertainty_covers(tmp_path):
 
 def test_an_earlier_report_does_not_outlive_its_survey(survey, tmp_path):
     (tmp_path / "report.html").write_text("old")
-    north.save(survey, tmp_path)
+    north.record(survey).save(tmp_path)
     assert not (tmp_path / "report.html").exists()
 
 
@@ -106,41 +109,40 @@ def refused(code, function, *words, **more):
 
 def test_a_folder_with_a_calibration_is_left_alone(survey, tmp_path):
     (tmp_path / "result.json").write_text("{}")
-    text = refused("north.folder", north.save, survey, tmp_path)
-    assert "holds the result of a calibration" in text
+    text = refused("output.kind", north.record(survey).save, tmp_path)
+    assert "already holds result.json" in text
     assert [p.name for p in tmp_path.iterdir()] == ["result.json"]
 
 
 def test_a_folder_that_was_changed_is_refused(survey, tmp_path):
-    north.save(survey, tmp_path)
+    north.record(survey).save(tmp_path)
     (tmp_path / "dwells.parquet").write_bytes(b"else")
-    refused("result.table_changed", north.load, tmp_path)
+    refused("result.table_changed", run_folder.read, tmp_path, "north")
     (tmp_path / "dwells.parquet").unlink()
-    refused("result.table_missing", north.load, tmp_path)
+    refused("result.table_missing", run_folder.read, tmp_path, "north")
     (tmp_path / "north.json").write_text('{"schema": "foucault.north/9"}')
-    refused("result.schema", north.load, tmp_path)
+    refused("result.schema", run_folder.read, tmp_path, "north")
     (tmp_path / "north.json").write_text("{")
-    refused("result.not_json", north.load, tmp_path)
+    refused("result.not_json", run_folder.read, tmp_path, "north")
 
 
 def test_what_is_missing_is_said(readings):
     file = readings[0]
-    refused("north.fix_latitude", north.run, file, north.Said({}, {}))
+    refused("north.fix_latitude", north.run, file, Said())
     unknown = {"unknown_latitude": True}
-    text = refused("north.fix_gravity", north.run, file, north.Said({}, unknown))
+    text = refused("north.fix_gravity", north.run, file, Said(), unknown)
     assert '--gravity "9.81 m/s^2"' in text
-    text = refused("north.noise_half", north.run, file, north.Said(SAID.site, {}, GYRO_WHITE))
+    text = refused("north.noise_half", north.run, file, Said(**SAID.site, gyro_noise=GYRO_WHITE))
     assert "The noise of the gyro is given, that of the accelerometers is not." in text
-    text = refused("north.noise_half", north.run, file,
-                   north.Said(SAID.site, {}, accel_white=ACCEL_WHITE))  # fmt: skip
+    text = refused("north.noise_half", north.run, file, Said(**SAID.site, accel_noise=ACCEL_WHITE))
     assert "that of the gyro is not" in text
-    refused("north.latitude", north.run, file, north.Said({"latitude": np.radians(89.5)}, {}))
+    refused("north.latitude", north.run, file, Said(latitude=np.radians(89.5)))
 
 
 def test_noise_of_the_gyro_is_enough_without_accelerometers(tmp_path):
     write_readings(tmp_path / "r.csv", accel=None)
-    said = north.Said(SAID.site, {"level_sd": 1e-4}, GYRO_WHITE)
-    survey = north.run(tmp_path / "r.csv", said)
+    said = Said(**SAID.site, gyro_noise=GYRO_WHITE)
+    survey = north.run(tmp_path / "r.csv", said, {"level_sd": 1e-4})
     assert survey.noise == ImuNoise(TriadNoise(), TriadNoise(white=GYRO_WHITE))
     about = north.record(survey).about
     assert "tilt: level" in about["setups"][0]["budget"]

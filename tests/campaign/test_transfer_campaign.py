@@ -9,7 +9,7 @@ import pytest
 
 from foucault import campaign, run_folder
 from foucault.campaign import navigation, optimisation, study
-from foucault.campaign.running import Said
+from foucault.campaign.tables import Said
 from foucault.errors import FoucaultError
 from foucault.export import request
 from foucault.models.layouts import kind_of
@@ -79,7 +79,7 @@ def test_the_outage_is_navigated_with_what_was_found(session, run):
     angles = {name: handed[name] for name in ("heading", "pitch", "roll")}
     chosen = Navigation(vertical="aided", start=start, level_sd=5e-5, heading_sd=5e-5, **angles)
     found = navigation.run(
-        folder / "outage.csv", Said(settings=chosen, gyro_white=1.7e-5, accel_white=3e-4),
+        folder / "outage.csv", Said(gyro_noise=1.7e-5, accel_noise=3e-4), chosen,
         calibration=folder / "run", reference=folder / "reference.csv",
     )  # fmt: skip
     with_, without = (np.hypot(*run.errors.position[-1, :2]) for run in found.runs)

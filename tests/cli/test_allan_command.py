@@ -66,7 +66,7 @@ def test_one_axis_of_another_kind_as_json(log: Path) -> None:
 
 def test_a_part_at_rest(log: Path) -> None:
     result = run("allan", log, "--axis", "x", "--rest", "10 s to 30 s")
-    assert "At rest, 10.00 s to 30.00 s." in result.output
+    assert "At rest, 10.00 s to 30.00 s" in result.output
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_what_only_looks_at_a_log_needs_no_place(command: str, log: Path, tmp_pa
     file.write_text(f'[log]\nfile = "{log}"\n')
     result = run(command, file)
     assert result.exit_code == 0
-    assert "samples" in result.output or "At rest, 0.00 s to 49.99 s." in result.output
+    assert "samples" in result.output or "At rest, 0.00 s to 49.99 s" in result.output
 
 
 COLUMNS = ['"rate"', '["rate"]', '["", "", "rate"]']

@@ -163,8 +163,13 @@ def test_a_campaign_says_the_same(folder: Path) -> None:
 def test_a_folder_of_a_calibration_stays(folder: Path) -> None:
     result = run("navigate", folder / "parked.csv", *SITE, "-o", folder / "run")
     assert result.exit_code == 1
-    assert "holds the result of a calibration" in result.output
-    assert "Give another folder." in result.output
+    assert "already holds result.json, of another kind of run." in result.output
+
+
+def test_a_serial_number_that_is_not_that_of_the_calibration(folder: Path) -> None:
+    words = ("--calibration", folder / "run", "--serial", "SN 5")
+    result = run("navigate", folder / "parked.csv", *SITE, *words)
+    assert result.exit_code == 1 and "the calibration is of SN 4" in result.output
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,12 @@ RATE = np.radians(10.0)
 BIAS = np.radians([2.0, -1.0, 0.5])
 
 
+def tables(seen):
+    """Return rows of what is said of a log, by the key of the section."""
+    blocks = ((s.key, b) for s in noise.inspected(seen).sections for b in s.blocks)
+    return {key.removeprefix("log."): b.rows for key, b in blocks if b.kind == "table"}
+
+
 def table_log(spins=6, bias=BIAS):
     """Rests and spins of 10 s about each axis in turn, both ways, with brisk moves between."""
     rng, gyro, table = np.random.default_rng(1), [], []
@@ -38,9 +44,9 @@ def test_steady_spins_are_turning_and_no_rests(told):
     seen = inspect(log)
     assert len(seen.rests) == 12
     assert seen.turning.tolist() == [False, True] * 6
-    rows = sessions._rests(seen)
-    assert [row[6] for row in rows[:4]] == ["rest", "turning"] * 2
-    overview = dict(sessions._overview(seen, 0.0))
+    said = tables(seen)
+    assert [row[6] for row in said["rests"][:4]] == ["rest", "turning"] * 2
+    overview = dict(said["overview"])
     assert overview["rests found"].startswith("6 ")
     assert overview["steady turns"].startswith("6,")
 
@@ -53,15 +59,17 @@ def test_means_have_a_row_each_and_no_noise(tmp_path):
         averaged=np.array([30.0, 30.0, 10.0]), table=TableColumns(angles, np.array([0, 0, 1.0])),
     )  # fmt: skip
     seen = inspect(log)
-    overview = dict(sessions._overview(seen, 0.0))
-    assert overview == {"means": "3, each over 10 s to 30 s"}
-    assert list(sessions._table_columns(seen)) == ["outer (deg)", "middle (deg)", "table (deg/s)"]
-    rows = sessions._rests(seen)
-    assert rows[0][1:3] == ("0.00 s", "30.00 s")
+    said = tables(seen)
+    assert dict(said["overview"]) == {"means": "3, each over 10 s to 30 s"}
+    (means,) = (s for s in noise.inspected(seen).sections if s.key == "log.means")
+    heads = [column.heading for column in means.blocks[0].columns]
+    assert heads[7:] == ["outer (deg)", "middle (deg)", "table (deg/s)"]
+    rows = said["means"]
+    assert rows[0][1:3] == ["0.00 s", "30.00 s"]
     assert [row[6] for row in rows] == ["rest", "rest", "turning"]
-    assert rows[0][7:] == ("0.000", "90.000", "0.000")
+    assert rows[0][7:] == ["0.000", "90.000", "0.000"]
     assert rows[2][-1] == f"{np.degrees(1.0):.3f}"
-    assert not any("sqrt" in word for row in sessions._axes(seen) for word in row)
+    assert not any("sqrt" in word for row in said["readings"] for word in row)
     document = sessions._document(tmp_path, seen, 0.0)
     assert "gaps" not in document
     assert "noise" not in document["accel"]

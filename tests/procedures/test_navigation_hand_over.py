@@ -151,8 +151,9 @@ def test_the_command_takes_a_hand_over(perfect, tmp_path) -> None:
     usual = json.loads(run("navigate", log, "--velocity", v, *place).stdout)["runs"][0]["start"]
     assert (usual["velocity_sd"], usual["position_sd"]) == (0.1, 0.0)
     two = run("navigate", log, "--velocity", "1 m/s, 2 m/s", *place)
-    assert two.exit_code == 1 and "--velocity is '1 m/s, 2 m/s'" in two.stderr
-    assert 'east, north and up: --velocity "12.1 m/s, -3.4 m/s, 0 m/s"' in two.stderr
+    assert two.exit_code == 1 and json.loads(two.stdout)["error"]["code"] == "program.parts"
+    assert "--velocity '1 m/s, 2 m/s' does not say east, north and up." in two.stderr
+    assert 'Write --velocity "12.1 m/s, -3.4 m/s, 0 m/s".' in two.stderr
     part = run("navigate", log, "--velocity", v, "--position-sd", "4 m")
     assert part.exit_code == 1
     assert "--position-sd was given without --longitude and --height" in part.stderr

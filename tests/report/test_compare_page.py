@@ -32,8 +32,7 @@ def pages() -> dict[str, str]:
     }
     # By way of JSON, as `foucault report` has it.
     return {
-        name: render(compare.document(json.loads(json.dumps(comparison.document(found)))))
-        for name, found in made.items()
+        name: render(compare.document(comparison.record(found))) for name, found in made.items()
     }
 
 

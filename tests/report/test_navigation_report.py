@@ -9,6 +9,7 @@ from html import unescape
 import numpy as np
 import pytest
 
+from foucault import run_folder
 from foucault.campaign import navigation
 from foucault.plans.manoeuvres import Rest
 from foucault.procedures.navigation import navigate_log
@@ -170,8 +171,8 @@ def test_folder_and_record_are_the_same(tmp_path):
     test = navigate_log(
         log, calibration=calibration(FOUND), settings=Settings(align=150.0), **PLACE
     )
-    saved = navigation.save(test, tmp_path / "run")
-    loaded = navigation.load(tmp_path / "run")
+    saved = navigation.record(test).save(tmp_path / "run")
+    loaded = run_folder.read(tmp_path / "run", "navigation")
     assert json.loads(json.dumps(saved.about)) == loaded.about
     assert saved.tables.keys() == loaded.tables.keys()
     for name, table in saved.tables.items():

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from foucault.campaign import north
+from foucault.campaign.tables import Said
 from foucault.report import north as drawn
 from foucault.report import render
 from foucault.report.north import Setup, common, own, twice
@@ -19,16 +20,17 @@ from foucault.run_folder import Record
 from foucault.simulate.north import Placement
 from make_north import ACCEL_WHITE, GYRO_WHITE, LATITUDE, ONE, many, write_readings
 
-SAID = north.Said({"latitude": LATITUDE}, {}, GYRO_WHITE, ACCEL_WHITE)
+WHITE = {"gyro_noise": GYRO_WHITE, "accel_noise": ACCEL_WHITE}
+SAID = Said(latitude=LATITUDE, **WHITE)
 
 
 def page_of(record):
     return render(drawn.document(record))
 
 
-def made(folder, setups, said=SAID, **words):
+def made(folder, setups, said=SAID, settings=None, **words):
     write_readings(folder / "r.csv", setups, **words)
-    return north.record(north.run(folder / "r.csv", said))
+    return north.record(north.run(folder / "r.csv", said, settings))
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +40,7 @@ def one(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def twelve(tmp_path_factory):
-    said = north.Said(SAID.site, {"accuracy": np.radians(0.02)}, GYRO_WHITE, ACCEL_WHITE)
-    return made(tmp_path_factory.mktemp("many"), many(12), said)
+    return made(tmp_path_factory.mktemp("many"), many(12), settings={"accuracy": np.radians(0.02)})
 
 
 def titles(page):
@@ -89,9 +90,9 @@ def test_the_wedge_is_magnified_by_powers_of_ten(sd, wider):
 
 
 def test_another_solution_is_a_faint_needle(tmp_path):
-    said = north.Said({"gravity": 9.79}, {"unknown_latitude": True}, GYRO_WHITE, ACCEL_WHITE)
+    said, unknown = Said(gravity=9.79, **WHITE), {"unknown_latitude": True}
     tilted = Placement("A", np.pi, *np.radians([-1.5, -7.3]))
-    record = made(tmp_path, [tilted], said, latitude=np.radians(4.0), seed=0)
+    record = made(tmp_path, [tilted], said, unknown, latitude=np.radians(4.0), seed=0)
     setup = record.about["setups"][0]
     assert setup["ambiguous"]
     page = page_of(record)
@@ -144,7 +145,7 @@ def test_many_findings_of_a_kind_are_counted():
 
 def test_what_all_set_ups_share_is_said_once(tmp_path):
     """Declared too quiet by a factor of ten, all readings scatter too much."""
-    quiet = north.Said(SAID.site, {}, GYRO_WHITE / 10, ACCEL_WHITE)
+    quiet = SAID.model_copy(update={"gyro_noise": GYRO_WHITE / 10})
     record = made(tmp_path, many(12), quiet)
     setups = [Setup(record, i) for i in range(12)]
     (shared,) = common(setups)

@@ -48,10 +48,10 @@ from foucault.diagnose.comparable import (
 )
 from foucault.diagnose.compare import Between, History, between, history
 from foucault.errors import Finding, FoucaultError, error, finding, listed, suggestion
-from foucault.files import parse_toml, plain_json, read_text, sha256
+from foucault.files import parse_toml, read_text, sha256
 from foucault.models.layouts import EVERY
 from foucault.result import Result, provenance
-from foucault.run_folder import RESULT_FILE, load_result, result_file
+from foucault.run_folder import RESULT_FILE, Record, load_result, result_file
 from foucault.units import plain
 
 KEYS = ("folder", "date", "instrument", "label")
@@ -240,7 +240,7 @@ def run(
 
 
 def of(read: Sequence[Entry], tolerance: Tolerance | None = None) -> Comparison:
-    """Compare results that were read, in the order of `comparison_entries.entries`.
+    """Compare results that were read, in the order of `entries`.
 
     `read`: two results or more [SI]; `tolerance` or None: limits of values, changes and drifts.
     """
@@ -289,15 +289,14 @@ def _too_alike(name: str, past: History) -> list[Finding]:
     return [finding("compare.too_alike", name=name, given=given, dof=past.dof)]
 
 
-def document(comparison: Comparison, seconds: float = 0.0) -> dict[str, Any]:
-    """Return everything that compare.json says.
+def record(comparison: Comparison, seconds: float = 0.0) -> Record:
+    """Return what the folder of a comparison keeps.
 
     `comparison`: what was found [SI]; `seconds`: how long it took [s].
     """
     c = comparison
     number = {id(e): i for i, e in enumerate(c.entries)}
-    out = {
-        "schema": run_folder.KINDS["comparison"].schema,
+    about = {
         "verdict": {"level": c.verdict.level, "reasons": list(c.verdict.reasons)},
         "results": [_result(e) for e in c.entries],
         "coefficients": _coefficients(c),
@@ -311,7 +310,7 @@ def document(comparison: Comparison, seconds: float = 0.0) -> dict[str, Any]:
         "findings": [f.as_dict() for f in c.findings],
         "provenance": {k: v for k, v in provenance({}, seconds).items() if k != "input"},
     }
-    return {key: plain_json(value) for key, value in out.items()}
+    return run_folder.record("comparison", about)
 
 
 def _result(e: Entry) -> dict[str, Any]:
@@ -394,16 +393,3 @@ def _between(between: Between | None, shared: Comparable | None) -> dict[str, An
         "spreads": [asdict(s) for s in between.spreads],
         "outlying": [asdict(o) for o in between.outlying],
     }
-
-
-def save(about: Mapping[str, Any], folder: str | Path) -> None:
-    """Write the folder of a comparison, without its report; an earlier one in it is replaced."""
-    other = run_folder.others_in(folder, "comparison")
-    if other is not None:
-        raise error("compare.folder", folder=folder, what=other)
-    run_folder.write(folder, "comparison", about)
-
-
-def load(folder: str | Path) -> dict[str, Any]:
-    """Read what compare.json in a folder says."""
-    return run_folder.about_of(folder, "comparison")

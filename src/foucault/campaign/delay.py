@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from foucault import logs
-from foucault.campaign.running import read
-from foucault.campaign.tables import validate
+from foucault.campaign.running import opened, read_whole
+from foucault.campaign.tables import Said, validate
 from foucault.errors import error
 from foucault.estimate.delay import BRACKET
 from foucault.files import parse_toml, read_text
@@ -48,8 +48,8 @@ def run(
     """
     slave = Path(slave)
     with beside_another():
-        source = read(slave, progress)
-    log = source.log
+        case = opened(slave, Said(), None, progress)
+    log = case.log
     other: Log | MasterTable | None = getattr(log, "master", None)
     if other is not None:  # such a log has told what was noticed of its master
         log = replace(log, findings=tuple(f for f in log.findings if f not in other.findings))
@@ -60,9 +60,9 @@ def run(
         raise error("delay.no_second", file=slave.name)
     if isinstance(other, Log) and log.source.get("sha256", 0) == other.source.get("sha256"):
         raise error("delay.same_log", file=slave.name)
-    latitude = source.site.get("latitude")
+    latitude = case.site.get("latitude")
     if isinstance(other, MasterTable) and not other.has_place and latitude is not None:
-        other = other.from_place(latitude, source.site.get("height") or 0.0)
+        other = other.from_place(latitude, case.site.get("height") or 0.0)
     progress(0.8, "matching")
     C_ms = None if mounting is None else np.asarray(matrix_of(*mounting))
     log = replace(log, findings=on_a_shared_clock(log.findings))
@@ -80,7 +80,7 @@ def _second(path: Path, progress: Progress) -> Log | MasterTable:
             described = validate(MasterDescription, said["master"], ("master",))
             return masters.read(described, path.parent)
     if path.suffix == ".toml":
-        return read(path, progress).log
+        return read_whole(path, progress)[0]
     raw = open_raw(path, FileLayout.model_validate({"file": path.name}))
     if any(title.partition("(")[0].strip().lower() in _HEADINGS for title in raw.names):
         return masters.read(MasterDescription.model_validate({"file": path.name}), path.parent)

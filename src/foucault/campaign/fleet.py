@@ -308,13 +308,9 @@ def _save(
         "tolerance": None if table.tolerance is None else table.tolerance.as_json(),
         "provenance": made,
     }  # fmt: skip
-    texts = {run_folder.CAMPAIGN_FILE: text}
-    run_folder.write(folder, "fleet", document, {"fleet": table.columns()}, texts)
-
-
-def about(folder: str | Path) -> dict[str, Any]:
-    """Return what fleet.json in a folder says."""
-    return run_folder.about_of(folder, "fleet")
+    run_folder.record(
+        "fleet", document, {"fleet": table.columns()}, **{run_folder.CAMPAIGN_FILE: text}
+    ).save(folder)
 
 
 def load(folder: str | Path) -> tuple[FleetTable, Mapping[str, Any]]:

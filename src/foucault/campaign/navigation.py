@@ -23,11 +23,11 @@ from pydantic import Field
 
 from foucault import run_folder
 from foucault.arrays import FloatArray
-from foucault.campaign.running import Said, calibration_of, noise_of, read, site_of
+from foucault.campaign.running import opened
+from foucault.campaign.tables import Said
 from foucault.diagnose.navigation import NAUTICAL_MILE, circular_error, radial_rate
 from foucault.diagnose.schuler import TERMS
 from foucault.errors import error
-from foucault.files import plain_json
 from foucault.logs import reference as references
 from foucault.logs.reference import Reference
 from foucault.models import earth
@@ -38,7 +38,7 @@ from foucault.procedures.alignment import Comparison, align_log
 from foucault.procedures.navigation import NavigationTest, navigate_log
 from foucault.procedures.navigation.start import Settings
 from foucault.procedures.record import Stretch
-from foucault.run_folder import RESULT_FILE, Record
+from foucault.run_folder import Record
 from foucault.tables import TRAJECTORY
 from foucault.units import Quantity, Rate
 
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
 def run(
     log: str | Path,
     said: Said | None = None,
+    settings: Settings | None = None,
     *,
     calibration: str | Path | None = None,
     reference: str | Path | None = None,
@@ -59,29 +60,24 @@ def run(
 
     `log`: a campaign file of any procedure, for its log, site, noise and instrument, a log that
     Foucault has written, or a file whose titles carry the units; `said` or None: what is said
-    beside it; `calibration` or None: run folder or result.json of the calibration; `reference` or
-    None: file of positions, velocities or angles of the same clock; `progress`: called with the
-    fraction done and what is being done. Returns trajectories, errors, contributions [SI].
+    beside it; `settings` or None: what can be chosen [SI]; `calibration` or None: run folder or
+    result.json of the calibration; `reference` or None: file of positions, velocities or angles
+    of the same clock; `progress`: called with the fraction done and what is being done. Returns
+    trajectories, errors, contributions [SI].
     """
-    said = said or Said()
-    settings: Settings = said.settings or Settings()
+    settings = settings or Settings()
     # What is wrong with the small files shows before a long log is read.
-    result, known = (None, {}) if calibration is None else calibration_of(Path(calibration))
     truth: Reference | None = None if reference is None else references.read(reference)
-    source = read(Path(log), progress)
-    where = {**source.site, **said.site}
+    case = opened(log, said or Said(), calibration, progress)
     if settings.position_sd is not None:
-        _whole_place(where)
-    site, longitude = site_of(where)
-    instrument = source.instrument | ({"serial": said.serial} if said.serial else {})
+        _whole_place(case.site)
     found = navigate_log(
-        source.log, site=site, longitude=longitude, settings=settings,
-        noise=noise_of(said, source.noise), calibration=result, reference=truth,
-        instrument=instrument,
-        progress=lambda part, words: progress(0.3 + 0.6 * part, words),
+        case.log, site=case.place, longitude=float(case.site.get("longitude") or 0.0),
+        settings=settings, noise=case.noise, calibration=case.calibration, reference=truth,
+        instrument=case.instrument, progress=case.progress,
     )  # fmt: skip
     made = found.provenance | {
-        "calibration": known,
+        "calibration": case.known,
         "reference": {} if truth is None else truth.source,
     }
     return replace(found, provenance=made)
@@ -100,7 +96,7 @@ def document(test: NavigationTest) -> dict[str, Any]:
     `test`: what was found [SI].
     """
     t = test.runs[0].trajectory
-    out = {
+    return {
         "verdict": str(test.verdict.level),
         "reasons": list(test.verdict.reasons),
         "instrument": test.instrument,
@@ -121,7 +117,6 @@ def document(test: NavigationTest) -> dict[str, Any]:
         "findings": [f.as_dict() for f in test.findings],
         "provenance": test.provenance,
     }
-    return {key: plain_json(value) for key, value in out.items()}
 
 
 def _reference(test: NavigationTest) -> dict[str, Any] | None:
@@ -229,7 +224,11 @@ def tables(test: NavigationTest) -> dict[str, Columns]:
         out["errors"] = _errors(test, start)
     if test.runs[0].schuler is not None:
         out["terms"] = _terms(test)
-    return out
+    # Read back as real numbers, whatever they were counted in.
+    return {
+        name: {n: (np.asarray(v, float), u) for n, (v, u) in columns.items()}
+        for name, columns in out.items()
+    }
 
 
 def _trajectory(run: Run, start: tuple[float, float, float]) -> Columns:
@@ -334,23 +333,6 @@ def record(test: NavigationTest) -> Record:
     return run_folder.record("navigation", document(test), tables(test))
 
 
-def save(test: NavigationTest, folder: str | Path) -> Record:
-    """Write the folder of a navigation, without its report; an earlier one in it is replaced."""
-    if (Path(folder) / RESULT_FILE).exists():
-        raise error("navigate.folder", folder=folder)
-    # Read back as real numbers, whatever they were counted in.
-    real = {
-        name: {n: (np.asarray(v, float), u) for n, (v, u) in columns.items()}
-        for name, columns in tables(test).items()
-    }
-    return run_folder.write(folder, "navigation", document(test), real)
-
-
-def load(folder: str | Path) -> Record:
-    """Read a folder back."""
-    return run_folder.read(folder, "navigation")
-
-
 # -- Align the log of a file: a campaign, a log of ours, or one whose titles carry the units -----
 
 
@@ -382,15 +364,13 @@ def align(
     `calibration` or None: run folder or result.json of the calibration; `progress`: called with
     the fraction done and what is being done.
     """
-    result, _ = (None, {}) if calibration is None else calibration_of(Path(calibration))
-    found = read(Path(log), progress)
-    site, _ = site_of({**found.site, **said.site})
-    if site is None:
+    case = opened(log, said, calibration, progress)
+    if case.place is None:
         raise error("alignment.no_latitude")
     progress(0.5, "aligning")
     methods = cast(tuple[Method, ...], window.methods)  # an unknown one is refused there
     return align_log(
-        found.log, site=site, methods=methods, start=window.start, end=window.end,
-        rests=window.rests, noise=noise_of(said, found.noise), gyro_bias_sd=window.gyro_bias_sd,
-        accel_bias_sd=window.accel_bias_sd, calibration=result, gaps=window.gaps,
+        case.log, site=case.place, methods=methods, start=window.start, end=window.end,
+        rests=window.rests, noise=case.noise, gyro_bias_sd=window.gyro_bias_sd,
+        accel_bias_sd=window.accel_bias_sd, calibration=case.calibration, gaps=window.gaps,
     )  # fmt: skip

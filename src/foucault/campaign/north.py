@@ -14,53 +14,39 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault import run_folder
 from foucault.arrays import FloatArray
+from foucault.campaign.reading import Campaign
 from foucault.campaign.reading import load as load_campaign
-from foucault.campaign.running import Said, calibration_of, noise_of, read_log
-from foucault.campaign.tables import SiteTable
+from foucault.campaign.running import Case, opened, read_log
+from foucault.campaign.tables import Said, SiteTable
 from foucault.errors import error, finding
 from foucault.escape import csv_cell
 from foucault.files import plain_json
 from foucault.logs import indexed
 from foucault.logs.indexed_own import description_of
 from foucault.models.earth import Site
-from foucault.models.noise import ImuNoise, mean_variance
+from foucault.models.noise import mean_variance
 from foucault.procedures import Progress, silent
 from foucault.procedures.north_seeking.fix import Survey, find_north
 from foucault.procedures.north_seeking.settings import Settings
-from foucault.result import Result
-from foucault.run_folder import RESULT_FILE, Record
+from foucault.run_folder import Record
 from foucault.tables import IndexedLog
 
-if TYPE_CHECKING:
-    from foucault.procedures.north_seeking.fix import Survey
-
 PROCEDURE = "north_seeking"
-
-
-@dataclass(frozen=True)
-class _Read:
-    """Readings, and what their file says of them."""
-
-    log: IndexedLog
-    instrument: dict[str, Any]
-    site: Mapping[str, Any]
-    settings: Settings
-    noise: ImuNoise | None
-    prior: Mapping[str, tuple[float, float]]
 
 
 def run(
     readings: str | Path,
     said: Said | None = None,
+    settings: Mapping[str, Any] | None = None,
     *,
     calibration: str | Path | None = None,
     progress: Progress = silent,
@@ -68,54 +54,47 @@ def run(
     """Find the heading of every set-up of a file.
 
     `readings`: a campaign file, or a CSV or Parquet file whose titles carry the units; `said` or
-    None: what is said beside it; `calibration` or None: run folder or result.json of the
-    calibration; `progress`: called with the fraction done and what is being done. Returns the
-    solution of all set-ups [SI].
+    None: what is said beside it; `settings` or None: keys of [procedure] that go before those of
+    the campaign [SI]; `calibration` or None: run folder or result.json of the calibration;
+    `progress`: called with the fraction done and what is being done. Returns the solution of all
+    set-ups [SI].
     """
-    said, path = said or Said(), Path(readings)
-    # A wrong calibration shows before a long log is read.
-    known: dict[str, str] = {}
-    result: Result | None = None
-    if calibration is not None:
-        result, known = calibration_of(Path(calibration))
-    read = _campaign(path, said, progress) if path.suffix == ".toml" else _bare(path, said)
-    settings = Settings.model_validate(read.settings.model_dump() | dict(said.settings or {}))
-    instrument = read.instrument | ({"serial": said.serial} if said.serial else {})
+    said = said or Said()
+    case = opened(readings, said, calibration, progress, lambda path, tell: _read(path, said, tell))
+    campaign = case.campaign
+    before = {} if campaign is None else campaign.settings.model_dump()
+    chosen = Settings.model_validate(before | dict(settings or {}))
+    if case.declared is None:
+        _refuse_half(said, case.log)
     survey = find_north(
-        read.log, site=_site(read, said, settings), settings=settings,
-        noise=_noise(read, said), calibration=result, prior=read.prior, instrument=instrument,
-        progress=progress,
+        case.log, site=_site(case, chosen), settings=chosen, noise=case.noise,
+        calibration=case.calibration, prior={} if campaign is None else campaign.prior,
+        instrument=case.instrument, progress=case.progress,
     )  # fmt: skip
     findings = survey.findings
-    if survey.compensation.serial and not instrument.get("serial"):
+    if survey.compensation.serial and not case.instrument.get("serial"):
         findings += (finding("north.whose", serial=survey.compensation.serial),)
-    made = survey.provenance | {"settings": settings.model_dump(), "calibration": known}
+    made = survey.provenance | {"settings": chosen.model_dump(), "calibration": case.known}
     return replace(survey, findings=findings, provenance=made)
 
 
-def _campaign(path: Path, said: Said, progress: Progress) -> _Read:
+def _read(path: Path, said: Said, progress: Progress) -> tuple[IndexedLog, Campaign | None]:
+    if path.suffix != ".toml":
+        description, told = description_of(path, said.accel_reads)
+        log: IndexedLog = indexed.read(description, path.parent)
+        return replace(log, findings=told + log.findings), None
     campaign = load_campaign(path)
     if campaign.procedure != PROCEDURE:
         raise error("north.other_campaign", file=path, given=campaign.procedure)
-    if said.reads is not None:
+    if said.accel_reads is not None:
         raise error("north.reads_declared", file=path)
-    log = read_log(campaign, progress)
-    return _Read(
-        log, campaign.instrument, campaign.tables.site.model_dump(), campaign.settings,
-        campaign.noise, campaign.prior,
-    )  # fmt: skip
+    return read_log(campaign, progress), campaign
 
 
-def _bare(path: Path, said: Said) -> _Read:
-    description, told = description_of(path, said.reads)
-    log = indexed.read(description, path.parent)
-    return _Read(replace(log, findings=told + log.findings), {}, {}, Settings(), None, {})
-
-
-def _site(read: _Read, said: Said, settings: Settings) -> Site:
-    site = {**read.site, **said.site}
-    if read.log.latitude is not None and site.get("latitude") is None:
-        return _of_log(read.log, site)
+def _site(case: Case, settings: Settings) -> Site:
+    site = case.site
+    if case.log.latitude is not None and site.get("latitude") is None:
+        return _of_log(case.log, site)
     if settings.unknown_latitude and site.get("gravity") is None and site.get("latitude") is None:
         raise error("north.fix_gravity")
     if not settings.unknown_latitude and site.get("latitude") is None:
@@ -135,16 +114,15 @@ def _of_log(log: IndexedLog, site: Mapping[str, Any]) -> Site:
     return SiteTable.model_validate({**site, "latitude": first}).site()
 
 
-def _noise(read: _Read, said: Said) -> ImuNoise | None:
-    if read.noise is None:
-        for given, mine, missing, other in (
-            ("gyro", said.gyro_white, "accelerometers", said.accel_white),
-            ("accelerometers", said.accel_white, "gyro", said.gyro_white),
-        ):
-            needed = missing == "gyro" or read.log.accel is not None
-            if mine is not None and other is None and needed:
-                raise error("north.noise_half", given=given, missing=missing)
-    return noise_of(said, read.noise)
+def _refuse_half(said: Said, log: IndexedLog) -> None:
+    """Refuse the noise of one triad where nothing says that of the other."""
+    for given, mine, missing, other in (
+        ("gyro", said.gyro_noise, "accelerometers", said.accel_noise),
+        ("accelerometers", said.accel_noise, "gyro", said.gyro_noise),
+    ):
+        needed = missing == "gyro" or log.accel is not None
+        if mine is not None and other is None and needed:
+            raise error("north.noise_half", given=given, missing=missing)
 
 
 Columns = dict[str, tuple[Any, str]]
@@ -163,28 +141,16 @@ ROUNDING = 1e-3
 
 def record(survey: Survey) -> Record:
     """Return what the folder of a survey keeps."""
-    return run_folder.record("north", _document(survey), {"dwells": _dwells(survey)})
-
-
-def save(survey: Survey, folder: str | Path) -> Record:
-    """Write the folder of a survey, without its report; an earlier one in it is replaced."""
-    if (Path(folder) / RESULT_FILE).exists():
-        raise error("north.folder", folder=folder)
-    about = _document(survey)
+    about = plain_json(_document(survey))
     tables = {"dwells": _dwells(survey), "fixes": _fixes(about)}
-    return run_folder.write(folder, "north", about, tables, {"fixes.csv": _csv(about)})
-
-
-def load(folder: str | Path) -> Record:
-    """Read a folder back."""
-    return run_folder.read(folder, "north")
+    return run_folder.record("north", about, tables, **{"fixes.csv": _csv(about)})
 
 
 # -- north.json ----------------------------------------------------------------------------
 
 
 def _document(survey: Survey) -> dict[str, Any]:
-    out = {
+    return {
         "instrument": survey.instrument,
         "site": asdict(survey.site),
         "known": asdict(survey.known),
@@ -199,7 +165,6 @@ def _document(survey: Survey) -> dict[str, Any]:
         "setups": [_setup(survey, i) for i in range(len(survey.fixes))],
         "provenance": survey.provenance,
     }
-    return {key: plain_json(value) for key, value in out.items()}
 
 
 def _setup(survey: Survey, i: int) -> dict[str, Any]:

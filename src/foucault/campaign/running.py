@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -16,7 +16,7 @@ from foucault import logs, procedures, run_folder
 from foucault.campaign import earlier
 from foucault.campaign.reading import Campaign, load
 from foucault.campaign.reading import load as load_campaign
-from foucault.campaign.tables import SiteTable, parse_at
+from foucault.campaign.tables import Said, SiteTable, parse_at
 from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import Finding, FoucaultError, error, finding
@@ -28,7 +28,7 @@ from foucault.models.cluster import ClusterModel
 from foucault.models.earth import Site
 from foucault.models.imu import Gauge, ImuModel
 from foucault.models.layouts import model_of
-from foucault.models.noise import ImuNoise, TriadNoise, grade
+from foucault.models.noise import ImuNoise, grade
 from foucault.models.size_effect import SizeEffect
 from foucault.procedures import Progress, silent
 from foucault.result import Result
@@ -312,27 +312,25 @@ def with_seed(text: str, seed: int) -> str:
 
 
 @dataclass(frozen=True)
-class Said:
-    """What is said beside a log; it goes before what a campaign file says."""
+class Case:
+    """A log with what is known of it: what is said beside it goes before what its file says."""
 
-    # keys of [site]: latitude, longitude [rad], height [m], gravity [m/s^2]
-    site: Mapping[str, Any] = field(default_factory=dict)
-    settings: Any = None  # what can be chosen; of a north seeker the keys of [procedure] [SI]
-    # gyro_white, accel_white: white noise [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
-    gyro_white: float | None = None
-    accel_white: float | None = None
-    reads: str | None = None  # sign of the accelerometers of readings without a campaign
-    serial: str = ""  # serial number of the instrument
-
-
-@dataclass(frozen=True)
-class Source:
-    """A log, and what its file says of it."""
-
-    log: Log
+    log: Any
+    campaign: Campaign | None  # where the file is one
     instrument: dict[str, Any]
-    site: Mapping[str, Any]
+    site: Mapping[str, Any]  # keys of [site] [SI]
+    declared: ImuNoise | None  # what the file says [SI]
     noise: ImuNoise | None
+    calibration: Result | None
+    known: Mapping[str, str]  # file and hash of the calibration
+    progress: Progress  # of the work that follows
+
+    @property
+    def place(self) -> Site | None:
+        """The site, None where nothing is said of it."""
+        if self.site.get("latitude") is None and self.site.get("gravity") is None:
+            return None
+        return SiteTable.model_validate(self.site).site()
 
 
 def calibration_of(path: Path) -> tuple[Result, dict[str, str]]:
@@ -368,31 +366,31 @@ def read_any(
     return log, campaign
 
 
-def read(path: Path, progress: Progress) -> Source:
-    """Read a log that is navigated or aligned, and what its file says of it."""
-    told = lambda part, words: progress(0.3 * part, words)  # noqa: E731
-    log, campaign = read_any(path, told, whole=True, one=True)
-    if campaign is None:
-        return Source(log, {}, {}, None)
-    return Source(log, campaign.instrument, campaign.tables.site.model_dump(), campaign.noise)
+Reader = Callable[[Path, Progress], tuple[Any, Campaign | None]]
 
 
-def site_of(given: Mapping[str, Any]) -> tuple[Site | None, float]:
-    """Return the site and its longitude; no site where nothing is said of it."""
-    longitude = float(given.get("longitude") or 0.0)
-    if given.get("latitude") is None and given.get("gravity") is None:
-        return None, longitude
-    return SiteTable.model_validate(given).site(), longitude
+def read_whole(path: Path, progress: Progress) -> tuple[Log, Campaign | None]:
+    """Read a log that is navigated, aligned or matched."""
+    return read_any(path, progress, whole=True, one=True)
 
 
-def noise_of(said: Said, noise: ImuNoise | None) -> ImuNoise | None:
-    """Return the noise that a file declares, with what is said of it instead."""
-    if said.gyro_white is None and said.accel_white is None:
-        return noise
-    start = noise or ImuNoise(TriadNoise(), TriadNoise())
-    accel, gyro = start.accel, start.gyro
-    if said.accel_white is not None:
-        accel = replace(accel, white=said.accel_white)
-    if said.gyro_white is not None:
-        gyro = replace(gyro, white=said.gyro_white)
-    return ImuNoise(accel, gyro)
+def opened(
+    path: str | Path, said: Said, calibration: str | Path | None, progress: Progress,
+    read: Reader = read_whole,
+) -> Case:  # fmt: skip
+    """Read a log, and put together what is known of it.
+
+    `said`: what is said beside it; `calibration` or None: run folder or result.json; `progress`:
+    called with the fraction done and what is being done; `read`: reader of such logs.
+    """
+    # A wrong calibration shows before a long log is read.
+    result, known = (None, {}) if calibration is None else calibration_of(Path(calibration))
+    log, found = read(Path(path), lambda part, words: progress(0.3 * part, words))
+    instrument, site, noise = {}, {}, None
+    if found is not None:
+        instrument, site, noise = found.instrument, found.tables.site.model_dump(), found.noise
+    return Case(
+        log, found, instrument | ({"serial": said.serial} if said.serial else {}),
+        site | said.site, noise, said.over(noise), result, known,
+        lambda part, words: progress(0.3 + 0.6 * part, words),
+    )  # fmt: skip

@@ -12,7 +12,7 @@ import types
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import cache
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError, create_model, model_validator
@@ -106,6 +106,46 @@ class _Noise(Strict):
     def over(self, start: noise.TriadNoise) -> noise.TriadNoise:
         """Replace in `start` what the file gives."""
         return replace(start, **self.model_dump(exclude_none=True))
+
+
+class Said(Strict):
+    """What is said beside a log; it goes before what a campaign file says."""
+
+    latitude: Annotated[float, Quantity("angle")] | None = None
+    """Latitude of the site, positive north, such as "47.3 deg"."""
+    longitude: Annotated[float, Quantity("angle")] | None = None
+    """Longitude of the site, such as "8.5 deg"."""
+    height: Annotated[float, Quantity("length")] | None = None
+    """Height of the site, such as "430 m"."""
+    gravity: Annotated[float, Quantity("gravity")] | None = None
+    """Local gravity, such as "9.8072 m/s^2"."""
+    gyro_noise: Annotated[float, Quantity("angle random walk")] | None = Field(default=None, gt=0)
+    """Angle random walk of the gyros, such as "0.003 deg/sqrt(h)"."""
+    accel_noise: Annotated[float, Quantity("velocity random walk")] | None = Field(
+        default=None, gt=0
+    )
+    """Velocity random walk of the accelerometers, such as "30 ug/sqrt(Hz)"."""
+    accel_reads: Literal["gravity", "specific force"] | None = None
+    """Sign of the accelerometers: specific force is +1 g upwards."""
+    serial: str = ""
+    """Serial number of the instrument, compared with the calibration."""
+
+    @property
+    def site(self) -> dict[str, float]:
+        """The keys of [site] that are given [SI]."""
+        return self.model_dump(
+            include={"latitude", "longitude", "height", "gravity"}, exclude_none=True
+        )
+
+    def over(self, declared: noise.ImuNoise | None) -> noise.ImuNoise | None:
+        """Return the noise that a file declares, with what is said of it instead."""
+        white = {"accel": self.accel_noise, "gyro": self.gyro_noise}
+        given = {triad: value for triad, value in white.items() if value is not None}
+        if not given:
+            return declared
+        start = declared or noise.ImuNoise(noise.TriadNoise(), noise.TriadNoise())
+        changed = {t: replace(getattr(start, t), white=value) for t, value in given.items()}
+        return replace(start, **changed)
 
 
 class AccelNoise(_Noise):

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from foucault.cli import options
 from foucault.cli.cluster import Workers
 from foucault.cli.options import command
-from foucault.cli.screen import Found, Screen, written
-
-if TYPE_CHECKING:
-    pass
+from foucault.cli.screen import Screen, kept, written
 
 
 @command(
@@ -51,19 +48,15 @@ def compare(
 
     from foucault.campaign import comparison
     from foucault.campaign import tolerance as tolerances
-    from foucault.files import alone
 
     screen: Screen = ctx.obj
     started = time.monotonic()
     limits = None if tolerance is None else tolerances.load(tolerance)
-    found = comparison.run(results, dates=dates, same=same, tolerance=limits)
-    about = comparison.document(found, time.monotonic() - started)
-    kept = Found("comparison", (about,))
-    if output is not None:
-        with alone(output):
-            comparison.save(about, output)
-            kept = written(output, "comparison", about)
-    raise kept.tell(screen, about)
+    with screen.work(output, "comparison"):
+        compared = comparison.run(results, dates=dates, same=same, tolerance=limits)
+        record = comparison.record(compared, time.monotonic() - started)
+        found = kept(record, output)
+    raise found.tell(screen, record.about)
 
 
 # -- The command for many instruments at once ----------------------------------------------------
@@ -95,21 +88,21 @@ def fleet(
     One page for all, a result for each.
     """
     from foucault import campaign as campaigns
+    from foucault import run_folder
     from foucault.campaign import fleet as fleets
     from foucault.campaign import tolerance as tolerances
-    from foucault.files import alone
     from foucault.report import write
 
     screen: Screen = ctx.obj
     limits = None if tolerance is None else tolerances.load(tolerance)
-    with alone(output), screen.progress() as tell:
+    with screen.work(output, "fleet") as tell:
         table = fleets.run(
             campaigns.load(campaign), output, tolerance=limits,
             report=write if reports else None,
             workers=workers or os.cpu_count() or 1, progress=tell,
         )  # fmt: skip
         tell(0.97, "writing the page")
-        about = fleets.about(output)
+        about = run_folder.about_of(output, "fleet")
         found = written(output, "fleet", table, about)
     batch = about["solved_in_batch"]
     how = f"{batch} solved in one batch" if batch else "calibrated one by one"

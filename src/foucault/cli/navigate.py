@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foucault.cli import options
-from foucault.cli.options import Amount, Of, command, given, quantity, span
+from foucault.cli.options import Amount, Of, Several, command
 from foucault.cli.screen import EXIT_CODES, Screen, kept
 
 if TYPE_CHECKING:
@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     from foucault.procedures.delay import FoundDelay
 
 
-if TYPE_CHECKING:
-    pass
-
+_SITE = ("latitude", "height", "gravity", "gyro_noise", "accel_noise")
+_SAID = Of(options.SAID, only=("longitude", *_SITE, "serial"))
+_STILL = Of(options.SAID, only=_SITE)
+_VELOCITY = Several("velocity", "east, north and up", "12.1 m/s, -3.4 m/s, 0 m/s")
 _SETTINGS = Of(
     "foucault.procedures.navigation.start:Settings",
     only=("align", "method", "heading", "heading_sd", "pitch", "roll", "level_sd", "velocity_sd",
@@ -46,18 +47,12 @@ def navigate(
     log: options.LogFile,
     calibration: options.Calibration = None,
     output: options.FolderIfWanted = None,
-    latitude: options.Latitude = None,
-    longitude: Annotated[
-        Amount | None, quantity("angle", 'Longitude of the site, such as "8.5 deg".')
-    ] = None,
-    height: options.Height = None,
-    gravity: options.Gravity = None,
+    said: Annotated[Any, _SAID] = None,
     settings: Annotated[Any, _SETTINGS] = None,
     velocity: Annotated[
-        str | None,
-        typer.Option(
-            help='Velocity at a start in motion: east, north, up, such as "12.1 m/s, -3.4 m/s, '
-            '0 m/s".'
+        Amount | None,
+        _VELOCITY.option(
+            'Velocity at a start in motion: east, north, up, such as "12.1 m/s, -3.4 m/s, 0 m/s".'
         ),
     ] = None,
     reference: Annotated[
@@ -66,42 +61,24 @@ def navigate(
             help="File of positions, velocities or angles to compare with; none if left out."
         ),
     ] = None,
-    gyro_noise: options.GyroNoise = None,
-    accel_noise: options.AccelNoise = None,
-    serial: options.Serial = "",
 ) -> None:
     """Navigate with and without a calibration: its worth in metres.
 
     What every coefficient costs, and whether the error is as large as predicted.
     """
     from foucault.campaign import navigation
-    from foucault.campaign.running import Said
+    from foucault.campaign.tables import Said
     from foucault.procedures.navigation.start import Settings
 
     screen: Screen = ctx.obj
-    site = given({"latitude": latitude, "longitude": longitude, "height": height,
-                  "gravity": gravity})  # fmt: skip
-    chosen = Settings(velocity=_three(velocity), **settings)
-    said = Said(site, chosen, gyro_noise, accel_noise, serial)
-    with screen.progress() as tell:
-        found = navigation.run(log, said, calibration=calibration, reference=reference,
-                               progress=tell)  # fmt: skip
+    chosen = Settings(velocity=velocity, **settings)
+    with screen.work(output, "navigation") as tell:
+        test = navigation.run(
+            log, Said(**said), chosen, calibration=calibration, reference=reference, progress=tell
+        )
         tell(0.95, "writing")
-        result = kept("navigation", found, output)
-    raise result.tell(screen, result.held[0].about)
-
-
-def _three(text: str | None) -> tuple[float, float, float] | None:
-    """Return a velocity east, north, up [m/s]."""
-    from foucault.campaign.tables import parse_at
-    from foucault.errors import error
-
-    if text is None:
-        return None
-    parts = [parse_at("--velocity", one.strip(), "velocity") for one in text.split(",")]
-    if len(parts) != 3:
-        raise error("navigate.three", given=text)
-    return parts[0], parts[1], parts[2]
+        found = kept(navigation.record(test), output)
+    raise found.tell(screen, found.held[0].about)
 
 
 # -- Commands about one log: `align` an instrument, `delay` of a master --------------------------
@@ -111,12 +88,6 @@ _WINDOW = Of(
     only=("start", "end", "gyro_bias_sd", "accel_bias_sd", "gaps"),
     called={"start": "from", "end": "until"},
 )
-_WORDS = {
-    "inertial_frame": "inertial frame",
-    "kalman": "Kalman, zero velocity",
-    "two_vector": "two vectors",
-    "two_position": "two positions",
-}
 
 
 @command(
@@ -131,16 +102,13 @@ def align(
     ctx: typer.Context,
     log: options.LogFile,
     calibration: options.Calibration = None,
-    latitude: options.Latitude = None,
-    height: options.Height = None,
-    gravity: options.Gravity = None,
+    said: Annotated[Any, _STILL] = None,
     window: Annotated[Any, _WINDOW] = None,
     rest: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="<str>",
-            help='A rest, such as "0 s to 300 s"; may be repeated: two rests or more at different '
-            "headings take the gyro bias out.",
+        list[Amount] | None,
+        options.REST.option(
+            'A rest, such as "0 s to 300 s"; may be repeated: two rests or more at different '
+            "headings take the gyro bias out."
         ),
     ] = None,
     method: Annotated[
@@ -151,8 +119,6 @@ def align(
             "that fit if left out.",
         ),
     ] = None,
-    gyro_noise: options.GyroNoise = None,
-    accel_noise: options.AccelNoise = None,
 ) -> None:
     """Find heading, pitch and roll of a log at rest, and their sd.
 
@@ -160,90 +126,19 @@ def align(
     """
     from foucault.campaign import navigation
     from foucault.campaign.navigation import Window
-    from foucault.campaign.running import Said
+    from foucault.campaign.tables import Said
+    from foucault.report import alignment as report
 
     screen: Screen = ctx.obj
     chosen = Window(
-        methods=tuple(method or ()), rests=tuple(span("--rest", text) for text in rest or ()),
-        **window,
+        methods=tuple(method or ()), rests=tuple(rest or ()), **window
     )  # fmt: skip
-    site = {"latitude": latitude, "height": height, "gravity": gravity}
-    said = Said(given(site), gyro_white=gyro_noise, accel_white=accel_noise)
     with screen.progress() as tell:
-        found = navigation.align(log, said, chosen, calibration=calibration, progress=tell)
-    angles = ("heading (deg)", "sd", "pitch (deg)", "sd", "roll (deg)", "sd")
-    screen.table("", ("method", *angles, "window (s)"), _rows(found))
-    screen.say(*_words(found))
-    screen.findings(found.findings)
+        found = navigation.align(log, Said(**said), chosen, calibration=calibration, progress=tell)
+    screen.document(report.document(found, log.name))
     screen.data(_document(log, found))
     if any(item.severity == "warning" for item in found.findings):
         raise typer.Exit(3)
-
-
-def _rows(found: Comparison) -> list[tuple[str, ...]]:
-    import numpy as np
-
-    from foucault.coefficients import format_value
-
-    rows = []
-    for one in found.found:
-        both = zip(np.degrees(one.angles), np.degrees(one.angles_sd), strict=True)
-        cells = [text for x, sd in both for text in (format_value(x, sd), f"{sd:.2g}")]
-        rows.append((_WORDS[one.method], *cells, f"{one.start:.1f} to {one.end:.1f}"))
-    return rows
-
-
-def _words(found: Comparison) -> list[str]:
-    import numpy as np
-
-    from foucault.units import convert, plain
-
-    first = found.found[0]
-    seen, size = convert(found.rate_seen, "angular rate", "deg/h"), np.degrees(found.latitude_seen)
-    lines = [
-        f"Rate seen: {seen:.4g} deg/h (the Earth: 15.04). Latitude seen: {size:.4f} deg (given: "
-        f"{np.degrees(found.site.latitude or 0.0):.4f})."
-    ]
-    if found.gyro_bias_sd > 0:
-        bias = convert(found.gyro_bias_sd, "angular rate", "deg/h")
-        limit = np.degrees(first.azimuth_bias_sd)
-        lines.append(
-            f"A gyro bias of {plain(bias, 2)} deg/h limits the heading to {plain(limit, 2)} deg in "
-            "one position; two positions take it out."
-        )
-    lines += _undeclared(found)
-    if first.disturbance_sd is not None:
-        sway = convert(float(np.mean(first.disturbance_sd)), "velocity", "m/s")
-        lines.append(f"Sway and vibration: {plain(1000 * sway, 2)} mm/s.")
-    return lines
-
-
-def _undeclared(found: Comparison) -> list[str]:
-    """Say what the biases would add that were not declared: the sds hold nothing of them."""
-    import numpy as np
-
-    from foucault.models.ins_errors import azimuth_from_gyro_bias
-    from foucault.units import parse, plain
-
-    gyro, accel = parse("0.01 deg/h", "angular rate"), parse("50 ug", "specific force")
-    azimuth = np.degrees(azimuth_from_gyro_bias(gyro, found.site.latitude or 0.0))
-    level = np.degrees(accel / found.site.gravity)
-    missing, adds = [], []
-    if not found.gyro_bias_sd > 0:
-        missing.append("--gyro-bias-sd")
-        adds.append(f"0.01 deg/h would add {plain(float(azimuth), 2)} deg of heading")
-    if not found.accel_bias_sd > 0:
-        missing.append("--accel-bias-sd")
-        adds.append(f"50 ug would add {plain(float(level), 2)} deg of pitch and roll")
-    if not missing:
-        return []
-    which = "No bias" if len(missing) == 2 else "No accelerometer bias"
-    if missing == ["--gyro-bias-sd"]:
-        which = "No gyro bias"
-    return [
-        f"{which} is declared ({', '.join(missing)}, or a calibration): the sds hold nothing of "
-        f"it. {'; '.join(adds)}."
-    ]
 
 
 def _document(path: Path, found: Comparison) -> dict[str, Any]:
@@ -276,6 +171,9 @@ def _document(path: Path, found: Comparison) -> dict[str, Any]:
 
 # -- The command that finds the time offset of two logs: delay -----------------------------------
 
+_MOUNTING = Several("angle", "heading, pitch and roll", "90 deg, 0 deg, 0 deg")
+_BRACKET = Several("time", "between which offsets to look, or any", "-0.5 s to 0.5 s")
+
 
 @command(
     "foucault delay imu.csv navigation.csv",
@@ -298,9 +196,9 @@ def delay(
         ),
     ] = None,
     mounting: Annotated[
-        str | None,
-        typer.Option(
-            help="Heading, pitch, roll of the slave in the master's axes, such as \"90 deg, 0 deg, "
+        Amount | None,
+        _MOUNTING.option(
+            "Heading, pitch, roll of the slave in the master's axes, such as \"90 deg, 0 deg, "
             '0 deg", to within 10 deg. The mounting is found without it; with it a wrong sign is '
             "named."
         ),
@@ -314,87 +212,24 @@ def delay(
     By what both turned; with its standard deviation, drift of the clocks and mounting.
     """
     from foucault.campaign import delay as campaign
+    from foucault.report import alignment as report
 
     screen: Screen = ctx.obj
-    where, turned = _bracket(bracket), _mounting(mounting)
+    where = _bracket(bracket)
     with screen.progress() as tell:
-        found = campaign.run(slave, master, mounting=turned, bracket=where, progress=tell)
-    _show(screen, found)
-    level = found.verdict.level
-    screen.verdict(level, found.verdict.reasons)
+        found = campaign.run(slave, master, mounting=mounting, bracket=where, progress=tell)
+    screen.document(report.offset(found))
     screen.data(document(slave, master, found))
-    raise typer.Exit(EXIT_CODES[level])
+    raise typer.Exit(EXIT_CODES[found.verdict.level])
 
 
 def _bracket(text: str) -> tuple[float, float] | None:
-    from foucault.errors import error
-    from foucault.units import parse
-
     if text.strip() == "any":
         return None
-    ends = text.split(" to ")
-    if len(ends) != 2:
-        raise error("delay.bracket", given=text)
-    low, high = (parse(one.strip(), "time", "--bracket") for one in ends)
+    low, high = _BRACKET.read("--bracket", text)
     if not low < high:
-        raise error("delay.bracket", given=text)
+        raise _BRACKET.refused("--bracket", text)
     return low, high
-
-
-def _mounting(text: str | None) -> tuple[float, float, float] | None:
-    from foucault.errors import error
-    from foucault.units import parse
-
-    if text is None:
-        return None
-    angles = [parse(one.strip(), "angle", "--mounting") for one in text.split(",")]
-    if len(angles) != 3:
-        raise error("delay.mounting_given", given=text)
-    return angles[0], angles[1], angles[2]
-
-
-def _show(screen: Screen, found: FoundDelay) -> None:
-    import numpy as np
-
-    from foucault.coefficients import format_value
-    from foucault.models.rotation import angles_of, turned
-    from foucault.units import convert, plain
-
-    one = found.delay
-    about = "" if not one.drift else f" at {one.middle - found.start:.1f} s"
-    text = f"{format_value(1e3 * one.delay, 1e3 * one.delay_sd)} ± {1e3 * one.delay_sd:.2g} ms"
-    screen.say(f"Delay: {text}{about}; {_share(one.likeness)} of the turning is in both.")
-    if one.delay_sd > 0 and not one.seen:
-        screen.findings(found.findings)
-        return
-    if found.start:
-        screen.say(f"Times count from {plain(found.start, 13)} s, the start of the first log.")
-    rows = [
-        (f"{a:.1f} to {b:.1f}", format_value(1e3 * x, 1e3 * sd), f"{1e3 * sd:.2g}")
-        for a, b, x, sd in zip(one.part_start - found.start, one.part_end - found.start,
-                               one.part_delay, np.sqrt(np.diag(one.part_cov)), strict=True)
-    ]  # fmt: skip
-    screen.table("", ("part (s)", "delay (ms)", "sd"), rows)
-    heading, pitch, roll = np.degrees(turned(angles_of(one.C_ms)))
-    sd = np.degrees(np.sqrt(np.diag(one.mu_cov)))
-    screen.say(
-        f"Mounting of the slave in the axes of the other: heading {heading:.3f}, pitch "
-        f"{pitch:.3f}, roll {roll:.3f} deg (about the slave's axes ± {sd[0]:.2g}, {sd[1]:.2g}, "
-        f"{sd[2]:.2g} deg)."
-    )
-    bias = [convert(float(x), "angular rate", "deg/h") for x in one.bias]
-    size = [convert(float(x), "angular rate", "deg/h") for x in np.sqrt(np.diag(one.bias_cov))]
-    text = ", ".join(f"{format_value(x, s)} ± {s:.2g}" for x, s in zip(bias, size, strict=True))
-    screen.say(f"Gyro bias of the slave against the other: {text} deg/h.")
-    if found.transport is not None:
-        late = 1e3 * np.asarray(found.transport)
-        screen.say(f"Messages arrive {late.mean():.2f} ms after they hold, from {late.min():.2f} "
-                   f"to {late.max():.2f} ms.")  # fmt: skip
-    screen.findings(found.findings)
-
-
-def _share(part: float) -> str:
-    return f"{100 * part:.3g} %"
 
 
 def document(slave: Path, master: Path | None, found: FoundDelay) -> dict[str, Any]:

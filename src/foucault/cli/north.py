@@ -5,21 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from foucault.cli import options
-from foucault.cli.options import Of, add, command, given
+from foucault.cli.options import Of, add, command
 from foucault.cli.screen import EXIT_CODES, Screen, kept
 
 if TYPE_CHECKING:
-    from foucault.diagnose.north_stops import Prediction
     from foucault.errors import Finding
     from foucault.models.noise import ImuNoise
     from foucault.models.north_seeker import Compensation
-    from foucault.plans.north_orders import Choice, Row
+    from foucault.plans.north_orders import Choice
+    from foucault.procedures.north_seeking.settings import Planning
 
 
 MOST = 12
@@ -30,6 +30,10 @@ FIND = "find"
 
 SETTINGS = "foucault.procedures.north_seeking.settings:Settings"
 
+_SAID = Of(
+    options.SAID,
+    only=("latitude", "height", "gravity", "gyro_noise", "accel_noise", "accel_reads", "serial"),
+)
 _SETTINGS = Of(
     SETTINGS,
     only=("latitude_sd", "unknown_latitude", "hemisphere", "near", "level_sd", "index_sd", "drift",
@@ -85,36 +89,25 @@ def find(
     ],
     calibration: options.Calibration = None,
     output: options.FolderIfWanted = None,
-    latitude: options.Latitude = None,
-    height: options.Height = None,
-    gravity: options.Gravity = None,
-    gyro_noise: options.GyroNoise = None,
-    accel_noise: options.AccelNoise = None,
-    accel_reads: Annotated[
-        Literal["gravity", "specific force"] | None,
-        typer.Option(help="Sign of the accelerometers: specific force is +1 g upwards."),
-    ] = None,
+    said: Annotated[Any, _SAID] = None,
     settings: Annotated[Any, _SETTINGS] = None,
-    serial: options.Serial = "",
 ) -> None:
     """Find north: heading, pitch and roll of every set-up.
 
     With their covariance, what limits them, and the latitude if asked for.
     """
     from foucault.campaign import north
-    from foucault.campaign.running import Said
+    from foucault.campaign.tables import Said
     from foucault.errors import error
 
     screen: Screen = ctx.obj
-    site = given({"latitude": latitude, "height": height, "gravity": gravity})
     given_both = [f"--{k.replace('_', '-')}" for k in ("latitude", "latitude_sd")
-                  if k in site or k in settings]  # fmt: skip
+                  if k in said | settings]  # fmt: skip
     if "unknown_latitude" in settings and given_both:
         raise error("north.latitude_both", given=given_both[0])
-    said = Said(site, settings, gyro_noise, accel_noise, accel_reads, serial)
-    with screen.progress() as tell:
-        survey = north.run(readings, said, calibration=calibration, progress=tell)
-        found = kept("north", survey, output)
+    with screen.work(output, "north") as tell:
+        survey = north.run(readings, Said(**said), settings, calibration=calibration, progress=tell)
+        found = kept(north.record(survey), output)
     setups = found.held[0].about["setups"]
     levels = {setup["verdict"] for setup in setups}
     code = EXIT_CODES[levels.pop() if len(levels) == 1 else "doubtful"]
@@ -139,13 +132,14 @@ def _of_many(setups: Sequence[Mapping[str, Any]]) -> list[str]:
 
 # -- The command that plans north seeking: north plan --------------------------------------------
 
-"""What can be chosen of north seeking."""
-
 _PLANNED = Of(
+    "foucault.procedures.north_seeking.settings:Planning",
+    called={"drift_estimated": "drift-estimated/--drift-ignored"},
+)
+_CHOSEN = Of(
     SETTINGS,
     only=("accuracy", "level_sd", "index_sd", "latitude_sd", "unknown_latitude"),
     over=True,
-    as_text=True,
 )
 
 ACCEL = "5 ug/sqrt(Hz)"
@@ -154,9 +148,6 @@ ACCEL = "5 ug/sqrt(Hz)"
 DRIFT = "0.1 deg/h/h"
 """Drift to show the effect of where it is not given."""
 
-TILTED = "10 deg"
-"""Tilt to show the effect of where none is given."""
-
 
 @command(
     'foucault north plan --latitude "47 deg" --gyro-noise "0.003 deg/sqrt(h)" --accuracy "0.1 deg"',
@@ -164,9 +155,6 @@ TILTED = "10 deg"
 )
 def plan(
     ctx: typer.Context,
-    latitude: Annotated[
-        str, typer.Option(help='Latitude of the site, positive north, such as "47.3 deg".')
-    ],
     gyro_noise: Annotated[
         str | None,
         typer.Option(
@@ -177,45 +165,9 @@ def plan(
         Path | None,
         typer.Option(help="Campaign file whose [noise] is taken, instead of --gyro-noise."),
     ] = None,
-    time: Annotated[
-        str | None, typer.Option(help='Time there is, moves included, such as "10 min".')
-    ] = None,
-    gyro_bias_instability: Annotated[
-        str | None, typer.Option(help='Bias instability of the gyro, such as "0.005 deg/h".')
-    ] = None,
-    gyro_correlation_time: Annotated[
-        str | None, typer.Option(help='Correlation time of that instability; "300 s" if left out.')
-    ] = None,
-    gyro_random_walk: Annotated[
-        str | None,
-        typer.Option(help='Rate random walk of the gyro, such as "0.002 deg/h/sqrt(h)".'),
-    ] = None,
-    accel_noise: Annotated[
-        str | None,
-        typer.Option(help=f'Velocity random walk of the accelerometers; "{ACCEL}" if left out.'),
-    ] = None,
-    drift: Annotated[
-        str | None, typer.Option(help='Linear drift of the gyro to expect, such as "0.01 deg/h/h".')
-    ] = None,
-    drift_estimated: Annotated[
-        bool,
-        typer.Option(
-            "--drift-estimated/--drift-ignored", help="Whether the solution estimates the drift."
-        ),
-    ] = True,
-    tilt: Annotated[
-        str | None,
-        typer.Option(help='Largest tilt of the case, such as "10 deg"; level if left out.'),
-    ] = None,
-    settings: Annotated[Any, _PLANNED] = None,
-    rough: Annotated[
-        str | None,
-        typer.Option(help='Standard deviation of a heading that is known, such as "2 deg".'),
-    ] = None,
+    planned: Annotated[Any, _PLANNED] = None,
+    chosen: Annotated[Any, _CHOSEN] = None,
     calibration: options.Calibration = None,
-    move: Annotated[
-        str, typer.Option(help="Time from one stop to the next, settling included.")
-    ] = "10 s",
     order: Annotated[
         list[str] | None,
         typer.Option(
@@ -229,88 +181,63 @@ def plan(
     output: options.TableIfWanted = None,
 ) -> None:
     """Say how long north seeking takes, and in which order to stop."""
+    from foucault import units
     from foucault.diagnose.north_stops import Conditions
     from foucault.errors import error
     from foucault.plans.north_orders import NAMES, Task, compare, write_stops
+    from foucault.procedures.north_seeking.fix import require_latitude
+    from foucault.procedures.north_seeking.settings import Planning
+    from foucault.report import planned as report
 
     screen: Screen = ctx.obj
-    accuracy, level_sd, index_sd, latitude_sd, unknown_latitude = map(settings.get, _PLANNED.only)
-    if accuracy is None and time is None:
+    asked = Planning(**planned)
+    accuracy, level_sd = chosen.get("accuracy"), chosen.get("level_sd")
+    if accuracy is None and asked.time is None:
         raise error("north_plan.wanted")
-    slow = {
-        "bias_instability": ("--gyro-bias-instability", gyro_bias_instability, "angular rate"),
-        "correlation_time": ("--gyro-correlation-time", gyro_correlation_time, "time"),
-        "random_walk": ("--gyro-random-walk", gyro_random_walk, "rate random walk"),
-    }
+    require_latitude(asked.latitude)
     conditions = Conditions(
-        _latitude(latitude),
-        _noise(gyro_noise, noise, accel_noise, slow),
-        latitude_sd=_size("--latitude-sd", latitude_sd),
-        latitude_known=not unknown_latitude,
-        tilt=_size("--tilt", tilt),
-        drift=_size("--drift", drift, "rate ramp"),
-        drift_estimated=drift_estimated,
-        index_sd=_size("--index-sd", index_sd),
-        level_sd=None if level_sd is None else _size("--level-sd", level_sd),
+        asked.latitude,
+        _noise(gyro_noise, noise, asked),
+        latitude_sd=chosen.get("latitude_sd", 0.0),
+        latitude_known="unknown_latitude" not in chosen,
+        tilt=asked.tilt,
+        drift=asked.drift or 0.0,
+        drift_estimated=asked.drift_estimated,
+        index_sd=chosen.get("index_sd", 0.0),
+        level_sd=level_sd,
         compensation=_compensation(calibration),
     )
-    for option, said, fine, with_what in (
-        ("--drift-ignored", "given", drift_estimated or drift is not None, "given with --drift"),
-        ("--latitude-sd", latitude_sd, not (latitude_sd and unknown_latitude),
+    for option, fine, with_what in (
+        ("--drift-ignored", asked.drift_estimated or asked.drift is not None, "given with --drift"),
+        ("--latitude-sd", conditions.latitude_known or not conditions.latitude_sd,
          "left out with --unknown-latitude"),
-        ("--tilt", tilt, not (tilt and level_sd), "left out with --level-sd"),
-        ("--accel-noise", accel_noise, not (accel_noise and level_sd), "left out with --level-sd"),
+        ("--tilt", level_sd is None or not asked.tilt, "left out with --level-sd"),
+        ("--accel-noise", level_sd is None or asked.accel_noise is None,
+         "left out with --level-sd"),
+        ("--tilt", asked.tilt < math.radians(89.0), "below 89 deg"),
     ):  # fmt: skip
-        _refuse(option, said, fine, with_what)
-    _refuse("--tilt", tilt, conditions.tilt < math.radians(89.0), "below 89 deg")
-    total = None if time is None else _size("--time", time, "time")
-    _refuse("--time", time, total is None or total > 0, "above 0")
-    task = Task(
-        conditions,
-        None if accuracy is None else _size("--accuracy", accuracy),
-        total,
-        _size("--move", move, "time"),
-        None if rough is None else _size("--rough", rough),
-    )
-    _refuse("--accuracy", accuracy, task.accuracy != 0, "above 0")
+        _refuse(option, fine, with_what)
+    task = Task(conditions, accuracy, asked.time, asked.move, asked.rough)
     choice = compare(task, order or NAMES, cycles)
     if output is not None:
         write_stops(choice.best.order, choice.best.time, task.move, output)
-    _show_plans(screen, choice, _size("--drift", drift or DRIFT, "rate ramp"), output)
+    drift = asked.drift or units.parse(DRIFT, "rate ramp")
+    tilted, noticed = report.tilted(choice), report.noticed(choice)
+    screen.document(report.north(choice, drift, tilted, noticed))
+    if output is not None:
+        screen.say(f"Stops: {output}")
+    screen.data(_document(choice, drift, tilted, noticed, output))
 
 
-def _size(option: str, text: str | None, kind: str = "angle") -> float:
-    """Return what an option says, not negative; 0 where it says nothing [SI]."""
-    from foucault import units
-    from foucault.units import SMALLEST
-
-    if text is None:
-        return 0.0
-    value = units.parse(text, kind, option)
-    _refuse(option, text, value == 0 or SMALLEST < value < math.inf, "0 or above")
-    return value
-
-
-def _refuse(option: str, given: object, fine: bool, allowed: str) -> None:
+def _refuse(option: str, fine: bool, allowed: str) -> None:
     from foucault.errors import error
 
     if not fine:
-        raise error("north_plan.range", option=option, given=given, allowed=allowed)
+        raise error("north_plan.range", option=option, given="given", allowed=allowed)
 
 
-def _latitude(text: str) -> float:
-    from foucault import units
-    from foucault.procedures.north_seeking.fix import require_latitude
-
-    value = units.parse(text, "angle", "--latitude")
-    require_latitude(value)
-    return value
-
-
-def _noise(
-    gyro: str | None, file: Path | None, accel: str | None,
-    slow: dict[str, tuple[str, str | None, str]],
-) -> ImuNoise:  # fmt: skip
+def _noise(gyro: str | None, file: Path | None, asked: Planning) -> ImuNoise:
+    """Return the noise of a grade, of a campaign, or of what was given of it."""
     from dataclasses import replace
 
     from foucault import campaign, units
@@ -320,10 +247,13 @@ def _noise(
     if (gyro is None) == (file is None):
         given = "Nothing says" if gyro is None else "Both --gyro-noise and --noise say"
         raise error("north_plan.gyro", given=given, grades=", ".join(GRADES))
+    slow = ("bias_instability", "correlation_time", "random_walk")
+    more = asked.model_dump(
+        include={f"gyro_{key}" for key in slow} | {"accel_noise"}, exclude_none=True
+    )
     if file is not None:
-        for option, text, _ in (("--accel-noise", accel, ""), *slow.values()):
-            if text is not None:
-                raise error("north_plan.noise_option", option=option)
+        for key in more:
+            raise error("north_plan.noise_option", option=f"--{key.replace('_', '-')}")
         found = campaign.load(file).noise
         if found is None:
             raise error(
@@ -335,15 +265,16 @@ def _noise(
         white = units.parse(gyro, "angle random walk", "--gyro-noise")
         forces = units.parse(ACCEL, "velocity random walk")
         found = ImuNoise(TriadNoise(white=forces), TriadNoise(white=white))
-    if accel is not None:
-        white = _size("--accel-noise", accel, "velocity random walk")
-        found = replace(found, accel=replace(found.accel, white=white))
-    more = {key: _size(*said) for key, said in slow.items() if said[1] is not None}
-    found = replace(found, gyro=replace(found.gyro, **more))
-    option, text, _ = slow["correlation_time"]
-    _refuse(option, text, found.gyro.correlation_time > 0, "above 0")
-    useful = text is None or found.gyro.bias_instability > 0
-    _refuse(option, text, useful, "given with --gyro-bias-instability")
+    accel = {"white": more.pop("accel_noise")} if "accel_noise" in more else {}
+    found = ImuNoise(
+        replace(found.accel, **accel),
+        replace(found.gyro, **{key.removeprefix("gyro_"): value for key, value in more.items()}),
+    )
+    _refuse(
+        "--gyro-correlation-time",
+        asked.gyro_correlation_time is None or found.gyro.bias_instability > 0,
+        "given with --gyro-bias-instability",
+    )
     if not found.gyro.white > 0:
         raise error("north_plan.no_noise", given=gyro or "zero")
     return found
@@ -362,158 +293,18 @@ def _compensation(path: Path | None) -> Compensation:
     return Compensation(result.coefficients, str(result.instrument.get("serial") or ""))
 
 
-# -- what is shown -------------------------------------------------------------------------
-
-
-def _show_plans(screen: Screen, choice: Choice, drift: float, output: Path | None) -> None:
-    from foucault import units
-
-    task, best = choice.task, choice.best
-    tilted = _tilted(choice)
-    findings = _findings(choice)
-    wanted = () if task.accuracy is None else (f"minutes for {_angle(task.accuracy)}",)
-    time = () if task.total is None else (f"sd in {_minutes(task.total)} min",)
-    ramp = f"{units.convert(drift, 'rate ramp', 'deg/h/h'):.4g} deg/h/h"
-    screen.table(
-        "",
-        ("order", *wanted, *time, f"error by {ramp} of drift", "needs"),
-        [_cells(row, choice, drift) for row in choice.rows],
-    )
-    screen.say(*_advice(choice), "")
-    if best.at is not None:
-        screen.table("what the sd is made of, of the recommended order", ("source", "sd", "share"),
-                     _budget(best.at))  # fmt: skip
-    if tilted is not None:
-        screen.say(f"Tilted by up to {TILTED}, with the tilt measured: {_angle(tilted)}.")
-    screen.findings(findings)
-    if output is not None:
-        screen.say(f"Stops: {output}")
-    screen.data(_document(choice, drift, tilted, findings, output))
-
-
-def _tilted(choice: Choice) -> float | None:
-    """Return the sd of the recommended order with a tilt, where none was given [rad]."""
-    from dataclasses import replace
-
-    from foucault import units
-    from foucault.plans.north_orders import at_time
-
-    c, best = choice.task.conditions, choice.best
-    if c.tilt or c.level_sd is not None or best.at is None:
-        return None
-    other = replace(choice.task, conditions=replace(c, tilt=units.parse(TILTED, "angle")))
-    return at_time(best.order, best.time, other, drift=False).sd
-
-
-def _cells(row: Row, choice: Choice, drift: float) -> list[str]:
-    cells = [row.order.name]
-    if choice.task.accuracy is not None:
-        cells.append(_minutes(row.needed) if math.isfinite(row.needed) else _floor(row))
-    if choice.task.total is not None:
-        cells.append(row.why if row.at is None else _angle(row.sd))
-    cells.append("" if row.at is None else _angle(row.drift_error * drift))
-    return [*cells, row.order.needs]
-
-
-def _floor(row: Row) -> str:
-    if row.floor is None:
-        return row.why
-    return f"not reachable: floor {_angle(row.floor.sd)} from {row.limit}"
-
-
-def _advice(choice: Choice) -> list[str]:
-    """Which order to use, and why."""
-    task, best = choice.task, choice.best
-    how = f"Use {best.order.name}: {choice.reason}."
-    what = f"{_minutes(best.time)} minutes give {_angle(best.sd)} (1 sd)"
-    per = _per_stop(best, task.move)
-    out = [how, f"{what}{', ' + per if per else ''}."]
-    if task.accuracy is not None and not math.isfinite(best.needed):
-        out.append(f"{_angle(task.accuracy)} is {_floor(best)}.")
-    if choice.beyond is not None:
-        better = choice.beyond
-        gain = f"{_angle(better.sd)} in {_minutes(better.time)} minutes"
-        out.append(f"With {better.order.needs}, {better.order.name} gives {gain}.")
-    if choice.repeats is not None:
-        times, sd = choice.repeats
-        out.append(
-            f"Gone through {times} times in the same time (--cycles {times}) it gives "
-            f"{_angle(sd)}: slow noise of the gyro does less to shorter stops."
-        )
-    return out
-
-
-def _per_stop(row: Row, move: float) -> str:
-    from foucault.plans.north_orders import StopOrder
-
-    if not isinstance(row.order, StopOrder):
-        return ""
-    lengths = row.order.stops(row.time, move)
-    return f"{_range(float(lengths.min()), float(lengths.max()))} per stop"
-
-
-def _range(least: float, most: float) -> str:
-    return f"{least:.0f} s" if most - least < 0.5 else f"{least:.0f} to {most:.0f} s"
-
-
-def _budget(at: Prediction) -> list[tuple[str, ...]]:
-    whole = sum(at.sources.values())
-    rows = sorted(at.sources.items(), key=lambda item: -item[1])
-    return [(n, _angle(math.sqrt(v)), f"{v / whole:.1%}") for n, v in rows if v > 1e-6 * whole]
-
-
-def _findings(choice: Choice) -> list[Finding]:
-    from foucault.errors import finding
-    from foucault.plans.north_orders import SEEN, SHORTEST
-
-    task, best = choice.task, choice.best
-    out = []
-    minutes = _minutes(best.time)
-    if choice.signal < SEEN:
-        factor = SEEN / choice.signal
-        out.append(finding(
-            "north_plan.gyro_noisy", minutes=minutes, ratio=f"{1 / choice.signal:.2g}",
-            factor=f"{factor:.2g}", longer=f"{factor**2:.2g}",
-        ))  # fmt: skip
-    if task.accuracy is not None and task.total is not None and best.sd > task.accuracy:
-        cure = f"The accuracy is {_floor(best)}."
-        if math.isfinite(best.needed):
-            from dataclasses import replace
-
-            longer = replace(best, time=max(best.needed, best.order.shortest(task.move, SHORTEST)))
-            use = _per_stop(longer, task.move).replace(" per", " for each")
-            cure = f"Use at least {use or 'that long'}: {_minutes(longer.time)} minutes in all."
-        out.append(finding(
-            "north_plan.dwell_short", minutes=minutes, stop=_per_stop(best, task.move) or "turning",
-            sd=_angle(best.sd), accuracy=_angle(task.accuracy), cure=cure,
-        ))  # fmt: skip
-    return out
-
-
-def _angle(value: float) -> str:
-    """Write an angle in degrees."""
-    from foucault import units
-
-    degrees = math.degrees(value)
-    if not degrees < 90.0:
-        return "more than 90 deg"
-    return "0 deg" if degrees < 1e-9 else f"{units.plain(degrees, 3)} deg"
-
-
-def _minutes(seconds: float) -> str:
-    return f"{math.ceil(seconds / 6 - 1e-6) / 10:g}"  # upwards, in tenths
-
-
 def _document(
     choice: Choice, drift: float, tilted: float | None, findings: list[Finding],
     output: Path | None,
 ) -> dict[str, Any]:  # fmt: skip
     """All of it as JSON: angles in rad, times in s."""
+    from foucault.report import planned as report
+
     return {
         "orders": [row.as_dict(choice.task.move, drift) for row in choice.rows],
         "recommended": choice.best.order.name,
         "reason": choice.reason,
-        "advice": _advice(choice),
+        "advice": report.advice(choice),
         "tilted_sd": tilted,
         "findings": [f.as_dict() for f in findings],
         "file": None if output is None else str(output),

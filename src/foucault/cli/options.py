@@ -22,6 +22,8 @@ from typer.core import TyperCommand
 from typer.main import get_command
 
 if TYPE_CHECKING:
+    from foucault.errors import FoucaultError
+
     Amount = Any
 else:
     Amount = str
@@ -57,21 +59,44 @@ def quantity(kind: str, said: str, *names: str, least: Least = "") -> Any:
     return typer.Option(*names, callback=parsed, help=said)
 
 
-def given(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options that were given."""
-    return {name: value for name, value in options.items() if value is not None}
+@dataclass(frozen=True)
+class Several:
+    """Quantities of one kind in one option, as in `example`: "0 s to 300 s", "1 m/s, 2 m/s"."""
+
+    kind: str
+    what: str  # they say, in words
+    example: str
+
+    def read(self, option: str, text: str) -> tuple[float, ...]:
+        """Return what an option says [SI]; a mistake names the option."""
+        from foucault.campaign.tables import parse_at
+
+        between = " to " if " to " in self.example else ","
+        parts = text.split(between)
+        if len(parts) != len(self.example.split(between)):
+            raise self.refused(option, text)
+        return tuple(parse_at(option, one.strip(), self.kind) for one in parts)
+
+    def refused(self, option: str, text: str) -> FoucaultError:
+        """Return the error of an option that does not say what it should."""
+        from foucault.errors import error
+
+        words = {"what": self.what, "example": self.example}
+        return error("program.parts", option=option, given=text, **words)
+
+    def option(self, said: str) -> Any:
+        """Return an option that holds them, or one that may be repeated; `said` is its help."""
+
+        def parsed(param: typer.CallbackParam, value: Any) -> Any:
+            if value is None or isinstance(value, str):
+                return None if value is None else self.read(param.opts[-1], value)
+            return [self.read(param.opts[-1], one) for one in value]
+
+        return typer.Option(callback=parsed, metavar="<str>", help=said)
 
 
-def span(option: str, text: str) -> tuple[float, float]:
-    """Return start and end of a stretch of a log, "0 s to 300 s" [s]."""
-    from foucault.errors import error
-    from foucault.units import parse
-
-    ends = text.split(" to ")
-    if len(ends) != 2:
-        raise error("log.span", option=option, given=text)
-    start, end = (parse(one.strip(), "time", option) for one in ends)
-    return start, end
+REST = Several("time", "when it starts and when it ends", "0 s to 300 s")
+"""A rest, in times that count from the start of the log."""
 
 
 # -- settings ------------------------------------------------------------------------------
@@ -86,7 +111,6 @@ class Of:
     called: Mapping[str, str] = field(default_factory=dict)  # field -> option that differs from it
     above: tuple[str, ...] = ()  # fields that may be zero, though to give zero says nothing
     over: bool = False  # they go before what a campaign says: what is left out has no default
-    as_text: bool = False  # quantities stay text, for a command that has bounds of its own
 
     @property
     def fields(self) -> dict[str, Any]:
@@ -115,6 +139,7 @@ class Of:
             said = with_example(description_of(self.settings, key), info, kind)
             option = typer.Option(self.option(key), help=said)
             kept = (info.annotation, info.default) if kind is None else (str | None, None)
+            kept = (str, inspect.Parameter.empty) if info.is_required() else kept
             if self.over and info.annotation is not bool:
                 kept = (kept[0] | None, None)
             out.append(
@@ -131,7 +156,7 @@ class Of:
 
         out = {}
         for key, info in self.fields.items():
-            value, kind = given.pop(key), None if self.as_text else kind_of(info)
+            value, kind = given.pop(key), kind_of(info)
             if value is not None and kind is not None:
                 bounds = {type(mark).__name__ for mark in info.metadata}
                 least: Least = "0 or more" if "Ge" in bounds else ""
@@ -263,9 +288,9 @@ Tolerance = Annotated[
     Path | None,
     typer.Option(help="TOML file with the limits of coefficients; none if left out."),
 ]
-Serial = Annotated[
-    str, typer.Option(help="Serial number of the instrument, compared with the calibration.")
-]
+SAID = "foucault.campaign.tables:Said"
+"""What is said beside a log."""
+
 SITE = (
     "Site and noise that are left out are those of the campaign, where the log is one; otherwise "
     "the height is 0 m and gravity is normal gravity there."
@@ -273,30 +298,6 @@ SITE = (
 """Note of commands that take a site and noise."""
 
 Seed = Annotated[int, typer.Option(help="Seed of the random numbers.", min=0)]
-
-# -- quantities, in SI -------------------------------------------------------------------
-
-Latitude = Annotated[
-    Amount | None, quantity("angle", 'Latitude of the site, positive north, such as "47.3 deg".')
-]
-Height = Annotated[Amount | None, quantity("length", 'Height of the site, such as "430 m".')]
-Gravity = Annotated[Amount | None, quantity("gravity", 'Local gravity, such as "9.8072 m/s^2".')]
-GyroNoise = Annotated[
-    Amount | None,
-    quantity(
-        "angle random walk",
-        'Angle random walk of the gyros, such as "0.003 deg/sqrt(h)".',
-        least="greater than 0",
-    ),
-]
-AccelNoise = Annotated[
-    Amount | None,
-    quantity(
-        "velocity random walk",
-        'Velocity random walk of the accelerometers, such as "30 ug/sqrt(Hz)".',
-        least="greater than 0",
-    ),
-]
 
 # -- what is written -----------------------------------------------------------------------
 

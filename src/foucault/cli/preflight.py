@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foucault.cli import cluster, options
-from foucault.cli.options import command
+from foucault.cli.options import Amount, command, quantity
 from foucault.cli.screen import Screen, written
 from foucault.cli.sessions import load_or_template
 
 if TYPE_CHECKING:
-    from foucault.diagnose.foresight import Foresight
+    pass
 
-
-SHOWN = 4
-"""Combinations and pairs that are printed; all of them are in the JSON."""
 
 INCOMPLETE = 3
 """Exit code where something is hardly seen, that of a doubtful result."""
@@ -52,7 +48,7 @@ def preflight(
     Standard deviation of every coefficient, what cannot be told apart, whether the rig can do it.
     """
     from foucault.campaign import optimisation
-    from foucault.cli.sessions import load_or_template
+    from foucault.report import planned
 
     screen: Screen = ctx.obj
     given = {"plan": plan, "rate": rate, "segment": segment}
@@ -63,28 +59,7 @@ def preflight(
         found = optimisation.foresee(campaign, changes)
     if output is not None:
         optimisation.write(found, output)
-    screen.table(
-        "",
-        ("coefficient", "sd", "unit", "of the prior", *(("mostly from",) if found.budget else ())),
-        [(r["name"], *_cells(r["display_sd"], r["display_unit"], r["of_prior"]),
-          *((_mostly(r),) if found.budget else ())) for r in found.rows()],
-    )  # fmt: skip
-    if found.legs:
-        screen.table(
-            "the plan",
-            ("leg", "until (s)", "rate about x, y, z (deg/s)", "rank", "seen alone"),
-            _legs(found),
-        )
-    if found.limits:
-        screen.table("limits of the rig", ("", "needed", "allowed", ""), _limits(found))
-    if found.more:
-        screen.table(
-            "what more would buy",
-            ("", "longer (s)", "sd, of that without", "largest gain"),
-            _extras(found),
-        )
-    screen.say(*_summary(found))
-    screen.findings((*campaign.findings, *found.findings))
+    screen.document(planned.preflight(found, campaign.findings))
     if output is not None:
         screen.say(f"Table: {output}")
     screen.data(
@@ -93,75 +68,6 @@ def preflight(
         | {"file": None if output is None else str(output)}
     )
     raise typer.Exit(0 if found.complete else INCOMPLETE)
-
-
-def _cells(sd: float | None, unit: str, share: float | None) -> tuple[str, str, str]:
-    from foucault.units import plain
-
-    return (
-        "" if sd is None else plain(sd, 2),
-        unit,
-        "" if share is None else plain(share, 2),
-    )
-
-
-def _mostly(row: dict[str, Any]) -> str:
-    return f"{row['mostly']} {100 * row['mostly_share']:.0f} %" if "mostly" in row else ""
-
-
-def _legs(found: Foresight) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = []
-    for k, leg in enumerate(found.legs, 1):
-        rate = ", ".join(f"{math.degrees(w):z.4f}" for w in leg.rate)
-        rows.append((str(k), f"{leg.end:.0f}", rate, str(leg.rank), str(leg.alone)))
-    return rows
-
-
-def _limits(found: Foresight) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = []
-    for limit in found.limits:
-        state = "" if limit.kept else "BROKEN"
-        rows.append((limit.name, limit.said_needed, limit.said_allowed, state))
-    return rows
-
-
-def _extras(found: Foresight) -> list[tuple[str, ...]]:
-    return [
-        (
-            more.what,
-            f"{more.time:.0f}",
-            f"{more.ratio:.3f}",
-            ", ".join(f"{name} {ratio:.2f}" for name, ratio in more.best[:1]),
-        )
-        for more in found.more
-    ]
-
-
-def _summary(found: Foresight) -> list[str]:
-    limit = found.rate_limit
-    allowed = "" if limit is None else f", of {math.degrees(limit):.4g} deg/s that the rig allows"
-    fastest = ""
-    if found.fastest is not None:
-        fastest = f", at most {math.degrees(found.fastest):.4g} deg/s about an axis{allowed}"
-    smallest = ""
-    if found.smallest is not None:
-        smallest = f"; smallest relative singular value {found.smallest:.2g}, the priors as units"
-    out = [
-        f"Plan: {found.plan}, {found.duration:.0f} s{fastest}.",
-        f"Rank {found.rank} of {found.states}{smallest}.",
-        f"Linearised at {found.linearised_at}.",
-    ]
-    out += _listed("Remains least known", found.remaining)
-    out += _listed("Hard to tell apart", found.weakest)
-    out += _listed("Seen by no leg" if found.legs else "Not seen", found.unseen)
-    pairs = [f"{a} and {b} ({value:+.2f})" for a, b, value in found.correlated[:SHOWN]]
-    return out + ([f"Errors most correlated: {', '.join(pairs)}."] if pairs else [])
-
-
-def _listed(title: str, words: tuple[str, ...]) -> list[str]:
-    more = len(words) - SHOWN
-    rest = [f"  and {more} more (--json names all)"] if more > 0 else []
-    return [f"{title}:", *(f"  {w}" for w in words[:SHOWN]), *rest] if words else []
 
 
 # -- The command that searches for a better plan: optimise ---------------------------------------
@@ -190,9 +96,11 @@ def optimise(
         ),
     ] = None,
     time_limit: Annotated[
-        str | None,
-        typer.Option(
-            help='Begin no further restart after this time, such as "60 s"; no limit if left out.'
+        Amount | None,
+        quantity(
+            "time",
+            'Begin no further restart after this time, such as "60 s"; no limit if left out.',
+            least="0 or more",
         ),
     ] = None,
     seed: options.Seed = 0,
@@ -211,26 +119,19 @@ def optimise(
     """Search for a plan that sees more, within limits of the rig."""
     from dataclasses import asdict
 
-    from foucault import units
     from foucault.campaign import optimisation
-    from foucault.cli.sessions import load_or_template
-    from foucault.errors import error
-    from foucault.files import alone, plain_json
+    from foucault.files import plain_json
     from foucault.run_folder import CAMPAIGN_FILE
 
     screen: Screen = ctx.obj
-    limit = None if time_limit is None else units.parse(time_limit, "time", "--time-limit")
-    if limit is not None and limit < 0:
-        raise error("optimise.time_limit", given=time_limit)
     campaign = load_or_template(what)
     there = optimisation.finished(output)
     with (
-        alone(output),
         cluster.spread(screen, workers, scheduler, local_cluster) as map_,
-        screen.progress() as tell,
+        screen.work(output, "search") as tell,
     ):
         found = optimisation.run(
-            campaign, output, restarts=restarts, evaluations=evaluations, time_limit=limit,
+            campaign, output, restarts=restarts, evaluations=evaluations, time_limit=time_limit,
             seed=seed, size=size, map=map_,
             progress=lambda done, total: tell(done / total, f"restart {done} of {total}"),
         )  # fmt: skip
@@ -272,14 +173,12 @@ def montecarlo(
     Errors against their standard deviations and against the bound.
     """
     from foucault.campaign import study
-    from foucault.files import alone
 
     screen: Screen = ctx.obj
     described = load_or_template(what)
     with (
-        alone(output),
         cluster.spread(screen, workers, scheduler, local_cluster) as map_,
-        screen.progress() as tell,
+        screen.work(output, "study") as tell,
     ):
         result = study.run(
             described,

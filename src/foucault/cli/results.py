@@ -39,9 +39,8 @@ def _run(screen: Screen, campaign: Campaign, folder: Path) -> tuple[Result, Foun
     """Calibrate and write the run folder; what was there stays until the new result is whole."""
     from foucault import campaign as campaigns
     from foucault import run_folder
-    from foucault.files import alone
 
-    with alone(folder), screen.progress() as tell:
+    with screen.work(folder) as tell:
         run_folder.keep_a_campaign(folder, campaign.text)
         result = campaigns.calibrate(campaign, tell)
         tell(0.9, "writing the report")
@@ -148,11 +147,10 @@ def merge(
     """
     from foucault import run_folder
     from foucault.campaign import earlier
-    from foucault.files import alone
 
     screen: Screen = ctx.obj
-    result = earlier.merge(results)
-    with alone(output):
+    with screen.work(output):
+        result = earlier.merge(results)
         run_folder.save(result, output)
         page = written(output, "result")
     said = {
@@ -295,7 +293,6 @@ def temperature(
     To calibrations at several temperatures, to a slow ramp, or to both.
     """
     from foucault import run_folder
-    from foucault.files import alone
     from foucault.procedures import temperature as procedure
 
     screen: Screen = ctx.obj
@@ -307,7 +304,7 @@ def temperature(
         reference=reference,
         margin=margin,
     )
-    with alone(output), screen.progress() as tell:
+    with screen.work(output) as tell:
         tell(0.0, "reading the results")
         sessions = _sessions(results, at or [])
         ramps = [_ramp(path, tell) for path in ramp or []]

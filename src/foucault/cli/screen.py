@@ -6,7 +6,7 @@ import json
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -20,7 +20,10 @@ from foucault.escape import screen
 
 if TYPE_CHECKING:
     from foucault.report.page import Document, Section, Table
+    from foucault.run_folder import Record
 
+Tell = Callable[[float, str], None]
+"""Told the fraction done and what is being done."""
 
 PATIENCE = 1.0
 """A progress bar appears when work takes longer than this [s]."""
@@ -83,14 +86,18 @@ class Screen:
             out.add_row(*(Text(screen(cell)) for cell in row))
         _console().print(out)
 
-    def document(self, said: Document, keys: Iterable[str]) -> None:
-        """Print the sections of a document that `keys` name, and its verdict."""
+    def document(self, said: Document, keys: Iterable[str] | None = None) -> None:
+        """Print the sections of a document that `keys` name, None for all, and its verdict."""
         head = said.heading
         self.say("", head.title, style="bold")
         self.say(*([", ".join(head.line)] if head.line else []))
         for one in said.sections:
-            if one.key in keys:
+            drawn = all(block.kind == "figure" for block in one.blocks)
+            if not drawn and (keys is None or one.key in keys):
                 self.section(one)
+        if head.state not in STATES:
+            self.say(*([f"\n{head.word}."] if head.word else []), *head.reasons)
+            return
         level = STATES[head.state][1]
         word = head.word[:1].lower() + head.word[1:]
         self.verdict(level, (reason.translate(SIGNS) for reason in head.reasons), word)
@@ -129,7 +136,8 @@ class Screen:
         looks = [some.columns[i].look for i in shown]
         lines = []
         for row in rows:
-            cells = [row[0]] if len(row) == 1 else [row[i] for i in shown]
+            aside_of = looks.index("text") if len(row) == 1 and "text" in looks else 0
+            cells = [""] * aside_of + [row[0]] if len(row) == 1 else [row[i] for i in shown]
             lines.append([
                 STATES.get(cell, ("", ""))[0] if look == "state" else cell
                 for look, cell in zip(looks, cells, strict=False)
@@ -168,7 +176,18 @@ class Screen:
         self.data({"error": parts})
 
     @contextmanager
-    def progress(self) -> Iterator[Callable[[float, str], None]]:
+    def work(self, folder: Path | None, kind: str = "result") -> Iterator[Tell]:
+        """Yield `progress`, with the folder to write held alone; one of another kind is refused."""
+        from foucault.files import alone
+        from foucault.run_folder import refuse_others
+
+        if folder is not None:
+            refuse_others(folder, kind)
+        with nullcontext() if folder is None else alone(folder), self.progress() as tell:
+            yield tell
+
+    @contextmanager
+    def progress(self) -> Iterator[Tell]:
         """Yield ``tell(fraction, words)``; a bar appears on a terminal after a second."""
         if self.quiet or self.json or not sys.stderr.isatty():
             yield lambda fraction, words: _stop_if_interrupted()
@@ -208,26 +227,41 @@ def _console() -> Any:
 
 # -- Folders as commands leave them: what was found, its page, and what a screen shows of it -----
 
-PAGES = {
-    "north": ("north", "north"),
-    "navigation": ("navigation", "navigation"),
-    "search": ("optimisation", "optimisation"),
-    "comparison": ("comparison", "compare"),
-    "fleet": ("fleet", "fleet"),
-    "study": ("study", "study"),
-}
-"""Kind of folder -> who writes and reads it, in `campaign`, and its page, in `report`."""
 
-SHOWN = {
-    "result": "temperature.functions uncertainty.coefficients findings",
-    "north": "north.where north.headings north.budget north.known north.calibration findings",
-    "navigation": "navigation.start navigation.growth navigation.worth navigation.terms findings",
-    "search": "optimisation.coefficients optimisation.cases optimisation.plan findings",
-    "comparison": "compare.results compare.changes compare.side_by_side findings",
-    "fleet": "fleet.outcomes fleet.attention fleet.outlying",
-    "study": "study.coefficients checks",
-}
-"""Kind of folder -> keys of the sections that the screen shows."""
+@dataclass(frozen=True)
+class Kind:
+    """A kind of run, as a folder holds it."""
+
+    page: str  # its document, in `report`
+    shown: str  # keys of the sections that the screen shows
+    reader: str = ""  # of a folder: "module:function"; none for a record
+
+
+KINDS = {
+    "result": Kind(
+        "calibration", "temperature.functions uncertainty.coefficients findings",
+        "run_folder:load_result",
+    ),
+    "north": Kind(
+        "north", "north.where north.headings north.budget north.known north.calibration findings"
+    ),
+    "navigation": Kind(
+        "navigation",
+        "navigation.start navigation.growth navigation.worth navigation.terms findings",
+    ),
+    "search": Kind(
+        "optimisation",
+        "optimisation.coefficients optimisation.cases optimisation.plan findings",
+        "campaign.optimisation:load",
+    ),
+    "comparison": Kind(
+        "compare", "compare.results compare.changes compare.side_by_side findings"
+    ),
+    "fleet": Kind(
+        "fleet", "fleet.outcomes fleet.attention fleet.outlying", "campaign.fleet:load"
+    ),
+    "study": Kind("study", "study.coefficients checks", "campaign.study:load"),
+}  # fmt: skip
 
 STATE_CODES = {"good": 0, "warning": 3, "bad": 4}
 
@@ -243,11 +277,7 @@ class Found:
     @cached_property
     def document(self) -> Document:
         """What there is to say of it."""
-        if self.kind == "result":
-            from foucault.report import of_result
-
-            return of_result(*self.held)
-        made = import_module(f"foucault.report.{PAGES[self.kind][1]}")
+        made = import_module(f"foucault.report.{KINDS[self.kind].page}")
         more = {"folder": self.folder} if self.kind == "search" else {}
         said: Document = made.document(*self.held, **more)
         return said
@@ -267,7 +297,7 @@ class Found:
         from foucault.run_folder import REPORT_FILE
 
         if not (screen.quiet or screen.json):
-            screen.document(self.document, SHOWN[self.kind].split())
+            screen.document(self.document, KINDS[self.kind].shown.split())
         screen.say(*lines)
         where = {}
         if self.folder is not None:
@@ -279,12 +309,13 @@ class Found:
 
 def found_in(folder: Path) -> Found:
     """Return what whatever command has written a folder has found."""
-    from foucault.run_folder import kind_of, load_result
+    from foucault import run_folder
 
-    kind = kind_of(folder)
-    if kind == "result":
-        return Found(kind, (load_result(folder),), folder)
-    held = import_module(f"foucault.campaign.{PAGES[kind][0]}").load(folder)
+    kind = run_folder.kind_of(folder)
+    module, _, name = KINDS[kind].reader.partition(":")
+    if not module:
+        return Found(kind, (run_folder.read(folder, kind),), folder)
+    held = getattr(import_module(f"foucault.{module}"), name)(folder)
     return Found(kind, held if isinstance(held, tuple) else (held,), folder)
 
 
@@ -298,12 +329,8 @@ def written(folder: Path, kind: str, *held: Any) -> Found:
         return found
 
 
-def kept(kind: str, found: Any, folder: Path | None) -> Found:
-    """Write what was found with its page, if a folder is wanted."""
-    from foucault.files import alone
-
-    made = import_module(f"foucault.campaign.{PAGES[kind][0]}")
+def kept(record: Record, folder: Path | None) -> Found:
+    """Write a record with its page, if a folder is wanted."""
     if folder is None:
-        return Found(kind, (made.record(found),))
-    with alone(folder):
-        return written(folder, kind, made.save(found, folder))
+        return Found(record.kind, (record,))
+    return written(folder, record.kind, record.save(folder))

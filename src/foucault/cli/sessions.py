@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foucault.cli import options
-from foucault.cli.options import command, span
+from foucault.cli.options import Amount, command
 from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
     from foucault.diagnose.allan import LogAllan
     from foucault.diagnose.live import Inspection
-    from foucault.models.transfer import MasterTable
     from foucault.tables import Log
 
 
@@ -105,32 +104,19 @@ def inspect(
     Mean, noise and limits of every axis, and what looks wrong with its cure.
     """
     from foucault.campaign.running import read_any
-    from foucault.diagnose import live as inspection
+    from foucault.diagnose import live
+    from foucault.report import noise, save
 
     screen: Screen = ctx.obj
     with screen.progress() as tell:
         table, start = from_start(read_any(log, tell)[0])
         tell(0.7, "finding rests")
-        seen = inspection.inspect(table)
+        seen = live.inspect(table)
+        said = noise.inspected(seen, start)
         if plots is not None:
-            from foucault.report import noise, save
-
             tell(0.9, "drawing")
-            save(noise.inspected(seen), plots)
-    titles = ("axis", "mean", "sd", "min", "max", "noise at rest")
-    means, master = seen.log.averaged is not None, getattr(table, "master", None)
-    overview, axes = _overview(seen, start), _axes(seen)
-    if master is not None:  # it is calibrated as it moves: rests are nothing to look for
-        screen.table("", ("log", str(log)), [r for r in overview if "rest" not in r[0]])
-        screen.table("readings", titles[:-1], [r[: len(titles) - 1] for r in axes])
-        screen.table("", ("master", ""), _messages(master, start))
-        screen.findings(seen.log.findings)
-    else:
-        screen.table("", ("log", str(log)), overview)
-        screen.table("readings", titles[:-1] if means else titles, axes)
-        kind = "mean" if means else "rest"
-        screen.table(f"{kind}s", (kind, *_TITLES, *_table_columns(seen)), _rests(seen))
-        screen.findings(seen.findings)
+            save(said, plots)
+    screen.document(said)
     if plots is not None:
         screen.say(f"Plots are in {plots}.")
     screen.data(_document(log, seen, start))
@@ -140,131 +126,6 @@ def from_start(log: Log) -> tuple[Log, float]:
     """Return the log with time counted from its start, and that start [s]."""
     start = float(log.time[0])
     return replace(log, time=log.time - start), start
-
-
-_TITLES = ("start", "end", "up", "|f| (m/s^2)", "|w| (deg/s)", "state")
-
-
-def _overview(seen: Inspection, start: float) -> list[tuple[str, str]]:
-    import numpy as np
-
-    from foucault.units import plain, span
-
-    log = seen.log
-    if log.averaged is not None:
-        took = f"{span(float(log.averaged.min()))} to {span(float(log.averaged.max()))}"
-        return [("means", f"{len(log)}, each over {took}")]
-    kind = {"rate": "instantaneous", "increment": "means over each interval"}[log.sampled]
-    still = int(np.count_nonzero(~seen.turning))
-    rows = [
-        ("samples", f"{len(log)}"),
-        ("duration", f"{log.duration:.2f} s"),
-        ("rate", f"{plain(log.rate, 6)} Hz"),
-        ("interval", f"{span(seen.shortest)} to {span(seen.longest)}"),
-        ("gaps", f"{seen.gaps}"),
-        ("readings", kind),
-        ("rests found", f"{still} (level below {seen.rests.threshold:.3g} x the quiet)"),
-    ]
-    if seen.turning.any():
-        rows.append(("steady turns", f"{int(seen.turning.sum())}, listed among the rests"))
-    if start:
-        rows.insert(1, ("starts at", f"{plain(start, 13)} s; times below count from there"))
-    f = _means(seen, "accel")
-    if f is not None and len(f) and np.isfinite(f).all():
-        size = np.linalg.norm(f if seen.turning.all() else f[~seen.turning], axis=1)
-        rows.append(("|f| at rest", f"{size.min():.4f} to {size.max():.4f} m/s^2 (1 g = 9.80665)"))
-    return rows
-
-
-def _messages(master: MasterTable, start: float) -> list[tuple[str, str]]:
-    """What there is to see of the messages of a master, by the clock that they are used by."""
-    import numpy as np
-
-    from foucault.units import span
-
-    time, speed = master.messages.time - start, np.linalg.norm(master.velocity_n[:, :2], axis=1)
-    pitch, roll = np.degrees(master.angles[:, 1:]).T
-    said = "said" if master.has_place else "not said: it begins at [site]"
-    return [
-        ("messages", f"{len(time)}"),
-        ("first to last", f"{time[0]:.2f} s to {time[-1]:.2f} s of the log above"),
-        ("interval", f"{span(float(np.median(np.diff(time))))} as a rule"),
-        ("horizontal speed", f"{speed.min():.2f} to {speed.max():.2f} m/s"),
-        ("pitch", f"{pitch.min():.1f} to {pitch.max():.1f} deg"),
-        ("roll", f"{roll.min():.1f} to {roll.max():.1f} deg"),
-        ("position", said),
-    ]
-
-
-def _axes(seen: Inspection) -> list[tuple[str, ...]]:
-    from foucault.tables import AXES
-    from foucault.units import convert
-
-    rows = []
-    for name, axes, kind, unit, noise_kind, noise_unit in (
-        ("accel", seen.accel, "gravity", "m/s^2", "velocity random walk", "ug/sqrt(Hz)"),
-        ("gyro", seen.gyro, "angular rate", "deg/s", "angle random walk", "deg/sqrt(h)"),
-    ):
-        if axes is None:
-            continue
-        for i in seen.log.logged(name):
-            axis = AXES[i]
-            columns = (axes.mean, axes.sd, axes.lowest, axes.highest)
-            numbers = [f"{convert(float(c[i]), kind, unit):.4g}" for c in columns]
-            noise = convert(float(axes.noise[i]), noise_kind, noise_unit)
-            last = () if seen.log.averaged is not None else (f"{noise:.3g} {noise_unit}",)
-            rows.append((f"{name} {axis} ({unit})", *numbers, *last))
-    return rows
-
-
-def _rests(seen: Inspection) -> list[tuple[str, ...]]:
-    import numpy as np
-
-    from foucault.tables import AXES
-
-    f, w = _means(seen, "accel"), _means(seen, "gyro")
-    rows: list[tuple[str, ...]] = []
-    for k in range(len(seen.rests)):
-        up = size = turning = ""
-        if f is not None and np.isfinite(f[k]).all():
-            largest = int(np.argmax(np.abs(f[k])))
-            tilt = np.degrees(np.arccos(abs(f[k, largest]) / np.linalg.norm(f[k])))
-            up = f"{'+' if f[k, largest] > 0 else '-'}{AXES[largest]} ({tilt:.0f} deg off)"
-            size = f"{np.linalg.norm(f[k]):.4f}"
-        if w is not None:
-            turning = f"{np.degrees(np.linalg.norm(w[k][list(seen.log.logged('gyro'))])):.3f}"
-        start, end = (f"{seen.rest_rows[c][k]:.2f} s" for c in ("start", "end"))
-        if seen.log.averaged is not None:
-            end = f"{seen.rest_rows['start'][k] + seen.log.averaged[k]:.2f} s"
-        state = "turning" if seen.turning[k] else "rest"
-        columns = (f"{x[k]:.3f}" for x in _table_columns(seen).values())
-        rows.append((str(k + 1), start, end, up, size, turning, state, *columns))
-    return rows
-
-
-def _table_columns(seen: Inspection) -> dict[str, Any]:
-    """Return angles and rate of the table in degrees, of logs that are means."""
-    import numpy as np
-
-    table = seen.log.table
-    if table is None or seen.log.averaged is None:
-        return {}
-    names = ("outer (deg)", "middle (deg)", "inner (deg)")
-    columns = dict(zip(names, np.degrees(table.angles.T), strict=True))
-    if table.rate is not None:
-        columns["table (deg/s)"] = np.degrees(table.rate)
-    return {name: x for name, x in columns.items() if np.isfinite(x).any()}
-
-
-def _means(seen: Inspection, triad: str) -> Any:
-    import numpy as np
-
-    from foucault.tables import AXES
-
-    names = [f"{triad}_{axis}" for axis in AXES]
-    if names[0] not in seen.rest_rows:
-        return None
-    return np.stack([seen.rest_rows[name] for name in names], axis=1)
 
 
 def _document(path: Path, seen: Inspection, start: float) -> dict[str, Any]:
@@ -322,9 +183,9 @@ def allan(
         str, typer.Option(help="Deviation: overlapping, modified or hadamard.")
     ] = "overlapping",
     rest: Annotated[
-        str | None,
-        typer.Option(
-            help='Part at rest, such as "0 s to 50 s". The whole log if left out, or the longest '
+        Amount | None,
+        options.REST.option(
+            'Part at rest, such as "0 s to 50 s". The whole log if left out, or the longest '
             "rest of one that moves."
         ),
     ] = None,
@@ -335,61 +196,41 @@ def allan(
     Random walks, bias instability and ramp by Allan deviations, with a [noise] table to use.
     """
     from foucault.campaign.running import read_any
-    from foucault.diagnose.allan import measure_log
-
-    screen: Screen = ctx.obj
-    still = None if rest is None else span("--rest", rest)
-    with screen.progress() as tell:
-        table, _ = from_start(read_any(log, tell)[0])
-        tell(0.7, "computing variances")
-        seen = measure_log(table, axes=tuple(axis or ()), kind=_kind(kind), rest=still)
-        if output is not None:
-            tell(0.9, "writing")
-            _write(seen, str(table.source.get("file", log.name)), output)
-    screen.say(f"At rest, {seen.start:.2f} s to {seen.end:.2f} s.")
-    screen.table("", ("axis", "noise", "value", "sd", "95 % interval"), _rows(seen))
-    screen.findings((*table.findings, *seen.findings))
-    if output is not None:
-        screen.say(f"Plot: {output / REPORT_FILE}")
-    screen.data(_channels_said(log, seen, [f.as_dict() for f in (*table.findings, *seen.findings)]))
-
-
-def _kind(given: str) -> Any:
-    from foucault.diagnose.allan import check_kind
-
-    return check_kind(given)
-
-
-def _rows(seen: LogAllan) -> list[tuple[str, ...]]:
-    from foucault.diagnose.allan import WORDS, described
-
-    rows: list[tuple[str, ...]] = []
-    for name, channel in seen.channels.items():
-        triad = name.split(".")[0]
-        for i, noise in enumerate(channel.noises):
-            words = described(noise, triad, channel.longest)
-            rows.append((name if i == 0 else "", WORDS[triad][i], *words))
-    return rows
-
-
-def _write(seen: LogAllan, name: str, folder: Path) -> None:
-    """Write the plot, the table of deviations and, where there is one, the noise block."""
-    from foucault.diagnose.allan import deviation_table, noise_block
-    from foucault.errors import FoucaultError
-    from foucault.escape import commented
+    from foucault.diagnose.allan import check_kind, deviation_table, measure_log
     from foucault.files import make_folder, write_text
     from foucault.report import noise as report
     from foucault.report import save
 
-    make_folder(folder)
+    screen: Screen = ctx.obj
+    with screen.progress() as tell:
+        table, _ = from_start(read_any(log, tell)[0])
+        tell(0.7, "computing variances")
+        seen = measure_log(table, axes=tuple(axis or ()), kind=check_kind(kind), rest=rest)
+        block = _block(seen)
+        told = (*table.findings, *seen.findings)
+        said = report.document(seen, str(table.source.get("file", log.name)), block, told)
+        if output is not None:
+            tell(0.9, "writing")
+            make_folder(output)
+            write_text(output / NOISE_FILE, block)
+            write_text(output / TABLE_FILE, deviation_table(seen))
+            save(said, output / REPORT_FILE)
+    screen.document(said, ("noise.noises", "findings"))
+    if output is not None:
+        screen.say(f"Plot: {output / REPORT_FILE}")
+    screen.data(_channels_said(log, seen, [f.as_dict() for f in told]))
+
+
+def _block(seen: LogAllan) -> str:
+    """Return the noise block of a campaign, or why there is none as a remark."""
+    from foucault.diagnose.allan import noise_block
+    from foucault.errors import FoucaultError
+    from foucault.escape import commented
+
     try:
-        block = noise_block(seen)
+        return noise_block(seen)
     except FoucaultError as nothing_seen:
-        block = commented([nothing_seen], "#") + "\n"
-    texts = {NOISE_FILE: block, TABLE_FILE: deviation_table(seen)}
-    for file, text in texts.items():
-        write_text(folder / file, text)
-    save(report.document(seen, name, block), folder / REPORT_FILE)
+        return commented([nothing_seen], "#") + "\n"
 
 
 def _channels_said(path: Path, seen: LogAllan, findings: list[dict[str, str]]) -> dict[str, Any]:

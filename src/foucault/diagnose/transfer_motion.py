@@ -1,8 +1,7 @@
-"""What the turning of two instruments says of the offset found in it: is it seen, is it right?
+"""What is doubtful of a transfer alignment: its delay, its motion, and how the messages scatter.
 
-What the user should know of a transfer alignment: delay, motion, and how messages scatter.
-
-Where it does not fit, what would explain it is looked for: a lever arm, a prior. A lever arm that
+Of two instruments alone the turning says whether the offset found in it is seen, and right. Where
+messages do not fit, what would explain it is looked for: a lever arm, a prior. A lever arm that
 is wrong by d makes the velocities differ by ``C_nm (w x d)``, which the free run's equations take
 as three states more. A prior that is too narrow is found by doing without it: what the messages
 alone say then lies beyond it, and the innovations fit.

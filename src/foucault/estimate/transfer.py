@@ -1,6 +1,4 @@
-"""A slave's errors from what its master says.
-
-Transfer alignment: what a slave INS's free run and its master's say about the slave's errors.
+"""Transfer alignment: a slave INS's errors from its free run and what its master says.
 
 The slave is navigated freely from one copy of the master's state. What it then says at each of the
 master's messages, less what the master says, is linear in the slave's errors (those of
@@ -22,6 +20,11 @@ others::
 
     psi_new = C_l'l psi_old - log(C_eb_new C_eb_old')     and likewise of v and r
 
+The delay of the messages, and how far and how slowly a mount bends, are those that make the
+innovations likeliest: a bending that comes and goes makes innovations that depend on those before
+them, what is left, which is faster than the messages, is the noise of the attitudes. Afterwards
+the slave goes on alone, and its errors make the position wrong (`after_outage`).
+
 References
 ----------
 .. [1] J. Lyou, Y.-C. Lim, "Transfer alignment error compensator design using H-infinity filter",
@@ -30,14 +33,6 @@ References
    equations with a time delay", *J. Mechanical Science and Technology* 23 (2009).
 .. [3] P. D. Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation
    Systems*, 2nd ed., 2013, section 15.1 (transfer alignment).
-
-What makes the messages likeliest: their delay, and how far and how slowly a mount bends.
-
-A bending that comes and goes makes innovations that depend on those before them: their likelihood
-has its maximum where sd and correlation time of the process are the true ones, and where what is
-left, which is faster than the messages, is the noise of the attitudes.
-
-The slave as it goes on alone, and what its errors make of the position after an outage.
 """
 
 from __future__ import annotations

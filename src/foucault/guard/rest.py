@@ -6,16 +6,13 @@ At rest the mean specific force is gravity and the mean rate the Earth's, so tha
 
 What contradicts them is tried on the usual mistakes. One rest shows only what lies along up: what
 leaves f . w as it is cannot show, triads that are both mirrored, or both turned, alike (two columns
-swapped or one sign wrong in both). Of several rests `guard.rest` asks whether the gyros turn up as
-the accelerometers do; mirrored triads show there where a turn tilts the instrument, and not where
-it turns about up alone (by other angles than half a turn, methods of alignment then contradict one
-another).
-
-Do gyros and accelerometers speak of the same axes, and of the same unit of angle?
+swapped or one sign wrong in both).
 
 Between two rests the direction of gravity in the body turns as the gyros say. Where it does not,
 every signed exchange of gyro axes is tried, alone with every usual mistake of unit, and the
-unit of one gyro alone.
+unit of one gyro alone. Mirrored triads show where a turn tilts the instrument, and not where it
+turns about up alone (by other angles than half a turn, methods of alignment then contradict one
+another).
 """
 
 from __future__ import annotations

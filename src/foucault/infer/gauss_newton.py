@@ -6,14 +6,13 @@ minimises ``|r - J dx|^2``. With the columns ordered nuisance first, coefficient
     J = Q [[R11, R12], [0, R22]]
 
 so that ``R22' R22`` is the Fisher information of the coefficients with the nuisance parameters
-eliminated, and its inverse their covariance. Nothing is squared before it is solved.
+eliminated, and its inverse their covariance. Nothing is squared before it is solved. Whether the
+sum of squares that is left is what the noise predicts is judged by its two-sided limits.
 
 References
 ----------
 .. [1] A. Bjorck, *Numerical Methods for Least Squares Problems*, SIAM, 1996, section 9.2.
 .. [2] P. J. Huber, *Robust Statistics*, Wiley, 1981, section 7.8 (weights).
-
-Two-sided limits of a sum of squares: is it what the noise predicts?
 """
 
 from __future__ import annotations

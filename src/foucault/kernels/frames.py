@@ -1,6 +1,6 @@
 """The rotation between two triads from spins, the lever arm, and their covariance.
 
-See `estimate.table.parallel_vectors` for the equations. ``z = (phi, r)`` are the errors of the
+See `estimate.norm_observation.unify` for the equations. ``z = (phi, r)`` are the errors of the
 rotation C_bd (``C_true = Exp(-phi) C``) and of the lever arm; A, B their derivatives by the nine of
 each triad (see `triads`), D what the noise of the spins themselves adds.
 """

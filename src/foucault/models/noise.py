@@ -1,4 +1,4 @@
-"""Noise of an inertial sensor: white, bias instability, random walk and quantisation.
+"""Noise of an inertial sensor, of its samples and of means over rests and turns.
 
 The discrete error of one axis, sampled every ``dt``, is::
 
@@ -6,13 +6,9 @@ The discrete error of one axis, sampled every ``dt``, is::
     m_k = exp(-dt / correlation_time) m_{k-1} + ...   stationary, sd = bias_instability
     r_k = r_{k-1} + random_walk * sqrt(dt) * n'_k
 
-Noise of what a session of rests and turns observes.
-
-White noise makes the observations independent, one 3 x 3 block each. Bias instability and
-random walk tie them together: the bias averaged over one rest or turn is correlated with the
-bias over every other, and their covariance matrix is known exactly.
-
-What an instrument said on a table: one mean per rest, and one per spin of the outer axis.
+Of means over rests and turns white noise makes independent observations, one 3 x 3 block each.
+Bias instability and random walk tie them together: the bias averaged over one rest or turn is
+correlated with the bias over every other, and their covariance matrix is known exactly.
 
 References
 ----------

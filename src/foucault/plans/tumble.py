@@ -1,6 +1,4 @@
-"""How a torqued cluster is turned, within what its rig allows.
-
-How a torqued cluster is turned: rates relative to East-North-Up, step by step.
+"""How a torqued cluster is turned within what its rig allows, and better ways to turn it.
 
 A plan says how the cluster p turns relative to n, resolved in p. The command of a gyro-stabilised
 cluster is a rate relative to inertial space, so that the Earth's rate is added, open loop, at the
@@ -11,9 +9,8 @@ attitude that the plan has in the middle of each interval of the command::
 Within an interval the command stands still, and so does the rate of the plan: where a step begins
 or a ramp passes, it is the mean over the interval.
 
-Better motions for a torqued cluster: sequences of turns about its axes, judged by their bound.
-
-A plan is a tuple of (turn, slots): which of the allowed rates, and for how many slots of time. The
+Better motions are sequences of turns about its axes, judged by their bound. What is searched is a
+tuple of (turn, slots): which of the allowed rates, and for how many slots of time. The
 bound is that of `kernels.cluster_information` at the latitude of the site and at errors of usual
 size; how good the best plan is at other latitudes and with other errors is looked at in the end.
 

@@ -41,6 +41,7 @@ from foucault.report.page import (
     unit_of,
     words,
 )
+from foucault.run_folder import Record
 from foucault.units import ZERO_CELSIUS, plain
 
 About = Mapping[str, Any]
@@ -72,8 +73,9 @@ COURSES = {
 }
 
 
-def document(about: About) -> Document:
+def document(record: Record) -> Document:
     """Return what there is to say of a comparison."""
+    about = record.about
     several = len(about["instruments"]) > 1
     each = [
         [

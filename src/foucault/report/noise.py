@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,21 +13,26 @@ from foucault import __version__
 from foucault.arrays import FloatArray
 from foucault.diagnose.allan import NOISES, WORDS, Channel, LogAllan, Noise, described
 from foucault.diagnose.live import Inspection
+from foucault.errors import Finding
+from foucault.models.transfer import MasterTable
 from foucault.report import chart, page
 from foucault.report.chart import SERIES, SOFT, Trace, area, dots, draw, line, log_axis, numbers
 from foucault.report.page import (
     Code,
+    Column,
     Document,
     Figure,
     Heading,
     Section,
     Table,
     columns,
+    said,
     section,
     told,
     unit_of,
 )
 from foucault.tables import AXES
+from foucault.units import convert, plain, span
 
 POINTS = 4000
 """Samples drawn per line; a longer log is shown by the extremes of blocks."""
@@ -44,10 +50,11 @@ KINDS = {
 }
 
 
-def inspected(inspection: Inspection) -> Document:
-    """Return readings, rests and how they were found."""
+def inspected(inspection: Inspection, start: float = 0.0) -> Document:
+    """Return readings, rests and how they were found; times count from `start` [s]."""
     log, rests = inspection.log, inspection.rests
-    made = [
+    master: MasterTable | None = getattr(log, "master", None)
+    made: list[Section | None] = [
         Section(TRIADS[triad][1], "", [_readings(log.time, x, TRIADS[triad][3])])
         for triad, x in (
             ("accel", log.accel),
@@ -55,10 +62,15 @@ def inspected(inspection: Inspection) -> Document:
         )
         if x is not None
     ]
+    file = str(log.source.get("file", "log"))
     line_ = [f"{len(log)} samples", f"{log.duration:.0f} s", f"{log.rate:.6g} Hz"]
     found = f"{len(rests) - int(inspection.turning.sum())} rests found"
     if log.averaged is not None:
         line_, found = [f"{len(log)} means", f"{log.duration:.0f} s"], f"{len(log)} means"
+        made.append(section("log.means", _rests(inspection, "mean")))
+    elif master is not None:  # it is calibrated as it moves: rests are nothing to look for
+        found = f"{len(master.messages.time)} messages of a master"
+        made.append(section("log.master", _facts("", _messages(master, start))))
     else:
         keep = _extremes(rests.level)
         level = {"time": log.time[keep]}
@@ -68,10 +80,21 @@ def inspected(inspection: Inspection) -> Document:
                 level[name] = column[keep]
         ends = zip(rests.first, rests.last, strict=True)
         spans = [(log.time[a], log.time[b - 1]) for a, b in ends]
-        drawn = chart.detection(level, rests.threshold, spans)
-        made.append(Section("Rests", f"The {len(rests)} rests found are shaded.", [drawn]))
-    head = Heading(f"Log {log.source.get('file', 'log')}", line_, "plain", found, [])
-    return Document.of(head, made, page.findings(inspection.findings))
+        shaded = said("log.rests.shaded", count=len(rests))
+        drawn = replace(chart.detection(level, rests.threshold, spans), caption=shaded)
+        made.append(section("log.rests", drawn, _rests(inspection, "rest")))
+    head = Heading(f"Log {file}", line_, "plain", found, [])
+    about = section(
+        "log.overview", _facts(file, _overview(inspection, start, moves=master is not None))
+    )
+    # Of what moves, findings about rests say nothing.
+    noticed = inspection.findings if master is None else log.findings
+    readings = section("log.readings", _axes(inspection, noise=master is None))
+    return Document.of(head, about, readings, made, page.findings(noticed))
+
+
+def _facts(title: str, pairs: Sequence[tuple[str, str]]) -> Table:
+    return Table([Column(""), Column(title)], pairs)
 
 
 def _readings(time: FloatArray, x: FloatArray, unit: str) -> Figure:
@@ -96,29 +119,150 @@ def _extremes(x: FloatArray) -> npt.NDArray[np.intp]:
     return np.unique(np.array(picks, dtype=np.intp))
 
 
+# -- what a log holds ------------------------------------------------------------------------
+
+
+def _overview(seen: Inspection, start: float, moves: bool) -> list[tuple[str, str]]:
+    log = seen.log
+    if log.averaged is not None:
+        took = f"{span(float(log.averaged.min()))} to {span(float(log.averaged.max()))}"
+        return [("means", f"{len(log)}, each over {took}")]
+    kind = {"rate": "instantaneous", "increment": "means over each interval"}[log.sampled]
+    rows = [
+        ("samples", f"{len(log)}"),
+        ("duration", f"{log.duration:.2f} s"),
+        ("rate", f"{plain(log.rate, 6)} Hz"),
+        ("interval", f"{span(seen.shortest)} to {span(seen.longest)}"),
+        ("gaps", f"{seen.gaps}"),
+        ("readings", kind),
+    ]
+    if start:
+        rows.insert(1, ("starts at", f"{plain(start, 13)} s; times below count from there"))
+    if moves:
+        return rows
+    still = int(np.count_nonzero(~seen.turning))
+    level = f"{seen.rests.threshold:.3g}"
+    rows.append(("rests found", f"{still} (level below {level} x the quiet)"))
+    if seen.turning.any():
+        rows.append(("steady turns", f"{int(seen.turning.sum())}, listed among the rests"))
+    f = _means(seen, "accel")
+    if f is not None and len(f) and np.isfinite(f).all():
+        size = np.linalg.norm(f if seen.turning.all() else f[~seen.turning], axis=1)
+        rows.append(("|f| at rest", f"{size.min():.4f} to {size.max():.4f} m/s^2 (1 g = 9.80665)"))
+    return rows
+
+
+def _messages(master: MasterTable, start: float) -> list[tuple[str, str]]:
+    """What there is to see of the messages of a master, by the clock that they are used by."""
+    time, speed = master.messages.time - start, np.linalg.norm(master.velocity_n[:, :2], axis=1)
+    pitch, roll = np.degrees(master.angles[:, 1:]).T
+    place = "said" if master.has_place else "not said: it begins at [site]"
+    return [
+        ("messages", f"{len(time)}"),
+        ("first to last", f"{time[0]:.2f} s to {time[-1]:.2f} s"),
+        ("interval", f"{span(float(np.median(np.diff(time))))} as a rule"),
+        ("horizontal speed", f"{speed.min():.2f} to {speed.max():.2f} m/s"),
+        ("pitch", f"{pitch.min():.1f} to {pitch.max():.1f} deg"),
+        ("roll", f"{roll.min():.1f} to {roll.max():.1f} deg"),
+        ("position", place),
+    ]
+
+
+def _axes(seen: Inspection, noise: bool) -> Table:
+    rows = []
+    noise = noise and seen.log.averaged is None
+    for name, axes, kind, unit, noise_kind, noise_unit in (
+        ("accel", seen.accel, "gravity", "m/s^2", "velocity random walk", "ug/sqrt(Hz)"),
+        ("gyro", seen.gyro, "angular rate", "deg/s", "angle random walk", "deg/sqrt(h)"),
+    ):
+        if axes is None:
+            continue
+        for i in seen.log.logged(name):
+            numbers_ = (axes.mean, axes.sd, axes.lowest, axes.highest)
+            cells = [f"{convert(float(c[i]), kind, unit):.4g}" for c in numbers_]
+            white = f"{convert(float(axes.noise[i]), noise_kind, noise_unit):.3g} {noise_unit}"
+            rows.append([f"{name} {AXES[i]} ({unit})", *cells, *[white] * noise])
+    return Table(_columns("axis", "mean", "sd", "min", "max", *["noise at rest"] * noise), rows)
+
+
+def _rests(seen: Inspection, kind: str) -> Table:
+    f, w = _means(seen, "accel"), _means(seen, "gyro")
+    turned = _table_columns(seen)
+    rows: list[list[str]] = []
+    for k in range(len(seen.rests)):
+        up = size = turning = ""
+        if f is not None and np.isfinite(f[k]).all():
+            largest = int(np.argmax(np.abs(f[k])))
+            tilt = np.degrees(np.arccos(abs(f[k, largest]) / np.linalg.norm(f[k])))
+            up = f"{'+' if f[k, largest] > 0 else '-'}{AXES[largest]} ({tilt:.0f} deg off)"
+            size = f"{np.linalg.norm(f[k]):.4f}"
+        if w is not None:
+            turning = f"{np.degrees(np.linalg.norm(w[k][list(seen.log.logged('gyro'))])):.3f}"
+        start, end = (f"{seen.rest_rows[c][k]:.2f} s" for c in ("start", "end"))
+        if seen.log.averaged is not None:
+            end = f"{seen.rest_rows['start'][k] + seen.log.averaged[k]:.2f} s"
+        state = "turning" if seen.turning[k] else "rest"
+        more = (f"{x[k]:.3f}" for x in turned.values())
+        rows.append([str(k + 1), start, end, up, size, turning, state, *more])
+    heads = (kind, "start", "end", "up", "|f| (m/s^2)", "|w| (deg/s)", "state", *turned)
+    return Table(_columns(*heads), rows)
+
+
+ASIDE = ("min", "max", "end", "|w| (deg/s)")
+"""Columns for which a narrow page has no room."""
+
+
+def _columns(first: str, *others: str) -> list[Column]:
+    return [Column(first), *(Column(other, "number", aside=other in ASIDE) for other in others)]
+
+
+def _table_columns(seen: Inspection) -> dict[str, FloatArray]:
+    """Return angles and rate of the table in degrees, of logs that are means."""
+    table = seen.log.table
+    if table is None or seen.log.averaged is None:
+        return {}
+    names = ("outer (deg)", "middle (deg)", "inner (deg)")
+    columns = dict(zip(names, np.degrees(table.angles.T), strict=True))
+    if table.rate is not None:
+        columns["table (deg/s)"] = np.degrees(table.rate)
+    return {name: x for name, x in columns.items() if np.isfinite(x).any()}
+
+
+def _means(seen: Inspection, triad: str) -> FloatArray | None:
+    names = [f"{triad}_{axis}" for axis in AXES]
+    if names[0] not in seen.rest_rows:
+        return None
+    return np.stack([seen.rest_rows[name] for name in names], axis=1)
+
+
 # -- Allan variance --------------------------------------------------------------------------
 
 
-def document(measured: LogAllan, name: str, block: str) -> Document:
+def document(
+    measured: LogAllan, name: str, block: str, noticed: Iterable[Finding] = ()
+) -> Document:
     """Return the noises seen, the curves, and the noise block to copy."""
     first = next(iter(measured.channels.values()))
     names = list(dict.fromkeys(word for word, noise, _ in _each(measured) if noise.seen))
     count = f"{len(names)} kinds" if len(names) != 1 else "1 kind"
-    span = f"{measured.start:.6g} s to {measured.end:.6g} s"
     head = Heading(
         f"Noise of {name}",
-        [f"{first.samples} samples", span, f"{1 / first.interval:.6g} Hz"],
+        [
+            f"At rest, {measured.start:.2f} s to {measured.end:.2f} s",
+            f"{first.samples} samples",
+            f"{1 / first.interval:.6g} Hz",
+        ],
         "plain",
         f"{count} of noise seen",
         [", ".join(names).capitalize() + "."] if names else [],
     )
-    used = f"{span}, {first.samples} samples"
+    used = f"{measured.start:.6g} s to {measured.end:.6g} s, {first.samples} samples"
     made = [("log", name), ("part used", used), ("versions", f"foucault {__version__}")]
     return Document.of(
         head,
         _noises(measured),
         [_plot(measured, triad) for triad in ("gyro", "accel")],
-        page.findings(measured.findings),
+        page.findings(noticed),
         section("noise.block", Code(block)),
         section("noise.method", told("noise.method.text")),
         page.provenance(made),

@@ -139,6 +139,37 @@ class Settings(Strict):
         return self
 
 
+class Planning(Strict):
+    """What a plan for north seeking is asked for, and judged by."""
+
+    latitude: Angle
+    """Latitude of the site, positive north, such as "47.3 deg"."""
+    time: Seconds | None = Field(default=None, gt=0)
+    """Time there is, moves included, such as "10 min"."""
+    gyro_bias_instability: Rate | None = Field(default=None, ge=0)
+    """Bias instability of the gyro, such as "0.005 deg/h"."""
+    gyro_correlation_time: Seconds | None = Field(default=None, gt=0)
+    """Correlation time of that instability; "300 s" if left out."""
+    gyro_random_walk: Annotated[float, Quantity("rate random walk")] | None = Field(
+        default=None, ge=0
+    )
+    """Rate random walk of the gyro, such as "0.002 deg/h/sqrt(h)"."""
+    accel_noise: Annotated[float, Quantity("velocity random walk")] | None = Field(
+        default=None, ge=0
+    )
+    """Velocity random walk of the accelerometers; "5 ug/sqrt(Hz)" if left out."""
+    drift: Ramp | None = Field(default=None, ge=0)
+    """Linear drift of the gyro to expect, such as "0.01 deg/h/h"."""
+    drift_estimated: bool = True
+    """Whether the solution estimates the drift."""
+    tilt: Angle = Field(default=0.0, ge=0)
+    """Largest tilt of the case, such as "10 deg"; level if left out."""
+    rough: Angle | None = Field(default=None, gt=0)
+    """Standard deviation of a heading that is known, such as "2 deg"."""
+    move: Seconds = Field(default=10.0, ge=0)
+    """Time from one stop to the next, settling included; "10 s" if left out."""
+
+
 class Session(Strict):
     """The calibration session that `simulate` makes."""
 
