@@ -62,8 +62,10 @@ def _expected(found: Foresight) -> Section | None:
         rows.append(
             [row["name"], sd, row["display_unit"], share, mostly][: 5 if found.budget else 4]
         )
-    heads = columns("coefficient: name | sd: number | unit | of the prior: number",
-                    *(("mostly from",) if found.budget else ()))  # fmt: skip
+    heads = columns(
+        "coefficient: name | sd: number | unit | of the prior: number",
+        "mostly from" if found.budget else "",
+    )
     return section("preflight.coefficients", Table(heads, rows))
 
 

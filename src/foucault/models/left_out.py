@@ -1,0 +1,160 @@
+"""What a calibration does not estimate: typical sizes, and what one size of it does to readings.
+
+A term that is not estimated is not zero. Each has a group ("accel.quadratic"), whose size (1 sd)
+is declared, of a data sheet, or that of the grade of the instrument (`left_out.toml`). What one
+size of it does to samples is computed at the true specific force and rate of each.
+
+The rate of the log's clock is not among them: a result is in the log's own time, and what the clock
+adds in seconds stands beside it (`diagnose.references.with_clock`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from foucault import units
+from foucault.arrays import FloatArray
+from foucault.errors import error, suggestion
+from foucault.files import parse_toml
+from foucault.models.earth import Site
+from foucault.models.imu import LAYOUT, ImuModel
+from foucault.strict import Strict
+from foucault.tables import AXES
+
+Sizes = Mapping[str, tuple[float, str]]
+"""Group -> size [SI] and what it rests on."""
+
+GRAVITY, LATITUDE = "local gravity", "latitude"
+
+
+class Group(Strict):
+    """Terms of one kind, which have one size."""
+
+    what: str
+    """In words."""
+    kind: str
+    """Kind of quantity, as in `units`."""
+    unit: str
+    """Unit of `sizes`, and in which people read it."""
+    sizes: tuple[float, ...]
+    """Typical size for each grade."""
+    basis: tuple[str, ...]
+    """What each rests on."""
+
+
+class Table(Strict):
+    """What `left_out.toml` says."""
+
+    grades: tuple[str, ...]
+    """Grades of instruments."""
+    groups: dict[str, Group] = Field(min_length=1)
+    """Group -> its sizes."""
+
+
+@cache
+def table() -> Table:
+    """Return the table of typical sizes."""
+    text = (Path(__file__).parent / "left_out.toml").read_text(encoding="utf-8")
+    return Table.model_validate(parse_toml(text))
+
+
+def sizes_of(grade: str) -> dict[str, tuple[float, str]]:
+    """Return the typical sizes of a grade, such as "consumer MEMS", as `Sizes` [SI]."""
+    said = table()
+    if grade not in said.grades:
+        raise error("left_out.grade", given=grade, hint=suggestion(grade, said.grades),
+                    allowed=", ".join(said.grades))  # fmt: skip
+    k = said.grades.index(grade)
+    return {
+        name: (g.sizes[k] * units.factor(g.unit, g.kind), f"{grade}, {g.basis[k]}")
+        for name, g in said.groups.items()
+        if g.sizes
+    }
+
+
+def in_words(group: str, size: float) -> str:
+    """Write the size [SI] of a group in the unit that people read it in."""
+    g = table().groups[group]
+    return f"{units.plain(size / units.factor(g.unit, g.kind), 3)} {g.unit}"
+
+
+class Motion(NamedTuple):
+    """The true motion at the samples, or readings, that a calibration was made of."""
+
+    time: FloatArray  # (n,) [s]
+    f_b: FloatArray  # (n, 3) true specific force, frame b [m/s^2]
+    w_ib_b: FloatArray  # (n, 3) true rate, frame b [rad/s]
+
+
+class Change(NamedTuple):
+    """What one size of a term does to samples and to the place."""
+
+    accel: FloatArray | None = None  # (n, 3) added to the specific force read [m/s^2]
+    gyro: FloatArray | None = None  # (n, 3) added to the rate read [rad/s]
+    gravity: float = 0.0  # local gravity is so much larger [m/s^2]
+    latitude: float = 0.0  # the latitude is so much further north [rad]
+
+
+NONE = Change()
+
+
+class Term(NamedTuple):
+    """One number that is not estimated."""
+
+    name: str
+    group: str
+    size: float  # 1 sd [SI]
+
+
+def changes(some: Sequence[Term], model: ImuModel, at: Motion) -> Iterator[Change]:
+    """Yield what one size of each term of one group does to the samples of an instrument.
+
+    A reading is linear in each of these terms, whatever the others: its slope is no approximation.
+    """
+    triad, _, kind = some[0].group.partition(".")
+    if kind and "drift" not in kind:
+        slopes = model.slopes(at.f_b, at.w_ib_b, [t.name for t in some])
+        columns = slopes.accel if triad == "accel" else slopes.gyro
+    span = max(float(at.time.max() - at.time.min()), 1e-300)
+    ramp = (at.time - at.time.min()) / span - 0.5
+    for k, term in enumerate(some):
+        if term.group == GRAVITY:
+            yield Change(gravity=term.size)
+        elif term.group == LATITUDE:
+            yield Change(latitude=term.size)
+        else:
+            if "drift" in kind:
+                axis = AXES.index(term.name[-1])
+                added = np.zeros_like(at.w_ib_b)
+                true = at.f_b if triad == "accel" else at.w_ib_b
+                added[:, axis] = ramp * (true[:, axis] if kind == "scale drift" else 1.0)
+            else:
+                added = columns[..., k]
+            added = term.size * added
+            yield Change(accel=added) if triad == "accel" else Change(gyro=added)
+
+
+def terms(names: Sequence[str], site: Site, sizes: Sizes) -> list[Term]:
+    """Return what is not estimated, of the groups that have a size.
+
+    `names`: of the coefficients that are estimated; `site`: whose gravity has an uncertainty, and
+    which has a latitude or none.
+    """
+    out = []
+    for group, (size, _) in sizes.items():
+        if group == LATITUDE:
+            members = [LATITUDE] if site.latitude is not None else []
+        elif group == GRAVITY:
+            members = [GRAVITY]
+        elif group.endswith(" drift"):
+            members = [f"{group} {axis}" for axis in AXES]
+        else:
+            members = [LAYOUT.names[i] for i in LAYOUT.group(group)]
+        out += [Term(n, group, size) for n in members if n not in names and size > 0]
+    return out
