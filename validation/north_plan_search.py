@@ -17,7 +17,6 @@ from common import must
 
 from foucault import units
 from foucault.detect.dwells import find_dwells
-from foucault.diagnose.north_stops import HEADINGS, Conditions
 from foucault.estimate.north import Known as Told
 from foucault.estimate.north import solve
 from foucault.estimate.north_reduction import Nuisance, reduce
@@ -28,6 +27,7 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import turned
 from foucault.plans import north_orders as orders
 from foucault.plans.north import PLAIN, Known, NorthSpace, Rig, Schedule, schedule, seen
+from foucault.plans.north_stops import HEADINGS, Conditions
 from foucault.plans.optimise import descend
 from foucault.simulate.north import (
     NorthPlan,

@@ -16,7 +16,6 @@ from common import must
 
 from foucault import units
 from foucault.detect.dwells import find_dwells
-from foucault.diagnose.north_stops import Conditions, poses, predict, readings
 from foucault.estimate.north import Fixes, Known, solve
 from foucault.estimate.north_reduction import Nuisance, reduce
 from foucault.infer.gauss_newton import chi_square_limits
@@ -27,6 +26,7 @@ from foucault.models.north_seeker import Dwells
 from foucault.models.rotation import turned
 from foucault.plans import north_orders as plans
 from foucault.plans.north_orders import Task, at_time
+from foucault.plans.north_stops import Conditions, poses, predict, readings
 from foucault.simulate.noise import mean_noise
 from foucault.simulate.north import NorthPlan, Placement, SeekerErrors, Stops, simulate_north
 

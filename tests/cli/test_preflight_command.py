@@ -15,10 +15,10 @@ from typer.testing import CliRunner, Result
 from foucault import procedures, units
 from foucault.campaign import optimisation, parse, simulate, template
 from foucault.cli import app
-from foucault.diagnose.foresight import Limit, said
 from foucault.errors import FoucaultError
 from foucault.models.cluster import CONSTANTS, LAYOUT
 from foucault.models.noise import ImuNoise
+from foucault.plans.limit import Limit, said
 from foucault.procedures import platform_tumble
 from foucault.procedures.platform_tumble import NOISE, foresight
 from foucault.procedures.platform_tumble.foresight import planned

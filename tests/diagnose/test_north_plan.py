@@ -9,7 +9,6 @@ import pytest
 
 from foucault import units
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.north_stops import LINEAR_DRIFT, Conditions, poses, predict, readings
 from foucault.estimate.north import Known, solve
 from foucault.estimate.north_reduction import Nuisance, reduce
 from foucault.infer.gauss_newton import chi_square_limits
@@ -18,6 +17,7 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import SEEKER, Compensation
 from foucault.models.rotation import turned
 from foucault.plans import north_orders as plans
+from foucault.plans.north_stops import LINEAR_DRIFT, Conditions, poses, predict, readings
 from foucault.simulate.noise import mean_noise
 
 LATITUDE = np.radians(30.0)

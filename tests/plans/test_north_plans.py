@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from foucault import units
-from foucault.diagnose.north_stops import Conditions
 from foucault.errors import FoucaultError
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.plans import north_orders as plans
 from foucault.plans.north_orders import Task, at_time, compare
+from foucault.plans.north_stops import Conditions
 
 LATITUDE = np.radians(47.0)
 ARW = units.parse("0.003 deg/sqrt(h)", "angle random walk")

@@ -13,7 +13,6 @@ from foucault import units
 from foucault.campaign import north as north_campaign
 from foucault.campaign import reading, running
 from foucault.detect.dwells import find_dwells
-from foucault.diagnose.north_stops import Conditions
 from foucault.errors import FoucaultError
 from foucault.estimate.north import Known as Told
 from foucault.estimate.north import solve
@@ -25,6 +24,7 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import turned
 from foucault.plans import north_orders as orders
 from foucault.plans.north import Known, NorthSpace, Rig, Schedule, schedule
+from foucault.plans.north_stops import Conditions
 from foucault.plans.optimise import Descent, compare, descend
 from foucault.procedures import north_seeking
 from foucault.procedures.record import Beforehand

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from foucault.campaign.optimisation import Found
-from foucault.diagnose.foresight import Limit
 from foucault.errors import finding
+from foucault.plans.limit import Limit
 from foucault.report import optimisation as report
 from foucault.report import render, save
 

@@ -10,9 +10,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from foucault import parse_unit
-from foucault.diagnose.north_stops import Conditions
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.plans import north_orders as orders
+from foucault.plans.north_stops import Conditions
 
 noise = ImuNoise(
     TriadNoise(white=parse_unit("5 ug/sqrt(Hz)", "velocity random walk")),

@@ -35,11 +35,12 @@ from foucault.campaign.reading import Campaign, improvable
 from foucault.campaign.running import simulate
 from foucault.campaign.tables import validate
 from foucault.campaign.writing import changed, resolved
-from foucault.diagnose.foresight import Foresight, Limit
+from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, error, finding
 from foucault.escape import csv_cell
 from foucault.files import keep_others, parse_json, write_text
 from foucault.models.noise import grade
+from foucault.plans.limit import Limit
 from foucault.plans.optimise import HOT, Comparison, Space, compare, descend
 from foucault.procedures.record import Beforehand
 from foucault.run_folder import CAMPAIGN_FILE

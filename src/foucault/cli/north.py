@@ -182,9 +182,9 @@ def plan(
 ) -> None:
     """Say how long north seeking takes, and in which order to stop."""
     from foucault import units
-    from foucault.diagnose.north_stops import Conditions
     from foucault.errors import error
     from foucault.plans.north_orders import NAMES, Task, compare, write_stops
+    from foucault.plans.north_stops import Conditions
     from foucault.procedures.north_seeking.fix import require_latitude
     from foucault.procedures.north_seeking.settings import Planning
     from foucault.report import planned as report

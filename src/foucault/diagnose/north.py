@@ -19,7 +19,15 @@ from foucault.arrays import FloatArray
 from foucault.diagnose.checks import check
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate.north import Fixes, Known, compensated, solve
-from foucault.estimate.north_reduction import UNSEEN, Nuisance, Pairs, reduce, turn_rate
+from foucault.estimate.north_reduction import (
+    NEARLY_FREE,
+    UNSEEN,
+    Nuisance,
+    Pairs,
+    reduce,
+    spans,
+    turn_rate,
+)
 from foucault.infer.gauss_newton import Component, chi_square_limits
 from foucault.logs.checks import long_enough, moment, noisy, standstill
 from foucault.models.earth import EARTH_RATE
@@ -128,13 +136,6 @@ def _list(angles: list[int]) -> str:
     return some + (", ..." if len(angles) > 12 else "")
 
 
-def spans(angles: list[int]) -> bool:
-    """Tell whether constant, cosine and sine over whole-degree `angles` [deg] are told apart."""
-    a = np.radians(np.array(angles, float))
-    design = np.stack([np.ones_like(a), np.cos(a), np.sin(a)], 1)
-    return len(a) >= 3 and bool(np.linalg.svd(design, compute_uv=False)[-1] > 0.05)
-
-
 def _opposites(name: str, angles: list[int], distinct: list[int]) -> list[Finding]:
     found = []
     for stop in distinct:
@@ -209,9 +210,6 @@ GUESS = ImuNoise(TriadNoise(white=1e-3), TriadNoise(white=1e-6))
 
 FEWEST = 5
 """Redundant readings that a noise level needs at least [1]."""
-
-NEARLY_FREE = 1.1
-"""A drift is estimated by itself where it makes no rate less certain than by this factor [1]."""
 
 
 def from_residuals(

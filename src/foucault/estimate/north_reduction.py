@@ -43,6 +43,9 @@ GRAVITY = 9.8
 GYRO_NOISE, GYRO_DRIFT, GYRO_OFFSET = "gyro noise", "gyro drift", "gyro offset"
 TILT_NOISE, TILT_DRIFT, INDEXING = "tilt: noise", "tilt: drift", "indexing"
 
+NEARLY_FREE = 1.1
+"""A drift is estimated by itself where it makes no rate less certain than by this factor [1]."""
+
 
 @dataclass(frozen=True)
 class Nuisance:
@@ -534,3 +537,10 @@ def widen(
         for v in budget.values():  # the sources share what they do beside W
             v[lost, axis] *= other / np.maximum(linear, 1e-300)
     best.status[lost] = 1
+
+
+def spans(angles: list[int]) -> bool:
+    """Tell whether constant, cosine and sine over whole-degree `angles` [deg] are told apart."""
+    a = np.radians(np.array(angles, float))
+    design = np.stack([np.ones_like(a), np.cos(a), np.sin(a)], 1)
+    return len(a) >= 3 and bool(np.linalg.svd(design, compute_uv=False)[-1] > 0.05)

@@ -33,14 +33,14 @@ from typing import Any, Literal
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.diagnose.foresight import Limit
-from foucault.diagnose.north import NEARLY_FREE, spans
-from foucault.diagnose.north_stops import HEADINGS, Conditions, poses, predict
 from foucault.errors import Finding, error
+from foucault.estimate.north_reduction import NEARLY_FREE, spans
 from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.noise import TriadNoise, window_covariance
 from foucault.models.north_seeker import Dwells
+from foucault.plans.limit import Limit
 from foucault.plans.north_orders import dwells_at
+from foucault.plans.north_stops import HEADINGS, Conditions, poses, predict
 from foucault.plans.optimise import Space
 from foucault.units import span
 

@@ -27,11 +27,11 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.detect.dwells import PIECE, PIECES
-from foucault.diagnose.north_stops import Conditions, Prediction, poses, predict
 from foucault.errors import error, suggestion
 from foucault.estimate.north_reduction import GYRO_NOISE, TILT_NOISE
 from foucault.files import atomic, keep_others
 from foucault.models.north_seeker import Dwells
+from foucault.plans.north_stops import Conditions, Prediction, poses, predict
 from foucault.units import span
 
 ROUGH = "a rough heading, and two accelerometers or a level case"

@@ -30,8 +30,8 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import Layout
-from foucault.diagnose.foresight import Limit
 from foucault.errors import Finding, error, suggestion
+from foucault.plans.limit import Limit
 
 HOT, COLD = 0.05, 0.0005
 """Temperature at the start and at the end of a descent, in units of the cost [1]."""

@@ -25,8 +25,8 @@ import numpy as np
 from foucault import units
 from foucault.arrays import FloatArray
 from foucault.detect.sequence import LEAST_TURN
-from foucault.diagnose.foresight import Limit
 from foucault.errors import FoucaultError
+from foucault.plans.limit import Limit
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.optimise import DRAWS, QuickSpace, require_seen
 from foucault.plans.sequence import (

@@ -25,11 +25,11 @@ import numpy.typing as npt
 from pydantic import Field
 
 from foucault.arrays import FloatArray
-from foucault.diagnose.foresight import Limit
 from foucault.errors import error
 from foucault.models.turntable import up_k
 from foucault.plans.directions import spread_outer
 from foucault.plans.efficiency import efficiency
+from foucault.plans.limit import Limit
 from foucault.plans.optimise import Space
 from foucault.strict import Strict
 

@@ -46,8 +46,8 @@ import numpy as np
 
 from foucault import units
 from foucault.arrays import FloatArray
-from foucault.diagnose.foresight import Limit
 from foucault.errors import error, suggestion
+from foucault.plans.limit import Limit
 from foucault.plans.manoeuvres import (
     Accelerate,
     Climb,

@@ -34,13 +34,13 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray
-from foucault.diagnose.foresight import Limit
 from foucault.errors import error, suggestion
 from foucault.kernels.cluster_information import COLUMNS, information_pass
 from foucault.kernels.cluster_plan import KNOWN, attitudes, commanded, remaining
 from foucault.models.cluster import angles_of, attitude_of
 from foucault.models.earth import earth_rate_n
 from foucault.models.rotation import cross_matrix
+from foucault.plans.limit import Limit
 from foucault.plans.optimise import QuickSpace, require_seen
 from foucault.tables import AXES, whole_samples
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from foucault import units
-from foucault.diagnose.foresight import Limit
-from foucault.diagnose.foresight import said as quantity
+from foucault.plans.limit import Limit
+from foucault.plans.limit import said as quantity
 from foucault.report import chart, page
 from foucault.report.chart import (
     BAD,

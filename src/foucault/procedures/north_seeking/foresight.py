@@ -17,9 +17,8 @@ from pydantic import Field
 from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.detect.dwells import find_dwells
-from foucault.diagnose.foresight import Extra, Foresight, Limit
+from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.north import stops
-from foucault.diagnose.north_stops import Conditions
 from foucault.errors import Finding, error, finding
 from foucault.estimate.north import Known, solve
 from foucault.infer.information import information
@@ -28,7 +27,9 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.north_seeker import SEEKER, Compensation
 from foucault.plans import north as bound
+from foucault.plans.limit import Limit
 from foucault.plans.north import NorthSpace, Rig, schedule
+from foucault.plans.north_stops import Conditions
 from foucault.plans.optimise import require_seen, weights_of
 from foucault.procedures.north_seeking.fix import (
     Z_COUPLING,

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.diagnose.foresight import Extra, Foresight, Limit
+from foucault.diagnose.foresight import Extra, Foresight
 from foucault.errors import error, finding
 from foucault.estimate.table import Options, TableModel
 from foucault.infer import mixed
@@ -36,6 +36,7 @@ from foucault.models.layouts import with_references
 from foucault.models.noise import ImuNoise, Readings, grade, mean_variance, slow_part
 from foucault.models.turntable import Angles, Free, Geometry, State, TablePlan, chain, up_k
 from foucault.plans.directions import positions, spread_directions, spread_outer, table_plan
+from foucault.plans.limit import Limit
 from foucault.plans.optimise import DRAWS, require_seen, weights_of
 from foucault.plans.table import (
     NEARLY,

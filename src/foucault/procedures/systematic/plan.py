@@ -20,7 +20,7 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose import systematic as judge
 from foucault.diagnose.checks import HARDLY, hardly
-from foucault.diagnose.foresight import Extra, Foresight, Limit
+from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.systematic_sequence import lasting
 from foucault.errors import Finding, error, finding
 from foucault.estimate.systematic import AtRest
@@ -33,6 +33,7 @@ from foucault.models.layouts import with_references
 from foucault.models.noise import ImuNoise, grade
 from foucault.navigate.increments import increments_of
 from foucault.navigate.ins_filter import start_cov
+from foucault.plans.limit import Limit
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.optimise import weights_of
 from foucault.plans.sequence import RATE, SPIN_RATE, CalibrationSequence, built_in
