@@ -12,7 +12,7 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_256,
     "campaign": 4_799,
-    "cli": 3_631,
+    "cli": 3_618,
     "detect": 4_352,
     "diagnose": 11_632,
     "estimate": 7_381,
@@ -25,7 +25,7 @@ BUDGET = {
     "navigate": 1_506,
     "plans": 5_819,
     "procedures": 13_168,
-    "report": 8_999,
+    "report": 8_990,
     "simulate": 3_354,
     "symptoms": 87,
 }
