@@ -12,7 +12,7 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_270,
     "campaign": 4_817,
-    "cli": 3_646,
+    "cli": 3_633,
     "detect": 4_441,
     "diagnose": 11_368,
     "estimate": 6_793,
@@ -25,7 +25,7 @@ BUDGET = {
     "navigate": 2_097,
     "plans": 6_025,
     "procedures": 13_320,
-    "report": 9_020,
+    "report": 9_011,
     "simulate": 3_354,
     "symptoms": 87,
 }

@@ -9,7 +9,7 @@ import typer
 
 from foucault.cli import options
 from foucault.cli.options import Amount, Of, Several, command
-from foucault.cli.screen import EXIT_CODES, Screen, kept
+from foucault.cli.screen import Screen, kept
 
 if TYPE_CHECKING:
     from foucault.procedures.alignment import Comparison
@@ -135,10 +135,7 @@ def align(
     )  # fmt: skip
     with screen.progress() as tell:
         found = navigation.align(log, Said(**said), chosen, calibration=calibration, progress=tell)
-    screen.document(report.document(found, log.name))
-    screen.data(_document(log, found))
-    if any(item.severity == "warning" for item in found.findings):
-        raise typer.Exit(3)
+    raise screen.tell(report.document(found, log.name), _document(log, found))
 
 
 def _document(path: Path, found: Comparison) -> dict[str, Any]:
@@ -218,9 +215,7 @@ def delay(
     where = _bracket(bracket)
     with screen.progress() as tell:
         found = campaign.run(slave, master, mounting=mounting, bracket=where, progress=tell)
-    screen.document(report.offset(found))
-    screen.data(document(slave, master, found))
-    raise typer.Exit(EXIT_CODES[found.verdict.level])
+    raise screen.tell(report.offset(found), document(slave, master, found))
 
 
 def _bracket(text: str) -> tuple[float, float] | None:

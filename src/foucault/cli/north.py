@@ -223,10 +223,9 @@ def plan(
         write_stops(choice.best.order, choice.best.time, task.move, output)
     drift = asked.drift or units.parse(DRIFT, "rate ramp")
     tilted, noticed = report.tilted(choice), report.noticed(choice)
-    screen.document(report.north(choice, drift, tilted, noticed))
-    if output is not None:
-        screen.say(f"Stops: {output}")
-    screen.data(_document(choice, drift, tilted, noticed, output))
+    where = [] if output is None else [f"Stops: {output}"]
+    data = _document(choice, drift, tilted, noticed, output)
+    raise screen.tell(report.north(choice, drift, tilted, noticed), data, *where)
 
 
 def _refuse(option: str, fine: bool, allowed: str) -> None:

@@ -97,10 +97,8 @@ def plans(
     told = makers.get(model.strip().lower(), _directions)(model, name, angles)
     if output is not None and told.write is not None:
         told.write(output)
-    screen.document(told.document)
-    if output is not None:
-        screen.say(f"{told.what}: {output}")
-    screen.data(told.data)
+    where = [] if output is None else [f"{told.what}: {output}"]
+    raise screen.tell(told.document, told.data, *where)
 
 
 def _directions(model: str, name: str | None, angles: bool) -> Told:

@@ -59,15 +59,10 @@ def preflight(
         found = optimisation.foresee(campaign, changes)
     if output is not None:
         optimisation.write(found, output)
-    screen.document(planned.preflight(found, campaign.findings))
-    if output is not None:
-        screen.say(f"Table: {output}")
-    screen.data(
-        {"procedure": campaign.procedure}
-        | found.as_dict()
-        | {"file": None if output is None else str(output)}
-    )
-    raise typer.Exit(0 if found.complete else INCOMPLETE)
+    file = None if output is None else str(output)
+    where = [] if file is None else [f"Table: {file}"]
+    data = {"procedure": campaign.procedure} | found.as_dict() | {"file": file}
+    raise screen.tell(planned.preflight(found, campaign.findings), data, *where)
 
 
 # -- The command that searches for a better plan: optimise ---------------------------------------

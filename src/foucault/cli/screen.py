@@ -98,9 +98,20 @@ class Screen:
         if head.state not in STATES:
             self.say(*([f"\n{head.word}."] if head.word else []), *head.reasons)
             return
-        level = STATES[head.state][1]
-        word = head.word[:1].lower() + head.word[1:]
-        self.verdict(level, (reason.translate(SIGNS) for reason in head.reasons), word)
+        self.say("", f"verdict: {head.word[:1].lower()}{head.word[1:]}".translate(SIGNS),
+                 style=COLOURS[STATES[head.state][1]])  # fmt: skip
+        self.say(*(f"  {reason}".translate(SIGNS) for reason in head.reasons))
+
+    def tell(
+        self, said: Document, data: Any, *lines: str, keys: Iterable[str] | None = None,
+        code: int | None = None,
+    ) -> typer.Exit:  # fmt: skip
+        """Print a document and what else there is to say, or `data`; return how to end."""
+        if not (self.quiet or self.json):
+            self.document(said, keys)
+        self.say(*lines)
+        self.data(data)
+        return typer.Exit(STATE_CODES.get(said.heading.state, 0) if code is None else code)
 
     def section(self, one: Section) -> None:
         """Print a section: text, facts, lists and tables; figures are for the page."""
@@ -146,11 +157,6 @@ class Screen:
             "", [some.columns[i].heading.translate(SIGNS) for i in shown], lines,
             right=[look == "number" for look in looks],
         )  # fmt: skip
-
-    def verdict(self, level: str, reasons: Iterable[str] = (), said: str = "") -> None:
-        """Print a verdict, in its colour, and why."""
-        self.say("", f"verdict: {said or level}", style=COLOURS[level])
-        self.say(*(f"  {reason}" for reason in reasons))
 
     def findings(self, findings: Iterable[Finding]) -> None:
         """Print what was noticed, each with its cure."""
@@ -296,15 +302,12 @@ class Found:
         """Print what was found and where it is, or `data`; return how the program ends."""
         from foucault.run_folder import REPORT_FILE
 
-        if not (screen.quiet or screen.json):
-            screen.document(self.document, KINDS[self.kind].shown.split())
-        screen.say(*lines)
         where = {}
         if self.folder is not None:
             where = {"folder": str(self.folder), "report": str(self.folder / REPORT_FILE)}
-            screen.say(f"Report: {where['report']}")
-        screen.data(where | dict(data))
-        return typer.Exit(STATE_CODES[self.document.heading.state] if code is None else code)
+            lines += (f"Report: {where['report']}",)
+        keys = KINDS[self.kind].shown.split()
+        return screen.tell(self.document, where | dict(data), *lines, keys=keys, code=code)
 
 
 def found_in(folder: Path) -> Found:

@@ -116,10 +116,8 @@ def inspect(
         if plots is not None:
             tell(0.9, "drawing")
             save(said, plots)
-    screen.document(said)
-    if plots is not None:
-        screen.say(f"Plots are in {plots}.")
-    screen.data(_document(log, seen, start))
+    where = [] if plots is None else [f"Plots are in {plots}."]
+    raise screen.tell(said, _document(log, seen, start), *where)
 
 
 def from_start(log: Log) -> tuple[Log, float]:
@@ -215,10 +213,9 @@ def allan(
             write_text(output / NOISE_FILE, block)
             write_text(output / TABLE_FILE, deviation_table(seen))
             save(said, output / REPORT_FILE)
-    screen.document(said, ("noise.noises", "findings"))
-    if output is not None:
-        screen.say(f"Plot: {output / REPORT_FILE}")
-    screen.data(_channels_said(log, seen, [f.as_dict() for f in told]))
+    where = [] if output is None else [f"Plot: {output / REPORT_FILE}"]
+    data = _channels_said(log, seen, [f.as_dict() for f in told])
+    raise screen.tell(said, data, *where, keys=("noise.noises", "findings"))
 
 
 def _block(seen: LogAllan) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.coefficients import format_value
 from foucault.diagnose.compare import FEWEST, middle_and_spread
+from foucault.errors import listed
 from foucault.models.imu import LAYOUT
 from foucault.report import page
 from foucault.report.chart import (
@@ -261,13 +262,9 @@ def _why(some: FleetTable, i: int, odd: list[Outlying], most: int = 3) -> str:
     if row.problem is not None:
         return f"{row.problem.message} ({row.problem.code})"
 
-    def few(names: Sequence[str]) -> str:
-        more = f" and {len(names) - most} more" if names[most:] else ""
-        return ", ".join(names[:most]) + more
-
-    parts = [few([f"{name} {word}" for name, word in some.misses(i)])]
+    parts = [listed([f"{name} {word}" for name, word in some.misses(i)], most)]
     if unlike := [o.name for o in odd if o.index == i]:
-        parts.append(f"unlike the fleet: {few(unlike)}")
+        parts.append(f"unlike the fleet: {listed(unlike, most)}")
     parts += [reason.partition(";")[0] for reason in row.reasons[:2]]
     return "; ".join(part.rstrip(".") for part in parts if part)
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from foucault.coefficients import format_value
+from foucault.errors import listed
 from foucault.models.imu import LAYOUT
 from foucault.report import chart, page
 from foucault.report.chart import (
@@ -61,6 +62,9 @@ from foucault.units import plain
 
 if TYPE_CHECKING:
     from foucault.run_folder import Record
+
+NAMED = 6
+"""Set-ups that the verdict names."""
 
 LISTED = 500
 """Set-ups in the table of the page; the others are in fixes.csv [1]."""
@@ -205,12 +209,6 @@ def _degrees(value: float | None) -> float:
     return math.nan if value is None else math.degrees(value)
 
 
-def listed(names: Sequence[str], most: int = 6) -> str:
-    """Write names, the first few of many."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
-
-
 def common(setups: Sequence[Setup]) -> list[str]:
     """Return why none of several set-ups passed, where it is the same for all: it is said once."""
     if len(setups) < 2:
@@ -288,7 +286,7 @@ def _many_heading(record: Record, setups: Sequence[Setup]) -> Heading:
     worst = next((v for v in LEVELS if named[v]), "pass")
     passed = len(named["pass"])
     word = "All pass" if passed == len(setups) else f"{passed} of {len(setups)} pass"
-    reasons = [f"{WORDS[Level(v)]}: {listed(named[v])}." for v in LEVELS[:2] if named[v]]
+    reasons = [f"{WORDS[Level(v)]}: {listed(named[v], NAMED)}." for v in LEVELS[:2] if named[v]]
     reasons += common(setups)
     sd = np.array([s.degrees("heading", "sd") for s in setups])
     if np.isfinite(sd).any():

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from foucault import units
+from foucault.errors import listed
 from foucault.plans.limit import Limit
 from foucault.plans.limit import said as quantity
 from foucault.report import chart, page
@@ -189,7 +190,7 @@ def _possible(found: Found) -> list[str]:
     """Say which limits of the rig the plan to beat breaks."""
     if not found.reference_broken:
         return []
-    words = f"The rig cannot do `{found.reference}`: {_listed(found.reference_broken)}"
+    words = f"The rig cannot do `{found.reference}`: {listed(found.reference_broken, NAMED)}"
     kept = "; the plan found keeps all limits" if found.possible_instead else ""
     return [_signed(f"{words}{kept}.")]
 
@@ -201,7 +202,7 @@ def _exceptions(found: Found) -> list[str]:
     worse = sorted((r for r in rows if r.high > AS_GOOD), key=lambda r: -r.high)
     if len(found.names) > 1 and worse:
         times = [f"{r.high:.2f}" if math.isfinite(r.high) else "not seen" for r in worse]
-        names = _listed([f"`{r.name}` ({t})" for r, t in zip(worse, times, strict=True)])
+        names = listed([f"`{r.name}` ({t})" for r, t in zip(worse, times, strict=True)], NAMED)
         out.append(f"Worse in at least one case, by at most so many times: {names}.")
     elif len(found.names) > 1 and rows:
         least = max(rows, key=lambda r: r.high)
@@ -226,12 +227,7 @@ def _time(found: Found) -> str:
 
 
 def _code(names: Sequence[str]) -> str:
-    return _listed([f"`{n}`" for n in names])
-
-
-def _listed(words: Sequence[str]) -> str:
-    rest = len(words) - NAMED
-    return ", ".join(words[:NAMED]) + (f" and {rest} more" if rest > 0 else "")
+    return listed([f"`{n}`" for n in names], NAMED)
 
 
 # -- coefficients and cases ------------------------------------------------------------------
@@ -331,7 +327,7 @@ def _about(found: Found) -> Section:
             ("seed", str(found.seed)),
             ("restarts", str(len(found.restarts))),
             ("plans judged", str(found.evaluations)),
-            ("weights other than 1", _listed(weights) or "none"),
+            ("weights other than 1", listed(weights, NAMED) or "none"),
             ("versions", f"foucault {found.version}"),
         ]
     )
