@@ -425,6 +425,19 @@ def test_what_a_session_does_not_show_is_told_with_the_motion_it_lacks():
     np.testing.assert_array_less(found.bound[seen], found.sd[seen] * (1 + 1e-9))
 
 
+def test_what_is_hardly_separated_is_not_shown_either():
+    """Both senses of one speed, but for the Earth's rate: a calibration would refuse it."""
+    made = parse(template("rate_table"))
+    one = made.session.model_copy(update={"rates": ("40 deg/s", "-40 deg/s")})
+    found = optimisation.foresee(replace(made, session=one))
+    told = next(f for f in found.findings if f.code == "preflight.not_shown")
+    assert "about z all steps have the same speed" in told.message
+    assert {"gyro.scale.z", "gyro.cubic.z"} <= set(found.hardly) and not found.complete
+    with pytest.raises(FoucaultError) as refused:
+        came_of(replace(made, session=one))
+    assert refused.value.code == "rate_table.undetermined"
+
+
 def test_the_budget_says_what_to_improve(tmp_path):
     file = tmp_path / "campaign.toml"
     text = template("six_position")

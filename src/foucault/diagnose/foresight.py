@@ -12,7 +12,6 @@ from foucault import units
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding
-from foucault.infer.information import Information
 from foucault.plans.limit import Limit
 
 
@@ -83,23 +82,6 @@ class Foresight:
     bound: FloatArray | None = None
     budget: Mapping[str, FloatArray] = field(default_factory=dict)  # source -> variances (n,) [SI]
     findings: tuple[Finding, ...] = ()  # what the user should know
-
-    @classmethod
-    def of(cls, info: Information, **said: Any) -> Foresight:
-        """Return it with all that the information of a plan tells by itself.
-
-        `info`: of the unknowns, what is known beforehand in it; `said`: what else it is to say,
-        also in the place of what is told.
-        """
-        all_of_them = len(info.layout)
-        told: dict[str, Any] = {
-            "states": all_of_them,
-            "rank": info.rank,
-            "unseen": tuple(c.words for c in info.weakest(all_of_them, np.inf)),
-            "weakest": tuple(c.words for c in info.weakest() if np.isfinite(c.factor)),
-            "correlated": info.correlated(),
-        }
-        return cls(**told | said)
 
     @property
     def names(self) -> tuple[str, ...]:

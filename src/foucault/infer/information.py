@@ -31,6 +31,9 @@ from foucault.result import Linearised, Problem
 INVISIBLE = 1e-9
 """A scaled singular value below this is zero: the combination is not seen at all [1]."""
 
+BLURRED = 1000.0
+"""Coefficients this many times less certain together than each alone are not separated [1]."""
+
 UNTOUCHED = 1e-11
 """A share in the unseen directions below this times the standard deviation in the seen ones, of the
 scaled problem, is rounding: the coefficient is seen [1]. Rounding turns a direction that is seen
@@ -186,6 +189,20 @@ class Information:
     def correlated(self, limit: float = 0.9) -> tuple[tuple[str, str, float], ...]:
         """Return the pairs whose errors are correlated beyond `limit` [1], strongest first."""
         return correlated(self.layout.names, self.correlation(), limit)
+
+    def shown(self) -> dict[str, Any]:
+        """Return what a plan shows: number and rank of unknowns, what is seen badly or not.
+
+        What is known beforehand counts, where it is `with_prior`.
+        """
+        every = self.weakest(len(self.layout), np.inf)
+        return {
+            "states": len(self.layout),
+            "rank": self.rank,
+            "unseen": tuple(c.words for c in every),
+            "weakest": tuple(c.words for c in self.weakest() if np.isfinite(c.factor)),
+            "correlated": self.correlated(),
+        }
 
     def distance(self, estimate: CoefficientVector) -> FloatArray:
         """Return the sd of an estimate of the same coefficients over the bound, (n,) [1]."""

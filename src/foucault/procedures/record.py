@@ -35,7 +35,7 @@ from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.references import with_clock
 from foucault.errors import Finding, FoucaultError, finding
 from foucault.infer import mixed
-from foucault.infer.information import bound, information
+from foucault.infer.information import BLURRED, bound, information
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import imu
@@ -345,23 +345,24 @@ class Procedure(Generic[S, N]):
         )  # fmt: skip
         at = fit.problem.linearise(fit.state, fit.estimate.weights)
         info = information(at, model.layout).with_prior(prior.prior_sd)
-        blind = np.flatnonzero(~np.isfinite(info.sd))
+        lost = {n for c in info.weakest(len(prior), BLURRED) for n in c.shares}
+        blind = [k for k, n in enumerate(prior.names) if n in lost or np.isinf(info.sd[k])]
         cov = np.array(found.coefficients.cov)
         cov[blind, :] = cov[:, blind] = 0.0
         cov[blind, blind] = np.inf
-        lost = {n for c in info.weakest(len(prior), np.inf) for n in c.shares}
         reason = "".join(f"; {lack}" for lack in (self.lacking(model) if self.lacking else ()))
-        names = ", ".join(n for n in prior.names if n in lost)
-        told = (finding("preflight.not_shown", names=names, reason=reason),)
-        return Foresight.of(
-            info,
+        names = tuple(n for n in prior.names if n in lost)
+        told = finding("preflight.not_shown", names=", ".join(names), reason=reason)
+        return Foresight(
+            **info.shown(),
             coefficients=replace(found.coefficients, cov=cov),
             linearised_at=("means in [prior], " if b.prior else "") + "no errors",
             plan="that of [simulate]",
             duration=float(log.time[-1] - log.time[0]),
             bound=np.array(found.diagnostics["bound"]),
             budget={k: np.array(v) for k, v in found.diagnostics["budget"].items()},
-            findings=told if lost else (),
+            hardly=names,
+            findings=(told,) * bool(lost),
         )
 
     def simulate(

@@ -166,15 +166,15 @@ def _of_a_calibration(p: _Planned, session: Session, told: list[Finding]) -> For
     motion = session.motion(p.settings.index_limit)
     told.append(_in_the_field(p, s, motion))
     m = session.headings * len(session.tilts)
-    return Foresight.of(
-        of_data.with_prior(found.prior_sd),
+    unseen = tuple(c.words for c in of_data.weakest() if not np.isfinite(c.factor))
+    shown = of_data.with_prior(found.prior_sd).shown()
+    return Foresight(
+        **shown | {"rank": of_data.rank, "unseen": unseen},
         coefficients=found,
         linearised_at="an instrument without errors",
         plan=f"{m} set-ups of the {session.called}, {len(motion.index)} stops each",
         duration=_duration(session, motion),
-        rank=of_data.rank,
         hardly=hardly,
-        unseen=tuple(c.words for c in of_data.weakest() if not np.isfinite(c.factor)),
         limits=_limits(motion, p.settings),
         more=_more(p, session, lambda x: p.calibrated(x).fit.estimate.coefficients, found),
         findings=(*told, *s.findings),

@@ -465,8 +465,8 @@ def foresee(task: Task, beforehand: Beforehand[Any, Any]) -> Foresight:
     if not seen:
         names = [n for n, s in zip(found.names, found.sd, strict=True) if not np.isfinite(s)]
         told.append(finding("table.unseen", plan=name, names=", ".join(names)))
-    return Foresight.of(
-        info,
+    return Foresight(
+        **info.shown(),
         coefficients=found,
         linearised_at=("means in [prior], " if b.prior else "") + "no errors, a perfect table",
         plan=name,

@@ -46,6 +46,7 @@ from foucault.procedures.rate_table.model import (
     require_determined,
     simulated,
 )
+from foucault.procedures.rate_table.search import EVALUATIONS, Wanted, space
 from foucault.procedures.record import Given, Procedure, result_of
 from foucault.result import Result
 from foucault.tables import AXES, Log, temperature_range
@@ -233,6 +234,9 @@ PROCEDURE = Procedure(
     observe=_stated,
     table_rate_sd=None,  # it is among the sources
     lacking=lambda table: lacking(table.steps),
+    space=space,
+    Wanted=Wanted,
+    evaluations=EVALUATIONS,
     names=lambda settings, _: names_of(settings),
     # Nothing is needed of what is between two steps.
     more="stretches",

@@ -38,6 +38,7 @@ from foucault.diagnose.fit_checks import checks as fit_checks
 from foucault.diagnose.rate_table import lacking, name_of
 from foucault.errors import Finding, error, finding
 from foucault.infer import mixed
+from foucault.infer.information import BLURRED
 from foucault.infer.mixed import (
     NOISE_BASIS,
     UNEXPLAINED_BASIS,
@@ -366,9 +367,6 @@ LARGE_DRIFT = 3.0
 
 LARGE_TERM = 0.05
 """A scale factor that changes by more over its range is a wrong reading, not a gyro [1]."""
-
-BLURRED = 1000.0
-"""Coefficients this many times less certain together than each alone are not separated [1]."""
 
 
 @dataclass(frozen=True)
