@@ -21,8 +21,8 @@ from pydantic import Field
 
 from foucault import procedures, units
 from foucault.arrays import FloatArray
-from foucault.diagnose.foresight import Limit
 from foucault.models.imu import LAYOUT
+from foucault.plans.limit import Limit
 from foucault.plans.optimise import Space, require_seen, weights_of
 from foucault.procedures.rate_table.model import Session, Settings, in_si
 from foucault.procedures.record import Beforehand, Stated
