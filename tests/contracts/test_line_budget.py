@@ -21,7 +21,7 @@ BUDGET = {
     "infer": 2_385,
     "kernels": 4_302,
     "logs": 6_089,
-    "models": 5_280,
+    "models": 5_282,
     "navigate": 1_506,
     "plans": 5_819,
     "procedures": 13_153,

@@ -48,6 +48,7 @@ _TRIADS = {
 }  # fmt: skip
 _RATIOS = (
     "nonlinearity", "cross_axis", "scale_tolerance", "scale_repeatability", "scale_asymmetry",
+    "scale_over_temperature",
 )  # fmt: skip
 
 QUANTITIES: dict[str, str] = {
@@ -55,7 +56,7 @@ QUANTITIES: dict[str, str] = {
     for triad, (reading, walk, warming, rectified) in _TRIADS.items()
     for name, kind in {
         "range": reading, "density": walk, "random_walk": walk, "bias_instability": reading,
-        "bias_repeatability": reading, "bias_per_kelvin": warming,
+        "bias_repeatability": reading, "bias_over_temperature": reading, "bias_per_kelvin": warming,
         **dict.fromkeys(_RATIOS, "scale factor error"),
         "scale_per_kelvin": "scale factor per kelvin", "vibration_rectification": rectified,
     }.items()
@@ -311,7 +312,8 @@ def sizes_of(name: str, warming: float = WARMING) -> dict[str, tuple[float, str]
     Notes
     -----
     The cross-axis sensitivity of a sheet is linear in the other axes, a misalignment, and no size
-    of the cross terms of second order.
+    of the cross terms of second order. A variation over all temperatures is no change by kelvin,
+    from which the drifts follow.
     """
     of = part(name)
     out: dict[str, tuple[float, str]] = {}
