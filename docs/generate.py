@@ -20,6 +20,7 @@ from generators import (
     guard,
     messages,
     packages,
+    parts,
     pictures,
     verified,
 )
@@ -41,6 +42,7 @@ PAGES = {
     "guard.md": guard.page,
     "coefficients.md": coefficients.page,
     "api.md": api.page,
+    "parts.md": parts.page,
     "commands.md": commands.page,
     "verified.md": verified.page,
     "benchmarks.md": benchmarks.page,

@@ -248,7 +248,7 @@ MISTAKES = [
     (
         MINIMAL + "[noise]\n",
         "noise.empty",
-        "noise: neither a grade nor a noise of accel or gyro is given.",
+        "noise: neither a grade nor a part nor a noise of accel or gyro is given.",
         "mems, tactical, navigation",
     ),
     (

@@ -28,6 +28,7 @@ from foucault.campaign.tables import Said
 from foucault.cli.app import app
 from foucault.logs import read as read_log
 from foucault.models.imu import LAYOUT as IMU
+from foucault.models.parts import catalogue
 from foucault.procedures import PROCEDURES
 from foucault.symptoms import SYMPTOMS
 from foucault.units import parse
@@ -177,6 +178,7 @@ def test_made_pages_hold_every_message_name_command_and_coefficient(program: Any
     assert set(re.findall(r"^   (\w+)$", made["api.md"], re.M)) == set(foucault.__all__)
     assert all(f"\n## {name}\n" in made["commands.md"] for name in program.commands)
     assert all(f"| `{name}` |" in made["coefficients.md"] for name in IMU.names)
+    assert all(f"\n## {name}\n" in made["parts.md"] for name in catalogue())
     linked = set(re.findall(r"\]\(#(\w+\.\w+)\)", "".join(made.values())))
     assert linked <= set(SYMPTOMS)
 

@@ -7,7 +7,7 @@ import re
 from foucault.symptoms import SYMPTOMS, Symptom
 
 GROUPS: dict[str, tuple[str, str]] = {
-    "campaign": ("Writing a campaign file", "campaign unit coefficient noise site left_out"),
+    "campaign": ("Writing a campaign file", "campaign unit coefficient noise part site left_out"),
     "logs": ("Reading a log", "log output accel gyro"),
     "recording": ("Watching a session, and the noise of an instrument", "watch allan"),
     "rests": (

@@ -24,7 +24,7 @@ from foucault.errors import Finding, FoucaultError, error, finding, suggestion
 from foucault.escape import toml_text
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
-from foucault.models import earth, noise
+from foucault.models import earth, noise, parts
 from foucault.strict import Strict
 from foucault.units import Quantity
 
@@ -187,20 +187,37 @@ class NoiseTable(Strict):
 
     grade: str | None = Field(default=None, json_schema_extra={"enum": [*noise.GRADES, None]})
     """Start from a typical class."""
+    part: str | None = Field(default=None, examples=["ICM-20948"])
+    """Start from the white noise in the data sheet of an instrument, one of `foucault parts`."""
     accel: AccelNoise | None = None
     gyro: GyroNoise | None = None
 
     def noise(self) -> noise.ImuNoise:
-        """Return the noise: the grade, with what is given for accel and gyro replaced."""
-        if self.grade is None and self.accel is None and self.gyro is None:
+        """Return the noise: grade or data sheet, what is given for accel and gyro replaced."""
+        if self.model_dump(exclude_none=True) == {}:
             raise error("noise.empty", allowed=", ".join(noise.GRADES))
-        start = (
-            noise.ImuNoise() if self.grade is None else noise.grade(self.grade, "noise.grade").noise
-        )
+        start = _started(self.grade, self.part)
         return noise.ImuNoise(
             start.accel if self.accel is None else self.accel.over(start.accel),
             start.gyro if self.gyro is None else self.gyro.over(start.gyro),
         )
+
+
+def _started(grade: str | None, part: str | None) -> noise.ImuNoise:
+    """Return the noise of a class or of a data sheet; none without either."""
+    if part is None:
+        return noise.ImuNoise() if grade is None else noise.grade(grade, "noise.grade").noise
+    if grade is not None:
+        raise error(
+            "campaign.value", key="noise.part", given=repr(part), hint="", more="",
+            reason="it stands beside noise.grade: give one of them",
+        )  # fmt: skip
+    stated = parts.noise_of(part)
+    if stated is None:
+        known = parts.part(part)
+        lacks = sorted({"accel", "gyro"} - set(parts.noise_basis(known.name)))
+        raise error("noise.part", name=known.name, lacks=" and ".join(lacks))
+    return stated
 
 
 class PriorEntry(Strict):

@@ -19,6 +19,7 @@ from foucault.campaign.reading import Campaign
 from foucault.campaign.tables import Instrument, SimulateTable, SiteTable, dotted, kind_of
 from foucault.escape import commented, toml_text
 from foucault.logs.description import log_head
+from foucault.models import parts
 from foucault.procedures.record import Procedure
 from foucault.run_folder import RESOLVED
 from foucault.strict import description_of
@@ -83,6 +84,7 @@ _NOISE = """\
 # Left out, the noise is measured in the rests.
 # [noise]
 # grade = "mems"                        # mems, tactical, navigation: typical values
+# part = "ICM-20948"                    # or the data sheet of one; `foucault parts` lists them
 # [noise.accel]
 # white = "120 ug/sqrt(Hz)"
 # [noise.gyro]
@@ -102,26 +104,42 @@ _PRIOR = """\
 _ERRORS = '# errors = { "gyro.bias.x" = "30 deg/h" }'
 
 
-def template(procedure: str) -> str:
+def _of_part(name: str) -> str:
+    """Write what the data sheet of a part says; where it states no noise, that of the rests is."""
+    known = parts.part(name)
+    said = [f"# {t}: {basis}" for t, basis in parts.noise_basis(known.name).items()]
+    lines = [
+        f"# Of the data sheet of the {known.name}; `foucault parts {known.name}` prints the rest.",
+        *(line for one in said for line in textwrap.wrap(one, WIDTH, subsequent_indent="#   ")),
+    ]
+    table = ["[noise]", f"part = {_text(known.name)}"]
+    if parts.noise_of(known.name) is None:
+        lines.append("# It does not state the noise of both triads: it is measured in the rests.")
+        table = []
+    return "\n".join([*lines, *table]) + "\n"
+
+
+def template(procedure: str, part: str | None = None) -> str:
     """Write a commented campaign file for `procedure`.
 
     It loads as it is, and with the log that `foucault simulate` makes it also runs as it is.
+    `part`: an instrument whose noise is that of its data sheet, one of `models.parts`.
     """
     record = procedures.load(procedure)
     instrument = {"name": EXAMPLE, "serial": "0001", "operator": "", "note": ""}
     settings = ["[procedure]", f"name = {_text(procedure)}", *_commented(record.Settings, {})]
-    parts = [
+    blocks = [
         _HEAD.format(summary=record.summary),
         "\n".join(["[instrument]", *_commented(Instrument, _texts(instrument))]) + "\n",
         "\n".join(["[site]", *SITE_NOTE, *_commented(SiteTable, _texts(EXAMPLE_SITE))]) + "\n",
         log_table(procedure),
         "\n".join(settings) + "\n",
-        record.noise_lines or _NOISE,
+        (record.noise_lines or _NOISE) if part is None else _of_part(part),
         record.prior_lines or _PRIOR,
         "\n".join(["[simulate]", *_simulate_lines(record)]) + "\n",
         *([] if record.Wanted is None else [_wanted_lines(record.Wanted)]),
     ]
-    return "\n".join(parts)
+    return "\n".join(blocks)
 
 
 def _wanted_lines(model: type[BaseModel]) -> str:
@@ -211,7 +229,7 @@ def resolved(campaign: Campaign, folder: str | Path) -> str:
     note = ""
     if tables.site.gravity is None:
         note = f"# gravity: {campaign.site.gravity!r} m/s^2, {campaign.site.gravity_source}"
-    parts = [
+    blocks = [
         f"{RESOLVED.decode()}, in SI units.",
         _table("instrument", campaign.instrument),
         _table("site", site) + note,
@@ -220,15 +238,15 @@ def resolved(campaign: Campaign, folder: str | Path) -> str:
         _table("procedure", {"name": campaign.procedure} | _exact(campaign.settings)),
     ]
     if tables.noise is not None:
-        parts.append(_table("noise", _exact(tables.noise)))
+        blocks.append(_table("noise", _exact(tables.noise)))
     prior: dict[str, Any] = {k: v.model_dump() for k, v in tables.prior.items()}
     if campaign.earlier is not None:
         prior = earlier.written(campaign.earlier, campaign.folder, Path(folder)) | prior
     if prior:
-        parts.append(_table("prior", prior))
+        blocks.append(_table("prior", prior))
     simulate = _exact(campaign.simulate) | _exact(campaign.session)
-    parts.append(_table("simulate", simulate))
-    return "\n\n".join(part.strip() for part in parts) + "\n"
+    blocks.append(_table("simulate", simulate))
+    return "\n\n".join(part.strip() for part in blocks) + "\n"
 
 
 def changed(campaign: Campaign, changes: Mapping[str, Mapping[str, Any]], note: str) -> str:
@@ -246,8 +264,8 @@ def changed(campaign: Campaign, changes: Mapping[str, Mapping[str, Any]], note: 
             block.pop(key, None)
             if value is not None:
                 block[key] = value
-    parts = [commented([note], "#"), *(_table(name, block) for name, block in raw.items())]
-    return "\n\n".join(part.strip() for part in parts) + "\n"
+    blocks = [commented([note], "#"), *(_table(name, block) for name, block in raw.items())]
+    return "\n\n".join(part.strip() for part in blocks) + "\n"
 
 
 def _relocate(block: dict[str, Any], old: Path, new: Path) -> None:

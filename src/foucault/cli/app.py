@@ -18,6 +18,7 @@ from foucault.cli import (
     export,
     navigate,
     north,
+    parts,
     plans,
     preflight,
     results,
@@ -151,7 +152,7 @@ def _program(
 
 
 for _command in (
-    results.init, results.schema, results.messages, plans.plans, preflight.preflight,
+    results.init, results.schema, results.messages, parts.parts, plans.plans, preflight.preflight,
     preflight.optimise, sessions.inspect, sessions.simulate, results.calibrate, results.report,
     results.demo, results.merge, compare.compare, compare.fleet, navigate.align, navigate.navigate,
     navigate.delay, sessions.allan, preflight.montecarlo, results.temperature, export.apply,

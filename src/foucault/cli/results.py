@@ -165,13 +165,20 @@ def merge(
 # -- Commands about campaign files and what the program knows: init, schema, messages ------------
 
 
-@command("foucault init hand_rotated -o campaign.toml")
+@command(
+    "foucault init hand_rotated -o campaign.toml",
+    "foucault init hand_rotated --part ICM-20948 -o campaign.toml",
+)
 def init(
     ctx: typer.Context,
     procedure: Annotated[str, typer.Argument(help="Name of a procedure, such as hand_rotated.")],
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="File to write; standard output if left out."),
+    ] = None,
+    part: Annotated[
+        str | None,
+        typer.Option(help="Instrument whose data sheet gives the noise; see `foucault parts`."),
     ] = None,
 ) -> None:
     """Write a commented campaign file to start from."""
@@ -180,7 +187,7 @@ def init(
     from foucault.files import write_text
 
     screen: Screen = ctx.obj
-    text = campaign.template(procedure)
+    text = campaign.template(procedure, part)
     if output is None:
         print(text, end="")
         return
