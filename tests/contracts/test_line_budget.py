@@ -11,10 +11,10 @@ ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
     ".": 3_256,
-    "campaign": 4_849,
+    "campaign": 4_892,
     "cli": 4_403,
     "detect": 4_352,
-    "diagnose": 11_632,
+    "diagnose": 11_745,
     "estimate": 7_381,
     "export": 1_865,
     "guard": 1_908,
@@ -24,8 +24,8 @@ BUDGET = {
     "models": 5_030,
     "navigate": 1_506,
     "plans": 5_819,
-    "procedures": 13_153,
-    "report": 8_347,
+    "procedures": 13_338,
+    "report": 8_357,
     "simulate": 3_354,
     "symptoms": 87,
 }

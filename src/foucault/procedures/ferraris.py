@@ -122,7 +122,9 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     given.progress(0.5, "calibrating")
     declared = (settings.placement_sd, settings.level_sd, settings.angle_sd)
     names = names_of(settings)
-    solved = on_faces.solve(log, faces, turns, site, names, noise, declared, given.prior)
+    solved = on_faces.solve(
+        log, faces, turns, site, names, noise, declared, given.prior, given.sizes
+    )
     extra: dict[str, Any] = {}
     if settings.solution == "published":
         solved, extra = _published(solved)

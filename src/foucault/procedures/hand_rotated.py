@@ -18,13 +18,13 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.detect.noise import measure_noise, without_spikes
 from foucault.detect.readings import find_readings
@@ -46,16 +46,18 @@ from foucault.errors import Finding, error
 from foucault.estimate.hand_rotated import RestsAndTurns, first_guess, resting_bias
 from foucault.guard.rest import check_session, enough_rests, first_rest, up_of_rests
 from foucault.guard.table import enough_readings
-from foucault.infer import mixed
 from foucault.infer.gauss_newton import Component
 from foucault.infer.mixed import NOISE_BASIS, SIGNIFICANT
 from foucault.logs.checks import spared
 from foucault.models.earth import Site
-from foucault.models.imu import LAYOUT
+from foucault.models.imu import LAYOUT, ImuModel
+from foucault.models.left_out import Change, Motion
 from foucault.models.noise import ImuNoise, Readings, SessionNoise
+from foucault.models.rests_and_turns import Attitudes
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.plans.directions import RestPlan, hand_plan
-from foucault.procedures import Progress, record
+from foucault.procedures import left_out, record
+from foucault.procedures.left_out import Again
 from foucault.procedures.on_table import NORM_NEEDS, Task, from_readings
 from foucault.procedures.on_table.session import TableSettings
 from foucault.procedures.record import Given, Procedure, result_of
@@ -114,7 +116,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     if site.latitude is None and log.gyro is not None:
         findings.append(no_latitude())
     progress(0.3, "calibrating")
-    result = _likelihood(data, rests, settings, given.noise, given.prior, progress)
+    result = _likelihood(data, rests, given)
     return complete(result, data, rests, findings)
 
 
@@ -171,11 +173,9 @@ def _noise(data: SessionData, rests: Rests, noise: ImuNoise | None) -> SessionNo
 def _likelihood(
     data: SessionData,
     rests: Rests,
-    settings: Settings,
-    declared: ImuNoise | None,
-    given: Mapping[str, tuple[float, float]],
-    progress: Progress,
+    given: Given[Settings],
 ) -> Result:
+    settings, declared = given.settings, given.noise
     start = first_guess(data)
     assert start is not None  # `guard.rest` has solved the same equations
     # Noise measured in rests is a lower limit of what differs between them: scatter beyond it is
@@ -186,10 +186,12 @@ def _likelihood(
         _noise(data, rests, declared), NOISE_BASIS["measured" if declared is None else "declared"],
         price if settings.repeatability else None,
     )  # fmt: skip
-    prior = CoefficientVector.prior(model.layout, given)
-    fit = mixed.fit(model, prior, robust=settings.robust)
+    prior = CoefficientVector.prior(model.layout, given.prior)
+    fit, beside = left_out.fit(
+        model, prior, given.sizes, data.site, _again(model), robust=settings.robust
+    )
     estimate, prediction = fit.estimate, model.predict(fit.state)
-    progress(0.7, "predicting held-out rests")
+    given.progress(0.7, "predicting held-out rests")
     count = min(settings.held_out, len(data.accel_mean) - NEEDED)
     held_out = hold_out(fit, count) if count > 1 else None
     around, level = coverage(fit.state.C_nb[:, 2, :]), rest_levels(rests)
@@ -209,7 +211,47 @@ def _likelihood(
             "heading_sd": session_report.heading_sd(estimate) if data.earth.any() else None,
         },
         tables=session_report.tables(fit, prediction, held_out, rest_table(data.log, rests)),
+        judged=beside,
     )
+
+
+def _again(model: RestsAndTurns) -> Again:
+    """Return the session reduced again: means of the rests, and samples of the turns after them."""
+    s, n = model.session, len(model.session.first)
+    turns, first, last = s.turns
+    # The same session without the samples of the rests, whose means are kept.
+    short = replace(s, log=turns, first=np.append(0, last), last=np.append(first + 1, len(turns)))
+    middle = (s.log.time[s.first] + s.log.time[s.last - 1]) / 2
+    time = np.append(middle, turns.time)
+
+    def together(mean: FloatArray | None, sample: FloatArray | None) -> FloatArray:
+        if mean is None or sample is None:
+            return np.zeros((len(time), 3))
+        return np.concatenate([mean, sample])
+
+    def motion(state: Attitudes) -> tuple[ImuModel, Motion]:
+        read = together(s.accel_mean, turns.accel), together(s.gyro_mean, turns.gyro)
+        f_b, w_b = state.model.compensate(*read)
+        assert f_b is not None
+        assert w_b is not None
+        return state.model, Motion(time, f_b, w_b, *s.log.time[[0, -1]])
+
+    def residuals(state: Attitudes, by: Change) -> FloatArray:
+        accel, gyro = (np.zeros((len(time), 3)) if x is None else x for x in by[:2])
+        other = replace(
+            short,
+            site=left_out.changed(s.site, by),
+            accel_mean=s.accel_mean + accel[:n],
+            gyro_mean=None if s.gyro_mean is None else s.gyro_mean + gyro[:n],
+            log=replace(
+                turns,
+                accel=None if turns.accel is None else turns.accel + accel[n:],
+                gyro=None if turns.gyro is None else turns.gyro + gyro[n:],
+            ),
+        )
+        return replace(model, session=other).predict(state).residuals
+
+    return Again(motion, residuals)
 
 
 NO_TURNS = (

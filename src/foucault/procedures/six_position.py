@@ -40,7 +40,9 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     given.progress(0.5, "calibrating")
     names = settings.estimated(gyro=log.gyro is not None, turns=False)
     declared = (settings.placement_sd, 0.0, 0.0)
-    solved = on_faces.solve(log, faces, None, site, names, noise, declared, given.prior)
+    solved = on_faces.solve(
+        log, faces, None, site, names, noise, declared, given.prior, given.sizes
+    )
     return on_faces.result_of("six_position", log, solved)
 
 
