@@ -24,7 +24,7 @@ BUDGET = {
     "models": 5_030,
     "navigate": 1_506,
     "plans": 5_819,
-    "procedures": 13_338,
+    "procedures": 13_382,
     "report": 8_357,
     "simulate": 3_354,
     "symptoms": 87,

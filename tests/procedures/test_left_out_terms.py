@@ -20,7 +20,7 @@ from foucault.models.earth import Site
 from foucault.models.left_out import NONE, changes, sizes_of, terms
 from foucault.models.noise import grade
 from foucault.models.rests_and_turns import Session as SessionData
-from foucault.procedures import ferraris, hand_rotated
+from foucault.procedures import ferraris, hand_rotated, rate_table
 from foucault.report.calibration import sections
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
@@ -143,6 +143,39 @@ def test_faces_carry_what_no_turn_about_one_rate_can_show() -> None:
         "named"
     ]
     assert next(iter(named[0])) == "gyro.g_sensitivity"
+
+
+RATES = rate_table.Session(rates=[f"{s}{r} deg/s" for r in (20, 60, 100) for s in ("", "-")],
+                           step_time=18.0, rows="means")  # fmt: skip
+TABLE = rate_table.Settings(table_rate_sd=5e-6, fixture_sd=ARCMIN)
+
+
+def turned(seed: int):
+    return rate_table.simulate(
+        RATES, settings=TABLE, model=draw_errors("mems", seed), noise=grade("mems").noise,
+        site=SITE, seed=seed,
+    )  # fmt: skip
+
+
+def on_rate_table(log: Log, sizes=SIZES):
+    noise = grade("mems").noise
+    return rate_table.PROCEDURE.trial(log, site=SITE, settings=TABLE, noise=noise, sizes=sizes)
+
+
+def test_a_rate_table_takes_force_and_rate_from_its_geometry() -> None:
+    sim = turned(2)
+    plain, result = on_rate_table(sim.log, None), on_rate_table(sim.log)
+    assert not result.diagnostics["named"] and "left_out" not in plain.diagnostics
+    assert (result.coefficients.sd > 0.9 * plain.coefficients.sd).all()
+    up = np.round(sim.log.accel / np.linalg.norm(sim.log.accel, axis=1, keepdims=True))
+    # Nine terms of so many sizes each, which up and down tell from a bias.
+    felt = 12 * SIZES["gyro.g_sensitivity"][0] * SITE.gravity * up
+    wrong = on_rate_table(replace(sim.log, gyro=sim.log.gyro + felt))
+    first = wrong.diagnostics["named"][0]
+    assert next(iter(first)) == "gyro.g_sensitivity"
+    c = wrong.coefficients
+    truth = sim.model.coefficients(c.names).values
+    assert nees((c.values - truth)[None], c.cov[None])[0] < chi_square_limits(len(truth), 1e-4)[1]
 
 
 def test_a_run_folder_keeps_them_and_the_page_shows_one_table_of_them(tmp_path) -> None:

@@ -38,6 +38,7 @@ from foucault.diagnose.fit_checks import checks as fit_checks
 from foucault.diagnose.rate_table import lacking, name_of
 from foucault.errors import Finding, error, finding
 from foucault.infer import mixed
+from foucault.infer.left_out import Judgement
 from foucault.infer.mixed import (
     NOISE_BASIS,
     UNEXPLAINED_BASIS,
@@ -378,6 +379,7 @@ class Solution:
     table: RateTable  # with the correlation time that was found
     fit: Fit
     site: Site  # gravity and latitude; None for a latitude that does not count
+    left_out: Judgement | None = None  # what was made of the terms that are not estimated
 
     @property
     def steps(self) -> Steps:
