@@ -134,7 +134,7 @@ def one(which: str, case: str, seed: int) -> tuple[float, float, float, float, l
     return out[0], out[2], out[3] / out[1], float(len(errors)), named
 
 
-def main(sessions: int = 100) -> tuple[bool, dict[str, object]]:
+def main(sessions: int = 20) -> tuple[bool, dict[str, object]]:
     shown, good = [], True
     for which in PROCEDURES:
         for case in (c for c in CASES if left(which, c) or not CASES[c]):
