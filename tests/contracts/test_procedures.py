@@ -173,6 +173,19 @@ def test_a_step_moves_its_coefficients_by_what_it_says(name: str) -> None:
     np.testing.assert_allclose(moved, step[:p], rtol=1e-6, atol=1e-15)
 
 
+@pytest.mark.parametrize("name", (*MIXED, *VARIANTS))
+def test_nothing_unknown_is_pinned_by_what_readings_share(name: str) -> None:
+    # A cause that ties rows by accident is a constraint: an unknown heading that shares a row with
+    # another reading is pinned to where it started, and its sd is rounding.
+    fit = fitted(name)[1]
+    sd = np.sqrt(np.diag(fit.estimate.state_cov))[len(fit.model.layout) :]
+    assert (sd > PINNED).all()
+
+
+PINNED = 1e-10
+"""No angle of an instrument and no lever arm is known so well, in SI."""
+
+
 # -- what is said of an estimate -------------------------------------------------------------------
 
 

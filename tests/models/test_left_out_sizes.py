@@ -17,7 +17,7 @@ from foucault.models.left_out import Motion
 SITE = Site.at(0.85, 60.0)
 RNG = np.random.default_rng(1)
 MOTION = Motion(np.linspace(5.0, 9.0, 50), 10 * RNG.standard_normal((50, 3)),
-                RNG.standard_normal((50, 3)))  # fmt: skip
+                RNG.standard_normal((50, 3)), 5.0, 9.0)  # fmt: skip
 
 
 def test_every_group_has_a_size_of_every_grade_and_says_what_it_rests_on() -> None:

@@ -30,6 +30,7 @@ from foucault.files import parse_toml, read_text
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import earth, noise
+from foucault.models.left_out import Sizes
 from foucault.procedures.record import Procedure
 from foucault.units import STANDARD_GRAVITY
 
@@ -73,6 +74,8 @@ class Campaign:
         The common tables as written, with defaults.
     earlier : EarlierTable or None
         An earlier result that is its prior.
+    sizes : mapping of str to (float, str) or None
+        Size of what is not estimated, and what it rests on [SI]; None where nothing is said of it.
     findings : tuple of Finding
         What was noticed in the file.
     """
@@ -92,6 +95,7 @@ class Campaign:
     wanted: Any
     tables: CampaignFile
     earlier: earlier.EarlierTable | None = None
+    sizes: Sizes | None = None
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -171,7 +175,8 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
     return Campaign(
         path=path,
         text=text,
-        instrument=file.instrument.model_dump(),
+        instrument=file.instrument.named(),
+        sizes=file.instrument.sizes(),
         site=file.site.site() if calibrates or file.site.said else NOWHERE,
         log=file.log,
         master=master,

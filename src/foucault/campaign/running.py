@@ -104,6 +104,7 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
                 settings=campaign.settings,
                 noise=campaign.noise,
                 prior=prior,
+                sizes=campaign.sizes,
                 instrument=campaign.instrument,
                 progress=progress,
             )

@@ -24,7 +24,7 @@ from foucault.errors import Finding, FoucaultError, error, finding, suggestion
 from foucault.escape import toml_text
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
-from foucault.models import earth, noise, parts
+from foucault.models import earth, left_out, noise, parts
 from foucault.strict import Strict
 from foucault.units import Quantity
 
@@ -51,6 +51,66 @@ class Instrument(Strict):
     """When it must be calibrated again."""
     note: str = ""
     """Anything else worth keeping, such as the temperature."""
+    grade: Literal["consumer MEMS", "tactical MEMS", "tactical FOG", "navigation RLG"] | None = None
+    """Its class. What the calibration does not estimate is then no longer taken for nothing: it has
+    the typical size (1 sd) of this class in every uncertainty, and is tested."""
+    part: str | None = None
+    """A part that `foucault parts` knows: its class, and the sizes that its data sheet states."""
+    accel_quadratic: Annotated[float, Quantity("quadratic")] | None = Field(default=None, ge=0)
+    """Size of the accelerometers' quadratic terms, instead of that of the grade."""
+    accel_cross: Annotated[float, Quantity("quadratic")] | None = Field(default=None, ge=0)
+    """Size of the products of two axes in the accelerometers."""
+    accel_asymmetry: Annotated[float, Quantity("scale factor error")] | None = Field(
+        default=None, ge=0
+    )
+    """Size of the asymmetry of the accelerometers' scale factors."""
+    gyro_g_sensitivity: Annotated[float, Quantity("g-sensitivity")] | None = Field(
+        default=None, ge=0
+    )
+    """Size of the gyros' g-sensitivity."""
+    gyro_asymmetry: Annotated[float, Quantity("scale factor error")] | None = Field(
+        default=None, ge=0
+    )
+    """Size of the asymmetry of the gyros' scale factors."""
+    gyro_cubic: Annotated[float, Quantity("cubic")] | None = Field(default=None, ge=0)
+    """Size of the gyros' cubic terms."""
+    gyro_deflection: Annotated[float, Quantity("deflection")] | None = Field(default=None, ge=0)
+    """Size of the deflection of the gyros' axes under specific force."""
+    accel_bias_drift: Annotated[float, Quantity("specific force")] | None = Field(
+        default=None, ge=0
+    )
+    """Size of the drift of the accelerometers' biases over the session, end minus start."""
+    gyro_bias_drift: Annotated[float, Quantity("angular rate")] | None = Field(default=None, ge=0)
+    """Size of the drift of the gyros' biases over the session, end minus start."""
+    accel_scale_drift: Annotated[float, Quantity("scale factor error")] | None = Field(
+        default=None, ge=0
+    )
+    """Size of the drift of the accelerometers' scale factors over the session."""
+    gyro_scale_drift: Annotated[float, Quantity("scale factor error")] | None = Field(
+        default=None, ge=0
+    )
+    """Size of the drift of the gyros' scale factors over the session."""
+
+    def sizes(self) -> dict[str, tuple[float, str]] | None:
+        """Return the sizes of what is not estimated [SI], None where nothing is said of them."""
+        known = left_out.table()
+        said = {
+            group: (size, "as given in the campaign")
+            for group in known.groups
+            if (size := getattr(self, group.replace(".", "_").replace(" ", "_"), None)) is not None
+        }
+        sheet: dict[str, tuple[float, str]] = {}
+        grade: str | None = self.grade
+        if self.part is not None:
+            sheet = {g: s for g, s in parts.sizes_of(self.part).items() if g in known.groups}
+            of = parts.part(self.part).grade
+            grade = grade or (of if of in known.grades else None)
+        usual = {} if grade is None else left_out.sizes_of(grade)
+        return usual | sheet | said or None
+
+    def named(self) -> dict[str, str]:
+        """Return what a result repeats: which instrument it was, not what such ones are like."""
+        return self.model_dump(include={"name", "serial", "operator", "due", "note"})
 
 
 class SiteTable(Strict):

@@ -127,6 +127,8 @@ def template(procedure: str, part: str | None = None) -> str:
     """
     record = procedures.load(procedure)
     instrument = {"name": EXAMPLE, "serial": "0001", "operator": "", "note": ""}
+    if part is not None:
+        instrument["part"] = parts.part(part).name
     settings = ["[procedure]", f"name = {_text(procedure)}", *_commented(record.Settings, {})]
     blocks = [
         _HEAD.format(summary=record.summary),

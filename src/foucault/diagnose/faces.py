@@ -28,6 +28,7 @@ from foucault.errors import Finding, finding
 from foucault.estimate.faces import BEYOND, SCATTER, OnFaces, Scene
 from foucault.infer import gauss_newton, mixed
 from foucault.infer.gauss_newton import chi_square_limits
+from foucault.infer.left_out import Judgement
 from foucault.infer.mixed import Fit
 from foucault.infer.snooping import Snooping, snoop
 from foucault.models.earth import EARTH_RATE
@@ -70,6 +71,7 @@ class FaceEvidence:
     # (p, 3 k) what a unit of each reading does to the coefficients of another estimate than the
     # fit's, None: they are the fit's
     gain: FloatArray | None = None
+    left_out: Judgement | None = None  # what was made of the terms that are not estimated
 
     @property
     def scene(self) -> Scene:

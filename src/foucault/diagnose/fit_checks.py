@@ -17,6 +17,7 @@ from foucault.diagnose.checks import check, drift_check, judge_prior, plausible_
 from foucault.infer import mixed
 from foucault.infer.drift import Drift, by_time, find_drift
 from foucault.infer.gauss_newton import FALSE_ALARM, TOLD, Component, chi_square_limits
+from foucault.infer.left_out import With
 from foucault.infer.mixed import Fit, HeldOut
 from foucault.result import Check, Level
 from foucault.units import plain
@@ -290,8 +291,12 @@ def folds(fit: Fit, kind: str, count: int) -> list[IntArray]:
 
 
 def clearest_drift(e: Judged) -> Drift | None:
-    """Return the drift of a coefficient that the residuals show most clearly."""
-    if e.time is None:
+    """Return the drift of a coefficient that the residuals show most clearly.
+
+    Drifts that are sources of the fit are in its uncertainties, and have a test of their own.
+    """
+    model = e.fit.model
+    if e.time is None or (isinstance(model, With) and model.drifts):
         return None
     fit = e.fit
     n, d, _ = fit.at.jacobian.shape

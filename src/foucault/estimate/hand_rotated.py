@@ -49,6 +49,7 @@ from foucault.detect.stretches import Rests, runs
 from foucault.estimate import norm_observation
 from foucault.infer import gauss_newton
 from foucault.infer.gauss_newton import Component, chi_square_limits, student
+from foucault.infer.left_out import With
 from foucault.infer.mixed import Fit, Linearisation, Source
 from foucault.kernels.rotation import integrate_turns, integrate_turns_rk4
 from foucault.models.earth import EARTH_RATE, Site
@@ -414,8 +415,9 @@ class RestsAndTurns:
 
 def session_of(fit: Fit) -> RestsAndTurns:
     """Return the model of a session that was fitted."""
-    assert isinstance(fit.model, RestsAndTurns)
-    return fit.model
+    model = fit.model.model if isinstance(fit.model, With) else fit.model
+    assert isinstance(model, RestsAndTurns)
+    return model
 
 
 def _wanders(triad: TriadNoise) -> bool:

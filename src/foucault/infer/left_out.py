@@ -74,6 +74,11 @@ class With:
         """Kind of reading -> which components of which readings, shape (n, d) each."""
         return self.model.kinds
 
+    @property
+    def drifts(self) -> bool:
+        """Whether drifts of coefficients are among what was added."""
+        return any(s.name.endswith(" drift") for s in self.more)
+
     def linearise(self, state: Any) -> Linearisation:
         """Compare the readings with the model at `state`."""
         at = self.model.linearise(state)
@@ -217,8 +222,7 @@ def detectable(seen: Seen, groups: int, power: float = 0.9) -> FloatArray:
     level, c = chi2.isf(FALSE_ALARM / groups, seen.dof), np.geomspace(1, 1e4, 2000)
     need = np.interp(power, ncx2.sf(level, seen.dof, c), c)
     share = np.diag(seen.V)
-    return np.sqrt(need / np.where(share > VISIBLE, share, 0.0), where=share > VISIBLE,
-                   out=np.full(len(share), np.inf))  # fmt: skip
+    return np.where(share > VISIBLE, np.sqrt(need / np.maximum(share, VISIBLE)), np.inf)
 
 
 def guilty(seen: Mapping[str, Seen]) -> dict[str, Seen]:
@@ -233,8 +237,8 @@ class Judgement:
     """What was made of the terms that are not estimated."""
 
     seen: Mapping[str, Seen]  # every group, tested at its size
-    # sets of groups that the readings cannot tell apart, and how many times its size each is; the
-    # first of each is the likeliest
+    # sets of groups that the readings cannot tell apart, the likeliest first, and how many times
+    # its size each is [1]
     named: tuple[Mapping[str, float], ...]
     # group -> sizes of its most visible term at which it is named in 90 % of sessions [1]
     needed: Mapping[str, float]

@@ -79,7 +79,7 @@ def sizes_of(grade: str) -> dict[str, tuple[float, str]]:
 
 
 def in_words(group: str, size: float) -> str:
-    """Write the size [SI] of a group in the unit that people read it in."""
+    """Write the `size`, shape () [SI], of a group in the unit that people read it in."""
     g = table().groups[group]
     return f"{units.plain(size / units.factor(g.unit, g.kind), 3)} {g.unit}"
 
@@ -90,6 +90,8 @@ class Motion(NamedTuple):
     time: FloatArray  # (n,) [s]
     f_b: FloatArray  # (n, 3) true specific force, frame b [m/s^2]
     w_ib_b: FloatArray  # (n, 3) true rate, frame b [rad/s]
+    begin: float  # of the session, from which a drift counts [s]
+    end: float  # of the session [s]
 
 
 class Change(NamedTuple):
@@ -121,8 +123,7 @@ def changes(some: Sequence[Term], model: ImuModel, at: Motion) -> Iterator[Chang
     if kind and "drift" not in kind:
         slopes = model.slopes(at.f_b, at.w_ib_b, [t.name for t in some])
         columns = slopes.accel if triad == "accel" else slopes.gyro
-    span = max(float(at.time.max() - at.time.min()), 1e-300)
-    ramp = (at.time - at.time.min()) / span - 0.5
+    ramp = (at.time - at.begin) / max(at.end - at.begin, 1e-300) - 0.5
     for k, term in enumerate(some):
         if term.group == GRAVITY:
             yield Change(gravity=term.size)

@@ -21,8 +21,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from pydantic import Field
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.detect.coverage import coverage, coverage_json
 from foucault.detect.noise import measure_noise, without_spikes
@@ -42,13 +44,16 @@ from foucault.diagnose.references import no_latitude
 from foucault.errors import Finding
 from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
 from foucault.guard.rest import check_session, enough_rests
-from foucault.infer import mixed
 from foucault.infer.mixed import NOISE_BASIS, SIGNIFICANT
 from foucault.logs.checks import spared
+from foucault.models.imu import ImuModel
+from foucault.models.left_out import Change, Motion
 from foucault.models.noise import ImuNoise, SessionNoise
+from foucault.models.rests_and_turns import Attitudes
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.plans.directions import RestPlan, hand_plan
-from foucault.procedures import record
+from foucault.procedures import left_out, record
+from foucault.procedures.left_out import Again
 from foucault.procedures.record import Given, Procedure, result_of
 from foucault.result import Result
 from foucault.simulate.hand_rotated import simulate_drawn
@@ -174,7 +179,9 @@ def _likelihood(data: SessionData, rests: Rests, given: Given[Settings]) -> Resu
     settings, declared = given.settings, given.noise is not None
     model = _model(data, rests, given)
     prior = CoefficientVector.prior(model.layout, given.prior)
-    fit = mixed.fit(model, prior, robust=settings.robust)
+    fit, beside = left_out.fit(
+        model, prior, given.sizes, data.site, _again(model), robust=settings.robust
+    )
     estimate, prediction = fit.estimate, model.predict(fit.state)
     given.progress(0.7, "predicting held-out rests")
     count = min(settings.held_out, len(data.accel_mean) - NEEDED)
@@ -196,7 +203,47 @@ def _likelihood(data: SessionData, rests: Rests, given: Given[Settings]) -> Resu
             "heading_sd": session_report.heading_sd(estimate) if data.earth.any() else None,
         },
         tables=session_report.tables(fit, prediction, held_out, rest_table(data.log, rests)),
+        judged=beside,
     )
+
+
+def _again(model: RestsAndTurns) -> Again:
+    """Return the session reduced again: means of the rests, and samples of the turns after them."""
+    s, n = model.session, len(model.session.first)
+    turns, first, last = s.turns
+    # The same session without the samples of the rests, whose means are kept.
+    short = replace(s, log=turns, first=np.append(0, last), last=np.append(first + 1, len(turns)))
+    middle = (s.log.time[s.first] + s.log.time[s.last - 1]) / 2
+    time = np.append(middle, turns.time)
+
+    def together(mean: FloatArray | None, sample: FloatArray | None) -> FloatArray:
+        if mean is None or sample is None:
+            return np.zeros((len(time), 3))
+        return np.concatenate([mean, sample])
+
+    def motion(state: Attitudes) -> tuple[ImuModel, Motion]:
+        read = together(s.accel_mean, turns.accel), together(s.gyro_mean, turns.gyro)
+        f_b, w_b = state.model.compensate(*read)
+        assert f_b is not None
+        assert w_b is not None
+        return state.model, Motion(time, f_b, w_b, *s.log.time[[0, -1]])
+
+    def residuals(state: Attitudes, by: Change) -> FloatArray:
+        accel, gyro = (np.zeros((len(time), 3)) if x is None else x for x in by[:2])
+        other = replace(
+            short,
+            site=left_out.changed(s.site, by),
+            accel_mean=s.accel_mean + accel[:n],
+            gyro_mean=None if s.gyro_mean is None else s.gyro_mean + gyro[:n],
+            log=replace(
+                turns,
+                accel=None if turns.accel is None else turns.accel + accel[n:],
+                gyro=None if turns.gyro is None else turns.gyro + gyro[n:],
+            ),
+        )
+        return replace(model, session=other).predict(state).residuals
+
+    return Again(motion, residuals)
 
 
 PROCEDURE = Procedure(

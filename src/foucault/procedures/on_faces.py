@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from pydantic import Field
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.detect.faces import Faces, find_faces
 from foucault.detect.noise import measure_noise
@@ -17,16 +19,18 @@ from foucault.diagnose import hand_rotated as session_report
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.faces import FaceEvidence
 from foucault.errors import Finding
-from foucault.estimate.faces import FaceNoise, OnFaces, closed_form, on_faces, unbiased
+from foucault.estimate.faces import FaceNoise, OnFaces, State, closed_form, on_faces, unbiased
 from foucault.guard.rest import first_rest, same_unit
-from foucault.infer import mixed
 from foucault.infer.snooping import snoop
 from foucault.logs.checks import spared
-from foucault.models.earth import Site
+from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.imu import ImuModel
+from foucault.models.left_out import Change, Motion
 from foucault.models.noise import ImuNoise, SessionNoise
 from foucault.models.rests_and_turns import TurnReadings, face_name
 from foucault.plans.directions import RestPlan, face_plan
-from foucault.procedures import record
+from foucault.procedures import left_out, record
+from foucault.procedures.left_out import Again
 from foucault.procedures.record import Given
 from foucault.result import Result
 from foucault.strict import Strict
@@ -126,15 +130,62 @@ class Observed:
         return on_faces(scene, start, self.names, had, self.tilts)
 
     def solve(self, given: Given[Any]) -> FaceEvidence:
-        """Solve it."""
-        model, prior = self.model(given), given.prior
-        fit = mixed.fit(model, CoefficientVector.prior(model.layout, prior) if prior else None)
+        """Solve it, with what is not estimated where its sizes are given."""
+        model = self.model(given)
+        prior = CoefficientVector.prior(model.layout, given.prior) if given.prior else None
+        again = _again(model, self.log)
+        fit, judged = left_out.fit(model, prior, given.sizes, given.site, again)
         tested = snoop(fit.white, fit.estimate.state_cov)
         fit = replace(fit, estimate=unbiased(fit.estimate))
         placement, _, angle = self.tilts
-        return FaceEvidence(
-            fit, model, self.faces, tested, placement is not None, angle is not None
-        )
+        told = placement is not None, angle is not None
+        return FaceEvidence(fit, model, self.faces, tested, *told, left_out=judged)
+
+
+def _again(model: OnFaces, log: Log) -> Again:
+    """Return the session reduced again: rests as the geometry has them, samples of the turns."""
+    scene, n = model.scene, len(model.scene.rests)
+    rests, turns, vertical = scene.rests, scene.turns, EARTH_RATE * scene.rests.up_k
+    spans = [] if turns is None else [*zip(turns.first, turns.last, strict=True)]
+    rows = np.concatenate([np.zeros(0, int), *(np.arange(*span) for span in spans)])
+    begin = np.cumsum([0, *(b - a for a, b in spans)])[:-1]
+    time = np.append(rests.start + rests.time / 2, log.time[rows])
+
+    def motion(state: State) -> tuple[ImuModel, Motion]:
+        C = state.C_bk
+        f_b, w_b = scene.force_k @ C.T, scene.rate_k @ C.T
+        if spans:
+            assert log.accel is not None
+            assert log.gyro is not None
+            more = state.model.compensate(log.accel[rows], log.gyro[rows])
+            assert more[0] is not None
+            assert more[1] is not None
+            f_b, w_b = np.concatenate([f_b, more[0]]), np.concatenate([w_b, more[1]])
+        return state.model, Motion(time, f_b, w_b, *log.time[[0, -1]])
+
+    def residuals(state: State, by: Change) -> FloatArray:
+        accel, gyro = (np.zeros((len(time), 3)) if x is None else x for x in by[:2])
+        stronger = 1 + by.gravity / scene.site.gravity
+        north = 0.0
+        if scene.site.latitude is not None:
+            latitude = scene.site.latitude
+            north = float(np.sin(latitude + by.latitude) - np.sin(latitude))
+        read, turned, about = rests.gyro, turns, scene.turn_k
+        if turns is not None:
+            mean = np.add.reduceat(gyro[n:], begin) / np.diff(np.append(begin, len(rows)))[:, None]
+            turned = replace(turns, gyro=turns.gyro + mean * turns.time[:, None])
+            about = about + north * EARTH_RATE * np.einsum("mij,mj->mi", scene.spread, turns.up_k)
+        other = replace(
+            scene,
+            rests=replace(rests, accel=rests.accel + accel[:n],
+                          gyro=None if read is None else read + gyro[:n]),
+            turns=turned, turn_k=about,
+            force_k=scene.force_k * stronger, turn_force_k=scene.turn_force_k * stronger,
+            rate_k=scene.rate_k + north * vertical,
+        )  # fmt: skip
+        return replace(model, scene=other).linearise(state).residuals
+
+    return Again(motion, residuals)
 
 
 def result_of(procedure: str, log: Log, e: FaceEvidence) -> Result:
@@ -158,6 +209,7 @@ def result_of(procedure: str, log: Log, e: FaceEvidence) -> Result:
         diagnostics=_diagnostics(log, e, validity.get("gyro")),
         tables=tables,
         gain=e.gain,
+        judged=e.left_out,
     )
 
 

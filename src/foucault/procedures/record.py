@@ -30,18 +30,21 @@ from pydantic import BaseModel, Field, ValidationInfo
 
 from foucault import logs
 from foucault.coefficients import CoefficientVector, Layout
+from foucault.diagnose import left_out
 from foucault.diagnose.fit_checks import budget_json, chi_square_json
 from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.references import with_clock
 from foucault.errors import Finding, FoucaultError, finding
 from foucault.infer import mixed
 from foucault.infer.information import BLURRED, bound, information
+from foucault.infer.left_out import Judgement
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import imu
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
 from foucault.models.layouts import gravity_error, model_of, rate_slope, with_references
+from foucault.models.left_out import GRAVITY, Sizes
 from foucault.models.noise import ImuNoise, grade
 from foucault.procedures import Progress, silent, solvable
 from foucault.result import Check, Result, TableData, Verdict, provenance
@@ -67,6 +70,7 @@ class Given(Generic[S]):
     noise: ImuNoise | None  # of the instrument, None where it is not declared [SI]
     prior: Prior  # what is known beforehand [SI]
     progress: Progress = silent
+    sizes: Sizes | None = None  # of what is not estimated, None: it is taken for nothing [SI]
     shown: bool = True  # whether a report will show it: a trial is one of many
 
 
@@ -84,6 +88,7 @@ def result_of(
     table_rate_sd: float | None = 0.0,
     gain: FloatArray | None = None,
     bounded: bool = True,
+    judged: Judgement | None = None,
 ) -> Result:
     """Make the result of a mixed model: its estimate with budget and bound, judged and described.
 
@@ -91,19 +96,26 @@ def result_of(
     `described`: equation, frame and gauge; `table_rate_sd`: relative sd of an error that all spin
     rates share [1], None where neither that nor local gravity is in the coefficients; `gain`
     (p, n d) or None: of another estimate from the same readings than the fit's [SI]; `bounded`:
-    False where nothing is known of the noise.
+    False where nothing is known of the noise; `judged` or None: what was made of the terms that
+    are not estimated.
     """
     found = fit.estimate.coefficients
     shared: dict[str, tuple[FloatArray, str, str]] = {}
+    if judged is not None:
+        checks = (*checks, *left_out.checks(judged))
+        tables = {**tables, "left_out": left_out.table(judged)}
+        diagnostics = {**diagnostics, **left_out.judgement_json(judged)}
     if table_rate_sd is not None:
-        gravity, rate = gravity_error(found, site), rate_slope(found) * table_rate_sd
+        fitted = judged is not None and GRAVITY in judged.groups
+        beside = replace(site, gravity_sd=0.0) if fitted else site
+        gravity, rate = gravity_error(found, beside), rate_slope(found) * table_rate_sd
         shared = {
             "local gravity": (gravity**2, "B", "standard uncertainty of local gravity"),
             "rate of the table": (
                 rate**2, "B", "table_rate_sd as given; tilt of the outer axis",
             ),
         }  # fmt: skip
-        found = with_references(found, site, table_rate_sd)
+        found = with_references(found, beside, table_rate_sd)
     said = {
         "iterations": fit.estimate.iterations,
         "chi_square": chi_square_json(fit.after),
@@ -237,6 +249,7 @@ class Procedure(Generic[S, N]):
         settings: S | None = None,
         noise: ImuNoise | None = None,
         prior: Prior | None = None,
+        sizes: Sizes | None = None,
         instrument: Mapping[str, Any] | None = None,
         progress: Progress = silent,
     ) -> Result:
@@ -255,6 +268,9 @@ class Procedure(Generic[S, N]):
             is usual where it does not.
         prior : mapping of str to (float, float) or None
             Mean and standard deviation of coefficients or groups of coefficients [SI].
+        sizes : mapping of str to (float, str) or None
+            Typical size of every group of terms that is not estimated, and what it rests on, as
+            `foucault.models.left_out.sizes_of` returns them [SI]; None takes them for nothing.
         instrument : mapping or None
             Name, serial and so on, kept in the result.
         progress : callable
@@ -271,11 +287,14 @@ class Procedure(Generic[S, N]):
             What is missing in the log or wrong with it: see `foucault.symptoms`.
         """
         started = clock.monotonic()
-        given = self._given(site, settings, noise, prior, progress)
+        given = self._given(site, settings, noise, prior, progress, sizes)
         with solvable():
             result = self.solve(log, given)
             slope = self.clock_slope(log, given, result) if self.clock_slope else None
         progress(1.0, "done")
+        if sizes is not None and "left_out" not in result.tables:
+            told = finding("left_out.not_counted", procedure=self.name)
+            result = replace(result, findings=(*result.findings, told))
         result = replace(
             result,
             instrument=dict(instrument or {}),
@@ -292,16 +311,17 @@ class Procedure(Generic[S, N]):
         settings: S | None = None,
         noise: ImuNoise | None = None,
         prior: Prior | None = None,
+        sizes: Sizes | None = None,
     ) -> Result:
         """Calibrate without what only a report shows: one trial of many.
 
         Arguments as of `calibrate`; `noise`: of the instrument [SI]; `prior`: mean and standard
-        deviation of coefficients or groups of coefficients [SI].
+        deviation of coefficients or groups of coefficients [SI]; `sizes`: of what is not estimated
+        [SI].
         """
         with solvable():
-            return self.solve(
-                log, replace(self._given(site, settings, noise, prior, silent), shown=False)
-            )
+            given = self._given(site, settings, noise, prior, silent, sizes)
+            return self.solve(log, replace(given, shown=False))
 
     def _given(
         self,
@@ -310,11 +330,12 @@ class Procedure(Generic[S, N]):
         noise: ImuNoise | None,
         prior: Prior | None,
         progress: Progress,
+        sizes: Sizes | None = None,
     ) -> Given[S]:
         settings = settings or self.Settings()
         if isinstance(settings, EarthRate):
             site = settings.where(site)
-        return Given(site, settings, noise, prior or {}, progress)
+        return Given(site, settings, noise, prior or {}, progress, sizes)
 
     def foreseen(self, b: Beforehand[S, N]) -> Foresight | None:
         """Return what a planned session will show, None where nobody can say without calibrating.

@@ -79,6 +79,7 @@ SECTIONS = {
     "tumble.sensitivity": "sensitivity:x.gyro.drift.x",
     "uncertainty.unseen": "",
     "uncertainty.budget": "budget",
+    "uncertainty.not_estimated": "table:left_out",
     "uncertainty.correlation": "",
     "evidence.held_out": "rests",
     "evidence.detection": "detection",

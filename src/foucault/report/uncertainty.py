@@ -186,6 +186,30 @@ def budget(result: Result) -> Section | None:
     )
 
 
+NEVER = 1e3
+"""A term that would have to be so many times its size is never seen [1]."""
+
+
+def not_estimated(result: Result) -> Section | None:
+    """What is left out: what it costs, whether this log would see it, where its size is from."""
+    some = result.tables["left_out"]
+    order = np.argsort(-np.asarray(some["share"], float), kind="stable")
+    words, numbers = ("what", "size", "basis"), ("share", "seen", "needed")
+    what, sizes, basis = ([str(some[k][i]) for i in order] for k in words)
+    share, seen, needed = ([float(some[k][i]) for i in order] for k in numbers)
+    return section(
+        "uncertainty.not_estimated",
+        table(
+            ("left out", what),
+            ("size (1 sd): number", sizes),
+            ("largest share of a variance: number", [_percent(100 * v) for v in share]),
+            ("seen: number", [_percent(100 * v) for v in seen]),
+            ("named from: number", [f"{v:.3g} sizes" if v < NEVER else "never" for v in needed]),
+            ("size from: aside", basis),
+        ),
+    )
+
+
 def _sources(result: Result, share: Mapping[str, FloatArray]) -> Table:
     """One row per source: type, basis, and its share of the variance."""
     names = result.coefficients.names

@@ -18,10 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
+from typing import Any
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.detect.readings import find_readings
 from foucault.diagnose.checks import unseen_sizes
@@ -30,10 +31,15 @@ from foucault.diagnose.references import BEYOND_THE_SESSION, believed, times_the
 from foucault.errors import Finding, error
 from foucault.guard.rest import first_rest
 from foucault.infer import mixed
+from foucault.infer.left_out import With
+from foucault.infer.mixed import Model
 from foucault.logs.checks import spared
 from foucault.models.earth import Site
-from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION
+from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION, ImuModel
+from foucault.models.left_out import Change, Motion, Sizes
 from foucault.models.noise import Readings
+from foucault.procedures import left_out
+from foucault.procedures.left_out import Again
 from foucault.procedures.rate_table import model as rate_checks
 from foucault.procedures.rate_table.model import (
     LOG_LINES,
@@ -100,7 +106,14 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     given.progress(0.05, "finding the steps")
     readings, told = _read(log, given)
     given.progress(0.5, "calibrating")
-    result = from_readings(readings, settings, told=told, site=given.site, prior=given.prior)
+    result = from_readings(
+        readings,
+        settings,
+        told=told,
+        site=given.site,
+        prior=given.prior,
+        sizes=given.sizes,
+    )
     validity = dict(result.validity)
     if log.averaged is None:
         validity |= {"rate": log.rate, "sampled": log.sampled}
@@ -117,16 +130,17 @@ def from_readings(
     told: bool,
     site: Site,
     prior: Mapping[str, tuple[float, float]] | None = None,
+    sizes: Sizes | None = None,
 ) -> Result:
     """Calibrate from readings that were made before.
 
     `readings`: one mean per constant rate [SI]; `told`: whether their rates are those of the
     table, else `rates` of the settings are matched; `prior` or None: mean and standard deviation
-    of coefficients or groups of coefficients [SI].
+    of coefficients or groups of coefficients [SI]; `sizes` or None: of what is not estimated [SI].
     """
     site = settings.where(site)
     table, found = _table(readings, settings, told, site)
-    return _result(readings, settings, site, solved(table, site, prior), found)
+    return _result(readings, settings, site, solved(table, site, prior, sizes), found)
 
 
 def _table(
@@ -142,24 +156,51 @@ def _table(
 
 
 def solved(
-    table: RateTable, site: Site, given: Mapping[str, tuple[float, float]] | None
+    table: RateTable,
+    site: Site,
+    given: Mapping[str, tuple[float, float]] | None,
+    sizes: Sizes | None = None,
 ) -> Solution:
     """Estimate the coefficients, and what scatters or moves beyond the noise.
 
     `site`: gravity and latitude; `given` or None: mean and standard deviation of coefficients or
-    groups of coefficients [SI].
+    groups of coefficients [SI]; `sizes` or None: of what is not estimated [SI].
     """
     prior = CoefficientVector.prior(table.layout, given) if given else None
     require_determined(table, prior)
-    solve = partial(mixed.fit, prior=prior, robust=table.settings.robust, few=FEW)
-    fit = solve(table)
+    how: dict[str, Any] = {"robust": table.settings.robust, "few": FEW}
+    fit, judged = left_out.fit(table, prior, sizes, site, _again(table, site), **how)
     if table.looks_for_scatter:
         # Another bias in every step first: one that moves slowly would follow outliers.
         span = float(np.ptp(table.steps.middle))
         tried = [table, *(replace(table, bias_time=span * part) for part in TIMES)]
-        best = mixed.likeliest(tried, fit.state, fit.estimate.weights)
-        table, fit = best, fit if best is table else solve(best)
-    return Solution(table, fit, site)
+        whole: list[Model] = [*tried]
+        if isinstance(fit.model, With):  # with what is left out, and what was enlarged
+            whole = [replace(fit.model, model=one) for one in tried]
+            prior = fit.problem.prior
+        best = mixed.likeliest(whole, fit.state, fit.estimate.weights)
+        if best is not whole[0]:
+            fit = mixed.fit(best, prior, **how)
+        table = next(t for t, one in zip(tried, whole, strict=True) if one is best)
+    return Solution(table, fit, site, judged)
+
+
+def _again(table: RateTable, site: Site) -> Again:
+    """Return the steps with something put into them; their motion is that of the table."""
+    s = table.steps
+    w_b = (s.rate + table.vertical)[:, None] * s.up
+    begin, end = float((s.middle - s.time / 2).min()), float((s.middle + s.time / 2).max())
+    motion = Motion(s.middle, s.force, w_b, begin, end)
+
+    def residuals(state: ImuModel, by: Change) -> FloatArray:
+        other = replace(
+            s, gyro=s.gyro if by.gyro is None else s.gyro + by.gyro,
+            force=s.force * (1 + by.gravity / site.gravity),
+        )  # fmt: skip
+        north = left_out.changed(replace(site, latitude=table.latitude), by).latitude
+        return replace(table, steps=other, latitude=north).linearise(state).residuals
+
+    return Again(lambda state: (state, motion), residuals)
 
 
 def _result(
@@ -188,6 +229,7 @@ def _result(
         },
         tables={"rate_steps": rate_checks.step_table(e, readings.start)},
         table_rate_sd=None,
+        judged=e.left_out,
     )
 
 

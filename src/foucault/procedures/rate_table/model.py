@@ -39,6 +39,7 @@ from foucault.diagnose.rate_table import lacking, name_of
 from foucault.errors import Finding, error, finding
 from foucault.infer import mixed
 from foucault.infer.information import BLURRED
+from foucault.infer.left_out import Judgement
 from foucault.infer.mixed import (
     NOISE_BASIS,
     UNEXPLAINED_BASIS,
@@ -376,6 +377,7 @@ class Solution:
     table: RateTable  # with the correlation time that was found
     fit: Fit
     site: Site  # gravity and latitude; None for a latitude that does not count
+    left_out: Judgement | None = None  # what was made of the terms that are not estimated
 
     @property
     def steps(self) -> Steps:

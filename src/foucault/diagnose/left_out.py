@@ -1,0 +1,121 @@
+"""Judge what a calibration does not estimate: is it within its size, and would this log see it?"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from foucault.diagnose.checks import check
+from foucault.infer.left_out import Judgement, Seen
+from foucault.models.imu import LAYOUT
+from foucault.models.left_out import in_words
+from foucault.models.left_out import table as typical
+from foucault.result import Check, TableData
+
+CLEARER = 0.5
+"""A term of which readings see a larger share than this they know better than its size [1]."""
+
+
+LAYOUT_GROUPS = frozenset(name.rpartition(".")[0] for name in LAYOUT.names)
+"""Groups of coefficients, which can be estimated."""
+
+
+def _what(group: str) -> str:
+    """Say in words what a group is."""
+    known = typical().groups
+    return known[group].what if group in known else group
+
+
+def _size(judged: Judgement, group: str, times: float = 1.0) -> str:
+    return in_words(group, times * judged.sizes[group][0])
+
+
+def checks(judged: Judgement) -> tuple[Check, ...]:
+    """Return one check for each set of causes that readings contradict, or one for all as passed.
+
+    What cannot be shown though it matters is told, and lowers no verdict: its size is in the
+    uncertainties.
+    """
+    out = []
+    for causes in judged.named:
+        first, k = next(iter(causes.items()))
+        given = {
+            "what": _what(first), "cure": _cure(first),
+            "ties": "".join(f", or {_what(n)}" for n in list(causes)[1:]),
+            "size": f", {_size(judged, first)}" if first in judged.sizes else "",
+        }  # fmt: skip
+        out.append(check("left out contradicted", f"size of {first}", k, None, 1.0, given))
+    if not out:
+        tested = [s for n, s in judged.seen.items() if n in judged.groups and s.dof]
+        count = {"count": len(tested)}
+        least = min((s.p for s in tested), default=1.0)
+        out.append(check("left out", "terms not estimated", least, None, None, count))
+    clear = [
+        n for n in judged.groups
+        if n in LAYOUT_GROUPS and n in judged.seen and _most(judged.seen[n]) > CLEARER
+    ]  # fmt: skip
+    if clear:
+        terms = {"terms": ", ".join(_what(n) for n in clear)}
+        out.append(check("left out seen", "terms that show", float(len(clear)), given=terms))
+    if judged.unseen:
+        parts = [
+            f"{_what(n)} ({_size(judged, n)})" + (
+                "" if np.isinf(k) else f" below {_size(judged, n, k)}")
+            for n, k in judged.unseen.items()
+        ]  # fmt: skip
+        terms = {"terms": "; ".join(parts)}
+        out.append(check("left out unseen", "terms not shown", float(len(parts)), given=terms))
+    return tuple(out)
+
+
+def _cure(group: str) -> str:
+    """Say what to do about a group that is larger than its size."""
+    if group.startswith("prior of "):
+        return "Correct [prior], or leave it out."
+    if group not in typical().groups:
+        return "Correct what the campaign says of it."
+    if group.endswith(" drift"):
+        return "Let the instrument warm up, repeat the first readings at the end, or declare it."
+    return "Estimate it, declare its size in [instrument], or take a plan that tells them apart."
+
+
+def judgement_json(judged: Judgement) -> dict[str, Any]:
+    """Return what was made of every group, for result.json; sizes in SI."""
+    rows = {}
+    for name, s in judged.seen.items():
+        size, basis = judged.sizes.get(name, (None, ""))
+        share = np.clip(np.diag(s.V), 0.0, 1.0)
+        rows[name] = {
+            "kind": "left out" if name in judged.groups else s.kind, "size": size,
+            "k": s.k, "t": s.T, "dof": s.dof, "p": s.p, "gain": s.gain,
+            "seen": [float(share.min()), float(share.max())],
+            "needed": _finite(judged.needed[name]), "basis": basis,
+        }  # fmt: skip
+    return {"left_out": rows, "named": [dict(one) for one in judged.named]}
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def table(judged: Judgement) -> TableData:
+    """Return the table "left_out": what each group costs, and whether this log would see it."""
+    groups = [g for g in judged.groups if g in judged.seen]
+    seen = [judged.seen[g] for g in groups]
+    named = {n: k for one in judged.named for n, k in one.items()}
+    return {
+        "group": np.array(groups, dtype=object),
+        "what": np.array([_what(g) for g in groups], dtype=object),
+        "size": np.array([_size(judged, g) for g in groups], dtype=object),
+        "share": np.array([judged.share.get(g, 0.0) for g in groups]),
+        "seen": np.array([_most(s) for s in seen]),
+        "needed": np.array([judged.needed[g] for g in groups]),
+        "times": np.array([named.get(g, np.nan) for g in groups]),
+        "basis": np.array([judged.sizes[g][1] for g in groups], dtype=object),
+    }
+
+
+def _most(s: Seen) -> float:
+    """Return the largest share of a term that the readings see."""
+    return float(np.clip(np.diag(s.V), 0.0, 1.0).max())
