@@ -122,7 +122,7 @@ _HOMES = {
     "write_log": "logs:write",
 }
 
-__version__ = "1.0.0"
+__version__ = "2.0.0"
 __all__ = [
     "Campaign",
     "Check",

@@ -1,4 +1,4 @@
-"""What `[instrument]` says of terms that are not estimated: of a grade, a data sheet, or by itself."""
+"""What `[instrument]` says of what is not estimated: of a grade, a data sheet, or by itself."""
 
 from __future__ import annotations
 
