@@ -97,5 +97,5 @@ def test_a_bad_value_is_refused(
 
 
 def test_every_command_is_tried() -> None:
-    silent = {"schema", "messages", "report"}  # no option of theirs takes a value
+    silent = {"schema", "messages", "report", "parts"}  # no option of theirs takes a value
     assert set(LINES) | silent == set(PROGRAM.commands) | {"north plan"}

@@ -6,6 +6,7 @@ model, an estimate, a budget and a plan have to be is here. `SESSIONS` has one q
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -441,7 +442,7 @@ class Drawn:
     start: Any
     error: FloatArray  # (n, d) to put to the residuals [SI]
     known: FloatArray | float  # the same of what is known of nuisance parameters [1]
-    scatter: bool  # whether sources of unknown size are there
+    sizes: Mapping[str, float] | None  # of noise that nobody knew, without other scatter [SI]
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.model, name)
@@ -449,21 +450,31 @@ class Drawn:
     def linearise(self, state: Any) -> Linearisation:
         at = self.model.linearise(state)
         known = None if at.known is None else (at.known[0] + self.known, at.known[1])
-        sources = tuple(s for s in at.sources if self.scatter or s.sd is not None)
+        sources, sizes = at.sources, self.sizes
+        if sizes is not None:
+            sized = (
+                replace(s, sd=sizes[s.name]) if s.sd is None and s.noise else s for s in sources
+            )
+            sources = tuple(s for s in sized if s.sd is not None)
         return replace(at, residuals=at.residuals + self.error, known=known, sources=sources)
 
 
 def drawn(name: str, seed: int, wrong: FloatArray | float = 0.0, scatter: bool = True) -> Judged:
     """Draw a session of what was found in another, and solve it."""
     e, rng = judged(name), np.random.default_rng(seed)
-    at, found = e.fit.at, e.fit.found if scatter else {}
+    at, sizes = e.fit.at, {s.name: e.fit.found[s.name] for s in e.fit.at.sources if s.sd is None}
+    found = (
+        sizes
+        if scatter
+        else {s.name: sizes[s.name] for s in at.sources if s.noise and s.sd is None}
+    )
     sized = tuple(s if s.sd is not None else replace(s, sd=found.get(s.name, 0.0))
                   for s in at.sources)  # fmt: skip
     error = mixed.drawn(replace(at, sources=sized), rng) - at.residuals + wrong
     known = 0.0
     if at.known is not None:
         known = rng.standard_normal(len(at.known[0])) - at.known[0]
-    model = Drawn(e.fit.model, e.fit.state, error, known, scatter)
+    model = Drawn(e.fit.model, e.fit.state, error, known, None if scatter else found)
     return replace(e, fit=mixed.fit(model))
 
 

@@ -51,10 +51,12 @@ class Instrument(Strict):
     """When it must be calibrated again."""
     note: str = ""
     """Anything else worth keeping, such as the temperature."""
-    grade: Literal["consumer MEMS", "tactical MEMS", "tactical FOG", "navigation RLG"] | None = None
+    grade: Literal["consumer MEMS", "tactical MEMS", "tactical FOG", "navigation RLG"] | None = (
+        Field(default=None, examples=["consumer MEMS"])
+    )
     """Its class. What the calibration does not estimate is then no longer taken for nothing: it has
     the typical size (1 sd) of this class in every uncertainty, and is tested."""
-    part: str | None = None
+    part: str | None = Field(default=None, examples=["ICM-20948"])
     """A part that `foucault parts` knows: its class, and the sizes that its data sheet states."""
     accel_quadratic: Annotated[float, Quantity("quadratic")] | None = Field(default=None, ge=0)
     """Size of the accelerometers' quadratic terms, instead of that of the grade."""

@@ -266,7 +266,7 @@ SearchedOrName = Annotated[
     str,
     typer.Argument(
         help="A campaign file, or the name of a procedure whose plan can be searched for: "
-        "norm_observation, multi_position, turntable, north_seeking, platform_tumble, "
+        "rate_table, norm_observation, multi_position, turntable, north_seeking, platform_tumble, "
         "systematic, transfer_alignment."
     ),
 ]

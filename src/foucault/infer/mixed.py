@@ -30,7 +30,6 @@ References
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, Protocol, TypeVar, cast
@@ -175,38 +174,21 @@ class Covariance:
     @cached_property
     def whole(self) -> FloatArray:
         """The covariance of all components, shape (n d, n d) [SI]."""
-        n, d, _ = self.own.shape
-        out = self.shared @ self.shared.T
-        at = d * np.arange(n)[:, None, None] + np.arange(d)[:, None]
-        out[at, np.swapaxes(at, 1, 2)] += self.own
-        return out
+        return self.shared @ self.shared.T + _on_diagonal(self.own)
 
     @cached_property
     def inverse(self) -> FloatArray:
-        """The inverse of the whole covariance, shape (n d, n d) [1 / SI]."""
-        return np.asarray(np.linalg.inv(self.whole))
+        """The inverse of the whole covariance, shape (n d, n d) [1 / SI].
 
-    def weighted(self, weights: FloatArray) -> Covariance:
-        """Return the same with other `weights` (n,) [1]; its inverse is this one, corrected [1].
-
-        With D more covariance for itself a reading k leaves
-        ``C^-1 - C^-1_:k (D^-1 + C^-1_kk)^-1 C^-1_k:``.
+        Of few causes B, ``W - W B (I + B' W B)^-1 B' W`` with W what readings have for themselves.
         """
-        out = copy(self)
-        for name in ("whole", "inverse", "_root"):
-            out.__dict__.pop(name, None)
-        out.own = self.own * (self.weights / weights)[:, None, None]
-        out.weights, d = weights.copy(), self.own.shape[1]
-        changed = np.flatnonzero(weights != self.weights)
-        if self.shared.size and "inverse" in self.__dict__:
-            at = (d * changed[:, None] + np.arange(d)).ravel()
-            more = np.linalg.inv((out.own - self.own)[changed])
-            inner = self.inverse[np.ix_(at, at)].reshape(len(changed), d, len(changed), d)
-            inner[np.arange(len(changed)), :, np.arange(len(changed))] += more
-            columns = self.inverse[:, at]
-            less = columns @ np.linalg.solve(inner.reshape(len(at), len(at)), columns.T)
-            out.__dict__["inverse"] = self.inverse - less
-        return out
+        (n, d, _), k = self.own.shape, self.shared.shape[1]
+        if MANY * k > n * d:
+            return np.asarray(np.linalg.inv(self.whole))
+        own = np.asarray(np.linalg.inv(self.own), float)
+        pull = (own @ self.shared.reshape(n, d, k)).reshape(n * d, k)
+        inner = np.eye(k) + self.shared.T @ pull
+        return _on_diagonal(own) - pull @ np.linalg.solve(inner, pull.T)
 
     @cached_property
     def _root(self) -> FloatArray:
@@ -234,6 +216,15 @@ class Covariance:
         if not self.shared.size:
             return np.asarray(np.linalg.solve(self.own, rows)).reshape(n * d, k)
         return np.asarray(cho_solve((self._root, True), rows.reshape(n * d, k)))
+
+
+def _on_diagonal(blocks: FloatArray) -> FloatArray:
+    """Return a matrix (n d, n d) of `blocks` (n, d, d)."""
+    n, d, _ = blocks.shape
+    at = d * np.arange(n)[:, None, None] + np.arange(d)[:, None]
+    out = np.zeros((n * d, n * d))
+    out[at, np.swapaxes(at, 1, 2)] = blocks
+    return out
 
 
 def size_of(source: Source, sds: Mapping[str, float]) -> float:
@@ -455,8 +446,8 @@ def _outliers(model: Model, sds: Mapping[str, float], estimate: Estimate, few: f
     at = model.linearise(estimate.state)
     n, d = at.residuals.shape
     weights, scatters = np.ones(n), np.zeros(n, bool)
-    whole = covariance = Covariance(at.sources, sds, (n, d), weights.copy())
     while True:
+        covariance = Covariance(at.sources, sds, (n, d), weights)
         far = norms(at, covariance) * ((weights > 0.5) & ~scatters)
         out = far > gauss_newton.ROBUST_LIMIT
         if covariance.shared.size:  # a reading that is wrong makes those look wrong that it shares
@@ -467,8 +458,7 @@ def _outliers(model: Model, sds: Mapping[str, float], estimate: Estimate, few: f
         for rows in model.kinds.values():
             mine = rows.any(axis=1)
             if np.sum(weights[mine] < 0.5) > few * mine.sum():
-                weights[mine], scatters[mine], covariance = 1.0, True, whole
-        covariance = covariance.weighted(weights)
+                weights[mine], scatters[mine] = 1.0, True
 
 
 def norms(at: Linearisation, covariance: Covariance) -> FloatArray:
