@@ -16,9 +16,10 @@ prints one with the wording of every number, and
 part = "ICM-20948"
 ```
 
-takes the white noise of one; `foucault init hand_rotated --part ICM-20948` writes that. A number
-stands here as its source has it. What is missing is not stated, or stands on a page that was not at
-hand; nothing is filled in. Check the sheet of your own instrument before you rely on it.
+takes the white noise of one. `part` in `[instrument]` takes its class and the sizes of
+[what is not estimated](left_out.md). `foucault init hand_rotated --part ICM-20948` writes both. A
+number stands here as its source has it. What is missing is not stated, or stands on a page that
+was not at hand; nothing is filled in. Check the sheet of your own instrument before you rely on it.
 
 *typical* counts as one standard deviation, a *limit* (max) as two. A nonlinearity e of the full
 scale X allows a quadratic term of 2 e / X, or a cubic one of 4 e / X^2; a noise density is
