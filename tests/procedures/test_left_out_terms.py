@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from foucault import run_folder
 from foucault.campaign import parse
@@ -20,7 +21,7 @@ from foucault.models.earth import Site
 from foucault.models.left_out import NONE, changes, sizes_of, terms
 from foucault.models.noise import grade
 from foucault.models.rests_and_turns import Session as SessionData
-from foucault.procedures import ferraris, hand_rotated, rate_table
+from foucault.procedures import ferraris, hand_rotated, rate_table, six_position
 from foucault.report.calibration import sections
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
@@ -213,3 +214,34 @@ def test_a_procedure_that_does_not_count_them_says_so() -> None:
     result = hand_rotated.calibrate(means, site=SITE, sizes=SIZES)
     told = next(f for f in result.findings if f.code == "left_out.not_counted")
     assert "but 'hand_rotated' does not count them with such a log" in told.message
+
+
+def test_sizes_that_are_larger_than_the_terms_make_no_half_of_a_session_suspect() -> None:
+    settings = six_position.Settings(placement_sd=3 * ARCMIN)
+    session, failed = six_position.Session(placement_sd=3 * ARCMIN), 0
+    for seed in range(40):
+        sim = six_position.simulate(
+            session, model=draw_errors("mems", seed), noise=grade("mems").noise, site=SITE,
+            seed=seed, settings=settings,
+        )  # fmt: skip
+        found = six_position.PROCEDURE.trial(sim.log, site=SITE, settings=settings, sizes=SIZES)
+        failed += any(not c.passed for c in found.checks if c.name.startswith("evenness"))
+    assert failed <= binom.isf(0.005, 40, 0.02), failed
+
+
+def test_a_term_that_counts_is_no_reason_to_doubt() -> None:
+    """It explains nearly all that the gyros read at rest, and is of its size."""
+    session = hand_rotated.Session()
+    sim = hand_rotated.simulate(
+        session, model=draw_errors("mems", 3), noise=grade("mems").noise, site=SITE, seed=3
+    )
+    f, _ = sim.model.compensate(sim.log.accel, sim.log.gyro)
+    matrix = SIZES["gyro.g_sensitivity"][0] * np.array([[1, -1, 1], [1, 1, -1], [-1, 1, 1]])
+    log = replace(sim.log, gyro=sim.log.gyro + f @ matrix.T)
+    without, counted = (
+        hand_rotated.PROCEDURE.trial(log, site=SITE, sizes=sizes) for sizes in (None, SIZES)
+    )
+    assert "session.g_sensitivity" in [f.code for f in without.findings]
+    assert without.verdict.level is Level.DOUBTFUL
+    assert "session.g_sensitivity" not in [f.code for f in counted.findings]
+    assert counted.verdict.level is Level.PASS

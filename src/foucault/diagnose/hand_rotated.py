@@ -360,7 +360,9 @@ def _outliers(fit: Fit) -> list[Finding]:
 def _g_sensitivity(fit: Fit, prediction: Prediction) -> list[Finding]:
     """Regress the gyro residuals at rest on specific force, where they are unexplained."""
     found = fit.found.get(SCATTER["gyro"])
-    if not found or "gyro.g_sensitivity.xx" in fit.estimate.coefficients.layout:
+    known = "gyro.g_sensitivity.xx" in fit.estimate.coefficients.layout
+    known |= any(s.name == "gyro.g_sensitivity" for s in fit.at.sources)  # tested by itself
+    if not found or known:
         return []
     up_b = fit.state.C_nb[:, 2, :]
     n = len(up_b)

@@ -302,7 +302,7 @@ def fit(
                 sizes[name] = s.k * (every[name] or 0.0)
         order = sorted(causes, key=lambda name: -causes[name].gain)
         named.append({name: causes[name].k for name in order})
-    last = mixed.fit(With(model, more, sizes), prior, **how)
+    last = mixed.fit(With(model, more, sizes), prior, own=True, **how)
     parts, total = mixed.budget(last), np.diag(last.estimate.state_cov)[: len(model.layout)]
     share = {n: float((v / total).max()) for n, v in parts.items()}
     groups = tuple(dict.fromkeys(s.name for s in more if s not in extra))
