@@ -18,7 +18,7 @@ from foucault.errors import FoucaultError
 from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
-from foucault.models.left_out import NONE, changes, sizes_of, terms
+from foucault.models.left_out import NONE, ByNoise, changes, sizes_of, terms
 from foucault.models.noise import grade
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.procedures import ferraris, hand_rotated, rate_table, six_position
@@ -194,7 +194,7 @@ def test_a_run_folder_keeps_them_and_the_page_shows_one_table_of_them(tmp_path) 
 
 def test_a_campaign_declares_the_instrument() -> None:
     text = template("hand_rotated")
-    assert parse(text).sizes is None
+    assert parse(text).sizes == ByNoise()
     graded = parse(text.replace("[instrument]", '[instrument]\ngrade = "tactical MEMS"', 1))
     assert graded.sizes == sizes_of("tactical MEMS")
     assert set(graded.instrument) == {"name", "serial", "operator", "due", "note"}

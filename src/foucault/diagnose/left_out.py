@@ -116,6 +116,13 @@ def table(judged: Judgement) -> TableData:
     }
 
 
+def foretold(judged: Judgement) -> TableData:
+    """Return the table "left_out" of a session that is only planned, with what would show each."""
+    some = {k: v for k, v in table(judged).items() if k != "times"}
+    by = [typical().groups[str(g)].shown_by for g in some["group"]]
+    return some | {"shown_by": np.array(by, dtype=object)}
+
+
 def _most(s: Seen) -> float:
     """Return the largest share of a term that the readings see."""
     return float(np.clip(np.diag(s.V), 0.0, 1.0).max())

@@ -207,6 +207,16 @@ def _likelihood(data: SessionData, rests: Rests, given: Given[Settings]) -> Resu
     )
 
 
+def _additions(settings: Settings, session: Session) -> list[tuple[str, Settings, Session]]:
+    """Return plans that show more."""
+    rests = session.rests + max(session.rests // 2, 1)
+    faster = session.turn_time / 2
+    return [
+        (f"{rests} rests", settings, session.model_copy(update={"rests": rests})),
+        ("turns twice as fast", settings, session.model_copy(update={"turn_time": faster})),
+    ]
+
+
 def _again(model: RestsAndTurns) -> Again:
     """Return the session reduced again: means of the rests, and samples of the turns after them."""
     s, n = model.session, len(model.session.first)
@@ -243,7 +253,7 @@ def _again(model: RestsAndTurns) -> Again:
         )
         return replace(model, session=other).predict(state).residuals
 
-    return Again(motion, residuals)
+    return Again(motion, residuals, left_out.white_of(model.noise))
 
 
 PROCEDURE = Procedure(
@@ -254,6 +264,8 @@ PROCEDURE = Procedure(
     solve=_solve,
     simulation=simulate_drawn,
     observe=lambda log, given: _model(*_reduced(log, given), given),
+    again=lambda model, *_: _again(model),
+    additions=_additions,
     names=lambda settings, _: settings.estimated(),
     # Means over poses know no turns.
     clocked=lambda log: (log.averaged is None, log.sampled == "increment"),
