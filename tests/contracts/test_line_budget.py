@@ -14,7 +14,7 @@ BUDGET = {
     "campaign": 5_069,
     "cli": 3_718,
     "detect": 4_441,
-    "diagnose": 11_508,
+    "diagnose": 11_533,
     "estimate": 6_795,
     "export": 1_865,
     "guard": 1_941,

@@ -40,6 +40,7 @@ from foucault.diagnose import hand_rotated as judge
 from foucault.diagnose import hand_rotated as session_report
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.hand_rotated import hold_out, vertical_check
+from foucault.diagnose.left_out import common_g_sensitivity
 from foucault.diagnose.references import no_latitude
 from foucault.errors import Finding
 from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
@@ -188,7 +189,8 @@ def _likelihood(data: SessionData, rests: Rests, given: Given[Settings]) -> Resu
     held_out = hold_out(fit, count) if count > 1 else None
     around, level = coverage(fit.state.C_nb[:, 2, :]), rest_levels(rests)
     judged = judge.judged(fit, declared, level, held_out)
-    vertical = vertical_check(data, estimate)
+    common = common_g_sensitivity(beside, data.site.gravity)
+    vertical = vertical_check(data, estimate, common)
     checks = judge.checks(judged, around, level) + ((vertical,) if vertical else ())
     turned_round = vertical is not None and not vertical.passed
     return result_of(
