@@ -13,12 +13,13 @@ from foucault import run_folder
 from foucault.campaign import parse
 from foucault.campaign.writing import template
 from foucault.detect.stretches import How, find_rests
+from foucault.diagnose.checks import reversed_earth_at_rest
 from foucault.diagnose.study import nees
 from foucault.errors import FoucaultError
 from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
 from foucault.infer.gauss_newton import chi_square_limits
-from foucault.models.earth import Site
-from foucault.models.left_out import NONE, changes, sizes_of, terms
+from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.left_out import NONE, ByNoise, changes, sizes_of, terms
 from foucault.models.noise import grade
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.procedures import ferraris, hand_rotated, rate_table, six_position
@@ -194,7 +195,7 @@ def test_a_run_folder_keeps_them_and_the_page_shows_one_table_of_them(tmp_path) 
 
 def test_a_campaign_declares_the_instrument() -> None:
     text = template("hand_rotated")
-    assert parse(text).sizes is None
+    assert parse(text).sizes == ByNoise()
     graded = parse(text.replace("[instrument]", '[instrument]\ngrade = "tactical MEMS"', 1))
     assert graded.sizes == sizes_of("tactical MEMS")
     assert set(graded.instrument) == {"name", "serial", "operator", "due", "note"}
@@ -245,3 +246,16 @@ def test_a_term_that_counts_is_no_reason_to_doubt() -> None:
     assert without.verdict.level is Level.DOUBTFUL
     assert "session.g_sensitivity" not in [f.code for f in counted.findings]
     assert counted.verdict.level is Level.PASS
+
+
+@pytest.mark.parametrize(
+    ("beside", "told"), [(0.0, True), (5.8, True), (58.0, False)], ids=["none", "10", "100"]
+)
+def test_a_g_sensitivity_that_counts_may_hide_the_sign_of_the_earths_rate(beside, told) -> None:
+    """Deg/h of all gyros along up: of a reversed sign -22.6; of 100 deg/h/g 58 (1 sd)."""
+    hour, rng = np.radians(1 / 3600), np.random.default_rng(4)
+    up = np.repeat(np.vstack([np.eye(3), -np.eye(3)]), 3, axis=0)
+    made = -2 * EARTH_RATE * np.sin(SITE.latitude) * up
+    noise = hour * rng.standard_normal(up.shape)
+    found = reversed_earth_at_rest(made + noise, up, np.eye(3), SITE, beside=beside * hour)
+    assert (found is not None and not found.passed) is told

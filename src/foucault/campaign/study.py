@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from foucault import monte_carlo, procedures
 from foucault.campaign import earlier
+from foucault.campaign.holding import in_words
 from foucault.campaign.reading import Campaign
 from foucault.campaign.running import simulate
 from foucault.campaign.writing import resolved
@@ -221,7 +222,7 @@ class Trial:
         try:
             result = procedure.trial(
                 session.simulation.log, site=campaign.site, settings=campaign.settings,
-                noise=campaign.noise, prior=campaign.prior,
+                noise=campaign.noise, prior=campaign.prior, sizes=session.sizes,
             )  # fmt: skip
         except FoucaultError as problem:
             return row | _row(names, problem.code)
@@ -286,6 +287,8 @@ def run(
         "seed": seed,
         "names": names,
     }
+    if (drawn := in_words(campaign)) is not None:
+        asked["left_out"] = drawn
     size = PART if n <= LARGE else LARGE_PART
     kept = opened(folder, asked, "study", size, {"campaign.toml": text})
     spread = map or monte_carlo.threads(workers)

@@ -119,16 +119,19 @@ def _of_part(name: str) -> str:
     return "\n".join([*lines, *table]) + "\n"
 
 
-def template(procedure: str, part: str | None = None) -> str:
+def template(procedure: str, part: str | None = None, grade: str | None = None) -> str:
     """Write a commented campaign file for `procedure`.
 
     It loads as it is, and with the log that `foucault simulate` makes it also runs as it is.
-    `part`: an instrument whose noise is that of its data sheet, one of `models.parts`.
+    `part`: an instrument whose noise is that of its data sheet, one of `models.parts`; `grade`: its
+    class.
     """
     record = procedures.load(procedure)
     instrument = {"name": EXAMPLE, "serial": "0001", "operator": "", "note": ""}
     if part is not None:
         instrument["part"] = parts.part(part).name
+    if grade is not None:
+        instrument["grade"] = grade
     settings = ["[procedure]", f"name = {_text(procedure)}", *_commented(record.Settings, {})]
     blocks = [
         _HEAD.format(summary=record.summary),

@@ -93,13 +93,16 @@ def demo(
     output: options.Folder = Path("demo"),
     seed: options.Seed = 1,
 ) -> None:
-    """Simulate an instrument, calibrate it, compare with the truth."""
+    """Simulate an instrument, calibrate it, compare with the truth.
+
+    It holds what the calibration does not estimate too, each term drawn at its typical size.
+    """
     from foucault import campaign as campaigns
 
     screen: Screen = ctx.obj
     with screen.progress() as tell:
         tell(0.1, "simulating")
-        described = campaigns.parse(campaigns.template("hand_rotated"))
+        described = campaigns.parse(campaigns.template("hand_rotated", grade="consumer MEMS"))
         session = campaigns.simulate(described, seed)
         file = campaigns.save_session(session, output / "session")
     result, page = _run(screen, campaigns.load(file), output / "run")

@@ -278,15 +278,18 @@ def vertical_earth_rate(session: Session, state: Attitudes) -> tuple[float, floa
     return float(x[5]), float(sd)
 
 
-def vertical_check(session: Session, estimate: Estimate) -> Check | None:
-    """Test the sign of the vertical Earth rate, where the gyros can see it."""
+def vertical_check(session: Session, estimate: Estimate, beside: float = 0.0) -> Check | None:
+    """Test the sign of the vertical Earth rate, where the gyros can see it.
+
+    `beside`: sd of what a g-sensitivity that is not estimated adds along up [rad/s].
+    """
     if "gyro.g_sensitivity.xx" in estimate.coefficients.layout:
         return reversed_earth_check(estimate.coefficients, session.site)
     found = vertical_earth_rate(session, estimate.state)
     if found is None or session.site.latitude is None:
         return None
     want = float(session.earth[2])
-    value, sd = found
+    value, sd = found[0], float(np.hypot(found[1], beside))
     if abs(want) < VISIBLE * sd / 2 or abs(value) < DEAD * abs(want):
         return None
     unit = np.degrees(1.0) * 3600
