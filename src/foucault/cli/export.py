@@ -257,3 +257,62 @@ def _of_an_imu(result: Result) -> Result:
     if result.procedure == "north_seeking":
         raise error("north.not_applied")
     return result
+
+
+@command(
+    "foucault check kalibr_imu.yaml",
+    "foucault check fast_lio_imu.yaml --run run --noise static",
+)
+def check(
+    ctx: typer.Context,
+    file: Annotated[Path, typer.Argument(help="File of a receiver, such as vins_config.yaml.")],
+    run: Annotated[
+        Path | None, typer.Option(help="Run folder, or folder of `foucault allan`, it came from.")
+    ] = None,
+    to: Annotated[
+        str | None, typer.Option("--to", help="Whose file it is; found by its keys if left out.")
+    ] = None,
+    noise: Annotated[
+        Path | None, typer.Option(help="Folder of `foucault allan` that its noise came from.")
+    ] = None,
+    rate: Annotated[
+        Amount | None,
+        quantity("frequency", 'Rate of the readings, such as "200 Hz".', least="greater than 0"),
+    ] = None,
+    axes: Annotated[
+        str | None, typer.Option(help="Axes of the receiver's readings, as for export.")
+    ] = None,
+) -> None:
+    """Read a receiver's file back, and say what in it cannot be meant.
+
+    Beside the run it came from the usual mistakes are told for certain; without one, only what no
+    sensor can have.
+    """
+    from foucault.export.check import checked, mistakes
+    from foucault.export.densities import of_allan_run
+    from foucault.files import read_text
+
+    screen: Screen = ctx.obj
+    result: Result | None = None
+    known: ImuNoise | Densities | None = None if noise is None else of_allan_run(noise)
+    if run is not None:
+        result, known, _ = _to_export(run, noise)
+    seen = checked(read_text(file), to, result, noise=known, rate=rate, axes=axes)
+    screen.table(
+        f"{file.name}, for {seen.receiver.title}",
+        ("key", "value", "run", "like", "noticed"),
+        [(x.key, x.value, x.run, x.typical, x.said) for x in seen.lines],
+        right=(False, False, False, False, False),
+    )
+    screen.findings(seen.findings)
+    if not any(line.said for line in seen.lines):
+        screen.say("Nothing in it is implausible." if run is None else "It says what the run says.")
+    screen.data(
+        {
+            "file": str(file),
+            "receiver": seen.receiver.name,
+            "lines": [vars(x) for x in seen.lines],
+            "findings": [x.as_dict() for x in seen.findings],
+        }
+    )
+    raise typer.Exit(3 if mistakes(seen.findings) else 0)

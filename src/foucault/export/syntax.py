@@ -97,13 +97,16 @@ _PYYAML = re.compile(r"[-+]?(?:[0-9][0-9_]*)\.[0-9_]*(?:[eE][-+][0-9]+)?|[-+]?[1
                      r"|[-+]?\.[0-9_]+(?:[eE][-+][0-9]+)?")  # fmt: skip
 """Decimal numbers of PyYAML; it takes 1e-05 and 1.0e5 for text."""
 
+_WITH_POINT = re.compile(r"[-+]?(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][-+]?\d+)?")
+"""What OpenCV holds as a real number: versions of ORB-SLAM3 stop on an integer."""
+
 _LIKE_A_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 def number_in(text: str, reader: str) -> float | str:
     """Return the number that a reader finds in a word, or the word where it finds none."""
     word = text.strip()
-    rule = _PYYAML if reader == "PyYAML" else _LIKE_A_NUMBER
+    rule = {"PyYAML": _PYYAML, "ORB-SLAM3": _WITH_POINT}.get(reader, _LIKE_A_NUMBER)
     return float(word.replace("_", "")) if rule.fullmatch(word) else word
 
 

@@ -313,11 +313,13 @@ def found_in(receiver: Receiver, text: str) -> Found:
 
 def numbers_of(row: Row, found: Found) -> FloatArray | None:
     """Return the numbers of a row, flat; None where they are missing or no numbers."""
-    parts = [found.get(key) for key in row.names()]
     try:
-        return np.concatenate([np.ravel(np.asarray(part, float)) for part in parts])
-    except (TypeError, ValueError):
+        parts = [np.ravel(np.asarray(found[key])) for key in row.names()]
+    except (KeyError, ValueError):
         return None
+    if any(part.dtype.kind not in "fi" for part in parts):  # NumPy reads what the reader does not
+        return None
+    return np.concatenate(parts).astype(float)
 
 
 def model_in(receiver: Receiver, found: Found) -> ImuModel:

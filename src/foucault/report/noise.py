@@ -360,10 +360,10 @@ def _figure(channels: Mapping[str, Channel], triad: str, pair: Pair | None) -> F
     if len(channels) == 1:  # with more the lines would hide one another
         data += _single_noises(next(iter(channels.values())), triad, one)
     if pair is not None:
-        tau = next(iter(channels.values())).tau
-        tau = tau[(tau >= pair.first) & (tau <= pair.last)]
+        every = next(iter(channels.values())).tau
+        inside = every[(every >= pair.first) & (every <= pair.last)]
         name = "N and K for estimators"
-        data.append(line(name, tau, pair.deviation(tau) / one, INK, width=1.6, dash="dash"))
+        data.append(line(name, inside, pair.deviation(inside) / one, INK, width=1.6, dash="dash"))
     low = min(float(c.low.min()) for c in channels.values()) / one
     high = max(float(c.high[c.dof > 1].max()) for c in channels.values()) / one
     span = [math.log10(low) - 0.1, math.log10(high) + 0.1]
