@@ -196,6 +196,11 @@ def factor(unit: str, kind: str) -> float:
     return value
 
 
+def size(unit: str) -> float:
+    """Give the SI value of one `unit` of whatever kind [SI]."""
+    return _factor_and_dimension(unit)[0]
+
+
 def parse(text: object, kind: str, key: str = "value") -> float:
     """Turn text with a unit into an SI float.
 

@@ -40,7 +40,7 @@ def test_it_prints_a_table_and_writes_a_folder(log: Path, tmp_path: Path) -> Non
         assert word in out
     assert "below" in out and "The record is too short to show less" in out
     assert {p.name for p in (tmp_path / "noise").iterdir()} == {
-        "report.html", "noise.toml", "allan.csv",
+        "report.html", "noise.toml", "allan.csv", "allan.json",
     }  # fmt: skip
     block = (tmp_path / "noise" / "noise.toml").read_text()
     noise = campaign.parse(campaign.template("hand_rotated") + "\n" + block).noise

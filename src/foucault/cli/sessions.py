@@ -159,7 +159,8 @@ def _numbers(column: Any) -> list[Any]:
 
 # -- The command about noise: allan --------------------------------------------------------------
 
-REPORT_FILE, NOISE_FILE, TABLE_FILE = "report.html", "noise.toml", "allan.csv"
+REPORT_FILE, NOISE_FILE, TABLE_FILE, DATA_FILE = (
+    "report.html", "noise.toml", "allan.csv", "allan.json")  # fmt: skip
 
 
 @command(
@@ -193,6 +194,8 @@ def allan(
 
     Random walks, bias instability and ramp by Allan deviations, with a [noise] table to use.
     """
+    import json
+
     from foucault.campaign.running import read_any
     from foucault.diagnose.allan import check_kind, deviation_table, measure_log
     from foucault.files import make_folder, write_text
@@ -207,14 +210,15 @@ def allan(
         block = _block(seen)
         told = (*table.findings, *seen.findings)
         said = report.document(seen, str(table.source.get("file", log.name)), block, told)
+        data = _channels_said(log, seen, [f.as_dict() for f in told])
         if output is not None:
             tell(0.9, "writing")
             make_folder(output)
             write_text(output / NOISE_FILE, block)
             write_text(output / TABLE_FILE, deviation_table(seen))
+            write_text(output / DATA_FILE, json.dumps(data, allow_nan=False) + "\n")
             save(said, output / REPORT_FILE)
     where = [] if output is None else [f"Plot: {output / REPORT_FILE}"]
-    data = _channels_said(log, seen, [f.as_dict() for f in told])
     raise screen.tell(said, data, *where, keys=("noise.noises", "findings"))
 
 
@@ -233,6 +237,9 @@ def _block(seen: LogAllan) -> str:
 def _channels_said(path: Path, seen: LogAllan, findings: list[dict[str, str]]) -> dict[str, Any]:
     """What `allan` found, in SI."""
     import math
+    from dataclasses import asdict
+
+    from foucault.diagnose.bounding_pair import pairs
 
     def finite(value: float) -> float | None:
         return value if math.isfinite(value) else None
@@ -266,5 +273,6 @@ def _channels_said(path: Path, seen: LogAllan, findings: list[dict[str, str]]) -
         "start": seen.start,
         "end": seen.end,
         "channels": channels,
+        "pairs": {k: None if p is None else asdict(p) for k, p in pairs(seen).items()},
         "findings": findings,
     }

@@ -11,12 +11,32 @@ import numpy.typing as npt
 
 from foucault import __version__
 from foucault.arrays import FloatArray
-from foucault.diagnose.allan import NOISES, WORDS, Channel, LogAllan, Noise, described
+from foucault.diagnose.allan import (
+    NOISES,
+    UNIT_KINDS,
+    WORDS,
+    Channel,
+    LogAllan,
+    Noise,
+    described,
+)
+from foucault.diagnose.bounding_pair import Pair, pairs
 from foucault.diagnose.live import Inspection
 from foucault.errors import Finding
 from foucault.models.transfer import MasterTable
 from foucault.report import chart, page
-from foucault.report.chart import SERIES, SOFT, Trace, area, dots, draw, line, log_axis, numbers
+from foucault.report.chart import (
+    INK,
+    SERIES,
+    SOFT,
+    Trace,
+    area,
+    dots,
+    draw,
+    line,
+    log_axis,
+    numbers,
+)
 from foucault.report.page import (
     Code,
     Column,
@@ -32,7 +52,7 @@ from foucault.report.page import (
     unit_of,
 )
 from foucault.tables import AXES
-from foucault.units import convert, plain, span
+from foucault.units import convert, display_unit, plain, span
 
 POINTS = 4000
 """Samples drawn per line; a longer log is shown by the extremes of blocks."""
@@ -242,7 +262,7 @@ def document(
     measured: LogAllan, name: str, block: str, noticed: Iterable[Finding] = ()
 ) -> Document:
     """Return the noises seen, the curves, and the noise block to copy."""
-    first = next(iter(measured.channels.values()))
+    first, bounds = next(iter(measured.channels.values())), pairs(measured)
     names = list(dict.fromkeys(word for word, noise, _ in _each(measured) if noise.seen))
     count = f"{len(names)} kinds" if len(names) != 1 else "1 kind"
     head = Heading(
@@ -261,7 +281,8 @@ def document(
     return Document.of(
         head,
         _noises(measured),
-        [_plot(measured, triad) for triad in ("gyro", "accel")],
+        _pairs(bounds),
+        [_plot(measured, triad, bounds.get(triad)) for triad in ("gyro", "accel")],
         page.findings(noticed),
         section("noise.block", Code(block)),
         section("noise.method", told("noise.method.text")),
@@ -286,15 +307,36 @@ def _noises(measured: LogAllan) -> Section | None:
     return section("noise.noises", Table(heads, rows))
 
 
-def _plot(measured: LogAllan, triad: str) -> Section | None:
+def _pairs(bounds: Mapping[str, Pair | None]) -> Section | None:
+    """White noise and random walk for estimators, of each axis and of all of a triad."""
+    rows = []
+    for name, pair in bounds.items():
+        if pair is None:
+            continue
+        kinds = [UNIT_KINDS[name.split(".")[0]][NOISES.index(n)] for n in ("white", "random_walk")]
+        cells = [_in_unit(x, kind) for x, kind in zip((pair.white, pair.walk), kinds, strict=True)]
+        rows.append([
+            name if "." in name else f"{name}, all axes", *cells,
+            f"{span(pair.first)} to {span(pair.last)}", f"{pair.least:.2f} to {pair.most:.2f}",
+        ])  # fmt: skip
+    heads = columns(" | N: number | K: number | bounds from: number aside | times measured: number")
+    return section("noise.pairs", Table(heads, rows)) if rows else None
+
+
+def _in_unit(x: float, kind: str) -> str:
+    unit = display_unit(kind, x)
+    return f"{plain(convert(x, kind, unit), 4)} {unit}"
+
+
+def _plot(measured: LogAllan, triad: str, pair: Pair | None) -> Section | None:
     channels = {n: c for n, c in measured.channels.items() if n.startswith(triad)}
     if not channels:
         return None
     kind = KINDS[next(iter(channels.values())).kind]
-    return section("noise.plots", _figure(channels, triad), title=TRIADS[triad][0], kind=kind)
+    return section("noise.plots", _figure(channels, triad, pair), title=TRIADS[triad][0], kind=kind)
 
 
-def _figure(channels: Mapping[str, Channel], triad: str) -> Figure:
+def _figure(channels: Mapping[str, Channel], triad: str, pair: Pair | None) -> Figure:
     middle = float(np.median([np.median(c.deviation) for c in channels.values()]))
     unit, one = unit_of(TRIADS[triad][2], middle)
     data: list[Trace] = []
@@ -317,6 +359,11 @@ def _figure(channels: Mapping[str, Channel], triad: str) -> Figure:
         ]
     if len(channels) == 1:  # with more the lines would hide one another
         data += _single_noises(next(iter(channels.values())), triad, one)
+    if pair is not None:
+        every = next(iter(channels.values())).tau
+        inside = every[(every >= pair.first) & (every <= pair.last)]
+        name = "N and K for estimators"
+        data.append(line(name, inside, pair.deviation(inside) / one, INK, width=1.6, dash="dash"))
     low = min(float(c.low.min()) for c in channels.values()) / one
     high = max(float(c.high[c.dof > 1].max()) for c in channels.values()) / one
     span = [math.log10(low) - 0.1, math.log10(high) + 0.1]
