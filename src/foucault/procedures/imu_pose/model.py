@@ -26,7 +26,6 @@ from foucault.coefficients import Layout
 from foucault.infer.filtered import Whitened
 from foucault.kernels import pose as kernels
 from foucault.models import imu, pose, size_effect
-from foucault.models.imu import LINEAR_LOWER
 from foucault.models.rotation import cross_matrix, exp, right_jacobian_inverse
 from foucault.models.rotation import log as vector_of
 from foucault.navigate.increments import increments_of
@@ -366,6 +365,7 @@ class Solution:
     passes: int
     converged: bool
     prior_sd: FloatArray  # (32,)
+    hold: IntArray  # parameters that were not estimated
 
     @property
     def white(self) -> Whitened:
@@ -414,7 +414,7 @@ def solve(
             settled = 1
             break
     p = one_pass(r, at, noise, prior, hold)
-    return _stated(r, at, p, noise, prior[1], passes, bool(settled))
+    return _stated(r, at, p, noise, prior[1], hold, passes, bool(settled))
 
 
 def _prior(start: Point, known: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
@@ -480,7 +480,8 @@ def _weighed(
 
 
 def _stated(
-    r: Readings, at: Point, p: Pass, noise: Noise, prior_sd: FloatArray, passes: int, settled: bool
+    r: Readings, at: Point, p: Pass, noise: Noise, prior_sd: FloatArray, hold: IntArray,
+    passes: int, settled: bool,
 ) -> Solution:
     formal = np.linalg.inv(p.information)
     left = p.nu - p.M @ p.delta
@@ -513,7 +514,7 @@ def _stated(
     cov = J @ (scaled * np.outer(held, held)) @ J.T
     lag = tuple(_lag_one(left[:, k : k + 3], p.used[:, k]) for k in (0, 3))
     return Solution(r, at, p, noise, cov, J @ formal @ J.T, spread, halves, (lag[0], lag[1]),
-                    passes, settled, prior_sd)  # fmt: skip
+                    passes, settled, prior_sd, hold)  # fmt: skip
 
 
 def _lag_one(rows: FloatArray, used: BoolArray) -> float:
@@ -522,199 +523,41 @@ def _lag_one(rows: FloatArray, used: BoolArray) -> float:
     return float(np.sum(rows[1:][both] * rows[:-1][both])) / total if total else 0.0
 
 
-# -- where to start ------------------------------------------------------------------------------
 
+def budget(s: Solution) -> dict[str, FloatArray]:
+    """Return the variance of every parameter by source, (32,) each [SI]; they add up to `cov`.
 
-@dataclass(frozen=True)
-class Start:
-    """What closed forms say, and how well."""
-
-    point: Point
-    reading: str | None  # of the quaternion, a key of `pose.READINGS`
-    peak: float  # correlation of the rates' norms at the offset [1]
-    second: float  # the next highest beside it [1]
-    drift: float  # of the offset, found window by window [1]
-    singular: FloatArray  # (3,) of the matrix from the rates of the IMU to those of the body [1]
-    sign: float  # of its determinant
-    misfit: float  # what the rotation leaves of the rates, as a part of them [1]
-    force: float  # what lever arm, gravity and bias leave of the forces [m/s^2]
-    gravity: float  # length of gravity as found [m/s^2]
-
-
-GRID, SMOOTH = 0.005, 0.1
-"""Grid of the correlation, and window of the derivatives [s]."""
-
-
-def _smooth(x: FloatArray, step: float, order: int = 0) -> FloatArray:
-    """Return `x` (n, q) or its derivative by the parabola through a window, `step` [s]."""
-    from scipy.signal import savgol_filter
-
-    window = max(5, 2 * round(SMOOTH / step / 2) + 1)
-    degree = 2 if order < 2 else 3
-    return np.asarray(savgol_filter(x, window, degree, deriv=order, delta=step, axis=0))
-
-
-def _even(time: FloatArray, x: FloatArray, grid: FloatArray) -> FloatArray:
-    return np.column_stack([np.interp(grid, time, c) for c in x.T])
-
-
-def gaps(time: FloatArray, grid: FloatArray, widest: float) -> BoolArray:
-    """Return which times of a `grid` lie in gaps of `time` that are longer than `widest` [s]."""
-    after = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
-    near = time[after] - time[after - 1] > widest
-    return np.asarray(near | (grid < time[0]) | (grid > time[-1]))
-
-
-def _offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, float]:
-    """Return by how much `b` (m,) is later than `a` (n,) [s], the peak and the second peak."""
-    from scipy.signal import correlate, correlation_lags, find_peaks
-
-    x, y = a - a.mean(), b - b.mean()
-    lags = correlation_lags(len(x), len(y))
-    total = correlate(x, y, method="fft")
-    one = correlate(x**2, np.ones_like(y), method="fft") * correlate(
-        np.ones_like(x), y**2, method="fft"
-    )
-    overlap = correlate(np.ones_like(x), np.ones_like(y), method="fft")
-    enough = overlap > 0.5 * min(len(x), len(y))
-    r = np.where(enough, total / np.sqrt(np.maximum(one, 1e-12 * one.max() + 1e-300)), -1.0)
-    k = int(np.argmax(r))
-    peaks = find_peaks(r)[0]
-    others = [r[j] for j in peaks if abs(lags[j] - lags[k]) * step > 0.2]
-    part = 0.0
-    if 0 < k < len(r) - 1:
-        bend = r[k - 1] - 2 * r[k] + r[k + 1]
-        part = float(0.5 * (r[k - 1] - r[k + 1]) / bend) if bend < 0 else 0.0
-    return (lags[k] + part) * step, float(r[k]), float(max(others, default=-1.0))
-
-
-def _drift(a: FloatArray, b: FloatArray, step: float, window: float = 10.0) -> tuple[float, float]:
-    """Return offset in the middle of `b` and its drift, from windows of it; see `_offset`."""
-    n = round(window / step)
-    found = []
-    for first in range(0, len(b) - n + 1, n):
-        part = b[first : first + n]
-        if part.std() < 0.2 * b.std():
-            continue
-        lag, peak, _ = _offset(a, part, step)
-        found.append((first + n / 2, lag - first * step, peak))
-    good = np.array([f for f in found if f[2] > 0.9])
-    if len(good) < 3:
-        return 0.0, np.nan
-    t = (good[:, 0] - len(b) / 2) * step
-    slopes = [(good[j, 1] - good[i, 1]) / (t[j] - t[i])
-              for i in range(len(good)) for j in range(i)]  # fmt: skip
-    slope = float(np.median(slopes))
-    return slope, float(np.median(good[:, 1] - slope * t))
-
-
-def wahba(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the rotation C, shape (3, 3), with ``a = C b`` best, both (n, 3) [any unit]."""
-    U, _, V = np.linalg.svd(a.T @ b)
-    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V)
-
-
-def start_of(log: Log, r: Readings, q: pose.PoseTable) -> Start:
-    """Find offset, clock rate, rotation, lever arm and level in closed form, from rates and forces.
-
-    `q`: the same poses, with the numbers of their quaternions.
+    The estimate is best for the noise that is counted with, so that its gain does not change with
+    a small change of that: the part of a source is the derivative by the logarithm of its variance.
     """
-    assert log.gyro is not None
-    assert log.accel is not None
-    step = float(np.median(np.diff(log.time)))
-    w_imu, f_imu = _smooth(log.gyro, step), _smooth(log.accel, step)
-    usual = float(np.median(np.diff(q.time)))
-    own = np.arange(q.time[0], q.time[-1], usual)
-    numbers = q.quaternion / np.linalg.norm(q.quaternion, axis=1)[:, None]
-    flips = np.cumprod(np.where(np.sum(numbers[1:] * numbers[:-1], axis=1) < 0, -1.0, 1.0))
-    even = _even(q.time, numbers * np.append(1.0, flips)[:, None], own)
-    bad = gaps(q.time, own, max(4 * usual, SMOOTH))
-    best: Start | None = None
-    for reading, (order, sign) in pose.READINGS.items():
-        if q.reading not in (None, reading):
-            continue
-        w = _body_rate(even[:, order] * [1.0, sign, sign, sign], usual)
-        w[bad] = 0.0
-        found = _with_rates(log, r, q, reading, (own, w, bad), (w_imu, f_imu, step))
-        if best is None or found.misfit < 0.9 * best.misfit:
-            best = found
-    assert best is not None
-    return best
+    r, n = s.readings, s.noise
+    prior = _prior(s.point, {})[0], s.prior_sd
+    hold = s.hold
+
+    def cov(of: str, by: float) -> FloatArray:
+        g, a = (w * (by if name == of else 1.0)
+                for name, w in zip(("gyros", "accelerometers"), r.white, strict=True))  # fmt: skip
+        noise = replace(n, attitude=n.attitude * (by if of == "attitude of the poses" else 1.0),
+                        position=n.position * (by if of == "position of the poses" else 1.0))  # fmt: skip
+        at = one_pass(replace(r, white=(g, a)), s.point, noise, prior, hold)
+        J = s.point.of_values()
+        return np.asarray(np.diag(J @ np.linalg.inv(at.information) @ J.T))
+
+    names = ["gyros", "accelerometers", "position of the poses"]
+    names += ["attitude of the poses"] * (r.C_vm is not None)
+    parts = {
+        name: np.maximum(cov(name, 1 + STEP) - cov(name, 1 - STEP), 0.0) / (4 * STEP)
+        for name in names
+    }
+    formal, total = np.diag(s.formal), np.diag(s.cov)
+    known = np.sum(list(parts.values()), axis=0)
+    parts = {name: v * np.minimum(1.0, formal / known) for name, v in parts.items()}
+    parts["prior"] = np.maximum(formal - np.sum(list(parts.values()), axis=0), 0.0)
+    if (total > formal * (1 + 1e-9)).any():
+        parts["colour of the poses' noise"] = np.maximum(total - formal, 0.0)
+    size = total / np.sum(list(parts.values()), axis=0)
+    return {name: v * size for name, v in parts.items()}
 
 
-def _body_rate(q: FloatArray, step: float) -> FloatArray:
-    """Return the rate in body axes, (n, 3) [rad/s], of quaternions (n, 4), scalar first."""
-    s, d = _smooth(q, step), _smooth(q, step, 1)
-    v, dv = s[:, 1:], d[:, 1:]
-    square = np.sum(s**2, axis=1)[:, None]
-    return np.asarray(2 * (s[:, :1] * dv - d[:, :1] * v - np.cross(v, dv)) / square)
-
-
-def _with_rates(
-    log: Log, r: Readings, q: pose.PoseTable, reading: str,
-    body: tuple[FloatArray, FloatArray, BoolArray], sensed: tuple[FloatArray, FloatArray, float],
-) -> Start:  # fmt: skip
-    (own, w_m, bad), (w_imu, f_imu, step) = body, sensed
-    usual = own[1] - own[0]
-    fine = np.arange(log.time[0], log.time[-1], GRID)
-    a = np.linalg.norm(_even(log.time, w_imu, fine), axis=1)
-    later = np.arange(own[0], own[-1], GRID)
-    b = np.interp(later, own, np.linalg.norm(w_m, axis=1))
-    lag, peak, second = _offset(a, b, GRID)
-    tau, kappa = lag + fine[0] - later[0], 0.0
-    drift, middle = _drift(a, b, GRID)
-    if abs(drift) * (later[-1] - later[0]) > 2 * GRID or peak < 0.9:
-        if np.isfinite(middle) and abs(drift) < 0.02:
-            kappa, tau = drift, middle + fine[0] - later[0]
-            there = later + kappa * (later - r.middle)
-            _, peak, second = _offset(np.interp(there + tau, fine, a), b, GRID)
-    t = own + tau + kappa * (own - r.middle)
-    inside = ~bad & (t > log.time[0] + SMOOTH) & (t < log.time[-1] - SMOOTH)
-    inside[:5] = inside[-5:] = False
-    w_b = _even(log.time, w_imu, t[inside])
-    w = w_m[inside]
-    # Hardly turned, rates are noise: what is centred is what the turning says.
-    x, y = w_b - w_b.mean(axis=0), w - w.mean(axis=0)
-    C_bm = wahba(x, y)
-    free = np.linalg.lstsq(y, x, rcond=None)[0].T
-    left = float(np.sqrt(np.sum((x - y @ C_bm.T) ** 2) / np.sum(x**2)))
-    bias = w_b.mean(axis=0) - C_bm @ w.mean(axis=0)
-    C_vb = (q.attitude(reading) @ C_bm.T)
-    C_own = _attitudes(q.time, C_vb, own)
-    # Forces: accel = C_bv p'' - Om l - C_bv g_v + b_a, all smoothed alike.
-    position = _even(q.time, q.position, own)
-    pull = _smooth(position, usual, 2)[inside]
-    wb = w_b - bias
-    alpha = np.gradient(_even(log.time, w_imu, t), t, axis=0)[inside]
-    Om = cross_matrix(alpha) + cross_matrix(wb) @ cross_matrix(wb)
-    C_bv = np.swapaxes(C_own[inside], 1, 2)
-    k = int(inside.sum())
-    A = np.concatenate([-Om, -C_bv, np.broadcast_to(np.eye(3), (k, 3, 3))], axis=2).reshape(-1, 9)
-    y = (_even(log.time, f_imu, t[inside]) - np.einsum("kij,kj->ki", C_bv, pull)).ravel()
-    x9 = np.linalg.lstsq(np.vstack([A, np.diag([0.0] * 6 + [1.0] * 3)]), np.append(y, np.zeros(9)),
-                         rcond=None)[0]  # fmt: skip
-    off = float(np.sqrt(np.mean((y - A @ x9) ** 2)))
-    size = float(np.linalg.norm(x9[3:6]))
-    node = r.nodes(tau, kappa)
-    at = Point(
-        C_bm, x9[:3], float(tau), float(kappa), -x9[3:6] / max(size, 1e-9),
-        (bias, np.zeros((3, 3))), (x9[6:], np.zeros((3, 3))), 0.0, node,
-        *_motion(r, C_vb, x9[:3]),
-    )  # fmt: skip
-    return Start(at, reading, peak, second, drift, np.linalg.svd(free)[1],
-                 float(np.sign(np.linalg.det(free))), left, off, size)  # fmt: skip
-
-
-def _attitudes(time: FloatArray, C: FloatArray, at: FloatArray) -> FloatArray:
-    """Return the attitude between two that are known, shape (n, 3, 3)."""
-    k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
-    part = np.clip((at - time[k]) / (time[k + 1] - time[k]), 0, 1)[:, None]
-    return np.asarray(C[k] @ exp(vector_of(np.swapaxes(C[k], 1, 2) @ C[k + 1]) * part))
-
-
-def _motion(
-    r: Readings, C_vb: FloatArray, lever: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return attitude, velocity and position of the IMU at the poses, to start from."""
-    p = r.position - C_vb @ lever
-    return C_vb, np.gradient(p, r.stamp, axis=0), p
+STEP = 0.02
+"""Part of a noise by which it is changed to see what hangs on it [1]."""
