@@ -23,7 +23,6 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
-from foucault.infer.filtered import Whitened
 from foucault.kernels import pose as kernels
 from foucault.models import imu, pose, size_effect
 from foucault.models.rotation import cross_matrix, exp, right_jacobian_inverse
@@ -368,9 +367,15 @@ class Solution:
     hold: IntArray  # parameters that were not estimated
 
     @property
-    def white(self) -> Whitened:
-        """The rows that are left, with those that were left out as zeros."""
-        return Whitened(self.last.nu, self.last.M, self.formal)
+    def rows(self) -> FloatArray:
+        """White rows after the last step, (m, 6), NaN where nothing is used [1]."""
+        left = self.last.nu - self.last.M @ self.last.delta
+        return np.where(self.last.used, left, np.nan)
+
+    @property
+    def residuals(self) -> FloatArray:
+        """Poses less those that were found, (m, 6): attitude [rad] before position [m]."""
+        return misses(self.readings, self.point)[0]
 
     @property
     def unseen(self) -> BoolArray:
@@ -551,11 +556,11 @@ def budget(s: Solution) -> dict[str, FloatArray]:
     }
     formal, total = np.diag(s.formal), np.diag(s.cov)
     known = np.sum(list(parts.values()), axis=0)
-    parts = {name: v * np.minimum(1.0, formal / known) for name, v in parts.items()}
+    parts = {name: v * np.minimum(1.0, formal / np.maximum(known, 1e-300)) for name, v in parts.items()}
     parts["prior"] = np.maximum(formal - np.sum(list(parts.values()), axis=0), 0.0)
     if (total > formal * (1 + 1e-9)).any():
         parts["colour of the poses' noise"] = np.maximum(total - formal, 0.0)
-    size = total / np.sum(list(parts.values()), axis=0)
+    size = total / np.maximum(np.sum(list(parts.values()), axis=0), 1e-300)
     return {name: v * size for name, v in parts.items()}
 
 

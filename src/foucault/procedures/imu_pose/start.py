@@ -77,6 +77,7 @@ class Start:
     drift: float  # of the offset, found window by window [1]
     singular: FloatArray  # (3,) of the matrix from the rates of the IMU to those of the body [1]
     sign: float  # of its determinant
+    free_misfit: float  # what that matrix leaves of the rates, as a part of them [1]
     misfit: float  # what the rotation leaves of the rates, as a part of them [1]
     force: float  # what lever arm, gravity and bias leave of the forces [m/s^2]
     gravity: float  # length of gravity as found [m/s^2]
@@ -94,6 +95,16 @@ def _smooth(x: FloatArray, step: float, order: int = 0) -> FloatArray:
     window = max(5, 2 * round(SMOOTH / step / 2) + 1)
     degree = 2 if order < 2 else 3
     return np.asarray(savgol_filter(x, window, degree, deriv=order, delta=step, axis=0))
+
+
+def _without_jumps(x: FloatArray) -> FloatArray:
+    """Return `x` (n, q) with what is far from both neighbours' median put onto that median."""
+    from scipy.ndimage import median_filter
+
+    middle = median_filter(x, size=(5, 1), mode="nearest")
+    off = np.abs(x - middle)
+    far = (off > 10 * np.median(off, axis=0) + 1e-9).any(axis=1)
+    return np.where(far[:, None], middle, x)
 
 
 def _even(time: FloatArray, x: FloatArray, grid: FloatArray) -> FloatArray:
@@ -169,7 +180,7 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
     own = np.arange(q.time[0], q.time[-1], usual)
     numbers = q.quaternion / np.linalg.norm(q.quaternion, axis=1)[:, None]
     flips = np.cumprod(np.where(np.sum(numbers[1:] * numbers[:-1], axis=1) < 0, -1.0, 1.0))
-    even = _even(q.time, numbers * np.append(1.0, flips)[:, None], own)
+    even = _even(q.time, _without_jumps(numbers * np.append(1.0, flips)[:, None]), own)
     bad = gaps(q.time, own, max(4 * usual, SMOOTH))
     best: Start | None = None
     for reading, (order, sign) in READINGS.items():
@@ -220,11 +231,12 @@ def _with_rates(
     C_bm = wahba(x, y)
     free = np.linalg.lstsq(y, x, rcond=None)[0].T
     left = float(np.sqrt(np.sum((x - y @ C_bm.T) ** 2) / np.sum(x**2)))
+    loose = float(np.sqrt(np.sum((y - x @ free.T) ** 2) / np.sum(y**2)))
     bias = w_b.mean(axis=0) - C_bm @ w.mean(axis=0)
     C_vb = q.attitude(reading) @ C_bm.T
     C_own = _attitudes(q.time, C_vb, own)
     # Forces: accel = C_bv p'' - Om l - C_bv g_v + b_a, all smoothed alike.
-    position = _even(q.time, q.position, own)
+    position = _even(q.time, _without_jumps(q.position), own)
     pull = _smooth(position, usual, 2)[inside]
     wb = w_b - bias
     alpha = np.gradient(_even(log.time, w_imu, t), t, axis=0)[inside]
@@ -240,7 +252,7 @@ def _with_rates(
         *_motion(r, C_vb, x9[:3]),
     )  # fmt: skip
     return Start(at, reading, peak, second, drift, np.linalg.svd(free)[1],
-                 float(np.sign(np.linalg.det(free))), left, off, size, forces)  # fmt: skip
+                 float(np.sign(np.linalg.det(free))), loose, left, off, size, forces)  # fmt: skip
 
 
 def _attitudes(time: FloatArray, C: FloatArray, at: FloatArray) -> FloatArray:
@@ -278,7 +290,7 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
     usual = float(np.median(np.diff(r.stamp)))
     w, f = _smooth(log.gyro, step), _smooth(log.accel, step)
     own = np.arange(r.stamp[0], r.stamp[-1], usual)
-    pull = _smooth(_even(r.stamp, r.position, own), usual, 2)
+    pull = _smooth(_even(r.stamp, _without_jumps(r.position), own), usual, 2)
     bad = gaps(r.stamp, own, max(4 * usual, SMOOTH))
     bad[:5] = bad[-5:] = True
     first = _liveliest(own, pull * ~bad[:, None], SPAN)
@@ -335,7 +347,7 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
     known = turns.at(few.at(at.tau, at.kappa))[0]
     C_v0 = at.C[middle] @ known[middle].T
     start = at_places(r, C_v0 @ turns.at(r.at(at.tau, at.kappa))[0], at)
-    found = Start(start, None, np.nan, np.nan, 0.0, size, float(np.linalg.det(U @ V)), np.nan, left,
+    found = Start(start, None, np.nan, np.nan, 0.0, size, float(np.linalg.det(U @ V)), np.nan, np.nan, left,
                   gravity, forces)  # fmt: skip
     return found, start
 
