@@ -1,0 +1,1015 @@
+"""Calibrate a magnetometer beside an IMU that was turned freely by hand, or from rest to rest.
+
+Turn the instrument about all axes for a minute, away from iron, and log gyros, magnetometer and,
+where there are any, accelerometers. An ellipsoid fitted to the readings leaves the rotation to the
+IMU open, three numbers that cost degrees of heading. Here the gyros say how the field, which stands
+still, turned in the body: that gives the rotation, the hard iron without full coverage of the
+sphere, and how late the magnetometer is.
+
+The readings are means over cells of a fraction of a radian. With ``C_k`` the attitude of cell k
+against the start of the log, by the gyros, m_0 the field and f_0 the specific force at rest in body
+axes at the start::
+
+    mag_k   = A mean(C_k') m_0 + h + noise + field wander        f_k = mean(C_k') f_0 + noise
+
+Errors of the gyros are nuisance parameters with a prior, their noise, the bias of the
+accelerometers and a field that changes from place to place are sources of error.
+
+References
+----------
+.. [1] M. Kok, T. B. Schon, "Magnetometer calibration using inertial sensors", IEEE Sensors J.
+   16(14), 2016.
+"""
+
+from __future__ import annotations
+
+import datetime
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+from scipy.signal import lfilter
+
+from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.coefficients import CoefficientVector, Layout
+from foucault.detect.coverage import coverage
+from foucault.diagnose.checks import check
+from foucault.diagnose.fit_checks import Judged, Limit, checks
+from foucault.errors import Finding, Status, error, finding
+from foucault.infer import mixed
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.infer.mixed import NOISE_BASIS, Fit, Linearisation, Source
+from foucault.models import magnetometer as sensor
+from foucault.models.earth import Site
+from foucault.models.magnetometer import LAYOUT, Cells, Chain, Magnetometer, Turning
+from foucault.models.noise import ImuNoise, grade
+from foucault.models.rotation import cross_matrix, exp, log as rotation_vector
+from foucault.procedures import record
+from foucault.procedures.record import Given, Procedure, result_of
+from foucault.result import Check, Result, TableData
+from foucault.simulate.noise import noisy_log
+from foucault.strict import Strict
+from foucault.tables import AXES, Log, temperature_range, whole_samples
+from foucault.units import Angle, AngleSd, Quantity, Rate, RatioSd, Seconds
+
+Tesla = Annotated[float, Quantity("magnetic field")]
+
+EARTH = (22e-6, 67e-6)
+"""Intensity of the field anywhere on the Earth [T]."""
+
+TURN, WAIT = 0.5, 2.0
+"""A cell ends after so much turning [rad], or so much time [s], or a part of each."""
+
+MOST = 240
+"""Cells that are used, evenly chosen where there are more: the work grows with their cube [1]."""
+
+STILL = 0.05
+"""At rest nothing turns faster, bias apart [rad/s]."""
+
+LATEST = 0.06
+"""Delays are sought up to this, either way [s]."""
+
+WANDERS = {"field wander, 0.3 s": 0.3, "field wander, 3 s": 3.0}
+"""Parts of the field that change from place to place, and for how long they stay [s]."""
+
+HAND = 1.0
+"""What a hand changes the velocity by from the beginning to the end of a log [m/s]."""
+
+UNKNOWN = 0.05
+"""Relative sd of an intensity that only the readings themselves say [1]."""
+
+
+class Settings(record.Robust):
+    """What can be chosen; the defaults suit an IMU that is not calibrated."""
+
+    terms: Literal["auto", "full", "hard iron"] = "auto"
+    """full: matrix and hard iron; hard iron: the matrix is taken for one, known to matrix_sd; auto:
+    full, where the motion shows it."""
+    temperature: bool = False
+    """Estimate the change of the hard iron with temperature too."""
+    matrix_sd: RatioSd = Field(default=0.03, gt=0)
+    """How well scale factors and axes are known beforehand, where the hard iron alone is found."""
+    intensity: Tesla | None = Field(default=None, gt=0, examples=["48.2 uT"])
+    """Intensity of the field. Left out: that of the world model where `date` is given, else what
+    the readings say themselves, to 5 percent. No heading depends on it."""
+    intensity_sd: Tesla | None = Field(default=None, gt=0, examples=["0.5 uT"])
+    """Its standard uncertainty. Left out: 0.3 percent outdoors; indoors 1 to 10 percent are usual."""
+    date: str | None = Field(default=None, examples=["2026-05-04"])
+    """Day of the session: the world magnetic model then says intensity, dip and declination at the
+    latitude and longitude of [site]. It needs the extra `world`."""
+    noise_sd: Tesla | None = Field(default=None, gt=0, examples=["0.3 uT"])
+    """Noise of a single reading. Left out: from the readings."""
+    wander: bool = True
+    """Look for a field that changes from place to place, as it does indoors."""
+    gyro_bias_sd: Rate = Field(default=float(np.radians(0.5)), gt=0)
+    """How well the biases of the gyros are known beforehand."""
+    gyro_scale_sd: RatioSd = Field(default=0.01, gt=0)
+    """How well the scale factors of the gyros are known beforehand."""
+    gyro_misalignment_sd: AngleSd = Field(default=float(np.radians(0.3)), gt=0)
+    """How well the axes of the gyros are known beforehand in those of the body."""
+    accel_bias_sd: Annotated[float, Quantity("specific force")] = Field(default=0.05, gt=0)
+    """How well the biases of the accelerometers are known beforehand."""
+
+    def estimated(self) -> tuple[str, ...]:
+        """Return the names of all coefficients that are estimated."""
+        if self.terms == "hard iron":
+            return sensor.IRON + (LAYOUT.names[13:] if self.temperature else ())
+        return LAYOUT.names if self.temperature else sensor.LINEAR
+
+
+# -- what was read ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Observed:
+    """A log in cells."""
+
+    log: Log  # without gaps [SI]
+    turning: Turning
+    cells: Cells  # of the field
+    still: Cells  # of the specific force at rest, where it was logged
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def time(self) -> FloatArray:
+        """Middle of every reading, shape (n,) [s]."""
+        t = self.log.time
+        return np.concatenate([c.mean(t[c.rows]) for c in (self.cells, self.still)])
+
+
+def reduce(log: Log) -> Observed:
+    """Return the longest stretch of a log without gaps, in cells."""
+    file = log.source.get("file", "The log")
+    if log.mag is None:
+        raise error("mag.not_logged", file=file)
+    if log.gyro is None:
+        raise error("mag.no_gyro", file=file)
+    stuck = [AXES[k] for k in range(3) if np.ptp(log.mag[:, k]) == 0]
+    if stuck:
+        raise error("mag.stuck", axes=", ".join(stuck))
+    told = []
+    step = np.diff(log.time)
+    breaks = np.flatnonzero(step > max(5 * log.interval, 0.05)) + 1
+    if len(breaks):
+        edges = np.concatenate([[0], breaks, [len(log)]])
+        k = int(np.argmax(np.diff(edges)))
+        log, whole = log[int(edges[k]) : int(edges[k + 1])], log.duration
+        told.append(finding("mag.gap", used=f"{log.duration:.3g}", whole=f"{whole:.3g}"))
+    assert log.gyro is not None and log.mag is not None
+    rows, slower = _new(log.mag, log.gyro)
+    if slower is not None:
+        told.append(finding("mag.repeated", rate=f"{slower * log.rate:.3g}", log=f"{log.rate:.3g}"))
+    top = [np.mean(log.mag[rows, k] == sign * (sign * log.mag[rows, k]).max())
+           for k in range(3) for sign in (1.0, -1.0)]  # fmt: skip
+    if max(top) > CLIPPED:
+        told.append(finding("mag.saturated", axis=AXES[int(np.argmax(top)) // 2],
+                            percent=f"{100 * max(top):.2g}"))  # fmt: skip
+    w = log.gyro - np.median(log.gyro, axis=0)
+    path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(w[1:], axis=1) * np.diff(log.time))])
+    if log.duration < SHORT or path[-1] < LITTLE:
+        raise error("mag.short", time=f"{log.duration:.3g}", turned=f"{np.degrees(path[-1]):.3g}",
+                    least=f"{SHORT:g}", turning=f"{np.degrees(LITTLE):.0f}")  # fmt: skip
+    edge = (log.time[rows] > log.time[0] + LATEST) & (log.time[rows] < log.time[-1] - LATEST)
+    rows = rows[edge]
+    clock = path / TURN + (log.time - log.time[0]) / WAIT
+    number = np.floor(clock[rows] * min(1.0, 2 * MOST / clock[-1])).astype(int)
+    cells = Cells(rows, np.flatnonzero(np.diff(number, prepend=-1)))
+    quiet = cells.mean(np.linalg.norm(w[rows], axis=1)) < STILL
+    quiet &= cells.mean(log.time[rows] ** 2) - cells.mean(log.time[rows]) ** 2 > (0.1 * WAIT) ** 2
+    still = cells.chosen(quiet & (log.accel is not None))
+    every = np.zeros(len(cells), bool)
+    every[np.unique(np.linspace(0, len(cells) - 1, MOST).astype(int))] = True
+    turning = Turning(log.time, log.gyro, log.sampled)
+    return Observed(log, turning, cells.chosen(every), still, tuple(told))
+
+
+CLIPPED = 0.02
+"""Readings equal to the largest one, of all, that are no chance [1]."""
+
+SHORT, LITTLE = 5.0, 2 * np.pi
+"""The shortest log [s] and the least turning [rad] that show anything."""
+
+
+def _new(mag: FloatArray, gyro: FloatArray) -> tuple[IntArray, float | None]:
+    """Return the rows with new readings, and their share where the others repeat them [1].
+
+    A reading that is written again is no new one: it would be counted twice.
+    """
+    new = np.concatenate([[True], (np.diff(mag, axis=0) != 0).any(axis=1)])
+    moving = np.linalg.norm(gyro - np.median(gyro, axis=0), axis=1) > 0.3
+    share = float(new[moving].mean()) if moving.any() else 1.0
+    return (np.flatnonzero(new), share) if share < 0.8 else (np.arange(len(mag)), None)
+
+
+# -- where to start --------------------------------------------------------------------------------
+
+
+def ellipsoid(mag: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return A_0 (symmetric) and h of ``|A_0^-1 (mag - h)| = 1`` by linear equations, or a sphere.
+
+    `mag` (n, 3): readings [T]. Returns (3, 3) and (3,) [T].
+    """
+    middle, size = mag.mean(axis=0), float(mag.std())
+    y = (mag - middle) / size
+    # y' Q y + 2 q'y = c with trace Q = 3: Q = I + traceless part.
+    pairs = [y[:, 0] ** 2 - y[:, 2] ** 2, y[:, 1] ** 2 - y[:, 2] ** 2, 2 * y[:, 0] * y[:, 1],
+             2 * y[:, 0] * y[:, 2], 2 * y[:, 1] * y[:, 2]]  # fmt: skip
+    linear = [*(2 * y).T, -np.ones(len(y))]
+    square = -np.sum(y**2, axis=1)
+    for some in (pairs, []):
+        x = np.linalg.lstsq(np.column_stack([*some, *linear]), square, rcond=1e-9)[0]
+        a, b, c, d, e = x[:5] if some else np.zeros(5)
+        Q = np.array([[1 + a, c, d], [c, 1 + b, e], [d, e, 1 - a - b]])
+        values, axes = np.linalg.eigh(Q)
+        if values[0] <= 0 or values[2] > SPREAD**2 * values[0]:
+            continue
+        centre = -np.linalg.solve(Q, x[-4:-1])
+        radius = float(x[-1] + centre @ Q @ centre)
+        if radius > 0:
+            root = axes @ np.diag(np.sqrt(radius / values)) @ axes.T
+            return size * root, middle + size * centre
+    return size * np.sqrt(3.0) * np.eye(3), middle
+
+
+SPREAD = 1.5
+"""An ellipsoid of more unequal axes is an accident of the coverage [1]."""
+
+
+def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return Q, c and delay of ``dx/dt = x x (Q w + c)``, over windows, by linear equations.
+
+    `x` (r, 3): direction of the field in sensor axes at the rows of the cells [1]. Returns (3, 3)
+    [1], (3,) [rad/s] and [s].
+    """
+    time = o.log.time[o.cells.rows]
+    step = np.diff(time)
+    step[step > 10 * np.median(step)] = 0.0  # between cells that were left out
+    width = max(int(round(0.25 / np.median(step))), 2)
+    ends = np.arange(0, len(x) - 1, width)
+    cross = cross_matrix(x)
+    whole = np.array([step[a : a + width].min(initial=1.0) > 0 for a in ends[:-1]])
+    best: tuple[float, FloatArray, float] | None = None
+    scan = np.arange(-LATEST, LATEST + 1e-9, 0.005)
+    left = []
+    for delay in scan:
+        w = np.column_stack([np.interp(time - delay, o.log.time, o.turning.gyro[:, k])
+                             for k in range(3)])  # fmt: skip
+        full = np.column_stack([w, np.ones(len(w))])
+        each = np.einsum("nij,nk->nijk", cross, full).reshape(len(x), 3, 12)
+        area = 0.5 * (each[1:] + each[:-1]) * step[:, None, None]
+        total = np.concatenate([np.zeros((1, 3, 12)), np.cumsum(area, axis=0)])
+        rows = np.diff(total[ends], axis=0)[whole].reshape(-1, 12)
+        change = np.diff(x[ends], axis=0)[whole].ravel()
+        q = np.linalg.lstsq(rows, change, rcond=1e-6)[0]
+        cost = float(np.sum((change - rows @ q) ** 2))
+        left.append(cost)
+        if best is None or cost < best[0]:
+            best = cost, q, float(delay)
+    assert best is not None
+    _, q, delay = best
+    k = int(np.argmin(left))
+    if 0 < k < len(scan) - 1:  # the vertex of the parabola through the three lowest
+        a, b, c = left[k - 1 : k + 2]
+        delay += 0.0025 * (a - c) / max(a - 2 * b + c, 1e-300)
+    return q.reshape(3, 4)[:, :3], q.reshape(3, 4)[:, 3], delay
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a fit is."""
+
+    mag: Magnetometer
+    # field, up: (3,) m_0 and f_0 in body axes of the first row, of the size of B and of gravity [1]
+    field: FloatArray
+    up: FloatArray
+    bias: FloatArray  # (3,) of the gyros [rad/s]
+    matrix: FloatArray  # (3, 3) error of the gyros per rate, as it is taken away [1]
+
+
+def start(o: Observed, settings: Settings, intensity: float | None) -> tuple[State, float]:
+    """Return where to start, and the size of the field that the readings say [T].
+
+    Handedness, a wrong unit of the gyros and the rotation to the IMU, whatever it is, show here.
+    """
+    assert o.log.mag is not None
+    mag = o.log.mag[o.cells.rows]
+    A, h = ellipsoid(mag)
+    x = np.linalg.solve(A, (mag - h).T).T
+    Q, c, delay = turned(o, x)
+    gain = float(np.cbrt(np.linalg.det(Q)))
+    if gain < 0 and np.linalg.svd(Q, compute_uv=False)[2] > 0.5:
+        raise error("mag.left_handed")
+    if not 0.5 < abs(gain) < 2.0 and _sure(Q):
+        raise error("mag.gyro_unit", ratio=f"{abs(gain):.3g}")
+    U, _, V = np.linalg.svd(Q)
+    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
+    bias = np.clip(-R.T @ c, -BIAS, BIAS)
+    chain = o.turning.chain(delay, bias, np.zeros((3, 3)))
+    seen = np.einsum("nij,kj,nk->i", chain.C[o.cells.rows], R.T, x)
+    up = mean_up(o, chain)
+    size = float(np.cbrt(np.linalg.det(A)))
+    B = intensity or size
+    hard = settings.terms == "hard iron"
+    found = np.eye(3) if hard else A @ R / B
+    state = State(
+        Magnetometer(found, h, delay), seen / np.linalg.norm(seen), up / np.linalg.norm(up), bias,
+        np.zeros((3, 3)),
+    )  # fmt: skip
+    return state, size
+
+
+def mean_up(o: Observed, chain: Chain) -> FloatArray:
+    """Return the mean specific force in axes of the first row, (3,) [m/s^2]: that at rest.
+
+    Of all rows where there was no rest: what a hand adds to gravity is a change of velocity over
+    the length of the log.
+    """
+    if o.log.accel is None:
+        return np.array([0.0, 0.0, 1.0])
+    rows = o.still.rows if len(o.still) else np.arange(len(o.log))
+    return np.einsum("nij,nj->i", chain.C[rows], o.log.accel[rows]) / len(rows)
+
+
+BIAS = np.radians(5.0)
+"""No bias of the gyros is believed to be larger at the start [rad/s]."""
+
+
+def _sure(Q: FloatArray) -> bool:
+    """Whether the size of Q is that of a unit: its three axes agree."""
+    s = np.linalg.svd(Q, compute_uv=False)
+    return bool(s[2] > 0.7 * s[0])
+
+
+# -- the model -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How large what is not estimated is [SI]."""
+
+    intensity: float  # B [T]
+    intensity_sd: float  # [T]
+    basis: str  # of the intensity
+    noise: float  # of a reading [T]
+    declared: bool  # whether the noise of a reading is
+    imu: ImuNoise  # of the IMU [SI]
+    gravity: float  # [m/s^2]
+
+
+@dataclass(frozen=True)
+class FieldModel:
+    """The model of a session: cells of the field, then of the specific force at rest."""
+
+    observed: Observed
+    settings: Settings
+    names: tuple[str, ...]
+    start: State
+    sizes: Sizes
+
+    @property
+    def layout(self) -> Layout:
+        """The coefficients."""
+        return LAYOUT.subset(self.names)
+
+    @cached_property
+    def kinds(self) -> dict[str, BoolArray]:
+        """Kind of reading -> its components, shape (n, 3)."""
+        n, k = len(self.observed.cells), len(self.observed.still)
+        field = np.tile(np.arange(n + k)[:, None] < n, 3)
+        return {"field": field, "gravity": ~field} if k else {"field": field}
+
+    def values(self, state: State) -> FloatArray:
+        """Return the coefficients of a state, shape (p,) [SI]."""
+        return state.mag.coefficients(self.names).values
+
+    def retract(self, state: State, step: FloatArray) -> State:
+        """Add `step` (m,): coefficients, field, specific force, bias and matrix of the gyros."""
+        p = len(self.names)
+        other = np.split(step[p:], [3, 6 if len(self.observed.still) else 3])
+        up = state.up + other[1] if len(other[1]) else state.up
+        return State(
+            state.mag.moved(self.names, step[:p]), state.field + other[0], up,
+            state.bias + other[2][:3], state.matrix + other[2][3:].reshape(3, 3),
+        )  # fmt: skip
+
+    @cached_property
+    def _read(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mean field [T], specific force at rest [g], temperature beyond the reference [K]."""
+        o, log, g = self.observed, self.observed.log, self.sizes.gravity
+        assert log.mag is not None
+        T = log.temperature
+        warm = np.zeros(len(o.cells)) if T is None else o.cells.mean(T[o.cells.rows])
+        force = np.zeros((0, 3)) if log.accel is None else o.still.mean(log.accel[o.still.rows]) / g
+        return o.cells.mean(log.mag[o.cells.rows]), force, warm - (T is not None) * sensor.REFERENCE
+
+    def linearise(self, state: State) -> Linearisation:
+        """Compare the readings with those of a magnetometer."""
+        o, B, A = self.observed, self.sizes.intensity, state.mag.matrix
+        mag, force, warm = self._read
+        n, k = len(o.cells), len(o.still)
+        chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
+        seen, by = chain.seen(o.cells, B * state.field)
+        moved = A @ by
+        iron = state.mag.bias + np.outer(warm, state.mag.bias_temperature)
+        every = np.zeros((n + k, 3, len(LAYOUT)))
+        for j, (out, inp) in enumerate([*((i, i) for i in range(3)), *sensor.OFF]):
+            every[:n, out, j] = seen[:, inp]
+        every[:n, :, 9:12] = np.eye(3)
+        every[:n, :, 12] = moved[:, :, 3]
+        every[:n, :, 13:] = warm[:, None, None] * np.eye(3)
+        other = np.zeros((n + k, 3, 18 if k else 15))
+        other[:n, :, :3], other[:n, :, -12:] = B * moved[:, :, :3], moved[:, :, 4:]
+        miss = mag - seen @ A.T - iron
+        tilting = moved[:, :, :3] @ cross_matrix(B * state.field)  # by an error of the attitude
+        if k:
+            at_rest, by = chain.seen(o.still, state.up)
+            other[n:, :, 3:6], other[n:, :, 6:] = by[:, :, :3], by[:, :, 4:]
+            every[n:, :, 12] = by[:, :, 3]
+            miss = np.concatenate([miss, force - at_rest])
+            tilting = np.concatenate([tilting, by[:, :, :3] @ cross_matrix(state.up)])
+        chosen = [LAYOUT.index(name) for name in self.names]
+        J = np.concatenate([every[:, :, chosen], other], axis=2)
+        known, named = self._known(state)
+        sources = self._sources(moved[:, :, :3], tilting, every)
+        return Linearisation(miss, J, sources, known, named)
+
+    def _known(self, state: State) -> tuple[tuple[FloatArray, FloatArray], tuple[str, ...]]:
+        """White rows of what is known of intensity and gyros."""
+        s, p, m = self.settings, len(self.names), len(self.names) + 15
+        m += 3 * bool(len(self.observed.still))
+        size = float(np.linalg.norm(state.field))
+        sd = self.sizes.intensity_sd / self.sizes.intensity
+        of_matrix = np.full((3, 3), s.gyro_misalignment_sd)
+        np.fill_diagonal(of_matrix, s.gyro_scale_sd)
+        sds = np.concatenate([[sd], np.full(3, s.gyro_bias_sd), of_matrix.ravel()])
+        value = np.concatenate([[size - 1.0], state.bias, state.matrix.ravel()])
+        rows = np.zeros((13, m))
+        rows[0, p : p + 3] = state.field / size
+        rows[1:, -12:] = np.eye(12)
+        of = np.where(np.eye(3, dtype=bool).ravel(), "gyro scale factors", "gyro misalignments")
+        named = ("intensity of the field", *["gyro biases"] * 3, *of.tolist())
+        return (-value / sds, rows / sds[:, None]), named
+
+    @cached_property
+    def _fixed(self) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+        """What hangs on times alone: noise of the cells, attitude noise, wander between cells."""
+        o = self.observed
+        t = o.time
+        n = len(o.cells)
+        length = np.concatenate([o.cells.count, o.still.count]) * o.log.interval
+        white = self.sizes.noise / np.sqrt(o.cells.count)
+        accel = self.sizes.imu.accel.white / self.sizes.gravity / np.sqrt(length[n:])
+        # Knots of the random walk of the attitude: each reading has all steps before it.
+        knots = np.linspace(o.log.time[0], o.log.time[-1], KNOTS + 1)
+        walk = np.clip((t[:, None] - knots[:-1]) / np.diff(knots), 0.0, 1.0)
+        walk *= self.sizes.imu.gyro.white * np.sqrt(np.diff(knots))
+        wander = {}
+        for name, stays in WANDERS.items():
+            cov = np.exp(-np.abs(t[:n, None] - t[:n]) / stays)
+            wander[name] = np.linalg.cholesky(cov + 1e-9 * np.eye(n))
+        return np.concatenate([white, accel]), walk, wander
+
+    def _sources(
+        self, moved: FloatArray, tilting: FloatArray, every: FloatArray
+    ) -> tuple[Source, ...]:
+        white, walk, wander = self._fixed
+        n, k = len(moved), len(tilting) - len(moved)
+        each = white[:, None, None] * np.eye(3)
+        first, last = np.zeros((2, n + k, 3, 3))
+        first[:n], last[n:] = each[:n], each[n:]
+        how = NOISE_BASIS["declared" if self.sizes.declared else "measured"]
+        drift = np.einsum("nij,nk->nikj", tilting, walk).reshape(n + k, 3, -1)
+        out = [
+            Source("magnetometer noise", first, noise=True, type=how[0], basis=how[1]),
+            Source("gyro noise", shared=drift, noise=True, basis="noise of the gyros"),
+        ]
+        for name in wander if self.settings.wander else ():
+            some = np.zeros((n + k, 3, 3 * n))
+            some[:n] = np.einsum("nij,nk->nikj", moved, wander[name]).reshape(n, 3, -1)
+            out.append(Source(name, shared=some, sd=None, type="A", basis=mixed.UNEXPLAINED_BASIS[1]))
+        if "mag.scale.x" not in self.names:
+            held = self.settings.matrix_sd * every[:, :, :9]
+            out.append(Source("matrix taken for one", shared=held, basis="matrix_sd as given"))
+        if k:
+            bias, own = np.zeros((2, n + k, 3, 3))
+            bias[n:] = self.settings.accel_bias_sd / self.sizes.gravity * np.eye(3)
+            own[n:] = np.eye(3)
+            out += [
+                Source("accelerometer noise", last, noise=True, basis="noise of the accelerometers"),
+                Source("accelerometer bias", shared=bias, basis="accel_bias_sd as given"),
+                Source(SHAKEN, own, sd=None, unexplained=True, type="A",
+                       basis=mixed.UNEXPLAINED_BASIS[1]),
+            ]  # fmt: skip
+        return tuple(out)
+
+
+KNOTS = 60
+"""Steps of the random walk of the attitude [1]."""
+
+SHAKEN = "scatter of specific force at rest"
+
+
+def observe(log: Log, given: Given[Settings]) -> FieldModel:
+    """Return the model that a log states."""
+    return _model(reduce(log), given)[0]
+
+
+def _model(o: Observed, given: Given[Settings]) -> tuple[FieldModel, list[Finding]]:
+    """Return the model, and what was noticed on the way."""
+    s, world = given.settings, world_field(given.settings, given.site)
+    said = s.intensity or (world.intensity if world else None)
+    state, size = start(o, s, said)
+    told = _unit(size, said)
+    if s.intensity is not None:
+        B, sd, basis = s.intensity, s.intensity_sd or 0.003 * s.intensity, "intensity as given"
+    elif world is not None:
+        B, sd, basis = world.intensity, s.intensity_sd or 0.003 * world.intensity, "world model"
+    else:
+        B, sd, basis = size, UNKNOWN * size, "norm of the readings, whose gain nobody knows"
+    imu = given.noise or grade("mems").noise
+    noise = s.noise_sd or _noise(o, state, B)
+    sizes = Sizes(B, sd, basis, noise, s.noise_sd is not None, imu, given.site.gravity)
+    return FieldModel(o, s, s.estimated(), state, sizes), told
+
+
+def _noise(o: Observed, state: State, B: float) -> float:
+    """Return the noise of a reading, from differences of successive residuals [T].
+
+    What the field or the model does from one reading to the next is slow beside it.
+    """
+    assert o.log.mag is not None
+    rows = o.cells.rows
+    chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
+    seen = np.einsum("nji,j->ni", chain.C[rows], B * state.field)
+    miss = o.log.mag[rows] - state.mag.measure(seen)
+    second = np.diff(miss, 2, axis=0)[(np.diff(rows[:-1]) < 20) & (np.diff(rows[1:]) < 20)]
+    return float(np.median(np.std(second, axis=0)) / np.sqrt(6.0))
+
+
+# -- the Earth's field -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class World:
+    """The field that a world model says, and its standard uncertainties."""
+
+    intensity: float  # [T]
+    # dip: positive where the field points down; declination: of its level part, clockwise from
+    # true north [rad]
+    dip: float
+    declination: float
+    intensity_sd: float  # [T]
+    dip_sd: float  # [rad]
+    declination_sd: float  # [rad]
+
+
+def world_field(settings: Settings, site: Site) -> World | None:
+    """Return the field at the site on the day of the session; None where no day is given."""
+    if settings.date is None:
+        return None
+    if site.latitude is None or site.longitude is None:
+        raise error("mag.no_place", date=settings.date)
+    try:
+        year, day = datetime.date.fromisoformat(settings.date).timetuple()[0:8:7]
+        from pygeomag import GeoMag
+    except ValueError:
+        raise error("mag.date", given=settings.date) from None
+    except ModuleNotFoundError:
+        raise error("mag.world") from None
+    when = year + (day - 0.5) / 365.25
+    if not 2010.0 <= when < 2030.0:
+        raise error("mag.date", given=settings.date)
+    file = f"wmm/WMM_{int(when // 5) * 5}.COF"
+    place = np.degrees(site.latitude), np.degrees(site.longitude)
+    at = GeoMag(coefficients_file=file).calculate(*place, site.height / 1e3, when)
+    off = at.calculate_uncertainty()
+    return World(at.f * 1e-9, *np.radians([at.i, at.d]).tolist(), off.f * 1e-9,
+                 *np.radians([off.i, off.d]).tolist())  # fmt: skip
+
+
+UNITS = {10.0: "mG", 0.1: "uT", 1e3: "nT", 1e-3: "uT", 100.0: "uT", 0.01: "G", 1e6: "T", 1e-6: "uT"}
+"""How many times too large readings are whose unit was said wrongly -> the unit to try."""
+
+
+def _unit(size: float, intensity: float | None) -> list[Finding]:
+    """Refuse a field that is not the Earth's; `size`: that of the readings [T]."""
+    low, high = EARTH
+    if low <= size <= high or (intensity and 0.5 < size / intensity < 2.0):
+        return []
+    near = min(UNITS, key=lambda k: abs(np.log(size / k / (intensity or 45e-6))))
+    if abs(np.log(size / near / (intensity or 45e-6))) < np.log(1.6):
+        raise error("mag.unit", size=f"{size * 1e6:.4g}", times=f"{near:g}")
+    return [finding("mag.not_earth", size=f"{size * 1e6:.3g}")]
+
+
+# -- the result ------------------------------------------------------------------------------------
+
+
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    s = given.settings
+    given.progress(0.1, "integrating the gyros")
+    model, told = _model(reduce(log), given)
+    given.progress(0.3, "calibrating")
+    fit = _fitted(model, given)
+    blind = s.terms == "auto" and (fit.estimate.status is Status.UNOBSERVABLE or _poor(fit, s))
+    if blind:
+        hard = s.model_copy(update={"terms": "hard iron"})
+        again, _ = _model(model.observed, replace(given, settings=hard))
+        fit = _fitted(again, given)
+        told.append(finding("mag.hard_iron", percent=f"{100 * s.matrix_sd:.3g}"))
+    model = fit.model
+    given.progress(0.7, "judging")
+    o, world = model.observed, world_field(s, given.site)
+    field = FieldSeen.of(fit, world)
+    told += field.findings(given.site)
+    more: dict[str, Any] = {"field": field.json(), "noise_of_a_reading": model.sizes.noise}
+    tables: dict[str, TableData] = {}
+    if given.shown:
+        tables = {"heading": field.budget(), "cells": field.cells()}
+    result = result_of(
+        "magnetometer", fit, (*checks(_judged(fit)), *field.checks(s)), site=given.site,
+        findings=(*log.findings, *o.findings, *told), tables=tables, diagnostics=more,
+        described=(sensor.EQUATION, sensor.FRAME, "body axes of the IMU"), table_rate_sd=None,
+        validity={"sampled": log.sampled, "rate": log.rate} | temperature_range(log),
+    )  # fmt: skip
+    return result
+
+
+def _fitted(model: FieldModel, given: Given[Settings]) -> Fit:
+    known = {n: v for n, v in given.prior.items() if model.layout.names and _has(model.layout, n)}
+    prior = CoefficientVector.prior(model.layout, known)
+    return mixed.fit(model, prior, robust=given.settings.robust)
+
+
+def _has(layout: Layout, name: str) -> bool:
+    return any(n == name or n.startswith(f"{name}.") for n in layout.names) or name not in LAYOUT
+
+
+def _poor(fit: Fit, settings: Settings) -> bool:
+    """Whether the matrix is less well seen than known beforehand."""
+    c = fit.estimate.coefficients
+    return bool((c.sd[:9] > settings.matrix_sd).any())
+
+
+def _judged(fit: Fit) -> Judged:
+    model = fit.model
+    o, s = model.observed, model.sizes
+    n = len(o.cells)
+    part = np.concatenate([np.arange(n) * PARTS // n, np.full(len(o.still), PARTS)])
+    edge = s.intensity * UNEVEN
+    return Judged(
+        fit, {"field": "the field", "gravity": "specific force at rest"},
+        "declared" if s.declared else "measured", o.time,
+        {"field": tuple(WANDERS), "gravity": (SHAKEN,)},
+        {name: Limit("The field", edge, 1e6, "uT", "iron near the path, or the field of a room "
+                     "with steel in it") for name in WANDERS},
+        readings="cells", cure="Turn for longer.", more="turn for longer", blocks=part,
+        predicted="parts of the log",
+    )  # fmt: skip
+
+
+PARTS = 8
+"""Parts of a log that are held out in turn [1]."""
+
+UNEVEN = 0.03
+"""A field that changes by more of itself is no place to calibrate in [1]."""
+
+
+@dataclass(frozen=True)
+class FieldSeen:
+    """What a fit says of the field, and of the heading that follows from it."""
+
+    fit: Fit
+    world: World | None
+    # dip, dip_sd: positive where the field points down; NaN without accelerometers [rad]
+    dip: float
+    dip_sd: float
+
+    @classmethod
+    def of(cls, fit: Fit, world: World | None) -> FieldSeen:
+        """Find the dip of the field against gravity."""
+        model, state = fit.model, fit.state
+        o = model.observed
+        if o.log.accel is None:
+            return cls(fit, world, np.nan, np.nan)
+        m, p = state.field / np.linalg.norm(state.field), len(model.names)
+        cov = fit.estimate.state_cov
+        if len(o.still):
+            up, some = state.up, cov[p : p + 6, p : p + 6]
+        else:
+            chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
+            up = mean_up(o, chain) / model.sizes.gravity
+            sd = np.hypot(HAND / o.log.duration, model.settings.accel_bias_sd)
+            some = np.zeros((6, 6))
+            some[:3, :3] = cov[p : p + 3, p : p + 3]
+            some[3:, 3:] = (sd / model.sizes.gravity) ** 2 * np.eye(3)
+        u = up / np.linalg.norm(up)
+        sine = float(np.clip(-m @ u, -1.0, 1.0))
+        slope = -np.concatenate([u - (u @ m) * m, (m - (u @ m) * u) / np.linalg.norm(up)])
+        sd = np.sqrt(slope @ some @ slope) / max(np.sqrt(1 - sine**2), 1e-3)
+        return cls(fit, world, float(np.arcsin(sine)), float(sd))
+
+    @property
+    def shown_dip(self) -> float:
+        """The dip that headings are reckoned with [rad]."""
+        if np.isfinite(self.dip):
+            return self.dip
+        return self.world.dip if self.world else np.radians(60.0)
+
+    def level_headings(self) -> tuple[FloatArray, FloatArray]:
+        """Return derivatives of level headings by the coefficients, (24, p), and the headings.
+
+        The east component of an error of the field over its level part [rad per SI].
+        """
+        model, mag = self.fit.model, self.fit.state.mag
+        B, dip = model.sizes.intensity, self.shown_dip
+        psi = np.arange(24) * (2 * np.pi / 24)
+        # b right, forward, up at heading psi: north is (-sin, cos, 0), east (cos, sin, 0).
+        north = np.stack([-np.sin(psi), np.cos(psi), 0 * psi], axis=1)
+        east = np.stack([np.cos(psi), np.sin(psi), 0 * psi], axis=1)
+        m_b = B * (np.cos(dip) * north - np.sin(dip) * np.array([0.0, 0.0, 1.0]))
+        by = np.zeros((24, 3, len(LAYOUT)))
+        for j, (out, inp) in enumerate([*((i, i) for i in range(3)), *sensor.OFF]):
+            by[:, out, j] = m_b[:, inp]
+        by[:, :, 9:12] = np.eye(3)
+        back = np.einsum("ni,ij->nj", east, np.linalg.inv(mag.matrix)) / (B * np.cos(dip))
+        slope = np.einsum("nj,njp->np", back, by)
+        return slope[:, [LAYOUT.index(n) for n in model.names]], psi
+
+    def heading_sd(self, cov: FloatArray) -> float:
+        """Return the rms over all level headings of their sd by coefficients of `cov` [rad]."""
+        slope, _ = self.level_headings()
+        return float(np.sqrt(np.mean(np.einsum("np,pq,nq->n", slope, cov, slope))))
+
+    def budget(self) -> TableData:
+        """Return what makes a level heading uncertain, as a table."""
+        model, cov = self.fit.model, self.fit.estimate.coefficients.cov
+        assert cov is not None
+        level = model.sizes.intensity * np.cos(self.shown_dip)
+        wander = float(np.sqrt(sum(v**2 for n, v in self.fit.found.items() if n in WANDERS)))
+        rows = {
+            "calibration": self.heading_sd(cov),
+            "field that changes from place to place": wander / level,
+            "noise of one reading": model.sizes.noise / level,
+            "tilt of 1 mrad": 1e-3 * abs(np.tan(self.shown_dip)),
+        }
+        if self.world is not None:
+            rows["declination of the world model"] = self.world.declination_sd
+        return {"cause": np.array(list(rows)), "heading_sd": np.array(list(rows.values()))}
+
+    def cells(self) -> TableData:
+        """Return the cells: field raw and corrected against what stands still, as a table."""
+        model, state = self.fit.model, self.fit.state
+        o, B = model.observed, model.sizes.intensity
+        n = len(o.cells)
+        raw = o.cells.mean(o.log.mag[o.cells.rows])
+        chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
+        true, _ = chain.seen(o.cells, B * state.field)
+        left = self.fit.at.residuals[:n]
+        field_b = np.linalg.solve(state.mag.matrix, (left + raw * 0).T).T + true
+        columns = {"time": o.time[:n], "weight": self.fit.estimate.weights[:n]}
+        for name, x in (("raw", raw), ("field", field_b), ("residual", left)):
+            columns |= {f"{name}_{a}": x[:, k] for k, a in enumerate(AXES)}
+        return columns | {"norm": np.linalg.norm(field_b, axis=1)}
+
+    def spread(self) -> tuple[float, float] | None:
+        """Return the sd of headings in this session, before and after the correction [rad]."""
+        model, state = self.fit.model, self.fit.state
+        o, B = model.observed, model.sizes.intensity
+        if not np.isfinite(self.dip) or o.log.mag is None:
+            return None
+        chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
+        C, mag = chain.C[o.cells.rows], o.log.mag[o.cells.rows]
+        warm = None if o.log.temperature is None else o.log.temperature[o.cells.rows]
+        up = state.up if len(o.still) else mean_up(o, chain)
+        u = up / np.linalg.norm(up)
+        north = state.field - (state.field @ u) * u
+        east = np.cross(north, u) / np.linalg.norm(north)
+        out = []
+        for field_b in (mag, state.mag.compensate(mag, chain.w[o.cells.rows], warm)):
+            still = np.einsum("nij,nj->ni", C, field_b)
+            angle = np.arctan2(still @ east, still @ north / np.linalg.norm(north))
+            out.append(float(np.std(np.angle(np.exp(1j * (angle - np.angle(np.exp(1j * angle).mean())))))))
+        return out[0], out[1]
+
+    def right_already(self) -> tuple[float, float]:
+        """Return how far the coefficients are from none at all, and what chance allows [1]."""
+        c = self.fit.estimate.coefficients
+        some = [k for k, n in enumerate(c.names) if n != "mag.delay"]
+        assert c.cov is not None
+        x = c.values[some]
+        # The common gain hangs on an intensity that is hardly known.
+        return (float(x @ np.linalg.solve(c.cov[np.ix_(some, some)], x)),
+                chi_square_limits(len(some))[1])  # fmt: skip
+
+    def checks(self, settings: Settings) -> tuple[Check, ...]:
+        """Return the tests that are its own."""
+        model, state = self.fit.model, self.fit.state
+        o, c = model.observed, self.fit.estimate.coefficients
+        assert c.cov is not None
+        degrees = np.degrees(self.heading_sd(c.cov))
+        chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
+        seen, _ = chain.seen(o.cells, state.field / np.linalg.norm(state.field))
+        even = float(np.linalg.eigvalsh(seen.T @ seen / len(seen))[0] * 3)
+        missing = ", ".join(w for _, w in coverage(seen).missing) or "nothing"
+        s = np.linalg.svd(state.mag.matrix, compute_uv=False)
+        out = [
+            check("mag heading", "level heading [deg]", degrees, None, HEADING),
+            check("mag coverage", "coverage", even, 0.1, None, {"missing": missing}),
+            check("mag axes", "axis ratio", float(s[0] / s[2]), None, RATIO),
+        ]
+        if self.world is not None and np.isfinite(self.dip):
+            off = np.degrees(self.dip - self.world.dip)
+            given = {"dip": np.degrees(self.dip), "world": np.degrees(self.world.dip)}
+            out.append(check("mag dip", "dip against the world model [deg]", off, -3.0, 3.0, given))
+        return tuple(out)
+
+    def findings(self, site: Site) -> list[Finding]:
+        """Say what people want to know, and what looks reversed or turned."""
+        state, out = self.fit.state, []
+        _, R = state.mag.polar
+        angle = float(np.degrees(np.linalg.norm(rotation_vector(R))))
+        if angle > 30.0:
+            axes = np.argmax(np.abs(R), axis=1)
+            words = ", ".join(f"{a} along {'-' * (R[k, axes[k]] < 0)}{AXES[axes[k]]}"
+                              for k, a in enumerate(AXES))  # fmt: skip
+            out.append(finding("mag.axes", angle=f"{angle:.3g}", axes=words))
+        far, limit = self.right_already()
+        if far < limit:
+            out.append(finding("mag.already_right"))
+        latitude = site.latitude
+        if np.isfinite(self.dip) and latitude is not None and abs(latitude) > np.radians(25.0):
+            if self.dip * latitude < 0 and abs(self.dip) > max(5 * self.dip_sd, np.radians(15.0)):
+                out.append(finding("mag.dip_reversed", dip=f"{np.degrees(self.dip):.3g}",
+                                   latitude=f"{np.degrees(latitude):.3g}"))  # fmt: skip
+        return out
+
+    def json(self) -> dict[str, Any]:
+        """Return what the fit says of the field, for result.json."""
+        model, cov = self.fit.model, self.fit.estimate.coefficients.cov
+        assert cov is not None
+        out: dict[str, Any] = {
+            "intensity": model.sizes.intensity, "intensity_sd": model.sizes.intensity_sd,
+            "intensity_basis": model.sizes.basis, "level_heading_sd": self.heading_sd(cov),
+            "rotation": self.fit.state.mag.polar[1].tolist(),
+            "symmetric": self.fit.state.mag.polar[0].tolist(),
+        }  # fmt: skip
+        if np.isfinite(self.dip):
+            out |= {"dip": self.dip, "dip_sd": self.dip_sd}
+        if (spread := self.spread()) is not None:
+            out["heading_spread"] = list(spread)
+        if self.world is not None:
+            out["world"] = asdict(self.world)
+        return out
+
+
+HEADING = 1.0
+"""A level heading that is known worse is hardly worth a calibration [deg]."""
+
+RATIO = 1.3
+"""Soft iron does not stretch the field by more; saturation or a wrong scale does [1]."""
+
+
+# -- a simulated session ---------------------------------------------------------------------------
+
+
+class Session(Strict):
+    """The session that `simulate` makes."""
+
+    motion: Literal["free", "rests"] = "free"
+    """free: turned all the time, with a rest before and after; rests: turned from rest to rest."""
+    time: Seconds = Field(default=60.0, gt=5)
+    """Length of the free turning."""
+    pace: Rate = Field(default=2.5, gt=0)
+    """How fast it is turned, rms."""
+    rests: int = Field(default=24, ge=2)
+    """Number of rests, where it is turned from rest to rest."""
+    rest_time: Seconds = Field(default=2.0, gt=0)
+    """Length of a rest."""
+    turn_time: Seconds = Field(default=1.5, gt=0)
+    """Length of a turn."""
+    rate: record.SampleRate = 100.0
+    kind: record.Sampling = "rate"
+    intensity: Tesla = Field(default=49e-6, gt=0)
+    """Intensity of the field."""
+    dip: Angle = float(np.radians(66.0))
+    """Dip of the field, positive where it points down."""
+    noise_sd: Tesla = Field(default=0.3e-6, ge=0)
+    """Noise of a reading of the magnetometer."""
+    wander_sd: Tesla = Field(default=0.0, ge=0)
+    """How much the field changes from place to place."""
+    wander_time: Seconds = Field(default=1.0, gt=0)
+    """For how long it stays the same."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A simulated session."""
+
+    log: Log  # [SI]
+    model: Magnetometer  # the errors of the magnetometer
+    said: dict[str, Any]  # what else is true
+
+    def truth_json(self) -> dict[str, Any]:
+        """Return the truth beside the coefficients."""
+        return self.said
+
+
+def draw_errors(grade_name: str, seed: int) -> Magnetometer:
+    """Draw the errors of a magnetometer; the class of the IMU makes none; `seed`: seed [1]."""
+    rng = np.random.default_rng([seed, 4])
+    soft = rng.standard_normal((3, 3)) * 0.02
+    A = exp(np.radians(2.0) * rng.standard_normal(3)) @ (np.eye(3) + soft + soft.T)
+    A = A @ np.diag(1.0 + 0.03 * rng.standard_normal(3))
+    return Magnetometer(A, 30e-6 * rng.standard_normal(3), float(rng.uniform(0.0, 0.01)))
+
+
+def simulated(
+    session: Session, settings: Settings, model: Magnetometer, noise: ImuNoise, site: Site,
+    seed: int,
+) -> Simulation:  # fmt: skip
+    """Simulate a session: `seed` [1] gives one of its motion and one of its `noise` [SI]."""
+    motion, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+    rest, turn = session.rest_time, session.turn_time
+    free = session.motion == "free"
+    starts = np.array([rest]) if free else rest + np.arange(session.rests - 1) * (rest + turn)
+    length = np.full(len(starts), session.time if free else turn)
+    lead = 2 * LATEST  # what a late magnetometer still sees of before
+    n = whole_samples((starts[-1] + length[-1] + rest) * session.rate) + 1
+    fine = FINE * session.rate
+    time = np.arange(-round(lead * fine), (n - 1) * FINE + 1) / fine
+    w = _rates(session, starts, length, time, motion)
+    chain = Turning(time, w).chain(0.0, np.zeros(3), np.zeros((3, 3)))
+    C = exp(motion.standard_normal(3)) @ chain.C
+    sampled = slice(round(lead * fine), None, FINE)
+    level = session.intensity * np.cos(session.dip)
+    m_n = np.array([0.0, level, -session.intensity * np.sin(session.dip)])
+    keep = np.exp(-1.0 / fine / session.wander_time)
+    push = session.wander_sd * sensors.standard_normal((len(time), 3))
+    push[1:] *= np.sqrt(1 - keep**2)
+    wander = lfilter([1.0], [1.0, -keep], push, axis=0) if session.wander_sd else push
+    field_b = np.einsum("nji,nj->ni", C, m_n + wander)
+    late = np.column_stack([np.interp(time[sampled] - model.delay, time, field_b[:, k])
+                            for k in range(3)])  # fmt: skip
+    mag = model.measure(late) + session.noise_sd * sensors.standard_normal((n, 3))
+    f_b, rate = site.gravity * C[sampled, 2], w[sampled]
+    if session.kind == "increment":
+        rate = np.diff(np.cumsum(w, 0)[sampled], axis=0, prepend=np.nan) / FINE
+        rate[0] = w[sampled][0]
+    s = settings
+    gyros = s.gyro_misalignment_sd * sensors.standard_normal((3, 3))
+    np.fill_diagonal(gyros, s.gyro_scale_sd * sensors.standard_normal(3))
+    # The inverse of how it is taken away: w = w_m - bias - matrix w_m.
+    bias = s.gyro_bias_sd * sensors.standard_normal(3)
+    measured = np.linalg.solve(np.eye(3) - gyros, (rate + bias).T).T
+    force = f_b + s.accel_bias_sd * sensors.standard_normal(3)
+    log = noisy_log(time[sampled], force, measured, sampled=session.kind, noise=noise, rng=sensors)
+    return Simulation(replace(log, mag=mag), model, {"dip": session.dip})
+
+
+FINE = 8
+"""Steps that a motion is simulated with between two samples [1]."""
+
+
+def _rates(
+    session: Session, starts: FloatArray, length: FloatArray, time: FloatArray,
+    rng: np.random.Generator,
+) -> FloatArray:  # fmt: skip
+    """Return the rate of the body at `time` (n,) [s], shape (n, 3) [rad/s]: still between turns."""
+    w = np.zeros((len(time), 3))
+    for begin, long in zip(starts, length, strict=True):
+        now = (time > begin) & (time < begin + long)
+        t = (time[now] - begin)[:, None]
+        if session.motion == "free":
+            f, phase = rng.uniform(0.05, 0.6, (4, 3)), rng.uniform(-np.pi, np.pi, (4, 3))
+            one = sum(np.sin(2 * np.pi * f[j] * t + phase[j]) for j in range(4)) / np.sqrt(2.0)
+            ends = np.clip(np.minimum(t, long - t), 0.0, 1.0)
+            w[now] = session.pace / np.sqrt(3.0) * one * np.sin(0.5 * np.pi * ends) ** 2
+        else:
+            axis = rng.standard_normal(3)
+            angle = rng.uniform(0.5, 1.0) * np.pi / np.linalg.norm(axis)
+            tau = t / long
+            w[now] = axis * angle * 30 * (tau * (1 - tau)) ** 2 / long
+    return w
+
+
+LOG_LINES = 'mag = { columns = ["mag_x", "mag_y", "mag_z"], unit = "T" }  # uT, nT, mG, G, count\n'
+
+PROCEDURE = Procedure(
+    name="magnetometer",
+    doc=__doc__,
+    Settings=Settings,
+    Session=Session,
+    solve=_solve,
+    simulation=simulated,
+    observe=observe,
+    names=lambda settings, _: settings.estimated(),
+    layout=LAYOUT,
+    draw_errors=draw_errors,
+    table_rate_sd=None,
+    sizes=lambda session, _: dict.fromkeys(WANDERS, session.wander_sd),
+    log_lines=LOG_LINES,
+)
+calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate
