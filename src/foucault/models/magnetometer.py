@@ -191,19 +191,18 @@ class Chain:
     # of a matrix that is multiplied with them, row by row [rad]
     slopes: FloatArray
 
-    def seen(self, cells: Cells, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the means of a vector that stands still, ``mean(C' v)``, and their slopes.
+    def seen(self, cells: Cells, v: FloatArray) -> FloatArray:
+        """Return the means of a vector that stands still, ``mean(C' v)``, shape (k, 3).
 
-        `v` (3,): the vector in body axes of the first row. Returns (k, 3), and (k, 3, 16): by v,
-        by the delay [unit/s], by bias and by matrix of the gyros.
+        `v` (3,): the vector in body axes of the first row.
         """
-        rows = cells.rows
-        back = np.swapaxes(self.C[rows], 1, 2)
-        now = back @ v
-        turning = np.cross(self.w[rows], now) - back @ np.cross(self.w[0], v)
-        by_rates = back @ cross_matrix(v) @ self.slopes[rows]
-        each = np.concatenate([back, turning[:, :, None], by_rates], axis=2)
-        return cells.mean(now), cells.mean(each)
+        return cells.mean(np.swapaxes(self.C[cells.rows], 1, 2) @ v)
+
+    def seen_by(self, cells: Cells, v: FloatArray) -> FloatArray:
+        """Return the slopes of `seen`, (k, 3, 15): by v, by bias and by matrix of the gyros."""
+        back = np.swapaxes(self.C[cells.rows], 1, 2)
+        by_rates = back @ cross_matrix(v) @ self.slopes[cells.rows]
+        return cells.mean(np.concatenate([back, by_rates], axis=2))
 
 
 @dataclass(frozen=True)

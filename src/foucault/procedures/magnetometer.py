@@ -35,6 +35,7 @@ from scipy.signal import lfilter
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.detect.coverage import coverage
+from foucault.detect.noise import without_spikes
 from foucault.diagnose.checks import check
 from foucault.diagnose.fit_checks import Judged, Limit, checks
 from foucault.errors import Finding, Status, error, finding
@@ -84,6 +85,9 @@ UNKNOWN = 0.05
 class Settings(record.Robust):
     """What can be chosen; the defaults suit an IMU that is not calibrated."""
 
+    loss: Literal["robust", "squares"] = "squares"
+    """squares: all cells count, and what iron does to some of them is field wander; robust: those
+    beyond 3 sd count little or nothing."""
     terms: Literal["auto", "full", "hard iron"] = "auto"
     """full: matrix and hard iron; hard iron: the matrix is taken for one, known to matrix_sd; auto:
     full, where the motion shows it."""
@@ -174,16 +178,19 @@ def reduce(log: Log) -> Observed:
     edge = (log.time[rows] > log.time[0] + LATEST) & (log.time[rows] < log.time[-1] - LATEST)
     rows = rows[edge]
     clock = path / TURN + (log.time - log.time[0]) / WAIT
-    number = np.floor(clock[rows] * min(1.0, 2 * MOST / clock[-1])).astype(int)
+    number = np.floor(clock[rows] * np.clip(MOST / clock[-1], 0.5, 1.0)).astype(int)
     cells = Cells(rows, np.flatnonzero(np.diff(number, prepend=-1)))
     quiet = cells.mean(np.linalg.norm(w[rows], axis=1)) < STILL
-    quiet &= cells.mean(log.time[rows] ** 2) - cells.mean(log.time[rows]) ** 2 > (0.1 * WAIT) ** 2
+    quiet &= cells.mean(log.time[rows] ** 2) - cells.mean(log.time[rows]) ** 2 > BRIEF**2 / 12
     still = cells.chosen(quiet & (log.accel is not None))
     every = np.zeros(len(cells), bool)
     every[np.unique(np.linspace(0, len(cells) - 1, MOST).astype(int))] = True
     turning = Turning(log.time, log.gyro, log.sampled)
     return Observed(log, turning, cells.chosen(every), still, tuple(told))
 
+
+BRIEF = 0.3
+"""The shortest rest [s]."""
 
 CLIPPED = 0.02
 """Readings equal to the largest one, of all, that are no chance [1]."""
@@ -409,25 +416,28 @@ class FieldModel:
         o, B, A = self.observed, self.sizes.intensity, state.mag.matrix
         mag, force, warm = self._read
         n, k = len(o.cells), len(o.still)
-        chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
-        seen, by = chain.seen(o.cells, B * state.field)
-        moved = A @ by
+        chain, before, after = (
+            o.turning.chain(state.mag.delay + late, state.bias, state.matrix)
+            for late in (0.0, -SOON, SOON)
+        )
+        both = (after, 0.5 / SOON), (before, -0.5 / SOON)
+        seen, moved = chain.seen(o.cells, B * state.field), A @ chain.seen_by(o.cells, B * state.field)
         iron = state.mag.bias + np.outer(warm, state.mag.bias_temperature)
         every = np.zeros((n + k, 3, len(LAYOUT)))
         for j, (out, inp) in enumerate([*((i, i) for i in range(3)), *sensor.OFF]):
             every[:n, out, j] = seen[:, inp]
         every[:n, :, 9:12] = np.eye(3)
-        every[:n, :, 12] = moved[:, :, 3]
+        every[:n, :, 12] = sum(f * c.seen(o.cells, B * state.field) for c, f in both) @ A.T
         every[:n, :, 13:] = warm[:, None, None] * np.eye(3)
         other = np.zeros((n + k, 3, 18 if k else 15))
-        other[:n, :, :3], other[:n, :, -12:] = B * moved[:, :, :3], moved[:, :, 4:]
+        other[:n, :, :3], other[:n, :, -12:] = B * moved[:, :, :3], moved[:, :, 3:]
         miss = mag - seen @ A.T - iron
         tilting = moved[:, :, :3] @ cross_matrix(B * state.field)  # by an error of the attitude
         if k:
-            at_rest, by = chain.seen(o.still, state.up)
-            other[n:, :, 3:6], other[n:, :, 6:] = by[:, :, :3], by[:, :, 4:]
-            every[n:, :, 12] = by[:, :, 3]
-            miss = np.concatenate([miss, force - at_rest])
+            by = chain.seen_by(o.still, state.up)
+            other[n:, :, 3:6], other[n:, :, 6:] = by[:, :, :3], by[:, :, 3:]
+            every[n:, :, 12] = sum(f * c.seen(o.still, state.up) for c, f in both)
+            miss = np.concatenate([miss, force - chain.seen(o.still, state.up)])
             tilting = np.concatenate([tilting, by[:, :, :3] @ cross_matrix(state.up)])
         chosen = [LAYOUT.index(name) for name in self.names]
         J = np.concatenate([every[:, :, chosen], other], axis=2)
@@ -505,6 +515,9 @@ class FieldModel:
         return tuple(out)
 
 
+SOON = 1e-4
+"""Two chains so much before and after say what the delay does [s]."""
+
 KNOTS = 60
 """Steps of the random walk of the attitude [1]."""
 
@@ -513,7 +526,7 @@ SHAKEN = "scatter of specific force at rest"
 
 def observe(log: Log, given: Given[Settings]) -> FieldModel:
     """Return the model that a log states."""
-    return _model(reduce(log), given)[0]
+    return _model(reduce(without_spikes(log)), given)[0]
 
 
 def _model(o: Observed, given: Given[Settings]) -> tuple[FieldModel, list[Finding]]:
@@ -610,7 +623,7 @@ def _unit(size: float, intensity: float | None) -> list[Finding]:
 def _solve(log: Log, given: Given[Settings]) -> Result:
     s = given.settings
     given.progress(0.1, "integrating the gyros")
-    model, told = _model(reduce(log), given)
+    model, told = _model(reduce(without_spikes(log)), given)
     given.progress(0.3, "calibrating")
     fit = _fitted(model, given)
     blind = s.terms == "auto" and (fit.estimate.status is Status.UNOBSERVABLE or _poor(fit, s))
@@ -659,6 +672,11 @@ def _judged(fit: Fit) -> Judged:
     n = len(o.cells)
     part = np.concatenate([np.arange(n) * PARTS // n, np.full(len(o.still), PARTS)])
     edge = s.intensity * UNEVEN
+
+    def named(k: int) -> str:
+        mine = o.time[part == k] - o.log.time[0]
+        return "the rests" if k == PARTS else f"the part from {mine[0]:.0f} s to {mine[-1]:.0f} s"
+
     return Judged(
         fit, {"field": "the field", "gravity": "specific force at rest"},
         "declared" if s.declared else "measured", o.time,
@@ -666,7 +684,7 @@ def _judged(fit: Fit) -> Judged:
         {name: Limit("The field", edge, 1e6, "uT", "iron near the path, or the field of a room "
                      "with steel in it") for name in WANDERS},
         readings="cells", cure="Turn for longer.", more="turn for longer", blocks=part,
-        predicted="parts of the log",
+        named=named, predicted="parts of the log",
     )  # fmt: skip
 
 
@@ -766,7 +784,7 @@ class FieldSeen:
         n = len(o.cells)
         raw = o.cells.mean(o.log.mag[o.cells.rows])
         chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
-        true, _ = chain.seen(o.cells, B * state.field)
+        true = chain.seen(o.cells, B * state.field)
         left = self.fit.at.residuals[:n]
         field_b = np.linalg.solve(state.mag.matrix, (left + raw * 0).T).T + true
         columns = {"time": o.time[:n], "weight": self.fit.estimate.weights[:n]}
@@ -811,7 +829,7 @@ class FieldSeen:
         assert c.cov is not None
         degrees = np.degrees(self.heading_sd(c.cov))
         chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
-        seen, _ = chain.seen(o.cells, state.field / np.linalg.norm(state.field))
+        seen = chain.seen(o.cells, state.field / np.linalg.norm(state.field))
         even = float(np.linalg.eigvalsh(seen.T @ seen / len(seen))[0] * 3)
         missing = ", ".join(w for _, w in coverage(seen).missing) or "nothing"
         s = np.linalg.svd(state.mag.matrix, compute_uv=False)
