@@ -55,7 +55,9 @@ def free(rng: np.random.Generator, time: float = 60.0, pace: float = 2.5) -> np.
     return w * (ramp**2 * (3 - 2 * ramp))[:, None]
 
 
-def rests(rng: np.random.Generator, count: int = 24, rest: float = 2.0, turn: float = 1.5) -> np.ndarray:
+def rests(
+    rng: np.random.Generator, count: int = 24, rest: float = 2.0, turn: float = 1.5
+) -> np.ndarray:
     """Rates of turns between rests, (n, 3) [rad/s] every ms."""
     tau = np.arange(round(turn * FINE)) / (turn * FINE)
     bump = (1 - np.cos(2 * np.pi * tau)) / turn

@@ -56,7 +56,7 @@ TILTED = {"tilts": ["8 deg", "-8 deg", "0 deg"]}
 FIELD = {"intensity": 49e-6, "intensity_sd": 1e-8, "noise_sd": 3e-7, "gyro_bias_sd": 1e-4,
          "gyro_scale_sd": 1e-3, "gyro_misalignment_sd": 5e-4}  # fmt: skip
 KNOWN_IMU = {"gyro_bias_sd": 1e-12, "gyro_scale_sd": 1e-12, "gyro_misalignment_sd": 1e-12,
-             "accel_bias_sd": 1e-12, "wander": False}  # fmt: skip
+             "accel_bias_sd": 1e-12, "intensity_sd": 1e-18, "wander": False}  # fmt: skip
 TRUE_TABLE = dict.fromkeys(("plumb_sd", "orthogonality_sd", "zero_sd", "position_sd"), 0.0)
 
 SESSIONS = {
@@ -275,7 +275,7 @@ EXACT = {
     "turntable, everything": (2e-12, Case("turntable", BOTH | EVERYTHING, PERFECT)),
     "rate_table": (2e-12, Case("rate_table", {"g_sensitivity": True}, MEANS)),
     "magnetometer": (
-        1e-3, Case("magnetometer", FIELD | KNOWN_IMU, {"rate": 200.0, "time": 8.0, "noise_sd": 0.0})
+        1e-6, Case("magnetometer", FIELD | KNOWN_IMU, {"rate": 200.0, "time": 8.0, "noise_sd": 0.0})
     ),
     "north_seeking": (
         1e-7, Case("north_seeking", {"z_coupling": "free"}, TILTED, noise=SEEKER)

@@ -23,7 +23,6 @@ References
 
 from __future__ import annotations
 
-import datetime
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal
@@ -42,18 +41,22 @@ from foucault.errors import Finding, Status, error, finding
 from foucault.infer import mixed
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.infer.mixed import NOISE_BASIS, Fit, Linearisation, Source
+from foucault.logs.description import OWN_LOG, log_head
 from foucault.models import magnetometer as sensor
 from foucault.models.earth import Site
-from foucault.models.magnetometer import LAYOUT, Cells, Chain, Magnetometer, Turning
+from foucault.models.magnetometer import LAYOUT, Magnetometer
 from foucault.models.noise import ImuNoise, grade
-from foucault.models.rotation import cross_matrix, exp, log as rotation_vector
+from foucault.models.rotation import cross_matrix, exp
+from foucault.models.rotation import log as rotation_vector
+from foucault.models.turning import Cells, Chain, Turning
+from foucault.models.world_field import WorldField, world_field
 from foucault.procedures import record
 from foucault.procedures.record import Given, Procedure, result_of
 from foucault.result import Check, Result, TableData
 from foucault.simulate.noise import noisy_log
 from foucault.strict import Strict
 from foucault.tables import AXES, Log, temperature_range, whole_samples
-from foucault.units import Angle, AngleSd, Quantity, Rate, RatioSd, Seconds
+from foucault.units import STANDARD_GRAVITY, Angle, AngleSd, Quantity, Rate, RatioSd, Seconds
 
 Tesla = Annotated[float, Quantity("magnetic field")]
 
@@ -99,7 +102,7 @@ class Settings(record.Robust):
     """Intensity of the field. Left out: that of the world model where `date` is given, else what
     the readings say themselves, to 5 percent. No heading depends on it."""
     intensity_sd: Tesla | None = Field(default=None, gt=0, examples=["0.5 uT"])
-    """Its standard uncertainty. Left out: 0.3 percent outdoors; indoors 1 to 10 percent are usual."""
+    """Its standard uncertainty. Left out: 0.3 percent, outdoors; indoors 1 to 10 are usual."""
     date: str | None = Field(default=None, examples=["2026-05-04"])
     """Day of the session: the world magnetic model then says intensity, dip and declination at the
     latitude and longitude of [site]. It needs the extra `world`."""
@@ -113,7 +116,9 @@ class Settings(record.Robust):
     """How well the scale factors of the gyros are known beforehand."""
     gyro_misalignment_sd: AngleSd = Field(default=float(np.radians(0.3)), gt=0)
     """How well the axes of the gyros are known beforehand in those of the body."""
-    accel_bias_sd: Annotated[float, Quantity("specific force")] = Field(default=0.05, gt=0)
+    accel_bias_sd: Annotated[float, Quantity("specific force")] = Field(
+        default=5e-3 * STANDARD_GRAVITY, gt=0
+    )
     """How well the biases of the accelerometers are known beforehand."""
 
     def estimated(self) -> tuple[str, ...]:
@@ -253,13 +258,12 @@ def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     time = o.log.time[o.cells.rows]
     step = np.diff(time)
     step[step > 10 * np.median(step)] = 0.0  # between cells that were left out
-    width = max(int(round(0.25 / np.median(step))), 2)
+    width = max(round(0.25 / float(np.median(step))), 2)
     ends = np.arange(0, len(x) - 1, width)
     cross = cross_matrix(x)
     whole = np.array([step[a : a + width].min(initial=1.0) > 0 for a in ends[:-1]])
-    best: tuple[float, FloatArray, float] | None = None
     scan = np.arange(-LATEST, LATEST + 1e-9, 0.005)
-    left = []
+    left, every = [], []
     for delay in scan:
         w = np.column_stack([np.interp(time - delay, o.log.time, o.turning.gyro[:, k])
                              for k in range(3)])  # fmt: skip
@@ -270,17 +274,14 @@ def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         rows = np.diff(total[ends], axis=0)[whole].reshape(-1, 12)
         change = np.diff(x[ends], axis=0)[whole].ravel()
         q = np.linalg.lstsq(rows, change, rcond=1e-6)[0]
-        cost = float(np.sum((change - rows @ q) ** 2))
-        left.append(cost)
-        if best is None or cost < best[0]:
-            best = cost, q, float(delay)
-    assert best is not None
-    _, q, delay = best
+        left.append(float(np.sum((change - rows @ q) ** 2)))
+        every.append(q.reshape(3, 4))
     k = int(np.argmin(left))
+    q, delay = every[k], float(scan[k])
     if 0 < k < len(scan) - 1:  # the vertex of the parabola through the three lowest
         a, b, c = left[k - 1 : k + 2]
         delay += 0.0025 * (a - c) / max(a - 2 * b + c, 1e-300)
-    return q.reshape(3, 4)[:, :3], q.reshape(3, 4)[:, 3], delay
+    return q[:, :3], q[:, 3], delay
 
 
 @dataclass(frozen=True)
@@ -298,33 +299,31 @@ class State:
 def start(o: Observed, settings: Settings, intensity: float | None) -> tuple[State, float]:
     """Return where to start, and the size of the field that the readings say [T].
 
-    Handedness, a wrong unit of the gyros and the rotation to the IMU, whatever it is, show here.
+    Gyros that are mirrored, a wrong unit of theirs and the rotation to the IMU, whatever it is,
+    show here. A mirrored magnetometer does not: its reading reversed is one of a rotated sensor, as
+    ``dx/dt = x x Q w`` is linear in x, so that it looks like a field that points the other way.
     """
     assert o.log.mag is not None
     mag = o.log.mag[o.cells.rows]
     A, h = ellipsoid(mag)
-    x = np.linalg.solve(A, (mag - h).T).T
+    x = np.asarray(np.linalg.solve(A, (mag - h).T).T, float)
     Q, c, delay = turned(o, x)
+    U, gains, V = np.linalg.svd(Q)
     gain = float(np.cbrt(np.linalg.det(Q)))
-    if gain < 0 and np.linalg.svd(Q, compute_uv=False)[2] > 0.5:
-        raise error("mag.left_handed")
-    if not 0.5 < abs(gain) < 2.0 and _sure(Q):
-        raise error("mag.gyro_unit", ratio=f"{abs(gain):.3g}")
-    U, _, V = np.linalg.svd(Q)
+    if gains[2] > 0.7 * gains[0]:  # the motion shows all three axes
+        if not 0.5 < abs(gain) < 2.0:
+            raise error("mag.gyro_unit", ratio=f"{abs(gain):.3g}")
+        if gain < 0:
+            raise error("mag.gyro_mirrored")
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
     bias = np.clip(-R.T @ c, -BIAS, BIAS)
     chain = o.turning.chain(delay, bias, np.zeros((3, 3)))
-    seen = np.einsum("nij,kj,nk->i", chain.C[o.cells.rows], R.T, x)
+    seen = np.einsum("nij,kj,nk->i", chain.C[o.cells.rows], R, x)
     up = mean_up(o, chain)
     size = float(np.cbrt(np.linalg.det(A)))
-    B = intensity or size
-    hard = settings.terms == "hard iron"
-    found = np.eye(3) if hard else A @ R / B
-    state = State(
-        Magnetometer(found, h, delay), seen / np.linalg.norm(seen), up / np.linalg.norm(up), bias,
-        np.zeros((3, 3)),
-    )  # fmt: skip
-    return state, size
+    found = np.eye(3) if settings.terms == "hard iron" else A @ R / (intensity or size)
+    field, up = seen / np.linalg.norm(seen), up / np.linalg.norm(up)
+    return State(Magnetometer(found, h, delay), field, up, bias, np.zeros((3, 3))), size
 
 
 def mean_up(o: Observed, chain: Chain) -> FloatArray:
@@ -336,17 +335,11 @@ def mean_up(o: Observed, chain: Chain) -> FloatArray:
     if o.log.accel is None:
         return np.array([0.0, 0.0, 1.0])
     rows = o.still.rows if len(o.still) else np.arange(len(o.log))
-    return np.einsum("nij,nj->i", chain.C[rows], o.log.accel[rows]) / len(rows)
+    return np.asarray(np.einsum("nij,nj->i", chain.C[rows], o.log.accel[rows]) / len(rows))
 
 
 BIAS = np.radians(5.0)
 """No bias of the gyros is believed to be larger at the start [rad/s]."""
-
-
-def _sure(Q: FloatArray) -> bool:
-    """Whether the size of Q is that of a unit: its three axes agree."""
-    s = np.linalg.svd(Q, compute_uv=False)
-    return bool(s[2] > 0.7 * s[0])
 
 
 # -- the model -------------------------------------------------------------------------------------
@@ -401,15 +394,20 @@ class FieldModel:
             state.bias + other[2][:3], state.matrix + other[2][3:].reshape(3, 3),
         )  # fmt: skip
 
+    @property
+    def readings(self) -> FloatArray:
+        """Readings of the magnetometer in the cells, shape (r, 3) [T]."""
+        assert self.observed.log.mag is not None
+        return self.observed.log.mag[self.observed.cells.rows]
+
     @cached_property
     def _read(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Mean field [T], specific force at rest [g], temperature beyond the reference [K]."""
         o, log, g = self.observed, self.observed.log, self.sizes.gravity
-        assert log.mag is not None
         T = log.temperature
         warm = np.zeros(len(o.cells)) if T is None else o.cells.mean(T[o.cells.rows])
         force = np.zeros((0, 3)) if log.accel is None else o.still.mean(log.accel[o.still.rows]) / g
-        return o.cells.mean(log.mag[o.cells.rows]), force, warm - (T is not None) * sensor.REFERENCE
+        return o.cells.mean(self.readings), force, warm - (T is not None) * sensor.REFERENCE
 
     def linearise(self, state: State) -> Linearisation:
         """Compare the readings with those of a magnetometer."""
@@ -421,18 +419,16 @@ class FieldModel:
             for late in (0.0, -SOON, SOON)
         )
         both = (after, 0.5 / SOON), (before, -0.5 / SOON)
-        seen, moved = chain.seen(o.cells, B * state.field), A @ chain.seen_by(o.cells, B * state.field)
+        m_0 = B * state.field
+        seen, moved = chain.seen(o.cells, m_0), A @ chain.seen_by(o.cells, m_0)
         iron = state.mag.bias + np.outer(warm, state.mag.bias_temperature)
         every = np.zeros((n + k, 3, len(LAYOUT)))
-        for j, (out, inp) in enumerate([*((i, i) for i in range(3)), *sensor.OFF]):
-            every[:n, out, j] = seen[:, inp]
-        every[:n, :, 9:12] = np.eye(3)
-        every[:n, :, 12] = sum(f * c.seen(o.cells, B * state.field) for c, f in both) @ A.T
-        every[:n, :, 13:] = warm[:, None, None] * np.eye(3)
+        every[:n] = sensor.slopes(seen, warm)
+        every[:n, :, 12] = sum(f * c.seen(o.cells, m_0) for c, f in both) @ A.T
         other = np.zeros((n + k, 3, 18 if k else 15))
         other[:n, :, :3], other[:n, :, -12:] = B * moved[:, :, :3], moved[:, :, 3:]
         miss = mag - seen @ A.T - iron
-        tilting = moved[:, :, :3] @ cross_matrix(B * state.field)  # by an error of the attitude
+        tilting = moved[:, :, :3] @ cross_matrix(m_0)  # by an error of the attitude
         if k:
             by = chain.seen_by(o.still, state.up)
             other[n:, :, 3:6], other[n:, :, 6:] = by[:, :, :3], by[:, :, 3:]
@@ -478,7 +474,7 @@ class FieldModel:
         wander = {}
         for name, stays in WANDERS.items():
             cov = np.exp(-np.abs(t[:n, None] - t[:n]) / stays)
-            wander[name] = np.linalg.cholesky(cov + 1e-9 * np.eye(n))
+            wander[name] = np.asarray(np.linalg.cholesky(cov + 1e-9 * np.eye(n)), float)
         return np.concatenate([white, accel]), walk, wander
 
     def _sources(
@@ -498,7 +494,9 @@ class FieldModel:
         for name in wander if self.settings.wander else ():
             some = np.zeros((n + k, 3, 3 * n))
             some[:n] = np.einsum("nij,nk->nikj", moved, wander[name]).reshape(n, 3, -1)
-            out.append(Source(name, shared=some, sd=None, type="A", basis=mixed.UNEXPLAINED_BASIS[1]))
+            out.append(
+                Source(name, shared=some, sd=None, type="A", basis=mixed.UNEXPLAINED_BASIS[1])
+            )
         if "mag.scale.x" not in self.names:
             held = self.settings.matrix_sd * every[:, :, :9]
             out.append(Source("matrix taken for one", shared=held, basis="matrix_sd as given"))
@@ -507,7 +505,7 @@ class FieldModel:
             bias[n:] = self.settings.accel_bias_sd / self.sizes.gravity * np.eye(3)
             own[n:] = np.eye(3)
             out += [
-                Source("accelerometer noise", last, noise=True, basis="noise of the accelerometers"),
+                Source("accelerometer noise", last, noise=True, basis="their noise"),
                 Source("accelerometer bias", shared=bias, basis="accel_bias_sd as given"),
                 Source(SHAKEN, own, sd=None, unexplained=True, type="A",
                        basis=mixed.UNEXPLAINED_BASIS[1]),
@@ -531,7 +529,7 @@ def observe(log: Log, given: Given[Settings]) -> FieldModel:
 
 def _model(o: Observed, given: Given[Settings]) -> tuple[FieldModel, list[Finding]]:
     """Return the model, and what was noticed on the way."""
-    s, world = given.settings, world_field(given.settings, given.site)
+    s, world = given.settings, world_field(given.settings.date, given.site)
     said = s.intensity or (world.intensity if world else None)
     state, size = start(o, s, said)
     told = _unit(size, said)
@@ -561,49 +559,10 @@ def _noise(o: Observed, state: State, B: float) -> float:
     return float(np.median(np.std(second, axis=0)) / np.sqrt(6.0))
 
 
-# -- the Earth's field -----------------------------------------------------------------------------
+# -- the result ------------------------------------------------------------------------------------
 
-
-@dataclass(frozen=True)
-class World:
-    """The field that a world model says, and its standard uncertainties."""
-
-    intensity: float  # [T]
-    # dip: positive where the field points down; declination: of its level part, clockwise from
-    # true north [rad]
-    dip: float
-    declination: float
-    intensity_sd: float  # [T]
-    dip_sd: float  # [rad]
-    declination_sd: float  # [rad]
-
-
-def world_field(settings: Settings, site: Site) -> World | None:
-    """Return the field at the site on the day of the session; None where no day is given."""
-    if settings.date is None:
-        return None
-    if site.latitude is None or site.longitude is None:
-        raise error("mag.no_place", date=settings.date)
-    try:
-        year, day = datetime.date.fromisoformat(settings.date).timetuple()[0:8:7]
-        from pygeomag import GeoMag
-    except ValueError:
-        raise error("mag.date", given=settings.date) from None
-    except ModuleNotFoundError:
-        raise error("mag.world") from None
-    when = year + (day - 0.5) / 365.25
-    if not 2010.0 <= when < 2030.0:
-        raise error("mag.date", given=settings.date)
-    file = f"wmm/WMM_{int(when // 5) * 5}.COF"
-    place = np.degrees(site.latitude), np.degrees(site.longitude)
-    at = GeoMag(coefficients_file=file).calculate(*place, site.height / 1e3, when)
-    off = at.calculate_uncertainty()
-    return World(at.f * 1e-9, *np.radians([at.i, at.d]).tolist(), off.f * 1e-9,
-                 *np.radians([off.i, off.d]).tolist())  # fmt: skip
-
-
-UNITS = {10.0: "mG", 0.1: "uT", 1e3: "nT", 1e-3: "uT", 100.0: "uT", 0.01: "G", 1e6: "T", 1e-6: "uT"}
-"""How many times too large readings are whose unit was said wrongly -> the unit to try."""
+UNITS = (1e-6, 1e-3, 0.01, 0.1, 10.0, 100.0, 1e3, 1e6)
+"""How many times too large readings are whose unit was said wrongly [1]."""
 
 
 def _unit(size: float, intensity: float | None) -> list[Finding]:
@@ -617,57 +576,43 @@ def _unit(size: float, intensity: float | None) -> list[Finding]:
     return [finding("mag.not_earth", size=f"{size * 1e6:.3g}")]
 
 
-# -- the result ------------------------------------------------------------------------------------
-
-
 def _solve(log: Log, given: Given[Settings]) -> Result:
     s = given.settings
     given.progress(0.1, "integrating the gyros")
     model, told = _model(reduce(without_spikes(log)), given)
     given.progress(0.3, "calibrating")
     fit = _fitted(model, given)
-    blind = s.terms == "auto" and (fit.estimate.status is Status.UNOBSERVABLE or _poor(fit, s))
-    if blind:
+    blind = fit.estimate.status is Status.UNOBSERVABLE
+    if s.terms == "auto" and (blind or fit.estimate.coefficients.sd[:9].max() > s.matrix_sd):
         hard = s.model_copy(update={"terms": "hard iron"})
         again, _ = _model(model.observed, replace(given, settings=hard))
         fit = _fitted(again, given)
         told.append(finding("mag.hard_iron", percent=f"{100 * s.matrix_sd:.3g}"))
-    model = fit.model
+        model = again
     given.progress(0.7, "judging")
-    o, world = model.observed, world_field(s, given.site)
-    field = FieldSeen.of(fit, world)
+    o, world = model.observed, world_field(s.date, given.site)
+    field = FieldSeen(fit, model, world)
     told += field.findings(given.site)
-    more: dict[str, Any] = {"field": field.json(), "noise_of_a_reading": model.sizes.noise}
-    tables: dict[str, TableData] = {}
-    if given.shown:
-        tables = {"heading": field.budget(), "cells": field.cells()}
-    result = result_of(
-        "magnetometer", fit, (*checks(_judged(fit)), *field.checks(s)), site=given.site,
-        findings=(*log.findings, *o.findings, *told), tables=tables, diagnostics=more,
-        described=(sensor.EQUATION, sensor.FRAME, "body axes of the IMU"), table_rate_sd=None,
+    tables = {"heading": field.budget(), "cells": field.cells()} if given.shown else {}
+    return result_of(
+        "magnetometer", fit, (*checks(_judged(fit, model)), *field.checks()), site=given.site,
+        findings=(*log.findings, *o.findings, *told), tables=tables,
+        diagnostics={"field": field.json()},
+        described=(sensor.EQUATION, sensor.FRAME, "axes of the IMU"), table_rate_sd=None,
         validity={"sampled": log.sampled, "rate": log.rate} | temperature_range(log),
     )  # fmt: skip
-    return result
 
 
 def _fitted(model: FieldModel, given: Given[Settings]) -> Fit:
-    known = {n: v for n, v in given.prior.items() if model.layout.names and _has(model.layout, n)}
-    prior = CoefficientVector.prior(model.layout, known)
-    return mixed.fit(model, prior, robust=given.settings.robust)
+    """Solve; where the hard iron alone is found, what is known of the matrix does not count."""
+    names = np.array(LAYOUT.names)
+    mine = {n: v for n, v in given.prior.items() if {*names[LAYOUT.group(n)]} & {*model.names}}
+    return mixed.fit(
+        model, CoefficientVector.prior(model.layout, mine), robust=given.settings.robust
+    )
 
 
-def _has(layout: Layout, name: str) -> bool:
-    return any(n == name or n.startswith(f"{name}.") for n in layout.names) or name not in LAYOUT
-
-
-def _poor(fit: Fit, settings: Settings) -> bool:
-    """Whether the matrix is less well seen than known beforehand."""
-    c = fit.estimate.coefficients
-    return bool((c.sd[:9] > settings.matrix_sd).any())
-
-
-def _judged(fit: Fit) -> Judged:
-    model = fit.model
+def _judged(fit: Fit, model: FieldModel) -> Judged:
     o, s = model.observed, model.sizes
     n = len(o.cells)
     part = np.concatenate([np.arange(n) * PARTS // n, np.full(len(o.still), PARTS)])
@@ -700,191 +645,178 @@ class FieldSeen:
     """What a fit says of the field, and of the heading that follows from it."""
 
     fit: Fit
-    world: World | None
-    # dip, dip_sd: positive where the field points down; NaN without accelerometers [rad]
-    dip: float
-    dip_sd: float
+    model: FieldModel
+    world: WorldField | None
 
-    @classmethod
-    def of(cls, fit: Fit, world: World | None) -> FieldSeen:
-        """Find the dip of the field against gravity."""
-        model, state = fit.model, fit.state
-        o = model.observed
+    @cached_property
+    def chain(self) -> Chain:
+        """Attitudes as found, each as late as the magnetometer."""
+        state: State = self.fit.state
+        return self.model.observed.turning.chain(state.mag.delay, state.bias, state.matrix)
+
+    @cached_property
+    def up(self) -> FloatArray:
+        """Direction of up in body axes of the first row, (3,) [g]."""
+        o = self.model.observed
+        found = (
+            self.fit.state.up if len(o.still) else mean_up(o, self.chain) / self.model.sizes.gravity
+        )
+        return np.asarray(found)
+
+    @cached_property
+    def dip(self) -> tuple[float, float]:
+        """Dip, positive where the field points down, and its sd; NaN without gravity [rad]."""
+        o, cov, p = self.model.observed, self.fit.estimate.state_cov, len(self.model.names)
         if o.log.accel is None:
-            return cls(fit, world, np.nan, np.nan)
-        m, p = state.field / np.linalg.norm(state.field), len(model.names)
-        cov = fit.estimate.state_cov
-        if len(o.still):
-            up, some = state.up, cov[p : p + 6, p : p + 6]
-        else:
-            chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
-            up = mean_up(o, chain) / model.sizes.gravity
-            sd = np.hypot(HAND / o.log.duration, model.settings.accel_bias_sd)
+            return np.nan, np.nan
+        some = cov[p : p + 6, p : p + 6]
+        if not len(o.still):
+            sd = np.hypot(HAND / o.log.duration, self.model.settings.accel_bias_sd)
             some = np.zeros((6, 6))
             some[:3, :3] = cov[p : p + 3, p : p + 3]
-            some[3:, 3:] = (sd / model.sizes.gravity) ** 2 * np.eye(3)
-        u = up / np.linalg.norm(up)
+            some[3:, 3:] = (sd / self.model.sizes.gravity) ** 2 * np.eye(3)
+        size = float(np.linalg.norm(self.up))
+        m, u = self.fit.state.field / np.linalg.norm(self.fit.state.field), self.up / size
         sine = float(np.clip(-m @ u, -1.0, 1.0))
-        slope = -np.concatenate([u - (u @ m) * m, (m - (u @ m) * u) / np.linalg.norm(up)])
-        sd = np.sqrt(slope @ some @ slope) / max(np.sqrt(1 - sine**2), 1e-3)
-        return cls(fit, world, float(np.arcsin(sine)), float(sd))
+        slope = -np.concatenate([u - (u @ m) * m, (m - (u @ m) * u) / size])
+        return float(np.arcsin(sine)), float(
+            np.sqrt(slope @ some @ slope) / max(np.sqrt(1 - sine**2), 1e-3)
+        )
 
-    @property
-    def shown_dip(self) -> float:
-        """The dip that headings are reckoned with [rad]."""
-        if np.isfinite(self.dip):
-            return self.dip
-        return self.world.dip if self.world else np.radians(60.0)
+    @cached_property
+    def level(self) -> tuple[float, float]:
+        """Level part of the field [T], and the tangent of its dip, as headings are reckoned."""
+        dip = self.dip[0]
+        if not np.isfinite(dip):
+            dip = self.world.dip if self.world else USUAL_DIP
+        return self.model.sizes.intensity * float(np.cos(dip)), float(np.tan(dip))
 
-    def level_headings(self) -> tuple[FloatArray, FloatArray]:
-        """Return derivatives of level headings by the coefficients, (24, p), and the headings.
+    @cached_property
+    def heading_sd(self) -> float:
+        """Rms over all level headings of what the coefficients leave uncertain of them [rad].
 
-        The east component of an error of the field over its level part [rad per SI].
+        An error of the field turns a heading by its east component over the level part.
         """
-        model, mag = self.fit.model, self.fit.state.mag
-        B, dip = model.sizes.intensity, self.shown_dip
-        psi = np.arange(24) * (2 * np.pi / 24)
-        # b right, forward, up at heading psi: north is (-sin, cos, 0), east (cos, sin, 0).
-        north = np.stack([-np.sin(psi), np.cos(psi), 0 * psi], axis=1)
-        east = np.stack([np.cos(psi), np.sin(psi), 0 * psi], axis=1)
-        m_b = B * (np.cos(dip) * north - np.sin(dip) * np.array([0.0, 0.0, 1.0]))
-        by = np.zeros((24, 3, len(LAYOUT)))
-        for j, (out, inp) in enumerate([*((i, i) for i in range(3)), *sensor.OFF]):
-            by[:, out, j] = m_b[:, inp]
-        by[:, :, 9:12] = np.eye(3)
-        back = np.einsum("ni,ij->nj", east, np.linalg.inv(mag.matrix)) / (B * np.cos(dip))
-        slope = np.einsum("nj,njp->np", back, by)
-        return slope[:, [LAYOUT.index(n) for n in model.names]], psi
-
-    def heading_sd(self, cov: FloatArray) -> float:
-        """Return the rms over all level headings of their sd by coefficients of `cov` [rad]."""
-        slope, _ = self.level_headings()
-        return float(np.sqrt(np.mean(np.einsum("np,pq,nq->n", slope, cov, slope))))
+        c, (level, tangent) = self.fit.estimate.coefficients, self.level
+        assert c.cov is not None
+        psi = np.arange(24)[:, None] * (2 * np.pi / 24)
+        # b is right, forward, up: north is (-sin, cos, 0) at heading psi, east (cos, sin, 0).
+        north = np.concatenate([-np.sin(psi), np.cos(psi), 0 * psi], axis=1)
+        east = np.concatenate([np.cos(psi), np.sin(psi), 0 * psi], axis=1)
+        m_b = level * (north - tangent * np.array([0.0, 0.0, 1.0]))
+        by = sensor.slopes(m_b)[:, :, [LAYOUT.index(n) for n in c.names]]
+        slope = (
+            np.einsum("ni,ij,njp->np", east, np.linalg.inv(self.fit.state.mag.matrix), by) / level
+        )
+        return float(np.sqrt(np.mean(np.einsum("np,pq,nq->n", slope, c.cov, slope))))
 
     def budget(self) -> TableData:
         """Return what makes a level heading uncertain, as a table."""
-        model, cov = self.fit.model, self.fit.estimate.coefficients.cov
-        assert cov is not None
-        level = model.sizes.intensity * np.cos(self.shown_dip)
-        wander = float(np.sqrt(sum(v**2 for n, v in self.fit.found.items() if n in WANDERS)))
+        level, tangent = self.level
+        wander = np.sqrt(sum(v**2 for n, v in self.fit.found.items() if n in WANDERS))
         rows = {
-            "calibration": self.heading_sd(cov),
+            "calibration": self.heading_sd,
             "field that changes from place to place": wander / level,
-            "noise of one reading": model.sizes.noise / level,
-            "tilt of 1 mrad": 1e-3 * abs(np.tan(self.shown_dip)),
+            "noise of one reading": self.model.sizes.noise / level,
+            "tilt of 1 mrad": 1e-3 * abs(tangent),
         }
         if self.world is not None:
             rows["declination of the world model"] = self.world.declination_sd
-        return {"cause": np.array(list(rows)), "heading_sd": np.array(list(rows.values()))}
+        return {"cause": np.array([*rows]), "heading_sd": np.array([*rows.values()], float)}
 
     def cells(self) -> TableData:
-        """Return the cells: field raw and corrected against what stands still, as a table."""
-        model, state = self.fit.model, self.fit.state
-        o, B = model.observed, model.sizes.intensity
-        n = len(o.cells)
-        raw = o.cells.mean(o.log.mag[o.cells.rows])
-        chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
-        true = chain.seen(o.cells, B * state.field)
+        """Return the cells, as read and corrected, as a table."""
+        o, mag = self.model.observed, self.fit.state.mag
+        n, raw = len(o.cells), o.cells.mean(self.model.readings)
+        true = self.chain.seen(o.cells, self.model.sizes.intensity * self.fit.state.field)
         left = self.fit.at.residuals[:n]
-        field_b = np.linalg.solve(state.mag.matrix, (left + raw * 0).T).T + true
+        field_b = np.linalg.solve(mag.matrix, left.T).T + true
         columns = {"time": o.time[:n], "weight": self.fit.estimate.weights[:n]}
         for name, x in (("raw", raw), ("field", field_b), ("residual", left)):
             columns |= {f"{name}_{a}": x[:, k] for k, a in enumerate(AXES)}
         return columns | {"norm": np.linalg.norm(field_b, axis=1)}
 
-    def spread(self) -> tuple[float, float] | None:
+    def spread(self) -> list[float]:
         """Return the sd of headings in this session, before and after the correction [rad]."""
-        model, state = self.fit.model, self.fit.state
-        o, B = model.observed, model.sizes.intensity
-        if not np.isfinite(self.dip) or o.log.mag is None:
-            return None
-        chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
-        C, mag = chain.C[o.cells.rows], o.log.mag[o.cells.rows]
-        warm = None if o.log.temperature is None else o.log.temperature[o.cells.rows]
-        up = state.up if len(o.still) else mean_up(o, chain)
-        u = up / np.linalg.norm(up)
+        o, state = self.model.observed, self.fit.state
+        C, mag, T = self.chain.C[o.cells.rows], self.model.readings, o.log.temperature
+        u = self.up / np.linalg.norm(self.up)
         north = state.field - (state.field @ u) * u
-        east = np.cross(north, u) / np.linalg.norm(north)
+        axes = np.stack([north, np.cross(north, u)]).T / np.linalg.norm(north)
         out = []
-        for field_b in (mag, state.mag.compensate(mag, chain.w[o.cells.rows], warm)):
-            still = np.einsum("nij,nj->ni", C, field_b)
-            angle = np.arctan2(still @ east, still @ north / np.linalg.norm(north))
-            out.append(float(np.std(np.angle(np.exp(1j * (angle - np.angle(np.exp(1j * angle).mean())))))))
-        return out[0], out[1]
+        for field_b in (
+            mag,
+            state.mag.compensate(mag, None, None if T is None else T[o.cells.rows]),
+        ):
+            level = np.einsum("nij,nj->ni", C, field_b) @ axes @ np.array([1.0, 1j])
+            out.append(float(np.std(np.angle(level * np.conj(np.mean(level / np.abs(level)))))))
+        return out
 
-    def right_already(self) -> tuple[float, float]:
-        """Return how far the coefficients are from none at all, and what chance allows [1]."""
-        c = self.fit.estimate.coefficients
-        some = [k for k, n in enumerate(c.names) if n != "mag.delay"]
-        assert c.cov is not None
-        x = c.values[some]
-        # The common gain hangs on an intensity that is hardly known.
-        return (float(x @ np.linalg.solve(c.cov[np.ix_(some, some)], x)),
-                chi_square_limits(len(some))[1])  # fmt: skip
-
-    def checks(self, settings: Settings) -> tuple[Check, ...]:
+    def checks(self) -> tuple[Check, ...]:
         """Return the tests that are its own."""
-        model, state = self.fit.model, self.fit.state
-        o, c = model.observed, self.fit.estimate.coefficients
-        assert c.cov is not None
-        degrees = np.degrees(self.heading_sd(c.cov))
-        chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
-        seen = chain.seen(o.cells, state.field / np.linalg.norm(state.field))
-        even = float(np.linalg.eigvalsh(seen.T @ seen / len(seen))[0] * 3)
+        o, state, (dip, _) = self.model.observed, self.fit.state, self.dip
+        seen = self.chain.seen(o.cells, state.field / np.linalg.norm(state.field))
+        even = float(np.linalg.eigvalsh(np.cov(seen.T))[0] * 3)  # a cone about an axis has none
         missing = ", ".join(w for _, w in coverage(seen).missing) or "nothing"
-        s = np.linalg.svd(state.mag.matrix, compute_uv=False)
+        gains = np.linalg.svd(state.mag.matrix, compute_uv=False)
         out = [
-            check("mag heading", "level heading [deg]", degrees, None, HEADING),
-            check("mag coverage", "coverage", even, 0.1, None, {"missing": missing}),
-            check("mag axes", "axis ratio", float(s[0] / s[2]), None, RATIO),
+            check("mag heading", "level heading [deg]", np.degrees(self.heading_sd), None, HEADING),
+            check("mag coverage", "coverage", even, EVEN, None, {"missing": missing}),
+            check("mag axes", "axis ratio", float(gains[0] / gains[2]), None, RATIO),
         ]
-        if self.world is not None and np.isfinite(self.dip):
-            off = np.degrees(self.dip - self.world.dip)
-            given = {"dip": np.degrees(self.dip), "world": np.degrees(self.world.dip)}
-            out.append(check("mag dip", "dip against the world model [deg]", off, -3.0, 3.0, given))
+        if self.world is not None and np.isfinite(dip):
+            given = {"dip": np.degrees(dip), "world": np.degrees(self.world.dip)}
+            off = given["dip"] - given["world"]
+            out.append(check("mag dip", "dip off the world model [deg]", off, -3.0, 3.0, given))
         return tuple(out)
 
     def findings(self, site: Site) -> list[Finding]:
         """Say what people want to know, and what looks reversed or turned."""
-        state, out = self.fit.state, []
-        _, R = state.mag.polar
+        c, (dip, sd), out = self.fit.estimate.coefficients, self.dip, []
+        _, R = self.fit.state.mag.polar
         angle = float(np.degrees(np.linalg.norm(rotation_vector(R))))
-        if angle > 30.0:
-            axes = np.argmax(np.abs(R), axis=1)
-            words = ", ".join(f"{a} along {'-' * (R[k, axes[k]] < 0)}{AXES[axes[k]]}"
+        if angle > TURNED:
+            along = np.abs(R).argmax(axis=1)
+            words = ", ".join(f"{a} along {'-' if R[k, along[k]] < 0 else ''}{AXES[along[k]]}"
                               for k, a in enumerate(AXES))  # fmt: skip
             out.append(finding("mag.axes", angle=f"{angle:.3g}", axes=words))
-        far, limit = self.right_already()
-        if far < limit:
+        some = [k for k, n in enumerate(c.names) if n != "mag.delay"]
+        assert c.cov is not None
+        far = float(c.values[some] @ np.linalg.solve(c.cov[np.ix_(some, some)], c.values[some]))
+        if far < chi_square_limits(len(some))[1]:
             out.append(finding("mag.already_right"))
-        latitude = site.latitude
-        if np.isfinite(self.dip) and latitude is not None and abs(latitude) > np.radians(25.0):
-            if self.dip * latitude < 0 and abs(self.dip) > max(5 * self.dip_sd, np.radians(15.0)):
-                out.append(finding("mag.dip_reversed", dip=f"{np.degrees(self.dip):.3g}",
-                                   latitude=f"{np.degrees(latitude):.3g}"))  # fmt: skip
+        latitude = 0.0 if site.latitude is None else site.latitude
+        clear = abs(latitude) > np.radians(25.0) and abs(dip) > max(5 * sd, np.radians(15.0))
+        if clear and dip * latitude < 0:
+            degrees = {"dip": f"{np.degrees(dip):.3g}", "latitude": f"{np.degrees(latitude):.3g}"}
+            out.append(finding("mag.dip_reversed", **degrees))
         return out
 
     def json(self) -> dict[str, Any]:
         """Return what the fit says of the field, for result.json."""
-        model, cov = self.fit.model, self.fit.estimate.coefficients.cov
-        assert cov is not None
+        sizes, (P, R), (dip, sd) = self.model.sizes, self.fit.state.mag.polar, self.dip
         out: dict[str, Any] = {
-            "intensity": model.sizes.intensity, "intensity_sd": model.sizes.intensity_sd,
-            "intensity_basis": model.sizes.basis, "level_heading_sd": self.heading_sd(cov),
-            "rotation": self.fit.state.mag.polar[1].tolist(),
-            "symmetric": self.fit.state.mag.polar[0].tolist(),
+            "intensity": sizes.intensity, "intensity_sd": sizes.intensity_sd,
+            "intensity_basis": sizes.basis, "level_heading_sd": self.heading_sd,
+            "rotation": R.tolist(), "symmetric": P.tolist(), "noise_of_a_reading": sizes.noise,
         }  # fmt: skip
-        if np.isfinite(self.dip):
-            out |= {"dip": self.dip, "dip_sd": self.dip_sd}
-        if (spread := self.spread()) is not None:
-            out["heading_spread"] = list(spread)
-        if self.world is not None:
-            out["world"] = asdict(self.world)
-        return out
+        if np.isfinite(dip):
+            out |= {"dip": dip, "dip_sd": sd, "heading_spread": self.spread()}
+        return out if self.world is None else out | {"world": asdict(self.world)}
 
+
+USUAL_DIP = np.radians(60.0)
+"""Where neither accelerometers nor a world model say it [rad]."""
+
+TURNED = 30.0
+"""Axes turned by more are not a sensor that sits askew, but one with other axes [deg]."""
 
 HEADING = 1.0
 """A level heading that is known worse is hardly worth a calibration [deg]."""
+
+EVEN = 0.03
+"""Spread of the field along its least covered direction, of that over a whole sphere, below which
+hard iron and field are hardly told apart there [1]."""
 
 RATIO = 1.3
 """Soft iron does not stretch the field by more; saturation or a wrong scale does [1]."""
@@ -900,7 +832,7 @@ class Session(Strict):
     """free: turned all the time, with a rest before and after; rests: turned from rest to rest."""
     time: Seconds = Field(default=60.0, gt=5)
     """Length of the free turning."""
-    pace: Rate = Field(default=2.5, gt=0)
+    pace: Rate = Field(default=float(np.radians(150.0)), gt=0)
     """How fast it is turned, rms."""
     rests: int = Field(default=24, ge=2)
     """Number of rests, where it is turned from rest to rest."""
@@ -952,18 +884,18 @@ def simulated(
     motion, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
     rest, turn = session.rest_time, session.turn_time
     free = session.motion == "free"
-    starts = np.array([rest]) if free else rest + np.arange(session.rests - 1) * (rest + turn)
+    starts = np.asarray(rest + np.arange(1 if free else session.rests - 1) * (rest + turn), float)
     length = np.full(len(starts), session.time if free else turn)
     lead = 2 * LATEST  # what a late magnetometer still sees of before
     n = whole_samples((starts[-1] + length[-1] + rest) * session.rate) + 1
     fine = FINE * session.rate
-    time = np.arange(-round(lead * fine), (n - 1) * FINE + 1) / fine
+    time = np.asarray(np.arange(-round(lead * fine), (n - 1) * FINE + 1) / fine, float)
     w = _rates(session, starts, length, time, motion)
     chain = Turning(time, w).chain(0.0, np.zeros(3), np.zeros((3, 3)))
     C = exp(motion.standard_normal(3)) @ chain.C
     sampled = slice(round(lead * fine), None, FINE)
-    level = session.intensity * np.cos(session.dip)
-    m_n = np.array([0.0, level, -session.intensity * np.sin(session.dip)])
+    B = session.intensity + (settings.intensity_sd or 0.0) * sensors.standard_normal()
+    m_n = B * np.array([0.0, np.cos(session.dip), -np.sin(session.dip)])
     keep = np.exp(-1.0 / fine / session.wander_time)
     push = session.wander_sd * sensors.standard_normal((len(time), 3))
     push[1:] *= np.sqrt(1 - keep**2)
@@ -981,7 +913,7 @@ def simulated(
     np.fill_diagonal(gyros, s.gyro_scale_sd * sensors.standard_normal(3))
     # The inverse of how it is taken away: w = w_m - bias - matrix w_m.
     bias = s.gyro_bias_sd * sensors.standard_normal(3)
-    measured = np.linalg.solve(np.eye(3) - gyros, (rate + bias).T).T
+    measured = np.asarray(np.linalg.solve(np.eye(3) - gyros, (rate + bias).T).T, float)
     force = f_b + s.accel_bias_sd * sensors.standard_normal(3)
     log = noisy_log(time[sampled], force, measured, sampled=session.kind, noise=noise, rng=sensors)
     return Simulation(replace(log, mag=mag), model, {"dip": session.dip})
@@ -1013,7 +945,26 @@ def _rates(
     return w
 
 
-LOG_LINES = 'mag = { columns = ["mag_x", "mag_y", "mag_z"], unit = "T" }  # uT, nT, mG, G, count\n'
+MAG_LINE = """\
+mag = { columns = ["mag_x", "mag_y", "mag_z"], unit = "T" }    # T, uT, nT, mG, G or count
+# Counts need a scale:  mag = { columns = [...], unit = "count", scale = "6.7 count/uT" }
+# A magnetometer in the same case often has other axes: name its columns in the order of the IMU.
+# Where the temperature was logged:  temperature = { column = "temperature", unit = "degC" }
+"""
+
+NOISE_LINES = """\
+# Noise of gyros and accelerometers. Left out, that of MEMS instruments is taken; that of the
+# magnetometer is noise_sd above.
+# [noise]
+# grade = "mems"                        # mems, tactical, navigation: typical values
+# part = "ICM-20948"                    # or the data sheet of one; `foucault parts` lists them
+"""
+
+
+def log_table(log: Log | None) -> str:
+    """Write [log] of the template, or of a log that was simulated."""
+    return OWN_LOG if log is not None and log.sampled == "increment" else log_head() + MAG_LINE
+
 
 PROCEDURE = Procedure(
     name="magnetometer",
@@ -1028,6 +979,7 @@ PROCEDURE = Procedure(
     draw_errors=draw_errors,
     table_rate_sd=None,
     sizes=lambda session, _: dict.fromkeys(WANDERS, session.wander_sd),
-    log_lines=LOG_LINES,
+    log_table=log_table,
+    noise_lines=NOISE_LINES,
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate
