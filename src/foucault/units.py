@@ -86,10 +86,13 @@ KINDS: dict[str, Kind] = _kinds(
         ("accelerometer bias per kelvin", "m/s^2/K", "ug/K mg/K", "100 ug/K"),
         ("gyro bias per kelvin", "rad/s/K", "deg/h/K deg/s/K", "0.1 deg/h/K"),
         ("scale factor per kelvin", "ratio/K", "ppm/K percent/K", "20 ppm/K"),
+        ("magnetic field", "T", "nT uT", "0.3 uT"),
+        ("magnetic field per kelvin", "T/K", "nT/K", "10 nT/K"),
         ("velocity increment", "m/s", "m/s", "0.001 m/s"),
         ("angle increment", "rad", "arcsec", "0.1 arcsec"),
         ("accelerometer count scale", "count/(m/s^2)", "count/(m/s^2)", "415 count/(m/s^2)"),
         ("gyro count scale", "count/(rad/s)", "count/(rad/s)", "4778 count/(rad/s)"),
+        ("magnetometer count scale", "count/T", "count/uT", "6.7 count/uT"),
     ]
 )
 

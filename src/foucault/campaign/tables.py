@@ -164,6 +164,7 @@ class SiteTable(Strict):
             site = earth.Site(self.gravity, self.latitude, self.height)
         else:
             raise error("site.gravity", given=self.gravity)
+        site = replace(site, longitude=self.longitude)
         return site if self.gravity_sd is None else replace(site, gravity_sd=self.gravity_sd)
 
     def findings(self) -> tuple[Finding, ...]:

@@ -19,10 +19,11 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.models import cluster, imu, pose, size_effect, transfer
+from foucault.models import cluster, imu, magnetometer, pose, size_effect, transfer
 from foucault.models.cluster import ClusterModel
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel, coefficient_slot
+from foucault.models.magnetometer import Magnetometer
 
 BESIDE = Layout(
     (
@@ -41,6 +42,7 @@ EVERY = Layout(
         *size_effect.LAYOUT.coefficients,
         *(c for c in cluster.LAYOUT.coefficients if c.name not in imu.LAYOUT),
         *TIES.coefficients,
+        *magnetometer.LAYOUT.coefficients,
     )
 )
 """Every coefficient there is; to look up what a name means, not to estimate."""
@@ -56,7 +58,11 @@ def is_cluster(vector: CoefficientVector) -> bool:
     return "gyro.torquer_scale.x" in vector.layout
 
 
-def model_of(vector: CoefficientVector) -> ImuModel | ClusterModel:
+Instrument = ImuModel | ClusterModel | Magnetometer
+"""The error model of an instrument."""
+
+
+def model_of(vector: CoefficientVector) -> Instrument:
     """Return the model with the coefficients of `vector`.
 
     Those of an attitude are left out, those of a mount, and lever arms and delay of accelerometers:
@@ -64,7 +70,14 @@ def model_of(vector: CoefficientVector) -> ImuModel | ClusterModel:
     """
     if is_cluster(vector):
         return ClusterModel.from_coefficients(vector)
+    if is_magnetometer(vector):
+        return Magnetometer.from_coefficients(vector)
     return ImuModel.from_coefficients(of_one_sample(vector))
+
+
+def is_magnetometer(vector: CoefficientVector) -> bool:
+    """Whether `vector` belongs to a magnetometer beside an IMU."""
+    return "mag.bias.x" in vector.layout
 
 
 def is_imu(vector: CoefficientVector) -> bool:

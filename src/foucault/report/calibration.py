@@ -66,6 +66,7 @@ SECTIONS = {
     "evidence.norms": "rests",
     "evidence.norms_of_readings": "readings",
     "evidence.rate_steps": "rate_steps",
+    "evidence.field": "magnetometer field cells heading",
     "evidence.headings": "headings",
     "evidence.residuals": "rests",
     "evidence.residuals_of_readings": "readings",
