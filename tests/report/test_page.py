@@ -17,7 +17,7 @@ CSS = (Path(report.__file__).parent / "page.css").read_text(encoding="utf-8")
 @pytest.fixture(scope="module")
 def page() -> str:
     whole = report.html(make_result())
-    return re.sub(r"<script>/\*\*\n\* plotly\.js.*?</script>", "", whole, flags=re.DOTALL)
+    return re.sub(r'<script type="text/plain" id="plotly">.*?</script>', "", whole)
 
 
 def tags(page: str) -> list[tuple[str, dict[str, str | None]]]:
@@ -50,7 +50,7 @@ def test_every_element_is_closed(page):
 
 def test_language_title_and_width_are_declared(page):
     found = tags(page)
-    assert ("html", {"lang": "en"}) in found
+    assert ("html", {"lang": "en", "class": "flat"}) in found
     assert "<title>Calibration of MTi-28 0180-2214</title>" in page
     assert {"name": "viewport", "content": "width=device-width, initial-scale=1"} in [
         attributes for tag, attributes in found if tag == "meta"
