@@ -12,7 +12,7 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_273,
     "campaign": 4_922,
-    "cli": 3_718,
+    "cli": 3_748,
     "detect": 4_441,
     "diagnose": 11_478,
     "estimate": 6_795,
@@ -20,12 +20,12 @@ BUDGET = {
     "guard": 1_941,
     "infer": 2_795,
     "kernels": 4_338,
-    "logs": 6_089,
+    "logs": 6_150,
     "models": 5_454,
     "navigate": 2_097,
     "plans": 6_025,
     "procedures": 13_801,
-    "report": 9_845,
+    "report": 9_928,
     "simulate": 3_354,
     "symptoms": 87,
 }

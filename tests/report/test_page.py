@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from foucault import report
+from foucault.errors import finding
+from foucault.report.page import counted_once
 from make_result import make_result
 
 CSS = (Path(report.__file__).parent / "page.css").read_text(encoding="utf-8")
@@ -79,6 +81,17 @@ def test_every_switch_has_its_label(page):
     found = tags(page)
     switches = {a["id"] for t, a in found if t == "input"}
     assert switches == {a["for"] for t, a in found if t == "label"} and len(switches) == 1
+
+
+def test_each_kind_of_finding_is_said_once_the_gravest_first():
+    noticed = [
+        *(finding("allan.longest_rest", start=str(k), end="9") for k in range(3)),
+        finding("allan.moves", start="1", end="2"),
+    ]
+    once = counted_once(noticed)
+    assert [one["severity"] for one in once] == ["warning", "note"]
+    assert once[1]["message"].endswith("(and 2 more like it)")
+    assert once[1]["message"].startswith(noticed[0].message)
 
 
 def test_links_lead_to_sections(page):
