@@ -10,23 +10,23 @@ import foucault
 ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
-    ".": 3_297,
-    "campaign": 5_069,
-    "cli": 3_815,
+    ".": 3_406,
+    "campaign": 5_070,
+    "cli": 3_855,
     "detect": 4_441,
     "diagnose": 11_667,
     "estimate": 6_795,
-    "export": 3_033,
+    "export": 3_036,
     "guard": 1_941,
     "infer": 2_868,
-    "kernels": 4_390,
-    "logs": 6_089,
-    "models": 5_490,
+    "kernels": 4_716,
+    "logs": 6_431,
+    "models": 5_942,
     "navigate": 2_110,
     "plans": 6_028,
-    "procedures": 13_982,
-    "report": 9_095,
-    "simulate": 3_354,
+    "procedures": 16_387,
+    "report": 10_023,
+    "simulate": 3_500,
     "symptoms": 87,
 }
 
