@@ -100,10 +100,10 @@ def opened(path: Path) -> Opened:
     if raw is None and layout:
         raise error("recognise.no_table", file=path.name, why=_why(_lines(path)))
     assert raw is not None
-    layout = _needed(path, layout, raw)
     numbers = tuple(range(len(raw.names))) if numeric is None else numeric
     numbers = tuple(c for c in numbers if c < len(raw.names))
     columns, x, whole = _values(raw, numbers)
+    layout = _needed(path, layout, raw, columns)
     if not len(x):
         raise error("log.empty", file=path.name)
     words = tuple(raw.names[c] for c in range(len(raw.names)) if c not in columns)
@@ -267,20 +267,24 @@ def _open(path: Path, layout: dict[str, Any]) -> RawTable | None:
         return None
 
 
-def _needed(path: Path, layout: dict[str, Any], raw: RawTable) -> dict[str, Any]:
+def _needed(
+    path: Path, layout: dict[str, Any], raw: RawTable, columns: tuple[int, ...]
+) -> dict[str, Any]:
     """Return the keys of [log] that the reader would not find by itself."""
+    if not layout:
+        return {}
+    told = next(raw.blocks(columns))
     for keys in ((), ("decimal",), ("decimal", "delimiter"), ("decimal", "header")):
-        some = {k: layout[k] for k in keys if k in layout}
+        some = {k: layout[k] for k in keys}
         some = {k: v for k, v in some.items() if (k, v) != ("decimal", ".")}
         try:
             alone = open_raw(path, LogDescription.model_validate({"file": path.name, **some}))
-            rows = next(alone.blocks([0]), None)
-            same = alone.names == raw.names and rows is not None
-            first = next(raw.blocks([0]), None) if same else None
-            same = same and first is not None and rows is not None and len(rows) == len(first)
-        except (FoucaultError, StopIteration):
+            if alone.names != raw.names or alone.stamps != raw.stamps:
+                continue
+            read = next(alone.blocks(columns), None)
+        except FoucaultError:
             continue
-        if same:
+        if read is not None and np.array_equal(read, told, equal_nan=True):
             return some
     return layout
 

@@ -250,8 +250,10 @@ class _Work:
         if not ranked:
             raise error("recognise.units", file=data.files[0].path.name, said=self._sizes(seen))
         best = ranked[0]
-        other = next((r for r in ranked[1:] if r.means != best.means), None)
-        if other is not None and other.cost - best.cost < ALIKE:
+        other = next((r for r in ranked[1:] if not r.like(best)), None)
+        if best.hangs and not isinstance(rate, str):
+            self._ask_rate(best)
+        elif other is not None and other.cost - best.cost < ALIKE:
             self._ask_units(best, other)
         self.sure = SURE if other is None or other.cost - best.cost > 2.5 else LIKELY
         return best
@@ -278,6 +280,14 @@ class _Work:
         if seen.turn:
             parts.append(f"gyros of {seen.turn:.6g} rad for one of them and one of the clock")
         return ", ".join(parts)
+
+    def _ask_rate(self, best: units.Reading) -> None:
+        assert best.gyro is not None
+        other = 200 if round(best.rate) != 200 else 100
+        self.questions.append(Question(
+            "There is no time column, and gyros in counts do not tell the rate.",
+            f'rate = "{best.rate:.4g} Hz"', f"then {best.gyro.scale}", f'rate = "{other} Hz"',
+            "or what the logger was set to"))  # fmt: skip
 
     def _ask_units(self, one: units.Reading, other: units.Reading) -> None:
         def line(r: units.Reading, differs: units.Reading) -> str:

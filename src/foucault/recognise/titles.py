@@ -65,6 +65,8 @@ def meaning(title: str, unit: str = "") -> Meaning:
         return Meaning("gyro", _ROLL[whole], unit=unit)
     gravity = any(word in whole for word in _words()["gravity"]["has"])
     plain = _role(_stem(tokens))
+    if unit in ("s", "ms", "us", "ns", "min") and plain in ("", "temperature"):
+        plain = "time"
     for axis, left in _axes(tokens):
         role = _role(_stem(left))
         if role == "gyro" or (role and role not in ("time", "counter")):
@@ -137,8 +139,13 @@ def _stem(tokens: list[str]) -> str:
 
 
 def _role(stem: str) -> str:
+    known = _words()["stamp"]
+    if stem in known["is"]:
+        return "time"
+    if any(word in stem for word in known["has"]) and "relative" not in stem and "dt" not in stem:
+        return "time"
     for role, words in _words().items():
-        if role in ("units", "gravity", "ignored"):
+        if role in ("units", "gravity", "ignored", "stamp"):
             continue
         if stem in words.get("is", ()) or any(word in stem for word in words["has"]):
             return role

@@ -94,12 +94,18 @@ class Reading:
     increments: bool
     cost: float
 
+    def like(self, other: Reading) -> bool:
+        """Tell whether another one has the same clock, and the same size of what gyros read."""
+        same = self.increments == other.increments and abs(log(self.rate / other.rate)) < NEAR
+        if self.gyro is None or other.gyro is None:
+            return same
+        # Gravity and turns calibrate whatever a scale is off by.
+        return same and abs(log(abs(self.gyro.si / other.gyro.si))) < 2 * NEAR
+
     @property
-    def means(self) -> tuple[float, ...]:
-        """What distinguishes it from another: the clock, and what gyros read [SI]."""
-        clock = round(log(self.rate), 1)
-        gyro = 0.0 if self.gyro is None else round(log(abs(self.gyro.si)), 1)
-        return clock, gyro, float(self.increments)
+    def hangs(self) -> bool:
+        """Whether no one can tell its rate: counts of gyros, and no clock."""
+        return self.time is None and self.gyro is not None and self.gyro.text == "count"
 
 
 def readings(seen: Seen, titled: Titled) -> list[Reading]:
@@ -179,6 +185,7 @@ def _with_clock(
             more = (0.0 if accel is None else accel.cost) + (0.0 if gyro is None else gyro.cost)
             if gyro is not None:
                 fastest = seen.peak * abs(gyro.si) * (rate if increments else 1.0)
+                more += 2.5 * (gyro.text == "deg/h" and gyro.why != "title")
                 more += 3.0 * (not PEAK[0] < fastest < PEAK[1]) + 1.0 * (fastest < 0.2)
             yield Reading(clock if seen.timed else None, rate, accel, gyro, increments, cost + more)
 
@@ -211,7 +218,8 @@ def _accel(size: float, titled: str, whole: bool, increments: bool) -> Iterator[
     if whole and off < NEAR:
         yield Unit("count", STANDARD_GRAVITY / usual, f"{usual:.10g} count/g", 0.4 + 8 * off,
                    "gravity, and a usual converter")  # fmt: skip
-    yield Unit("count", size, f"{1 / size:.6g} count/(m/s^2)", 1.6 + extra, "gravity alone")
+    yield Unit("count", size, f"{1 / size:.6g} count/(m/s^2)",
+               1.6 + extra + 1.5 * (not whole), "gravity alone")
 
 
 def _gyro(turn: float | None, titled: str, whole: bool, increments: bool) -> Iterator[Unit]:
@@ -248,4 +256,5 @@ def _gyro(turn: float | None, titled: str, whole: bool, increments: bool) -> Ite
     if whole and off < NEAR:
         yield Unit("count", DEGREE / usual, f"{usual:.10g} count/(deg/s)", 0.4 + 8 * off,
                    "the turns, and a usual converter")  # fmt: skip
-    yield Unit("count", turn, f"{1 / turn:.6g} count/(rad/s)", 1.8 + extra, "the turns alone")
+    yield Unit("count", turn, f"{1 / turn:.6g} count/(rad/s)",
+               1.8 + extra + 1.5 * (not whole), "the turns alone")
