@@ -240,6 +240,16 @@ def text_format(path: Path) -> bool:
         return False
 
 
+def binary_format(path: Path) -> bool:
+    """Tell whether a file is plain records, or of no known format, where nothing is said of it."""
+    from foucault.logs.layout import FileLayout
+
+    try:
+        return _format(path, FileLayout(file=path.name)) == "binary"
+    except FoucaultError as problem:
+        return problem.code == "log.format_unknown"
+
+
 def _format(path: Path, description: FileLayout) -> str:
     if description.format != "auto":
         return description.format

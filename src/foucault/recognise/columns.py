@@ -172,7 +172,11 @@ def triads(data: Data, used: Sequence[int]) -> Triads:
     )
     titled = accel is not None, gyro is not None
     if accel is not None and gyro is not None:
-        return Triads(accel, gyro, titled, increments or None, several, ("titles", "titles"))
+        why = ("titles", "titles")
+        if _exchanged(data, accel, gyro):
+            accel, gyro, why = gyro, accel, ("numbers: its titles say gyros",
+                                             "numbers: its titles say accelerometers")  # fmt: skip
+        return Triads(accel, gyro, titled, increments or None, several, why)
     rest = [
         k for k, column in enumerate(data.columns)
         if k not in used and k not in (*(accel or ()), *(gyro or ()))
@@ -180,10 +184,24 @@ def triads(data: Data, used: Sequence[int]) -> Triads:
         and float(np.ptp(data.x[:, k])) > 0
     ]  # fmt: skip
     known = (accel, gyro)
-    accel, gyro = _by_numbers(data, rest, accel, gyro)
+    accel, gyro, more = _by_numbers(data, rest, accel, gyro)
     why = tuple("titles" if t else "numbers" for t in titled)
     order = increments if any(known) else None
-    return Triads(accel, gyro, titled, order or None, several, why)
+    return Triads(accel, gyro, titled, order or None, (*several, *more), why)
+
+
+def _exchanged(data: Data, accel: tuple[int, int, int], gyro: tuple[int, int, int]) -> bool:
+    """Tell whether what is titled accelerometers rests near zero, and gyros have one length."""
+    cut = physics.blocks(data.x, [*accel, *gyro])
+    if len(cut.rests[0]) < 4:
+        return False
+    scatter = physics.rest_scatter(data.x, cut)
+    ball = physics.sphere(cut.of_rests(gyro), gyro)
+    return bool(
+        ball is not None and ball.scatter < physics.NORM and ball.spread > 0.5
+        and (scatter[list(accel)] < physics.RESTS_LIKE).all()
+        and (scatter[list(gyro)] > 2 * physics.RESTS_LIKE).any()
+    )  # fmt: skip
 
 
 def _some_gravity(data: Data, found: list[tuple[str, tuple[int, int, int]]]) -> bool:
@@ -196,29 +214,67 @@ def _some_gravity(data: Data, found: list[tuple[str, tuple[int, int, int]]]) -> 
     return False
 
 
+Three = tuple[int, int, int]
+
+
 def _by_numbers(
-    data: Data, rest: list[int], accel: tuple[int, int, int] | None,
-    gyro: tuple[int, int, int] | None,
-) -> tuple[tuple[int, int, int] | None, tuple[int, int, int] | None]:  # fmt: skip
-    """Find the triads that no title names among the columns `rest`."""
+    data: Data, rest: list[int], accel: Three | None, gyro: Three | None
+) -> tuple[Three | None, Three | None, tuple[tuple[str, Three], ...]]:
+    """Find the triads that no title names among the columns `rest`, and further ones like them."""
     every = [*rest, *(accel or ()), *(gyro or ())]
     if len(every) < 3:
-        return accel, gyro
+        return accel, gyro, ()
     cut = physics.blocks(data.x, every)
     scatter = physics.rest_scatter(data.x, cut)
     still = [k for k in rest if scatter[k] < physics.RESTS_LIKE and _lively(cut, k)]
-    tilted = [k for k in rest if not scatter[k] < physics.RESTS_LIKE / 3]
+    most = physics.rest_scatter(data.x, cut, 90.0)
+    # A side that few rests have up is still in most; that gyros spin in some is no tilt.
+    quiet = [k for k in still if most[k] < physics.RESTS_LIKE]
+    tilted = [k for k in rest if not most[k] < physics.RESTS_LIKE / 3]
+    more: list[tuple[str, Three]] = []
     if accel is None:
-        found = physics.spheres(cut, [k for k in tilted if k not in still] or tilted)
-        if not found:
-            found = physics.spheres(cut, tilted)
-        accel = _likeliest(data, cut, found)
+        found = physics.spheres(cut, [k for k in tilted if k not in quiet])
+        found = found or physics.spheres(cut, tilted)
+        ranked = _likeliest(data, cut, found)
+        accel = ranked[0] if ranked else _one_side(data, rest)
+        more += [("accel", one) for one in ranked[1:2]]
     if gyro is None:
         left = [k for k in still if k not in (accel or ())]
         if len(left) < 3:
             left = [k for k in rest if k not in (accel or ()) and _lively(cut, k)]
-        gyro = _rates(data, cut, accel, left)
-    return accel, gyro
+        turned = _rates(data, cut, accel, left)
+        gyro = turned[0] if turned else _beside(rest, accel)
+        more += [("gyro", one) for one in turned[1:2]]
+    return accel, gyro, tuple(more)
+
+
+USUAL = (9.81, 1.0, 1000.0, 981.0, 16384.0, 8192.0, 4096.0, 2048.0)
+"""Lengths that accelerometers' readings usually have at rest [raw]."""
+
+
+def _threes(rest: list[int]) -> list[Three]:
+    """Return the columns in threes as they stand, where they are whole triads side by side."""
+    if len(rest) % 3 or rest and rest[-1] - rest[0] != len(rest) - 1:
+        return []
+    return [(a, b, c) for a, b, c in zip(rest[::3], rest[1::3], rest[2::3], strict=True)]
+
+
+def _one_side(data: Data, rest: list[int]) -> Three | None:
+    """Return three columns side by side whose length is a usual one, of a log that only rests."""
+    fitting = []
+    for three in _threes(rest):
+        size = np.linalg.norm(np.median(data.x[:, list(three)], axis=0))
+        if size > 0 and min(abs(np.log(size / r)) for r in USUAL) < 0.05:
+            fitting.append(three)
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def _beside(rest: list[int], accel: Three | None) -> Three | None:
+    """Return the other triad of two that stand side by side."""
+    threes = _threes(rest)
+    if len(threes) != 2 or accel not in threes:
+        return None
+    return threes[1 - threes.index(accel)]
 
 
 def _lively(cut: physics.Blocks, k: int) -> bool:
@@ -229,45 +285,47 @@ def _lively(cut: physics.Blocks, k: int) -> bool:
                 and np.median(moving) > 0)  # fmt: skip
 
 
-def _likeliest(
-    data: Data, cut: physics.Blocks, found: list[physics.Sphere]
-) -> tuple[int, int, int] | None:
-    """Of triples of one length at rest return the one that is accelerometers."""
+def _likeliest(data: Data, cut: physics.Blocks, found: list[physics.Sphere]) -> list[Three]:
+    """Of triples of one length at rest return those that may be accelerometers."""
     apart = [s for s in found if s.spread > 0.3] or found
-    if not apart:
-        return None
 
     def oddness(s: physics.Sphere) -> float:
         size = np.linalg.norm(data.x[:, list(s.columns)] - s.centre, axis=1)
         moving = np.repeat(~cut.quiet, cut.size)[: len(size)]
         shaken = float(np.std(size[: len(moving)][moving]) / s.radius) if moving.any() else 0.0
-        usual = min(abs(np.log(s.radius / r)) for r in (9.81, 1.0, 1000.0, 981.0, 16384.0, 8192.0,
-                                                        4096.0, 2048.0))  # fmt: skip
+        usual = min(abs(np.log(s.radius / r)) for r in USUAL)
         a, b, c = s.columns
         zero = float(np.linalg.norm(s.centre) / s.radius)
         # A magnetometer's length stays the same when it is shaken.
         return (20 * s.scatter + 0.5 * (usual > 0.08) - min(shaken, 0.3) * 3 + 0.6 * min(zero, 1.0)
                 + 0.3 * (c - a > 2))  # fmt: skip
 
-    return min(apart[:200], key=oddness).columns
+    ranked = sorted(((oddness(s), s.columns) for s in apart[:200]), key=lambda one: one[0])
+    return _apart([one for odd, one in ranked if odd < ranked[0][0] + 0.25])
 
 
-def _rates(
-    data: Data, cut: physics.Blocks, accel: tuple[int, int, int] | None, left: list[int]
-) -> tuple[int, int, int] | None:
-    """Return the three of the columns `left` that turn gravity as the accelerometers say."""
+def _apart(ranked: list[Three]) -> list[Three]:
+    """Return the first, and those that share no column with it."""
+    return [one for i, one in enumerate(ranked) if i == 0 or not set(one) & set(ranked[0])]
+
+
+def _rates(data: Data, cut: physics.Blocks, accel: Three | None, left: list[int]) -> list[Three]:
+    """Return those threes of the columns `left` that turn gravity as the accelerometers say."""
     if len(left) < 3:
-        return None
+        return []
     if len(left) == 3 or accel is None:
-        return (left[0], left[1], left[2])
+        return [(left[0], left[1], left[2])]
     ball = physics.sphere(cut.of_rests(accel), accel)
     time = np.arange(len(data.x)) * 1.0
-    best: tuple[float, tuple[int, int, int]] | None = None
+    found: list[tuple[float, Three]] = []
     for three in list(combinations(left[:9], 3))[:84]:
         turned = ball and physics.turns(data.x, time, cut, ball, three)
-        if turned and (best is None or turned.miss < best[0]):
-            best = turned.miss, (three[0], three[1], three[2])
-    return best[1] if best and best[0] < physics.PROVED else None
+        if turned and turned.fits:
+            a, b, c = three
+            # Of two instruments each has its columns side by side.
+            found.append((turned.miss + (0.0 if c - a == 2 else physics.PROVED), three))
+    found.sort(key=lambda one: one[0])
+    return _apart([one for off, one in found if off < found[0][0] + physics.PROVED])
 
 
 def temperature(data: Data) -> tuple[int, str] | None:

@@ -6,6 +6,7 @@ most columns of numbers, the first line of a run of such rows, the titles and th
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -92,10 +93,12 @@ def opened(path: Path) -> Opened:
     numeric: tuple[int, ...] | None = None
     if path.is_file() and _plain_text(path):
         seen = _lines(path)
-        found = _laid_out(seen)
+        found = None if _taking_turns(seen) else _laid_out(seen)
         if found is None:
             raise error("recognise.no_table", file=path.name, why=_why(seen))
         layout, units, numeric = found
+    elif path.is_file() and (record := _record(path)) is not None:
+        layout = {"format": "binary", "record": record}
     raw = _open(path, layout)
     if raw is None and layout:
         raise error("recognise.no_table", file=path.name, why=_why(_lines(path)))
@@ -103,7 +106,8 @@ def opened(path: Path) -> Opened:
     numbers = tuple(range(len(raw.names))) if numeric is None else numeric
     numbers = tuple(c for c in numbers if c < len(raw.names))
     columns, x, whole = _values(raw, numbers)
-    layout = _needed(path, layout, raw, columns)
+    if "record" not in layout:
+        layout = _needed(path, layout, raw, columns)
     if not len(x):
         raise error("log.empty", file=path.name)
     words = tuple(raw.names[c] for c in range(len(raw.names)) if c not in columns)
@@ -186,7 +190,7 @@ def _laid_out(lines: list[str]) -> tuple[dict[str, Any], tuple[str, ...], tuple[
     if not ways:
         return None
     best = max(ways, key=lambda table: table.worth)
-    if len(best.numeric) < 3:
+    if len(best.numeric) < 3 or _comma_twice(lines, best):
         return None
     heads = _heads(lines[: best.start], best)
     units = next((tuple(row) for row in heads if units_row(row)), ())
@@ -242,16 +246,43 @@ def _heads(lines: Sequence[str], table: _Table) -> list[list[str]]:
     return out
 
 
+def _taking_turns(lines: Sequence[str]) -> bool:
+    """Tell whether rows of accelerometers and of gyros take turns, by a word in each."""
+    words = [re.sub(r"[^a-z]+", " ", line.lower()) for line in lines[1:60]]
+    acc, gyr = (sum(w in line and o not in line for line in words)
+                for w, o in (("acc", "gyr"), ("gyr", "acc")))  # fmt: skip
+    return acc > 5 and gyr > 5
+
+
+def _comma_twice(lines: Sequence[str], table: _Table) -> bool:
+    """Tell whether each number is cut in two at its decimal comma."""
+    if table.delimiter != ",":
+        return False
+    heads = [line.split(",") for line in lines[: table.start]]
+    if any(2 * len(h) in (table.cells, table.cells + 1) and len(h) > 2 for h in heads):
+        return True
+    rows = [_cells(line, ",") for line in lines[table.start : table.start + 40]]
+    rows = [row for row in rows if len(row) == table.cells]
+    tails = [[row[c] for row in rows] for c in range(1, table.cells, 2)]
+    return len(rows) > 10 and len(tails) > 2 and all(
+        len({len(cell) for cell in tail}) == 1 and len(tail[0]) > 2 and "".join(tail).isdigit()
+        for tail in tails
+    )  # fmt: skip
+
+
 def _why(lines: Sequence[str]) -> str:
     """Say why lines of a text are no table."""
     cells = [c for line in lines[:20] for c in line.replace(";", ",").replace("\t", ",").split(",")]
     labelled = sum(":" in c or "=" in c for c in cells)
     if cells and 2 * labelled > len(cells):
         return "its cells carry their titles, such as 'ax:0.12'; write the numbers alone"
-    words = [line.replace(";", ",").split(",")[0].strip().lower() for line in lines[1:40]]
-    if len(set(words)) > 1 and any("acc" in w for w in words) and any("gyr" in w for w in words):
+    if _taking_turns(lines):
         return "rows of several sensors take turns; export one row a sample, all sensors beside "\
             "one another"  # fmt: skip
+    way = _table(lines, ",", ".")
+    if way is not None and _comma_twice(lines, way):
+        return "the comma stands both between the columns and in the numbers; export it with " \
+            "semicolons, or with points in the numbers"  # fmt: skip
     if len(lines) < 3:
         return "it has fewer than three lines"
     return "no five lines in a row hold three or more columns of numbers"
@@ -287,6 +318,51 @@ def _needed(
         if read is not None and np.array_equal(read, told, equal_nan=True):
             return some
     return layout
+
+
+# -- plain records -------------------------------------------------------------------------------
+
+TYPES = ("float64", "float32")
+"""Numbers of plain records that are looked for."""
+
+MOST_COLUMNS = 20
+"""Numbers of a record at most [1]."""
+
+MANY = 4_000
+"""Records that tell how many numbers each has [1]."""
+
+
+def _record(path: Path) -> dict[str, Any] | None:
+    """Return the layout of plain records one of whose numbers runs on evenly, as a clock does."""
+    from foucault.logs.raw import binary_format
+
+    if not binary_format(path):
+        return None
+    size = path.stat().st_size
+    content = np.fromfile(path, np.uint8, min(size, MANY * MOST_COLUMNS * 8))
+    for kind in TYPES:
+        for order in ("<", ">"):
+            width = int(kind[-2:]) // 8
+            with np.errstate(invalid="ignore"):
+                x = content[: len(content) // width * width].view(f"{order}f{width}").astype(float)
+            if not np.isfinite(x).all() or np.abs(x).max(initial=0.0) > 1e15:
+                continue
+            for columns in range(4, MOST_COLUMNS + 1):
+                if size % (width * columns) or len(x) < 50 * columns:
+                    continue
+                rows = x[: len(x) // columns * columns].reshape(-1, columns)
+                if _has_clock(rows):
+                    big = {"byte_order": "big"} if order == ">" else {}
+                    return {"type": kind, "columns": columns} | big
+    return None
+
+
+def _has_clock(rows: FloatArray) -> bool:
+    step = np.diff(rows, axis=0)
+    usual = np.median(step, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        even = np.mean(np.abs(step / usual - 1.0) < 0.3, axis=0) > 0.95
+    return bool(np.any(even & (usual > 1e-9)))
 
 
 # -- the numbers ---------------------------------------------------------------------------------

@@ -141,15 +141,18 @@ def _about(m: FloatArray, centre: FloatArray) -> tuple[FloatArray, float, float]
     return centre, radius, float(np.sqrt(np.mean((norm - radius) ** 2)) / radius) if radius else 1.0
 
 
-def rest_scatter(x: FloatArray, cut: Blocks) -> FloatArray:
-    """Return how much the means at rest of each column scatter, part of all its scatter, (k,)."""
+def rest_scatter(x: FloatArray, cut: Blocks, part: float = 50.0) -> FloatArray:
+    """Return how much the means at rest of each column scatter, part of all its scatter, (k,).
+
+    `part`: percentile of the rests that do [1]; the median does not see a few that spin.
+    """
     if len(cut.rests[0]) < 2:
         return np.full(x.shape[1], np.nan)
     means = cut.of_rests(range(x.shape[1]))
     middle = np.median(means, axis=0)
     whole = np.sqrt(np.mean((x - middle) ** 2, axis=0))
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.median(np.abs(means - middle), axis=0) * 1.5 / whole)
+        return np.asarray(np.percentile(np.abs(means - middle), part, axis=0) * 1.5 / whole)
 
 
 def spheres(cut: Blocks, columns: Sequence[int], most: int = 14) -> list[Sphere]:

@@ -24,6 +24,12 @@ ALIKE = 1.0
 ZERO = 0.3
 """Accelerometers whose zero is farther than this part of g off have one of their own [1]."""
 
+NO_LENGTH = 0.35
+"""Accelerometers whose length at rest scatters by more do not feel gravity [1]."""
+
+FEWEST = 100
+"""Rows of a log at least [1]."""
+
 RATE_SD = "3 percent"
 """How well the usual rate that gyros fit is known: their scale factors are off by so much."""
 
@@ -87,6 +93,8 @@ def recognise(paths: Sequence[Path], said: Mapping[str, Any] | None = None) -> R
     if len(files) == 1 and files[0].raw.described:
         return _of_itself(files[0])
     data = tell.Data.of(files)
+    if len(data.x) < FEWEST:
+        raise error("recognise.short", file=files[0].path.name, rows=len(data.x), least=FEWEST)
     data, dropped = _whole_rows(data)
     return _Work(data, dict(said), dropped).done()
 
@@ -137,6 +145,9 @@ class _Work:
         every = [*(found.accel or ()), *(found.gyro or ())]
         self.cut = physics.blocks(data.x, every)
         self.ball = self._ball()
+        if self.ball is not None and len(self.cut.rests[0]) > 3 and self.ball.scatter > NO_LENGTH:
+            raise error("recognise.no_gravity", file=data.files[0].path.name,
+                        columns=", ".join(data.shown(k) for k in self.ball.columns))  # fmt: skip
         self.turned = self._turned()
         reading = self._units()
         gyro, accel = self._axes(reading)
@@ -154,8 +165,9 @@ class _Work:
             if isinstance(block := self.said.get(name), Mapping) and block.get("columns")
         }
         found = tell.triads(self.data, used)
-        if found.several and not given:
-            self._several(found)
+        open_ = tuple(one for one in found.several if one[0] not in given)
+        if open_:
+            self._several(found, open_)
         if not given:
             return found
         chosen = {name: self._numbers(names) for name, names in given.items()}
@@ -172,16 +184,17 @@ class _Work:
             raise error("recognise.said", given=str(list(names)), allowed=allowed) from None
         return x, y, z
 
-    def _several(self, found: tell.Triads) -> None:
+    def _several(
+        self, found: tell.Triads, open_: Sequence[tuple[str, tuple[int, ...]]]
+    ) -> None:
         """Ask which of several triads is meant."""
-        kind, other = found.several[0]
-        one = found.accel if kind == "accel" else found.gyro
-        assert one is not None
+        first = {"accel": found.accel, "gyro": found.gyro}
+        kinds = list(dict.fromkeys(kind for kind, _ in open_))
+        said = " and of ".join(_KIND[kind] for kind in kinds)
+        one = "; ".join(self._columns_line(k, columns) for k in kinds if (columns := first[k]))
+        other = "; ".join(self._columns_line(k, dict(reversed(open_))[k]) for k in kinds)
         self.questions.append(Question(
-            f"There are {1 + sum(k == kind for k, _ in found.several)} triads of {_KIND[kind]}.",
-            self._columns_line(kind, one), "the first", self._columns_line(kind, other),
-            "the next",
-        ))  # fmt: skip
+            f"There are several triads of {said}.", one, "the first", other, "the next"))  # fmt: skip
 
     def _columns_line(self, kind: str, columns: Sequence[int]) -> str:
         names = [self.data.called(k) for k in columns]
@@ -222,9 +235,12 @@ class _Work:
             and bool(np.size(x))
             for columns in (found.accel, found.gyro)
         )  # fmt: skip
-        peak = 0.0
+        peak = still = 0.0
         if found.gyro is not None:
             y = data.x[:, list(found.gyro)]
+            # Nothing turns but the Earth.
+            alone = self.ball is not None and self.ball.spread < 0.02 and self.turned is None
+            still = float(np.linalg.norm(y.mean(axis=0))) if alone else 0.0
             peak = float(np.percentile(np.abs(y - np.median(y, axis=0)), 99.9))
         turn = self.turned.scale if self.turned is not None and self.turned.fits else None
         titled = units.Titled(
@@ -233,7 +249,7 @@ class _Work:
         )  # fmt: skip
         seen = units.Seen(
             1.0 if clock is None else clock.interval, clock is not None,
-            None if self.ball is None else self.ball.radius, turn, peak,
+            None if self.ball is None else self.ball.radius, turn, peak, still,
             (whole[0], whole[1]), found.increments,
         )  # fmt: skip
         rate = self.said.get("rate")
@@ -243,7 +259,7 @@ class _Work:
 
             hertz = parse(rate, "frequency", "rate")
             seen = units.Seen(1.0 / hertz, True, seen.radius, turn and turn * hertz, seen.peak,
-                              seen.whole, seen.increments)  # fmt: skip
+                              seen.still, seen.whole, seen.increments)  # fmt: skip
             ranked = [r for r in units.readings(seen, units.Titled("s", titled.accel, titled.gyro))]
             ranked = [units.Reading(None, r.rate, r.accel, r.gyro, r.increments, r.cost)
                       for r in ranked]  # fmt: skip
@@ -388,9 +404,11 @@ class _Work:
             given = isinstance(self.said.get("rate"), str)
             if not given:
                 log["clock_sd"] = RATE_SD
+            told = self.turned is not None and self.turned.fits
+            why = "no time column; the gyros' turns fit it, and their scale hangs on it" if told \
+                else "no time column, and nothing tells it"  # fmt: skip
             first.append(Line("rate", f"{reading.rate:.6g} Hz", "given" if given else
-                              "no time column; the gyros' turns fit it, and their scale hangs on "
-                              "it: if it is another, --set 'rate = \"... Hz\"'",
+                              f"{why}: else --set 'rate = 50 Hz'",
                               SURE if given else TAKEN))  # fmt: skip
         for name, columns, unit, E in (
             ("accel", found.accel, reading.accel, accel), ("gyro", found.gyro, reading.gyro, gyro),
@@ -403,6 +421,7 @@ class _Work:
             size = unit.scale or unit.text
             first.append(Line(_KIND[name], f"{shown} [{size}]" + " sums" * reading.increments,
                               self._triad_why(name, unit),
+                              LIKELY if unit.why.startswith("not") else
                               SURE if unit.why in ("title", "gravity, and a usual converter")
                               else self.sure))  # fmt: skip
         first += self._sign(log)
@@ -433,7 +452,8 @@ class _Work:
         where = self.found.why[0 if name == "accel" else 1]
         columns = {"titles": "titles", "said": "given"}.get(
             where, "one length at rest" if name == "accel" else "rest near zero, turn gravity")  # fmt: skip
-        if name == "accel" and self.ball is not None and unit.why != "title":
+        columns = where if where.startswith("numbers:") else columns
+        if name == "accel" and self.ball is not None and unit.why in ("gravity", "gravity alone"):
             return f"{columns}; length {self.ball.radius:.5g} at rest"
         return f"{columns}; unit: {unit.why}"
 

@@ -8,14 +8,16 @@ steady spins, at a list of rates about one axis after another, or in a vehicle.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.detect.stretches import FEW, HAND, Rests, find_rests, means_of, runs
+from foucault.models.earth import EARTH_RATE
 from foucault.recognise.physics import sphere
-from foucault.tables import Log
+from foucault.tables import AXES, Log
 
 ON_FACE = np.radians(8.0)
 """A rest is on a face within this, bias and placement included [rad]."""
@@ -25,6 +27,12 @@ SAME = np.radians(12.0)
 
 NEEDED = 9
 """Orientations that calibrate accelerometers by gravity alone [1]."""
+
+SEQUENCE = 12
+"""Rests of a sequence on a table at least [1]."""
+
+TWICE_EARTH = 2.2 * EARTH_RATE
+"""Means at rest of gyros differ by no more, turned round against the Earth [rad/s]."""
 
 STEADY = np.radians(2.0)
 """A quiet time that turns so fast or faster is a spin [rad/s]."""
@@ -66,6 +74,8 @@ def session(log: Log) -> Session:
     count = len(around)
     said = f"{len(rests)} rest{'s' * (len(rests) != 1)} in {count} " \
         f"orientation{'s' * (count != 1)}"  # fmt: skip
+    if count == 1 and at_rest > 0.7 and _moves(log):
+        return Session("motion all the time", "nothing rests", None, todo=_REST_FIRST)
     if count == 1 and at_rest > 0.7:
         return Session("one rest", f"{100 * at_rest:.0f} % of it, gravity from one side", None,
                        todo=_ONE_REST, rests=len(rests))  # fmt: skip
@@ -81,6 +91,17 @@ def session(log: Log) -> Session:
                        " deg", "six_position", sure="likely", rests=len(rests))  # fmt: skip
     return Session(said, f"a calibration needs gravity from {NEEDED} sides, or on all six faces",
                    None, todo=_MORE_REST if len(rests) > 2 else _REST_FIRST, rests=len(rests))  # fmt: skip
+
+
+def _moves(log: Log) -> bool:
+    """Tell whether gravity or the mean rate changes though no part of a log is quieter."""
+    assert log.accel is not None
+    step = max(1, round(log.rate))
+    rows = len(log) // step * step
+    force = log.accel[:rows].reshape(-1, step, 3).mean(axis=1)
+    if len(force) < 3:
+        return False
+    return bool(force.std(axis=0).max() > 0.03 * np.linalg.norm(force, axis=1).mean())
 
 
 _NOISE = "Find the noise with `foucault allan`; to calibrate, log accelerometers too."
@@ -129,8 +150,20 @@ def _of_faces(log: Log, rests: Rests, up: FloatArray, said: str) -> Session:
             "a rest before and after each turn has gravity from one side", "ferraris",
             {"angle": degrees[0] if one is not None else degrees}, rests=len(rests),
         )  # fmt: skip
+    if len(rests) >= SEQUENCE and _sees_earth(log, rests):
+        return Session(f"{said} on the six faces, turned by a table",
+                       "gyros whose means at rest agree to the rate of the Earth", "systematic",
+                       sure="likely", rests=len(rests))  # fmt: skip
     return Session(f"{said} on the six faces", "gravity along each axis, both ways",
                    "six_position", rests=len(rests))  # fmt: skip
+
+
+def _sees_earth(log: Log, rests: Rests) -> bool:
+    """Tell whether rests are long, and the means of the gyros in them those of a good instrument."""
+    if log.gyro is None or float(np.median(rests.last - rests.first)) * log.interval < 15.0:
+        return False
+    rate = means_of(log.gyro, rests.spans)
+    return bool(np.linalg.norm(rate - np.median(rate, axis=0), axis=1).max() < TWICE_EARTH)
 
 
 def _whole_turns(log: Log, rests: Rests, up: FloatArray) -> dict[int, float]:
@@ -178,21 +211,56 @@ def _spins(log: Log, rests: Rests) -> list[tuple[int, int, FloatArray]]:
 
 
 def _spun(log: Log, rests: Rests, spins: list[tuple[int, int, FloatArray]]) -> Session:
-    """Tell a rate staircase from spins in many positions."""
-    rates = np.array([rate for _, _, rate in spins])
-    size = np.linalg.norm(rates, axis=1)
-    levels = _levels(size)
-    shown = ", ".join(f"{np.degrees(v):.3g}" for v in levels[:6]) + (" ..." * (len(levels) > 6))
-    if len(levels) >= 3:
+    """Tell a rate staircase from spins in many positions; the table's rates are round ones."""
+    assert log.accel is not None
+    up = np.array([log.accel[a:b].mean(axis=0) for a, b, _ in spins])
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    along = np.array([rate @ u for (_, _, rate), u in zip(spins, up, strict=True)])
+    told = [_round(np.degrees(rate)) for rate in along]
+    levels = sorted({abs(rate) for rate in told})
+    shown = ", ".join(f"{v:g}" for v in levels[:6]) + (" ..." * (len(levels) > 6))
+    seen = f"quiet times that turn, rounded: gyros say {np.degrees(np.abs(along[0])):.4g} first"
+    if len(levels) < 3:
         return Session(
-            f"{len(spins)} steady rates ({shown} deg/s)", "quiet times that turn", "rate_table",
-            sure="likely", rests=len(rests),
+            f"{len(rests)} rests, and {len(spins)} spins at {shown} deg/s", seen,
+            "norm_observation", {"spin_rate": f"{told[0]:g} deg/s"}, "assumed", rests=len(rests),
         )  # fmt: skip
+    placed = _placements(told, up)
+    if placed is None:
+        return Session(f"{len(spins)} steady rates ({shown} deg/s)", seen, None, todo=_RATES,
+                       rests=len(rests))  # fmt: skip
+    rates, axes = placed
     return Session(
-        f"{len(rests)} rests, and {len(spins)} spins at {shown} deg/s", "quiet times that turn",
-        "norm_observation", {"spin_rate": f"{np.degrees(levels[0]):.4g} deg/s"}, "likely",
+        f"{len(axes)} placements at {len(rates)} rates each ({shown} deg/s)", seen, "rate_table",
+        {"rates": [f"{rate:g} deg/s" for rate in rates], "axes": axes}, "assumed",
         rests=len(rests),
     )  # fmt: skip
+
+
+_RATES = "Write a campaign: `foucault init rate_table -o campaign.toml`, and list in [procedure] " \
+    "the rates that the table was commanded to, or log its rate."  # fmt: skip
+
+
+def _placements(told: list[float], up: FloatArray) -> tuple[list[float], list[str]] | None:
+    """Return the rates of each placement and which axis is up in each; None where they differ."""
+    axis = np.abs(up).argmax(axis=1)
+    names = [f"{AXES[a]} {'up' if u[a] > 0 else 'down'}" for a, u in zip(axis, up, strict=True)]
+    begins = [0, *(i for i in range(1, len(names)) if names[i] != names[i - 1]), len(names)]
+    lists = [told[a:b] for a, b in pairwise(begins)]
+    if any(one != lists[0] for one in lists):
+        return None
+    return lists[0], [names[a] for a in begins[:-1]]
+
+
+def _round(rate: float) -> float:
+    """Return the roundest number near a rate that gyros tell [deg/s]."""
+    size = abs(rate)
+    top = 10.0 ** np.floor(np.log10(size))
+    for step in (5.0, 2.5, 2.0, 1.0, 0.5, 0.25, 0.1):
+        near = max(1.0, round(size / (step * top))) * step * top
+        if abs(near / size - 1.0) < 0.03:
+            return float(np.copysign(near, rate))
+    return float(f"{rate:.4g}")
 
 
 def _levels(size: FloatArray) -> list[float]:

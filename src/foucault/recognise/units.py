@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from math import inf, isfinite, log, pi
 
 from foucault.logs.layout import scaled_unit
+from foucault.models.earth import EARTH_RATE
 from foucault.units import STANDARD_GRAVITY
 
 DEGREE = pi / 180.0
@@ -59,6 +60,7 @@ class Seen:
     radius: float | None  # length of the accelerometers' readings at rest [raw]
     turn: float | None  # of a reading of the gyros, over one of the clock [rad/raw]
     peak: float  # largest reading of the gyros [raw]
+    still: float  # length of the mean readings of the gyros, of a log that only rests, else 0 [raw]
     whole: tuple[bool, bool]  # whether accelerometers, gyros are whole numbers
     increments: bool | None  # what titles say: sums over the interval; None where nothing
 
@@ -183,6 +185,12 @@ def _with_clock(
     for accel in accels:
         for gyro in gyros:
             more = (0.0 if accel is None else accel.cost) + (0.0 if gyro is None else gyro.cost)
+            if gyro is not None and seen.still > 0:
+                turns = seen.still * abs(gyro.si) * (rate if increments else 1.0)
+                more -= 1.5 * (abs(turns / EARTH_RATE - 1.0) < 0.05)
+                yield Reading(clock if seen.timed else None, rate, accel, gyro, increments,
+                              cost + more)  # fmt: skip
+                continue
             if gyro is not None:
                 fastest = seen.peak * abs(gyro.si) * (rate if increments else 1.0)
                 more += 2.5 * (gyro.text == "deg/h" and gyro.why != "title")
