@@ -1,4 +1,4 @@
-"""Bare logs of known truth, as loggers write them: titles, units, order and dialect of many kinds."""
+"""Bare logs of known truth, as loggers write them: titles, units, order, dialects."""
 
 from __future__ import annotations
 
@@ -81,7 +81,10 @@ def phyphox(c: Columns) -> str:
 
 
 def sensor_logger(c: Columns) -> str:
-    head = "time,seconds_elapsed,accelerometer_z,accelerometer_y,accelerometer_x,gyroscope_z,gyroscope_y,gyroscope_x"
+    head = (
+        "time,seconds_elapsed,accelerometer_z,accelerometer_y,accelerometer_x,gyroscope_z,"
+        "gyroscope_y,gyroscope_x"
+    )
     epoch = np.round(1.7e9 + c.t, 3) * 1e9
     return text(head, [epoch, c.t, c.f[:, ::-1], c.w[:, ::-1]], ["%.0f", "%.4f", *["%.7f"] * 6])
 
@@ -119,8 +122,8 @@ def xsens(c: Columns) -> str:  # +
     head = "\n".join(
         ["// General information:", "//  MT Manager version: 2022.2.0",
          "//  Filter Profile: human(46.1)", "// Coordinate system: ENU",
-         "PacketCounter\tSampleTimeFine\tYear\tMonth\tDay\tSecond\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y"
-         "\tGyr_Z\tMag_X\tMag_Y\tMag_Z\tRoll\tPitch\tYaw"]
+         "PacketCounter\tSampleTimeFine\tYear\tMonth\tDay\tSecond\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X"
+         "\tGyr_Y\tGyr_Z\tMag_X\tMag_Y\tMag_Z\tRoll\tPitch\tYaw"]
     )  # fmt: skip
     n = len(c.t)
     nan = np.full((n, 4), np.nan)
@@ -131,20 +134,30 @@ def xsens(c: Columns) -> str:  # +
 
 
 def vectornav(c: Columns) -> str:
-    head = "TimeStartup,UncompMagX,UncompMagY,UncompMagZ,UncompAccX,UncompAccY,UncompAccZ,UncompGyroX,UncompGyroY,UncompGyroZ,ImuTemp,ImuPres"
+    head = (
+        "TimeStartup,UncompMagX,UncompMagY,UncompMagZ,UncompAccX,UncompAccY,UncompAccZ,"
+        "UncompGyroX,UncompGyroY,UncompGyroZ,ImuTemp,ImuPres"
+    )
     turned = np.array([1.0, -1.0, -1.0])  # forward-right-down from forward-left-up: a rotation
     parts = [1e9 * c.t, c.mag / 100, c.f * turned, c.w * turned, c.warm, 101.3 + 0 * c.t]
     return text(head, parts, ["%.0f", *["%.6f"] * 11])
 
 
 def ngimu(c: Columns) -> str:
-    head = "Time (s),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g),Magnetometer X (uT),Magnetometer Y (uT),Magnetometer Z (uT),Barometer (hPa)"
+    head = (
+        "Time (s),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),"
+        "Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g),Magnetometer X (uT),"
+        "Magnetometer Y (uT),Magnetometer Z (uT),Barometer (hPa)"
+    )
     parts = [c.t, c.w / DEGREE, c.f / G, c.mag, 1013.0 + 0.1 * np.sin(c.t)]
     return text(head, parts, ["%.6f"] * 11)
 
 
 def x_io3(c: Columns) -> str:
-    head = "Timestamp (us),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g)"
+    head = (
+        "Timestamp (us),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),"
+        "Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g)"
+    )
     return text(head, [1e6 * c.t, c.w / DEGREE, c.f / G], ["%.0f", *["%.4f"] * 6])
 
 
@@ -201,13 +214,19 @@ def bosch(c: Columns) -> str:
 
 
 def german(c: Columns) -> str:
-    head = "Zeit (ms);Beschleunigung X (m/s²);Beschleunigung Y (m/s²);Beschleunigung Z (m/s²);Drehrate X (°/s);Drehrate Y (°/s);Drehrate Z (°/s);Temperatur (°C)"
+    head = (
+        "Zeit (ms);Beschleunigung X (m/s²);Beschleunigung Y (m/s²);Beschleunigung Z (m/s²);"
+        "Drehrate X (°/s);Drehrate Y (°/s);Drehrate Z (°/s);Temperatur (°C)"
+    )
     body = text("", [1e3 * c.t, c.f, c.w / DEGREE, c.warm], ["%.1f", *["%.5f"] * 7], ";")
     return head + "\n" + body.replace(".", ",")
 
 
 def chinese(c: Columns) -> str:
-    head = "时间(s),加速度X(g),加速度Y(g),加速度Z(g),角速度X(°/s),角速度Y(°/s),角速度Z(°/s),角度X(°),温度(°C)"
+    head = (
+        "时间(s),加速度X(g),加速度Y(g),加速度Z(g),"
+        "角速度X(°/s),角速度Y(°/s),角速度Z(°/s),角度X(°),温度(°C)"
+    )
     parts = [c.t, c.f / G, c.w / DEGREE, np.degrees(np.arctan2(c.f[:, 1], c.f[:, 2])), c.warm]
     return text(head, parts, ["%.3f", *["%.4f"] * 8])
 
@@ -236,14 +255,21 @@ def shimmer(c: Columns) -> str:
 
 
 def quadrotor(c: Columns) -> str:  # +
-    head = "unix_timestamp Accel._X Accel._Y Accel._Z Battery Gyro_Phi Gyro_Theta Gyro_Psi Mag._X Mag._Y Mag._Z"
+    head = (
+        "unix_timestamp Accel._X Accel._Y Accel._Z Battery Gyro_Phi Gyro_Theta Gyro_Psi "
+        "Mag._X Mag._Y Mag._Z"
+    )
     parts = [1e3 * (1.7e9 + c.t), np.round(1e3 * c.f / G), 0 * c.t + 98,
              np.round(1e3 * c.w, 1), np.round(c.mag * 10)]  # fmt: skip
     return text(head, parts, ["%.0f", *["%.0f"] * 4, *["%.1f"] * 3, *["%.0f"] * 3], " ")
 
 
 def gyroflow(c: Columns) -> str:  # +
-    head = "GYROFLOW IMU LOG\nversion,1.3\nid,logger\norientation,YxZ\nnote,test\ntimestamp,1644159993\nvendor,none\ntscale,0.001\ngscale,0.00122173047\nascale,0.00048828125\nt,gx,gy,gz,ax,ay,az"
+    head = (
+        "GYROFLOW IMU LOG\nversion,1.3\nid,logger\norientation,YxZ\nnote,test\ntimestamp,"
+        "1644159993\nvendor,none\ntscale,0.001\ngscale,0.00122173047\nascale,"
+        "0.00048828125\nt,gx,gy,gz,ax,ay,az"
+    )
     parts = [np.round(1e3 * c.t), np.round(c.w / 0.00122173047), np.round(c.f / G / 0.00048828125)]
     return text(head, parts, ["%.0f"] * 7)
 
@@ -296,8 +322,8 @@ WORDS = {
     "w": ("gyr_{a}", "Gyro {A}", "g{a}", "gyro_{a}", "{a}_gyro", "GYR{A}", "Drehrate {A}",
           "giroscopio_{a}", "Velocità angolare {A}", "vitesse angulaire {a}", "角速度{A}",
           "imu.gyro.{a}", "Угловая скорость {A}", "w{a}", "omega_{a}", "GYRO_{A}OUT"),
-    "t": ("time", "Time", "t", "timestamp", "time", "TIME", "Zeit", "tiempo", "Tempo", "temps", "时间",
-          "imu.time", "Время", "t", "time", "TIME"),
+    "t": ("time", "Time", "t", "timestamp", "time", "TIME", "Zeit", "tiempo", "Tempo", "temps",
+          "时间", "imu.time", "Время", "t", "time", "TIME"),
 }  # fmt: skip
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 FORCES = {"m/s^2": 1.0, "g": G, "mg": 1e-3 * G}

@@ -66,7 +66,10 @@ class Found:
         place, held = dict(self.site), self.session
         note = ""
         if not {"latitude", "gravity"} & place.keys():
-            place |= {"gravity": f"{NOWHERE.gravity} m/s^2", "gravity_sd": f"{NOWHERE.gravity_sd} m/s^2"}
+            place |= {
+                "gravity": f"{NOWHERE.gravity} m/s^2",
+                "gravity_sd": f"{NOWHERE.gravity_sd} m/s^2",
+            }
             note = "# Write latitude and height instead: gravity then follows from them.\n"
         settings = {"name": held.procedure or "hand_rotated"} | held.settings
         tables = [table_text("site", place) + note, table_text("log", log),

@@ -313,7 +313,7 @@ Taken = Annotated[
 
 def bare(paths: Sequence[Path]) -> bool:
     """Tell whether what is given is a log, and no campaign file."""
-    return len(paths) > 1 or paths[0].suffix.lower() != ".toml" and paths[0].is_file()
+    return len(paths) > 1 or (paths[0].suffix.lower() != ".toml" and paths[0].exists())
 
 
 def refuse_beside(place: Mapping[str, Any], taken: Sequence[str] | None) -> None:

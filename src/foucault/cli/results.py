@@ -74,9 +74,7 @@ def say_taken(screen: Screen, held: Bare) -> None:
         screen.say(f"  {line.what:<{width}}  {line.took}  ({line.sure}: {line.why})")
 
 
-def _run(
-    screen: Screen, campaign: Campaign, folder: Path, head: str = ""
-) -> tuple[Result, Found]:
+def _run(screen: Screen, campaign: Campaign, folder: Path, head: str = "") -> tuple[Result, Found]:
     """Calibrate and write the run folder; what was there stays until the new result is whole.
 
     `head`: remarks that its campaign begins with.

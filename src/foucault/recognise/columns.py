@@ -7,7 +7,7 @@ of what they name cannot be, the numbers tell.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
@@ -18,6 +18,9 @@ from foucault.errors import error
 from foucault.recognise import physics
 from foucault.recognise.opening import Opened
 from foucault.recognise.titles import Meaning, meaning
+
+Three = tuple[int, int, int]
+"""Numbers of the columns of a triad."""
 
 
 @dataclass(frozen=True)
@@ -82,12 +85,12 @@ class Clock:
 class Triads:
     """Columns of the triads, in the order x, y, z or that of the file."""
 
-    accel: tuple[int, int, int] | None
-    gyro: tuple[int, int, int] | None
+    accel: Three | None
+    gyro: Three | None
     titled: tuple[bool, bool]  # whether titles name the axes of each
     increments: bool | None  # what titles say of them
     several: tuple[tuple[str, tuple[int, ...]], ...] = ()  # further triads of the same kind
-    why: tuple[str, ...] = field(default=("", ""))
+    why: tuple[str, str] = ("", "")
 
 
 # -- the clock -----------------------------------------------------------------------------------
@@ -105,7 +108,7 @@ def clocks(data: Data) -> list[Clock]:
         titled = role == "time"
         usual = float(np.median(step[step > 0]))
         steady = float(np.mean(np.abs(step - usual) < 0.5 * usual))
-        if role not in ("", "time", "counter", "other") or steady < 0.5 and not titled:
+        if role not in ("", "time", "counter", "other") or (steady < 0.5 and not titled):
             continue
         dates = column.number in data.files[column.file].raw.stamps
         counter = role == "counter" or (not titled and bool(np.all(step == np.round(step)))
@@ -140,7 +143,7 @@ def _onward(step: FloatArray) -> bool:
 # -- the triads ----------------------------------------------------------------------------------
 
 
-def named(data: Data, role: str) -> list[tuple[str, tuple[int, int, int]]]:
+def named(data: Data, role: str) -> list[tuple[str, Three]]:
     """Return the triads that titles name: what tells them apart, and the columns x, y, z."""
     found: dict[tuple[int, str], dict[int, list[int]]] = {}
     for k, column in enumerate(data.columns):
@@ -185,12 +188,12 @@ def triads(data: Data, used: Sequence[int]) -> Triads:
     ]  # fmt: skip
     known = (accel, gyro)
     accel, gyro, more = _by_numbers(data, rest, accel, gyro)
-    why = tuple("titles" if t else "numbers" for t in titled)
+    why = ("titles" if titled[0] else "numbers", "titles" if titled[1] else "numbers")
     order = increments if any(known) else None
     return Triads(accel, gyro, titled, order or None, (*several, *more), why)
 
 
-def _exchanged(data: Data, accel: tuple[int, int, int], gyro: tuple[int, int, int]) -> bool:
+def _exchanged(data: Data, accel: Three, gyro: Three) -> bool:
     """Tell whether what is titled accelerometers rests near zero, and gyros have one length."""
     cut = physics.blocks(data.x, [*accel, *gyro])
     if len(cut.rests[0]) < 4:
@@ -204,7 +207,7 @@ def _exchanged(data: Data, accel: tuple[int, int, int], gyro: tuple[int, int, in
     )  # fmt: skip
 
 
-def _some_gravity(data: Data, found: list[tuple[str, tuple[int, int, int]]]) -> bool:
+def _some_gravity(data: Data, found: list[tuple[str, Three]]) -> bool:
     """Tell whether readings called linear acceleration hold gravity after all, as those of ROS."""
     for _, columns in found:
         size = np.linalg.norm(data.x[:, list(columns)], axis=1)
@@ -212,9 +215,6 @@ def _some_gravity(data: Data, found: list[tuple[str, tuple[int, int, int]]]) -> 
         if middle > 0 and float(np.nanmedian(np.abs(size - middle))) < 0.2 * middle:
             return True
     return False
-
-
-Three = tuple[int, int, int]
 
 
 def _by_numbers(
@@ -254,7 +254,7 @@ USUAL = (9.81, 1.0, 1000.0, 981.0, 16384.0, 8192.0, 4096.0, 2048.0)
 
 def _threes(rest: list[int]) -> list[Three]:
     """Return the columns in threes as they stand, where they are whole triads side by side."""
-    if len(rest) % 3 or rest and rest[-1] - rest[0] != len(rest) - 1:
+    if len(rest) % 3 or (rest and rest[-1] - rest[0] != len(rest) - 1):
         return []
     return [(a, b, c) for a, b, c in zip(rest[::3], rest[1::3], rest[2::3], strict=True)]
 
@@ -294,11 +294,11 @@ def _likeliest(data: Data, cut: physics.Blocks, found: list[physics.Sphere]) -> 
         moving = np.repeat(~cut.quiet, cut.size)[: len(size)]
         shaken = float(np.std(size[: len(moving)][moving]) / s.radius) if moving.any() else 0.0
         usual = min(abs(np.log(s.radius / r)) for r in USUAL)
-        a, b, c = s.columns
+        a, _, c = s.columns
         zero = float(np.linalg.norm(s.centre) / s.radius)
         # A magnetometer's length stays the same when it is shaken.
-        return (20 * s.scatter + 0.5 * (usual > 0.08) - min(shaken, 0.3) * 3 + 0.6 * min(zero, 1.0)
-                + 0.3 * (c - a > 2))  # fmt: skip
+        odd = 20 * s.scatter + 0.5 * (usual > 0.08) - 3 * min(shaken, 0.3) + 0.6 * min(zero, 1.0)
+        return float(odd + 0.3 * (c - a > 2))
 
     ranked = sorted(((oddness(s), s.columns) for s in apart[:200]), key=lambda one: one[0])
     return _apart([one for odd, one in ranked if odd < ranked[0][0] + 0.25])
@@ -316,14 +316,15 @@ def _rates(data: Data, cut: physics.Blocks, accel: Three | None, left: list[int]
     if len(left) == 3 or accel is None:
         return [(left[0], left[1], left[2])]
     ball = physics.sphere(cut.of_rests(accel), accel)
-    time = np.arange(len(data.x)) * 1.0
+    time = np.arange(len(data.x), dtype=float)
     found: list[tuple[float, Three]] = []
     for three in list(combinations(left[:9], 3))[:84]:
         turned = ball and physics.turns(data.x, time, cut, ball, three)
         if turned and turned.fits:
-            a, b, c = three
             # Of two instruments each has its columns side by side.
-            found.append((turned.miss + (0.0 if c - a == 2 else physics.PROVED), three))
+            found.append(
+                (turned.miss + (0.0 if three[2] - three[0] == 2 else physics.PROVED), three)
+            )
     found.sort(key=lambda one: one[0])
     return _apart([one for off, one in found if off < found[0][0] + physics.PROVED])
 

@@ -138,7 +138,11 @@ def refuse_no_log(path: Path) -> None:
         todo = _SAVE_AS if book else _UNPACK
     text = start.lstrip(b"\xef\xbb\xbf \t\r\n")
     if what is None and is_text(start):
-        if text[:1] == b"{" or text[:2] in (b"[{", b"[[") or text[:1] == b"[" and b"," in text[:80]:
+        if (
+            text[:1] == b"{"
+            or text[:2] in (b"[{", b"[[")
+            or (text[:1] == b"[" and b"," in text[:80])
+        ):
             what, todo = "JSON", "Write it as CSV: a line of titles, then one row a sample."
         elif text[:1] == b"<":
             what, todo = "HTML or XML", _NUMBERS
@@ -202,7 +206,7 @@ def _laid_out(lines: list[str]) -> tuple[dict[str, Any], tuple[str, ...], tuple[
     return layout, units, best.numeric
 
 
-def _table(lines: list[str], delimiter: str, decimal: str) -> _Table | None:
+def _table(lines: Sequence[str], delimiter: str, decimal: str) -> _Table | None:
     rows = [_cells(line, delimiter) for line in lines]
     kinds = [tuple(_number(c, decimal) for c in row) if row else () for row in rows]
     for i in range(len(rows)):
@@ -399,5 +403,3 @@ def _read(raw: RawTable, numbers: tuple[int, ...]) -> tuple[FloatArray, bool]:
         if rows >= ROWS:
             return np.concatenate(parts)[:ROWS], False
     return (np.concatenate(parts) if parts else np.empty((0, len(numbers)))), True
-
-

@@ -92,8 +92,8 @@ def _levels(sd: FloatArray, active: Sequence[int]) -> FloatArray:
     if not logs:
         return np.ones(len(sd))
     # Columns that motion does not change, such as temperatures, say nothing.
-    told = sorted(logs, key=lambda x: -float(np.percentile(x, 90)))[: max(3, len(logs) // 2)]
-    return np.asarray(np.exp(np.mean(told, axis=0)))
+    order = np.argsort([-float(np.percentile(x, 90)) for x in logs])[: max(3, len(logs) // 2)]
+    return np.asarray(np.exp(np.mean(np.array(logs)[order], axis=0)))
 
 
 @dataclass(frozen=True)
@@ -122,15 +122,17 @@ def sphere(m: FloatArray, columns: Sequence[int]) -> Sphere | None:
     at_zero, *fitted = found
     best = at_zero
     # A zero that is not nought explains counts about the middle of a converter.
-    if fitted and fitted[0][2] < 0.3 * at_zero[2] and (
-        at_zero[2] > 0.02 or np.linalg.norm(fitted[0][0]) < 0.3 * fitted[0][1]
+    if (
+        fitted
+        and fitted[0][2] < 0.3 * at_zero[2]
+        and (at_zero[2] > 0.02 or np.linalg.norm(fitted[0][0]) < 0.3 * fitted[0][1])
     ):
         best = fitted[0]
     centre, radius, scatter = best
     if not radius > 0:
         return None
     u = (m - centre) / radius
-    spread = float(np.sqrt(max(0.0, 1.0 - np.linalg.norm(u.mean(axis=0)) ** 2)))
+    spread = float(np.sqrt(max(0.0, 1.0 - float(np.linalg.norm(u.mean(axis=0))) ** 2)))
     a, b, c = (int(i) for i in columns)
     return Sphere((a, b, c), centre, radius, scatter, spread)
 
@@ -184,12 +186,12 @@ class Turns:
     @property
     def proved(self) -> bool:
         """Whether order and signs are told."""
-        return self.fits and len(self.fitting) == 1 and self.turns >= 3
+        return bool(self.fits and len(self.fitting) == 1 and self.turns >= 3)
 
     @property
     def fits(self) -> bool:
         """Whether these columns can be gyros at all."""
-        return self.miss < PROVED
+        return bool(self.miss < PROVED)
 
 
 def turns(x: FloatArray, time: FloatArray, cut: Blocks, accel: Sphere,
@@ -293,9 +295,11 @@ def _seed(
     theta = np.diff(path[at], axis=0)
     du, mid = np.diff(u, axis=0), u[1:] + u[:-1]
     mid /= np.maximum(np.linalg.norm(mid, axis=1), 1e-9)[:, None]
-    fine = (np.abs(norm[1:] / accel.radius - 1) < 0.4) & (np.abs(norm[:-1] / accel.radius - 1) < 0.4)
+    fine = (np.abs(norm[1:] / accel.radius - 1) < 0.4) & (
+        np.abs(norm[:-1] / accel.radius - 1) < 0.4
+    )
     fine &= ~(cut.quiet[1:] & cut.quiet[:-1])
-    fine &= (np.linalg.norm(du, axis=1) < 0.8)
+    fine &= np.linalg.norm(du, axis=1) < 0.8
     if fine.sum() < 12:
         return None
     du, mid, theta = du[fine], mid[fine], theta[fine]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -184,17 +184,15 @@ class _Work:
             raise error("recognise.said", given=str(list(names)), allowed=allowed) from None
         return x, y, z
 
-    def _several(
-        self, found: tell.Triads, open_: Sequence[tuple[str, tuple[int, ...]]]
-    ) -> None:
+    def _several(self, found: tell.Triads, open_: Sequence[tuple[str, tuple[int, ...]]]) -> None:
         """Ask which of several triads is meant."""
         first = {"accel": found.accel, "gyro": found.gyro}
         kinds = list(dict.fromkeys(kind for kind, _ in open_))
         said = " and of ".join(_KIND[kind] for kind in kinds)
         one = "; ".join(self._columns_line(k, columns) for k in kinds if (columns := first[k]))
         other = "; ".join(self._columns_line(k, dict(reversed(open_))[k]) for k in kinds)
-        self.questions.append(Question(
-            f"There are several triads of {said}.", one, "the first", other, "the next"))  # fmt: skip
+        what = f"There are several triads of {said}."
+        self.questions.append(Question(what, one, "the first", other, "the next"))
 
     def _columns_line(self, kind: str, columns: Sequence[int]) -> str:
         names = [self.data.called(k) for k in columns]
@@ -258,11 +256,9 @@ class _Work:
             from foucault.units import parse
 
             hertz = parse(rate, "frequency", "rate")
-            seen = units.Seen(1.0 / hertz, True, seen.radius, turn and turn * hertz, seen.peak,
-                              seen.still, seen.whole, seen.increments)  # fmt: skip
-            ranked = [r for r in units.readings(seen, units.Titled("s", titled.accel, titled.gyro))]
-            ranked = [units.Reading(None, r.rate, r.accel, r.gyro, r.increments, r.cost)
-                      for r in ranked]  # fmt: skip
+            seen = replace(seen, interval=1.0 / hertz, timed=True, turn=turn and turn * hertz)
+            known = units.Titled("s", titled.accel, titled.gyro)
+            ranked = [replace(r, time=None) for r in units.readings(seen, known)]
         if not ranked:
             raise error("recognise.units", file=data.files[0].path.name, said=self._sizes(seen))
         best = ranked[0]
@@ -322,8 +318,9 @@ class _Work:
         first, second = line(one, other), line(other, one)
         if first == second:
             return
-        self.questions.append(Question(
-            "The units fit in two ways.", first, _whys(one), second, _whys(other)))
+        self.questions.append(
+            Question("The units fit in two ways.", first, _whys(one), second, _whys(other))
+        )
 
     # -- axes ----------------------------------------------------------------------------------
 
@@ -334,7 +331,9 @@ class _Work:
         if turned is None or not turned.fits:
             why = "the titles" if gyro_titled or accel_titled else "the order of the columns"
             if self.found.gyro is not None and self.found.accel is not None:
-                self.lines.append(Line("axes", "x, y, z as they are", why + "; no turns tell", TAKEN))
+                self.lines.append(
+                    Line("axes", "x, y, z as they are", why + "; no turns tell", TAKEN)
+                )
             return same, same
         if any(np.array_equal(E, same) for E in turned.fitting):
             sure = SURE if turned.proved else LIKELY
@@ -394,9 +393,9 @@ class _Work:
         log |= data.files[0].layout
         first: list[Line] = []
         if self.clock is not None and reading.time is not None:
-            unit = reading.time.text
-            log["time"] = {"column": data.called(self.clock.column), "unit": unit}
-            first.append(Line("time", f"{data.shown(self.clock.column)} [{unit}], "
+            one = reading.time.text
+            log["time"] = {"column": data.called(self.clock.column), "unit": one}
+            first.append(Line("time", f"{data.shown(self.clock.column)} [{one}], "
                               f"{reading.rate:.6g} Hz", _why(reading.time, self.clock.titled),
                               SURE if reading.time.why == "title" else self.sure))  # fmt: skip
         else:
@@ -450,8 +449,8 @@ class _Work:
 
     def _triad_why(self, name: str, unit: units.Unit) -> str:
         where = self.found.why[0 if name == "accel" else 1]
-        columns = {"titles": "titles", "said": "given"}.get(
-            where, "one length at rest" if name == "accel" else "rest near zero, turn gravity")  # fmt: skip
+        numbers = "one length at rest" if name == "accel" else "rest near zero, turn gravity"
+        columns = {"titles": "titles", "said": "given"}.get(where, numbers)
         columns = where if where.startswith("numbers:") else columns
         if name == "accel" and self.ball is not None and unit.why in ("gravity", "gravity alone"):
             return f"{columns}; length {self.ball.radius:.5g} at rest"
@@ -470,13 +469,12 @@ class _Work:
             far = float(np.abs(at_rest).max()) * abs(unit.si) > 1.0 and not increments
             zero = at_rest if far else None
         if zero is not None and not increments:
-            place, sign = np.argmax(np.abs(E), axis=1), E.sum(axis=1)
+            place = np.argmax(np.abs(E), axis=1)
             block["unit"] = "count"
             block["scale"] = unit.scale or (
                 f"{1 / unit.si:.8g} count/({'m/s^2' if name == 'accel' else 'rad/s'})")  # fmt: skip
             # The reader takes the zero off before it turns the sign round.
             block["zero"] = [float(f"{zero[k]:.6g}") for k in place]
-            del sign
         elif unit.text == "count":
             block["scale"] = unit.scale
         if increments:

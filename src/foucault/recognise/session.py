@@ -90,7 +90,8 @@ def session(log: Log) -> Session:
         return Session(f"{said}, near the six faces", f"tilted by {np.degrees(np.median(tilt)):.0f}"
                        " deg", "six_position", sure="likely", rests=len(rests))  # fmt: skip
     return Session(said, f"a calibration needs gravity from {NEEDED} sides, or on all six faces",
-                   None, todo=_MORE_REST if len(rests) > 2 else _REST_FIRST, rests=len(rests))  # fmt: skip
+                   None, todo=_MORE_REST if len(rests) > 2 else _REST_FIRST,
+                   rests=len(rests))  # fmt: skip
 
 
 def _moves(log: Log) -> bool:
@@ -111,8 +112,8 @@ _ONE_REST = "A rest tells noise, and with a latitude heading: `foucault allan {f
 _REST_FIRST = "To calibrate, rest the instrument in twelve or more orientations spread over all " \
     "directions, some seconds each, and turn it in between; for a vehicle, calibrate first, then " \
     "`foucault align` and `foucault navigate`."  # fmt: skip
-_MORE_REST = "Add rests in other orientations: twelve or more, spread over all directions, or one " \
-    "on each of the six faces. `foucault watch` says while you record which are missing."  # fmt: skip
+_MORE_REST = "Add rests in other orientations: twelve or more, spread over all directions, or " \
+    "one on each of the six faces. `foucault watch` says which are missing."  # fmt: skip
 
 
 def _directions(log: Log, rests: Rests) -> tuple[FloatArray, FloatArray, list[int]]:
@@ -159,7 +160,7 @@ def _of_faces(log: Log, rests: Rests, up: FloatArray, said: str) -> Session:
 
 
 def _sees_earth(log: Log, rests: Rests) -> bool:
-    """Tell whether rests are long, and the means of the gyros in them those of a good instrument."""
+    """Tell whether rests are long, and the gyros' means in them those of a good instrument."""
     if log.gyro is None or float(np.median(rests.last - rests.first)) * log.interval < 15.0:
         return False
     rate = means_of(log.gyro, rests.spans)
@@ -167,7 +168,7 @@ def _sees_earth(log: Log, rests: Rests) -> bool:
 
 
 def _whole_turns(log: Log, rests: Rests, up: FloatArray) -> dict[int, float]:
-    """Return the axes about which it was turned on the spot by whole turns, and the angles [rad]."""
+    """Return the axes about which it was turned on the spot, and by which whole turns [rad]."""
     if log.gyro is None or len(rests) < 2:
         return {}
     bias = np.median(means_of(log.gyro, rests.spans), axis=0)
@@ -202,7 +203,10 @@ def _spins(log: Log, rests: Rests) -> list[tuple[int, int, FloatArray]]:
     bias = np.median(still, axis=0)
     for a, b in zip(quiet.tolist(), last.tolist(), strict=True):
         rate = log.gyro[a:b].mean(axis=0) - bias
-        ends = log.gyro[a : a + fewest // 3].mean(axis=0), log.gyro[b - fewest // 3 : b].mean(axis=0)
+        ends = (
+            log.gyro[a : a + fewest // 3].mean(axis=0),
+            log.gyro[b - fewest // 3 : b].mean(axis=0),
+        )
         steady = np.linalg.norm(ends[0] - ends[1]) < 0.05 * np.linalg.norm(rate)
         turned = np.linalg.norm(rate) * (b - a) * log.interval
         if np.linalg.norm(rate) > STEADY and steady and turned > np.pi:

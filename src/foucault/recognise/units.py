@@ -162,9 +162,7 @@ def _clocks(seen: Seen, titled: Titled, increments: bool) -> Iterator[Unit]:
             yield Unit("", 1.0 / usual, cost=1.0, why="gravity in m/s")
 
 
-def _with_clock(
-    seen: Seen, titled: Titled, clock: Unit, increments: bool
-) -> Iterator[Reading]:
+def _with_clock(seen: Seen, titled: Titled, clock: Unit, increments: bool) -> Iterator[Reading]:
     """Yield the readings of a log with one clock."""
     step = clock.si * seen.interval
     rate = 1.0 / step if step > 0 else inf
@@ -204,7 +202,7 @@ def _accel(size: float, titled: str, whole: bool, increments: bool) -> Iterator[
     if titled and titled != "count":
         try:
             si = scaled_unit(titled, kind)
-        except Exception:  # noqa: BLE001  a unit of something else: the numbers tell
+        except Exception:
             si = 0.0
         if si and abs(log(size / si)) < FAR:
             yield Unit(titled, si, why="title")
@@ -214,7 +212,7 @@ def _accel(size: float, titled: str, whole: bool, increments: bool) -> Iterator[
     extra = 3.0 * (wrong != "gravity")
     for text, si in known.items():
         off = abs(log(size / si))
-        if off < NEAR and not (titled == "count"):
+        if off < NEAR and titled != "count":
             yield Unit(text, si, cost=extra + 8 * off + 0.7 * (si not in (1.0, STANDARD_GRAVITY)),
                        why=wrong)  # fmt: skip
     if increments:
@@ -226,8 +224,13 @@ def _accel(size: float, titled: str, whole: bool, increments: bool) -> Iterator[
     if whole and off < NEAR:
         yield Unit("count", STANDARD_GRAVITY / usual, f"{usual:.10g} count/g", 0.4 + 8 * off,
                    "gravity, and a usual converter")  # fmt: skip
-    yield Unit("count", size, f"{1 / size:.6g} count/(m/s^2)",
-               1.6 + extra + 1.5 * (not whole), "gravity alone")
+    yield Unit(
+        "count",
+        size,
+        f"{1 / size:.6g} count/(m/s^2)",
+        1.6 + extra + 1.5 * (not whole),
+        "gravity alone",
+    )
 
 
 def _gyro(turn: float | None, titled: str, whole: bool, increments: bool) -> Iterator[Unit]:
@@ -238,7 +241,7 @@ def _gyro(turn: float | None, titled: str, whole: bool, increments: bool) -> Ite
     if titled and titled != "count":
         try:
             si = scaled_unit(titled, kind)
-        except Exception:  # noqa: BLE001  "gyro_rad" of a rate
+        except Exception:
             si = {"rad": 1.0, "deg": DEGREE}.get(titled, 0.0)
             titled = {"rad": "rad/s", "deg": "deg/s"}.get(titled, titled)
     if si and (turn is None or abs(log(turn / si)) < FAR):
@@ -264,5 +267,10 @@ def _gyro(turn: float | None, titled: str, whole: bool, increments: bool) -> Ite
     if whole and off < NEAR:
         yield Unit("count", DEGREE / usual, f"{usual:.10g} count/(deg/s)", 0.4 + 8 * off,
                    "the turns, and a usual converter")  # fmt: skip
-    yield Unit("count", turn, f"{1 / turn:.6g} count/(rad/s)",
-               1.8 + extra + 1.5 * (not whole), "the turns alone")
+    yield Unit(
+        "count",
+        turn,
+        f"{1 / turn:.6g} count/(rad/s)",
+        1.8 + extra + 1.5 * (not whole),
+        "the turns alone",
+    )
