@@ -18,7 +18,7 @@ BUDGET = {
     "estimate": 6_824,
     "export": 3_036,
     "guard": 1_941,
-    "infer": 3_037,
+    "infer": 3_033,
     "kernels": 4_716,
     "logs": 6_451,
     "models": 5_963,
