@@ -181,8 +181,9 @@ def creeping(s: Session) -> None:
     axis /= np.linalg.norm(axis)
     rate = 0.003 * DEGREE * np.sign(np.sin(2 * np.pi * t / 31.0))
     angle = np.cumsum(rate) / s.rate
-    f = s.log.accel
-    added(s, -angle[:, None] * np.cross(axis, f), rate[:, None] * axis)
+    f, w = s.log.accel, s.log.gyro
+    back = -angle[:, None]
+    added(s, back * np.cross(axis, f), rate[:, None] * axis + back * np.cross(axis, w))
 
 
 def stamps(rate: float) -> Violation:
@@ -321,7 +322,8 @@ def one(job: tuple[str, str, int]) -> list[Run]:
         codes = tuple(f.code for f in r.findings) if r.verdict.reasons and not failed else ()
         out.append(Run(
             float(nees(e[None], cov[None])[0]) / len(e), len(e), r.verdict.level is Level.PASS,
-            named or failed or codes, " ".join(r.diagnostics.get("unseen") or ()),
+            named or failed or codes,
+            " ".join([*(r.diagnostics.get("unseen") or ()), *(c.sentence for c in r.checks)]),
         ))  # fmt: skip
     return out
 
