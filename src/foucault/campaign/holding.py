@@ -88,7 +88,7 @@ def in_words(campaign: Campaign) -> str | None:
     if campaign.sizes is None or not (procedure.counted or campaign.sizes):
         return None
     if not procedure.counted:
-        return f"nothing: {procedure.name} does not count it"
+        return f"nothing: simulated sessions of {procedure.name} hold the model alone"
     if not campaign.sizes:
         return "nothing: [instrument] declares no grade, part or size"
     return "all terms that are not estimated, drawn at the sizes of [instrument]"

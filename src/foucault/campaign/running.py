@@ -25,10 +25,9 @@ from foucault.files import make_folder, sha256, write_text
 from foucault.logs.checks import beside_another
 from foucault.logs.description import LogDescription, description_of
 from foucault.logs.follow import OnDisk
-from foucault.models.cluster import ClusterModel
 from foucault.models.earth import Site
 from foucault.models.imu import Gauge, ImuModel
-from foucault.models.layouts import model_of
+from foucault.models.layouts import Instrument, model_of
 from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise, grade
 from foucault.models.size_effect import SizeEffect
@@ -161,7 +160,7 @@ class Simulation(Protocol):
         ...
 
     @property
-    def model(self) -> ImuModel | ClusterModel:
+    def model(self) -> Instrument:
         """The errors it had."""
         ...
 
@@ -225,7 +224,7 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
     return Session(campaign, beside.simulation(simulation), seed, beside.sizes)
 
 
-def _instrument(campaign: Campaign, seed: int) -> ImuModel | ClusterModel:
+def _instrument(campaign: Campaign, seed: int) -> Instrument:
     """Draw the errors of the instrument, then set those the campaign gives."""
     procedure = procedures.load(campaign.procedure)
     drawn = procedure.draw_errors(campaign.simulate.grade, seed).coefficients()

@@ -116,7 +116,8 @@ class Instrument(Strict):
         sheet: dict[str, tuple[float, str]] = {}
         grade: str | None = self.grade
         if self.part is not None:
-            sheet = {g: s for g, s in parts.sizes_of(self.part).items() if g in known.groups}
+            usual_too = {g for g, group in known.groups.items() if group.sizes}
+            sheet = {g: s for g, s in parts.sizes_of(self.part).items() if g in usual_too}
             of = parts.part(self.part).grade
             grade = grade or (of if of in known.grades else None)
         if grade is None:
@@ -164,6 +165,7 @@ class SiteTable(Strict):
             site = earth.Site(self.gravity, self.latitude, self.height)
         else:
             raise error("site.gravity", given=self.gravity)
+        site = replace(site, longitude=self.longitude)
         return site if self.gravity_sd is None else replace(site, gravity_sd=self.gravity_sd)
 
     def findings(self) -> tuple[Finding, ...]:

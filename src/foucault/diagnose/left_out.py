@@ -73,8 +73,8 @@ def _cure(group: str) -> str:
     """Say what to do about a group that is larger than its size."""
     if group.startswith("prior of "):
         return "Correct [prior], or leave it out."
-    if group not in typical().groups:
-        return "Correct what the campaign says of it."
+    if group not in typical().groups or not typical().groups[group].sizes:
+        return "Correct what the campaign says of it, or how well that is known."
     if group.endswith(" drift"):
         return "Let the instrument warm up, repeat the first readings at the end, or declare it."
     return "Estimate it, declare its size in [instrument], or take a plan that tells them apart."

@@ -338,7 +338,7 @@ def _judged(
     share = {n: float((v / total).max()) for n, v in parts.items()}
     groups = tuple(dict.fromkeys(s.name for s in more if s not in extra))
     needed = {n: float(detectable(s, len(first)).min()) for n, s in first.items()}
-    return Judgement(first, _together(named), needed, share, groups)
+    return Judgement(first, joined(named), needed, share, groups)
 
 
 def _as_free(at: Fit, held: set[str]) -> Fit:
@@ -354,8 +354,8 @@ def _wider(prior: CoefficientVector, name: str, k: float) -> CoefficientVector:
     return replace(prior, prior_sd=sd)
 
 
-def _together(named: list[dict[str, float]]) -> tuple[Mapping[str, float], ...]:
-    """Join what was enlarged twice: sizes multiply, and it stays where it was first named."""
+def joined(named: list[dict[str, float]]) -> tuple[Mapping[str, float], ...]:
+    """Join what was enlarged twice: sizes multiply, and it stays where it was first `named` [1]."""
     out: list[dict[str, float]] = []
     for one in named:
         before = [o for o in out if set(o) & set(one)]

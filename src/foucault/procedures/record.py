@@ -349,6 +349,8 @@ class Procedure(Generic[S, N]):
         settings = settings or self.Settings()
         if isinstance(settings, EarthRate):
             site = settings.where(site)
+        if self.again is None:  # none declared, and no grade is told by noise here
+            sizes = sizes or None
         return Given(site, settings, noise, prior or {}, progress, sizes)
 
     def foreseen(self, b: Beforehand[S, N], *, more: bool = True) -> Foresight | None:

@@ -74,9 +74,7 @@ def solve(log: Log | OnDisk, task: Task, given: Given[Any]) -> Result:
 
     readings = read_positions(log, task, given.noise, averaging)
     given.progress(0.4, "calibrating")
-    result = from_readings(
-        readings, task, site=given.site, prior=given.prior, sizes=given.sizes or None
-    )
+    result = from_readings(readings, task, site=given.site, prior=given.prior, sizes=given.sizes)
     return replace(
         result,
         findings=_without_gaps((*_noticed(log, readings), *result.findings)),
