@@ -16,7 +16,7 @@ from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.left_out import ByNoise, grade_of, sizes_of, told
 from foucault.models.noise import grade
-from foucault.procedures import ferraris, hand_rotated, rate_table, six_position
+from foucault.procedures import ferraris, hand_rotated, rate_table, silent, six_position
 from foucault.procedures.record import Beforehand
 
 SITE = Site.at(np.radians(48.8462), 60.0)
@@ -183,3 +183,12 @@ def test_the_switch_is_written_where_there_is_no_table() -> None:
     assert parse(with_nothing_else(campaign().text)).sizes is None
     bare = '[procedure]\nname = "hand_rotated"\n'
     assert with_nothing_else(bare).count("[instrument]\nleft_out = false") == 1
+
+
+@pytest.mark.parametrize("name", ["transfer_alignment", "turntable", "systematic"])
+def test_where_no_grade_is_told_by_noise_nothing_said_is_nothing_declared(name) -> None:
+    procedure = procedures.load(name)
+    for sizes, given in ((ByNoise(), None), (ByNoise(SIZES), SIZES), (None, None)):
+        assert procedure._given(SITE, None, None, None, silent, sizes).sizes == given
+    usual = hand_rotated.PROCEDURE._given(SITE, None, None, None, silent, ByNoise())
+    assert usual.sizes == ByNoise()

@@ -639,7 +639,7 @@ def save_simulated(
     text = with_own_log(campaign.text, head + LOG + rest)
     if seed is not None:
         text = with_seed(text, seed)
-    if campaign.sizes is not None:
+    if campaign.sizes is not None and not campaign.sizes:
         text = with_nothing_else(text)
     write_text(folder / SESSION_CAMPAIGN, text)
     return folder / SESSION_CAMPAIGN

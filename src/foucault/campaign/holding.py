@@ -67,7 +67,7 @@ class Held:
 def held(campaign: Campaign, seed: int) -> Held:
     """Draw what a simulated instrument holds beside the model; `seed`: of the simulation [1]."""
     procedure = procedures.load(campaign.procedure)
-    if not campaign.sizes or procedure.again is None:
+    if not campaign.sizes or not procedure.counted:
         return Held()
     sizes = _sizes(campaign)
     names = (*procedure.names(campaign.settings, campaign.session), *campaign.simulate.errors)
@@ -85,10 +85,10 @@ def held(campaign: Campaign, seed: int) -> Held:
 def in_words(campaign: Campaign) -> str | None:
     """Say what instruments that are simulated hold beside the model; None where nobody asks."""
     procedure = procedures.load(campaign.procedure)
-    if campaign.sizes is None or (procedure.again is None and not campaign.sizes):
+    if campaign.sizes is None or not (procedure.counted or campaign.sizes):
         return None
-    if procedure.again is None:
-        return f"nothing: {procedure.name} does not count it"
+    if not procedure.counted:
+        return f"nothing: simulated sessions of {procedure.name} hold the model alone"
     if not campaign.sizes:
         return "nothing: [instrument] declares no grade, part or size"
     return "all terms that are not estimated, drawn at the sizes of [instrument]"

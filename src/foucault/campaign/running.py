@@ -266,7 +266,7 @@ def save_session(session: Session, folder: str | Path) -> Path:
     text = with_own_log(session.campaign.text, own)
     if session.seed != session.campaign.simulate.seed:
         text = with_seed(text, session.seed)
-    if session.sizes is None and session.campaign.sizes is not None:
+    if session.campaign.sizes is not None and not session.campaign.sizes:
         text = with_nothing_else(text)
     write_text(folder / SESSION_CAMPAIGN, text)
     return folder / SESSION_CAMPAIGN

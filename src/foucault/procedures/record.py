@@ -199,6 +199,7 @@ class Procedure(Generic[S, N]):
     # Model, log and what is given -> the session reduced again; None: it does not count what it
     # does not estimate.
     again: Callable[[Any, Any, Given[S]], Again] | None = None
+    counts: bool = False  # whether it counts them though it has no such `again`
     # Settings and session -> what a little more of a plan would be: in words, and both changed.
     additions: Callable[[S, N], Sequence[tuple[str, S, N]]] | None = None
     # What is wrong with a session that its calibration has to find: source -> size [SI].
@@ -243,6 +244,11 @@ class Procedure(Generic[S, N]):
     noise_lines: str = ""
     prior_lines: str = ""
     errors_line: str = ""
+
+    @property
+    def counted(self) -> bool:
+        """Whether it counts what it does not estimate, where sizes are given."""
+        return self.counts or self.again is not None
 
     @property
     def summary(self) -> str:
@@ -343,6 +349,8 @@ class Procedure(Generic[S, N]):
         settings = settings or self.Settings()
         if isinstance(settings, EarthRate):
             site = settings.where(site)
+        if self.again is None:  # none declared, and no grade is told by noise here
+            sizes = sizes or None
         return Given(site, settings, noise, prior or {}, progress, sizes)
 
     def foreseen(self, b: Beforehand[S, N], *, more: bool = True) -> Foresight | None:
