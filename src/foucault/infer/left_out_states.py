@@ -163,3 +163,22 @@ def of_priors(c: CoefficientVector, names: Sequence[str]) -> dict[str, Group]:
         if np.isfinite(c.prior_sd[c.names.index(name)]):
             out.setdefault(f"prior of {name.rpartition('.')[0]}", []).append(name)
     return {group: Group("prior", tuple(some)) for group, some in out.items()}
+
+
+def beside(
+    found: CoefficientVector, judged: Judgement, name: str, group: Group, response: FloatArray
+) -> tuple[CoefficientVector, Judgement]:
+    """Count a term that is no state: ``cov + a a'``, a the `response` (n,) of `found` to 1 sd [SI].
+
+    What the readings say of it is left aside: it is as large as its size says.
+    """
+    assert found.cov is not None
+    cov, none = found.cov + np.outer(response, response), np.zeros((1, 1))
+    share = {**judged.share, name: float((response**2 / np.diag(cov)).max())}
+    more = replace(
+        judged, groups=(*judged.groups, name), share=share,
+        seen={**judged.seen, name: Seen("source", none[0], none, 0.0, 0, 1.0, 1.0, 0.0)},
+        needed={**judged.needed, name: np.inf},
+        sizes={**judged.sizes, name: (group.size, group.basis)},
+    )  # fmt: skip
+    return replace(found, cov=cov), more
