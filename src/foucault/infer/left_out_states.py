@@ -165,20 +165,15 @@ def of_priors(c: CoefficientVector, names: Sequence[str]) -> dict[str, Group]:
     return {group: Group("prior", tuple(some)) for group, some in out.items()}
 
 
-def beside(
-    found: CoefficientVector, judged: Judgement, name: str, group: Group, response: FloatArray
-) -> tuple[CoefficientVector, Judgement]:
-    """Count a term that is no state: ``cov + a a'``, a the `response` (n,) of `found` to 1 sd [SI].
+def noted(judged: Judgement, name: str, group: Group, share: float) -> Judgement:
+    """Note a term that is no state: it is as large as its size says, whatever the readings say.
 
-    What the readings say of it is left aside: it is as large as its size says.
+    `name`: of the group; `share`: largest share of it in a variance [1].
     """
-    assert found.cov is not None
-    cov, none = found.cov + np.outer(response, response), np.zeros((1, 1))
-    share = {**judged.share, name: float((response**2 / np.diag(cov)).max())}
-    more = replace(
-        judged, groups=(*judged.groups, name), share=share,
+    none = np.zeros((1, 1))
+    return replace(
+        judged, groups=(*judged.groups, name), share={**judged.share, name: share},
         seen={**judged.seen, name: Seen("source", none[0], none, 0.0, 0, 1.0, 1.0, 0.0)},
         needed={**judged.needed, name: np.inf},
         sizes={**judged.sizes, name: (group.size, group.basis)},
     )  # fmt: skip
-    return replace(found, cov=cov), more

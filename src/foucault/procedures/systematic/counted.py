@@ -11,7 +11,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.infer.filtered import component
 from foucault.infer.gauss_newton import FALSE_ALARM
 from foucault.infer.left_out import Judgement
-from foucault.infer.left_out_states import Group, Posterior, beside, fit, of_priors, widened
+from foucault.infer.left_out_states import Group, Posterior, fit, noted, of_priors, widened
 from foucault.kernels.ins_transition import HALF
 from foucault.models.imu import LAYOUT
 from foucault.models.ins_errors import Sensors
@@ -73,7 +73,10 @@ def counted(
         there = replace(problem, site=replace(p.site, latitude=p.site.latitude + size))
         off = resumed(there, found, found.states.names).states.chosen(names)
         one = Group("source", (), size, basis)
-        states, judged = beside(states, judged, LATITUDE, one, off.values - states.values)
+        moved = off.values - states.values
+        assert states.cov is not None
+        states = replace(states, cov=states.cov + np.outer(moved, moved))
+        judged = noted(judged, LATITUDE, one, float(np.max((moved / states.sd) ** 2)))
     return replace(decision, problem=problem, solution=found), states, judged
 
 
