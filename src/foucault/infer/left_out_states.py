@@ -163,3 +163,17 @@ def of_priors(c: CoefficientVector, names: Sequence[str]) -> dict[str, Group]:
         if np.isfinite(c.prior_sd[c.names.index(name)]):
             out.setdefault(f"prior of {name.rpartition('.')[0]}", []).append(name)
     return {group: Group("prior", tuple(some)) for group, some in out.items()}
+
+
+def noted(judged: Judgement, name: str, group: Group, share: float) -> Judgement:
+    """Note a term that is no state: it is as large as its size says, whatever the readings say.
+
+    `name`: of the group; `share`: largest share of it in a variance [1].
+    """
+    none = np.zeros((1, 1))
+    return replace(
+        judged, groups=(*judged.groups, name), share={**judged.share, name: share},
+        seen={**judged.seen, name: Seen("source", none[0], none, 0.0, 0, 1.0, 1.0, 0.0)},
+        needed={**judged.needed, name: np.inf},
+        sizes={**judged.sizes, name: (group.size, group.basis)},
+    )  # fmt: skip
