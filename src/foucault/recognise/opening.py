@@ -29,7 +29,7 @@ from foucault.logs.dialect import (
     split,
     text_lines,
 )
-from foucault.logs.raw import RawTable, open_raw
+from foucault.logs.raw import RawTable, format_of, open_raw
 from foucault.recognise.titles import units_row
 
 ROWS = 400_000
@@ -66,13 +66,13 @@ class Opened:
     layout: dict[str, Any]  # keys of [log] that the file needs beside its name
     raw: RawTable
     units: tuple[str, ...]  # what a row of units says of each column
-    columns: tuple[int, ...]  # numbers of the columns that hold numbers
+    columns: tuple[int, ...]  # numbers of the columns that hold numbers [1]
     x: FloatArray  # (n, len(columns)) the first rows of them
     whole: bool = True  # whether these are all rows
     left_out: tuple[str, ...] = ()  # titles of columns that hold words or nothing
 
     def name(self, column: int) -> int | str:
-        """Return what [log] calls a column: its title where no other has it, else its number."""
+        """Return what [log] calls a `column` [1]: its title where no other has it, else that."""
         title = self.raw.names[column]
         alone = self.raw.named and [n.strip() for n in self.raw.names].count(title.strip()) == 1
         # "-gy" would be "gy" turned round, and "3" the fourth column.
@@ -91,7 +91,7 @@ def opened(path: Path) -> Opened:
     layout: dict[str, Any] = {}
     units: tuple[str, ...] = ()
     numeric: tuple[int, ...] | None = None
-    if path.is_file() and _plain_text(path):
+    if path.is_file() and format_of(path) in ("csv", "text"):
         seen = _lines(path)
         found = None if _taking_turns(seen) else _laid_out(seen)
         if found is None:
@@ -153,13 +153,6 @@ def refuse_no_log(path: Path) -> None:
 
 
 # -- how a text is laid out ----------------------------------------------------------------------
-
-
-def _plain_text(path: Path) -> bool:
-    """Tell whether a file is read as delimited text: by its suffix, else by its content."""
-    from foucault.logs.raw import text_format
-
-    return text_format(path)
 
 
 def _lines(path: Path) -> list[str]:
@@ -338,9 +331,7 @@ MANY = 4_000
 
 def _record(path: Path) -> dict[str, Any] | None:
     """Return the layout of plain records one of whose numbers runs on evenly, as a clock does."""
-    from foucault.logs.raw import binary_format
-
-    if not binary_format(path):
+    if format_of(path) not in ("binary", ""):
         return None
     size = path.stat().st_size
     content = np.fromfile(path, np.uint8, min(size, MANY * MOST_COLUMNS * 8))

@@ -50,11 +50,11 @@ TURNED = np.radians(8.0)
 class Blocks:
     """Short pieces of a log: the mean and the scatter of each column in each."""
 
-    size: int  # samples of a block
+    size: int  # samples of a block [1]
     mean: FloatArray  # (b, k) [raw]
     sd: FloatArray  # (b, k) [raw]
     quiet: BoolArray  # (b,) whether nothing moves
-    rests: tuple[IntArray, IntArray]  # first block of each rest, and the one after its last
+    rests: tuple[IntArray, IntArray]  # first block of each rest, and the one after [1]
 
     def of_rests(self, columns: Sequence[int]) -> FloatArray:
         """Return the mean of `columns` over each rest, (r, k) [raw]."""
@@ -65,7 +65,7 @@ class Blocks:
 def blocks(x: FloatArray, active: Sequence[int]) -> Blocks:
     """Cut readings `x` (n, k) [raw] into blocks and find the quiet ones.
 
-    `active`: columns that motion changes.
+    `active`: columns that motion changes [1].
     """
     size = max(LEAST, len(x) // BLOCKS)
     if len(x) < 40 * size:
@@ -100,7 +100,7 @@ def _levels(sd: FloatArray, active: Sequence[int]) -> FloatArray:
 class Sphere:
     """Three columns whose readings at rest have one length."""
 
-    columns: tuple[int, int, int]
+    columns: tuple[int, int, int]  # their numbers [1]
     centre: FloatArray  # (3,) [raw]
     radius: float  # [raw]
     scatter: float  # of the length, part of it [1]
@@ -108,7 +108,7 @@ class Sphere:
 
 
 def sphere(m: FloatArray, columns: Sequence[int]) -> Sphere | None:
-    """Fit a sphere to means at rest `m` (r, 3) [raw]; None where they are not on one."""
+    """Fit a sphere to means at rest `m` (r, 3) [raw] of `columns` (3,) [1]; None where none is."""
     if not len(m):
         return None
     found = [_about(m, np.zeros(3))]
@@ -146,7 +146,8 @@ def _about(m: FloatArray, centre: FloatArray) -> tuple[FloatArray, float, float]
 def rest_scatter(x: FloatArray, cut: Blocks, part: float = 50.0) -> FloatArray:
     """Return how much the means at rest of each column scatter, part of all its scatter, (k,).
 
-    `part`: percentile of the rests that do [1]; the median does not see a few that spin.
+    `x` (n, k): readings [raw]; `part`: percentile of the rests that do [1]; the median does not
+    see a few that spin.
     """
     if len(cut.rests[0]) < 2:
         return np.full(x.shape[1], np.nan)
@@ -158,7 +159,10 @@ def rest_scatter(x: FloatArray, cut: Blocks, part: float = 50.0) -> FloatArray:
 
 
 def spheres(cut: Blocks, columns: Sequence[int], most: int = 14) -> list[Sphere]:
-    """Return the triples of `columns` whose length is one at rest, the best first."""
+    """Return the triples of `columns` (k,) [1] whose length is one at rest, the best first.
+
+    `most`: of the columns are tried [1].
+    """
     found = []
     columns = list(columns)[:most]
     for three in combinations(columns, 3):
@@ -179,9 +183,9 @@ class Turns:
     scale: float  # of a column's unit times that of time [rad/raw]
     miss: float  # of the direction of gravity after a turn, rms [rad]
     other: float  # the same of the next best order or sign [rad]
-    turns: int  # that tell
+    turns: int  # that tell [1]
     bias: FloatArray  # (3,) columns at rest [raw]
-    fitting: tuple[FloatArray, ...]  # signed permutations that fit, the best first
+    fitting: tuple[FloatArray, ...]  # signed permutations that fit, the best first [1]
 
     @property
     def proved(self) -> bool:
@@ -198,8 +202,8 @@ def turns(x: FloatArray, time: FloatArray, cut: Blocks, accel: Sphere,
           gyro: Sequence[int], *, summed: bool = False) -> Turns | None:  # fmt: skip
     """Fit columns of gyros to how gravity turns; None where nothing turns.
 
-    `x` (n, k): readings [raw]; `time` (n,): of each [raw]; `summed`: they are sums over the
-    interval before, and `time` counts samples.
+    `x` (n, k): readings [raw]; `time` (n,): of each [raw]; `gyro` (3,): columns [1]; `summed`:
+    they are sums over the interval before, and `time` counts samples.
     """
     first, last = cut.rests
     if len(first) < 2:

@@ -131,7 +131,7 @@ class _Work:
 
     def done(self) -> Recognised:
         data = self.data
-        clock = next(iter(tell.clocks(data)), None)
+        clock = None if "rate" in self.said else next(iter(tell.clocks(data)), None)
         used = [*([] if clock is None else [clock.column]), *tell.counters(data)]
         used += [c.column for c in tell.clocks(data)]
         found = self._triads(used)
@@ -195,9 +195,7 @@ class _Work:
         self.questions.append(Question(what, one, "the first", other, "the next"))
 
     def _columns_line(self, kind: str, columns: Sequence[int]) -> str:
-        names = [self.data.called(k) for k in columns]
-        shown = ", ".join(f'"{n}"' if isinstance(n, str) else str(n) for n in names)
-        return f"{kind}.columns = [{shown}]"
+        return f"{kind}.columns = {[self.data.columns[k].number for k in columns]}"
 
     def _have(self) -> str:
         return ", ".join(self.data.shown(k) for k in range(len(self.data.columns)))
@@ -241,9 +239,10 @@ class _Work:
             still = float(np.linalg.norm(y.mean(axis=0))) if alone else 0.0
             peak = float(np.percentile(np.abs(y - np.median(y, axis=0)), 99.9))
         turn = self.turned.scale if self.turned is not None and self.turned.fits else None
+        given = tuple(name for name in ("time", "accel", "gyro") if self._said(name))
         titled = units.Titled(
             self._clock_unit(), self._said("accel") or self._titled(found.accel),
-            self._said("gyro") or self._titled(found.gyro),
+            self._said("gyro") or self._titled(found.gyro), given,
         )  # fmt: skip
         seen = units.Seen(
             1.0 if clock is None else clock.interval, clock is not None,
@@ -257,7 +256,7 @@ class _Work:
 
             hertz = parse(rate, "frequency", "rate")
             seen = replace(seen, interval=1.0 / hertz, timed=True, turn=turn and turn * hertz)
-            known = units.Titled("s", titled.accel, titled.gyro)
+            known = replace(titled, time="s", given=(*given, "time"))
             ranked = [replace(r, time=None) for r in units.readings(seen, known)]
         if not ranked:
             raise error("recognise.units", file=data.files[0].path.name, said=self._sizes(seen))
@@ -275,9 +274,8 @@ class _Work:
         return str(block.get("unit", "")) if isinstance(block, Mapping) else ""
 
     def _clock_unit(self) -> str:
-        block = self.said.get("time")
-        if isinstance(block, Mapping) and block.get("unit"):
-            return str(block["unit"])
+        if said := self._said("time"):
+            return said
         if self.clock is None:
             return ""
         if self.clock.dates:
@@ -298,21 +296,21 @@ class _Work:
         other = 200 if round(best.rate) != 200 else 100
         self.questions.append(Question(
             "There is no time column, and gyros in counts do not tell the rate.",
-            f'rate = "{best.rate:.4g} Hz"', f"then {best.gyro.scale}", f'rate = "{other} Hz"',
+            f"rate = {best.rate:.4g} Hz", f"then {best.gyro.scale}", f"rate = {other} Hz",
             "or what the logger was set to"))  # fmt: skip
 
     def _ask_units(self, one: units.Reading, other: units.Reading) -> None:
         def line(r: units.Reading, differs: units.Reading) -> str:
             parts = []
             if r.time and differs.time and r.time.text != differs.time.text:
-                parts.append(f'time.unit = "{r.time.text}"')
+                parts.append(f"time.unit = {r.time.text}")
             if r.time is None and abs(r.rate / differs.rate - 1) > 1e-6:
-                parts.append(f'rate = "{r.rate:g} Hz"')
+                parts.append(f"rate = {r.rate:g} Hz")
             if r.gyro and differs.gyro and r.gyro.text != differs.gyro.text:
-                parts.append(f'gyro.unit = "{r.gyro.text}"')
+                parts.append(f"gyro.unit = {r.gyro.text}")
             if r.increments != differs.increments:
                 kind = "increment" if r.increments else "rate"
-                parts.append(f'accel.kind = "{kind}"')
+                parts.append(f"accel.kind = {kind}; gyro.kind = {kind}")
             return "; ".join(parts)
 
         first, second = line(one, other), line(other, one)
@@ -407,7 +405,7 @@ class _Work:
             why = "no time column; the gyros' turns fit it, and their scale hangs on it" if told \
                 else "no time column, and nothing tells it"  # fmt: skip
             first.append(Line("rate", f"{reading.rate:.6g} Hz", "given" if given else
-                              f"{why}: else --set 'rate = 50 Hz'",
+                              f'{why}: else --set "rate = 50 Hz"',
                               SURE if given else TAKEN))  # fmt: skip
         for name, columns, unit, E in (
             ("accel", found.accel, reading.accel, accel), ("gyro", found.gyro, reading.gyro, gyro),
@@ -444,8 +442,8 @@ class _Work:
         if gravity:
             log["accel"]["reads"] = "gravity"
             return [Line("sign", "accelerometers read gravity, -1 g up", "its logger does", LIKELY)]
-        return [Line("sign", "specific force, +1 g up", 'no log tells; else --set '
-                     "'accel.reads = \"gravity\"'", TAKEN)]  # fmt: skip
+        return [Line("sign", "specific force, +1 g up",
+                     'no log tells; else --set "accel.reads = gravity"', TAKEN)]  # fmt: skip
 
     def _triad_why(self, name: str, unit: units.Unit) -> str:
         where = self.found.why[0 if name == "accel" else 1]
@@ -503,7 +501,7 @@ def _signed(data: tell.Data, columns: Sequence[int], E: FloatArray) -> list[str]
 
 
 def _listed(names: Sequence[int | str]) -> str:
-    return "[" + ", ".join(f'"{n}"' if isinstance(n, str) else str(n) for n in names) + "]"
+    return f"[{', '.join(map(str, names))}]"
 
 
 def _why(unit: units.Unit, titled: bool) -> str:
