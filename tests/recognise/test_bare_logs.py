@@ -186,8 +186,9 @@ def test_a_file_that_is_no_log_gets_one_clear_answer(tmp_path):
         problem = refused(tmp_path / name)
         assert words in problem.message, name
         short = {"short.csv": "recognise.short"}
-        table = "no_table" if "holds no table" in problem.message else "no_log"
-        assert problem.code == short.get(name, f"recognise.{table}"), name
+        table = "holds no table" in problem.message
+        usual = "recognise.no_table" if table else "recognise.no_log"
+        assert problem.code == short.get(name, usual), name
         assert problem.cure
 
 

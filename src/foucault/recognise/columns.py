@@ -111,6 +111,8 @@ def clocks(data: Data) -> list[Clock]:
         steady = float(np.mean(np.abs(step - usual) < 0.5 * usual))
         if role not in ("", "time", "counter", "other") or (steady < 0.5 and not titled):
             continue
+        if not titled and not _even(t, step):
+            continue
         dates = column.number in data.files[column.file].raw.stamps
         counter = role == "counter" or (not titled and bool(np.all(step == np.round(step)))
                                         and usual == 1.0)  # fmt: skip
@@ -135,6 +137,18 @@ def counters(data: Data) -> list[int]:
         ):
             out.append(k)
     return out
+
+
+def _even(t: FloatArray, step: FloatArray) -> bool:
+    """Tell whether a column runs on evenly from its first row to its last, as no temperature does.
+
+    A gap is no unevenness.
+    """
+    usual = float(np.median(step[step > 0]))
+    near = step[np.abs(step) < 20 * usual]
+    path = np.cumsum(near)
+    line = np.linspace(path[0], path[-1], len(path))
+    return bool(np.mean(step > 0) > 0.95 and np.abs(path - line).max() < 0.02 * np.ptp(path))
 
 
 def _onward(step: FloatArray) -> bool:

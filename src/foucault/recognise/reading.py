@@ -16,6 +16,7 @@ from foucault.logs.description import LogDescription
 from foucault.recognise import columns as tell
 from foucault.recognise import physics, units
 from foucault.recognise.opening import Opened, opened
+from foucault.recognise.titles import meaning
 from foucault.tables import AXES
 
 ALIKE = 1.0
@@ -390,7 +391,13 @@ class _Work:
             log["file"] = data.files[0].path.name
         log |= data.files[0].layout
         first: list[Line] = []
-        if self.clock is not None and reading.time is not None:
+        if reading.time is not None and reading.increments and _rounded(self.time):
+            # Increments are divided by the interval, which a rounded clock only has on average.
+            rate = (len(self.time) - 1) / (self.time[-1] * reading.time.si)
+            log |= {"rate": f"{rate:.9g} Hz", "clock": "host"}
+            first.append(Line("rate", f"{rate:.6g} Hz", "the time column is rounded, its rows are "
+                              "even", SURE))  # fmt: skip
+        elif self.clock is not None and reading.time is not None:
             one = reading.time.text
             log["time"] = {"column": data.called(self.clock.column), "unit": one}
             first.append(Line("time", f"{data.shown(self.clock.column)} [{one}], "
@@ -402,8 +409,10 @@ class _Work:
             if not given:
                 log["clock_sd"] = RATE_SD
             told = self.turned is not None and self.turned.fits
-            why = "no time column; the gyros' turns fit it, and their scale hangs on it" if told \
-                else "no time column, and nothing tells it"  # fmt: skip
+            lost = [w for f in data.files for w in f.left_out if meaning(w).role == "time"]
+            none = f"'{lost[0]}' cannot be read" if lost else "no time column"
+            why = f"{none}; the gyros' turns fit it, and their scale hangs on it" if told \
+                else f"{none}, and nothing tells it"  # fmt: skip
             first.append(Line("rate", f"{reading.rate:.6g} Hz", "given" if given else
                               f'{why}: else --set "rate = 50 Hz"',
                               SURE if given else TAKEN))  # fmt: skip
@@ -432,7 +441,14 @@ class _Work:
             log["missing"] = "drop"
             first.append(Line("rows", f"{self.dropped} left out", "a reading is missing", SURE))
         self.lines[:0] = first
-        return merged(log, self.said)
+        return merged(log, {key: self._final(key, value) for key, value in self.said.items()})
+
+    def _final(self, key: str, said: Any) -> Any:
+        """Return what is said of a block; the signs of columns said without one are told."""
+        if not isinstance(said, Mapping) or key not in ("accel", "gyro"):
+            return said
+        signed = any(str(name).startswith("-") for name in said.get("columns", ()))
+        return {k: v for k, v in said.items() if k != "columns" or signed}
 
     def _sign(self, log: dict[str, Any]) -> list[Line]:
         accel = self.found.accel
@@ -478,6 +494,14 @@ class _Work:
         if increments:
             block["kind"] = "increment"
         return block
+
+
+def _rounded(time: FloatArray) -> bool:
+    """Tell whether a clock is even but for the last digits of its stamps."""
+    step = np.diff(time)
+    usual = float(step.mean())
+    line = np.linspace(time[0], time[-1], len(time))
+    return bool(np.ptp(step) > 2e-3 * usual and np.abs(time - line).max() < 0.1 * usual)
 
 
 _KIND = {"accel": "accelerometers", "gyro": "gyros"}
