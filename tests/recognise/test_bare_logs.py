@@ -90,6 +90,13 @@ def test_shuffled_files_are_read_right_or_asked_about(log, tmp_path):
     assert sum(one[0] == "question" for one in out) <= 2
 
 
+def test_turns_from_face_to_face_tell_signs_by_the_way_they_take(tmp_path):
+    described = campaign.parse(campaign.template("six_position"))
+    faces = campaign.simulate(described, 3).simulation.log
+    out = [make.judged(seed, tmp_path, faces)[0] for seed in (8, 10, 22, 24, 26, 28, 48, 50)]
+    assert out == ["right"] * 8
+
+
 @pytest.mark.thorough
 def test_of_500_shuffled_files_none_is_read_wrong(tmp_path):
     out = counted(range(500), tmp_path)
@@ -234,6 +241,19 @@ def test_columns_and_files_that_do_not_go_together(log, tmp_path):
             for t, (a, b, d) in zip(c.t, c.f, strict=True)]  # fmt: skip
     one.write_text("t,ax,ay,az\n" + "".join(rows))
     assert refused(one).code == "recognise.holes"
+
+
+def test_a_rate_above_the_data_and_a_file_beside_it_are_seen(log, tmp_path):
+    c = make.Columns.of(log)
+    counts = [np.round(c.f / make.G * 4096), np.round(c.w / make.DEGREE * 32.8)]
+    file = tmp_path / "acc.csv"
+    file.write_text("# sample rate: 50 Hz\n" + make.text("ax,ay,az,gx,gy,gz", counts, ["%.0f"] * 6))
+    seen = recognise([file])
+    assert seen.log["rate"] == "50 Hz"
+    assert max(make.off(seen, log, tmp_path)[:3]) < 0.03
+    file.write_text(make.text("t,ax,ay,az", [c.t, c.f], ["%.5f"] * 4))
+    (tmp_path / "gyr.csv").write_text(make.text("t,gx,gy,gz", [c.t, c.w], ["%.5f"] * 4))
+    assert any("gyr.csv lies beside it" in line.why for line in found([file]).lines)
 
 
 def test_sizes_that_fit_no_clock_are_told(log, tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import json
 import math
 import tomllib
@@ -150,10 +151,22 @@ def found(
     lines = [*known.lines, Line("session", held.what, held.why, held.sure)]
     if held.procedure:
         lines.append(Line("procedure", held.procedure, "it calibrates such sessions", held.sure))
+    if log.gyro is None and (other := _beside(paths[0])):
+        lines.append(Line("gyros", "none", f"{other} lies beside it: give both", TAKEN))
     if not {"latitude", "gravity"} & where.keys():
         lines.append(Line("place", "unknown", "g is 9.807 +- 0.03 m/s^2, and so is the scale of "
                           "the accelerometers: --latitude, --height", TAKEN))  # fmt: skip
     return Found(known, held, tuple(_shortened(lines)), where, log)
+
+
+def _beside(path: Path) -> str | None:
+    """Return the name of the file of gyros that belongs to one of accelerometers, as named."""
+    for one, other in (("acc", "gyr"), ("Acc", "Gyr"), ("ACC", "GYR")):
+        stem = path.name.partition(one)
+        near = [p.name for p in path.parent.glob(f"{glob.escape(stem[0])}{other}*") if stem[1]]
+        if len(near) == 1:
+            return near[0]
+    return None
 
 
 def _shortened(lines: list[Line]) -> list[Line]:

@@ -311,9 +311,9 @@ def _likeliest(data: Data, cut: physics.Blocks, found: list[physics.Sphere]) -> 
         usual = min(abs(np.log(s.radius / r)) for r in USUAL)
         a, _, c = s.columns
         zero = float(np.linalg.norm(s.centre) / s.radius)
-        # A magnetometer's length stays the same when it is shaken.
-        odd = 20 * s.scatter + 1.2 * (usual > 0.08) - 3 * min(shaken, 0.3) + 0.6 * min(zero, 1.0)
-        return float(odd + 0.3 * (c - a > 2))
+        # A magnetometer's length stays the same when it is shaken; that of gyros is another.
+        odd = 20 * s.scatter + 1.2 * (usual > 0.08) + min(zero, 1.0) + 0.3 * (c - a > 2)
+        return float(odd - 3 * min(shaken, 0.15) + 3 * max(0.0, shaken - 0.35))
 
     ranked = sorted(((oddness(s), s.columns) for s in apart[:200]), key=lambda one: one[0])
     return _apart([one for odd, one in ranked if odd < ranked[0][0] + 0.25])

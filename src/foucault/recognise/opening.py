@@ -70,6 +70,7 @@ class Opened:
     x: FloatArray  # (n, len(columns)) the first rows of them
     whole: bool = True  # whether these are all rows
     left_out: tuple[str, ...] = ()  # titles of columns that hold words or nothing
+    rate: float | None = None  # that the lines above the data say [Hz]
 
     def name(self, column: int) -> int | str:
         """Return what [log] calls a `column` [1]: its title where no other has it, else that."""
@@ -91,12 +92,14 @@ def opened(path: Path) -> Opened:
     layout: dict[str, Any] = {}
     units: tuple[str, ...] = ()
     numeric: tuple[int, ...] | None = None
+    rate: float | None = None
     if path.is_file() and format_of(path) in ("csv", "text"):
         seen = _lines(path)
         found = None if _taking_turns(seen) else _laid_out(seen)
         if found is None:
             raise error("recognise.no_table", file=path.name, why=_why(seen))
         layout, units, numeric = found
+        rate = _rate_in(seen[: layout["header"]])
     elif path.is_file() and (record := _record(path)) is not None:
         layout = {"format": "binary", "record": record}
     raw = _open(path, layout)
@@ -112,7 +115,7 @@ def opened(path: Path) -> Opened:
         raise error("log.empty", file=path.name)
     words = tuple(raw.names[c] for c in range(len(raw.names)) if c not in columns)
     padded = (*units, *[""] * len(raw.names))[: len(raw.names)]
-    return Opened(path, layout, raw, padded, columns, x, whole, words)
+    return Opened(path, layout, raw, padded, columns, x, whole, words, rate)
 
 
 def refuse_no_log(path: Path) -> None:
@@ -265,6 +268,21 @@ def _comma_twice(lines: Sequence[str], table: _Table) -> bool:
         len({len(cell) for cell in tail}) == 1 and len(tail[0]) > 2 and "".join(tail).isdigit()
         for tail in tails
     )  # fmt: skip
+
+
+_RATE = re.compile(
+    r"(?:rate|frequency|freq|odr|fs|abtastrate)\b[^\d\n]{0,20}?(\d+(?:[.,]\d+)?)\s*(k?)hz\b", re.I
+)
+
+
+def _rate_in(heads: Sequence[str]) -> float | None:
+    """Return the one sample rate that lines above the data say [Hz]."""
+    found = {
+        float(m[1].replace(",", ".")) * (1000.0 if m[2] else 1.0)
+        for line in heads
+        for m in _RATE.finditer(line)
+    }
+    return found.pop() if len(found) == 1 else None
 
 
 def _why(lines: Sequence[str]) -> str:

@@ -42,6 +42,12 @@ APART = 3.0
 SURELY = np.radians(1.0)
 """What fits within this is not told from what fits better, rms [rad]."""
 
+SHAKEN, ON_THE_WAY = np.radians(2.0), np.radians(25.0)
+"""While it is turned, gravity is told so badly by accelerometers at least, and at most [rad]."""
+
+MOST_TURNS = 60
+"""Turns that are looked at [1]."""
+
 TURNED = np.radians(8.0)
 """Rests whose gravity differs by less do not tell a turn [rad]."""
 
@@ -215,8 +221,8 @@ def turns(x: FloatArray, time: FloatArray, cut: Blocks, accel: Sphere,
     seed = _seed(x, time, cut, accel, y - bias)
     if seed is None:
         return None
-    begin, end = (last[:-1] * cut.size - cut.size // 2), (first[1:] * cut.size + cut.size // 2)
-    end = np.minimum(end, len(x) - 1)
+    begin = (last[:-1] * cut.size - cut.size // 2).astype(np.int64)
+    end = np.minimum(first[1:] * cut.size + cut.size // 2, len(x) - 1).astype(np.int64)
     told = np.arccos(np.clip(np.sum(up[:-1] * up[1:], axis=1), -1, 1)) > TURNED
     # A gap, or a turn by table time, of a clock that stood.
     steps = np.diff(time)
@@ -226,14 +232,17 @@ def turns(x: FloatArray, time: FloatArray, cut: Blocks, accel: Sphere,
     told &= whole
     if not told.any():
         return None
-    few = np.flatnonzero(told)[:60]
-    work = _Work(time, y - bias, up[few], up[few + 1], begin[few].astype(np.int64),
-                 end[few].astype(np.int64), summed)  # fmt: skip
+    few = np.flatnonzero(told)[:MOST_TURNS]
+    work = _Work(time, y - bias, up[few], up[few + 1], begin[few], end[few], summed)
     start = work.best_scale(seed)
     scale, miss = work.refined(work.ranked(start)[0][1], start)
     ranked = work.ranked(scale)
     fitting = tuple(E for off, E in ranked if off < max(APART * miss, SURELY))
-    return Turns(ranked[0][1], scale, miss, ranked[1][0], len(few), bias, fitting)
+    if len(fitting) > 1:
+        some = np.flatnonzero(whole)[:MOST_TURNS]
+        way = _way(x, time, y - bias, accel, up[some], begin[some], end[some], summed)
+        fitting = fitting if way is None else way.likely(fitting, scale)
+    return Turns(fitting[0], scale, miss, ranked[1][0], len(few), bias, fitting)
 
 
 @dataclass
@@ -248,15 +257,29 @@ class _Work:
     last: IntArray
     summed: bool
 
+    def likely(self, tried: tuple[FloatArray, ...], scale: float) -> tuple[FloatArray, ...]:
+        """Return those of several signed orders of the columns that fit much as the best does."""
+        turned = {sense: self.rotations(sense * scale) for sense in (1.0, -1.0)}
+        senses = [float(np.sign(np.linalg.det(E))) for E in tried]
+        missed = [
+            self.miss(turned[sense], sense * E, shaken=True)
+            for sense, E in zip(senses, tried, strict=True)
+        ]
+        least = min(missed)
+        kept = sorted((off, i) for i, off in enumerate(missed) if off < 1.6 * least + SHAKEN)
+        return tuple(tried[i] for _, i in kept) if least < ON_THE_WAY else tried
+
     def rotations(self, scale: float) -> FloatArray:
         zero = np.zeros((3, 3))
         w = np.ascontiguousarray(scale * self.y)
         C, *_ = integrate_turns(self.time, w, w, zero, self.first, self.last, self.summed)
         return np.asarray(C)
 
-    def miss(self, C: FloatArray, E: FloatArray) -> float:
+    def miss(self, C: FloatArray, E: FloatArray, *, shaken: bool = False) -> float:
         predicted = np.einsum("nji,nj->ni", C, self.before @ E) @ E.T
         angle = np.arccos(np.clip(np.sum(predicted * self.after, axis=1), -1, 1))
+        if shaken:  # where one turn in five tells the sign of an axis
+            return float(np.mean(angle))
         return float(np.median(angle) * 1.2 if len(angle) > 4 else np.sqrt(np.mean(angle**2)))
 
     def ranked(self, scale: float) -> list[tuple[float, FloatArray]]:
@@ -284,6 +307,33 @@ class _Work:
             if best[1] == here:
                 step /= 2
         return best[1], best[0]
+
+
+def _way(
+    x: FloatArray, time: FloatArray, y: FloatArray, accel: Sphere, up: FloatArray,
+    begin: IntArray, end: IntArray, summed: bool,
+) -> _Work | None:  # fmt: skip
+    """Return the ways from rests to instants on the turns after them; None where none turn.
+
+    Turned upside down one way or the other, gravity ends in one place, but takes other ways.
+    """
+    f = x[:, list(accel.columns)] - accel.centre
+    starts, stops, before, after = [], [], [], []
+    for u, a, b in zip(up, begin.tolist(), end.tolist(), strict=True):
+        path = np.cumsum(np.linalg.norm(y[a:b], axis=1))
+        for part in (0.3, 0.4, 0.5, 0.6, 0.7):
+            k = a + int(np.searchsorted(path, part * path[-1])) if len(path) else a
+            near = f[max(a, k - 1) : k + 2].mean(axis=0)
+            size = float(np.linalg.norm(near))
+            if a < k < b and abs(size / accel.radius - 1.0) < 0.3:
+                starts.append(a)
+                stops.append(k)
+                before.append(u)
+                after.append(near / size)
+    if not starts:
+        return None
+    first, last = np.array(starts, np.int64), np.array(stops, np.int64)
+    return _Work(time, y, np.array(before), np.array(after), first, last, summed)
 
 
 def _seed(

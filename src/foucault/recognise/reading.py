@@ -97,7 +97,10 @@ def recognise(paths: Sequence[Path], said: Mapping[str, Any] | None = None) -> R
     if len(data.x) < FEWEST:
         raise error("recognise.short", file=files[0].path.name, rows=len(data.x), least=FEWEST)
     data, dropped = _whole_rows(data)
-    return _Work(data, dict(said), dropped).done()
+    work = _Work(data, dict(said), dropped)
+    if "rate" not in said and not tell.clocks(data) and files[0].rate:
+        work.said["rate"], work.head = f"{files[0].rate:.10g} Hz", True
+    return work.done()
 
 
 def _of_itself(file: Opened) -> Recognised:
@@ -129,6 +132,7 @@ class _Work:
     dropped: int
     lines: list[Line] = field(default_factory=list)
     questions: list[Question] = field(default_factory=list)
+    head: bool = False  # whether the lines above the data say the rate
 
     def done(self) -> Recognised:
         data = self.data
@@ -334,7 +338,9 @@ class _Work:
                     Line("axes", "x, y, z as they are", why + "; no turns tell", TAKEN)
                 )
             return same, same
-        if any(np.array_equal(E, same) for E in turned.fitting):
+        fits = any(np.array_equal(E, same) for E in turned.fitting)
+        # Titles that name all axes are believed where turns do not speak against them.
+        if fits and (len(turned.fitting) == 1 or (accel_titled and gyro_titled)):
             sure = SURE if turned.proved else LIKELY
             self.lines.append(Line("axes", "gyros and accelerometers in the same axes",
                                    self._turn_words(turned), sure))  # fmt: skip
@@ -347,7 +353,7 @@ class _Work:
         _, R, E = costs[0]
         other = next((o for o in costs[1:] if not np.array_equal(
             np.linalg.det(o[1]) * o[1].T @ o[2], np.linalg.det(R) * R.T @ E)), None)  # fmt: skip
-        if other is not None and other[0] - costs[0][0] < 0.5 and not turned.proved:
+        if other is not None:
             self.questions.append(Question(
                 "The gyros' axes fit in two ways.", self._signed_line(E), "it is as simple",
                 self._signed_line(other[2]), "it fits as well"))  # fmt: skip
@@ -413,7 +419,9 @@ class _Work:
             none = f"'{lost[0]}' cannot be read" if lost else "no time column"
             why = f"{none}; the gyros' turns fit it, and their scale hangs on it" if told \
                 else f"{none}, and nothing tells it"  # fmt: skip
-            first.append(Line("rate", f"{reading.rate:.6g} Hz", "given" if given else
+            first.append(Line("rate", f"{reading.rate:.6g} Hz",
+                              "the lines above the data say it" if self.head else
+                              "given" if given else
                               f'{why}: else --set "rate = 50 Hz"',
                               SURE if given else TAKEN))  # fmt: skip
         for name, columns, unit, E in (
