@@ -8,7 +8,7 @@ from foucault.symptoms import SYMPTOMS, Symptom
 
 GROUPS: dict[str, tuple[str, str]] = {
     "campaign": ("Writing a campaign file", "campaign unit coefficient noise part site left_out"),
-    "logs": ("Reading a log", "log output accel gyro"),
+    "logs": ("Reading a log", "log recognise output accel gyro"),
     "recording": ("Watching a session, and the noise of an instrument", "watch allan"),
     "rests": (
         "Calibrating by rests and turns: by hand, on faces",

@@ -7,10 +7,10 @@ import os
 import zipfile
 from pathlib import Path
 
-import make_bare as make
 import numpy as np
 import pytest
 
+import make_bare as make
 from foucault import campaign
 from foucault.campaign.recognised import found, said_of
 from foucault.errors import FoucaultError
@@ -72,7 +72,12 @@ def test_what_was_taken_is_said_in_twelve_lines_and_kept(log, tmp_path):
 
 
 def counted(seeds: range, folder: Path) -> dict[str, list[int]]:
-    logs = [make.truth(1, 100.0), make.truth(2, 50.0), make.truth(3, 200.0, 14), make.truth(4, 104.0)]
+    logs = [
+        make.truth(1, 100.0),
+        make.truth(2, 50.0),
+        make.truth(3, 200.0, 14),
+        make.truth(4, 104.0),
+    ]
     out: dict[str, list[int]] = {"right": [], "question": [], "wrong": []}
     for seed in seeds:
         out[make.judged(seed, folder, logs[seed % 4])[0]].append(seed)
@@ -83,6 +88,13 @@ def test_shuffled_files_are_read_right_or_asked_about(log, tmp_path):
     out = [make.judged(seed, tmp_path, log) for seed in range(20)]
     assert not [one for one in out if one[0] == "wrong"]
     assert sum(one[0] == "question" for one in out) <= 2
+
+
+def test_turns_from_face_to_face_tell_signs_by_the_way_they_take(tmp_path):
+    described = campaign.parse(campaign.template("six_position"))
+    faces = campaign.simulate(described, 3).simulation.log
+    out = [make.judged(seed, tmp_path, faces)[0] for seed in (8, 10, 22, 24, 26, 28, 48, 50)]
+    assert out == ["right"] * 8
 
 
 @pytest.mark.thorough
@@ -180,7 +192,10 @@ def test_a_file_that_is_no_log_gets_one_clear_answer(tmp_path):
     for name, words in files_that_are_no_logs(tmp_path).items():
         problem = refused(tmp_path / name)
         assert words in problem.message, name
-        assert problem.code.startswith("recognise."), name
+        short = {"short.csv": "recognise.short"}
+        table = "holds no table" in problem.message
+        usual = "recognise.no_table" if table else "recognise.no_log"
+        assert problem.code == short.get(name, usual), name
         assert problem.cure
 
 
@@ -226,6 +241,19 @@ def test_columns_and_files_that_do_not_go_together(log, tmp_path):
             for t, (a, b, d) in zip(c.t, c.f, strict=True)]  # fmt: skip
     one.write_text("t,ax,ay,az\n" + "".join(rows))
     assert refused(one).code == "recognise.holes"
+
+
+def test_a_rate_above_the_data_and_a_file_beside_it_are_seen(log, tmp_path):
+    c = make.Columns.of(log)
+    counts = [np.round(c.f / make.G * 4096), np.round(c.w / make.DEGREE * 32.8)]
+    file = tmp_path / "acc.csv"
+    file.write_text("# sample rate: 50 Hz\n" + make.text("ax,ay,az,gx,gy,gz", counts, ["%.0f"] * 6))
+    seen = recognise([file])
+    assert seen.log["rate"] == "50 Hz"
+    assert max(make.off(seen, log, tmp_path)[:3]) < 0.03
+    file.write_text(make.text("t,ax,ay,az", [c.t, c.f], ["%.5f"] * 4))
+    (tmp_path / "gyr.csv").write_text(make.text("t,gx,gy,gz", [c.t, c.w], ["%.5f"] * 4))
+    assert any("gyr.csv lies beside it" in line.why for line in found([file]).lines)
 
 
 def test_sizes_that_fit_no_clock_are_told(log, tmp_path):

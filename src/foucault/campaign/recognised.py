@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import json
 import math
 import tomllib
@@ -45,8 +46,7 @@ class Found:
         said = [f"What {', '.join(p.name for p in known.files)} was taken for, why, and how sure:"]
         said += [f"  {one.what}: {one.took} ({one.sure}: {one.why})" for one in self.lines]
         for open_ in known.questions:
-            said += [f"OPEN: {open_.what} In [log], one of:", f"  {open_.one}",
-                     f"  {open_.other}"]  # fmt: skip
+            said += [f"OPEN: {open_.what} One of:", f"  {open_.one}", f"  {open_.other}"]
         return commented(said, "#")
 
     @property
@@ -79,9 +79,10 @@ class Found:
     @property
     def campaign(self) -> Campaign:
         """The campaign; raises what is open, or why nothing can be calibrated."""
-        if self.recognised.questions:
-            raise question(self.recognised)
         name = self.recognised.files[0].name
+        # What is open may be why nothing can be calibrated, but not of a log without two rests.
+        if self.recognised.questions and (self.session.procedure or self.session.rests > 1):
+            raise question(self.recognised)
         if self.session.procedure is None:
             raise error("recognise.no_session", file=name, what=self.session.what,
                         why=self.session.why, todo=self.session.todo.format(file=name))  # fmt: skip
@@ -98,12 +99,14 @@ def said_of(texts: Sequence[str]) -> dict[str, Any]:
 
 
 def _parts(text: str) -> list[str]:
-    """Return the assignments in a text; a word that is no TOML yet gets its quotes."""
+    """Return the assignments in a text; a word gets the quotes of TOML."""
     out = []
     for part in text.split(";"):
         key, equals, value = (one.strip() for one in part.partition("="))
-        plain = value[:1] not in ('"', "'", "[", "{") and not _is_toml(value)
-        out.append(f'{key} = "{value}"' if equals and plain else part.strip())
+        if equals and ((key.endswith("columns") and '"' not in value) or not _is_toml(value)):
+            words = [json.dumps(w.strip()) for w in value.strip("[]").split(",")]
+            value = f"[{', '.join(words)}]" if value.startswith("[") else json.dumps(value)
+        out.append(f"{key} = {value}" if equals else part.strip())
     return out
 
 
@@ -116,7 +119,7 @@ def _is_toml(value: str) -> bool:
 
 
 def site_of(said: Mapping[str, float]) -> dict[str, str]:
-    """Return keys of [site] as a campaign writes them; `said`: in SI."""
+    """Return keys of [site] as a campaign writes them; `said`: the same [SI]."""
     unit = {"latitude": "rad", "height": "m", "gravity": "m/s^2"}
     out = {key: f"{value!r} {unit[key]}" for key, value in said.items()}
     if "latitude" in said:
@@ -148,10 +151,22 @@ def found(
     lines = [*known.lines, Line("session", held.what, held.why, held.sure)]
     if held.procedure:
         lines.append(Line("procedure", held.procedure, "it calibrates such sessions", held.sure))
+    if log.gyro is None and (other := _beside(paths[0])):
+        lines.append(Line("gyros", "none", f"{other} lies beside it: give both", TAKEN))
     if not {"latitude", "gravity"} & where.keys():
         lines.append(Line("place", "unknown", "g is 9.807 +- 0.03 m/s^2, and so is the scale of "
                           "the accelerometers: --latitude, --height", TAKEN))  # fmt: skip
     return Found(known, held, tuple(_shortened(lines)), where, log)
+
+
+def _beside(path: Path) -> str | None:
+    """Return the name of the file of gyros that belongs to one of accelerometers, as named."""
+    for one, other in (("acc", "gyr"), ("Acc", "Gyr"), ("ACC", "GYR")):
+        stem = path.name.partition(one)
+        near = [p.name for p in path.parent.glob(f"{glob.escape(stem[0])}{other}*") if stem[1]]
+        if len(near) == 1:
+            return near[0]
+    return None
 
 
 def _shortened(lines: list[Line]) -> list[Line]:

@@ -32,6 +32,7 @@ from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise, grade
 from foucault.models.size_effect import SizeEffect
 from foucault.procedures import Progress, silent
+from foucault.recognise.reading import question, recognise
 from foucault.result import Result
 from foucault.tables import IndexedLog, Log
 
@@ -367,7 +368,7 @@ def read_any(
     were recorded one by one where it has to be `one`. Returns the campaign too, where there is one.
     """
     if path.suffix != ".toml":
-        description, told = description_of(path)
+        description, told = _described(path)
         if whole:
             description.whole()
         log = logs.read(description, path.parent, lambda part: progress(part, "reading the log"))
@@ -381,6 +382,23 @@ def read_any(
     if not isinstance(log, Log):
         raise error("north.not_imu", procedure=campaign.procedure)
     return log, campaign
+
+
+def _described(path: Path) -> tuple[LogDescription, tuple[Finding, ...]]:
+    """Describe a log by its titles, or by these and its numbers where they do not suffice."""
+    try:
+        return description_of(path)
+    except FoucaultError as problem:
+        try:
+            seen = recognise([path])
+        except FoucaultError as other:
+            unlike = other.code in ("recognise.no_triad", "recognise.short")
+            raise (problem if unlike else other) from None
+        if seen.questions:
+            raise question(seen) from None
+        taken = "; ".join(f"{line.what} {line.took} ({line.sure})" for line in seen.lines)
+        told = finding("recognise.taken", file=path.name, taken=taken)
+        return seen.description(), (told,)
 
 
 Reader = Callable[[Path, Progress], tuple[Any, Campaign | None]]

@@ -300,6 +300,7 @@ def _exact(model: BaseModel) -> dict[str, Any]:
 
 
 def table_text(name: str, values: Mapping[str, Any]) -> str:
+    """Write a table of a campaign."""
     lines = []
     for key, value in values.items():
         line = f"{dotted((key,))} = {_text(value)}"

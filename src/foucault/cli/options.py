@@ -305,8 +305,8 @@ Taken = Annotated[
     typer.Option(
         "--set",
         metavar="<str>",
-        help="Key of [log] of a log without a campaign, such as 'gyro.unit = \"deg/s\"', "
-        "'rate = \"100 Hz\"'; may be repeated.",
+        help="Key of [log] of a log without a campaign, such as gyro.unit = deg/s or rate = "
+        "100 Hz; may be repeated.",
     ),
 ]
 

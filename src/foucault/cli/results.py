@@ -236,7 +236,7 @@ def init(
     ] = None,
     taken: options.Taken = None,
 ) -> None:
-    """Write a commented campaign file to start from, or the one of a log."""
+    """Write a commented campaign file to start from, or that of a log."""
     from foucault import campaign
     from foucault.errors import error
     from foucault.files import write_text
@@ -250,7 +250,8 @@ def init(
         options.refuse_beside(place, taken)
         text, next_ = campaign.template(procedure, part), "Fill it in"
     else:
-        held = recognised(screen, log or (), place, taken)
+        told = screen if output is not None else Screen(quiet=True)  # its campaign says it too
+        held = recognised(told, log or (), place, taken)
         text, next_ = held.beside(output), "Look through it"
     if output is None:
         print(text, end="")

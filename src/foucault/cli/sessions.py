@@ -111,6 +111,7 @@ def inspect(
     from foucault.report import noise, save
 
     screen: Screen = ctx.obj
+    taken = _taken(screen, log)
     with screen.progress() as tell:
         table, start = from_start(read_any(log, tell)[0])
         tell(0.7, "finding rests")
@@ -122,7 +123,25 @@ def inspect(
         shown = said if everything else noise.glance(seen, start)
     where = [] if plots is None else [f"Plots are in {plots}."]
     more = [] if everything else ["--all prints every rest and every finding."]
-    raise screen.tell(shown, _document(log, seen, start), *where, *more)
+    raise screen.tell(shown, _document(log, seen, start) | taken, *where, *more)
+
+
+def _taken(screen: Screen, log: Path) -> dict[str, Any]:
+    """Say what a bare log was taken for; nothing of one that says itself what it holds."""
+    from foucault.campaign.recognised import found
+    from foucault.cli.results import say_taken
+    from foucault.errors import FoucaultError
+
+    if not options.bare([log]):
+        return {}
+    try:
+        held = found([log])
+    except FoucaultError:  # whoever reads it says what is wrong
+        return {}
+    if held.recognised.described:
+        return {}
+    say_taken(screen, held)
+    return {"recognised": [line.as_dict() for line in held.lines]}
 
 
 def from_start(log: Log) -> tuple[Log, float]:

@@ -27,6 +27,7 @@ Three = tuple[int, int, int]
 class Column:
     """One column of numbers of one of the files."""
 
+    # file, number: which file, and which column of it [1]
     file: int
     number: int
     title: str
@@ -56,18 +57,18 @@ class Data:
         return cls(tuple(files), tuple(columns), np.hstack([one.x for one in files]))
 
     def called(self, k: int, sign: float = 1.0) -> int | str:
-        """Return what [log] calls column `k`; `sign`: -1 turns it round [1]."""
+        """Return what [log] calls column `k` [1]; `sign`: -1 turns it round [1]."""
         name = self.files[self.columns[k].file].name(self.columns[k].number)
         return name if sign > 0 else f"-{name}"
 
     def shown(self, k: int, sign: float = 1.0) -> str:
-        """Return what people call column `k`."""
+        """Return what people call column `k` [1]; `sign`: -1 turns it round [1]."""
         name = self.called(k)
         word = name if isinstance(name, str) else f"column {name}"
         return word if sign > 0 else f"-{word}"
 
     def file(self, k: int) -> Path:
-        """Return the file of column `k`."""
+        """Return the file of column `k` [1]."""
         return self.files[self.columns[k].file].path
 
 
@@ -75,7 +76,7 @@ class Data:
 class Clock:
     """The time column."""
 
-    column: int
+    column: int  # its number [1]
     dates: bool  # whether it holds dates, in seconds
     titled: bool  # whether its title says that it is one
     interval: float  # median step [raw]
@@ -89,7 +90,7 @@ class Triads:
     gyro: Three | None
     titled: tuple[bool, bool]  # whether titles name the axes of each
     increments: bool | None  # what titles say of them
-    several: tuple[tuple[str, tuple[int, ...]], ...] = ()  # further triads of the same kind
+    several: tuple[tuple[str, tuple[int, ...]], ...] = ()  # further triads of a kind [1]
     why: tuple[str, str] = ("", "")
 
 
@@ -109,6 +110,8 @@ def clocks(data: Data) -> list[Clock]:
         usual = float(np.median(step[step > 0]))
         steady = float(np.mean(np.abs(step - usual) < 0.5 * usual))
         if role not in ("", "time", "counter", "other") or (steady < 0.5 and not titled):
+            continue
+        if not titled and not _even(t, step):
             continue
         dates = column.number in data.files[column.file].raw.stamps
         counter = role == "counter" or (not titled and bool(np.all(step == np.round(step)))
@@ -136,6 +139,18 @@ def counters(data: Data) -> list[int]:
     return out
 
 
+def _even(t: FloatArray, step: FloatArray) -> bool:
+    """Tell whether a column runs on evenly from its first row to its last, as no temperature does.
+
+    A gap is no unevenness.
+    """
+    usual = float(np.median(step[step > 0]))
+    near = step[np.abs(step) < 20 * usual]
+    path = np.cumsum(near)
+    line = np.linspace(path[0], path[-1], len(path))
+    return bool(np.mean(step > 0) > 0.95 and np.abs(path - line).max() < 0.02 * np.ptp(path))
+
+
 def _onward(step: FloatArray) -> bool:
     return bool(np.mean(step > 0) > 0.5 and np.mean(step < 0) < 0.001)
 
@@ -160,7 +175,7 @@ def named(data: Data, role: str) -> list[tuple[str, Three]]:
 
 
 def triads(data: Data, used: Sequence[int]) -> Triads:
-    """Find the columns of accelerometers and gyros; `used`: columns that are something else."""
+    """Find the columns of accelerometers and gyros; `used`: other columns [1]."""
     rate = named(data, "accel"), named(data, "gyro")
     sums = named(data, "dvel"), named(data, "dtheta")
     if not rate[0] and _some_gravity(data, named(data, "linear")):
@@ -296,9 +311,9 @@ def _likeliest(data: Data, cut: physics.Blocks, found: list[physics.Sphere]) -> 
         usual = min(abs(np.log(s.radius / r)) for r in USUAL)
         a, _, c = s.columns
         zero = float(np.linalg.norm(s.centre) / s.radius)
-        # A magnetometer's length stays the same when it is shaken.
-        odd = 20 * s.scatter + 0.5 * (usual > 0.08) - 3 * min(shaken, 0.3) + 0.6 * min(zero, 1.0)
-        return float(odd + 0.3 * (c - a > 2))
+        # A magnetometer's length stays the same when it is shaken; that of gyros is another.
+        odd = 20 * s.scatter + 1.2 * (usual > 0.08) + min(zero, 1.0) + 0.3 * (c - a > 2)
+        return float(odd - 3 * min(shaken, 0.15) + 3 * max(0.0, shaken - 0.35))
 
     ranked = sorted(((oddness(s), s.columns) for s in apart[:200]), key=lambda one: one[0])
     return _apart([one for odd, one in ranked if odd < ranked[0][0] + 0.25])

@@ -29,7 +29,7 @@ from foucault.logs.dialect import (
     split,
     text_lines,
 )
-from foucault.logs.raw import RawTable, open_raw
+from foucault.logs.raw import RawTable, format_of, open_raw
 from foucault.recognise.titles import units_row
 
 ROWS = 400_000
@@ -66,13 +66,14 @@ class Opened:
     layout: dict[str, Any]  # keys of [log] that the file needs beside its name
     raw: RawTable
     units: tuple[str, ...]  # what a row of units says of each column
-    columns: tuple[int, ...]  # numbers of the columns that hold numbers
+    columns: tuple[int, ...]  # numbers of the columns that hold numbers [1]
     x: FloatArray  # (n, len(columns)) the first rows of them
     whole: bool = True  # whether these are all rows
     left_out: tuple[str, ...] = ()  # titles of columns that hold words or nothing
+    rate: float | None = None  # that the lines above the data say [Hz]
 
     def name(self, column: int) -> int | str:
-        """Return what [log] calls a column: its title where no other has it, else its number."""
+        """Return what [log] calls a `column` [1]: its title where no other has it, else that."""
         title = self.raw.names[column]
         alone = self.raw.named and [n.strip() for n in self.raw.names].count(title.strip()) == 1
         # "-gy" would be "gy" turned round, and "3" the fourth column.
@@ -91,12 +92,14 @@ def opened(path: Path) -> Opened:
     layout: dict[str, Any] = {}
     units: tuple[str, ...] = ()
     numeric: tuple[int, ...] | None = None
-    if path.is_file() and _plain_text(path):
+    rate: float | None = None
+    if path.is_file() and format_of(path) in ("csv", "text"):
         seen = _lines(path)
         found = None if _taking_turns(seen) else _laid_out(seen)
         if found is None:
             raise error("recognise.no_table", file=path.name, why=_why(seen))
         layout, units, numeric = found
+        rate = _rate_in(seen[: layout["header"]])
     elif path.is_file() and (record := _record(path)) is not None:
         layout = {"format": "binary", "record": record}
     raw = _open(path, layout)
@@ -112,7 +115,7 @@ def opened(path: Path) -> Opened:
         raise error("log.empty", file=path.name)
     words = tuple(raw.names[c] for c in range(len(raw.names)) if c not in columns)
     padded = (*units, *[""] * len(raw.names))[: len(raw.names)]
-    return Opened(path, layout, raw, padded, columns, x, whole, words)
+    return Opened(path, layout, raw, padded, columns, x, whole, words, rate)
 
 
 def refuse_no_log(path: Path) -> None:
@@ -153,13 +156,6 @@ def refuse_no_log(path: Path) -> None:
 
 
 # -- how a text is laid out ----------------------------------------------------------------------
-
-
-def _plain_text(path: Path) -> bool:
-    """Tell whether a file is read as delimited text: by its suffix, else by its content."""
-    from foucault.logs.raw import text_format
-
-    return text_format(path)
 
 
 def _lines(path: Path) -> list[str]:
@@ -274,6 +270,21 @@ def _comma_twice(lines: Sequence[str], table: _Table) -> bool:
     )  # fmt: skip
 
 
+_RATE = re.compile(
+    r"(?:rate|frequency|freq|odr|fs|abtastrate)\b[^\d\n]{0,20}?(\d+(?:[.,]\d+)?)\s*(k?)hz\b", re.I
+)
+
+
+def _rate_in(heads: Sequence[str]) -> float | None:
+    """Return the one sample rate that lines above the data say [Hz]."""
+    found = {
+        float(m[1].replace(",", ".")) * (1000.0 if m[2] else 1.0)
+        for line in heads
+        for m in _RATE.finditer(line)
+    }
+    return found.pop() if len(found) == 1 else None
+
+
 def _why(lines: Sequence[str]) -> str:
     """Say why lines of a text are no table."""
     cells = [c for line in lines[:20] for c in line.replace(";", ",").replace("\t", ",").split(",")]
@@ -338,9 +349,7 @@ MANY = 4_000
 
 def _record(path: Path) -> dict[str, Any] | None:
     """Return the layout of plain records one of whose numbers runs on evenly, as a clock does."""
-    from foucault.logs.raw import binary_format
-
-    if not binary_format(path):
+    if format_of(path) not in ("binary", ""):
         return None
     size = path.stat().st_size
     content = np.fromfile(path, np.uint8, min(size, MANY * MOST_COLUMNS * 8))

@@ -42,6 +42,12 @@ APART = 3.0
 SURELY = np.radians(1.0)
 """What fits within this is not told from what fits better, rms [rad]."""
 
+SHAKEN, ON_THE_WAY = np.radians(2.0), np.radians(25.0)
+"""While it is turned, gravity is told so badly by accelerometers at least, and at most [rad]."""
+
+MOST_TURNS = 60
+"""Turns that are looked at [1]."""
+
 TURNED = np.radians(8.0)
 """Rests whose gravity differs by less do not tell a turn [rad]."""
 
@@ -50,11 +56,11 @@ TURNED = np.radians(8.0)
 class Blocks:
     """Short pieces of a log: the mean and the scatter of each column in each."""
 
-    size: int  # samples of a block
+    size: int  # samples of a block [1]
     mean: FloatArray  # (b, k) [raw]
     sd: FloatArray  # (b, k) [raw]
     quiet: BoolArray  # (b,) whether nothing moves
-    rests: tuple[IntArray, IntArray]  # first block of each rest, and the one after its last
+    rests: tuple[IntArray, IntArray]  # first block of each rest, and the one after [1]
 
     def of_rests(self, columns: Sequence[int]) -> FloatArray:
         """Return the mean of `columns` over each rest, (r, k) [raw]."""
@@ -65,7 +71,7 @@ class Blocks:
 def blocks(x: FloatArray, active: Sequence[int]) -> Blocks:
     """Cut readings `x` (n, k) [raw] into blocks and find the quiet ones.
 
-    `active`: columns that motion changes.
+    `active`: columns that motion changes [1].
     """
     size = max(LEAST, len(x) // BLOCKS)
     if len(x) < 40 * size:
@@ -100,7 +106,7 @@ def _levels(sd: FloatArray, active: Sequence[int]) -> FloatArray:
 class Sphere:
     """Three columns whose readings at rest have one length."""
 
-    columns: tuple[int, int, int]
+    columns: tuple[int, int, int]  # their numbers [1]
     centre: FloatArray  # (3,) [raw]
     radius: float  # [raw]
     scatter: float  # of the length, part of it [1]
@@ -108,7 +114,7 @@ class Sphere:
 
 
 def sphere(m: FloatArray, columns: Sequence[int]) -> Sphere | None:
-    """Fit a sphere to means at rest `m` (r, 3) [raw]; None where they are not on one."""
+    """Fit a sphere to means at rest `m` (r, 3) [raw] of `columns` (3,) [1]; None where none is."""
     if not len(m):
         return None
     found = [_about(m, np.zeros(3))]
@@ -146,7 +152,8 @@ def _about(m: FloatArray, centre: FloatArray) -> tuple[FloatArray, float, float]
 def rest_scatter(x: FloatArray, cut: Blocks, part: float = 50.0) -> FloatArray:
     """Return how much the means at rest of each column scatter, part of all its scatter, (k,).
 
-    `part`: percentile of the rests that do [1]; the median does not see a few that spin.
+    `x` (n, k): readings [raw]; `part`: percentile of the rests that do [1]; the median does not
+    see a few that spin.
     """
     if len(cut.rests[0]) < 2:
         return np.full(x.shape[1], np.nan)
@@ -158,7 +165,10 @@ def rest_scatter(x: FloatArray, cut: Blocks, part: float = 50.0) -> FloatArray:
 
 
 def spheres(cut: Blocks, columns: Sequence[int], most: int = 14) -> list[Sphere]:
-    """Return the triples of `columns` whose length is one at rest, the best first."""
+    """Return the triples of `columns` (k,) [1] whose length is one at rest, the best first.
+
+    `most`: of the columns are tried [1].
+    """
     found = []
     columns = list(columns)[:most]
     for three in combinations(columns, 3):
@@ -179,9 +189,9 @@ class Turns:
     scale: float  # of a column's unit times that of time [rad/raw]
     miss: float  # of the direction of gravity after a turn, rms [rad]
     other: float  # the same of the next best order or sign [rad]
-    turns: int  # that tell
+    turns: int  # that tell [1]
     bias: FloatArray  # (3,) columns at rest [raw]
-    fitting: tuple[FloatArray, ...]  # signed permutations that fit, the best first
+    fitting: tuple[FloatArray, ...]  # signed permutations that fit, the best first [1]
 
     @property
     def proved(self) -> bool:
@@ -198,8 +208,8 @@ def turns(x: FloatArray, time: FloatArray, cut: Blocks, accel: Sphere,
           gyro: Sequence[int], *, summed: bool = False) -> Turns | None:  # fmt: skip
     """Fit columns of gyros to how gravity turns; None where nothing turns.
 
-    `x` (n, k): readings [raw]; `time` (n,): of each [raw]; `summed`: they are sums over the
-    interval before, and `time` counts samples.
+    `x` (n, k): readings [raw]; `time` (n,): of each [raw]; `gyro` (3,): columns [1]; `summed`:
+    they are sums over the interval before, and `time` counts samples.
     """
     first, last = cut.rests
     if len(first) < 2:
@@ -211,8 +221,8 @@ def turns(x: FloatArray, time: FloatArray, cut: Blocks, accel: Sphere,
     seed = _seed(x, time, cut, accel, y - bias)
     if seed is None:
         return None
-    begin, end = (last[:-1] * cut.size - cut.size // 2), (first[1:] * cut.size + cut.size // 2)
-    end = np.minimum(end, len(x) - 1)
+    begin = (last[:-1] * cut.size - cut.size // 2).astype(np.int64)
+    end = np.minimum(first[1:] * cut.size + cut.size // 2, len(x) - 1).astype(np.int64)
     told = np.arccos(np.clip(np.sum(up[:-1] * up[1:], axis=1), -1, 1)) > TURNED
     # A gap, or a turn by table time, of a clock that stood.
     steps = np.diff(time)
@@ -222,14 +232,17 @@ def turns(x: FloatArray, time: FloatArray, cut: Blocks, accel: Sphere,
     told &= whole
     if not told.any():
         return None
-    few = np.flatnonzero(told)[:60]
-    work = _Work(time, y - bias, up[few], up[few + 1], begin[few].astype(np.int64),
-                 end[few].astype(np.int64), summed)  # fmt: skip
+    few = np.flatnonzero(told)[:MOST_TURNS]
+    work = _Work(time, y - bias, up[few], up[few + 1], begin[few], end[few], summed)
     start = work.best_scale(seed)
     scale, miss = work.refined(work.ranked(start)[0][1], start)
     ranked = work.ranked(scale)
     fitting = tuple(E for off, E in ranked if off < max(APART * miss, SURELY))
-    return Turns(ranked[0][1], scale, miss, ranked[1][0], len(few), bias, fitting)
+    if len(fitting) > 1:
+        some = np.flatnonzero(whole)[:MOST_TURNS]
+        way = _way(x, time, y - bias, accel, up[some], begin[some], end[some], summed)
+        fitting = fitting if way is None else way.likely(fitting, scale)
+    return Turns(fitting[0], scale, miss, ranked[1][0], len(few), bias, fitting)
 
 
 @dataclass
@@ -244,15 +257,29 @@ class _Work:
     last: IntArray
     summed: bool
 
+    def likely(self, tried: tuple[FloatArray, ...], scale: float) -> tuple[FloatArray, ...]:
+        """Return those of several signed orders of the columns that fit much as the best does."""
+        turned = {sense: self.rotations(sense * scale) for sense in (1.0, -1.0)}
+        senses = [float(np.sign(np.linalg.det(E))) for E in tried]
+        missed = [
+            self.miss(turned[sense], sense * E, shaken=True)
+            for sense, E in zip(senses, tried, strict=True)
+        ]
+        least = min(missed)
+        kept = sorted((off, i) for i, off in enumerate(missed) if off < 1.6 * least + SHAKEN)
+        return tuple(tried[i] for _, i in kept) if least < ON_THE_WAY else tried
+
     def rotations(self, scale: float) -> FloatArray:
         zero = np.zeros((3, 3))
         w = np.ascontiguousarray(scale * self.y)
         C, *_ = integrate_turns(self.time, w, w, zero, self.first, self.last, self.summed)
         return np.asarray(C)
 
-    def miss(self, C: FloatArray, E: FloatArray) -> float:
+    def miss(self, C: FloatArray, E: FloatArray, *, shaken: bool = False) -> float:
         predicted = np.einsum("nji,nj->ni", C, self.before @ E) @ E.T
         angle = np.arccos(np.clip(np.sum(predicted * self.after, axis=1), -1, 1))
+        if shaken:  # where one turn in five tells the sign of an axis
+            return float(np.mean(angle))
         return float(np.median(angle) * 1.2 if len(angle) > 4 else np.sqrt(np.mean(angle**2)))
 
     def ranked(self, scale: float) -> list[tuple[float, FloatArray]]:
@@ -280,6 +307,33 @@ class _Work:
             if best[1] == here:
                 step /= 2
         return best[1], best[0]
+
+
+def _way(
+    x: FloatArray, time: FloatArray, y: FloatArray, accel: Sphere, up: FloatArray,
+    begin: IntArray, end: IntArray, summed: bool,
+) -> _Work | None:  # fmt: skip
+    """Return the ways from rests to instants on the turns after them; None where none turn.
+
+    Turned upside down one way or the other, gravity ends in one place, but takes other ways.
+    """
+    f = x[:, list(accel.columns)] - accel.centre
+    starts, stops, before, after = [], [], [], []
+    for u, a, b in zip(up, begin.tolist(), end.tolist(), strict=True):
+        path = np.cumsum(np.linalg.norm(y[a:b], axis=1))
+        for part in (0.3, 0.4, 0.5, 0.6, 0.7):
+            k = a + int(np.searchsorted(path, part * path[-1])) if len(path) else a
+            near = f[max(a, k - 1) : k + 2].mean(axis=0)
+            size = float(np.linalg.norm(near))
+            if a < k < b and abs(size / accel.radius - 1.0) < 0.3:
+                starts.append(a)
+                stops.append(k)
+                before.append(u)
+                after.append(near / size)
+    if not starts:
+        return None
+    first, last = np.array(starts, np.int64), np.array(stops, np.int64)
+    return _Work(time, y, np.array(before), np.array(after), first, last, summed)
 
 
 def _seed(

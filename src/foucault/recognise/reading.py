@@ -16,6 +16,7 @@ from foucault.logs.description import LogDescription
 from foucault.recognise import columns as tell
 from foucault.recognise import physics, units
 from foucault.recognise.opening import Opened, opened
+from foucault.recognise.titles import meaning
 from foucault.tables import AXES
 
 ALIKE = 1.0
@@ -96,7 +97,10 @@ def recognise(paths: Sequence[Path], said: Mapping[str, Any] | None = None) -> R
     if len(data.x) < FEWEST:
         raise error("recognise.short", file=files[0].path.name, rows=len(data.x), least=FEWEST)
     data, dropped = _whole_rows(data)
-    return _Work(data, dict(said), dropped).done()
+    work = _Work(data, dict(said), dropped)
+    if "rate" not in said and not tell.clocks(data) and files[0].rate:
+        work.said["rate"], work.head = f"{files[0].rate:.10g} Hz", True
+    return work.done()
 
 
 def _of_itself(file: Opened) -> Recognised:
@@ -128,10 +132,11 @@ class _Work:
     dropped: int
     lines: list[Line] = field(default_factory=list)
     questions: list[Question] = field(default_factory=list)
+    head: bool = False  # whether the lines above the data say the rate
 
     def done(self) -> Recognised:
         data = self.data
-        clock = next(iter(tell.clocks(data)), None)
+        clock = None if "rate" in self.said else next(iter(tell.clocks(data)), None)
         used = [*([] if clock is None else [clock.column]), *tell.counters(data)]
         used += [c.column for c in tell.clocks(data)]
         found = self._triads(used)
@@ -195,9 +200,7 @@ class _Work:
         self.questions.append(Question(what, one, "the first", other, "the next"))
 
     def _columns_line(self, kind: str, columns: Sequence[int]) -> str:
-        names = [self.data.called(k) for k in columns]
-        shown = ", ".join(f'"{n}"' if isinstance(n, str) else str(n) for n in names)
-        return f"{kind}.columns = [{shown}]"
+        return f"{kind}.columns = {[self.data.columns[k].number for k in columns]}"
 
     def _have(self) -> str:
         return ", ".join(self.data.shown(k) for k in range(len(self.data.columns)))
@@ -241,9 +244,10 @@ class _Work:
             still = float(np.linalg.norm(y.mean(axis=0))) if alone else 0.0
             peak = float(np.percentile(np.abs(y - np.median(y, axis=0)), 99.9))
         turn = self.turned.scale if self.turned is not None and self.turned.fits else None
+        given = tuple(name for name in ("time", "accel", "gyro") if self._said(name))
         titled = units.Titled(
             self._clock_unit(), self._said("accel") or self._titled(found.accel),
-            self._said("gyro") or self._titled(found.gyro),
+            self._said("gyro") or self._titled(found.gyro), given,
         )  # fmt: skip
         seen = units.Seen(
             1.0 if clock is None else clock.interval, clock is not None,
@@ -257,7 +261,7 @@ class _Work:
 
             hertz = parse(rate, "frequency", "rate")
             seen = replace(seen, interval=1.0 / hertz, timed=True, turn=turn and turn * hertz)
-            known = units.Titled("s", titled.accel, titled.gyro)
+            known = replace(titled, time="s", given=(*given, "time"))
             ranked = [replace(r, time=None) for r in units.readings(seen, known)]
         if not ranked:
             raise error("recognise.units", file=data.files[0].path.name, said=self._sizes(seen))
@@ -275,9 +279,8 @@ class _Work:
         return str(block.get("unit", "")) if isinstance(block, Mapping) else ""
 
     def _clock_unit(self) -> str:
-        block = self.said.get("time")
-        if isinstance(block, Mapping) and block.get("unit"):
-            return str(block["unit"])
+        if said := self._said("time"):
+            return said
         if self.clock is None:
             return ""
         if self.clock.dates:
@@ -298,21 +301,21 @@ class _Work:
         other = 200 if round(best.rate) != 200 else 100
         self.questions.append(Question(
             "There is no time column, and gyros in counts do not tell the rate.",
-            f'rate = "{best.rate:.4g} Hz"', f"then {best.gyro.scale}", f'rate = "{other} Hz"',
+            f"rate = {best.rate:.4g} Hz", f"then {best.gyro.scale}", f"rate = {other} Hz",
             "or what the logger was set to"))  # fmt: skip
 
     def _ask_units(self, one: units.Reading, other: units.Reading) -> None:
         def line(r: units.Reading, differs: units.Reading) -> str:
             parts = []
             if r.time and differs.time and r.time.text != differs.time.text:
-                parts.append(f'time.unit = "{r.time.text}"')
+                parts.append(f"time.unit = {r.time.text}")
             if r.time is None and abs(r.rate / differs.rate - 1) > 1e-6:
-                parts.append(f'rate = "{r.rate:g} Hz"')
+                parts.append(f"rate = {r.rate:g} Hz")
             if r.gyro and differs.gyro and r.gyro.text != differs.gyro.text:
-                parts.append(f'gyro.unit = "{r.gyro.text}"')
+                parts.append(f"gyro.unit = {r.gyro.text}")
             if r.increments != differs.increments:
                 kind = "increment" if r.increments else "rate"
-                parts.append(f'accel.kind = "{kind}"')
+                parts.append(f"accel.kind = {kind}; gyro.kind = {kind}")
             return "; ".join(parts)
 
         first, second = line(one, other), line(other, one)
@@ -335,7 +338,9 @@ class _Work:
                     Line("axes", "x, y, z as they are", why + "; no turns tell", TAKEN)
                 )
             return same, same
-        if any(np.array_equal(E, same) for E in turned.fitting):
+        fits = any(np.array_equal(E, same) for E in turned.fitting)
+        # Titles that name all axes are believed where turns do not speak against them.
+        if fits and (len(turned.fitting) == 1 or (accel_titled and gyro_titled)):
             sure = SURE if turned.proved else LIKELY
             self.lines.append(Line("axes", "gyros and accelerometers in the same axes",
                                    self._turn_words(turned), sure))  # fmt: skip
@@ -348,7 +353,7 @@ class _Work:
         _, R, E = costs[0]
         other = next((o for o in costs[1:] if not np.array_equal(
             np.linalg.det(o[1]) * o[1].T @ o[2], np.linalg.det(R) * R.T @ E)), None)  # fmt: skip
-        if other is not None and other[0] - costs[0][0] < 0.5 and not turned.proved:
+        if other is not None:
             self.questions.append(Question(
                 "The gyros' axes fit in two ways.", self._signed_line(E), "it is as simple",
                 self._signed_line(other[2]), "it fits as well"))  # fmt: skip
@@ -392,7 +397,13 @@ class _Work:
             log["file"] = data.files[0].path.name
         log |= data.files[0].layout
         first: list[Line] = []
-        if self.clock is not None and reading.time is not None:
+        if reading.time is not None and reading.increments and _rounded(self.time):
+            # Increments are divided by the interval, which a rounded clock only has on average.
+            rate = (len(self.time) - 1) / (self.time[-1] * reading.time.si)
+            log |= {"rate": f"{rate:.9g} Hz", "clock": "host"}
+            first.append(Line("rate", f"{rate:.6g} Hz", "the time column is rounded, its rows are "
+                              "even", SURE))  # fmt: skip
+        elif self.clock is not None and reading.time is not None:
             one = reading.time.text
             log["time"] = {"column": data.called(self.clock.column), "unit": one}
             first.append(Line("time", f"{data.shown(self.clock.column)} [{one}], "
@@ -404,10 +415,14 @@ class _Work:
             if not given:
                 log["clock_sd"] = RATE_SD
             told = self.turned is not None and self.turned.fits
-            why = "no time column; the gyros' turns fit it, and their scale hangs on it" if told \
-                else "no time column, and nothing tells it"  # fmt: skip
-            first.append(Line("rate", f"{reading.rate:.6g} Hz", "given" if given else
-                              f"{why}: else --set 'rate = 50 Hz'",
+            lost = [w for f in data.files for w in f.left_out if meaning(w).role == "time"]
+            none = f"'{lost[0]}' cannot be read" if lost else "no time column"
+            why = f"{none}; the gyros' turns fit it, and their scale hangs on it" if told \
+                else f"{none}, and nothing tells it"  # fmt: skip
+            first.append(Line("rate", f"{reading.rate:.6g} Hz",
+                              "the lines above the data say it" if self.head else
+                              "given" if given else
+                              f'{why}: else --set "rate = 50 Hz"',
                               SURE if given else TAKEN))  # fmt: skip
         for name, columns, unit, E in (
             ("accel", found.accel, reading.accel, accel), ("gyro", found.gyro, reading.gyro, gyro),
@@ -434,7 +449,14 @@ class _Work:
             log["missing"] = "drop"
             first.append(Line("rows", f"{self.dropped} left out", "a reading is missing", SURE))
         self.lines[:0] = first
-        return merged(log, self.said)
+        return merged(log, {key: self._final(key, value) for key, value in self.said.items()})
+
+    def _final(self, key: str, said: Any) -> Any:
+        """Return what is said of a block; the signs of columns said without one are told."""
+        if not isinstance(said, Mapping) or key not in ("accel", "gyro"):
+            return said
+        signed = any(str(name).startswith("-") for name in said.get("columns", ()))
+        return {k: v for k, v in said.items() if k != "columns" or signed}
 
     def _sign(self, log: dict[str, Any]) -> list[Line]:
         accel = self.found.accel
@@ -444,8 +466,8 @@ class _Work:
         if gravity:
             log["accel"]["reads"] = "gravity"
             return [Line("sign", "accelerometers read gravity, -1 g up", "its logger does", LIKELY)]
-        return [Line("sign", "specific force, +1 g up", 'no log tells; else --set '
-                     "'accel.reads = \"gravity\"'", TAKEN)]  # fmt: skip
+        return [Line("sign", "specific force, +1 g up",
+                     'no log tells; else --set "accel.reads = gravity"', TAKEN)]  # fmt: skip
 
     def _triad_why(self, name: str, unit: units.Unit) -> str:
         where = self.found.why[0 if name == "accel" else 1]
@@ -482,6 +504,14 @@ class _Work:
         return block
 
 
+def _rounded(time: FloatArray) -> bool:
+    """Tell whether a clock is even but for the last digits of its stamps."""
+    step = np.diff(time)
+    usual = float(step.mean())
+    line = np.linspace(time[0], time[-1], len(time))
+    return bool(np.ptp(step) > 2e-3 * usual and np.abs(time - line).max() < 0.1 * usual)
+
+
 _KIND = {"accel": "accelerometers", "gyro": "gyros"}
 
 
@@ -503,7 +533,7 @@ def _signed(data: tell.Data, columns: Sequence[int], E: FloatArray) -> list[str]
 
 
 def _listed(names: Sequence[int | str]) -> str:
-    return "[" + ", ".join(f'"{n}"' if isinstance(n, str) else str(n) for n in names) + "]"
+    return f"[{', '.join(map(str, names))}]"
 
 
 def _why(unit: units.Unit, titled: bool) -> str:

@@ -51,7 +51,7 @@ class Session:
     settings: dict[str, Any] = field(default_factory=dict)  # of [procedure]
     sure: str = "sure"
     todo: str = ""  # where no procedure does
-    rests: int = 0
+    rests: int = 0  # of the log [1]
 
 
 def session(log: Log) -> Session:

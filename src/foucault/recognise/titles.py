@@ -28,7 +28,7 @@ class Meaning:
     """What a title says; empty where it says nothing."""
 
     role: str = ""  # accel, gyro, time, ... a table of titles.toml
-    axis: int | None = None  # 0, 1, 2 for x, y, z
+    axis: int | None = None  # 0, 1, 2 for x, y, z [1]
     sensor: str = ""  # what tells one of several triads of a role from another
     unit: str = ""  # as this program writes it
     gravity: bool = False  # its logger reads gravity, +1 g down

@@ -72,6 +72,7 @@ class Titled:
     time: str = ""
     accel: str = ""
     gyro: str = ""
+    given: tuple[str, ...] = ()  # those that a user has said: no number overrules them
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ class Reading:
     accel: Unit | None
     gyro: Unit | None
     increments: bool
-    cost: float
+    cost: float  # how odd it is [1]
 
     def like(self, other: Reading) -> bool:
         """Tell whether another one has the same clock, and the same size of what gyros read."""
@@ -127,7 +128,7 @@ def _clocks(seen: Seen, titled: Titled, increments: bool) -> Iterator[Unit]:
         si = 1.0 if titled.time == "iso" else scaled_unit(titled.time, "time")
         yield Unit(titled.time, si, why="title")
         rate = 1.0 / (si * seen.interval)
-        if LIKELY_RATES[0] / 4 <= rate <= LIKELY_RATES[1] * 2:
+        if LIKELY_RATES[0] / 4 <= rate <= LIKELY_RATES[1] * 2 or "time" in titled.given:
             return
         for text, other in TIME.items():  # a title that cannot be
             if text != titled.time:
@@ -135,7 +136,7 @@ def _clocks(seen: Seen, titled: Titled, increments: bool) -> Iterator[Unit]:
         return
     if seen.timed:
         for text, si in TIME.items():
-            yield Unit(text, si, cost=0.5 * (text == "100 us"), why="the rate it gives")
+            yield Unit(text, si, cost=1.6 * (text == "100 us"), why="the rate it gives")
         return
     gyros = ANGLE if increments else GYRO
     if seen.turn is None:
@@ -173,13 +174,13 @@ def _with_clock(seen: Seen, titled: Titled, clock: Unit, increments: bool) -> It
     accels: list[Unit | None] = [None]
     if seen.radius is not None:
         size = STANDARD_GRAVITY * (step if increments else 1.0) / seen.radius
-        accels = [*_accel(size, titled.accel, seen.whole[0], increments)]
+        accels = [*_accel(size, titled, seen.whole[0], increments)]
     gyros: list[Unit | None] = [None]
     if seen.peak > 0:
         turn = None
         if seen.turn is not None:
             turn = seen.turn * seen.interval if increments else seen.turn / clock.si
-        gyros = [*_gyro(turn, titled.gyro, seen.whole[1], increments)]
+        gyros = [*_gyro(turn, titled, seen.whole[1], increments)]
     for accel in accels:
         for gyro in gyros:
             more = (0.0 if accel is None else accel.cost) + (0.0 if gyro is None else gyro.cost)
@@ -196,15 +197,16 @@ def _with_clock(seen: Seen, titled: Titled, clock: Unit, increments: bool) -> It
             yield Reading(clock if seen.timed else None, rate, accel, gyro, increments, cost + more)
 
 
-def _accel(size: float, titled: str, whole: bool, increments: bool) -> Iterator[Unit]:
+def _accel(size: float, known_by: Titled, whole: bool, increments: bool) -> Iterator[Unit]:
     """Yield units of accelerometers whose readings are of a `size` [SI]."""
+    titled = known_by.accel
     kind = "velocity increment" if increments else "specific force"
     if titled and titled != "count":
         try:
             si = scaled_unit(titled, kind)
         except Exception:
             si = 0.0
-        if si and abs(log(size / si)) < FAR:
+        if si and (abs(log(size / si)) < FAR or "accel" in known_by.given):
             yield Unit(titled, si, why="title")
             return
     wrong = f"not {titled} as its title says" if titled and titled != "count" else "gravity"
@@ -233,8 +235,9 @@ def _accel(size: float, titled: str, whole: bool, increments: bool) -> Iterator[
     )
 
 
-def _gyro(turn: float | None, titled: str, whole: bool, increments: bool) -> Iterator[Unit]:
+def _gyro(turn: float | None, known_by: Titled, whole: bool, increments: bool) -> Iterator[Unit]:
     """Yield units of gyros one reading of which is a `turn` [SI], None where nothing turned."""
+    titled = known_by.gyro
     kind = "angle increment" if increments else "angular rate"
     known = ANGLE if increments else GYRO
     si = 0.0
@@ -244,7 +247,7 @@ def _gyro(turn: float | None, titled: str, whole: bool, increments: bool) -> Ite
         except Exception:
             si = {"rad": 1.0, "deg": DEGREE}.get(titled, 0.0)
             titled = {"rad": "rad/s", "deg": "deg/s"}.get(titled, titled)
-    if si and (turn is None or abs(log(turn / si)) < FAR):
+    if si and (turn is None or abs(log(turn / si)) < FAR or "gyro" in known_by.given):
         yield Unit(titled, si, why="title")
         return
     if turn is None:
