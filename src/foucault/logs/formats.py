@@ -274,8 +274,8 @@ _EAST = ("map", "earth", "utm", "enu", "world")
 def open_ros(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a bag; its columns are the fields of the messages of one topic."""
     kind = ODOMETRY if hasattr(description, "attitude") else IMU
-    with _opened(path) as bag:
-        topic = _topic(bag, kind, description.topic, path)
+    with opened_bag(path) as bag:
+        topic = topic_of_bag(bag, kind, description.topic, path)
         first = next(_messages(bag, topic), None)
         if first is None:
             raise error("log.empty", file=path.name)
@@ -297,14 +297,16 @@ def open_ros(path: Path, description: FileLayout, progress: Progress | None) -> 
                     declared=declared, sampled="rate")  # fmt: skip
 
 
-def _opened(path: Path) -> Any:
+def opened_bag(path: Path) -> Any:
+    """Open a bag of ROS 1 or ROS 2."""
     reader = library("rosbags.highlevel", "ros", path)
     types = library("rosbags.typesys", "ros", path)
     usual = types.get_typestore(types.Stores.LATEST)
     return reader.AnyReader([path], default_typestore=usual)
 
 
-def _topic(bag: Any, kind: str, wanted: str | None, path: Path) -> str:
+def topic_of_bag(bag: Any, kind: str, wanted: str | None, path: Path) -> str:
+    """Return the topic of messages of a kind that is wanted, or the only one."""
     able = sorted({c.topic for c in bag.connections if c.msgtype == kind})
     if wanted in able:
         return str(wanted)
@@ -325,7 +327,7 @@ def _messages(bag: Any, topic: str) -> Iterator[tuple[int, Any]]:
 
 def _reader(path: Path, topic: str, row: Any, progress: Progress | None) -> Any:
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
-        with _opened(path) as bag:
+        with opened_bag(path) as bag:
             total = max(1, sum(c.msgcount for c in bag.connections if c.topic == topic))
             rows: list[tuple[float, ...]] = []
             done = 0
