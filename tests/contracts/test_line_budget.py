@@ -20,7 +20,7 @@ BUDGET = {
     "guard": 1_941,
     "infer": 2_795,
     "kernels": 4_338,
-    "logs": 6290,
+    "logs": 6_290,
     "models": 5_454,
     "navigate": 2_097,
     "plans": 6_025,
