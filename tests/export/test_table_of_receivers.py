@@ -41,7 +41,7 @@ def test_what_is_written_reads_back(name: str, tmp_path: Path) -> None:
     known, _ = knowledge(result, own, noise=LOUD)
     found = found_in(own, text)
     for row in own.rows:
-        if not row.key:
+        if not row.key or row.warm:
             continue
         want, got = row.told(known), numbers_of(row, found)
         assert want is not None and got is not None, row.key
@@ -65,7 +65,7 @@ def test_single_precision_is_that_of_single_numbers(name: str, tmp_path: Path) -
     known, _ = knowledge(result, own, noise=LOUD)
     single = {key: float(np.float32(value)) for key, value in found_in(own, text).items()}
     for row in own.rows:
-        if row.key:
+        if row.key and not row.warm:
             np.testing.assert_allclose(numbers_of(row, single), row.told(known), rtol=1.2e-7)
 
 

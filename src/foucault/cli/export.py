@@ -18,23 +18,43 @@ if TYPE_CHECKING:
     from foucault.result import Result
 
 
+BAGS = (".bag", ".mcap", ".db3")
+"""How the name of a bag ends, where it is no folder."""
+
+
 @command(
     "foucault apply run flight.csv -o flight_calibrated.parquet",
     "foucault apply run/result.json other_campaign.toml -o out.csv",
+    "foucault apply run drive.bag -o drive_calibrated.bag",
+    "foucault apply run --stream",
 )
 def apply(
     ctx: typer.Context,
     result: options.ResultFile,
     log: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
             help="A log in the format of the calibrated one, a log that foucault has written, "
-            "or a campaign file that describes its log."
+            "a bag, or a campaign file that describes its log."
         ),
-    ],
+    ] = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Log to write: .csv, .csv.gz, .parquet, .npz.")
-    ],
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Log to write: .csv, .csv.gz, .parquet, .npz; a bag of a bag."
+        ),
+    ] = None,
+    stream: Annotated[
+        bool,
+        typer.Option(
+            "--stream",
+            help="Correct text from standard input to standard output, as it comes; LOG may be a "
+            "campaign file that describes it.",
+        ),
+    ] = False,
+    topic: Annotated[
+        str | None, typer.Option(help="Of a bag with several IMUs, the topic to correct.")
+    ] = None,
     force: Annotated[
         bool,
         typer.Option(
@@ -57,16 +77,28 @@ def apply(
     """
     from foucault.errors import error
     from foucault.export import calibrate_log
+    from foucault.export.stream import calibrate_bag
     from foucault.files import sha256
     from foucault.run_folder import load_result, result_file
 
     screen: Screen = ctx.obj
     if outside not in ("error", "hold"):
         raise error("temperature.outside_choice", given=outside)
+    if stream:
+        _stream(result, log, output, topic, force)
+        return
+    if log is None or output is None:
+        raise error("apply.no_log")
     with screen.progress() as tell:
         tell(0.0, "reading the result")
         _not_an_input(output, result, log)
         calibrated = _of_an_imu(load_result(result, with_tables=False))
+        if log.is_dir() or log.suffix in BAGS:
+            count = calibrate_bag(calibrated, log, output, topic=topic, force=force,
+                                  progress=lambda part: tell(part, "applying"))  # fmt: skip
+            screen.say(f"Wrote {output} with {count} corrected messages, all others as they were.")
+            screen.data({"output": str(output), "samples": count})
+            return
         description, folder, instrument = _described(calibrated, result, log)
         done = calibrate_log(
             calibrated, description, folder, output,
@@ -164,6 +196,31 @@ def export(
     screen.say(f"Wrote {output} for {to}; what it holds and how to use it stands in the file.")
     _doubts(screen, calibrated)
     screen.data({"output": str(output), "to": to, "verdict": calibrated.verdict.level})
+
+
+def _stream(
+    result: Path, log: Path | None, output: Path | None, topic: str | None, force: bool
+) -> None:
+    """Correct standard input to standard output; what was noticed goes beside."""
+    import sys
+
+    from foucault.errors import error
+    from foucault.export.stream import calibrate_stream
+    from foucault.files import sha256
+    from foucault.run_folder import load_result, result_file
+
+    for option, given in (("-o", output), ("--topic", topic)):
+        if given is not None:
+            raise error("apply.stream", option=option)
+    calibrated = _of_an_imu(load_result(result, with_tables=False))
+    description, _, _ = _described(calibrated, result, log or Path("standard input"))
+    samples, noticed = calibrate_stream(
+        calibrated, description, sys.stdin.buffer, sys.stdout.buffer,
+        sha256=sha256(result_file(result)), force=force,
+    )  # fmt: skip
+    for one in noticed:
+        print(f"{one.severity}: {one.message} {one.cure}", file=sys.stderr)
+    print(f"{samples} samples corrected.", file=sys.stderr)
 
 
 def _not_an_input(output: Path, result: Path, log: Path | None = None) -> None:

@@ -230,6 +230,12 @@ def allan(
             metavar="<str>",
         ),
     ] = "",
+    moving: Annotated[
+        bool,
+        typer.Option(
+            "--moving", help="Tell the vibration of a log that moves from its noise at rest."
+        ),
+    ] = False,
     output: options.FolderIfWanted = None,
 ) -> None:
     """Find the noise of an instrument at rest.
@@ -241,6 +247,7 @@ def allan(
 
     from foucault import logs
     from foucault.campaign.running import read_any
+    from foucault.diagnose import vibration
     from foucault.diagnose.allan import check_kind, deviation_table, measure_log
     from foucault.files import make_folder, write_text
     from foucault.logs.columns import columns_alone
@@ -258,8 +265,11 @@ def allan(
         seen = measure_log(table, axes=tuple(axis or ()), kind=check_kind(kind), rest=rest)
         block = _block(seen)
         told = (*table.findings, *seen.findings)
+        shaken = vibration.vibration(table, seen.start, seen.end) if moving else ()
+        told += vibration.findings(shaken) if moving else ()
         said = report.document(seen, str(table.source.get("file", log.name)), block, told)
         data = _channels_said(log, seen, [f.as_dict() for f in told])
+        data |= {"vibration": [vars(v) for v in shaken]} if moving else {}
         if output is not None:
             tell(0.9, "writing")
             make_folder(output)

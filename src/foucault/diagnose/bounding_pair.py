@@ -54,9 +54,11 @@ class Pair:
 
     white: float  # N [unit/sqrt(Hz)]
     walk: float  # K [unit/sqrt(s)]
-    first: float  # first, last: averaging times between which it does [s]
+    # first, last: averaging times between which it does [s]
+    first: float
     last: float
-    least: float  # least, most: its deviation over the measured one, between these times [1]
+    # least, most: its deviation over the measured one, between these times [1]
+    least: float
     most: float
     raised: float  # N over the N of the fit [1]
     seen: bool  # whether the curve asks for a walk; else K adds a tenth of variance at its end

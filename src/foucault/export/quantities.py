@@ -31,6 +31,8 @@ class Known:
     rate: float | None = None  # of the messages [Hz]
     gravity: float = 0.0  # [m/s^2]
     correlation: float | None = None  # correlation time of a Markov process like the walk [s]
+    # biases over temperature, where they change (`warm`): by name, temperatures in degC
+    warm: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 def in_gauge(model: ImuModel, gauge: str) -> tuple[ImuModel, FloatArray]:
@@ -99,6 +101,8 @@ def value_of(name: str, known: Known, *, each: bool) -> FloatArray | None:
         return FORMS[name](known.model)
     if name.endswith((".white", ".walk")):
         return known.noise.get(name if each else f"one:{name}")
+    if name.startswith("warm.") or ".warm_" in name:
+        return known.warm.get(name)
     if name.endswith("_sd"):
         return known.sd.get(name.removesuffix("_sd"))
     single = {"rate": known.rate, "gravity": known.gravity, "correlation": known.correlation}[name]

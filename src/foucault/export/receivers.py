@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ import numpy as np
 
 from foucault.errors import error, suggestion
 from foucault.export.densities import Densities, densities
+from foucault.export.over_temperature import over_temperature
 from foucault.export.quantities import Known, in_gauge
 from foucault.export.request import AXES, EXPORTED, FAMILIES, OWN_AXES, Request, request, usable
 from foucault.export.table import Receiver, Row, receivers, text_for
@@ -121,7 +123,7 @@ def _from_table(
     result: Result, receiver: Receiver, axes: str | None, drop: tuple[str, ...],
     noise: ImuNoise | Densities | None, rate: float | None, force: bool,
 ) -> str:  # fmt: skip
-    if result.temperature is not None and not receiver.before:
+    if result.temperature is not None and not (receiver.before or receiver.warms):
         raise error("temperature.receiver", receiver=receiver.name)
     known, about = knowledge(
         result, receiver, axes=axes, drop=drop, noise=noise, rate=rate, force=force
@@ -146,13 +148,17 @@ def knowledge(
 ) -> tuple[Known, list[str]]:
     """Return what a file of a receiver is made of, and what it says of that.
 
-    Arguments as those of `write`.
+    Arguments as those of `write`; `rate`: of the readings [Hz].
     """
     axes = axes or receiver.axes or OWN_AXES
     coefficients = tuple(name for name in drop if name != NOISE)
     wanted = request(result, receiver.name, FAMILIES if receiver.before else receiver.takes,
                      axes=axes, drop=coefficients, force=force)  # fmt: skip
     model, C_cb = in_gauge(wanted.model, receiver.gauge)
+    warmth = None
+    if wanted.temperature is not None and receiver.warms:
+        warmth = over_temperature(wanted.temperature, receiver.reference)
+        model = replace(model, accel_bias=warmth.accel_bias, gyro_bias=warmth.gyro_bias)
     loud = densities(noise, result.diagnostics.get("noise"))
     turned = {name: _along(x, AXES[axes]) for name, x in loud.values.items()}
     rate = rate or result.validity.get("rate") or loud.rate
@@ -160,8 +166,10 @@ def knowledge(
     known = Known(
         model, turned, _sds(wanted, AXES[axes]), rate,
         float(local) if isinstance(local, int | float) else STANDARD_GRAVITY, loud.correlation,
+        {} if warmth is None else warmth.values,
     )  # fmt: skip
     about = wanted.statement()
+    about += [] if warmth is None else warmth.said
     if receiver.before:
         about += [
             "The calibration is not in this file, for the receiver has no place for it: give it",

@@ -27,7 +27,7 @@ from foucault.export import syntax
 from foucault.export.quantities import Known, model_of, value_of
 from foucault.export.syntax import SYNTAXES, Found
 from foucault.models.imu import ImuModel
-from foucault.units import size
+from foucault.units import CELSIUS, size
 
 KINDS = {
     "sigma density": (1, ""),
@@ -46,16 +46,17 @@ class Row:
     key: str = ""
     of: tuple[str, ...] = ()  # names in `quantities`; several stand one after the other
     kind: str = "sigma density"  # key of `KINDS`, of a noise
-    times: float = 1.0
+    times: float = 1.0  # factor of its own [1]
     unit: str = ""
-    si: float = 0.0  # SI value of the unit, where it is the receiver's own
+    si: float = 0.0  # value of the unit, where it is the receiver's own [SI]
     each: bool = False  # a number for each axis of a noise
     layout: str = "rows"
     line: str = ""
     group: str = ""
-    limits: tuple[float, float] | None = None
+    limits: tuple[float, float] | None = None  # least and most that it takes [as in the file]
     says: str = ""
     must: bool = True
+    warm: bool = False
 
     @property
     def noise(self) -> bool:
@@ -65,7 +66,7 @@ class Row:
     @property
     def one(self) -> float:
         """The SI value of its unit."""
-        return self.si or (size(self.unit) if self.unit else 1.0)
+        return self.si or (size(self.unit) if self.unit not in ("", CELSIUS[0]) else 1.0)
 
     @property
     def shown(self) -> str:
@@ -80,7 +81,10 @@ class Row:
         return [self.key]
 
     def noise_factor(self, rate: float | None, correlation: float | None) -> float | None:
-        """Return times r of the equation above, None where it needs what is not known."""
+        """Return times r of the equation above, None where it needs what is not known.
+
+        `rate`: of the samples [Hz]; `correlation`: T of a Markov process [s].
+        """
         needs = KINDS[self.kind][1]
         if needs == "rate":
             return None if rate is None else self.times * rate**0.5
@@ -125,7 +129,10 @@ class Row:
 
 
 def laid_out(x: FloatArray, layout: str) -> FloatArray:
-    """Return the numbers of a vector or matrix in the order of a layout, shape (n,)."""
+    """Return the numbers of a vector or matrix in the order of a layout, shape (n,).
+
+    `x`: vector or matrix [SI]; `layout`: as in the table.
+    """
     if x.ndim == 1 and layout == "diagonal":
         return np.diag(x).ravel()
     if x.ndim < 2:
@@ -138,7 +145,10 @@ def laid_out(x: FloatArray, layout: str) -> FloatArray:
 
 
 def put_back(numbers: FloatArray, layout: str) -> FloatArray:
-    """Return the vector or matrix of numbers in the order of a layout."""
+    """Return the vector or matrix of numbers in the order of a layout.
+
+    `numbers` (n,): flat [SI]; `layout`: as in the table.
+    """
     if layout == "lower columns" and len(numbers) == 6:
         x = np.zeros((3, 3))
         x[np.triu_indices(3)] = numbers
@@ -166,10 +176,17 @@ class Receiver:
     single: bool = False
     nested: bool = True
     notes: tuple[str, ...] = ()
+    warm_notes: tuple[str, ...] = ()
+    reference: float | None = None  # temperature that its powers count from [degC]
     head: tuple[str, ...] = ()
     tail: tuple[str, ...] = ()
     remark: str = "foucault"
     texts: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def warms(self) -> bool:
+        """Whether it has a place for biases that change with temperature."""
+        return any(row.warm for row in self.rows)
 
     @property
     def before(self) -> bool:
@@ -202,10 +219,13 @@ def _receiver(name: str, said: dict[str, Any]) -> Receiver:
         of = row.get("of", ())
         row = row | {"of": (of,) if isinstance(of, str) else tuple(of)}
         row["kind"] = row.pop("as", "sigma density")
+        row["must"] = row.get("must", not row.get("warm", False))
         if "limits" in row:
             row["limits"] = tuple(row["limits"])
         rows.append(Row(**row))
-    lists = {k: tuple(said[k]) for k in ("takes", "notes", "head", "tail") if k in said}
+    lists = {
+        k: tuple(said[k]) for k in ("takes", "notes", "warm_notes", "head", "tail") if k in said
+    }
     said = {key: value for key, value in said.items() if key != "like"} | lists
     return Receiver(**said | {"name": name, "rows": tuple(rows)})
 
@@ -220,6 +240,7 @@ def text_for(receiver: Receiver, known: Known, about: list[str]) -> str:
     """
     form = SYNTAXES[receiver.syntax]
     about = [*about, f"For {receiver.title}.", *receiver.notes, *_precision(receiver)]
+    about += receiver.warm_notes if known.warm else []
     about += [f"Meaning of each key from the source of the receiver: {receiver.source}."]
     if receiver.syntax == "json":
         about += [f"{row.key}: {_words(row)}" for row in receiver.rows if _words(row)]
@@ -260,6 +281,8 @@ def _body(receiver: Receiver, known: Known) -> Iterator[str]:
 def _written(receiver: Receiver, known: Known) -> Iterator[tuple[Row, str, Any]]:
     """Yield each row, its key and what stands there: a number, lists of them, None if unknown."""
     for row in receiver.rows:
+        if row.warm and not known.warm:
+            continue
         if not row.key:
             yield row, "", None
             continue
