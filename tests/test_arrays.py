@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from foucault.arrays import of_arrow, settled
+from foucault.arrays import of_arrow, settled, to_arrow
 
 
 def test_directions_of_equal_values_do_not_depend_on_how_they_are_turned() -> None:
@@ -46,3 +46,23 @@ def test_a_column_is_what_pandas_would_make_of_it(values):
 def _by_pandas(some):
     loose = {} if isinstance(some, pa.ChunkedArray) else {"zero_copy_only": False}
     return some.to_numpy(**loose)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.array([1.5, np.nan, -2.0]),
+        np.array([1.5, 2.5, 3.5, 4.5])[::2],
+        np.array([1, 2], np.int32),
+        np.array([True, False] * 9),
+        np.array(["a", "bc"]),
+        np.array(["a", None], object),
+        np.array([], float),
+    ],
+)
+def test_a_column_is_what_pyarrow_makes_of_it(values):
+    made = to_arrow(values)
+    made.validate(full=True)
+    expected = pa.array(values)
+    assert made.type == expected.type and made.null_count == expected.null_count
+    np.testing.assert_array_equal(of_arrow(made), of_arrow(expected))

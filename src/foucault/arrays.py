@@ -67,3 +67,17 @@ def _of_chunk(part: Any, kind: np.dtype[Any]) -> npt.NDArray[Any]:
     missing = known[part.offset : part.offset + len(part)] == 0
     nothing = np.datetime64("NaT") if kind.kind == "M" else np.nan
     return np.where(missing, nothing, values)
+
+
+def to_arrow(values: Any) -> Any:
+    """Return a column for a table of pyarrow, as `pyarrow.array` does without importing pandas."""
+    import pyarrow as pa
+
+    x = np.asarray(values)
+    if x.dtype.kind in "UO" and x.ndim == 1:
+        return pa.array(x.tolist())
+    if x.dtype.kind not in "fib" or x.ndim != 1:
+        return pa.array(values)
+    kind = pa.from_numpy_dtype(x.dtype)
+    memory = np.packbits(x, bitorder="little") if x.dtype.kind == "b" else np.ascontiguousarray(x)
+    return pa.Array.from_buffers(kind, len(x), [None, pa.py_buffer(memory)])

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from foucault import logs, procedures, run_folder
+from foucault import display, logs, procedures, run_folder
 from foucault.campaign import earlier
 from foucault.campaign.holding import held
 from foucault.campaign.reading import Campaign, load
@@ -72,7 +72,7 @@ def _unedited(campaign: Campaign) -> str:
     return " and ".join(["[site]"] * place + ["the name in [instrument]"] * name)
 
 
-def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> Result:
+def calibrate(campaign: Campaign | str | Path, progress: Progress | None = None) -> Result:
     """Read the log of a campaign and calibrate it.
 
     Parameters
@@ -80,13 +80,15 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
     campaign : Campaign, str or Path
         The campaign or its file.
     progress : callable
-        Called with the fraction done and what is being done.
+        Called with the fraction done and what is being done; None for a bar in a notebook, and
+        for nothing elsewhere.
 
     Returns
     -------
     Result
         Coefficients with covariance, checks and a verdict [SI].
     """
+    tell = display.progress() if progress is None else progress
     if not isinstance(campaign, Campaign):
         campaign = load(campaign)
     procedure = procedures.load(campaign.procedure)
@@ -96,7 +98,7 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
     if procedure.streams:
         on_disk = OnDisk(campaign.log, campaign.folder, _told(campaign))
         log = on_disk if on_disk.size > STREAMED else None
-    given = read_log(campaign, progress) if log is None else log
+    given = read_log(campaign, tell) if log is None else log
 
     def run(prior: earlier.Priors) -> Result:
         with _stuck_named(given):
@@ -108,8 +110,10 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
                 prior=prior,
                 sizes=campaign.sizes,
                 instrument=campaign.instrument,
-                progress=progress,
+                progress=tell,
             )
+        if progress is None:
+            tell(1.0, "done")
         return earlier.with_given(_stuck_first(result), prior)
 
     if campaign.earlier is None:

@@ -231,7 +231,8 @@ def strapdown(
     u = np.empty(6)
     bend = np.empty(6)
     mid = np.empty(10)
-    out[0] = x
+    for c in range(12):  # a slice takes longer, and seconds to compile
+        out[0, c] = x[c]
     lift = 0.0  # what the height loop has found the vertical specific force to be wrong by
     since = 0.0  # how long ago a height was known, as far as the loop would not overshoot
     for j in range(steps):
@@ -257,7 +258,7 @@ def strapdown(
                 x[6] += gains[1] * e * (since if last > first else -since)
                 lift -= gains[2] * e * since
                 since = 0.0
-        for c in range(12):  # faster than a slice
+        for c in range(12):
             out[j + 1, c] = x[c]
 
 
@@ -266,7 +267,8 @@ def step_back(x, y, u, bend, dt, g_offset, held, mid):
     """Replace x by the state that `step` carries into x; y (12,) is scratch."""
     target = x.copy()
     for _ in range(5):
-        y[:] = x
+        for c in range(12):
+            y[c] = x[c]
         step(y, u, bend, dt, g_offset, held, mid)
         for at in (0, 7):  # q <- (target y^-1) q
             c0, c1, c2, c3 = product(

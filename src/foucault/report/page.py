@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from foucault import units
 from foucault.coefficients import format_value
+from foucault.display import Shown
 from foucault.errors import Finding
 from foucault.escape import address
 from foucault.result import Check, Level
@@ -136,7 +137,7 @@ def table(*cells: tuple[str, Iterable[str] | None], option: str = "") -> Table:
 
 
 @dataclass(frozen=True)
-class Figure:
+class Figure(Shown):
     """A plotly figure as plain dictionaries, with a sentence that says what it shows.
 
     `on` is "everywhere" or "screen" (left out in print); `share` is the part of the width it
