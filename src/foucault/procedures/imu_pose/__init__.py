@@ -1,4 +1,4 @@
-"""Tie an IMU to a pose of its body: motion capture, a prism, tags or another navigation system.
+"""Calibrate an IMU by poses of its body: motion capture, tags, a prism, another navigation system.
 
 The IMU and what is tracked are fixed to one rigid body that a hand turns and moves for half a
 minute. It gives how the tracked body is turned against the IMU, the lever arm to the tracked point,
@@ -65,6 +65,12 @@ CLEARLY = 3.0
 
 HALVES, LEFT_OUT = 3.0, 10.0
 """Limits of the difference of the halves [sd], and of the poses that are left out [%]."""
+
+SHORTEST = 5.0
+"""Shorter logs tell nothing [s]."""
+
+APART = 0.3
+"""Stamps of positions and attitudes are tried so far apart [s]."""
 
 QUIET = 0.05
 """Part of the stretches of half a second that are the stillest [1]."""
@@ -214,6 +220,9 @@ def _readings(log: Log, given: Given[Settings]) -> tuple[Readings, PoseTable, li
         raise error("pose.no_triad", triad="gyros" if log.gyro is None else "accelerometers")
     if len(table) < poses.FEWEST:
         raise error("pose.few", file="The table", count=len(table), least=poses.FEWEST)
+    span = float(min(table.time[-1] - table.time[0], log.duration))
+    if span < SHORTEST:
+        raise error("pose.short", span=plain(span, 2), least=plain(SHORTEST, 2))
     noise = given.noise
     white = quiet_noise(log) if noise is None else (noise.gyro.white, noise.accel.white)
     C = None if table.quaternion is None else table.attitude(table.reading or _ANY)
@@ -261,18 +270,26 @@ def _contradicted(s: Start, gravity: float) -> None:
         raise error("pose.periodic", peak=plain(s.peak, 3), second=plain(s.second, 3))
     turning = s.singular > 0.1 * s.singular[0]
     if not 1 / OTHER_UNIT < ratio < OTHER_UNIT and turning.all() and s.free_misfit < MISFIT:
-        hint = " That is deg/s." if 0.9 < 1 / ratio / np.degrees(1) < 1.1 else ""
-        hint = " That is rad/s read as deg/s." if 0.9 < ratio / np.degrees(1) < 1.1 else hint
-        raise error("pose.gyro_unit", ratio=plain(1 / ratio, 3), hint=hint)
+        hint = " That is deg/s." if 0.9 < ratio / np.degrees(1) < 1.1 else ""
+        hint = " That is rad/s read as deg/s." if 0.9 < ratio * np.degrees(1) < 1.1 else hint
+        raise error("pose.gyro_unit", ratio=plain(ratio, 3), hint=hint)
     if s.sign < 0 and s.misfit > MISFIT and turning.all():
         raise error("pose.mirror", det=plain(s.sign, 1), misfit=plain(s.misfit, 2))
     if s.misfit > MISFIT and turning.all():
         raise error("pose.rates", misfit=plain(s.misfit, 2), allowed=plain(MISFIT, 2))
     some = s.forces.some(1500)
     now = some.fit()[1]
-    scale, scaled = some.scaled()
-    if scaled < now / CLEARLY and not 1 / OTHER_UNIT < scale < OTHER_UNIT:
+    scale, g, scaled = some.scaled()
+    # Where nothing is moved, second derivatives of positions are noise, and best left out.
+    told = scaled < min(now / CLEARLY, some.unmoved() / OTHER_UNIT)
+    if told and 1 / OTHER_UNIT < g / gravity / scale < OTHER_UNIT and scale < 1 / OTHER_UNIT:
+        raise error("pose.accel_unit", found=plain(g, 3), site=plain(gravity, 4))
+    if told and not 1 / OTHER_UNIT < scale < OTHER_UNIT:
         raise error("pose.position_unit", ratio=plain(scale, 3), best=plain(scaled, 2),
+                    now=plain(now, 2))  # fmt: skip
+    apart, best = _apart(s)
+    if best < now / CLEARLY:
+        raise error("pose.two_times", apart=plain(1e3 * apart, 3), best=plain(best, 2),
                     now=plain(now, 2))  # fmt: skip
     tried = [(some.fit(x)[1], k) for k, x in enumerate(exchanges()) if np.linalg.det(x) > 0]
     best, k = min(tried)
@@ -281,6 +298,18 @@ def _contradicted(s: Start, gravity: float) -> None:
                     now=plain(now, 2))  # fmt: skip
     if not 1 / OTHER_UNIT < s.gravity / gravity < OTHER_UNIT:
         raise error("pose.accel_unit", found=plain(s.gravity, 3), site=plain(gravity, 4))
+
+
+def _apart(s: Start) -> tuple[float, float]:
+    """Return how much later positions are stamped than attitudes [s], and what that leaves [m/s^2].
+
+    As far as the least squares of forces tells it.
+    """
+    step, f, best = s.step, s.forces, (0.0, np.inf)
+    for k in range(-round(APART / step), round(APART / step) + 1, max(1, round(0.02 / step))):
+        later = replace(f, pull=np.roll(f.pull, -k, axis=0)).some(700)
+        best = min(best, (k * step, later.fit()[1]), key=lambda found: found[1])
+    return best
 
 
 def _estimate(s: Solution, given: Given[Settings]) -> CoefficientVector:

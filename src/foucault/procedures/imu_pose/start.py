@@ -48,8 +48,8 @@ class Forces:
         x = np.linalg.lstsq(np.vstack([A, np.eye(9)[6:]]), np.append(y, np.zeros(3)), rcond=None)[0]
         return x, float(np.sqrt(np.mean((y - A @ x) ** 2)))
 
-    def scaled(self) -> tuple[float, float]:
-        """Return how large positions had to be [1], and what is left then (rms) [m/s^2]."""
+    def scaled(self) -> tuple[float, float, float]:
+        """Return how large positions had to be [1], gravity then, and what is left (rms) [m/s^2]."""
         k = len(self.accel)
         one = np.broadcast_to(np.eye(3), (k, 3, 3))
         pulled = np.einsum("kij,kj->ki", self.C_bv, self.pull)[:, :, None]
@@ -58,7 +58,11 @@ class Forces:
         # In one unit: a lever arm in mm beside positions in mm.
         wide = np.vstack([A, np.eye(10)[6:9]])
         x = np.linalg.lstsq(wide, np.append(y, np.zeros(3)), rcond=None)[0]
-        return float(x[9]), float(np.sqrt(np.mean((y - A @ x) ** 2)))
+        return float(x[9]), float(np.linalg.norm(x[3:6])), float(np.sqrt(np.mean((y - A @ x) ** 2)))
+
+    def unmoved(self) -> float:
+        """Return what is left where positions are not looked at (rms) [m/s^2]."""
+        return Forces(self.accel, self.C_bv, 0.0 * self.pull, self.Om).fit()[1]
 
     def some(self, most: int) -> Forces:
         """Return at most so many of them, evenly chosen; `most` [1]."""
@@ -82,6 +86,7 @@ class Start:
     force: float  # what lever arm, gravity and bias leave of the forces [m/s^2]
     gravity: float  # length of gravity as found [m/s^2]
     forces: Forces
+    step: float  # between two of these forces [s]
 
 
 GRID, SMOOTH = 0.005, 0.1
@@ -182,17 +187,17 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
     flips = np.cumprod(np.where(np.sum(numbers[1:] * numbers[:-1], axis=1) < 0, -1.0, 1.0))
     even = _even(q.time, _without_jumps(numbers * np.append(1.0, flips)[:, None]), own)
     bad = gaps(q.time, own, max(4 * usual, SMOOTH))
-    best: Start | None = None
+    found: list[Start] = []
     for reading, (order, sign) in READINGS.items():
         if q.reading not in (None, reading):
             continue
         w = _body_rate(even[:, order] * [1.0, sign, sign, sign], usual)
         w[bad] = 0.0
-        found = _with_rates(log, r, q, reading, (own, w, bad), (w_imu, f_imu, step))
-        if best is None or found.misfit < 0.9 * best.misfit:
-            best = found
-    assert best is not None
-    return best
+        found.append(_with_rates(log, r, q, reading, (own, w, bad), (w_imu, f_imu, step)))
+    # Rates do not tell all readings apart, forces do; a mirror image or another unit is no reason
+    # for another reading.
+    least = min(s.free_misfit for s in found)
+    return min((s for s in found if s.free_misfit < 1.5 * least + 0.05), key=lambda s: s.force)
 
 
 def _body_rate(q: FloatArray, step: float) -> FloatArray:
@@ -231,7 +236,7 @@ def _with_rates(
     C_bm = wahba(x, y)
     free = np.linalg.lstsq(y, x, rcond=None)[0].T
     left = float(np.sqrt(np.sum((x - y @ C_bm.T) ** 2) / np.sum(x**2)))
-    loose = float(np.sqrt(np.sum((y - x @ free.T) ** 2) / np.sum(y**2)))
+    loose = float(np.sqrt(np.sum((x - y @ free.T) ** 2) / np.sum(x**2)))
     bias = w_b.mean(axis=0) - C_bm @ w.mean(axis=0)
     C_vb = q.attitude(reading) @ C_bm.T
     C_own = _attitudes(q.time, C_vb, own)
@@ -252,7 +257,7 @@ def _with_rates(
         *_motion(r, C_vb, x9[:3]),
     )  # fmt: skip
     return Start(at, reading, peak, second, drift, np.linalg.svd(free)[1],
-                 float(np.sign(np.linalg.det(free))), loose, left, off, size, forces)  # fmt: skip
+                 float(np.sign(np.linalg.det(free))), loose, left, off, size, forces, usual)  # fmt: skip
 
 
 def _attitudes(time: FloatArray, C: FloatArray, at: FloatArray) -> FloatArray:
@@ -348,7 +353,7 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
     C_v0 = at.C[middle] @ known[middle].T
     start = at_places(r, C_v0 @ turns.at(r.at(at.tau, at.kappa))[0], at)
     found = Start(start, None, np.nan, np.nan, 0.0, size, float(np.linalg.det(U @ V)), np.nan, np.nan, left,
-                  gravity, forces)  # fmt: skip
+                  gravity, forces, usual)  # fmt: skip
     return found, start
 
 
