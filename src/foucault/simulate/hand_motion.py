@@ -47,8 +47,8 @@ class HandMotion:
         wide = np.repeat([ANGLE_SD, PLACE_SD], 3) * np.sqrt(2 / TONES)
         wide[1] *= 0.5  # pitch stays away from straight up
         moves = {"rotation only": (0, 1, 2), "one axis": (0,), "planar": (0, 3, 4),
-                 "translation only": (3, 4, 5), "constant rate": ()}.get(name, range(6))  # fmt: skip
-        wide[[k for k in range(6) if k not in moves]] = 0.0
+                 "translation only": (3, 4, 5), "constant rate": ()}  # fmt: skip
+        wide[[k for k in range(6) if k not in moves.get(name, range(6))]] = 0.0
         amplitude = wide[:, None] * rng.uniform(0.5, 1.5, (6, TONES))
         # As many oscillations as there are shares of the band, so that no two motions differ much.
         share = (np.arange(TONES) + rng.uniform(0, 1, (6, TONES))) / TONES

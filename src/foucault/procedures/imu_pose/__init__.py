@@ -22,7 +22,6 @@ import numpy as np
 from pydantic import Field
 
 from foucault import logs
-from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import check, plausible_scales, status_check
 from foucault.diagnose.foresight import Foresight
@@ -43,7 +42,7 @@ from foucault.procedures.imu_pose import model as engine
 from foucault.procedures.imu_pose.model import LAYOUT, NAMES, Readings, Solution
 from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
 from foucault.procedures.record import Beforehand, Given, Procedure, Robust, SampleRate
-from foucault.result import Check, Level, Result, Verdict
+from foucault.result import Check, Result, Verdict
 from foucault.simulate.hand_motion import HandMotion, Tracker, simulate_hand
 from foucault.strict import Strict
 from foucault.tables import Log, temperature_range
@@ -65,6 +64,9 @@ CLEARLY = 3.0
 
 HALVES, LEFT_OUT = 3.0, 10.0
 """Limits of the difference of the halves [sd], and of the poses that are left out [%]."""
+
+SURE = 5.0
+"""Clocks that differ by so many standard deviations are told [1]."""
 
 SHORTEST = 5.0
 """Shorter logs tell nothing [s]."""
@@ -178,7 +180,9 @@ def _log_table(log: Log | None = None) -> str:
 
     more = '\n[master]\nfile = "poses.csv"'
     if log is not None:
-        return f"{OWN_LOG}{more}                       # the titles of its columns say what they are\n"
+        return (
+            f"{OWN_LOG}{more}                       # the titles of its columns say what they are\n"
+        )
     return log_head("the IMU; ") + f"{more}\n" + _MASTER
 
 
@@ -279,22 +283,26 @@ def _contradicted(s: Start, gravity: float) -> None:
         raise error("pose.rates", misfit=plain(s.misfit, 2), allowed=plain(MISFIT, 2))
     some = s.forces.some(1500)
     now = some.fit()[1]
-    scale, g, scaled = some.scaled()
-    # Where nothing is moved, second derivatives of positions are noise, and best left out.
-    told = scaled < min(now / CLEARLY, some.unmoved() / OTHER_UNIT)
-    if told and 1 / OTHER_UNIT < g / gravity / scale < OTHER_UNIT and scale < 1 / OTHER_UNIT:
-        raise error("pose.accel_unit", found=plain(g, 3), site=plain(gravity, 4))
-    if told and not 1 / OTHER_UNIT < scale < OTHER_UNIT:
-        raise error("pose.position_unit", ratio=plain(scale, 3), best=plain(scaled, 2),
-                    now=plain(now, 2))  # fmt: skip
     apart, best = _apart(s)
     if best < now / CLEARLY:
         raise error("pose.two_times", apart=plain(1e3 * apart, 3), best=plain(best, 2),
                     now=plain(now, 2))  # fmt: skip
-    tried = [(some.fit(x)[1], k) for k, x in enumerate(exchanges()) if np.linalg.det(x) > 0]
+    tried = [
+        (some.fit(x)[1], k) for k, x in enumerate(exchanges()) if np.trace(x) > -3
+    ]  # all reversed is a matter of sign, below
     best, k = min(tried)
     if best < now / CLEARLY:
         raise error("pose.force_axes", words=exchange_words(exchanges()[k]), best=plain(best, 2),
+                    now=plain(now, 2))  # fmt: skip
+    scale, sd, g, scaled = some.scaled()
+    # Where nothing is moved, second derivatives of positions are noise, and best left out; noise
+    # turns no sign.
+    told = scaled * OTHER_UNIT < min(now, some.unmoved()) or scale < -SURE * 2 * sd
+    told &= not 1 / OTHER_UNIT < scale < OTHER_UNIT
+    if told and 1 / OTHER_UNIT < g / gravity / scale < OTHER_UNIT:
+        raise error("pose.accel_unit", found=plain(g, 3), site=plain(gravity, 4))
+    if told:
+        raise error("pose.position_unit", ratio=plain(scale, 3), best=plain(scaled, 2),
                     now=plain(now, 2))  # fmt: skip
     if not 1 / OTHER_UNIT < s.gravity / gravity < OTHER_UNIT:
         raise error("pose.accel_unit", found=plain(s.gravity, 3), site=plain(gravity, 4))
@@ -355,8 +363,12 @@ def _seen(s: Solution) -> Check:
                  {"names": ", ".join(names)})  # fmt: skip
 
 
-def _told(s: Solution) -> list[Finding]:
+def _told(s: Solution, clock_sd: float) -> list[Finding]:
     told = []
+    kappa, sd = s.point.kappa, float(np.sqrt(s.cov[7, 7]))
+    if abs(kappa) > SURE * max(clock_sd, sd):
+        told.append(finding("pose.clock", kappa=plain(1e6 * kappa, 3), sd=plain(1e6 * sd, 2),
+                            usual=plain(1e6 * clock_sd, 2)))  # fmt: skip
     if s.halves > engine.COLOURED:
         told.append(finding("pose.moved", factor=plain(s.halves, 2)))
     if s.spread > engine.COLOURED:
@@ -405,7 +417,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     return Result(
         procedure="imu_pose", coefficients=c, equation=SIZE_EQUATION, frame=FRAME,
         gauge=Gauge.LOWER.value, verdict=Verdict.of(checks), checks=checks,
-        findings=(*log.findings, *_told(s)),
+        findings=(*log.findings, *_told(s, log.clock.sd)),
         status=Status.CONVERGED if s.converged else Status.NOT_CONVERGED, site=site.as_dict(),
         validity=validity | temperature_range(log), diagnostics=diagnostics, tables=tables,
     )  # fmt: skip

@@ -18,12 +18,14 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
 from foucault.estimate.delay_matching import SlaveAttitude
+from foucault.guard.mistakes import exchanges
 from foucault.models.pose import READINGS, PoseTable
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.rotation import log as vector_of
 from foucault.navigate.increments import Increments
 from foucault.procedures.imu_pose.model import Point, Readings, corrected, solve
 from foucault.tables import Log
+
 
 @dataclass(frozen=True)
 class Forces:
@@ -48,8 +50,8 @@ class Forces:
         x = np.linalg.lstsq(np.vstack([A, np.eye(9)[6:]]), np.append(y, np.zeros(3)), rcond=None)[0]
         return x, float(np.sqrt(np.mean((y - A @ x) ** 2)))
 
-    def scaled(self) -> tuple[float, float, float]:
-        """Return how large positions had to be [1], gravity then, and what is left (rms) [m/s^2]."""
+    def scaled(self) -> tuple[float, float, float, float]:
+        """Return how large positions had to be, its sd, gravity, and what is left (rms) [SI]."""
         k = len(self.accel)
         one = np.broadcast_to(np.eye(3), (k, 3, 3))
         pulled = np.einsum("kij,kj->ki", self.C_bv, self.pull)[:, :, None]
@@ -58,11 +60,20 @@ class Forces:
         # In one unit: a lever arm in mm beside positions in mm.
         wide = np.vstack([A, np.eye(10)[6:9]])
         x = np.linalg.lstsq(wide, np.append(y, np.zeros(3)), rcond=None)[0]
-        return float(x[9]), float(np.linalg.norm(x[3:6])), float(np.sqrt(np.mean((y - A @ x) ** 2)))
+        left = float(np.sqrt(np.mean((y - A @ x) ** 2)))
+        sd = left * float(np.sqrt(np.linalg.pinv(wide.T @ wide)[9, 9]))
+        return float(x[9]), sd, float(np.linalg.norm(x[3:6])), left
 
     def unmoved(self) -> float:
         """Return what is left where positions are not looked at (rms) [m/s^2]."""
         return Forces(self.accel, self.C_bv, 0.0 * self.pull, self.Om).fit()[1]
+
+    @property
+    def explained(self) -> float:
+        """What is left with any unit of the positions, or any axes of the forces (rms) [m/s^2]."""
+        scaled = self.scaled()[3]
+        fits = [self.fit(x)[1] for x in exchanges()]
+        return min(fits) if scaled > 0.7 * self.unmoved() else min(scaled, *fits)
 
     def some(self, most: int) -> Forces:
         """Return at most so many of them, evenly chosen; `most` [1]."""
@@ -88,6 +99,9 @@ class Start:
     forces: Forces
     step: float  # between two of these forces [s]
 
+
+FASTEST = 0.02
+"""No clock is faster by so much than another [1]."""
 
 GRID, SMOOTH = 0.005, 0.1
 """Grid of the correlation, and window of the derivatives [s]."""
@@ -194,10 +208,13 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
         w = _body_rate(even[:, order] * [1.0, sign, sign, sign], usual)
         w[bad] = 0.0
         found.append(_with_rates(log, r, q, reading, (own, w, bad), (w_imu, f_imu, step)))
-    # Rates do not tell all readings apart, forces do; a mirror image or another unit is no reason
-    # for another reading.
+    # Rates do not tell all readings apart, forces do; a mirror image, another unit or sign is no
+    # reason for another reading.
     least = min(s.free_misfit for s in found)
-    return min((s for s in found if s.free_misfit < 1.5 * least + 0.05), key=lambda s: s.force)
+    return min(
+        (s for s in found if s.free_misfit < 1.5 * least + 0.05),
+        key=lambda s: s.forces.some(1000).scaled()[3],
+    )
 
 
 def _body_rate(q: FloatArray, step: float) -> FloatArray:
@@ -212,7 +229,7 @@ def _with_rates(
     log: Log, r: Readings, q: PoseTable, reading: str,
     body: tuple[FloatArray, FloatArray, BoolArray], sensed: tuple[FloatArray, FloatArray, float],
 ) -> Start:  # fmt: skip
-    (own, w_m, bad), (w_imu, f_imu, step) = body, sensed
+    (own, w_m, bad), (w_imu, f_imu, _) = body, sensed
     usual = float(own[1] - own[0])
     fine = np.arange(log.time[0], log.time[-1], GRID)
     a = np.linalg.norm(_even(log.time, w_imu, fine), axis=1)
@@ -221,11 +238,11 @@ def _with_rates(
     lag, peak, second = _offset(a, b, GRID)
     tau, kappa = lag + fine[0] - later[0], 0.0
     drift, middle = _drift(a, b, GRID)
-    if abs(drift) * (later[-1] - later[0]) > 2 * GRID or peak < 0.9:
-        if np.isfinite(middle) and abs(drift) < 0.02:
-            kappa, tau = drift, middle + fine[0] - later[0]
-            there = later + kappa * (later - r.middle)
-            _, peak, second = _offset(np.interp(there + tau, fine, a), b, GRID)
+    far = abs(drift) * (later[-1] - later[0]) > 2 * GRID or peak < 0.9
+    if far and np.isfinite(middle) and abs(drift) < FASTEST:
+        kappa, tau = drift, middle + fine[0] - later[0]
+        there = later + kappa * (later - r.middle)
+        _, peak, second = _offset(np.interp(there + tau, fine, a), b, GRID)
     t = own + tau + kappa * (own - r.middle)
     inside = ~bad & (t > log.time[0] + SMOOTH) & (t < log.time[-1] - SMOOTH)
     inside[:5] = inside[-5:] = False
@@ -257,7 +274,8 @@ def _with_rates(
         *_motion(r, C_vb, x9[:3]),
     )  # fmt: skip
     return Start(at, reading, peak, second, drift, np.linalg.svd(free)[1],
-                 float(np.sign(np.linalg.det(free))), loose, left, off, size, forces, usual)  # fmt: skip
+                 float(np.sign(np.linalg.det(free))), loose, left, off, size, forces,
+                 usual)  # fmt: skip
 
 
 def _attitudes(time: FloatArray, C: FloatArray, at: FloatArray) -> FloatArray:
@@ -336,7 +354,9 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
 
     def at_places(some: Readings, C_vb: FloatArray, at: Point) -> Point:
         node = some.nodes(at.tau, at.kappa)
-        return replace(at, node=node, **dict(zip("Cvp", _motion(some, C_vb, at.lever_b), strict=True)))
+        return replace(
+            at, node=node, **dict(zip("Cvp", _motion(some, C_vb, at.lever_b), strict=True))
+        )
 
     none = np.zeros((3, 3))
     begun = Point(np.eye(3), x[12:], tau, 0.0, -g_v / max(gravity, 1e-9), (np.zeros(3), none),
@@ -352,8 +372,8 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
     known = turns.at(few.at(at.tau, at.kappa))[0]
     C_v0 = at.C[middle] @ known[middle].T
     start = at_places(r, C_v0 @ turns.at(r.at(at.tau, at.kappa))[0], at)
-    found = Start(start, None, np.nan, np.nan, 0.0, size, float(np.linalg.det(U @ V)), np.nan, np.nan, left,
-                  gravity, forces, usual)  # fmt: skip
+    found = Start(start, None, np.nan, np.nan, 0.0, size, float(np.linalg.det(U @ V)), np.nan,
+                  np.nan, left, gravity, forces, usual)  # fmt: skip
     return found, start
 
 
