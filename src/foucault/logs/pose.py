@@ -4,8 +4,8 @@
 
     TUM        t x y z qx qy qz qw, blanks between, no titles                 [s], [m]
     EuRoC      #timestamp [ns], p_RS_R_x [m], ..., q_RS_w [], q_RS_x [], ...
-    OptiTrack  lines of titles, the last begins with Frame, Time; rotation before position
-    Vicon      a part of a file that begins with Segments: frame, RX RY RZ, TX TY TZ, or a quaternion
+    OptiTrack  lines of titles, the last begins with Frame; rotation before position
+    Vicon      begins with Segments: frame, RX RY RZ, TX TY TZ, or a quaternion
 
 A quaternion is kept as it stands; which of its numbers is the scalar, and whether it turns the
 body into the world or the other way, is told by the data unless it is declared.
@@ -22,7 +22,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from foucault.arrays import FloatArray
-from foucault.errors import error, finding
+from foucault.errors import Finding, error, finding
 from foucault.files import atomic, sha256
 from foucault.logs import description as columns
 from foucault.logs.layout import Block, ColumnName, FileLayout, TimeColumn, scaled_unit
@@ -112,7 +112,7 @@ def read(description: PoseDescription, folder: str | Path = ".") -> PoseTable:
     order = np.argsort(time[finite], kind="stable")
     rows = np.flatnonzero(finite)[order]
     rows = rows[np.append(True, np.diff(time[rows]) > 0)] if len(rows) else rows
-    told = ()
+    told: tuple[Finding, ...] = ()
     lost = len(time) - len(rows)
     if lost:
         told = (finding("pose.lost", file=path.name, count=lost, of=len(time)),)

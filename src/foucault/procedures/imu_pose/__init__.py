@@ -42,7 +42,7 @@ from foucault.procedures.imu_pose import model as engine
 from foucault.procedures.imu_pose.model import LAYOUT, NAMES, Readings, Solution
 from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
 from foucault.procedures.record import Beforehand, Given, Procedure, Robust, SampleRate
-from foucault.result import Check, Result, Verdict
+from foucault.result import Check, Result, TableData, Verdict
 from foucault.simulate.hand_motion import HandMotion, Tracker, simulate_hand
 from foucault.strict import Strict
 from foucault.tables import Log, temperature_range
@@ -372,8 +372,9 @@ def _told(s: Solution, clock_sd: float) -> list[Finding]:
     if s.halves > engine.COLOURED:
         told.append(finding("pose.moved", factor=plain(s.halves, 2)))
     if s.spread > engine.COLOURED:
-        told.append(finding("pose.coloured", attitude=plain(s.lag_one[0], 2),
-                            position=plain(s.lag_one[1], 2), factor=plain(s.spread, 2)))  # fmt: skip
+        attitude, position = (plain(x, 2) for x in s.lag_one)
+        told.append(finding("pose.coloured", attitude=attitude, position=position,
+                            factor=plain(s.spread, 2)))  # fmt: skip
     return told
 
 
@@ -399,7 +400,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         },
         "noise": {"gyro": s.readings.white[0], "accel": s.readings.white[1]},
     }  # fmt: skip
-    tables = {}
+    tables: dict[str, TableData] = {}
     if given.shown:
         given.progress(0.8, "looking at what it rests on")
         parts = engine.budget(s)

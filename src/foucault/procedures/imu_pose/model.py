@@ -183,7 +183,7 @@ class Readings:
         rise = np.gradient(f, axis=0)
         if log.sampled == "rate" and len(x) == len(log):
             rise = np.diff(log.accel, axis=0, prepend=log.accel[:1])
-        broken = np.cumsum(x.dt > GAP * np.median(x.dt))
+        broken = np.cumsum(np.asarray(x.dt > GAP * np.median(x.dt), int))
         return cls(x.time, x.dt, x.dtheta_b, x.dvel_b, rise, stamp, float(stamp[0] + stamp[-1]) / 2,
                    position, C_vm, broken, white, gravity)  # fmt: skip
 
@@ -218,8 +218,8 @@ class Corrected:
 
 def corrected(r: Readings, at: Point) -> Corrected:
     """Take the errors of a point away from the increments [SI]."""
-    K_g = np.linalg.inv(np.eye(3) + at.gyro[1])
-    K_a = np.linalg.inv(np.eye(3) + at.accel[1])
+    K_g = np.asarray(np.linalg.inv(np.eye(3) + at.gyro[1]), float)
+    K_a = np.asarray(np.linalg.inv(np.eye(3) + at.accel[1]), float)
     th = (r.dtheta - at.gyro[0] * r.dt[:, None]) @ K_g.T
     u = (r.dvel + at.late * r.rise - at.accel[0] * r.dt[:, None]) @ K_a.T
     before, less = np.vstack([th[:1], th[:-1]]), np.vstack([u[:1], u[:-1]])
@@ -352,7 +352,7 @@ def one_pass(
     off = np.linalg.solve(at.of_values(), mean - at.values) / prior_sd**2
     rows = M.reshape(-1, 32)
     N = rows.T @ rows + np.diag(1 / prior_sd**2)
-    delta = np.linalg.solve(N, rows.T @ nu.ravel() + off)
+    delta = np.asarray(np.linalg.solve(N, rows.T @ nu.ravel() + off), float)
     delta[hold] = 0.0
     if not kernels.backward(at.C, moved, J, Q, u, G, delta, x, U, P):
         raise np.linalg.LinAlgError("the motion between two poses has no covariance")

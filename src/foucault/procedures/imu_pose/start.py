@@ -197,6 +197,7 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
     w_imu, f_imu = _smooth(log.gyro, step), _smooth(log.accel, step)
     usual = float(np.median(np.diff(q.time)))
     own = np.arange(q.time[0], q.time[-1], usual)
+    assert q.quaternion is not None
     numbers = q.quaternion / np.linalg.norm(q.quaternion, axis=1)[:, None]
     flips = np.cumprod(np.where(np.sum(numbers[1:] * numbers[:-1], axis=1) < 0, -1.0, 1.0))
     even = _even(q.time, _without_jumps(numbers * np.append(1.0, flips)[:, None]), own)
@@ -213,7 +214,7 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
     least = min(s.free_misfit for s in found)
     return min(
         (s for s in found if s.free_misfit < 1.5 * least + 0.05),
-        key=lambda s: s.forces.some(1000).scaled()[3],
+        key=lambda s: s.forces.some(500).explained,
     )
 
 
@@ -353,10 +354,8 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
     few = r[inside]
 
     def at_places(some: Readings, C_vb: FloatArray, at: Point) -> Point:
-        node = some.nodes(at.tau, at.kappa)
-        return replace(
-            at, node=node, **dict(zip("Cvp", _motion(some, C_vb, at.lever_b), strict=True))
-        )
+        C, v, p = _motion(some, C_vb, at.lever_b)
+        return replace(at, node=some.nodes(at.tau, at.kappa), C=C, v=v, p=p)
 
     none = np.zeros((3, 3))
     begun = Point(np.eye(3), x[12:], tau, 0.0, -g_v / max(gravity, 1e-9), (np.zeros(3), none),
