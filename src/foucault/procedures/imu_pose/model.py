@@ -193,11 +193,14 @@ class Readings:
         return replace(self, stamp=self.stamp[rows], position=self.position[rows], C_vm=C)
 
     def at(self, tau: float, kappa: float) -> FloatArray:
-        """Return when the poses held by the clock of the IMU, shape (m,) [s]."""
+        """Return when the poses held by the clock of the IMU, shape (m,) [s].
+
+        `tau`: offset [s]; `kappa`: rate of the clocks [1].
+        """
         return np.asarray(self.stamp + tau + kappa * (self.stamp - self.middle))
 
     def nodes(self, tau: float, kappa: float) -> IntArray:
-        """Return the sample before each pose, shape (m,)."""
+        """Return the sample before each pose, shape (m,); `tau`: offset [s]; `kappa`: rate [1]."""
         found = np.searchsorted(self.time, self.at(tau, kappa), side="right") - 1
         return np.clip(found, 1, len(self.time) - 3)
 
@@ -206,6 +209,7 @@ class Readings:
 class Corrected:
     """Increments without the errors of a point."""
 
+    # K_g, K_a: (3, 3) inverse of I + S + M of gyros and of accelerometers [1]
     K_g: FloatArray
     K_a: FloatArray
     theta: FloatArray  # (n, 3) rotation vectors, coning added [rad]
@@ -312,8 +316,8 @@ def one_pass(
 ) -> Pass:
     """Linearise about a point, eliminate the motion, and solve.
 
-    `known`: mean and sd of every parameter beforehand, (32,) each [SI]; `hold`: parameters that are
-    not estimated.
+    `known`: mean and sd of every parameter beforehand, (32,) each [SI]; `hold`
+    (k,): numbers of parameters that are not estimated [1].
     """
     m, c = len(r.stamp), corrected(r, at)
     moved, J, Q = np.zeros((m, 16)), np.zeros((m, 9, 22)), np.zeros((m, 9, 9))
@@ -372,10 +376,10 @@ class Solution:
     spread: float  # by how much scores scatter more than white rows, as an sd [1]
     halves: float  # rms of the difference of the halves over its sd [1]
     lag_one: tuple[float, float]  # correlation of attitude and position rows with the next [1]
-    passes: int
+    passes: int  # that were made [1]
     converged: bool
     prior_sd: FloatArray  # (32,)
-    hold: IntArray  # parameters that were not estimated
+    hold: IntArray  # (k,) numbers of parameters that were not estimated [1]
 
     @property
     def rows(self) -> FloatArray:
@@ -407,7 +411,8 @@ def solve(
     """Pass by pass, from a start.
 
     `known`: mean and sd of parameters beforehand, by name [SI]; `sd`: of attitude [rad] and
-    position [m] of the poses, None where it is found.
+    position [m] of the poses, None where it is found; `most`: passes [1]; `hold` (k,): numbers of
+    parameters that are not estimated [1].
     """
     prior = _prior(start, known)
     hold = np.zeros(0, int) if hold is None else hold

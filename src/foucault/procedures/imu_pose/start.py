@@ -91,7 +91,7 @@ class Start:
     second: float  # the next highest beside it [1]
     drift: float  # of the offset, found window by window [1]
     singular: FloatArray  # (3,) of the matrix from the rates of the IMU to those of the body [1]
-    sign: float  # of its determinant
+    sign: float  # of its determinant [1]
     free_misfit: float  # what that matrix leaves of the rates, as a part of them [1]
     misfit: float  # what the rotation leaves of the rates, as a part of them [1]
     force: float  # what lever arm, gravity and bias leave of the forces [m/s^2]
@@ -181,7 +181,7 @@ def _drift(a: FloatArray, b: FloatArray, step: float, window: float = 10.0) -> t
 
 
 def wahba(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the rotation C, shape (3, 3), with ``a = C b`` best, both (n, 3) [any unit]."""
+    """Return the rotation C, shape (3, 3), with ``a = C b`` best; `a`, `b` (n, 3) [any unit]."""
     U, _, V = np.linalg.svd(a.T @ b)
     return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V)
 
