@@ -49,7 +49,7 @@ def quaternion(C):
     return Rotation.from_matrix(C).as_quat()[:, [3, 0, 1, 2]]
 
 
-def session(seed, duration=60.0, vigour=1.0, pose_rate=120.0, sd=(np.radians(0.1), 5e-4),
+def session(seed, duration=60.0, vigour=1.0, pose_rate=120.0, sd=(1.745e-3, 5e-4),
             noise=(1.6e-4, 2e-3), rate=200.0, late=0.0, clean=False):  # fmt: skip
     """Return time, gyro, accel; stamps, positions, attitudes; truth."""
     from scipy.spatial.transform import Rotation

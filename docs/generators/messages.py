@@ -23,7 +23,7 @@ GROUPS: dict[str, tuple[str, str]] = {
     "systematic": ("Systematic calibration", "systematic sequence deflection"),
     "transfer": (
         "Transfer alignment, and two logs of one body",
-        "transfer transfer_plan master delay manoeuvre h_infinity",
+        "transfer transfer_plan master delay manoeuvre h_infinity pose",
     ),
     "plans": ("Planning a session", "preflight optimise observability"),
     "navigate": ("Aligning and navigating", "alignment navigate reference strapdown"),

@@ -20,14 +20,14 @@ BUDGET = {
     "guard": 1_941,
     "infer": 3_072,
     "kernels": 4_742,
-    "logs": 6_642,
-    "models": 6_012,
+    "logs": 6_640,
+    "models": 6_014,
     "navigate": 2_110,
     "plans": 6_028,
-    "procedures": 16_962,
+    "procedures": 17_054,
     "recognise": 2_447,
     "report": 10_181,
-    "simulate": 3_500,
+    "simulate": 3_503,
     "symptoms": 87,
 }
 

@@ -4,8 +4,8 @@
 
     TUM        t x y z qx qy qz qw, blanks between, no titles                 [s], [m]
     EuRoC      #timestamp [ns], p_RS_R_x [m], ..., q_RS_w [], q_RS_x [], ...
-    OptiTrack  lines of titles, of which the last begins with Frame, Time; rotation before position
-    Vicon      a part of a file that begins with Segments: frame, RX RY RZ, TX TY TZ, or a quaternion
+    OptiTrack  lines of titles, the last begins with Frame; rotation before position
+    Vicon      begins with Segments: frame, RX RY RZ, TX TY TZ, or a quaternion
 
 A quaternion is kept as it stands; which of its numbers is the scalar, and whether it turns the
 body into the world or the other way, is told by the data unless it is declared.
@@ -22,7 +22,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from foucault.arrays import FloatArray
-from foucault.errors import error, finding
+from foucault.errors import Finding, error, finding
 from foucault.files import atomic, sha256
 from foucault.logs import description as columns
 from foucault.logs.layout import Block, ColumnName, FileLayout, TimeColumn, scaled_unit
@@ -112,7 +112,7 @@ def read(description: PoseDescription, folder: str | Path = ".") -> PoseTable:
     order = np.argsort(time[finite], kind="stable")
     rows = np.flatnonzero(finite)[order]
     rows = rows[np.append(True, np.diff(time[rows]) > 0)] if len(rows) else rows
-    told = ()
+    told: tuple[Finding, ...] = ()
     lost = len(time) - len(rows)
     if lost:
         told = (finding("pose.lost", file=path.name, count=lost, of=len(time)),)
@@ -147,9 +147,7 @@ def _of_columns(path: Path, said: PoseDescription) -> Columns:
     stamp = np.arange(len(rows)) / (said.rate or 1.0) if time is None else rows[:, 0] * one
     rows = rows[:, 0 if time is None else 1 :]
     p = rows[:, :3] * scaled_unit(said.position.unit, "length")
-    first = "w" if not tum and (q is None) else None
-    declared = None if not tum and first is None else (
-        "x y z w, body to world" if tum else None)  # fmt: skip
+    declared = "x y z w, body to world" if tum else None
     return stamp, p, rows[:, 3:] if attitude else None, declared
 
 

@@ -70,7 +70,9 @@ class PoseTable:
         """Return C_vm, shape (k, 3, 3), as a key of `READINGS` has it [1]."""
         assert self.quaternion is not None
         order, sign = READINGS[reading]
-        w, x, y, z = (self.quaternion / np.linalg.norm(self.quaternion, axis=1)[:, None])[:, order].T
+        w, x, y, z = (self.quaternion / np.linalg.norm(self.quaternion, axis=1)[:, None])[
+            :, order
+        ].T
         x, y, z = sign * x, sign * y, sign * z
         return np.moveaxis(
             np.array(

@@ -47,8 +47,8 @@ class HandMotion:
         wide = np.repeat([ANGLE_SD, PLACE_SD], 3) * np.sqrt(2 / TONES)
         wide[1] *= 0.5  # pitch stays away from straight up
         moves = {"rotation only": (0, 1, 2), "one axis": (0,), "planar": (0, 3, 4),
-                 "translation only": (3, 4, 5), "constant rate": ()}.get(name, range(6))  # fmt: skip
-        wide[[k for k in range(6) if k not in moves]] = 0.0
+                 "translation only": (3, 4, 5), "constant rate": ()}  # fmt: skip
+        wide[[k for k in range(6) if k not in moves.get(name, range(6))]] = 0.0
         amplitude = wide[:, None] * rng.uniform(0.5, 1.5, (6, TONES))
         # As many oscillations as there are shares of the band, so that no two motions differ much.
         share = (np.arange(TONES) + rng.uniform(0, 1, (6, TONES))) / TONES
@@ -57,22 +57,25 @@ class HandMotion:
                    1.0 if name == "constant rate" else 0.0)  # fmt: skip
 
     def at(self, time: FloatArray, order: int = 0) -> FloatArray:
-        """Return angles [rad] and places [m] at times (n,) [s], or derivatives, shape (n, 6)."""
+        """Return angles [rad] and places [m], or derivatives of `order` [1], shape (n, 6).
+
+        `time` (n,): when [s].
+        """
         argument = self.rate * time[:, None, None] + self.phase + order * np.pi / 2
         out = np.sum(self.size * self.rate**order * np.sin(argument), axis=2)
         out[:, 0] += self.steady * (time if order == 0 else 1.0 if order == 1 else 0.0)
         return np.asarray(out)
 
     def attitude(self, time: FloatArray) -> FloatArray:
-        """Return C_lb, body to level axes, shape (n, 3, 3), at times (n,) [s]."""
+        """Return C_lb, body to level axes, shape (n, 3, 3), at `time` (n,) [s]."""
         return matrix_of(*self.at(time)[:, :3].T)
 
     def rates(self, time: FloatArray) -> FloatArray:
-        """Return the rate in body axes, shape (n, 3) [rad/s], at times (n,) [s]."""
+        """Return the rate in body axes, shape (n, 3) [rad/s], at `time` (n,) [s]."""
         return body_rate(self.at(time)[:, :3], self.at(time, 1)[:, :3])
 
     def force(self, time: FloatArray, gravity: float) -> FloatArray:
-        """Return the specific force in body axes, (n, 3), at times (n,) [s]; `gravity` [m/s^2]."""
+        """Return the specific force in body axes, (n, 3); `time` (n,) [s]; `gravity` [m/s^2]."""
         pull = self.at(time, 2)[:, 3:] + [0.0, 0.0, gravity]
         return np.asarray(np.einsum("kji,kj->ki", self.attitude(time), pull))
 
@@ -119,7 +122,7 @@ class Tracker:
 
 
 def quaternion(C: FloatArray) -> FloatArray:
-    """Return quaternions, scalar first, shape (n, 4), of rotations (n, 3, 3) [1]."""
+    """Return quaternions, scalar first, shape (n, 4), of rotations `C` (n, 3, 3) [1]."""
     from foucault.models.rotation import log
 
     vector = log(C)

@@ -1,4 +1,4 @@
-"""Tie an IMU to a pose of its body: motion capture, a prism, tags or another navigation system.
+"""Calibrate an IMU by poses of its body: motion capture, tags, a prism, another navigation system.
 
 The IMU and what is tracked are fixed to one rigid body that a hand turns and moves for half a
 minute. It gives how the tracked body is turned against the IMU, the lever arm to the tracked point,
@@ -22,7 +22,6 @@ import numpy as np
 from pydantic import Field
 
 from foucault import logs
-from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import check, plausible_scales, status_check
 from foucault.diagnose.foresight import Foresight
@@ -43,7 +42,7 @@ from foucault.procedures.imu_pose import model as engine
 from foucault.procedures.imu_pose.model import LAYOUT, NAMES, Readings, Solution
 from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
 from foucault.procedures.record import Beforehand, Given, Procedure, Robust, SampleRate
-from foucault.result import Check, Level, Result, Verdict
+from foucault.result import Check, Result, TableData, Verdict
 from foucault.simulate.hand_motion import HandMotion, Tracker, simulate_hand
 from foucault.strict import Strict
 from foucault.tables import Log, temperature_range
@@ -65,6 +64,15 @@ CLEARLY = 3.0
 
 HALVES, LEFT_OUT = 3.0, 10.0
 """Limits of the difference of the halves [sd], and of the poses that are left out [%]."""
+
+SURE = 5.0
+"""Clocks that differ by so many standard deviations are told [1]."""
+
+SHORTEST = 5.0
+"""Shorter logs tell nothing [s]."""
+
+APART = 0.3
+"""Stamps of positions and attitudes are tried so far apart [s]."""
 
 QUIET = 0.05
 """Part of the stretches of half a second that are the stillest [1]."""
@@ -172,7 +180,9 @@ def _log_table(log: Log | None = None) -> str:
 
     more = '\n[master]\nfile = "poses.csv"'
     if log is not None:
-        return f"{OWN_LOG}{more}                       # the titles of its columns say what they are\n"
+        return (
+            f"{OWN_LOG}{more}                       # the titles of its columns say what they are\n"
+        )
     return log_head("the IMU; ") + f"{more}\n" + _MASTER
 
 
@@ -214,6 +224,9 @@ def _readings(log: Log, given: Given[Settings]) -> tuple[Readings, PoseTable, li
         raise error("pose.no_triad", triad="gyros" if log.gyro is None else "accelerometers")
     if len(table) < poses.FEWEST:
         raise error("pose.few", file="The table", count=len(table), least=poses.FEWEST)
+    span = float(min(table.time[-1] - table.time[0], log.duration))
+    if span < SHORTEST:
+        raise error("pose.short", span=plain(span, 2), least=plain(SHORTEST, 2))
     noise = given.noise
     white = quiet_noise(log) if noise is None else (noise.gyro.white, noise.accel.white)
     C = None if table.quaternion is None else table.attitude(table.reading or _ANY)
@@ -261,26 +274,50 @@ def _contradicted(s: Start, gravity: float) -> None:
         raise error("pose.periodic", peak=plain(s.peak, 3), second=plain(s.second, 3))
     turning = s.singular > 0.1 * s.singular[0]
     if not 1 / OTHER_UNIT < ratio < OTHER_UNIT and turning.all() and s.free_misfit < MISFIT:
-        hint = " That is deg/s." if 0.9 < 1 / ratio / np.degrees(1) < 1.1 else ""
-        hint = " That is rad/s read as deg/s." if 0.9 < ratio / np.degrees(1) < 1.1 else hint
-        raise error("pose.gyro_unit", ratio=plain(1 / ratio, 3), hint=hint)
+        hint = " That is deg/s." if 0.9 < ratio / np.degrees(1) < 1.1 else ""
+        hint = " That is rad/s read as deg/s." if 0.9 < ratio * np.degrees(1) < 1.1 else hint
+        raise error("pose.gyro_unit", ratio=plain(ratio, 3), hint=hint)
     if s.sign < 0 and s.misfit > MISFIT and turning.all():
         raise error("pose.mirror", det=plain(s.sign, 1), misfit=plain(s.misfit, 2))
     if s.misfit > MISFIT and turning.all():
         raise error("pose.rates", misfit=plain(s.misfit, 2), allowed=plain(MISFIT, 2))
     some = s.forces.some(1500)
     now = some.fit()[1]
-    scale, scaled = some.scaled()
-    if scaled < now / CLEARLY and not 1 / OTHER_UNIT < scale < OTHER_UNIT:
-        raise error("pose.position_unit", ratio=plain(scale, 3), best=plain(scaled, 2),
+    apart, best = _apart(s)
+    if best < now / CLEARLY:
+        raise error("pose.two_times", apart=plain(1e3 * apart, 3), best=plain(best, 2),
                     now=plain(now, 2))  # fmt: skip
-    tried = [(some.fit(x)[1], k) for k, x in enumerate(exchanges()) if np.linalg.det(x) > 0]
+    tried = [
+        (some.fit(x)[1], k) for k, x in enumerate(exchanges()) if np.trace(x) > -3
+    ]  # all reversed is a matter of sign, below
     best, k = min(tried)
     if best < now / CLEARLY:
         raise error("pose.force_axes", words=exchange_words(exchanges()[k]), best=plain(best, 2),
                     now=plain(now, 2))  # fmt: skip
+    scale, sd, g, scaled = some.scaled()
+    # Where nothing is moved, second derivatives of positions are noise, and best left out; noise
+    # turns no sign.
+    told = scaled * OTHER_UNIT < min(now, some.unmoved()) or scale < -SURE * 2 * sd
+    told &= not 1 / OTHER_UNIT < scale < OTHER_UNIT
+    if told and 1 / OTHER_UNIT < g / gravity / scale < OTHER_UNIT:
+        raise error("pose.accel_unit", found=plain(g, 3), site=plain(gravity, 4))
+    if told:
+        raise error("pose.position_unit", ratio=plain(scale, 3), best=plain(scaled, 2),
+                    now=plain(now, 2))  # fmt: skip
     if not 1 / OTHER_UNIT < s.gravity / gravity < OTHER_UNIT:
         raise error("pose.accel_unit", found=plain(s.gravity, 3), site=plain(gravity, 4))
+
+
+def _apart(s: Start) -> tuple[float, float]:
+    """Return how much later positions are stamped than attitudes [s], and what that leaves [m/s^2].
+
+    As far as the least squares of forces tells it.
+    """
+    step, f, best = s.step, s.forces, (0.0, np.inf)
+    for k in range(-round(APART / step), round(APART / step) + 1, max(1, round(0.02 / step))):
+        later = replace(f, pull=np.roll(f.pull, -k, axis=0)).some(700)
+        best = min(best, (k * step, later.fit()[1]), key=lambda found: found[1])
+    return best
 
 
 def _estimate(s: Solution, given: Given[Settings]) -> CoefficientVector:
@@ -326,13 +363,18 @@ def _seen(s: Solution) -> Check:
                  {"names": ", ".join(names)})  # fmt: skip
 
 
-def _told(s: Solution) -> list[Finding]:
+def _told(s: Solution, clock_sd: float) -> list[Finding]:
     told = []
+    kappa, sd = s.point.kappa, float(np.sqrt(s.cov[7, 7]))
+    if abs(kappa) > SURE * max(clock_sd, sd):
+        told.append(finding("pose.clock", kappa=plain(1e6 * kappa, 3), sd=plain(1e6 * sd, 2),
+                            usual=plain(1e6 * clock_sd, 2)))  # fmt: skip
     if s.halves > engine.COLOURED:
         told.append(finding("pose.moved", factor=plain(s.halves, 2)))
     if s.spread > engine.COLOURED:
-        told.append(finding("pose.coloured", attitude=plain(s.lag_one[0], 2),
-                            position=plain(s.lag_one[1], 2), factor=plain(s.spread, 2)))  # fmt: skip
+        attitude, position = (plain(x, 2) for x in s.lag_one)
+        told.append(finding("pose.coloured", attitude=attitude, position=position,
+                            factor=plain(s.spread, 2)))  # fmt: skip
     return told
 
 
@@ -358,7 +400,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         },
         "noise": {"gyro": s.readings.white[0], "accel": s.readings.white[1]},
     }  # fmt: skip
-    tables = {}
+    tables: dict[str, TableData] = {}
     if given.shown:
         given.progress(0.8, "looking at what it rests on")
         parts = engine.budget(s)
@@ -376,7 +418,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     return Result(
         procedure="imu_pose", coefficients=c, equation=SIZE_EQUATION, frame=FRAME,
         gauge=Gauge.LOWER.value, verdict=Verdict.of(checks), checks=checks,
-        findings=(*log.findings, *_told(s)),
+        findings=(*log.findings, *_told(s, log.clock.sd)),
         status=Status.CONVERGED if s.converged else Status.NOT_CONVERGED, site=site.as_dict(),
         validity=validity | temperature_range(log), diagnostics=diagnostics, tables=tables,
     )  # fmt: skip

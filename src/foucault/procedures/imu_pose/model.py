@@ -47,8 +47,9 @@ LAYOUT = Layout(
 
 USUAL = {
     "pose.rotation": 1.0, "pose.lever": 0.5, "pose.delay": 0.2, "pose.clock": 0.01,
-    "pose.level": 0.5, "gyro.bias": 0.2, "accel.bias": 2.0, "gyro.scale": 0.1,
-    "gyro.misalignment": 0.1, "accel.scale": 0.1, "accel.misalignment": 0.1, "accel.delay": 0.02,
+    "pose.level": 0.5, "gyro.bias": 0.2, "accel.bias": 2.0, "gyro.scale": 0.03,
+    "gyro.misalignment": 0.03, "accel.scale": 0.03, "accel.misalignment": 0.03,
+    "accel.delay": 0.01,
 }  # fmt: skip
 """Standard deviations beforehand where nothing else is said, about the start [SI]."""
 
@@ -76,8 +77,11 @@ SLOWEST = 0.9
 LAGGED = 3.0
 """Correlation of a pose's error with the next beyond so many standard deviations counts [1]."""
 
-START_SD = np.repeat([0.3, 2.0, 1.0], 3)
-"""How far the motion at the first node may be from where it starts [rad, m/s, m]."""
+GAP = 1.5
+"""An interval longer than this many usual ones is a gap [1]."""
+
+START_SD = np.repeat([10.0, 20.0, 20.0], 3)
+"""How far the motion at the first node may be from where it starts: anywhere [rad, m/s, m]."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +163,7 @@ class Readings:
     middle: float  # middle of all stamps [s]
     position: FloatArray  # (m, 3) [m]
     C_vm: FloatArray | None  # (m, 3, 3) [1]
+    broken: IntArray  # (n,) how many gaps of the log lie before each sample [1]
     white: tuple[float, float]  # of gyros and accelerometers [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
     gravity: float  # [m/s^2]
 
@@ -178,8 +183,9 @@ class Readings:
         rise = np.gradient(f, axis=0)
         if log.sampled == "rate" and len(x) == len(log):
             rise = np.diff(log.accel, axis=0, prepend=log.accel[:1])
-        return cls(x.time, x.dt, x.dtheta_b, x.dvel_b, rise, stamp,
-                   float(stamp[0] + stamp[-1]) / 2, position, C_vm, white, gravity)  # fmt: skip
+        broken = np.cumsum(np.asarray(x.dt > GAP * np.median(x.dt), int))
+        return cls(x.time, x.dt, x.dtheta_b, x.dvel_b, rise, stamp, float(stamp[0] + stamp[-1]) / 2,
+                   position, C_vm, broken, white, gravity)  # fmt: skip
 
     def __getitem__(self, rows: BoolArray | slice) -> Readings:
         """Return the readings with some of the poses."""
@@ -187,11 +193,14 @@ class Readings:
         return replace(self, stamp=self.stamp[rows], position=self.position[rows], C_vm=C)
 
     def at(self, tau: float, kappa: float) -> FloatArray:
-        """Return when the poses held by the clock of the IMU, shape (m,) [s]."""
+        """Return when the poses held by the clock of the IMU, shape (m,) [s].
+
+        `tau`: offset [s]; `kappa`: rate of the clocks [1].
+        """
         return np.asarray(self.stamp + tau + kappa * (self.stamp - self.middle))
 
     def nodes(self, tau: float, kappa: float) -> IntArray:
-        """Return the sample before each pose, shape (m,)."""
+        """Return the sample before each pose, shape (m,); `tau`: offset [s]; `kappa`: rate [1]."""
         found = np.searchsorted(self.time, self.at(tau, kappa), side="right") - 1
         return np.clip(found, 1, len(self.time) - 3)
 
@@ -200,6 +209,7 @@ class Readings:
 class Corrected:
     """Increments without the errors of a point."""
 
+    # K_g, K_a: (3, 3) inverse of I + S + M of gyros and of accelerometers [1]
     K_g: FloatArray
     K_a: FloatArray
     theta: FloatArray  # (n, 3) rotation vectors, coning added [rad]
@@ -212,8 +222,8 @@ class Corrected:
 
 def corrected(r: Readings, at: Point) -> Corrected:
     """Take the errors of a point away from the increments [SI]."""
-    K_g = np.linalg.inv(np.eye(3) + at.gyro[1])
-    K_a = np.linalg.inv(np.eye(3) + at.accel[1])
+    K_g = np.asarray(np.linalg.inv(np.eye(3) + at.gyro[1]), float)
+    K_a = np.asarray(np.linalg.inv(np.eye(3) + at.accel[1]), float)
     th = (r.dtheta - at.gyro[0] * r.dt[:, None]) @ K_g.T
     u = (r.dvel + at.late * r.rise - at.accel[0] * r.dt[:, None]) @ K_a.T
     before, less = np.vstack([th[:1], th[:-1]]), np.vstack([u[:1], u[:-1]])
@@ -259,7 +269,7 @@ class Pass:
 def _between(
     r: Readings, node: IntArray, c: Corrected, d: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what is turned from nodes to times `d` (m, 1) [s] later, the rate there, and the force.
+    """Return what is turned from nodes to times `d` (m, 1) [s] later, rate there, and force.
 
     By the parabola of the rate whose means over three intervals are the increments': their mean
     alone misses what an oscillation does in between, and that would look like a scale factor.
@@ -306,8 +316,8 @@ def one_pass(
 ) -> Pass:
     """Linearise about a point, eliminate the motion, and solve.
 
-    `known`: mean and sd of every parameter beforehand, (32,) each [SI]; `hold`: parameters that are
-    not estimated.
+    `known`: mean and sd of every parameter beforehand, (32,) each [SI]; `hold`
+    (k,): numbers of parameters that are not estimated [1].
     """
     m, c = len(r.stamp), corrected(r, at)
     moved, J, Q = np.zeros((m, 16)), np.zeros((m, 9, 22)), np.zeros((m, 9, 9))
@@ -320,6 +330,9 @@ def one_pass(
     u[1:, 3:6] = at.v[:-1] + g_v * T + np.einsum("kij,kj->ki", C, moved[1:, 9:12]) - at.v[1:]
     u[1:, 6:] = (at.p[:-1] + at.v[:-1] * T + g_v * T**2 / 2
                  + np.einsum("kij,kj->ki", C, moved[1:, 12:15]) - at.p[1:])  # fmt: skip
+    # Nothing leads over a gap.
+    apart = np.flatnonzero(np.diff(r.broken[at.node], prepend=0))
+    u[apart], J[apart], Q[apart] = 0.0, 0.0, np.diag(START_SD**2)
     z, H, D = misses(r, at)
     sd = np.repeat([noise.attitude * noise.slow[0], noise.position * noise.slow[1]], 3)
     weights = np.repeat(noise.weights, 3, axis=1)
@@ -334,14 +347,16 @@ def one_pass(
         G = 0.0 * G
     nu, M = np.zeros((m, 6)), np.zeros((m, 6, 32))
     x, U, P = np.zeros((m, 9)), np.zeros((m, 9, 32)), np.zeros((m, 9, 9))
-    fine = kernels.forward(at.C, moved, J, Q, u, G, z, H, D, R, np.diag(START_SD**2), nu, M, x, U, P)
+    fine = kernels.forward(
+        at.C, moved, J, Q, u, G, z, H, D, R, np.diag(START_SD**2), nu, M, x, U, P
+    )
     if not fine or not np.isfinite(nu).all():
         raise np.linalg.LinAlgError("the motion between two poses has no covariance")
     mean, prior_sd = known
-    off = (mean - at.values) / prior_sd**2
+    off = np.linalg.solve(at.of_values(), mean - at.values) / prior_sd**2
     rows = M.reshape(-1, 32)
     N = rows.T @ rows + np.diag(1 / prior_sd**2)
-    delta = np.linalg.solve(N, rows.T @ nu.ravel() + off)
+    delta = np.asarray(np.linalg.solve(N, rows.T @ nu.ravel() + off), float)
     delta[hold] = 0.0
     if not kernels.backward(at.C, moved, J, Q, u, G, delta, x, U, P):
         raise np.linalg.LinAlgError("the motion between two poses has no covariance")
@@ -361,10 +376,10 @@ class Solution:
     spread: float  # by how much scores scatter more than white rows, as an sd [1]
     halves: float  # rms of the difference of the halves over its sd [1]
     lag_one: tuple[float, float]  # correlation of attitude and position rows with the next [1]
-    passes: int
+    passes: int  # that were made [1]
     converged: bool
     prior_sd: FloatArray  # (32,)
-    hold: IntArray  # parameters that were not estimated
+    hold: IntArray  # (k,) numbers of parameters that were not estimated [1]
 
     @property
     def rows(self) -> FloatArray:
@@ -396,7 +411,8 @@ def solve(
     """Pass by pass, from a start.
 
     `known`: mean and sd of parameters beforehand, by name [SI]; `sd`: of attitude [rad] and
-    position [m] of the poses, None where it is found.
+    position [m] of the poses, None where it is found; `most`: passes [1]; `hold` (k,): numbers of
+    parameters that are not estimated [1].
     """
     prior = _prior(start, known)
     hold = np.zeros(0, int) if hold is None else hold
@@ -408,14 +424,14 @@ def solve(
         # Terms of second order make a start that is far off overshoot: as far as can be linear.
         size = max(1.0, float(np.abs(p.delta[:3]).max()) / 0.5, float(np.abs(p.delta[6])) / 0.05)
         at = _on_nodes(r, at.moved(p.delta / size, p.x / size))
-        moved = float(np.max(np.abs(p.delta) * np.sqrt(np.diag(p.information))))
+        moved = float(np.max(np.abs(p.delta) / np.sqrt(np.diag(np.linalg.inv(p.information)))))
         fallen = abs(cost - p.cost) / max(p.cost, 1e-12)
         cost = p.cost
         before = noise
         if passes <= DECIDED:  # a pose at the edge of the cut would come and go for ever
             noise = _weighed(r, at, p, noise, sd, student=passes <= 2, robust=robust)
         same = bool(((noise.weights > 0.5) == (before.weights > 0.5)).all())
-        if passes > 3 and moved < SETTLED * 10 and fallen < 1e-3 and same:
+        if passes > 3 and moved < SETTLED and fallen < 1e-3 and same:
             settled = 1
             break
     p = one_pass(r, at, noise, prior, hold)
@@ -475,7 +491,9 @@ def _weighed(
         if robust:
             square = np.sum((off / sds[k]) ** 2, axis=1)
             far = (np.abs(off) > CUT * sds[k]).any(axis=1)
-            weights[:, k] = (STUDENT + 3) / (STUDENT + square) if student else np.where(far, 0.0, 1.0)
+            weights[:, k] = (
+                (STUDENT + 3) / (STUDENT + square) if student else np.where(far, 0.0, 1.0)
+            )
         if not student and slow[k] == 1.0:
             # Once: what counts less is followed less, and would look slower each time.
             rho = _lag_one(off, noise.weights[:, k] > 0.5)
@@ -485,8 +503,14 @@ def _weighed(
 
 
 def _stated(
-    r: Readings, at: Point, p: Pass, noise: Noise, prior_sd: FloatArray, hold: IntArray,
-    passes: int, settled: bool,
+    r: Readings,
+    at: Point,
+    p: Pass,
+    noise: Noise,
+    prior_sd: FloatArray,
+    hold: IntArray,
+    passes: int,
+    settled: bool,
 ) -> Solution:
     formal = np.linalg.inv(p.information)
     left = p.nu - p.M @ p.delta
@@ -528,7 +552,6 @@ def _lag_one(rows: FloatArray, used: BoolArray) -> float:
     return float(np.sum(rows[1:][both] * rows[:-1][both])) / total if total else 0.0
 
 
-
 def budget(s: Solution) -> dict[str, FloatArray]:
     """Return the variance of every parameter by source, (32,) each [SI]; they add up to `cov`.
 
@@ -543,7 +566,8 @@ def budget(s: Solution) -> dict[str, FloatArray]:
         g, a = (w * (by if name == of else 1.0)
                 for name, w in zip(("gyros", "accelerometers"), r.white, strict=True))  # fmt: skip
         noise = replace(n, attitude=n.attitude * (by if of == "attitude of the poses" else 1.0),
-                        position=n.position * (by if of == "position of the poses" else 1.0))  # fmt: skip
+                        position=n.position * (by if of == "position of the poses" else 1.0)
+                        )  # fmt: skip
         at = one_pass(replace(r, white=(g, a)), s.point, noise, prior, hold)
         J = s.point.of_values()
         return np.asarray(np.diag(J @ np.linalg.inv(at.information) @ J.T))
@@ -556,7 +580,9 @@ def budget(s: Solution) -> dict[str, FloatArray]:
     }
     formal, total = np.diag(s.formal), np.diag(s.cov)
     known = np.sum(list(parts.values()), axis=0)
-    parts = {name: v * np.minimum(1.0, formal / np.maximum(known, 1e-300)) for name, v in parts.items()}
+    parts = {
+        name: v * np.minimum(1.0, formal / np.maximum(known, 1e-300)) for name, v in parts.items()
+    }
     parts["prior"] = np.maximum(formal - np.sum(list(parts.values()), axis=0), 0.0)
     if (total > formal * (1 + 1e-9)).any():
         parts["colour of the poses' noise"] = np.maximum(total - formal, 0.0)

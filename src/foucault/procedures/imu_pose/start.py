@@ -18,12 +18,14 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
 from foucault.estimate.delay_matching import SlaveAttitude
+from foucault.guard.mistakes import exchanges
 from foucault.models.pose import READINGS, PoseTable
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.rotation import log as vector_of
 from foucault.navigate.increments import Increments
 from foucault.procedures.imu_pose.model import Point, Readings, corrected, solve
 from foucault.tables import Log
+
 
 @dataclass(frozen=True)
 class Forces:
@@ -48,8 +50,8 @@ class Forces:
         x = np.linalg.lstsq(np.vstack([A, np.eye(9)[6:]]), np.append(y, np.zeros(3)), rcond=None)[0]
         return x, float(np.sqrt(np.mean((y - A @ x) ** 2)))
 
-    def scaled(self) -> tuple[float, float]:
-        """Return how large positions had to be [1], and what is left then (rms) [m/s^2]."""
+    def scaled(self) -> tuple[float, float, float, float]:
+        """Return how large positions had to be, its sd, gravity, and what is left (rms) [SI]."""
         k = len(self.accel)
         one = np.broadcast_to(np.eye(3), (k, 3, 3))
         pulled = np.einsum("kij,kj->ki", self.C_bv, self.pull)[:, :, None]
@@ -58,7 +60,20 @@ class Forces:
         # In one unit: a lever arm in mm beside positions in mm.
         wide = np.vstack([A, np.eye(10)[6:9]])
         x = np.linalg.lstsq(wide, np.append(y, np.zeros(3)), rcond=None)[0]
-        return float(x[9]), float(np.sqrt(np.mean((y - A @ x) ** 2)))
+        left = float(np.sqrt(np.mean((y - A @ x) ** 2)))
+        sd = left * float(np.sqrt(np.linalg.pinv(wide.T @ wide)[9, 9]))
+        return float(x[9]), sd, float(np.linalg.norm(x[3:6])), left
+
+    def unmoved(self) -> float:
+        """Return what is left where positions are not looked at (rms) [m/s^2]."""
+        return Forces(self.accel, self.C_bv, 0.0 * self.pull, self.Om).fit()[1]
+
+    @property
+    def explained(self) -> float:
+        """What is left with any unit of the positions, or any axes of the forces (rms) [m/s^2]."""
+        scaled = self.scaled()[3]
+        fits = [self.fit(x)[1] for x in exchanges()]
+        return min(fits) if scaled > 0.7 * self.unmoved() else min(scaled, *fits)
 
     def some(self, most: int) -> Forces:
         """Return at most so many of them, evenly chosen; `most` [1]."""
@@ -76,13 +91,17 @@ class Start:
     second: float  # the next highest beside it [1]
     drift: float  # of the offset, found window by window [1]
     singular: FloatArray  # (3,) of the matrix from the rates of the IMU to those of the body [1]
-    sign: float  # of its determinant
+    sign: float  # of its determinant [1]
     free_misfit: float  # what that matrix leaves of the rates, as a part of them [1]
     misfit: float  # what the rotation leaves of the rates, as a part of them [1]
     force: float  # what lever arm, gravity and bias leave of the forces [m/s^2]
     gravity: float  # length of gravity as found [m/s^2]
     forces: Forces
+    step: float  # between two of these forces [s]
 
+
+FASTEST = 0.02
+"""No clock is faster by so much than another [1]."""
 
 GRID, SMOOTH = 0.005, 0.1
 """Grid of the correlation, and window of the derivatives [s]."""
@@ -162,7 +181,7 @@ def _drift(a: FloatArray, b: FloatArray, step: float, window: float = 10.0) -> t
 
 
 def wahba(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the rotation C, shape (3, 3), with ``a = C b`` best, both (n, 3) [any unit]."""
+    """Return the rotation C, shape (3, 3), with ``a = C b`` best; `a`, `b` (n, 3) [any unit]."""
     U, _, V = np.linalg.svd(a.T @ b)
     return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V)
 
@@ -178,21 +197,25 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
     w_imu, f_imu = _smooth(log.gyro, step), _smooth(log.accel, step)
     usual = float(np.median(np.diff(q.time)))
     own = np.arange(q.time[0], q.time[-1], usual)
+    assert q.quaternion is not None
     numbers = q.quaternion / np.linalg.norm(q.quaternion, axis=1)[:, None]
     flips = np.cumprod(np.where(np.sum(numbers[1:] * numbers[:-1], axis=1) < 0, -1.0, 1.0))
     even = _even(q.time, _without_jumps(numbers * np.append(1.0, flips)[:, None]), own)
     bad = gaps(q.time, own, max(4 * usual, SMOOTH))
-    best: Start | None = None
+    found: list[Start] = []
     for reading, (order, sign) in READINGS.items():
         if q.reading not in (None, reading):
             continue
         w = _body_rate(even[:, order] * [1.0, sign, sign, sign], usual)
         w[bad] = 0.0
-        found = _with_rates(log, r, q, reading, (own, w, bad), (w_imu, f_imu, step))
-        if best is None or found.misfit < 0.9 * best.misfit:
-            best = found
-    assert best is not None
-    return best
+        found.append(_with_rates(log, r, q, reading, (own, w, bad), (w_imu, f_imu, step)))
+    # Rates do not tell all readings apart, forces do; a mirror image, another unit or sign is no
+    # reason for another reading.
+    least = min(s.free_misfit for s in found)
+    return min(
+        (s for s in found if s.free_misfit < 1.5 * least + 0.05),
+        key=lambda s: s.forces.some(500).explained,
+    )
 
 
 def _body_rate(q: FloatArray, step: float) -> FloatArray:
@@ -207,7 +230,7 @@ def _with_rates(
     log: Log, r: Readings, q: PoseTable, reading: str,
     body: tuple[FloatArray, FloatArray, BoolArray], sensed: tuple[FloatArray, FloatArray, float],
 ) -> Start:  # fmt: skip
-    (own, w_m, bad), (w_imu, f_imu, step) = body, sensed
+    (own, w_m, bad), (w_imu, f_imu, _) = body, sensed
     usual = float(own[1] - own[0])
     fine = np.arange(log.time[0], log.time[-1], GRID)
     a = np.linalg.norm(_even(log.time, w_imu, fine), axis=1)
@@ -216,11 +239,11 @@ def _with_rates(
     lag, peak, second = _offset(a, b, GRID)
     tau, kappa = lag + fine[0] - later[0], 0.0
     drift, middle = _drift(a, b, GRID)
-    if abs(drift) * (later[-1] - later[0]) > 2 * GRID or peak < 0.9:
-        if np.isfinite(middle) and abs(drift) < 0.02:
-            kappa, tau = drift, middle + fine[0] - later[0]
-            there = later + kappa * (later - r.middle)
-            _, peak, second = _offset(np.interp(there + tau, fine, a), b, GRID)
+    far = abs(drift) * (later[-1] - later[0]) > 2 * GRID or peak < 0.9
+    if far and np.isfinite(middle) and abs(drift) < FASTEST:
+        kappa, tau = drift, middle + fine[0] - later[0]
+        there = later + kappa * (later - r.middle)
+        _, peak, second = _offset(np.interp(there + tau, fine, a), b, GRID)
     t = own + tau + kappa * (own - r.middle)
     inside = ~bad & (t > log.time[0] + SMOOTH) & (t < log.time[-1] - SMOOTH)
     inside[:5] = inside[-5:] = False
@@ -231,7 +254,7 @@ def _with_rates(
     C_bm = wahba(x, y)
     free = np.linalg.lstsq(y, x, rcond=None)[0].T
     left = float(np.sqrt(np.sum((x - y @ C_bm.T) ** 2) / np.sum(x**2)))
-    loose = float(np.sqrt(np.sum((y - x @ free.T) ** 2) / np.sum(y**2)))
+    loose = float(np.sqrt(np.sum((x - y @ free.T) ** 2) / np.sum(x**2)))
     bias = w_b.mean(axis=0) - C_bm @ w.mean(axis=0)
     C_vb = q.attitude(reading) @ C_bm.T
     C_own = _attitudes(q.time, C_vb, own)
@@ -252,7 +275,8 @@ def _with_rates(
         *_motion(r, C_vb, x9[:3]),
     )  # fmt: skip
     return Start(at, reading, peak, second, drift, np.linalg.svd(free)[1],
-                 float(np.sign(np.linalg.det(free))), loose, left, off, size, forces)  # fmt: skip
+                 float(np.sign(np.linalg.det(free))), loose, left, off, size, forces,
+                 usual)  # fmt: skip
 
 
 def _attitudes(time: FloatArray, C: FloatArray, at: FloatArray) -> FloatArray:
@@ -330,8 +354,8 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
     few = r[inside]
 
     def at_places(some: Readings, C_vb: FloatArray, at: Point) -> Point:
-        node = some.nodes(at.tau, at.kappa)
-        return replace(at, node=node, **dict(zip("Cvp", _motion(some, C_vb, at.lever_b), strict=True)))
+        C, v, p = _motion(some, C_vb, at.lever_b)
+        return replace(at, node=some.nodes(at.tau, at.kappa), C=C, v=v, p=p)
 
     none = np.zeros((3, 3))
     begun = Point(np.eye(3), x[12:], tau, 0.0, -g_v / max(gravity, 1e-9), (np.zeros(3), none),
@@ -347,8 +371,8 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
     known = turns.at(few.at(at.tau, at.kappa))[0]
     C_v0 = at.C[middle] @ known[middle].T
     start = at_places(r, C_v0 @ turns.at(r.at(at.tau, at.kappa))[0], at)
-    found = Start(start, None, np.nan, np.nan, 0.0, size, float(np.linalg.det(U @ V)), np.nan, np.nan, left,
-                  gravity, forces)  # fmt: skip
+    found = Start(start, None, np.nan, np.nan, 0.0, size, float(np.linalg.det(U @ V)), np.nan,
+                  np.nan, left, gravity, forces, usual)  # fmt: skip
     return found, start
 
 
