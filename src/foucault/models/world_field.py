@@ -43,7 +43,7 @@ def world_field(date: str | None, site: Site) -> WorldField | None:
         raise error("mag.no_place", date=date)
     try:
         day = datetime.date.fromisoformat(date)
-        from pygeomag import GeoMag  # type: ignore[import-untyped, unused-ignore]
+        from pygeomag import GeoMag
     except ValueError:
         raise error("mag.date", given=date) from None
     except ModuleNotFoundError:

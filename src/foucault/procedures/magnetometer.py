@@ -249,11 +249,11 @@ SPREAD = 1.5
 """An ellipsoid of more unequal axes is an accident of the coverage [1]."""
 
 
-def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float, float]:
     """Return Q, c and delay of ``dx/dt = x x (Q w + c)``, over windows, by linear equations.
 
     `x` (r, 3): direction of the field in sensor axes at the rows of the cells [1]. Returns (3, 3)
-    [1], (3,) [rad/s] and [s].
+    [1], (3,) [rad/s], [s], and the share of the changes that this leaves [1].
     """
     time = o.log.time[o.cells.rows]
     step = np.diff(time)
@@ -281,7 +281,7 @@ def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     if 0 < k < len(scan) - 1:  # the vertex of the parabola through the three lowest
         a, b, c = left[k - 1 : k + 2]
         delay += 0.0025 * (a - c) / max(a - 2 * b + c, 1e-300)
-    return q[:, :3], q[:, 3], delay
+    return q[:, :3], q[:, 3], delay, left[k] / float(np.sum(change**2))
 
 
 @dataclass(frozen=True)
@@ -307,14 +307,16 @@ def start(o: Observed, settings: Settings, intensity: float | None) -> tuple[Sta
     mag = o.log.mag[o.cells.rows]
     A, h = ellipsoid(mag)
     x = np.asarray(np.linalg.solve(A, (mag - h).T).T, float)
-    Q, c, delay = turned(o, x)
-    U, gains, V = np.linalg.svd(Q)
-    gain = float(np.cbrt(np.linalg.det(Q)))
-    if gains[2] > 0.7 * gains[0]:  # the motion shows all three axes
-        if not 0.5 < abs(gain) < 2.0:
-            raise error("mag.gyro_unit", ratio=f"{abs(gain):.3g}")
-        if gain < 0:
+    Q, c, delay, unexplained = turned(o, x)
+    if unexplained > UNEXPLAINED:
+        raise error("mag.not_turning", percent=f"{100 * unexplained:.0f}")
+    if o.turning.gyro.std(axis=0).min() > STILL:  # the motion shows all three axes
+        ratios = np.linalg.norm(Q, axis=0)
+        if ratios.min() < 0.5 or ratios.max() > 2.0:
+            raise error("mag.gyro_unit", ratios=", ".join(f"{r:.3g}" for r in ratios))
+        if np.linalg.det(Q) < 0:
             raise error("mag.gyro_mirrored")
+    U, _, V = np.linalg.svd(Q)
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
     bias = np.clip(-R.T @ c, -BIAS, BIAS)
     chain = o.turning.chain(delay, bias, np.zeros((3, 3)))
@@ -337,6 +339,9 @@ def mean_up(o: Observed, chain: Chain) -> FloatArray:
     rows = o.still.rows if len(o.still) else np.arange(len(o.log))
     return np.asarray(np.einsum("nij,nj->i", chain.C[rows], o.log.accel[rows]) / len(rows))
 
+
+UNEXPLAINED = 0.2
+"""Share of the changes of the field that gyros may leave: one that is dead leaves more [1]."""
 
 BIAS = np.radians(5.0)
 """No bias of the gyros is believed to be larger at the start [rad/s]."""
