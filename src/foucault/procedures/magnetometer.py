@@ -299,6 +299,8 @@ class State:
 def start(o: Observed, settings: Settings, intensity: float | None) -> tuple[State, float]:
     """Return where to start, and the size of the field that the readings say [T].
 
+    `intensity`: of the field, None where only the readings say it [T].
+
     Gyros that are mirrored, a wrong unit of theirs and the rotation to the IMU, whatever it is,
     show here. A mirrored magnetometer does not: its reading reversed is one of a rotated sensor, as
     ``dx/dt = x x Q w`` is linear in x, so that it looks like a field that points the other way.
@@ -587,8 +589,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     model, told = _model(reduce(without_spikes(log)), given)
     given.progress(0.3, "calibrating")
     fit = _fitted(model, given)
-    blind = fit.estimate.status is Status.UNOBSERVABLE
-    if s.terms == "auto" and (blind or fit.estimate.coefficients.sd[:9].max() > s.matrix_sd):
+    if s.terms == "auto" and _poor(fit, model):
         hard = s.model_copy(update={"terms": "hard iron"})
         again, _ = _model(model.observed, replace(given, settings=hard))
         fit = _fitted(again, given)
@@ -615,6 +616,16 @@ def _fitted(model: FieldModel, given: Given[Settings]) -> Fit:
     return mixed.fit(
         model, CoefficientVector.prior(model.layout, mine), robust=given.settings.robust
     )
+
+
+def _poor(fit: Fit, model: FieldModel) -> bool:
+    """Whether the matrix is less well seen than known, the gain that all of it shares aside."""
+    if fit.estimate.status is Status.UNOBSERVABLE:
+        return True
+    shared = np.append(np.diag(fit.state.mag.matrix), fit.estimate.coefficients.values[3:9])
+    shared *= model.sizes.intensity_sd / model.sizes.intensity
+    left = fit.estimate.coefficients.sd[:9] ** 2 - shared**2
+    return bool(left.max() > model.settings.matrix_sd**2)
 
 
 def _judged(fit: Fit, model: FieldModel) -> Judged:
@@ -886,7 +897,7 @@ def simulated(
     seed: int,
 ) -> Simulation:  # fmt: skip
     """Simulate a session: `seed` [1] gives one of its motion and one of its `noise` [SI]."""
-    motion, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+    motion, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence([seed, 5]).spawn(2))
     rest, turn = session.rest_time, session.turn_time
     free = session.motion == "free"
     starts = np.asarray(rest + np.arange(1 if free else session.rests - 1) * (rest + turn), float)
