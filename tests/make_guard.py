@@ -41,6 +41,7 @@ DEG = np.pi / 180
 LATITUDE = 48.8462 * DEG
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 ACCEL = ("accel_x", "accel_y", "accel_z")
+MAG = ("mag_x", "mag_y", "mag_z")
 
 Columns = dict[str, np.ndarray]
 
@@ -189,6 +190,8 @@ _QUICK: dict[str, dict[str, dict[str, Any]]] = {
                   "simulate": {"rest_time": "10 s", "turns": 1, "rate": "10 Hz"}},
     "rate_table": {"simulate": {"rates": ["20 deg/s", "-20 deg/s", "60 deg/s", "-60 deg/s"],
                                 "step_time": "8 s", "rate": "10 Hz"}},
+    "magnetometer": {"procedure": {"intensity": "49 uT", "gyro_bias_sd": "20 deg/h"},
+                     "simulate": {"time": "20 s", "rate": "50 Hz"}},
     "north_seeking": {},
     "platform_tumble": {"procedure": {"plan": "-x -z -y +z", "rate": "5 deg/s",
                                       "segment": "60 s", "average": "10 s", "passes": 4}},
@@ -304,6 +307,14 @@ def session(name: str) -> Session:
 def _scaled(made: Session, gyro: float = 1.0, accel: float = 1.0) -> Session:
     factors = {**dict.fromkeys(made.triad(GYRO), gyro), **dict.fromkeys(made.triad(ACCEL), accel)}
     return made.with_columns(**{k: made.columns[k] * f for k, f in factors.items()})
+
+
+def _mag(made: Session, wrong: Callable[[np.ndarray], np.ndarray]) -> Session | None:
+    """Spoil the readings of a magnetometer, where there is one."""
+    if MAG[0] not in made.columns:
+        return None
+    spoilt = wrong(np.column_stack([made.columns[name] for name in MAG]))
+    return made.with_columns(**{name: spoilt[:, k] for k, name in enumerate(MAG)})
 
 
 def _one_cell(made: Session, value: float) -> Session:
@@ -494,6 +505,7 @@ def _master_late(made: Session) -> Session | None:
 
 _PRIORS = {
     "six_position": "accel.scale", "platform_tumble": "accel.bias", "north_seeking": "gyro.bias",
+    "magnetometer": "mag.bias",
 }  # fmt: skip
 
 
@@ -503,9 +515,10 @@ def _contradicted(made: Session) -> Session | None:
         return None
     name = tomllib.loads(made.text)["procedure"]["name"]
     key = _PRIORS.get(name, "gyro.scale")
-    mean, sd = {"gyro.bias": ("10 deg/h", "0.1 deg/h"), "accel.bias": ("10 mg", "0.1 mg")}.get(
-        key, ("20000 ppm", "100 ppm")
-    )
+    mean, sd = {
+        "gyro.bias": ("10 deg/h", "0.1 deg/h"), "accel.bias": ("10 mg", "0.1 mg"),
+        "mag.bias": ("-100 uT", "1 uT"),
+    }.get(key, ("20000 ppm", "100 ppm"))  # fmt: skip
     return made.with_keys(prior={key: {"mean": mean, "sd": sd}})
 
 
@@ -561,6 +574,13 @@ MISTAKES: dict[str, Callable[[Session], Session | None]] = {
     "master late": _master_late,
     "prior contradicted": _contradicted,
     "part reversed": lambda s: _part_reversed(s),
+    "mag unit": lambda s: _mag(s, lambda m: 10.0 * m),
+    "mag one sign": lambda s: _mag(s, lambda m: m * [1.0, 1.0, -1.0]),
+    "mag turned": lambda s: _mag(s, lambda m: m[:, [1, 2, 0]]),
+    "mag repeated": lambda s: _mag(s, lambda m: m[np.arange(len(m)) // 4 * 4]),
+    "mag clipped": lambda s: _mag(s, lambda m: np.minimum(m, 0.7 * m.max())),
+    "mag stuck": lambda s: _mag(s, lambda m: m * [1.0, 0.0, 1.0]),
+    "iron moved": lambda s: _mag(s, lambda m: m + 2e-6 * (np.arange(len(m)) > len(m) / 2)[:, None]),
     "angles deg": lambda s: _angles(s, factor=1 / DEG),
     "angles sense": lambda s: _angles(s, sense=-1.0),
 }

@@ -277,7 +277,7 @@ EXACT = {
     "turntable, everything": (2e-12, Case("turntable", BOTH | EVERYTHING, PERFECT)),
     "rate_table": (2e-12, Case("rate_table", {"g_sensitivity": True}, MEANS)),
     "magnetometer": (
-        1e-6, Case("magnetometer", FIELD | KNOWN_IMU, {"rate": 200.0, "time": 8.0, "noise_sd": 0.0})
+        1e-5, Case("magnetometer", FIELD | KNOWN_IMU, {"rate": 200.0, "time": 8.0, "noise_sd": 0.0})
     ),
     "north_seeking": (
         1e-7, Case("north_seeking", {"z_coupling": "free"}, TILTED, noise=SEEKER)

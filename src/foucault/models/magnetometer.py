@@ -102,13 +102,16 @@ class Magnetometer:
         return self.from_coefficients(replace(now, values=moved))
 
     def iron(self, temperature: FloatArray | None) -> FloatArray:
-        """Return what is added to the field, (3,), or (n, 3) at temperatures (n,) [T, K]."""
+        """Return what is added to the field, (3,), or (n, 3) at each `temperature` (n,) [T, K]."""
         if temperature is None:
             return self.bias
         return self.bias + np.outer(temperature - REFERENCE, self.bias_temperature)
 
     def measure(self, m_b: FloatArray, temperature: FloatArray | None = None) -> FloatArray:
-        """Return readings of a field `m_b` (n, 3) as it was `delay` before [T]."""
+        """Return readings of a field as it was `delay` before, shape (n, 3) [T].
+
+        `m_b` (n, 3): in body axes [T]; `temperature` (n,) or None: where it is known [K].
+        """
         return np.asarray(m_b @ self.matrix.T + self.iron(temperature))
 
     def compensate(

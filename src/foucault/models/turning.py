@@ -38,7 +38,7 @@ class Cells:
         return np.asarray(np.add.reduceat(x, self.start, axis=0) / count)
 
     def chosen(self, keep: BoolArray) -> Cells:
-        """Return the groups `keep` (k,)."""
+        """Return the groups `keep` (k,) [1]."""
         some = np.repeat(keep, self.count)
         count = self.count[keep]
         return Cells(self.rows[some], np.cumsum(count) - count)
@@ -62,7 +62,10 @@ class Chain:
         return cells.mean(np.swapaxes(self.C[cells.rows], 1, 2) @ v)
 
     def seen_by(self, cells: Cells, v: FloatArray) -> FloatArray:
-        """Return the slopes of `seen`, (k, 3, 15): by v, by bias and by matrix of the gyros."""
+        """Return the slopes of `seen`, (k, 3, 15): by v, by bias and by matrix of the gyros.
+
+        `v` (3,): the vector in body axes of the first row [any unit].
+        """
         back = np.swapaxes(self.C[cells.rows], 1, 2)
         by_rates = back @ cross_matrix(v) @ self.slopes[cells.rows]
         return cells.mean(np.concatenate([back, by_rates], axis=2))

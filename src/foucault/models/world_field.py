@@ -21,10 +21,8 @@ class WorldField:
     """The field that the model says, and its standard uncertainties."""
 
     intensity: float  # [T]
-    # dip: positive where the field points down; declination: of its level part, clockwise from
-    # true north [rad]
-    dip: float
-    declination: float
+    dip: float  # positive where the field points down [rad]
+    declination: float  # of its level part, clockwise from true north [rad]
     intensity_sd: float  # [T]
     # dip_sd, declination_sd: crust included, buildings not [rad]
     dip_sd: float
@@ -43,11 +41,11 @@ def world_field(date: str | None, site: Site) -> WorldField | None:
         raise error("mag.no_place", date=date)
     try:
         day = datetime.date.fromisoformat(date)
-        from pygeomag import GeoMag  # type: ignore[import-untyped, unused-ignore]
+        from pygeomag import GeoMag
     except ValueError:
         raise error("mag.date", given=date) from None
     except ModuleNotFoundError:
-        raise error("mag.world") from None
+        raise error("mag.world", extra="world") from None
     when = day.year + (day.timetuple().tm_yday - 0.5) / 365.25
     if not FIRST <= when < LAST:
         raise error("mag.date", given=date)

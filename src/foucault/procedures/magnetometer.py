@@ -249,11 +249,11 @@ SPREAD = 1.5
 """An ellipsoid of more unequal axes is an accident of the coverage [1]."""
 
 
-def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float, float]:
     """Return Q, c and delay of ``dx/dt = x x (Q w + c)``, over windows, by linear equations.
 
     `x` (r, 3): direction of the field in sensor axes at the rows of the cells [1]. Returns (3, 3)
-    [1], (3,) [rad/s] and [s].
+    [1], (3,) [rad/s], [s], and the share of the changes that this leaves [1].
     """
     time = o.log.time[o.cells.rows]
     step = np.diff(time)
@@ -281,7 +281,7 @@ def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     if 0 < k < len(scan) - 1:  # the vertex of the parabola through the three lowest
         a, b, c = left[k - 1 : k + 2]
         delay += 0.0025 * (a - c) / max(a - 2 * b + c, 1e-300)
-    return q[:, :3], q[:, 3], delay
+    return q[:, :3], q[:, 3], delay, left[k] / float(np.sum(change**2))
 
 
 @dataclass(frozen=True)
@@ -299,6 +299,8 @@ class State:
 def start(o: Observed, settings: Settings, intensity: float | None) -> tuple[State, float]:
     """Return where to start, and the size of the field that the readings say [T].
 
+    `intensity`: of the field, None where only the readings say it [T].
+
     Gyros that are mirrored, a wrong unit of theirs and the rotation to the IMU, whatever it is,
     show here. A mirrored magnetometer does not: its reading reversed is one of a rotated sensor, as
     ``dx/dt = x x Q w`` is linear in x, so that it looks like a field that points the other way.
@@ -307,14 +309,16 @@ def start(o: Observed, settings: Settings, intensity: float | None) -> tuple[Sta
     mag = o.log.mag[o.cells.rows]
     A, h = ellipsoid(mag)
     x = np.asarray(np.linalg.solve(A, (mag - h).T).T, float)
-    Q, c, delay = turned(o, x)
-    U, gains, V = np.linalg.svd(Q)
-    gain = float(np.cbrt(np.linalg.det(Q)))
-    if gains[2] > 0.7 * gains[0]:  # the motion shows all three axes
-        if not 0.5 < abs(gain) < 2.0:
-            raise error("mag.gyro_unit", ratio=f"{abs(gain):.3g}")
-        if gain < 0:
+    Q, c, delay, unexplained = turned(o, x)
+    if unexplained > UNEXPLAINED:
+        raise error("mag.not_turning", percent=f"{100 * unexplained:.0f}")
+    if o.turning.gyro.std(axis=0).min() > STILL:  # the motion shows all three axes
+        ratios = np.linalg.norm(Q, axis=0)
+        if ratios.min() < 0.5 or ratios.max() > 2.0:
+            raise error("mag.gyro_unit", ratios=", ".join(f"{r:.3g}" for r in ratios))
+        if np.linalg.det(Q) < 0:
             raise error("mag.gyro_mirrored")
+    U, _, V = np.linalg.svd(Q)
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
     bias = np.clip(-R.T @ c, -BIAS, BIAS)
     chain = o.turning.chain(delay, bias, np.zeros((3, 3)))
@@ -337,6 +341,9 @@ def mean_up(o: Observed, chain: Chain) -> FloatArray:
     rows = o.still.rows if len(o.still) else np.arange(len(o.log))
     return np.asarray(np.einsum("nij,nj->i", chain.C[rows], o.log.accel[rows]) / len(rows))
 
+
+UNEXPLAINED = 0.2
+"""Share of the changes of the field that gyros may leave: one that is dead leaves more [1]."""
 
 BIAS = np.radians(5.0)
 """No bias of the gyros is believed to be larger at the start [rad/s]."""
@@ -582,8 +589,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     model, told = _model(reduce(without_spikes(log)), given)
     given.progress(0.3, "calibrating")
     fit = _fitted(model, given)
-    blind = fit.estimate.status is Status.UNOBSERVABLE
-    if s.terms == "auto" and (blind or fit.estimate.coefficients.sd[:9].max() > s.matrix_sd):
+    if s.terms == "auto" and _poor(fit, model):
         hard = s.model_copy(update={"terms": "hard iron"})
         again, _ = _model(model.observed, replace(given, settings=hard))
         fit = _fitted(again, given)
@@ -610,6 +616,16 @@ def _fitted(model: FieldModel, given: Given[Settings]) -> Fit:
     return mixed.fit(
         model, CoefficientVector.prior(model.layout, mine), robust=given.settings.robust
     )
+
+
+def _poor(fit: Fit, model: FieldModel) -> bool:
+    """Whether the matrix is less well seen than known, the gain that all of it shares aside."""
+    if fit.estimate.status is Status.UNOBSERVABLE:
+        return True
+    shared = np.append(np.diag(fit.state.mag.matrix), fit.estimate.coefficients.values[3:9])
+    shared *= model.sizes.intensity_sd / model.sizes.intensity
+    left = fit.estimate.coefficients.sd[:9] ** 2 - shared**2
+    return bool(left.max() > model.settings.matrix_sd**2)
 
 
 def _judged(fit: Fit, model: FieldModel) -> Judged:
@@ -881,7 +897,7 @@ def simulated(
     seed: int,
 ) -> Simulation:  # fmt: skip
     """Simulate a session: `seed` [1] gives one of its motion and one of its `noise` [SI]."""
-    motion, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+    motion, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence([seed, 5]).spawn(2))
     rest, turn = session.rest_time, session.turn_time
     free = session.motion == "free"
     starts = np.asarray(rest + np.arange(1 if free else session.rests - 1) * (rest + turn), float)

@@ -282,7 +282,7 @@ class SlaveLog(Log):
 
     Attributes
     ----------
-    time, gyro, accel, temperature, averaged, begins : ndarray
+    time, gyro, accel, mag, temperature, averaged, begins : ndarray
         Of the slave, as in `Log` [SI].
     sampled, findings, source, table, clock
         The same.
