@@ -314,7 +314,20 @@ def test_what_is_no_unit_is_refused(unit):
         units.factor(unit, "angle")
 
 
-def test_reading_units_needs_no_library():
+def common() -> set[str]:
+    """Units that people read and write most, as `tests/make_units.py` finds them."""
+    import make_units
+
+    return set(make_units.common())
+
+
+def test_what_is_kept_of_pint_is_what_pint_says():
+    assert set(units._common()) == common(), "run python tests/make_units.py"
+    for unit, (size, dimension) in units._common().items():
+        assert (size, dimension) == units._by_pint(unit)
+
+
+def test_reading_common_units_does_not_load_pint():
     code = "import sys; from foucault import units; units.parse('1 deg/h', 'angular rate')"
     ran = subprocess.run(
         [sys.executable, "-c", f"{code}; print({{'pint', 'dask'}} & set(sys.modules))"],

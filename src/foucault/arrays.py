@@ -40,33 +40,29 @@ def settled(values: FloatArray, rows: FloatArray, near: float = 1e-6) -> FloatAr
 def of_arrow(column: Any) -> npt.NDArray[Any]:
     """Return a column of a table of pyarrow, numbers that are null as NaN.
 
-    Its memory is read as it lies: `to_numpy` imports pandas, which takes longer than most tables.
+    `to_numpy` imports pandas, which takes longer than most tables.
     """
     import pyarrow as pa
+    import pyarrow.compute as pc
 
+    if isinstance(column, pa.ChunkedArray):
+        column = column.combine_chunks()
     if pa.types.is_boolean(column.type) and not column.null_count:
         return of_arrow(column.cast(pa.uint8())).astype(bool)
     if pa.types.is_timestamp(column.type):
-        kind = np.dtype(f"datetime64[{column.type.unit}]")
-    elif pa.types.is_floating(column.type) or pa.types.is_integer(column.type):
-        kind = np.dtype(column.type.to_pandas_dtype())
-    else:
+        none = np.iinfo(np.int64).min  # not a time
+        ticks = of_arrow(pc.fill_null(column.cast(pa.int64()), none))
+        return ticks.view(f"datetime64[{column.type.unit}]")
+    if pa.types.is_integer(column.type) and column.null_count:
+        column = column.cast(pa.float64())
+    if pa.types.is_floating(column.type) and column.null_count:
+        column = pc.fill_null(column, np.nan)
+    if not pa.types.is_floating(column.type) and not pa.types.is_integer(column.type):
         return np.array(column.to_pylist(), object)
-    parts = [_of_chunk(part, kind) for part in getattr(column, "chunks", [column])]
-    return np.concatenate(parts) if parts else np.empty(0, kind)
-
-
-def _of_chunk(part: Any, kind: np.dtype[Any]) -> npt.NDArray[Any]:
-    bits, data = part.buffers()
-    if data is None or not len(part):
+    kind, data = np.dtype(column.type.to_pandas_dtype()), column.buffers()[1]
+    if not len(column):
         return np.empty(0, kind)
-    values = np.frombuffer(data, kind, part.offset + len(part))[part.offset :]
-    if not part.null_count:
-        return values
-    known = np.unpackbits(np.frombuffer(bits, np.uint8), bitorder="little")
-    missing = known[part.offset : part.offset + len(part)] == 0
-    nothing = np.datetime64("NaT") if kind.kind == "M" else np.nan
-    return np.where(missing, nothing, values)
+    return np.frombuffer(data, kind, len(column), column.offset * kind.itemsize)
 
 
 def to_arrow(values: Any) -> Any:
