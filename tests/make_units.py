@@ -9,8 +9,8 @@ from pathlib import Path
 from foucault import units
 from foucault.files import write_text
 
-OFTEN = """deg deg/s deg/h rad/s rad g mg ug m/s^2 m/s m mm cm km s ms us ns min h Hz kHz ppm % percent
-arcsec arcmin mrad urad count K uT nT mG rpm rev dps deg/s/sqrt(Hz) deg/h/sqrt(Hz) rad/s^2
+OFTEN = """deg deg/s deg/h rad/s rad g mg ug m/s^2 m/s m mm cm km s ms us ns min h Hz kHz ppm
+% percent arcsec arcmin mrad urad count K uT nT mG rpm rev dps deg/s/sqrt(Hz) deg/h/sqrt(Hz) rad/s^2
 m/s/sqrt(h) m/s/sqrt(Hz) mg/sqrt(Hz) deg/s^2/sqrt(Hz) m/s^3/sqrt(Hz) deg/sqrt(s) ug/sqrt(s)
 count/g count/(deg/s) count/mg count/(m/s^2) count/(rad/s) arcsec/s mGal arcsec/sqrt(Hz)"""
 """Beside the units of the kinds of quantity and of what is not estimated."""
