@@ -239,7 +239,7 @@ def format_of(path: Path) -> str:
     from foucault.logs.layout import FileLayout
 
     try:
-        return _format(path, FileLayout(file=path.name))
+        return _format(path, FileLayout.model_validate({"file": path.name}))
     except FoucaultError:
         return ""
 

@@ -160,9 +160,8 @@ class PoseLog(Log):
     def of(cls, log: Log, table: PoseTable) -> PoseLog:
         """Return the log of an IMU beside poses; `log`: its readings [SI]."""
         told = (*on_a_shared_clock(log.findings), *table.findings)
-        return cls(log.time, log.gyro, log.accel, log.sampled, log.temperature, told,
-                   log.source | ({"master": table.source} if table.source else {}), log.table,
-                   log.averaged, log.clock, log.begins, table)  # fmt: skip
+        source = log.source | ({"master": table.source} if table.source else {})
+        return cls(**vars(log) | {"findings": told, "source": source, "poses": table})
 
 
 def _with_poses(log: Log, description: PoseDescription, folder: str | Path) -> PoseLog:
