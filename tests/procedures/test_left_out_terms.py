@@ -20,9 +20,10 @@ from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.left_out import NONE, ByNoise, changes, sizes_of, terms
-from foucault.models.noise import grade
+from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.rests_and_turns import Session as SessionData
-from foucault.procedures import ferraris, hand_rotated, rate_table, six_position
+from foucault.procedures import ferraris, hand_rotated, left_out, rate_table, six_position
+from foucault.procedures.merged import merged
 from foucault.report.calibration import sections
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
@@ -259,3 +260,49 @@ def test_a_g_sensitivity_that_counts_may_hide_the_sign_of_the_earths_rate(beside
     noise = hour * rng.standard_normal(up.shape)
     found = reversed_earth_at_rest(made + noise, up, np.eye(3), SITE, beside=beside * hour)
     assert (found is not None and not found.passed) is told
+
+
+def test_the_worst_term_is_named_beside_the_factor_of_its_group() -> None:
+    sim = hand(1)
+    gyro = sim.log.gyro.copy()
+    gyro[:, 2] += 12 * SIZES["gyro.g_sensitivity"][0] * sim.log.accel[:, 1]
+    result = calibrate(replace(sim.log, gyro=gyro), sizes=SIZES)
+    k = result.diagnostics["named"][0]["gyro.g_sensitivity"]
+    (reason,) = [r for r in result.verdict.reasons if "times as large" in r]
+    assert "most of all gyro.g_sensitivity.zy, about 12 times" in reason
+    assert 2 < k < 7  # one of nine: a mean of all
+
+
+def test_a_drift_that_the_declared_noise_has_already_counts_once() -> None:
+    again = left_out.Again(None, None)
+    size = SIZES["gyro.bias drift"][0]
+
+    def of(walk: float) -> float:
+        slow = ImuNoise(gyro=TriadNoise(random_walk=walk))
+        found = replace(again, wander=left_out.wander_of(slow, 400.0))
+        return left_out.whole(SIZES, SITE, found)["gyro.bias drift"][0]
+
+    assert of(0.0) == size
+    # A walk of K has changed by K sqrt(T): both together are the larger one.
+    half = 0.5 * size / 20.0
+    assert of(half) ** 2 + (0.5 * size) ** 2 == pytest.approx(size**2, rel=2e-3)
+    assert of(2 * size / 20.0) == 0.0
+    assert "gyro.bias drift" not in {
+        t.group for t in terms((), SITE, {"gyro.bias drift": (0.0, "")})
+    }
+
+
+def test_merged_sessions_say_that_they_share_what_is_not_estimated() -> None:
+    """Every cross term is the same in both; taken as independent its part falls by sqrt 2."""
+    results = [
+        replace(calibrate(hand(k).log, sizes=SIZES if counts else None),
+                instrument={"serial": "1"}, provenance={"input": {"sha256": str(k)}})
+        for k, counts in ((1, True), (2, True), (3, False))
+    ]  # fmt: skip
+    hashed = [(f"run {k}", str(k), r) for k, r in enumerate(results)]
+    both = {f.code: f.message for f in merged(hashed[:2]).findings}
+    assert "accel.cross" in both["merge.left_out"] and "merge.left_out_only_some" not in both
+    mixed_up = {f.code: f.message for f in merged(hashed).findings}
+    assert "run 2" in mixed_up["merge.left_out_only_some"]
+    alone = [(a, b, replace(r, diagnostics={})) for a, b, r in hashed[:2]]
+    assert not [f for f in merged(alone).findings if f.code.startswith("merge.left")]

@@ -44,6 +44,7 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
             "what": _what(first), "cure": _cure(first),
             "ties": "".join(f", or {_what(n)}" for n in list(causes)[1:]),
             "size": f", {_size(judged, first)}" if first in judged.sizes else "",
+            "worst": _worst(judged, first),
         }  # fmt: skip
         out.append(check("left out contradicted", f"size of {first}", k, None, 1.0, given))
     if not out:
@@ -67,6 +68,14 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
         terms = {"terms": "; ".join(parts)}
         out.append(check("left out unseen", "terms not shown", float(len(parts)), given=terms))
     return tuple(out)
+
+
+def _worst(judged: Judgement, group: str) -> str:
+    """Say which term of several is farthest off: the factor of a group is a mean of all."""
+    if group not in judged.worst or len(judged.seen[group].u) < 2:
+        return ""
+    name, times = judged.worst[group]
+    return f", most of all {name}, about {times:.2g} times"
 
 
 def _cure(group: str) -> str:

@@ -210,6 +210,20 @@ def _known(layout: Layout, prior: CoefficientVector) -> dict[str, list[int]]:
     return out
 
 
+def farthest(seen: Seen) -> tuple[int, float] | None:
+    """Return which term of a group is farthest off, and how many sizes that is, u / V of it [1].
+
+    None where no term is seen.
+    """
+    share = np.diag(seen.V)
+    if not (share > VISIBLE).any():
+        return None
+    off = np.where(share > VISIBLE, seen.u / np.maximum(share, VISIBLE), 0.0)
+    sure = np.abs(seen.u) / np.sqrt(np.maximum(share, VISIBLE))  # a weak alias may look huge
+    k = int(np.argmax(np.where(share > VISIBLE, sure, 0.0)))
+    return k, float(abs(off[k]))
+
+
 def detectable(seen: Seen, groups: int, power: float = 0.9) -> FloatArray:
     """Return how many sizes of each term are named in a share `power` of sessions, (c,) [1].
 
@@ -245,6 +259,8 @@ class Judgement:
     share: Mapping[str, float]  # group -> largest share of it in a variance [1]
     groups: tuple[str, ...] = ()  # those that were left out
     sizes: Mapping[str, tuple[float, str]] = field(default_factory=dict)  # [SI], and their basis
+    # group -> the term of it that is farthest off, and how many times its size that is [1]
+    worst: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
     @property
     def unseen(self) -> dict[str, float]:

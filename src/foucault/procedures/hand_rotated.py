@@ -255,7 +255,8 @@ def _again(model: RestsAndTurns) -> Again:
         )
         return replace(model, session=other).predict(state).residuals
 
-    return Again(motion, residuals, left_out.white_of(model.noise))
+    slow = left_out.wander_of(model.noise.slow, float(np.ptp(s.log.time)))
+    return Again(motion, residuals, left_out.white_of(model.noise), slow)
 
 
 PROCEDURE = Procedure(

@@ -34,7 +34,7 @@ from foucault.models.left_out import (
     terms,
     told,
 )
-from foucault.models.noise import SessionNoise
+from foucault.models.noise import ImuNoise, SessionNoise, wander
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,8 @@ class Again:
     motion: Callable[[Any], tuple[ImuModel, Motion]]
     residuals: Callable[[Any, Change], FloatArray]  # state, what is put into it -> (n, d) [SI]
     white: tuple[float, float] = (np.nan, np.nan)  # noise of both triads, NaN where unknown [SI]
+    # wander: sd of the drift of both biases over the session that the noise has already [SI]
+    wander: tuple[float, float] = (0.0, 0.0)
 
 
 def changed(site: Site, by: Change) -> Site:
@@ -70,10 +72,25 @@ def fit(
     sizes = whole(sizes, site, again)
     if sizes is None:
         return mixed.fit(model, prior, **how), None
-    found, judged = left_out.fit(
-        model, columns(model.layout.names, site, sizes, again), prior, **how
-    )
-    return found, replace(judged, sizes={g: sizes[g] for g in judged.groups})
+    names = model.layout.names
+    found, judged = left_out.fit(model, columns(names, site, sizes, again), prior, **how)
+    return found, told_of(judged, names, site, sizes)
+
+
+def told_of(judged: Judgement, names: tuple[str, ...], site: Site, sizes: Sizes) -> Judgement:
+    """Return a judgement with its sizes [SI], and with the worst term of each group by its name.
+
+    `names`: of the coefficients that are estimated.
+    """
+    members: dict[str, list[str]] = {}
+    for term in terms(names, site, sizes):
+        members.setdefault(term.group, []).append(term.name)
+    worst = {
+        g: (members[g][far[0]], far[1])
+        for g in judged.groups
+        if g in judged.seen and (far := left_out.farthest(judged.seen[g])) is not None
+    }
+    return replace(judged, sizes={g: sizes[g] for g in judged.groups}, worst=worst)
 
 
 def planned(
@@ -129,8 +146,28 @@ def declared(
 def whole(sizes: Sizes | None, site: Site, again: Again) -> Sizes | None:
     """Return sizes as the noise tells them, and that of local gravity, which `site` gives."""
     sizes = None if sizes is None else told(sizes, *again.white)
-    gravity = {GRAVITY: (site.gravity_sd, "standard uncertainty of local gravity")}
-    return None if sizes is None else dict(sizes) | gravity
+    if sizes is None:
+        return None
+    out = dict(sizes) | {GRAVITY: (site.gravity_sd, "standard uncertainty of local gravity")}
+    for triad, wanders in zip(("accel", "gyro"), again.wander, strict=True):
+        size, basis = out.get(group := f"{triad}.bias drift", (0.0, ""))
+        if size and wanders:  # the larger of both counts: what is more than the noise has
+            left = float(np.sqrt(max(size**2 - wanders**2, 0.0)))
+            out[group] = left, f"{basis}; less what [noise] has of it"
+    return out
+
+
+def wander_of(slow: ImuNoise | None, span: float) -> tuple[float, float]:
+    """Return the sd of the change of both biases over a `span` [s] that declared noise makes [SI].
+
+    `slow` or None: bias instability and random walk [SI].
+    """
+    if slow is None:
+        return 0.0, 0.0
+    ends, moment = np.array([0.0, span]), np.full(2, 1e-3 * span)
+    found = [wander(triad, ends, moment) for triad in (slow.accel, slow.gyro)]
+    sds = [float(np.sqrt(max(C[0, 0] + C[1, 1] - 2 * C[0, 1], 0.0))) for C in found]
+    return sds[0], sds[1]
 
 
 def white_of(noise: SessionNoise) -> tuple[float, float]:

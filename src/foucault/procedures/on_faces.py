@@ -194,7 +194,8 @@ def again(model: OnFaces, log: Log) -> Again:
         return replace(model, scene=other).linearise(state).residuals
 
     known = left_out.white_of(model.noise.session) if model.noise.known else (np.nan, np.nan)
-    return Again(motion, residuals, known)
+    slow = left_out.wander_of(model.noise.session.slow, float(np.ptp(log.time)))
+    return Again(motion, residuals, known, slow)
 
 
 def result_of(procedure: str, log: Log, e: FaceEvidence) -> Result:

@@ -179,7 +179,7 @@ def from_readings(
         columns = left_out.columns(options.names, site, whole, again)
         solution = fit(readings, site, start, options, lambda _: columns)
         assert solution.left_out is not None
-        judged = replace(solution.left_out, sizes={g: whole[g] for g in solution.left_out.groups})
+        judged = left_out.told_of(solution.left_out, options.names, site, whole)
         solution = replace(solution, left_out=judged)
     likelihood = None
     if task.variant is not None:
@@ -223,7 +223,8 @@ def _again(model: TableModel) -> Again:
         for cov in (r.accel_cov, r.gyro_cov)
     ]
     known = r.noise_from != "unknown"
-    return Again(motion, residuals, (white[0], white[1]) if known else (np.nan, np.nan))
+    slow = left_out.wander_of(r.slow, float(np.ptp(r.start)))
+    return Again(motion, residuals, (white[0], white[1]) if known else (np.nan, np.nan), slow)
 
 
 def _moved_north(geometry: Geometry, latitude: float) -> Geometry:
