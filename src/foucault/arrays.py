@@ -1,6 +1,8 @@
-"""Types of arrays, for annotations, and directions that do not hang on rounding."""
+"""Types of arrays, directions that do not hang on rounding, and columns without pandas."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,3 +35,35 @@ def settled(values: FloatArray, rows: FloatArray, near: float = 1e-6) -> FloatAr
             space = space - np.outer(space @ out[k], out[k])
         start = end
     return out
+
+
+def of_arrow(column: Any) -> npt.NDArray[Any]:
+    """Return a column of a table of pyarrow, numbers that are null as NaN.
+
+    Its memory is read as it lies: `to_numpy` imports pandas, which takes longer than most tables.
+    """
+    import pyarrow as pa
+
+    if pa.types.is_boolean(column.type) and not column.null_count:
+        return of_arrow(column.cast(pa.uint8())).astype(bool)
+    if pa.types.is_timestamp(column.type):
+        kind = np.dtype(f"datetime64[{column.type.unit}]")
+    elif pa.types.is_floating(column.type) or pa.types.is_integer(column.type):
+        kind = np.dtype(column.type.to_pandas_dtype())
+    else:
+        return np.array(column.to_pylist(), object)
+    parts = [_of_chunk(part, kind) for part in getattr(column, "chunks", [column])]
+    return np.concatenate(parts) if parts else np.empty(0, kind)
+
+
+def _of_chunk(part: Any, kind: np.dtype[Any]) -> npt.NDArray[Any]:
+    bits, data = part.buffers()
+    if data is None or not len(part):
+        return np.empty(0, kind)
+    values = np.frombuffer(data, kind, part.offset + len(part))[part.offset :]
+    if not part.null_count:
+        return values
+    known = np.unpackbits(np.frombuffer(bits, np.uint8), bitorder="little")
+    missing = known[part.offset : part.offset + len(part)] == 0
+    nothing = np.datetime64("NaT") if kind.kind == "M" else np.nan
+    return np.where(missing, nothing, values)

@@ -18,9 +18,8 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import Finding, Status, error
-from foucault.models.cluster import ClusterModel
 from foucault.models.imu import ImuModel
-from foucault.models.layouts import model_of, of_sensors
+from foucault.models.layouts import Instrument, model_of, of_sensors
 from foucault.models.size_effect import SizeEffect
 from foucault.models.temperature import TemperatureModel
 from foucault.symptoms import doubtful
@@ -263,7 +262,7 @@ class Result:
         object.__setattr__(self, "verdict", self.verdict.doubted(self.findings))
 
     @property
-    def model(self) -> ImuModel | ClusterModel:
+    def model(self) -> Instrument:
         """The error model with these coefficients, but for what takes several samples to see."""
         return model_of(self.numbers().coefficients)
 

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from foucault import tables
+from foucault.arrays import of_arrow
 from foucault.errors import FoucaultError, error
 from foucault.files import (
     HEAD,
@@ -405,4 +406,4 @@ def read_table(document: Path, name: str, digest: str, called: str = "") -> Tabl
     if _sha256(data) != digest:
         raise error("result.table_changed", **where)
     table = pq.read_table(io.BytesIO(data))
-    return {c: table.column(c).to_numpy() for c in table.column_names}
+    return {c: of_arrow(table.column(c)) for c in table.column_names}

@@ -40,6 +40,7 @@ IMU_LOG = (
     Column("time", "s", "time of the sample; for increments the end of the interval"),
     *_triad("gyro", "rad/s", "angular rate w_ib_b, body relative to inertial space"),
     *_triad("accel", "m/s^2", "specific force f_b, +1 g up at rest"),
+    *_triad("mag", "T", "magnetic field along the axes of the magnetometer, where logged"),
     Column("temperature", "K", "temperature of the instrument, where logged"),
 )
 """The log every reader returns and every simulator writes."""
@@ -274,6 +275,8 @@ class Log:
         What counted its time.
     begins : tuple of int
         Rows with which further recordings begin, where files recorded one by one were joined [1].
+    mag : ndarray, shape (n, 3), or None
+        Magnetic field along the axes of the magnetometer [T].
     """
 
     time: FloatArray
@@ -287,6 +290,7 @@ class Log:
     averaged: FloatArray | None = None
     clock: Clock = Clock()
     begins: tuple[int, ...] = ()
+    mag: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -316,6 +320,7 @@ class Log:
             time=self.time[rows],
             gyro=None if self.gyro is None else self.gyro[rows],
             accel=None if self.accel is None else self.accel[rows],
+            mag=None if self.mag is None else self.mag[rows],
             temperature=None if self.temperature is None else self.temperature[rows],
             table=None if self.table is None else self.table[rows],
             averaged=None if self.averaged is None else self.averaged[rows],
@@ -350,7 +355,7 @@ class Log:
     def columns(self) -> dict[str, FloatArray]:
         """Return the columns of `IMU_LOG` that this log has, by name, each shape (n,) [SI]."""
         out = {"time": self.time}
-        for name, block in (("gyro", self.gyro), ("accel", self.accel)):
+        for name, block in (("gyro", self.gyro), ("accel", self.accel), ("mag", self.mag)):
             if block is not None:
                 out |= {f"{name}_{a}": block[:, i] for i, a in enumerate(AXES)}
         if self.temperature is not None:

@@ -3,7 +3,7 @@
 Inside the package every number is SI with angles in radians. Text with a unit
 ("0.01 deg/h") becomes a float here, and a float becomes text for people here.
 
-The vocabulary is our own set of pint definitions, so that a symbol means what it means in
+The vocabulary is our own (units.txt), so that a symbol means what it means in
 this field: ``g`` is the standard acceleration of free fall (never gram), ``ug`` is micro-g
 (never microgram), ``h`` is the hour. Angle, ratio and count are dimensions of their own:
 ppm, arcsec and count can therefore never be taken for one another.
@@ -86,22 +86,15 @@ KINDS: dict[str, Kind] = _kinds(
         ("accelerometer bias per kelvin", "m/s^2/K", "ug/K mg/K", "100 ug/K"),
         ("gyro bias per kelvin", "rad/s/K", "deg/h/K deg/s/K", "0.1 deg/h/K"),
         ("scale factor per kelvin", "ratio/K", "ppm/K percent/K", "20 ppm/K"),
+        ("magnetic field", "T", "nT uT", "0.3 uT"),
+        ("magnetic field per kelvin", "T/K", "nT/K", "10 nT/K"),
         ("velocity increment", "m/s", "m/s", "0.001 m/s"),
         ("angle increment", "rad", "arcsec", "0.1 arcsec"),
         ("accelerometer count scale", "count/(m/s^2)", "count/(m/s^2)", "415 count/(m/s^2)"),
         ("gyro count scale", "count/(rad/s)", "count/(rad/s)", "4778 count/(rad/s)"),
+        ("magnetometer count scale", "count/T", "count/uT", "6.7 count/uT"),
     ]
 )
-
-
-@cache
-def _registry() -> Any:
-    import pint
-
-    registry: Any = pint.UnitRegistry(None, cache_folder=None)
-    for line in _DEFINITIONS.strip().splitlines():
-        registry.define(line)
-    return registry
 
 
 # A unit is words with powers, multiplied and divided; a number stands in front of it, not within.
@@ -131,23 +124,100 @@ _NUMBER = re.compile(
 )
 
 
-def _known_units() -> list[str]:
-    words: set[str] = set()
+@cache
+def _defined() -> dict[str, tuple[str, float, dict[str, float]]]:
+    """Return every name of a unit with the unit it is, the size of that, and what it is made of.
+
+    A line of units.txt is a name, what it is, and other names; a base unit is a [dimension].
+    """
+    out: dict[str, tuple[str, float, dict[str, float]]] = {}
     for line in _DEFINITIONS.strip().splitlines():
-        parts = [part.strip() for part in line.split("=")]
-        words.add(parts[0])
-        words.update(p for p in parts[2:] if p.isidentifier())
-    return sorted(words)
+        name, what, *others = (part.strip() for part in line.split("="))
+        if what.startswith("["):
+            row = (name, 1.0, {what: 1.0})
+        else:
+            number, _, rest = what.partition(" ")
+            made = _powers(("1 " if rest.startswith("/") else "") + rest, out)
+            row = (name, float(number), made)
+        out |= dict.fromkeys((name, *others), row)
+    return out
 
 
+def _known_units() -> list[str]:
+    return sorted(_defined())
+
+
+_TIMES = re.compile(r"(?<=[\w)])\s+(?=[\w(])|(?<=\))(?=[\w(])")
 _POWER = re.compile(r"(?<=[A-Za-z])(\d)")
 
 
-def _pint_text(unit: str) -> str:
+def _expression(unit: str) -> str:
+    """Return a unit as an expression of Python: deg/h/sqrt(h) is deg/h/((h)**0.5)."""
     text = unit.replace("µ", "u").replace("μ", "u").replace("°", "deg").replace("%", "percent")
     text = text.replace("^", "**").replace("²", "**2").replace("√", "sqrt")
+    text = re.sub(
+        r"(?<=[\w)])\s+(?=[\w(])|(?<=\))(?=[\w(])", "*", re.sub(r"\s+per\s+", "/", text.strip())
+    )
     # Floats overflow where integers would grow without bound: 9^9^9^9.
     return _INTEGER.sub(r"\1.0", _SQRT.sub(r"((\1)**0.5)", text))
+
+
+def _powers(unit: str, names: Any = None) -> dict[str, float]:
+    """Return the units in a text with their powers; the plural of a name is that name."""
+    import ast
+
+    def number(node: ast.expr) -> float:
+        if isinstance(node, ast.Constant):
+            return float(cast(float, node.value))
+        if isinstance(node, ast.UnaryOp):
+            return -number(node.operand) if isinstance(node.op, ast.USub) else number(node.operand)
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
+            return number(node.left) / number(node.right)
+        raise ValueError("no power")
+
+    def of(node: ast.expr) -> dict[str, float]:
+        if isinstance(node, ast.Name):
+            known = names or _defined()
+            plural = node.id not in known and len(node.id) > 3
+            return {known[node.id.removesuffix("s") if plural else node.id][0]: 1.0}
+        if isinstance(node, ast.Constant) and node.value == 1:
+            return {}
+        if not isinstance(node, ast.BinOp):
+            raise ValueError("not a unit")
+        left = of(node.left)
+        if isinstance(node.op, ast.Pow):
+            power = number(node.right)
+            return {k: v * power for k, v in left.items()}
+        if not isinstance(node.op, ast.Mult | ast.Div):
+            raise ValueError("not a unit")
+        sign = 1 if isinstance(node.op, ast.Mult) else -1
+        for name, power in of(node.right).items():
+            left[name] = left.get(name, 0.0) + sign * power
+        return {k: v for k, v in left.items() if v}
+
+    return of(ast.parse(_expression(unit), mode="eval").body)
+
+
+def _in_si(powers: dict[str, float]) -> tuple[float, dict[str, float]]:
+    """Return the size of units with powers, and their dimension; what cancels is not computed."""
+    over: dict[float, float] = {}
+    under: dict[float, float] = {}
+    dimension: dict[str, float] = {}
+    left = list(powers.items())
+    while left:  # each name, then what it is made of
+        name, power = left.pop(0)
+        if name.startswith("["):
+            dimension[name] = dimension.get(name, 0.0) + power
+            continue
+        _, one, made = _defined()[name]
+        side = under if power < 0 else over
+        side[one] = side.get(one, 0.0) + abs(power)
+        left = [(k, v * power) for k, v in made.items()] + left
+    for one in over.keys() & under.keys():
+        common = min(over[one], under[one])
+        over[one], under[one] = over[one] - common, under[one] - common
+    rows = [*over.items(), *((one, -n) for one, n in under.items())]
+    return math.prod(one**n for one, n in rows), dimension
 
 
 @cache
@@ -156,13 +226,13 @@ def _factor_and_dimension(unit: str) -> tuple[float, str]:
     if unit.strip() in ("", "1"):
         return 1.0, "dimensionless"
     try:
-        if not _UNIT.fullmatch(unit):  # what pint would go on to compute: "17.5 deg", "+8.8 deg"
+        if not _UNIT.fullmatch(unit):  # a number is none: "17.5 deg", "+8.8 deg"
             raise ValueError("not one unit")
-        quantity = _registry().parse_expression(_pint_text(unit)).to_base_units()
-        if not 0 < quantity.magnitude < math.inf:
+        size, dimension = _in_si(_powers(unit))
+        if not 0 < size < math.inf:
             raise ValueError("nothing, or more than there is")
-    except Exception as problem:  # pint raises many types; the user needs one clear sentence
-        words = re.findall(r"[A-Za-z_]+", _pint_text(unit))
+    except Exception as problem:  # of many types; the user needs one clear sentence
+        words = re.findall(r"[A-Za-z_]+", _expression(unit))
         known = _known_units()
         unknown = [w for w in words if w not in known and w != "sqrt"]
         near = [m for w in unknown for m in difflib.get_close_matches(w, known, n=2, cutoff=0.5)]
@@ -174,11 +244,11 @@ def _factor_and_dimension(unit: str) -> tuple[float, str]:
         if not hint and re.match(r"\s*[-+*]?\s*[\d.]", unit):
             hint = " A quantity is one number and one unit."
         raise error("unit.unknown", unit=unit, hint=hint) from problem
-    return float(quantity.magnitude), _dimension_text(quantity)
+    return size, _dimension_text(dimension)
 
 
-def _dimension_text(quantity: Any) -> str:
-    powers = {k: round(float(v), 6) for k, v in dict(quantity.dimensionality).items()}
+def _dimension_text(dimension: dict[str, float]) -> str:
+    powers = {k: round(v, 6) for k, v in dimension.items() if round(v, 6)}
     # "ug/g^2" and "ppm/g" both mean a ratio per acceleration: a ratio is a pure number.
     powers.pop("[ratio]", None) if len(powers) > 1 else None
     return " ".join(f"{k}^{v:g}" for k, v in sorted(powers.items())) or "dimensionless"
@@ -194,6 +264,11 @@ def factor(unit: str, kind: str) -> float:
     if dimension != _factor_and_dimension(want.si)[1]:
         raise error("unit.kind", unit=unit or "no unit", kind=kind, example=want.example)
     return value
+
+
+def size(unit: str) -> float:
+    """Give the SI value of one `unit` of whatever kind [SI]."""
+    return _factor_and_dimension(unit)[0]
 
 
 def parse(text: object, kind: str, key: str = "value") -> float:

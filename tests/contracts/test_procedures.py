@@ -53,6 +53,10 @@ MEANS = {"rows": "means"}
 EVERYTHING = {"g_sensitivity": True, "accel_quadratic": True}
 BOTH = {"plan": "dodecahedron 20", "both_senses": True}
 TILTED = {"tilts": ["8 deg", "-8 deg", "0 deg"]}
+FIELD = {"intensity": 49e-6, "intensity_sd": 1e-8, "noise_sd": 3e-7, "gyro_bias_sd": 1e-4,
+         "gyro_scale_sd": 1e-3, "gyro_misalignment_sd": 5e-4}  # fmt: skip
+KNOWN_IMU = {"gyro_bias_sd": 1e-12, "gyro_scale_sd": 1e-12, "gyro_misalignment_sd": 1e-12,
+             "accel_bias_sd": 1e-12, "intensity_sd": 1e-18, "wander": False}  # fmt: skip
 TRUE_TABLE = dict.fromkeys(("plumb_sd", "orthogonality_sd", "zero_sd", "position_sd"), 0.0)
 
 SESSIONS = {
@@ -73,6 +77,7 @@ SESSIONS = {
     "rate_table": Case(
         "rate_table", {"rate_sd": 5e-6, "table_rate_sd": 2e-5, "fixture_sd": 5e-5}, MEANS
     ),
+    "magnetometer": Case("magnetometer", FIELD, {"time": 12.0, "rate": 50.0}),
     "north_seeking": Case("north_seeking", {}, TILTED, noise=SEEKER),
     "platform_tumble": Case(
         "platform_tumble", {"plan": "-x -z -y +z", "rate": np.radians(5.0), "segment": 60.0},
@@ -86,11 +91,13 @@ SESSIONS = {
         "transfer_alignment", {}, {"rate": 100.0, "message_rate": 5.0, "with_outage": False},
         noise=SLAVE,
     ),
+    "imu_pose": Case("imu_pose", {}, {"time": 20.0}, grade="mems"),
 }  # fmt: skip
 ON_TABLE = ("norm_observation", "multi_position", "turntable")
 MIXED = tuple(
     n for n in PROCEDURES
-    if n not in ("hand_rotated_published", "platform_tumble", "systematic", "transfer_alignment")
+    if n not in ("hand_rotated_published", "platform_tumble", "systematic", "transfer_alignment",
+                 "imu_pose")
 )  # fmt: skip
 
 
@@ -136,7 +143,7 @@ def test_every_procedure_has_a_session() -> None:
 # -- the model -------------------------------------------------------------------------------------
 
 # The sensitivities of a turn by hand are those of its middle rule, see test_rests_and_turns.
-NEARLY = {"hand_rotated": 2e-3}
+NEARLY = {"hand_rotated": 2e-3, "magnetometer": 2e-3}
 FAR = {"hand_rotated": 1e-3}
 """How far from the solution, in SI."""
 
@@ -253,6 +260,7 @@ SIZE = {
     "accel.bias": 0.1, "accel.scale": 0.01, "accel.misalignment": 0.01, "accel.quadratic": 1e-4,
     "gyro.bias": 1e-3, "gyro.scale": 0.01, "gyro.misalignment": 0.01, "gyro.g_sensitivity": 1e-5,
     "gyro.asymmetry": 1e-3, "gyro.cubic": 1e-3,
+    "mag.scale": 0.03, "mag.misalignment": 0.03, "mag.bias": 3e-5, "mag": 0.01,
 }  # fmt: skip
 PERFECT = MEANS | TRUE_TABLE
 FAINT = ImuNoise(TriadNoise(white=1e-9), TriadNoise(white=1e-11))
@@ -268,6 +276,9 @@ EXACT = {
     "multi_position, everything": (1e-12, Case("multi_position", BOTH | EVERYTHING, PERFECT)),
     "turntable, everything": (2e-12, Case("turntable", BOTH | EVERYTHING, PERFECT)),
     "rate_table": (2e-12, Case("rate_table", {"g_sensitivity": True}, MEANS)),
+    "magnetometer": (
+        1e-6, Case("magnetometer", FIELD | KNOWN_IMU, {"rate": 200.0, "time": 8.0, "noise_sd": 0.0})
+    ),
     "north_seeking": (
         1e-7, Case("north_seeking", {"z_coupling": "free"}, TILTED, noise=SEEKER)
     ),
@@ -583,6 +594,17 @@ SCATTER = {
     "platform_tumble": (12, Case("platform_tumble", {"average": 5.0}, grade="navigation")),
     "systematic": (10, SESSIONS["systematic"]),
     "transfer_alignment": (12, SESSIONS["transfer_alignment"]),
+    "imu_pose": (20, SESSIONS["imu_pose"]),
+    "imu_pose, positions alone": (
+        15, Case("imu_pose", {}, {"time": 30.0, "with_attitude": False}, grade="mems")
+    ),
+    "imu_pose, outliers": (
+        15, Case("imu_pose", {}, {"time": 30.0, "outliers": 0.02, "lost": 0.1}, grade="mems")
+    ),
+    "imu_pose, tags": (
+        15, Case("imu_pose", {}, {"time": 30.0, "pose_rate": 30.0, "position_noise": 3e-3,
+                                  "attitude_noise": 3e-1 * np.pi / 180}, grade="mems"),
+    ),
 }  # fmt: skip
 """Sessions whose errors are drawn from what is said of them, and how many of each."""
 

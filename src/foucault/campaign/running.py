@@ -14,6 +14,7 @@ import numpy as np
 
 from foucault import logs, procedures, run_folder
 from foucault.campaign import earlier
+from foucault.campaign.holding import held
 from foucault.campaign.reading import Campaign, load
 from foucault.campaign.reading import load as load_campaign
 from foucault.campaign.tables import Said, SiteTable, parse_at
@@ -24,10 +25,10 @@ from foucault.files import make_folder, sha256, write_text
 from foucault.logs.checks import beside_another
 from foucault.logs.description import LogDescription, description_of
 from foucault.logs.follow import OnDisk
-from foucault.models.cluster import ClusterModel
 from foucault.models.earth import Site
 from foucault.models.imu import Gauge, ImuModel
-from foucault.models.layouts import model_of
+from foucault.models.layouts import Instrument, model_of
+from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise, grade
 from foucault.models.size_effect import SizeEffect
 from foucault.procedures import Progress, silent
@@ -159,7 +160,7 @@ class Simulation(Protocol):
         ...
 
     @property
-    def model(self) -> ImuModel | ClusterModel:
+    def model(self) -> Instrument:
         """The errors it had."""
         ...
 
@@ -175,6 +176,8 @@ class Session:
     campaign: Campaign
     simulation: Simulation  # log, true errors and whatever else is known to be true [SI]
     seed: int  # seed of all random numbers [1]
+    # at which it holds what its calibration does not estimate, None: it holds the model alone [SI]
+    sizes: Sizes | None = None
 
     @property
     def truth(self) -> CoefficientVector:
@@ -209,18 +212,19 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
     typical = grade(campaign.simulate.grade, "simulate.grade").noise
     # Real gravity is not what the calibration will assume, but near it.
     offset = np.random.default_rng([seed, 9]).standard_normal() * campaign.site.gravity_sd
+    beside = held(campaign, seed)
     simulation = procedure.simulate(
         campaign.session,
         settings=campaign.settings,
-        model=_instrument(campaign, seed),
+        model=beside.model(_instrument(campaign, seed)),
         noise=campaign.noise or procedure.noise or typical,
-        site=replace(campaign.site, gravity=campaign.site.gravity + float(offset)),
+        site=beside.site(replace(campaign.site, gravity=campaign.site.gravity + float(offset))),
         seed=seed,
     )
-    return Session(campaign, simulation, seed)
+    return Session(campaign, beside.simulation(simulation), seed, beside.sizes)
 
 
-def _instrument(campaign: Campaign, seed: int) -> ImuModel | ClusterModel:
+def _instrument(campaign: Campaign, seed: int) -> Instrument:
     """Draw the errors of the instrument, then set those the campaign gives."""
     procedure = procedures.load(campaign.procedure)
     drawn = procedure.draw_errors(campaign.simulate.grade, seed).coefficients()
@@ -262,6 +266,8 @@ def save_session(session: Session, folder: str | Path) -> Path:
     text = with_own_log(session.campaign.text, own)
     if session.seed != session.campaign.simulate.seed:
         text = with_seed(text, session.seed)
+    if session.sizes is None and session.campaign.sizes is not None:
+        text = with_nothing_else(text)
     write_text(folder / SESSION_CAMPAIGN, text)
     return folder / SESSION_CAMPAIGN
 
@@ -296,6 +302,16 @@ def with_own_log(text: str, own: str) -> str:
         elif own + "\n" not in pieces:
             pieces.append(own + "\n")
     return "".join(pieces)
+
+
+def with_nothing_else(text: str) -> str:
+    """Let [instrument] of a campaign's `text` say that there is nothing but what is estimated."""
+    line = "left_out = false  # a simulated instrument: it holds nothing beside its model"
+    text = re.sub(r"^# left_out = false\n", "", text, flags=re.MULTILINE)
+    head, found, rest = text.partition("[instrument]\n")
+    if not found:
+        return f"{text.rstrip()}\n\n[instrument]\n{line}\n"
+    return f"{head}{found}{line}\n{rest}"
 
 
 def with_seed(text: str, seed: int) -> str:

@@ -187,7 +187,10 @@ def _even(e: Judged) -> list[Check]:
         return []
     estimate, out = e.fit.estimate, []
     used = estimate.blocks >= 0
-    square, free = estimate.residuals[used] ** 2, 1 - estimate.leverage[used]
+    white, free = estimate.residuals[used], 1 - estimate.leverage[used]
+    if isinstance(e.fit.model, With):  # causes that all readings share are tested by themselves
+        white, free = e.fit.own
+    square = white**2
     blocks = estimate.blocks[used]
     kept = estimate.weights[blocks] > 0.5
     # Without noise halves differ for other reasons than chance.

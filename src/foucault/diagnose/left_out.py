@@ -80,6 +80,19 @@ def _cure(group: str) -> str:
     return "Estimate it, declare its size in [instrument], or take a plan that tells them apart."
 
 
+def common_g_sensitivity(judged: Judgement | None, gravity: float) -> float:
+    """Return the sd of what g-sensitivities that are not estimated add to all rates along up.
+
+    That is the mean of the three axes that act on themselves. `gravity`: local gravity [m/s^2].
+    Returns [rad/s], 0 where it does not count.
+    """
+    group = "gyro.g_sensitivity"
+    if judged is None or group not in judged.groups:
+        return 0.0
+    times = max((one[group] for one in judged.named if group in one), default=1.0)
+    return float(times * judged.sizes[group][0] * gravity / np.sqrt(3))
+
+
 def judgement_json(judged: Judgement) -> dict[str, Any]:
     """Return what was made of every group, for result.json; sizes in SI."""
     rows = {}
@@ -114,6 +127,13 @@ def table(judged: Judgement) -> TableData:
         "times": np.array([named.get(g, np.nan) for g in groups]),
         "basis": np.array([judged.sizes[g][1] for g in groups], dtype=object),
     }
+
+
+def foretold(judged: Judgement) -> TableData:
+    """Return the table "left_out" of a session that is only planned, with what would show each."""
+    some = {k: v for k, v in table(judged).items() if k != "times"}
+    by = [typical().groups[str(g)].shown_by for g in some["group"]]
+    return some | {"shown_by": np.array(by, dtype=object)}
 
 
 def _most(s: Seen) -> float:

@@ -14,7 +14,7 @@ from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.escape import json_remark
 from foucault.logs import follow, own
 from foucault.models.imu import ImuModel
-from foucault.models.layouts import is_cluster
+from foucault.models.layouts import is_cluster, is_magnetometer
 from foucault.models.size_effect import AFTER, BEFORE
 from foucault.models.temperature import TemperatureModel
 from foucault.procedures.platform_tumble.settings import of_a_command
@@ -154,7 +154,9 @@ def _calibrated(
             whole = replace(whole, temperature=result.temperature.held(whole.temperature))
         first = 0 if before is None else len(before)
         out = result.apply(whole)[first : first + len(log)]
-        out = replace(log, accel=out.accel, gyro=out.gyro)
+        out = replace(
+            log, accel=out.accel, gyro=out.gyro, mag=log.mag if out.mag is None else out.mag
+        )
         seen.add(log, out)
         yield out
 
@@ -265,7 +267,8 @@ class _Seen:
         command = is_cluster(self.result.coefficients)
         self.found.append(of_a_command(log.findings) if command else log.findings)
         names = self.result.coefficients.names
-        for key in ("accel", "gyro", "temperature"):
+        beside = is_magnetometer(self.result.coefficients)  # of an IMU that is another matter
+        for key in ("mag",) if beside else ("accel", "gyro", "mag", "temperature"):
             values = getattr(out, key)
             if values is None:
                 continue

@@ -302,12 +302,43 @@ def fit(
                 sizes[name] = s.k * (every[name] or 0.0)
         order = sorted(causes, key=lambda name: -causes[name].gain)
         named.append({name: causes[name].k for name in order})
-    last = mixed.fit(With(model, more, sizes), prior, **how)
-    parts, total = mixed.budget(last), np.diag(last.estimate.state_cov)[: len(model.layout)]
+    last = mixed.fit(With(model, more, sizes), prior, own=True, **how)
+    return last, _judged(first, named, last, more, extra)
+
+
+def planned(
+    model: Model,
+    columns: Columns,
+    prior: CoefficientVector | None = None,
+    sds: Mapping[str, float] | None = None,
+) -> tuple[Fit, Judgement]:
+    """Return fit and judgement of a session that was only planned, as `mixed.planned` does.
+
+    What a session would see of each group hangs on its plan alone; that nothing is contradicted is
+    taken for granted.
+
+    `model`: of the planned session; `columns`, `prior`: as of `fit`; `sds` or None: source -> size
+    of those to be found [SI].
+    """
+    extra = scatters(model)
+    more = (*extra, *columns(model.start))
+    sources = (*model.linearise(model.start).sources, *extra)
+    off = {s.name: 0.0 for s in sources if s.sd is None and s.unexplained}
+    first = tested(_as_free(mixed.planned(With(model, more, off), sds, prior), set(off)))
+    last = mixed.planned(With(model, more), sds, prior)
+    return last, _judged(first, [], last, more, extra)
+
+
+def _judged(
+    first: Mapping[str, Seen], named: list[dict[str, float]], last: Fit,
+    more: tuple[Source, ...], extra: tuple[Source, ...],
+) -> Judgement:  # fmt: skip
+    """Say what was made of every group: as tested at `first`, and what it is of the `last` sd."""
+    parts, total = mixed.budget(last), np.diag(last.estimate.state_cov)[: len(last.model.layout)]
     share = {n: float((v / total).max()) for n, v in parts.items()}
     groups = tuple(dict.fromkeys(s.name for s in more if s not in extra))
     needed = {n: float(detectable(s, len(first)).min()) for n, s in first.items()}
-    return last, Judgement(first, joined(named), needed, share, groups)
+    return Judgement(first, joined(named), needed, share, groups)
 
 
 def _as_free(at: Fit, held: set[str]) -> Fit:

@@ -208,7 +208,9 @@ def step(x, u, bend, dt, g_offset, held, mid):
 
 
 @kernel
-def strapdown(dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical, heights, gains):
+def strapdown(
+    dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical, heights, gains, out
+):
     """Navigate over the rows first + 1 .. last, or from first back to last.
 
     Parameters: dtheta, dvel (n, 3) increments [rad], [m/s] over dt (n,) [s]; left, right (n,):
@@ -217,11 +219,10 @@ def strapdown(dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical
     first; g_offset [m/s^2]; vertical FREE, HELD or AIDED; heights (n,) at the ends of the rows [m],
     NaN where unknown, (0,) unless AIDED; gains (3,) of the height loop [1/s, 1/s^2, 1/s^3].
 
-    Returns the states, shape (abs(last - first) + 1, 12). A step back is the exact inverse of the
-    step forward, found by repeating the latter.
+    Fills out (abs(last - first) + 1, 12) with the states: from NumPy it has large pages. A step
+    back is the exact inverse of the step forward, found by repeating the latter.
     """
     steps = abs(last - first)
-    out = np.empty((steps + 1, 12))
     x = x0.copy()
     held = vertical == HELD
     if held:
@@ -258,7 +259,6 @@ def strapdown(dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical
                 since = 0.0
         for c in range(12):  # faster than a slice
             out[j + 1, c] = x[c]
-    return out
 
 
 @inlined

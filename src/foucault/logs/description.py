@@ -50,12 +50,14 @@ TEMPERATURE_NAMES = ("temperature", "temp")
 TRIAD_PREFIXES = {
     "gyro": ("gyro", "gyr", "g", "w", "omega", "angular_velocity"),
     "accel": ("accel", "acc", "a", "f", "linear_acceleration"),
+    "mag": ("mag", "m", "magnetometer", "magnetic_field"),
 }
 """Usual beginnings of column names; ``gx``, ``gyr_x``, ``gyro.x`` and ``Gyro X`` all count."""
 
 SINGLE_NAMES = {
     "gyro": ("rate", "angularrate", "rotationrate"),
     "accel": ("acceleration", "specificforce"),
+    "mag": (),
 }
 """Usual names of the only column of a triad, without spaces."""
 
@@ -314,6 +316,15 @@ class AccelColumns(Triad):
         return zero, -scale if self.reads == "gravity" else scale
 
 
+class MagColumns(Triad):
+    """The magnetometer columns: field along its axes, which may differ from those of the IMU."""
+
+    name: ClassVar[str] = "mag"
+    kinds: ClassVar[dict[str, str]] = {"rate": "magnetic field", "increment": "magnetic field"}
+
+    kind: Literal["rate"] = Field("rate", description="each row is the field at its time")
+
+
 class TableBlock(Block):
     """Columns of the table that the instrument stands on."""
 
@@ -387,6 +398,7 @@ class LogDescription(FileLayout):
     time: TimeColumn | None = None
     gyro: GyroColumns | None = None
     accel: AccelColumns | None = None
+    mag: MagColumns | None = None
     temperature: TemperatureColumn | None = None
     table: TableBlock | None = Field(
         None, description="angles and rate of the table that the instrument stands on"
@@ -426,7 +438,7 @@ class LogDescription(FileLayout):
 
     def whole(self) -> LogDescription:
         """Return the description; refused where an axis of a triad has no column."""
-        for block in (self.gyro, self.accel):
+        for block in (self.gyro, self.accel, self.mag):
             if block is not None and len(block.logged) < len(AXES):
                 axes = " and ".join(AXES[i] for i in block.logged)
                 raise error("log.one_axis", block=block.name, axes=axes)
@@ -448,7 +460,7 @@ class LogDescription(FileLayout):
 
     def _files(self) -> dict[str, tuple[str, ...]]:
         found: dict[str, list[str]] = {} if self.file is None else {self.file: []}
-        for name in ("gyro", "accel", "temperature", "table", "averaged"):
+        for name in ("gyro", "accel", "mag", "temperature", "table", "averaged"):
             block = getattr(self, name)
             if block is None:
                 continue
@@ -466,6 +478,7 @@ _ENDINGS = {
     "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns"},
     "gyro": {"dps": "deg/s", "deg_s": "deg/s", "rad_s": "rad/s"},
     "accel": {"g": "g", "mg": "mg", "m_s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2"},
+    "mag": {"ut": "uT", "nt": "nT", "mg": "mG", "mgauss": "mG", "gauss": "G", "t": "T"},
     "temperature": {"c": "degC", "degc": "degC", "k": "K"},
 }
 """How names end that carry their unit without brackets: ``time_ms``, ``gyro_x_dps``."""
@@ -599,7 +612,7 @@ def complete(
         raise error("log.cannot_guess", file=path.name, block="gyro", have=", ".join(raw.names),
                     example='columns = ["gyro_x", "gyro_y", "gyro_z"]')  # fmt: skip
     blocks = dict(raw.declared) if raw.marker else _over(raw.declared, description, path)
-    said = description.model_dump(exclude={"time", "temperature", "table", "averaged"})
+    said = description.model_dump(exclude={"time", "mag", "temperature", "table", "averaged"})
     if "time" in blocks:
         del said["rate"]
     filled = type(description).model_validate({**said, **blocks})
@@ -617,7 +630,7 @@ def _over(declared: Mapping[str, Any], description: LogDescription, path: Path) 
         out.pop("clock", None)
     if description.clock is not None:
         out["clock"] = description.clock
-    for name in ("time", "gyro", "accel", "temperature", "table", "averaged"):
+    for name in ("time", "gyro", "accel", "mag", "temperature", "table", "averaged"):
         block = getattr(description, name)
         if block is not None:
             given = block.model_dump(mode="json", exclude_unset=True)

@@ -554,6 +554,7 @@ def _logs(parts: Iterator[Checked], used: LogDescription, sampled: Any) -> Itera
             for name in triads.keys() & data.keys():
                 data[name] /= dt[:, None]
         log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind,
-                  data.get("temperature"), findings, table=table_of(data))  # fmt: skip
+                  data.get("temperature"), findings, table=table_of(data),
+                  mag=data.get("mag"))  # fmt: skip
         yield replace(log, findings=findings + implausible(log, used), clock=used.time_base)
         before, start = time[-1:], start + len(time)

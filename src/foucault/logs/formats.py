@@ -16,7 +16,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, of_arrow
 from foucault.errors import Finding, error, finding, suggestion
 from foucault.logs.dialect import is_text, not_a_bomb, open_bytes, position
 from foucault.logs.own import ARRAY_KEY, METADATA_KEY
@@ -66,7 +66,7 @@ def _floats(column: Any) -> Any:
     import pyarrow as pa
 
     # Unsafe only in that an integer beyond 2^53 is rounded, as any float64 is.
-    return column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+    return of_arrow(column.cast(pa.float64(), safe=False))
 
 
 def _must_be_number(path: Path, field: Any) -> None:

@@ -46,6 +46,7 @@ COUNTS = ("count", "counts", "LSB")
 _COUNT_EXAMPLES = {
     "gyro": ("4778 count/(rad/s)", "0.1 arcsec", "gyro count scale"),
     "accel": ("415 count/(m/s^2)", "0.0001 m/s", "accelerometer count scale"),
+    "mag": ("6.7 count/uT", "0.15 uT", "magnetometer count scale"),
 }
 
 

@@ -59,7 +59,7 @@ def describe(names: tuple[str, ...]) -> dict[str, Any]:
     """Return the blocks of a description for one of our files with these columns."""
     units = {column.name: column.unit for column in IMU_LOG}
     blocks: dict[str, Any] = {"time": {"column": "time", "unit": units["time"]}}
-    for triad in ("gyro", "accel"):
+    for triad in ("gyro", "accel", "mag"):
         columns = [f"{triad}_{axis}" for axis in AXES]
         if set(columns) <= set(names):
             blocks[triad] = {"columns": columns, "unit": units[columns[0]]}
@@ -311,4 +311,4 @@ def means_log(
             if name in data:
                 data[name] = data[name] / length[:, None]
     return Log(data["time"], data.get("gyro"), data.get("accel"), "rate", data.get("temperature"),
-              findings, source, table_of(data), length)  # fmt: skip
+              findings, source, table_of(data), length, mag=data.get("mag"))  # fmt: skip

@@ -230,6 +230,26 @@ def _must_exist(path: Path) -> None:
     raise error("log.missing_file", path=path, what=what, hint=hint)
 
 
+def text_format(path: Path) -> bool:
+    """Tell whether a file is read as delimited text, where nothing is said of it."""
+    from foucault.logs.layout import FileLayout
+
+    try:
+        return _format(path, FileLayout(file=path.name)) in ("csv", "text")
+    except FoucaultError:
+        return False
+
+
+def binary_format(path: Path) -> bool:
+    """Tell whether a file is plain records, or of no known format, where nothing is said of it."""
+    from foucault.logs.layout import FileLayout
+
+    try:
+        return _format(path, FileLayout(file=path.name)) == "binary"
+    except FoucaultError as problem:
+        return problem.code == "log.format_unknown"
+
+
 def _format(path: Path, description: FileLayout) -> str:
     if description.format != "auto":
         return description.format

@@ -96,7 +96,7 @@ def read(
     return finished(data, used, sampled, told, source)
 
 
-TRIADS = ("gyro", "accel")
+TRIADS = ("gyro", "accel", "mag")
 """Blocks of a log that have an axis for each column."""
 
 BETWEEN = 10.0
@@ -141,7 +141,7 @@ def _one_after_the_other(
         table=joined_tables(tables) if tables else None,
         **{
             name: joined([getattr(log, name) for log in logs])
-            for name in ("time", "gyro", "accel", "temperature", "averaged")
+            for name in ("time", "gyro", "accel", "mag", "temperature", "averaged")
         },
     )
 
@@ -152,7 +152,8 @@ def _alike(one: Log, other: Log, first: str, second: str) -> None:
     def said(log: Log) -> str:
         table = log.table
         has = {
-            "gyros": log.gyro, "accelerometers": log.accel, "temperature": log.temperature,
+            "gyros": log.gyro, "accelerometers": log.accel, "magnetometers": log.mag,
+            "temperature": log.temperature,
             "angles of a table": table, "its rate": table and table.rate,
             "position numbers": table and table.position,
         }  # fmt: skip
@@ -375,7 +376,7 @@ def finished(
         for name in triads.keys() & data.keys():
             data[name] /= dt
     log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind, data.get("temperature"),
-              findings, source, table_of(data))  # fmt: skip
+              findings, source, table_of(data), mag=data.get("mag"))  # fmt: skip
     return replace(log, findings=findings + implausible(log, used), clock=used.time_base)
 
 

@@ -152,6 +152,8 @@ class Site:
         Standard uncertainty of gravity; a wrong g is a wrong scale of all accelerometers. Left
         out, as in a campaign: that of a gravity model of the place, 40 mGal, for gravity that is
         given too, since a number alone may be from a map or another town [m/s^2].
+    longitude : float or None
+        Longitude, positive east, where it is known [rad].
     """
 
     gravity: float
@@ -159,6 +161,7 @@ class Site:
     height: float = 0.0
     gravity_source: str = "given"
     gravity_sd: float = NORMAL_GRAVITY_SD
+    longitude: float | None = None
 
     @classmethod
     def at(cls, latitude: float, height: float = 0.0) -> Site:

@@ -19,10 +19,11 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.models import cluster, imu, size_effect, transfer
+from foucault.models import cluster, imu, magnetometer, pose, size_effect, transfer
 from foucault.models.cluster import ClusterModel
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel, coefficient_slot
+from foucault.models.magnetometer import Magnetometer
 
 BESIDE = Layout(
     (
@@ -32,12 +33,16 @@ BESIDE = Layout(
 )  # fmt: skip
 """What is found of a slave on its master besides the errors of its sensors."""
 
+TIES = Layout((*BESIDE.coefficients, *pose.LAYOUT.coefficients))
+"""What ties an instrument to another one, and is no error of its readings."""
+
 EVERY = Layout(
     (
         *imu.LAYOUT.coefficients,
         *size_effect.LAYOUT.coefficients,
         *(c for c in cluster.LAYOUT.coefficients if c.name not in imu.LAYOUT),
-        *BESIDE.coefficients,
+        *TIES.coefficients,
+        *magnetometer.LAYOUT.coefficients,
     )
 )
 """Every coefficient there is; to look up what a name means, not to estimate."""
@@ -53,7 +58,11 @@ def is_cluster(vector: CoefficientVector) -> bool:
     return "gyro.torquer_scale.x" in vector.layout
 
 
-def model_of(vector: CoefficientVector) -> ImuModel | ClusterModel:
+Instrument = ImuModel | ClusterModel | Magnetometer
+"""The error model of an instrument."""
+
+
+def model_of(vector: CoefficientVector) -> Instrument:
     """Return the model with the coefficients of `vector`.
 
     Those of an attitude are left out, those of a mount, and lever arms and delay of accelerometers:
@@ -61,7 +70,14 @@ def model_of(vector: CoefficientVector) -> ImuModel | ClusterModel:
     """
     if is_cluster(vector):
         return ClusterModel.from_coefficients(vector)
+    if is_magnetometer(vector):
+        return Magnetometer.from_coefficients(vector)
     return ImuModel.from_coefficients(of_one_sample(vector))
+
+
+def is_magnetometer(vector: CoefficientVector) -> bool:
+    """Whether `vector` belongs to a magnetometer beside an IMU."""
+    return "mag.bias.x" in vector.layout
 
 
 def is_imu(vector: CoefficientVector) -> bool:
@@ -71,7 +87,7 @@ def is_imu(vector: CoefficientVector) -> bool:
 
 def of_sensors(vector: CoefficientVector) -> CoefficientVector:
     """Return what of a `vector` is an error of its sensors: how it is mounted is left out."""
-    names = [name for name in vector.names if name not in BESIDE]
+    names = [name for name in vector.names if name not in TIES]
     return vector if len(names) == len(vector) else vector.chosen(names)
 
 

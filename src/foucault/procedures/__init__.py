@@ -32,10 +32,12 @@ PROCEDURES = {
     "multi_position": "foucault.procedures.multi_position",
     "turntable": "foucault.procedures.turntable",
     "rate_table": "foucault.procedures.rate_table",
+    "magnetometer": "foucault.procedures.magnetometer",
     "north_seeking": "foucault.procedures.north_seeking",
     "platform_tumble": "foucault.procedures.platform_tumble",
     "systematic": "foucault.procedures.systematic",
     "transfer_alignment": "foucault.procedures.transfer_alignment",
+    "imu_pose": "foucault.procedures.imu_pose",
 }
 """Name in a campaign file -> module."""
 

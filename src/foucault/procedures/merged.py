@@ -19,7 +19,7 @@ from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.fusion import Fused, Known, fused, with_sources
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models import cluster
-from foucault.models.layouts import BESIDE, is_cluster
+from foucault.models.layouts import TIES, is_cluster
 from foucault.result import Check, Level, Result, TimeBase, Verdict
 from foucault.units import plain
 
@@ -224,7 +224,7 @@ def _measured(label: str, result: Result) -> CoefficientVector:
     names = [
         name
         for name, good in zip(vector.names, sure, strict=True)
-        if good and name not in BESIDE and name not in cluster.ATTITUDE
+        if good and name not in TIES and name not in cluster.ATTITUDE
     ]
     if getattr(result, "temperature", None) is not None:
         raise error("merge.temperature", label=label)

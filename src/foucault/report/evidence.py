@@ -659,6 +659,32 @@ def rate_steps(result: Result) -> Section | None:
     return section("evidence.rate_steps", blocks)
 
 
+def field(result: Result) -> Section | None:
+    """What the calibration makes of headings, and the norm of the field before and after."""
+    key, facts, cells = "evidence.field", result.diagnostics["field"], result.tables["cells"]
+    raw = np.linalg.norm([cells[f"raw_{a}"] for a in "xyz"], axis=0)
+    names = (("as read", raw, SECOND), ("corrected", cells["norm"], FIRST))
+    data = [dots(name, cells["time"], x * 1e6, colour, "%{x:.1f} s: %{y:.2f} uT|" + name)
+            for name, x, colour in names]  # fmt: skip
+    degrees = {k: np.degrees(facts[k]) for k in ("dip", "dip_sd") if k in facts}
+    if "heading_spread" in facts:
+        raw_sd, sd = np.degrees(facts["heading_spread"])
+        degrees |= {"raw_sd": raw_sd, "sd": sd}
+    keys = [
+        f"{key}.lead",
+        *[f"{key}.dip"] * ("dip" in degrees),
+        *[f"{key}.spread"] * ("sd" in degrees),
+    ]
+    budget = result.tables["heading"]
+    rows = table(
+        ("cause: short", budget["cause"].tolist()),
+        ("level heading [°]: number", [f"{np.degrees(x):.3g}" for x in budget["heading_sd"]]),
+    )
+    size = facts["intensity"] * 1e6
+    lead = said(*keys, intensity=size, basis=facts["intensity_basis"], **degrees)
+    return section(key, rows, draw(key, data, lines=[size]), lead=lead)
+
+
 def _steps_figure(some: Any) -> Figure:
     """One panel per column, one trace per axis of the instrument."""
     speed, up = (np.asarray(some[k], float) for k in ("rate_true", "up"))

@@ -462,6 +462,21 @@ def made_from(about: Mapping[str, Any], files: Mapping[str, str]) -> Section:
     return provenance([*rows, ("versions", words(made.get("versions") or {}))])
 
 
+_ORDER = ("error", "warning", "note")
+
+
+def counted_once(noticed: Iterable[Finding]) -> list[dict[str, str]]:
+    """Return each kind of finding once, with how many there are, the gravest first."""
+    kinds: dict[str, list[Finding]] = {}
+    for one in noticed:
+        kinds.setdefault(one.code, []).append(one)
+    out = []
+    for some in kinds.values():
+        more = f" (and {len(some) - 1} more like it)" if len(some) > 1 else ""
+        out.append(some[0].as_dict() | {"message": some[0].message + more})
+    return sorted(out, key=lambda one: _ORDER.index(one["severity"]))
+
+
 ALIKE = 3
 """Findings of one kind that are written out [1]."""
 

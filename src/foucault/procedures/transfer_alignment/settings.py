@@ -300,7 +300,7 @@ class SlaveLog(Log):
         """
         told = (*on_a_shared_clock(log.findings), *master.findings)
         return cls(log.time, log.gyro, log.accel, log.sampled, log.temperature, told, log.source,
-                   log.table, log.averaged, log.clock, log.begins, master)  # fmt: skip
+                   log.table, log.averaged, log.clock, log.begins, log.mag, master)  # fmt: skip
 
     @property
     def messages(self) -> MasterTable:

@@ -1,0 +1,156 @@
+"""A magnetometer beside an IMU: scale, axes and soft iron as one matrix, hard iron, delay.
+
+With m_b the field in body axes, those of the IMU, and t the time of a reading::
+
+    mag(t) = A m_b(t - delay) + h + (T - T_0) h_T
+
+A is a full matrix: scale, non-orthogonality, soft iron *and* the rotation from body axes to those
+of the magnetometer, which an ellipsoid alone does not show. Soft iron cannot be told from scale and
+non-orthogonality: only the product is in the readings. The inverse needs no rate of change of the
+field, which turns in the body as the body turns, ``dm_b/dt = -w x m_b``::
+
+    m_b(t) = Exp(-w delay) A^-1 (mag(t) - h - (T - T_0) h_T)
+
+References
+----------
+.. [1] M. Kok, T. B. Schon, "Magnetometer calibration using inertial sensors", IEEE Sensors J.
+   16(14), 2016.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from foucault.arrays import FloatArray
+from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.errors import error
+from foucault.models.rotation import exp
+from foucault.tables import AXES, Log
+
+REFERENCE = 298.15
+"""T_0, the temperature that the hard iron is said at [K]."""
+
+EQUATION = (
+    "mag(t) = A m_b(t - delay) + h + h_T (T - T_0);  A = I + S + M;  "
+    "m_b: magnetic field in body axes; S: scale, M: misalignment; T_0: 298.15 K"
+)
+"""The model equation in words, as stored in results."""
+
+FRAME = "body axes x right, y forward, z up, those of the IMU"
+
+OFF = tuple((o, i) for o in range(3) for i in range(3) if o != i)
+"""Output and input axis of the elements of A beside its diagonal."""
+
+LAYOUT = Layout(
+    (
+        *(Coefficient(f"mag.scale.{a}", f"S_{a}", "scale factor error",
+                      f"magnetometer {a}: gain for the field along {a}, less 1") for a in AXES),
+        *(Coefficient(f"mag.misalignment.{AXES[o]}{AXES[i]}", f"M_{AXES[o]}{AXES[i]}",
+                      "misalignment",
+                      f"magnetometer {AXES[o]}: gain for the field along {AXES[i]}, by rotation, "
+                      "non-orthogonality and soft iron") for o, i in OFF),
+        *(Coefficient(f"mag.bias.{a}", f"h_{a}", "magnetic field",
+                      f"magnetometer {a}: hard iron and bias of the sensor") for a in AXES),
+        Coefficient("mag.delay", "delay", "delay", "how late the magnetometer is after the gyros"),
+        *(Coefficient(f"mag.bias_temperature.{a}", f"h_T{a}", "magnetic field per kelvin",
+                      f"magnetometer {a}: change of hard iron and bias with temperature")
+          for a in AXES),
+    )
+)  # fmt: skip
+"""The coefficients of a magnetometer beside an IMU."""
+
+LINEAR = LAYOUT.names[:13]
+"""Those without temperature."""
+
+IRON = LAYOUT.names[9:13]
+"""Hard iron and delay alone."""
+
+
+@dataclass(frozen=True)
+class Magnetometer:
+    """Errors of a magnetometer as matrices."""
+
+    matrix: FloatArray = field(default_factory=lambda: np.eye(3))  # (3, 3) A [1]
+    bias: FloatArray = field(default_factory=lambda: np.zeros(3))  # (3,) h [T]
+    delay: float = 0.0  # readings are of the field so long before their time [s]
+    bias_temperature: FloatArray = field(default_factory=lambda: np.zeros(3))  # (3,) h_T [T/K]
+
+    @classmethod
+    def from_coefficients(cls, vector: CoefficientVector) -> Magnetometer:
+        """Return the model with the coefficients of `vector`; those it lacks are zero."""
+        every = np.array([vector.get(name) for name in LAYOUT.names])
+        A = np.diag(1.0 + every[:3])
+        A[tuple(np.array(OFF).T)] = every[3:9]
+        return cls(A, every[9:12], float(every[12]), every[13:])
+
+    def coefficients(self, names: Iterable[str] = LAYOUT.names) -> CoefficientVector:
+        """Return the coefficients `names` of the model."""
+        every = [
+            *(np.diag(self.matrix) - 1.0), *self.matrix[tuple(np.array(OFF).T)], *self.bias,
+            self.delay, *self.bias_temperature,
+        ]  # fmt: skip
+        return CoefficientVector(LAYOUT, np.array(every)).chosen(names)
+
+    def moved(self, names: Iterable[str], step: FloatArray) -> Magnetometer:
+        """Return the model with `step` (k,) added to the coefficients `names` [SI]."""
+        values = dict(zip(names, step.tolist(), strict=True))
+        now = self.coefficients()
+        moved = now.values + [values.get(n, 0.0) for n in now.names]
+        return self.from_coefficients(replace(now, values=moved))
+
+    def iron(self, temperature: FloatArray | None) -> FloatArray:
+        """Return what is added to the field, (3,), or (n, 3) at temperatures (n,) [T, K]."""
+        if temperature is None:
+            return self.bias
+        return self.bias + np.outer(temperature - REFERENCE, self.bias_temperature)
+
+    def measure(self, m_b: FloatArray, temperature: FloatArray | None = None) -> FloatArray:
+        """Return readings of a field `m_b` (n, 3) as it was `delay` before [T]."""
+        return np.asarray(m_b @ self.matrix.T + self.iron(temperature))
+
+    def compensate(
+        self,
+        mag: FloatArray,
+        gyro: FloatArray | None = None,
+        temperature: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return the field in body axes at the time of each reading, shape (n, 3) [T].
+
+        `mag` (n, 3): readings [T]; `gyro` (n, 3) or None: rates that the delay is made up by, None
+        leaves the field as it was before [rad/s]; `temperature` (n,) or None: where it is known
+        [K].
+        """
+        m_b = np.linalg.solve(self.matrix, (mag - self.iron(temperature)).T).T
+        if gyro is None or not self.delay:
+            return np.asarray(m_b)
+        return np.asarray(np.einsum("nij,nj->ni", exp(-self.delay * gyro), m_b))
+
+    def apply(self, log: Log) -> Log:
+        """Return a log whose magnetometer reads the field in body axes [SI]."""
+        if log.mag is None:
+            raise error("mag.not_logged", file=log.source.get("file", "The log"))
+        field_b = self.compensate(log.mag, log.gyro, log.temperature)
+        return replace(log, mag=field_b)
+
+    @property
+    def polar(self) -> tuple[FloatArray, FloatArray]:
+        """P and R of ``A = P R``: P symmetric, R the rotation from body to sensor axes, (3, 3)."""
+        U, s, V = np.linalg.svd(self.matrix)
+        return U @ np.diag(s) @ U.T, U @ V
+
+
+def slopes(m_b: FloatArray, warm: FloatArray | None = None) -> FloatArray:
+    """Return derivatives of readings by the coefficients, shape (n, 3, 16), none by the delay.
+
+    `m_b` (n, 3): field in body axes [T]; `warm` (n,) or None: temperature less its reference [K].
+    """
+    out = np.zeros((len(m_b), 3, len(LAYOUT)))
+    for j, (o, i) in enumerate([*((k, k) for k in range(3)), *OFF]):
+        out[:, o, j] = m_b[:, i]
+    out[:, :, 9:12] = np.eye(3)
+    if warm is not None:
+        out[:, :, 13:] = warm[:, None, None] * np.eye(3)
+    return out

@@ -1,0 +1,59 @@
+"""The magnetic field of the Earth at a place, by the world magnetic model: offline, by pygeomag.
+
+References
+----------
+.. [1] NOAA/NCEI, "The US/UK World Magnetic Model for 2025-2030", 2024.
+"""
+
+from __future__ import annotations
+
+import datetime
+from dataclasses import dataclass
+
+import numpy as np
+
+from foucault.errors import error
+from foucault.models.earth import Site
+
+
+@dataclass(frozen=True)
+class WorldField:
+    """The field that the model says, and its standard uncertainties."""
+
+    intensity: float  # [T]
+    # dip: positive where the field points down; declination: of its level part, clockwise from
+    # true north [rad]
+    dip: float
+    declination: float
+    intensity_sd: float  # [T]
+    # dip_sd, declination_sd: crust included, buildings not [rad]
+    dip_sd: float
+    declination_sd: float
+
+
+FIRST, LAST = 2010.0, 2030.0
+"""Years that the models in pygeomag are for, five each."""
+
+
+def world_field(date: str | None, site: Site) -> WorldField | None:
+    """Return the field at a site on a `date`, such as "2026-05-04"; None where none is given."""
+    if date is None:
+        return None
+    if site.latitude is None or site.longitude is None:
+        raise error("mag.no_place", date=date)
+    try:
+        day = datetime.date.fromisoformat(date)
+        from pygeomag import GeoMag  # type: ignore[import-untyped, unused-ignore]
+    except ValueError:
+        raise error("mag.date", given=date) from None
+    except ModuleNotFoundError:
+        raise error("mag.world") from None
+    when = day.year + (day.timetuple().tm_yday - 0.5) / 365.25
+    if not FIRST <= when < LAST:
+        raise error("mag.date", given=date)
+    model = GeoMag(coefficients_file=f"wmm/WMM_{int(when // 5) * 5}.COF")
+    place = np.degrees(site.latitude), np.degrees(site.longitude)
+    at = model.calculate(*place, site.height / 1e3, when)
+    off = at.calculate_uncertainty()
+    dip, declination, dip_sd, declination_sd = np.radians([at.i, at.d, off.i, off.d]).tolist()
+    return WorldField(at.f * 1e-9, dip, declination, off.f * 1e-9, dip_sd, declination_sd)
