@@ -30,6 +30,7 @@ from foucault.guard import command
 from foucault.infer.left_out import Judgement
 from foucault.models.cluster import EQUATION, LAYOUT
 from foucault.models.earth import Site
+from foucault.models.left_out import told as told_by
 from foucault.plans.tumble import nominal
 from foucault.procedures.platform_tumble import settings as chosen
 from foucault.procedures.platform_tumble.counted import counted
@@ -73,9 +74,10 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     measured = "tumble.measured" in {f.code for f in said}
     solution = solved(tumble, beforehand, settings, site, used, moments=moments, measured=measured)
     judged = None
-    if given.sizes is not None:
+    if given.sizes:
         given.progress(0.6, "counting with what is not estimated")
-        beside = counted(solution, given.sizes, measured=measured, moments=moments)
+        sizes = told_by(given.sizes, used.accel.white, used.gyro.white) or {}
+        beside = counted(solution, sizes, measured=measured, moments=moments)
         solution, judged = (solution, None) if beside is None else beside
     given.progress(0.8, "judging the result")
     result = _result(solution, settings.filter, shown, judged)

@@ -32,6 +32,7 @@ from foucault.diagnose.systematic import legs_of
 from foucault.errors import error
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.layouts import gravity_error, with_references
+from foucault.models.left_out import told as told_by
 from foucault.navigate.increments import Increments
 from foucault.navigate.ins_filter import EarthSeen, FilterRun, earth_seen
 from foucault.procedures.record import Given, Procedure
@@ -95,9 +96,10 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         decision.problem, decision.settings, decision.solution, decision.choice
     )  # fmt: skip
     base, judged = solution, None
-    if given.sizes is not None and settings.steps != "published":
+    if given.sizes and settings.steps != "published":
         progress(0.4, "counting with what is not estimated")
-        beside = counted(decision, given.sizes, prior)
+        white = problem.noise.accel.white, problem.noise.gyro.white
+        beside = counted(decision, told_by(given.sizes, *white) or {}, prior)
         if beside is not None:
             decision, states, judged = beside
             solution = replace(solution, run=decision.solution.run, states=states,

@@ -44,6 +44,7 @@ from foucault.diagnose.references import stretched
 from foucault.errors import Finding, FoucaultError, error
 from foucault.logs.master import MasterDescription
 from foucault.models.imu import EQUATION
+from foucault.models.left_out import told as told_by
 from foucault.procedures import silent
 from foucault.procedures.record import Given, Procedure
 from foucault.procedures.transfer_alignment import settings as chosen
@@ -108,7 +109,9 @@ def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, SlaveLog, list[
     given.progress(0.1, "matching what both turned")
     settings, silence = heard(log.messages, given.settings)
     site, elsewhere = there(given.site, log.messages)
-    problem = problem_of(log, site, settings, given.noise, given.prior, sizes=given.sizes)
+    white = (noise := given.noise or chosen.NOISE).accel.white, noise.gyro.white
+    sizes = told_by(given.sizes, *white) if given.sizes else None
+    problem = problem_of(log, site, settings, given.noise, given.prior, sizes=sizes)
     given.progress(0.3, "filtering")
     problem = bent(problem) if settings.estimate_flexure else problem
     return solved(problem, history=given.shown), log, [*elsewhere, *silence]
