@@ -4,7 +4,7 @@ PYTHON ?= $(firstword $(foreach name,python3.13 python3.12 python3.11 python3 py
   $(name) -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $(name))))
 BIN := .venv/bin
 
-.PHONY: help demo test tests thorough blas lowest newest lint bench docs validation release clean
+.PHONY: help demo test tests thorough blas lowest newest lint bench docs validation plotly release clean
 
 help:
 	@echo "make demo   simulate an instrument, calibrate it, write a report to demo/"
@@ -17,6 +17,7 @@ help:
 	@echo "make bench  speed beside other programs; writes benchmarks/README.md"
 	@echo "make docs   the documentation as a web site in site/"
 	@echo "make validation   more than an hour: the tables of docs/validation, written again"
+	@echo "make plotly   the figures' library in the package, of the version in design/plotly"
 	@echo "make release   sdist and wheel in dist/, tried in an empty environment"
 
 demo: .venv/installed-run
@@ -25,6 +26,10 @@ demo: .venv/installed-run
 # The types take a minute of one processor.
 test: .venv/installed-dev
 	@$(MAKE) --no-print-directory -j2 lint tests
+
+# Needs npm; the library it writes is kept, so that nobody else does.
+plotly:
+	cd design/plotly && npm install --no-audit --no-fund && npm run build
 
 # Small matrices: a second BLAS thread only costs. Neighbours stay with one worker, which has their
 # fixtures already. Programs that tests start should find what was compiled of Python.

@@ -22,6 +22,7 @@ from generators import (
     packages,
     parts,
     pictures,
+    receivers,
     verified,
 )
 
@@ -43,6 +44,7 @@ PAGES = {
     "coefficients.md": coefficients.page,
     "api.md": api.page,
     "parts.md": parts.page,
+    "receivers_table.txt": receivers.page,
     "commands.md": commands.page,
     "verified.md": verified.page,
     "benchmarks.md": benchmarks.page,

@@ -102,7 +102,8 @@ class Session:
             lines = self.spoil(lines) if self.spoil else [*lines, ""]
             (folder / file).write_text("\n".join(lines))
         if self.master:
-            pacsv.write_csv(pa.table(self.master), folder / "master.csv")
+            beside = tomllib.loads(self.text)["master"]["file"]
+            pacsv.write_csv(pa.table(self.master), folder / beside)
         path = folder / "campaign.toml"
         path.write_text(self.text.replace('"log.csv"', f'"{file}"', 1))
         return path
@@ -197,6 +198,7 @@ _QUICK: dict[str, dict[str, dict[str, Any]]] = {
     "systematic": {"procedure": {"passes": 2}, "simulate": {"rest_time": "30 s", "rate": "10 Hz"}},
     "transfer_alignment": {"simulate": {"rate": "25 Hz", "message_rate": "2 Hz",
                                         "with_outage": False}},
+    "imu_pose": {"simulate": {"time": "20 s", "rate": "100 Hz", "pose_rate": "50 Hz"}},
 }  # fmt: skip
 """Shorter than the templates: as much as each procedure needs to pass."""
 
@@ -207,8 +209,8 @@ def _simulated(name: str, folder: Path, words: dict[str, dict[str, Any]]) -> Ses
     file = folder / "log.csv"
     marked = file.read_text().startswith("#")
     columns = _arrays(pacsv.read_csv(file, pacsv.ReadOptions(skip_rows=int(marked))))
-    beside = folder / "master.csv"
-    master = _arrays(pacsv.read_csv(beside)) if beside.exists() else {}
+    beside = folder / tomllib.loads(path.read_text()).get("master", {}).get("file", "")
+    master = _arrays(pacsv.read_csv(beside)) if beside.is_file() else {}
     made = Session(path.read_text(), columns, _calibrate, master)
     if not marked:
         return replace(made, columns={k.partition(" (")[0]: v for k, v in columns.items()})
@@ -465,6 +467,8 @@ def _angles(made: Session, factor: float = 1.0, sense: float = 1.0) -> Session |
     """Change angles that are read beside the instrument: unit, or sense of the first."""
     if made.master:
         names = [n for n in made.master if n.endswith("(deg)") and "tude" not in n]
+        if not names:
+            return None
         out = {n: made.master[n] * factor for n in names}
         out[names[0]] = out[names[0]] * sense % (360.0 if factor == 1.0 else np.inf)
         return replace(made, master={**made.master, **out})

@@ -127,3 +127,26 @@ def ulog(
         for row in rows:
             out += part(b"D", struct.pack("<H", number) + struct.pack(form, *row))
     path.write_bytes(out)
+
+
+DATAFLASH = {"Q": "Q", "B": "B", "f": "f", "I": "I", "H": "H", "N": "16s", "n": "4s", "Z": "64s"}
+"""Letter of a type in a log of ArduPilot -> letter of struct."""
+
+
+def dataflash(path: Path, messages: dict[str, tuple[str, str, list[tuple[Any, ...]]]]) -> None:
+    """Write a log of ArduPilot: name -> letters of its types, labels, rows; kinds from 130 on."""
+    packed = [(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")]
+    forms = {}
+    for number, (name, (letters, labels, _)) in enumerate(messages.items(), start=130):
+        forms[name] = number, "<" + "".join(DATAFLASH[c] for c in letters)
+        packed.append((number, 3 + struct.calcsize(forms[name][1]), name, letters, labels))
+    out = b""
+    for number, length, *words in packed:
+        out += b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", number, length,
+                                            *(w.encode() for w in words))  # fmt: skip
+    rows = [(name, row) for name, (_, _, some) in messages.items() for row in some]
+    for name, row in sorted(rows, key=lambda r: r[1][0] if isinstance(r[1][0], int) else 0):
+        number, form = forms[name]
+        fields = [x.encode() if isinstance(x, str) else x for x in row]
+        out += b"\xa3\x95" + bytes([number]) + struct.pack(form, *fields)
+    path.write_bytes(out)

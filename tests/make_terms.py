@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
+from foucault.export.densities import Densities
 from foucault.export.request import ALL, family
 from foucault.models.imu import LINEAR_LOWER
 from foucault.result import Result
@@ -25,6 +26,22 @@ SIZES = {
     "accel.asymmetry": 0.01, "gyro.deflection": 2e-4, "accel.lever": 0.05, "accel.delay": 3e-3,
 }  # fmt: skip
 """Large, so that a wrong sign or transpose shows [SI]."""
+
+
+LOUD = Densities(
+    {
+        f"{one}{triad}.{name}": np.asarray(value if one else value * np.array([1.0, 0.8, 0.9]))
+        for one in ("", "one:")
+        for triad, name, value in (
+            ("accel", "white", 2e-3), ("accel", "walk", 3e-5),
+            ("gyro", "white", 1.7e-4), ("gyro", "walk", 2e-6),
+        )
+    },
+    ("Noise: made up.",),
+    200.0,
+    100.0,
+)  # fmt: skip
+"""Noise for estimators, as of an Allan run at 200 Hz."""
 
 
 def with_terms(*families: str, seed: int = 5, **changes: Any) -> Result:

@@ -1,10 +1,12 @@
-"""Directions that do not depend on the rounding of a library."""
+"""Directions that do not depend on the rounding of a library, and columns without pandas."""
 
 from __future__ import annotations
 
 import numpy as np
+import pyarrow as pa
+import pytest
 
-from foucault.arrays import settled
+from foucault.arrays import of_arrow, settled, to_arrow
 
 
 def test_directions_of_equal_values_do_not_depend_on_how_they_are_turned() -> None:
@@ -20,3 +22,47 @@ def test_directions_of_equal_values_do_not_depend_on_how_they_are_turned() -> No
     np.testing.assert_allclose(first[1:4].T @ first[1:4], V[1:4].T @ V[1:4], atol=1e-12)
     np.testing.assert_array_equal(first[[0, 4]], V[[0, 4]])
     assert not np.allclose(V[1:4], turned[1:4], atol=0.1)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        pa.array([1.5, None, -2.0, 4.0]),
+        pa.array([1, 2, 3, 4], pa.int32()),
+        pa.array([1, None, 3, 4]),
+        pa.array([True, False, True, True]),
+        pa.array(["a", None, "c", "d"]),
+        pa.array([1, None, 3, 4], pa.timestamp("ns")),
+        pa.array([], pa.float64()),
+    ],
+)
+def test_a_column_is_what_pandas_would_make_of_it(values):
+    for some in (values, pa.chunked_array([values, values]), values[1:], values[1:3]):
+        made, expected = of_arrow(some), _by_pandas(some)
+        assert made.dtype == expected.dtype
+        np.testing.assert_array_equal(made, expected)
+
+
+def _by_pandas(some):
+    loose = {} if isinstance(some, pa.ChunkedArray) else {"zero_copy_only": False}
+    return some.to_numpy(**loose)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.array([1.5, np.nan, -2.0]),
+        np.array([1.5, 2.5, 3.5, 4.5])[::2],
+        np.array([1, 2], np.int32),
+        np.array([True, False] * 9),
+        np.array(["a", "bc"]),
+        np.array(["a", None], object),
+        np.array([], float),
+    ],
+)
+def test_a_column_is_what_pyarrow_makes_of_it(values):
+    made = to_arrow(values)
+    made.validate(full=True)
+    expected = pa.array(values)
+    assert made.type == expected.type and made.null_count == expected.null_count
+    np.testing.assert_array_equal(of_arrow(made), of_arrow(expected))

@@ -162,8 +162,15 @@ def test_inspect_shows_rates_rests_and_findings(session: Path, tmp_path: Path) -
     found = len(truth["rests"]["first"])
     out = run("inspect", session).stdout
     assert "100 Hz" in out
-    assert re.search(rf"rests found\s+{found} ", out)
-    assert "+z (" in out
+    assert f"rests found: {found} " in out
+    assert len(out.splitlines()) <= 40 and "+z (" not in out
+    (bar,) = re.findall(r"^\[([#=.]+)\]$", out, flags=re.M)
+    still = (
+        sum(truth["rests"]["last"][k] - truth["rests"]["first"][k] for k in range(found))
+        / json.loads(run("inspect", session, "--json").stdout)["samples"]
+    )
+    assert bar.count("#") / len(bar) == pytest.approx(still, abs=0.12)
+    assert "+z (" in run("inspect", session, "--all").stdout
     same = json.loads(run("inspect", session.parent / "log.csv", "--json").stdout)
     assert same["rate"] == pytest.approx(100.0)
     assert same["gaps"] == 0

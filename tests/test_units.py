@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+import subprocess
+import sys
 from typing import Annotated
 
 import numpy as np
@@ -288,3 +290,47 @@ def test_an_angle_in_parts_that_is_none_is_refused(text, reason):
         units.parse(text, "angle", "site.latitude")
     assert raised.value.code == "unit.angle"
     assert f"is not an angle in degrees, minutes and seconds: {reason}." in raised.value.message
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind", "value"),
+    [
+        ("deg/h/sqrt(h)", "rate random walk", math.radians(1) / 3600 / 60),
+        ("degrees per hour", "angular rate", math.radians(1) / 3600),
+        ("µg/√(Hz)", "velocity random walk", 9.80665e-6),
+        ("(ug) / sqrt(Hz)", "velocity random walk", 9.80665e-6),
+        ("m s^-2", "specific force", 1.0),
+        ("m*s**(-2)", "specific force", 1.0),
+        ("mg g^-1 m/s^2", "specific force", 1e-3),
+    ],
+)
+def test_units_are_words_with_powers(unit, kind, value):
+    assert units.factor(unit, kind) == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize("unit", ["gs", "deg//h", "deg/", "()", "deg^h", "s.x", "m[0]", "9^9 s"])
+def test_what_is_no_unit_is_refused(unit):
+    with pytest.raises(FoucaultError, match="is not known"):
+        units.factor(unit, "angle")
+
+
+def common() -> set[str]:
+    """Units that people read and write most, as `tests/make_units.py` finds them."""
+    import make_units
+
+    return set(make_units.common())
+
+
+def test_what_is_kept_of_pint_is_what_pint_says():
+    assert set(units._common()) == common(), "run python tests/make_units.py"
+    for unit, (size, dimension) in units._common().items():
+        assert (size, dimension) == units._by_pint(unit)
+
+
+def test_reading_common_units_does_not_load_pint():
+    code = "import sys; from foucault import units; units.parse('1 deg/h', 'angular rate')"
+    ran = subprocess.run(
+        [sys.executable, "-c", f"{code}; print({{'pint', 'dask'}} & set(sys.modules))"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert ran.stdout.strip() == "set()"

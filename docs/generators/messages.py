@@ -8,7 +8,7 @@ from foucault.symptoms import SYMPTOMS, Symptom
 
 GROUPS: dict[str, tuple[str, str]] = {
     "campaign": ("Writing a campaign file", "campaign unit coefficient noise part site left_out"),
-    "logs": ("Reading a log", "log output accel gyro"),
+    "logs": ("Reading a log", "log recognise output accel gyro"),
     "recording": ("Watching a session, and the noise of an instrument", "watch allan"),
     "rests": (
         "Calibrating by rests and turns: by hand, on faces",
@@ -24,7 +24,7 @@ GROUPS: dict[str, tuple[str, str]] = {
     "systematic": ("Systematic calibration", "systematic sequence deflection"),
     "transfer": (
         "Transfer alignment, and two logs of one body",
-        "transfer transfer_plan master delay manoeuvre h_infinity",
+        "transfer transfer_plan master delay manoeuvre h_infinity pose",
     ),
     "plans": ("Planning a session", "preflight optimise observability"),
     "navigate": ("Aligning and navigating", "alignment navigate reference strapdown"),

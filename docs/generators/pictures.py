@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
-from math import atan2, cos, radians, sin
+from math import atan2, cos, log10, radians, sin
 
 STYLE = """<style>
 text{font:15px system-ui,'DejaVu Sans',sans-serif;fill:#222}
@@ -266,7 +266,49 @@ def table() -> str:
     return sheet.svg()
 
 
+def which_number() -> str:
+    """Draw an Allan deviation with N and K on it, and what receivers make of them."""
+    sheet = Sheet(760, 330, "N and K on an Allan plot, and what receivers make of them")
+    left, top, decade = 60.0, 30.0, 62.0
+
+    def at(tau: float, sigma: float) -> Point:  # 0.01 s to 3000 s, in units of N at 1 s
+        return left + decade * (log10(tau) + 2), top + 130 - decade * log10(sigma)
+
+    times = [10 ** (k / 10) for k in range(-20, 35)]
+    flat, K = 0.16, 0.02
+    sheet.path([(left, top - 10), (left, 285), (at(3000, 1)[0], 285)], "grey")
+    sheet.text((at(3000, 1)[0], 305), "averaging time", "small", "end")
+    sheet.text((left + 6, top - 2), "deviation", "small")
+    low = [(t, (1 / t + flat**2 + K**2 * t / 3) ** 0.5) for t in times]
+    high = [(t, (1.25 / t + (3.0 * K) ** 2 * t / 3) ** 0.5) for t in times if t <= 400]
+    sheet.path([at(*p) for p in low], "line")
+    sheet.path([at(*p) for p in high], "blue dash")
+    sheet.path([at(0.05, 0.05**-0.5), at(12, 12**-0.5)], "green thin")
+    sheet.path([at(3, K), at(3000, K * 1000**0.5)], "red thin")
+    for tau, sigma, word, style in ((1.0, 1.0, "N at 1 s", "green"), (3.0, K, "K at 3 s", "red")):
+        x, y = at(tau, sigma)
+        sheet.path([(x, 285), (x, y)], "grey thin dash")
+        sheet.text((x - 8, y + 16 if style == "green" else y - 6), word, style, "end")
+    sheet.text(at(9, 0.95), "N and K that bound it", "blue")
+    sheet.text((at(20, 0.12)[0], at(20, 0.12)[1] + 6), "measured")
+    x = 440.0
+    for k, (what, white, walk, who) in enumerate((
+        ("sigma density", "N", "K", "Kalibr, OpenVINS, ORB-SLAM3, LIO-SAM, Basalt"),
+        ("variance density", "N²", "K²", "GTSAM, ROVIO"),
+        ("sample sigma", "√2 N √rate", "K √rate", "VINS-Mono, VINS-Fusion"),
+        ("sample variance", "N² rate", "K² rate", "FAST-LIO2, sensor_msgs/Imu"),
+        ("Markov sigma", "N", "K √(T/2)", "KF-GINS, PSINS, gnss-ins-sim"),
+    )):  # fmt: skip
+        y = top + 12 + 58 * k
+        sheet.text((x, y), what, "title")
+        sheet.text((x + 145, y), white, "green")
+        sheet.text((x + 240, y), walk, "red")
+        sheet.text((x, y + 19), who, "small")
+    return sheet.svg()
+
+
 PICTURES = {
+    "which_number": which_number,
     "frames": frames,
     "angles": angles,
     "force": force,

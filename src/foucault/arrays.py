@@ -1,6 +1,8 @@
-"""Types of arrays, for annotations, and directions that do not hang on rounding."""
+"""Types of arrays, directions that do not hang on rounding, and columns without pandas."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,3 +35,45 @@ def settled(values: FloatArray, rows: FloatArray, near: float = 1e-6) -> FloatAr
             space = space - np.outer(space @ out[k], out[k])
         start = end
     return out
+
+
+def of_arrow(column: Any) -> npt.NDArray[Any]:
+    """Return a column of a table of pyarrow, numbers that are null as NaN.
+
+    `to_numpy` imports pandas, which takes longer than most tables.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if isinstance(column, pa.ChunkedArray):
+        column = column.combine_chunks()
+    if pa.types.is_boolean(column.type) and not column.null_count:
+        return of_arrow(column.cast(pa.uint8())).astype(bool)
+    if pa.types.is_timestamp(column.type):
+        none = np.iinfo(np.int64).min  # not a time
+        ticks = of_arrow(pc.fill_null(column.cast(pa.int64()), none))
+        return ticks.view(f"datetime64[{column.type.unit}]")
+    if pa.types.is_integer(column.type) and column.null_count:
+        column = column.cast(pa.float64())
+    if pa.types.is_floating(column.type) and column.null_count:
+        column = pc.fill_null(column, np.nan)
+    if not pa.types.is_floating(column.type) and not pa.types.is_integer(column.type):
+        return np.array(column.to_pylist(), object)
+    kind, data = np.dtype(column.type.to_pandas_dtype()), column.buffers()[1]
+    if not len(column):
+        return np.empty(0, kind)
+    return np.frombuffer(data, kind, len(column), column.offset * kind.itemsize)
+
+
+def to_arrow(values: Any) -> Any:
+    """Return a column for a table of pyarrow, as `pyarrow.array` does without importing pandas."""
+    import pyarrow as pa
+
+    x = np.asarray(values)
+    if x.dtype.kind in "UO" and x.ndim == 1:
+        return pa.array(x.tolist())
+    if x.dtype.kind not in "fib" or x.ndim != 1:
+        return pa.array(values)
+    kind = pa.from_numpy_dtype(x.dtype)
+    memory = np.packbits(x, bitorder="little") if x.dtype.kind == "b" else np.ascontiguousarray(x)
+    return pa.Array.from_buffers(kind, len(x), [None, pa.py_buffer(memory)])

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from foucault import units
 from foucault.arrays import FloatArray
+from foucault.display import Shown
 from foucault.errors import error, suggestion
 
 NARROWEST = 1e-30
@@ -98,7 +99,7 @@ class Layout:
 
 
 @dataclass(frozen=True)
-class CoefficientVector:
+class CoefficientVector(Shown):
     """Values of the coefficients of a layout, with what is known of their errors.
 
     Attributes

@@ -54,20 +54,39 @@ def csv_comment(text: object) -> str:
     return _CELL.sub(r"\1\2'", hash_comment(text))
 
 
-_COMMENTS: dict[str, Callable[[object], str]] = {"#": hash_comment, " *": c_comment}
+def line_comment(text: object) -> str:
+    """Return `text` for a comment of one line that a backslash at its end would go on with: C++."""
+    return c_comment(text).rstrip("\\ ")
+
+
+def xml_comment(text: object) -> str:
+    """Return `text` for a comment of XML, which two hyphens in a row would end."""
+    return re.sub(r"-(?=-|$)", "- ", plain(text))
+
+
+_COMMENTS: dict[str, Callable[[object], str]] = {
+    "#": hash_comment,
+    " *": c_comment,
+    "//": line_comment,
+    "%": plain,
+    ";": plain,
+    "<!--": xml_comment,
+}
 
 
 def commented(lines: Iterable[object], mark: str, *, table: bool = False) -> str:
     """Put a comment mark before each of `lines`.
 
-    `lines`: the remarks, one line each is made of them; `mark`: ``#``, or `` *`` inside a C
-    comment; `table`: whether the file is a table, which spreadsheets open.
+    `lines`: the remarks, one line each is made of them; `mark`: what begins a comment, a key of
+    `_COMMENTS`, `` *`` inside one of C; `table`: whether the file is a table, which spreadsheets
+    open.
     """
     safe = csv_comment if table else _COMMENTS[mark]
     out = []
     for line in map(str, lines):
         indent = " " * (len(line) - len(line.lstrip(" ")))
-        out.append(f"{mark} {indent}{safe(line)}".rstrip())
+        end = " -->" if mark == "<!--" else ""
+        out.append(f"{mark} {indent}{safe(line)}".rstrip() + end)
     return "\n".join(out)
 
 

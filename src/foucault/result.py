@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
+from foucault.display import Shown, printer
 from foucault.errors import Finding, Status, error
 from foucault.models.imu import ImuModel
 from foucault.models.layouts import Instrument, model_of, of_sensors
@@ -97,7 +98,7 @@ class Level(StrEnum):
 
 
 @dataclass(frozen=True)
-class Check:
+class Check(Shown):
     """One test of a result: a number, its limits, and a sentence for people.
 
     `value`, `low` and `high` are in the unit [that `sentence` says]; `low` and `high` are None
@@ -122,7 +123,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(Shown):
     """Pass, doubtful or unusable, and why in plain sentences.
 
     Attributes
@@ -195,7 +196,7 @@ class TimeBase:
 
 
 @dataclass(frozen=True)
-class Result:
+class Result(Shown):
     """A calibration: coefficients with covariance, and everything needed to trust and use it.
 
     Attributes
@@ -312,6 +313,26 @@ class Result:
         if isinstance(self.model, ImuModel):
             return self.size_effect.apply(self.model, log)
         return self.model.apply(log)
+
+    def plot(self, name: str) -> Any:
+        """Return a figure of the report, which shows itself in a notebook.
+
+        Parameters
+        ----------
+        name : str
+            Such as "residuals", "budget" or "correlation"; a wrong one is told which there are.
+        """
+        return printer().plot(self, name)
+
+    def dataframe(self, name: str) -> Any:
+        """Return a table as a DataFrame of pandas, the units of its columns in ``attrs["units"]``.
+
+        Parameters
+        ----------
+        name : str
+            "coefficients", or a key of `tables` such as "rests".
+        """
+        return printer().dataframe(self, name)
 
     def at(self, temperature: float) -> Result:
         """Return the result for one temperature, with coefficients that do not change with it.

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from foucault import tables
+from foucault.arrays import of_arrow, to_arrow
 from foucault.errors import FoucaultError, error
 from foucault.files import (
     HEAD,
@@ -319,7 +320,7 @@ def _parquet(columns: Mapping[str, Any], notes: Mapping[str, Mapping[str, str]])
     """Return columns as Parquet, with `notes` of each."""
     import pyarrow as pa
 
-    arrays = {name: pa.array(values) for name, values in columns.items()}
+    arrays = {name: to_arrow(values) for name, values in columns.items()}
     fields = [pa.field(name, a.type, metadata=notes.get(name)) for name, a in arrays.items()]
     return parquet_of(pa.Table.from_arrays(list(arrays.values()), schema=pa.schema(fields)))
 
@@ -404,5 +405,5 @@ def read_table(document: Path, name: str, digest: str, called: str = "") -> Tabl
         raise error("result.table_missing", **where) from None
     if _sha256(data) != digest:
         raise error("result.table_changed", **where)
-    table = pq.read_table(io.BytesIO(data))
-    return {c: table.column(c).to_numpy() for c in table.column_names}
+    table = pq.ParquetFile(io.BytesIO(data)).read()
+    return {c: of_arrow(table.column(c)) for c in table.column_names}

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
+from foucault.display import Shown
 from foucault.errors import error
 
 if TYPE_CHECKING:
@@ -247,7 +248,7 @@ def whole_samples(count: float) -> int:
 
 
 @dataclass(frozen=True)
-class Log:
+class Log(Shown):
     """An inertial log in SI units and body axes, exactly as measured (nothing compensated).
 
     Attributes

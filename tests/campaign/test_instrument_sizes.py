@@ -16,8 +16,9 @@ def sizes(lines: str) -> dict[str, tuple[float, str]] | None:
     return None if given is None else dict(given)
 
 
-def test_nothing_said_is_nothing_counted() -> None:
-    assert sizes("") is None
+def test_nothing_said_is_what_the_noise_tells_and_off_is_nothing() -> None:
+    assert sizes("") == {}
+    assert sizes("left_out = false\n") is None
 
 
 def test_a_part_has_its_class_and_what_its_sheet_states() -> None:

@@ -36,11 +36,11 @@ def test_it_prints_a_table_and_writes_a_folder(log: Path, tmp_path: Path) -> Non
     result = run("allan", log, "-o", tmp_path / "noise")
     assert result.exit_code == 0
     out = result.output
-    for word in ("gyro.x", "angle random walk", "accel.z", "velocity random walk", "not seen"):
+    for word in ("gyro.x", "Angle random walk", "accel.z", "velocity random walk", "N   B   K"):
         assert word in out
-    assert "below" in out and "The record is too short to show less" in out
+    assert out.count("Not seen, in a record that tells up to") == 1
     assert {p.name for p in (tmp_path / "noise").iterdir()} == {
-        "report.html", "noise.toml", "allan.csv",
+        "report.html", "noise.toml", "allan.csv", "allan.json",
     }  # fmt: skip
     block = (tmp_path / "noise" / "noise.toml").read_text()
     noise = campaign.parse(campaign.template("hand_rotated") + "\n" + block).noise
@@ -160,3 +160,42 @@ def test_one_axis_is_refused_where_three_are_needed(command: str, tmp_path: Path
     said = " ".join(done.output.split())
     assert "[log.gyro] names a column for z alone; this needs x, y and z." in said
     assert "`foucault allan` and `foucault inspect`" in said
+
+
+def test_any_columns_with_a_unit_need_no_description(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    rows = rng.normal(0, 0.5, (3000, 4)) * [1.0, 1.0, 2.0, 3.0]
+    file = tmp_path / "bench.csv"
+    np.savetxt(file, rows, delimiter=",", header="drift,omega,tilt,q", comments="")
+    both = ["--column", "omega", "--column", "2", "--unit", "deg/h", "--rate", "10 Hz"]
+    found = json.loads(run("allan", file, *both, "--json").stdout)["channels"]
+    assert list(found) == ["gyro.x", "gyro.y"]
+    for name, sd in (("gyro.x", 0.5), ("gyro.y", 1.0)):  # white noise: its sd at one interval
+        first = found[name]["deviation"][0]
+        assert first == pytest.approx(np.radians(sd) / 3600, rel=0.05)
+    found = json.loads(run("allan", file, "--column", "q", "--unit", "m/s", "--rate", "10 Hz",
+                           "--json").stdout)  # fmt: skip
+    assert list(found["channels"]) == ["accel.x"]
+    assert found["channels"]["accel.x"]["deviation"][0] == pytest.approx(15.0, rel=0.1)
+
+
+def test_the_time_column_says_the_rate_of_any_column(tmp_path: Path) -> None:
+    rows = np.column_stack([np.arange(3000) * 20.0, np.random.default_rng(5).normal(size=3000)])
+    file = tmp_path / "bench.csv"
+    np.savetxt(file, rows, delimiter=",", header="time (ms),x9", comments="")
+    found = json.loads(run("allan", file, "--column", "x9", "--unit", "mg", "--json").stdout)
+    assert found["channels"]["accel.x"]["interval"] == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--column", "a", "--unit", "deg/s"], "No column of 'bench.csv' is titled as time"),
+        (["--column", "a", "--unit", "kg", "--rate", "1 Hz"], "is no unit of a gyro or an"),
+        (["--column", "a"] * 4 + ["--unit", "mg"], "4 columns were named with --column"),
+    ],
+)
+def test_columns_that_cannot_be_read(words: list[str], text: str, tmp_path: Path) -> None:
+    (tmp_path / "bench.csv").write_text("a,b\n1,2\n2,3\n")
+    done = run("allan", tmp_path / "bench.csv", *words)
+    assert done.exit_code == 1 and text in " ".join(done.output.split())

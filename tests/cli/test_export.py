@@ -170,7 +170,8 @@ def test_export_writes_for_every_receiver(tmp_path: Path, result: Result) -> Non
     from foucault.export import RECEIVERS
 
     save(result, tmp_path / "run", CAMPAIGN.format(serial="", file="log.csv"))
-    drop = ["--drop", "accel.misalignment", "--drop", "accel.bias", "--drop", "gyro"]
+    drop = ["--drop", "accel.misalignment", "--drop", "accel.bias", "--drop", "gyro",
+            "--drop", "accel.scale", "--drop", "noise"]  # fmt: skip
     for receiver in RECEIVERS:
         out = tmp_path / receiver
         done = run("export", tmp_path / "run", "--to", receiver, "-o", out, *drop, "--json")

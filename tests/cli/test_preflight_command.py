@@ -14,6 +14,7 @@ from typer.testing import CliRunner, Result
 
 from foucault import procedures, units
 from foucault.campaign import optimisation, parse, simulate, template
+from foucault.campaign.running import with_nothing_else
 from foucault.cli import app
 from foucault.errors import FoucaultError
 from foucault.models.cluster import CONSTANTS, LAYOUT
@@ -447,7 +448,13 @@ def test_the_budget_says_what_to_improve(tmp_path):
     found = json.loads(run("--json", "preflight", file).output)
     rows = {row["name"]: row for row in found["coefficients"]}
     assert rows["accel.misalignment.yx"]["mostly"] == "placement"
-    assert rows["accel.bias.x"]["mostly"] == "accelerometer noise"
+    assert rows["accel.bias.x"]["mostly"] == "accel.quadratic"
+    assert "Not estimated" in printed
+    file.write_text(with_nothing_else(file.read_text()))
+    alone = json.loads(run("--json", "preflight", file).output)
+    rows_alone = {row["name"]: row for row in alone["coefficients"]}
+    assert rows_alone["accel.bias.x"]["mostly"] == "accelerometer noise"
+    assert "left_out" not in alone
     total = np.sum(list(found["budget"].values()), axis=0)
     np.testing.assert_allclose(total, [row["sd"] ** 2 for row in rows.values()], rtol=1e-6)
 

@@ -166,7 +166,7 @@ def test_export_at_a_temperature(runs: list[str]) -> None:
     run("temperature", *runs, "--at", "at-15=-15 degC", "-o", "model")
     assert run("export", "model", "--to", "c", "-o", "calibration.h").exit_code == 0
     assert "foucault_at(double kelvin" in Path("calibration.h").read_text()
-    done = run("--json", "export", "model", "--to", "px4", "-o", "px4.params")
+    done = run("--json", "export", "model", "--to", "kalibr", "-o", "imu.yaml")
     assert json.loads(done.stdout)["error"]["code"] == "temperature.receiver"
     done = run("export", "model", "--to", "json", "--at", "25 degC", "-o", "room.json")
     assert done.exit_code == 0

@@ -11,7 +11,7 @@ import pytest
 
 import foucault
 
-HEAVY = ("numba", "pandas", "pint", "scipy", "plotly", "dask", "pydantic", "pyarrow", "rich")
+HEAVY = ("numba", "pandas", "pint", "scipy", "dask", "pydantic", "pyarrow", "rich")
 
 
 def _modules_after(code: str) -> set[str]:

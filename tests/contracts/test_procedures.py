@@ -91,11 +91,13 @@ SESSIONS = {
         "transfer_alignment", {}, {"rate": 100.0, "message_rate": 5.0, "with_outage": False},
         noise=SLAVE,
     ),
+    "imu_pose": Case("imu_pose", {}, {"time": 20.0}, grade="mems"),
 }  # fmt: skip
 ON_TABLE = ("norm_observation", "multi_position", "turntable")
 MIXED = tuple(
     n for n in PROCEDURES
-    if n not in ("hand_rotated_published", "platform_tumble", "systematic", "transfer_alignment")
+    if n not in ("hand_rotated_published", "platform_tumble", "systematic", "transfer_alignment",
+                 "imu_pose")
 )  # fmt: skip
 
 
@@ -593,6 +595,17 @@ SCATTER = {
     "platform_tumble": (12, Case("platform_tumble", {"average": 5.0}, grade="navigation")),
     "systematic": (10, SESSIONS["systematic"]),
     "transfer_alignment": (12, SESSIONS["transfer_alignment"]),
+    "imu_pose": (20, SESSIONS["imu_pose"]),
+    "imu_pose, positions alone": (
+        15, Case("imu_pose", {}, {"time": 30.0, "with_attitude": False}, grade="mems")
+    ),
+    "imu_pose, outliers": (
+        15, Case("imu_pose", {}, {"time": 30.0, "outliers": 0.02, "lost": 0.1}, grade="mems")
+    ),
+    "imu_pose, tags": (
+        15, Case("imu_pose", {}, {"time": 30.0, "pose_rate": 30.0, "position_noise": 3e-3,
+                                  "attitude_noise": 3e-1 * np.pi / 180}, grade="mems"),
+    ),
 }  # fmt: skip
 """Sessions whose errors are drawn from what is said of them, and how many of each."""
 

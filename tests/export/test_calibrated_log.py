@@ -350,7 +350,7 @@ POOL = {"ARROW_DEFAULT_MEMORY_POOL": "system", "MALLOC_ARENA_MAX": "1"}
 
 PEAK = """
 import json, sys
-import pyarrow.csv, pyarrow.parquet, pydantic, pint
+import pyarrow.csv, pyarrow.parquet, pydantic
 from foucault.cli import app
 from foucault.export import calibrate_log
 from foucault.logs import LogDescription

@@ -19,15 +19,17 @@ import pytest
 from foucault import escape
 from foucault.campaign.tables import dotted
 from foucault.campaign.writing import _text
-from foucault.export import RECEIVERS, write
+from foucault.export import write
 from foucault.export.request import FAMILIES as CAN
+from foucault.export.syntax import SYNTAXES
+from foucault.export.table import found_in, receivers
 from foucault.logs.description import LogDescription
 from foucault.models.cluster import LAYOUT as CLUSTER
 from foucault.plans.sequence_file import parse_sequence, write_steps
 from foucault.report import html
 from foucault.result import Result
 from make_result import make_result
-from make_terms import with_terms
+from make_terms import LOUD, with_terms
 
 HOSTILE = (
     "*/ int evil(void){return 1;} /*",
@@ -93,10 +95,10 @@ def counted(name: str) -> LogDescription:
 
 
 def written(receiver: str, name: str, path: Path) -> Path:
-    families = ("accel.bias",) if receiver in ("px4", "ros2", "kalibr", "imucal") else CAN
-    drop = ["accel.bias"] if receiver == "kalibr" else []
+    own = receivers().get(receiver)
+    families = CAN if own is None else own.takes or ("accel.bias",)
     result = hostile_result(name, with_terms(*families))
-    return write(result, receiver, path, log=counted(name), drop=drop)
+    return write(result, receiver, path, log=counted(name), noise=LOUD)
 
 
 def names_in(code: str) -> set[str]:
@@ -154,7 +156,7 @@ def test_python_runs_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", HOSTILE, ids=IDS)
-@pytest.mark.parametrize("receiver", ["kalibr", "ros2"])
+@pytest.mark.parametrize("receiver", ["kalibr", "ros2", "lio-sam", "kf-gins"])
 def test_yaml(receiver: str, name: str, tmp_path: Path) -> None:
     yaml = pytest.importorskip("yaml")
     got = yaml.safe_load(written(receiver, name, tmp_path / "out.yaml").read_text("utf-8"))
@@ -163,7 +165,7 @@ def test_yaml(receiver: str, name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", HOSTILE, ids=IDS)
-@pytest.mark.parametrize("receiver", ["json", "imucal"])
+@pytest.mark.parametrize("receiver", ["json", "imucal", "basalt"])
 def test_json(receiver: str, name: str, tmp_path: Path) -> None:
     got = json.loads(written(receiver, name, tmp_path / "out.json").read_text("utf-8"))
     want = json.loads(written(receiver, "plain", tmp_path / "plain.json").read_text("utf-8"))
@@ -174,6 +176,37 @@ def test_json(receiver: str, name: str, tmp_path: Path) -> None:
 def test_px4(name: str, tmp_path: Path) -> None:
     lines = written("px4", name, tmp_path / "out").read_text("utf-8").splitlines()
     assert all(line.startswith(("#", "param set CAL_", "param save")) for line in lines)
+
+
+OTHERS = {
+    "msckf-vio": ("<!--", "<launch>", "  <param name=", "</launch>"),
+    "rovio": (";", "Prediction", "  PredictionNoise", "{", "}", "  {", "  }", "    "),
+    "ardupilot": ("#", "INS_"),
+    "gtsam-cpp": ("//", "#pragma once", "#include <gtsam", "inline auto", "  ", "}"),
+    "psins": ("%", *(f"{key} = " for key in (
+        "eb", "db", "web", "wdb", "sqrtR0G", "TauG", "sqrtR0A", "TauA", "dKGii", "dKAii", "dKGij",
+        "dKAij", "imuerr"))),
+    "gtsam": ("#", "import numpy", "from gtsam import", "params", "if hasattr", "    params"),
+    "vins-mono": ("%YAML:1.0", "#", "acc_", "gyr_", "g_norm"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HOSTILE, ids=IDS)
+@pytest.mark.parametrize("receiver", list(OTHERS))
+def test_other_receivers(receiver: str, name: str, tmp_path: Path) -> None:
+    """Nothing begins a line but a comment and what the writer means, and nothing is read else."""
+    text = written(receiver, name, tmp_path / "out").read_text("utf-8")
+    assert all(line.startswith(OTHERS[receiver]) for line in text.splitlines() if line)
+    own = receivers()[receiver]
+    plain = written(receiver, "plain", tmp_path / "plain").read_text("utf-8")
+    assert found_in(own, text) == found_in(own, plain) != {}
+    if receiver == "msckf-vio":
+        import xml.etree.ElementTree as ET
+
+        assert "--" not in text.replace("<!--", "").replace("-->", "")
+        ET.fromstring(text.partition("<launch>")[1] + text.partition("<launch>")[2])
+    if receiver == "gtsam-cpp":
+        assert not [line for line in text.splitlines() if line.endswith("\\")]
 
 
 def formulas(path: Path) -> list[str]:
@@ -284,4 +317,4 @@ def test_texts_that_harm_nobody_stay_as_they_are() -> None:
         assert escape.csv_comment(text) == text
         assert escape.csv_cell(text) == escape.screen(text) == text
     assert escape.csv_cell("-30.5") == "-30.5"
-    assert set(RECEIVERS) == {"c", "python", "json", "csv", "kalibr", "imucal", "px4", "ros2"}
+    assert {receivers()[name].syntax for name in receivers()} == set(SYNTAXES)

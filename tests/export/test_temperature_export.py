@@ -263,7 +263,7 @@ def test_what_is_dropped_is_dropped_at_all_temperatures(tmp_path: Path) -> None:
     assert any("gyro.bias.x" in line for line in doc["about"])
 
 
-@pytest.mark.parametrize("receiver", ["csv", "kalibr", "imucal", "px4", "ros2"])
+@pytest.mark.parametrize("receiver", ["csv", "kalibr", "imucal", "basalt", "ros2"])
 def test_receivers_without_temperature_refuse(receiver: str, tmp_path: Path) -> None:
     with pytest.raises(FoucaultError) as caught:
         write(a_result(families=["accel.bias"]), receiver, tmp_path / "file")

@@ -220,3 +220,23 @@ def test_a_prior_that_is_wrong_is_named_not_a_term() -> None:
     at, judged = left_out.fit(drawn(rng, {}), lambda _: sources(), wrong)
     assert next(iter(judged.named[0])) == "prior of accel.bias"
     assert abs(at.estimate.coefficients.values[0]) < 4 * at.estimate.coefficients.sd[0]
+
+
+@pytest.mark.parametrize("there", [0.0, 1.0])
+def test_the_own_part_of_readings_is_as_noisy_as_it_should_be_whatever_they_share(there) -> None:
+    rng, halves = np.random.default_rng(9), np.arange(2 * N) < N
+    squares, free = np.zeros((300, 2)), np.zeros(2)
+    for k in range(len(squares)):
+        at = whole(drawn(rng, dict.fromkeys(SIZES, there)), quadratic=30.0, drift=30.0)
+        z, free_of = at.own
+        squares[k] = [np.sum(z[h] ** 2) for h in (halves, ~halves)]
+        free = np.array([np.sum(free_of[h]) for h in (halves, ~halves)])
+    J, columns = design()
+    B = np.concatenate([J, *(30.0 * c for c in columns.values())], axis=2).reshape(2 * N, -1)
+    Q = np.linalg.qr(B)[0]  # at 30 sizes it is nearly as if they were estimated
+    np.testing.assert_allclose(free.sum(), 2 * N - Q.shape[1], rtol=1e-3)
+    low, high = chi_square_limits(free.sum() * len(squares), tests=2)
+    assert low <= squares.sum() <= high
+    # The variance of a half is at most that of chi-square: a limit of its mean.
+    off = (squares.mean(axis=0) - free) / np.sqrt(2 * free / len(squares))
+    assert np.abs(off).max() < 3.3

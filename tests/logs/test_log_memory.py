@@ -22,7 +22,7 @@ POOL = {
 
 READ = """
 import json, sys
-import pyarrow.csv, pyarrow.parquet, pydantic, pint
+import pyarrow.csv, pyarrow.parquet, pydantic
 from foucault.logs import LogDescription, read
 def peak():
     with open("/proc/self/status") as lines:

@@ -269,7 +269,7 @@ def test_serial_numbers_need_a_column_and_one_file(tmp_path):
 
 FLEET = """
 import json, sys
-import pyarrow.csv, pydantic, pint
+import pyarrow.csv, pydantic
 from foucault.logs import LogDescription, by_serial
 def peak():
     with open("/proc/self/status") as lines:

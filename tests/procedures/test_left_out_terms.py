@@ -7,20 +7,23 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from foucault import run_folder
 from foucault.campaign import parse
 from foucault.campaign.writing import template
 from foucault.detect.stretches import How, find_rests
+from foucault.diagnose.checks import reversed_earth_at_rest
 from foucault.diagnose.study import nees
 from foucault.errors import FoucaultError
 from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
 from foucault.infer.gauss_newton import chi_square_limits
-from foucault.models.earth import Site
-from foucault.models.left_out import NONE, changes, sizes_of, terms
-from foucault.models.noise import grade
+from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.left_out import NONE, ByNoise, changes, sizes_of, terms
+from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.rests_and_turns import Session as SessionData
-from foucault.procedures import ferraris, hand_rotated, rate_table
+from foucault.procedures import ferraris, hand_rotated, left_out, rate_table, six_position
+from foucault.procedures.merged import merged
 from foucault.report.calibration import sections
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
@@ -193,7 +196,7 @@ def test_a_run_folder_keeps_them_and_the_page_shows_one_table_of_them(tmp_path) 
 
 def test_a_campaign_declares_the_instrument() -> None:
     text = template("hand_rotated")
-    assert parse(text).sizes is None
+    assert parse(text).sizes == ByNoise()
     graded = parse(text.replace("[instrument]", '[instrument]\ngrade = "tactical MEMS"', 1))
     assert graded.sizes == sizes_of("tactical MEMS")
     assert set(graded.instrument) == {"name", "serial", "operator", "due", "note"}
@@ -213,3 +216,93 @@ def test_a_procedure_that_does_not_count_them_says_so() -> None:
     result = hand_rotated.calibrate(means, site=SITE, sizes=SIZES)
     told = next(f for f in result.findings if f.code == "left_out.not_counted")
     assert "but 'hand_rotated' does not count them with such a log" in told.message
+
+
+def test_sizes_that_are_larger_than_the_terms_make_no_half_of_a_session_suspect() -> None:
+    settings = six_position.Settings(placement_sd=3 * ARCMIN)
+    session, failed = six_position.Session(placement_sd=3 * ARCMIN), 0
+    for seed in range(40):
+        sim = six_position.simulate(
+            session, model=draw_errors("mems", seed), noise=grade("mems").noise, site=SITE,
+            seed=seed, settings=settings,
+        )  # fmt: skip
+        found = six_position.PROCEDURE.trial(sim.log, site=SITE, settings=settings, sizes=SIZES)
+        failed += any(not c.passed for c in found.checks if c.name.startswith("evenness"))
+    assert failed <= binom.isf(0.005, 40, 0.02), failed
+
+
+def test_a_term_that_counts_is_no_reason_to_doubt() -> None:
+    """It explains nearly all that the gyros read at rest, and is of its size."""
+    session = hand_rotated.Session()
+    sim = hand_rotated.simulate(
+        session, model=draw_errors("mems", 3), noise=grade("mems").noise, site=SITE, seed=3
+    )
+    f, _ = sim.model.compensate(sim.log.accel, sim.log.gyro)
+    matrix = SIZES["gyro.g_sensitivity"][0] * np.array([[1, -1, 1], [1, 1, -1], [-1, 1, 1]])
+    log = replace(sim.log, gyro=sim.log.gyro + f @ matrix.T)
+    without, counted = (
+        hand_rotated.PROCEDURE.trial(log, site=SITE, sizes=sizes) for sizes in (None, SIZES)
+    )
+    assert "session.g_sensitivity" in [f.code for f in without.findings]
+    assert without.verdict.level is Level.DOUBTFUL
+    assert "session.g_sensitivity" not in [f.code for f in counted.findings]
+    assert counted.verdict.level is Level.PASS
+
+
+@pytest.mark.parametrize(
+    ("beside", "told"), [(0.0, True), (5.8, True), (58.0, False)], ids=["none", "10", "100"]
+)
+def test_a_g_sensitivity_that_counts_may_hide_the_sign_of_the_earths_rate(beside, told) -> None:
+    """Deg/h of all gyros along up: of a reversed sign -22.6; of 100 deg/h/g 58 (1 sd)."""
+    hour, rng = np.radians(1 / 3600), np.random.default_rng(4)
+    up = np.repeat(np.vstack([np.eye(3), -np.eye(3)]), 3, axis=0)
+    made = -2 * EARTH_RATE * np.sin(SITE.latitude) * up
+    noise = hour * rng.standard_normal(up.shape)
+    found = reversed_earth_at_rest(made + noise, up, np.eye(3), SITE, beside=beside * hour)
+    assert (found is not None and not found.passed) is told
+
+
+def test_the_worst_term_is_named_beside_the_factor_of_its_group() -> None:
+    sim = hand(1)
+    gyro = sim.log.gyro.copy()
+    gyro[:, 2] += 12 * SIZES["gyro.g_sensitivity"][0] * sim.log.accel[:, 1]
+    result = calibrate(replace(sim.log, gyro=gyro), sizes=SIZES)
+    k = result.diagnostics["named"][0]["gyro.g_sensitivity"]
+    (reason,) = [r for r in result.verdict.reasons if "times as large" in r]
+    assert "most of all gyro.g_sensitivity.zy, about 12 times" in reason
+    assert 2 < k < 7  # one of nine: a mean of all
+
+
+def test_a_drift_that_the_declared_noise_has_already_counts_once() -> None:
+    again = left_out.Again(None, None)
+    size = SIZES["gyro.bias drift"][0]
+
+    def of(walk: float) -> float:
+        slow = ImuNoise(gyro=TriadNoise(random_walk=walk))
+        found = replace(again, wander=left_out.wander_of(slow, 400.0))
+        return left_out.whole(SIZES, SITE, found)["gyro.bias drift"][0]
+
+    assert of(0.0) == size
+    # A walk of K has changed by K sqrt(T): both together are the larger one.
+    half = 0.5 * size / 20.0
+    assert of(half) ** 2 + (0.5 * size) ** 2 == pytest.approx(size**2, rel=2e-3)
+    assert of(2 * size / 20.0) == 0.0
+    assert "gyro.bias drift" not in {
+        t.group for t in terms((), SITE, {"gyro.bias drift": (0.0, "")})
+    }
+
+
+def test_merged_sessions_say_that_they_share_what_is_not_estimated() -> None:
+    """Every cross term is the same in both; taken as independent its part falls by sqrt 2."""
+    results = [
+        replace(calibrate(hand(k).log, sizes=SIZES if counts else None),
+                instrument={"serial": "1"}, provenance={"input": {"sha256": str(k)}})
+        for k, counts in ((1, True), (2, True), (3, False))
+    ]  # fmt: skip
+    hashed = [(f"run {k}", str(k), r) for k, r in enumerate(results)]
+    both = {f.code: f.message for f in merged(hashed[:2]).findings}
+    assert "accel.cross" in both["merge.left_out"] and "merge.left_out_only_some" not in both
+    mixed_up = {f.code: f.message for f in merged(hashed).findings}
+    assert "run 2" in mixed_up["merge.left_out_only_some"]
+    alone = [(a, b, replace(r, diagnostics={})) for a, b, r in hashed[:2]]
+    assert not [f for f in merged(alone).findings if f.code.startswith("merge.left")]

@@ -11,6 +11,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from foucault.campaign import optimisation, parse, template
+from foucault.campaign.running import with_nothing_else
 from foucault.errors import FoucaultError
 from foucault.plans.optimise import compare, descend
 
@@ -22,8 +23,12 @@ ODD = '[optimise.weights]\n"gyro.scale" = 1.0\n"gyro.cubic" = 1.0\n' + "".join(
 OWN = ["20 deg/s", "-20 deg/s", "80 deg/s", "-80 deg/s"]
 
 
+# A gyro that holds nothing else: with white noise alone the optimum is known.
+TEXT = with_nothing_else(template("rate_table"))
+
+
 def space_of(wanted="", old="", new=""):
-    text, _, _ = template("rate_table").partition("# [optimise]")
+    text, _, _ = TEXT.partition("# [optimise]")
     assert old in text
     return optimisation.space_of(parse(text.replace(old, new, 1) + wanted))
 
@@ -68,7 +73,7 @@ def test_what_is_found_is_what_preflight_says_of_it():
     plan = space.allowed.filled(np.array([572.0, 1000.0]))
     assert compare(space, plan).geometric_mean[0] == pytest.approx(0.793, abs=0.005)
     assert space.cost(plan) == inf  # two speeds do not show what they leave
-    made = parse(template("rate_table"))
+    made = parse(TEXT)
     said = space.changes(plan)["simulate"]
     session = type(made.session).model_validate(made.session.model_dump() | said)
     found = optimisation.foresee(replace(made, session=session))

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from foucault import report
+from foucault.errors import finding
+from foucault.report.page import counted_once
 from make_result import make_result
 
 CSS = (Path(report.__file__).parent / "page.css").read_text(encoding="utf-8")
@@ -17,7 +19,7 @@ CSS = (Path(report.__file__).parent / "page.css").read_text(encoding="utf-8")
 @pytest.fixture(scope="module")
 def page() -> str:
     whole = report.html(make_result())
-    return re.sub(r"<script>/\*\*\n\* plotly\.js.*?</script>", "", whole, flags=re.DOTALL)
+    return re.sub(r'<script type="text/plain" id="plotly">.*?</script>', "", whole)
 
 
 def tags(page: str) -> list[tuple[str, dict[str, str | None]]]:
@@ -50,7 +52,7 @@ def test_every_element_is_closed(page):
 
 def test_language_title_and_width_are_declared(page):
     found = tags(page)
-    assert ("html", {"lang": "en"}) in found
+    assert ("html", {"lang": "en", "class": "flat"}) in found
     assert "<title>Calibration of MTi-28 0180-2214</title>" in page
     assert {"name": "viewport", "content": "width=device-width, initial-scale=1"} in [
         attributes for tag, attributes in found if tag == "meta"
@@ -79,6 +81,17 @@ def test_every_switch_has_its_label(page):
     found = tags(page)
     switches = {a["id"] for t, a in found if t == "input"}
     assert switches == {a["for"] for t, a in found if t == "label"} and len(switches) == 1
+
+
+def test_each_kind_of_finding_is_said_once_the_gravest_first():
+    noticed = [
+        *(finding("allan.longest_rest", start=str(k), end="9") for k in range(3)),
+        finding("allan.moves", start="1", end="2"),
+    ]
+    once = counted_once(noticed)
+    assert [one["severity"] for one in once] == ["warning", "note"]
+    assert once[1]["message"].endswith("(and 2 more like it)")
+    assert once[1]["message"].startswith(noticed[0].message)
 
 
 def test_links_lead_to_sections(page):

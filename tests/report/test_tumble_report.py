@@ -68,11 +68,11 @@ def test_residuals_with_slow_noise_have_no_upper_limit(result):
 
 def test_the_sections_and_their_order(result):
     assert [s.title for s in sections(result)] == [
-        "Certificate", "Alignment", "Coefficients", "Motion", "What the motion shows",
+        "Alignment", "Coefficients", "Motion", "What the motion shows",
         "Estimates in the course of time", "Residuals", "Sensitivity", "What could not be seen",
         "Uncertainty budget",
         "Correlation", "Findings", "Checks",
-        "How to apply it", "Provenance",
+        "How to apply it", "Certificate", "Provenance",
     ]  # fmt: skip
 
 

@@ -35,6 +35,7 @@ from foucault.campaign.running import (
     SESSION_CAMPAIGN,
     given_errors,
     keep_recorded,
+    with_nothing_else,
     with_own_log,
     with_seed,
 )
@@ -45,7 +46,7 @@ from foucault.diagnose import compare as diagnose
 from foucault.diagnose import table as table_report
 from foucault.diagnose.compare import Distribution, Outlying
 from foucault.diagnose.references import times_the_table, with_clock
-from foucault.errors import Finding, FoucaultError, error
+from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.files import make_folder, write_text
 from foucault.logs.reading import by_serial
 from foucault.models.imu import LAYOUT
@@ -520,6 +521,8 @@ def _reduced(work: _Work, serial: str, log: Log | FoucaultError) -> _Reduced | R
         return Row.broken(serial, problem)
     validity = table_report.validity(readings, log, c.site)
     found = c.findings + log.findings
+    if c.sizes:
+        found = (*found, finding("left_out.not_counted", procedure=c.procedure))
     timed = log.clock, times_the_table(log), log.sampled == "increment"
     return _Reduced(serial, readings, found, validity, provenance(log.source, 0.0), timed)
 
@@ -545,7 +548,7 @@ def _calibrated(work: _Work, serial: str, log: Log | FoucaultError) -> Row:
     log = replace(log, findings=c.findings + log.findings)
     try:
         result = procedures.load(c.procedure).calibrate(
-            log, site=c.site, settings=c.settings, noise=c.noise, prior=c.prior
+            log, site=c.site, settings=c.settings, noise=c.noise, prior=c.prior, sizes=c.sizes
         )
     except FoucaultError as problem:
         return Row.broken(serial, problem)
@@ -636,5 +639,7 @@ def save_simulated(
     text = with_own_log(campaign.text, head + LOG + rest)
     if seed is not None:
         text = with_seed(text, seed)
+    if campaign.sizes is not None and not campaign.sizes:
+        text = with_nothing_else(text)
     write_text(folder / SESSION_CAMPAIGN, text)
     return folder / SESSION_CAMPAIGN

@@ -453,7 +453,9 @@ def beforehand(campaign: Campaign) -> tuple[Beforehand[Any, Any], tuple[Finding,
     c = campaign
     earlier.refuse(c, "a search")
     seed = c.simulate.seed
-    known = Beforehand(c.settings, c.session, c.site, c.noise, c.prior, wanted=c.wanted, seed=seed)
+    known = Beforehand(
+        c.settings, c.session, c.site, c.noise, c.prior, sizes=c.sizes, wanted=c.wanted, seed=seed
+    )
     procedure = procedures.load(c.procedure)
     if c.noise or not (procedure.assumes_noise or procedure.observe):
         return known, ()
@@ -464,10 +466,11 @@ def beforehand(campaign: Campaign) -> tuple[Beforehand[Any, Any], tuple[Finding,
 def _simulated(campaign: Campaign) -> Foresight:
     """Simulate a session and calibrate it: its covariance is what can be expected."""
     procedure, seed = procedures.load(campaign.procedure), campaign.simulate.seed
-    log = simulate(campaign, seed).simulation.log
+    session = simulate(campaign, seed)
+    log = session.simulation.log
     result = procedure.calibrate(
         log, site=campaign.site, settings=campaign.settings, noise=campaign.noise,
-        prior=campaign.prior,
+        prior=campaign.prior, sizes=session.sizes,
     )  # fmt: skip
     found = result.coefficients
     lost = [n for n, s in zip(found.names, found.sd, strict=True) if not np.isfinite(s)]

@@ -12,8 +12,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from foucault import logs, procedures, run_folder
+from foucault import display, logs, procedures, run_folder
 from foucault.campaign import earlier
+from foucault.campaign.holding import held
 from foucault.campaign.reading import Campaign, load
 from foucault.campaign.reading import load as load_campaign
 from foucault.campaign.tables import Said, SiteTable, parse_at
@@ -27,9 +28,11 @@ from foucault.logs.follow import OnDisk
 from foucault.models.earth import Site
 from foucault.models.imu import Gauge, ImuModel
 from foucault.models.layouts import Instrument, model_of
+from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise, grade
 from foucault.models.size_effect import SizeEffect
 from foucault.procedures import Progress, silent
+from foucault.recognise.reading import question, recognise
 from foucault.result import Result
 from foucault.tables import IndexedLog, Log
 
@@ -69,7 +72,7 @@ def _unedited(campaign: Campaign) -> str:
     return " and ".join(["[site]"] * place + ["the name in [instrument]"] * name)
 
 
-def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> Result:
+def calibrate(campaign: Campaign | str | Path, progress: Progress | None = None) -> Result:
     """Read the log of a campaign and calibrate it.
 
     Parameters
@@ -77,13 +80,15 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
     campaign : Campaign, str or Path
         The campaign or its file.
     progress : callable
-        Called with the fraction done and what is being done.
+        Called with the fraction done and what is being done; None for a bar in a notebook, and
+        for nothing elsewhere.
 
     Returns
     -------
     Result
         Coefficients with covariance, checks and a verdict [SI].
     """
+    tell = display.progress() if progress is None else progress
     if not isinstance(campaign, Campaign):
         campaign = load(campaign)
     procedure = procedures.load(campaign.procedure)
@@ -93,7 +98,7 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
     if procedure.streams:
         on_disk = OnDisk(campaign.log, campaign.folder, _told(campaign))
         log = on_disk if on_disk.size > STREAMED else None
-    given = read_log(campaign, progress) if log is None else log
+    given = read_log(campaign, tell) if log is None else log
 
     def run(prior: earlier.Priors) -> Result:
         with _stuck_named(given):
@@ -105,8 +110,10 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress = silent) -> R
                 prior=prior,
                 sizes=campaign.sizes,
                 instrument=campaign.instrument,
-                progress=progress,
+                progress=tell,
             )
+        if progress is None:
+            tell(1.0, "done")
         return earlier.with_given(_stuck_first(result), prior)
 
     if campaign.earlier is None:
@@ -174,6 +181,8 @@ class Session:
     campaign: Campaign
     simulation: Simulation  # log, true errors and whatever else is known to be true [SI]
     seed: int  # seed of all random numbers [1]
+    # at which it holds what its calibration does not estimate, None: it holds the model alone [SI]
+    sizes: Sizes | None = None
 
     @property
     def truth(self) -> CoefficientVector:
@@ -208,15 +217,16 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
     typical = grade(campaign.simulate.grade, "simulate.grade").noise
     # Real gravity is not what the calibration will assume, but near it.
     offset = np.random.default_rng([seed, 9]).standard_normal() * campaign.site.gravity_sd
+    beside = held(campaign, seed)
     simulation = procedure.simulate(
         campaign.session,
         settings=campaign.settings,
-        model=_instrument(campaign, seed),
+        model=beside.model(_instrument(campaign, seed)),
         noise=campaign.noise or procedure.noise or typical,
-        site=replace(campaign.site, gravity=campaign.site.gravity + float(offset)),
+        site=beside.site(replace(campaign.site, gravity=campaign.site.gravity + float(offset))),
         seed=seed,
     )
-    return Session(campaign, simulation, seed)
+    return Session(campaign, beside.simulation(simulation), seed, beside.sizes)
 
 
 def _instrument(campaign: Campaign, seed: int) -> Instrument:
@@ -261,6 +271,8 @@ def save_session(session: Session, folder: str | Path) -> Path:
     text = with_own_log(session.campaign.text, own)
     if session.seed != session.campaign.simulate.seed:
         text = with_seed(text, session.seed)
+    if session.campaign.sizes is not None and not session.campaign.sizes:
+        text = with_nothing_else(text)
     write_text(folder / SESSION_CAMPAIGN, text)
     return folder / SESSION_CAMPAIGN
 
@@ -295,6 +307,16 @@ def with_own_log(text: str, own: str) -> str:
         elif own + "\n" not in pieces:
             pieces.append(own + "\n")
     return "".join(pieces)
+
+
+def with_nothing_else(text: str) -> str:
+    """Let [instrument] of a campaign's `text` say that there is nothing but what is estimated."""
+    line = "left_out = false  # a simulated instrument: it holds nothing beside its model"
+    text = re.sub(r"^# left_out = false\n", "", text, flags=re.MULTILINE)
+    head, found, rest = text.partition("[instrument]\n")
+    if not found:
+        return f"{text.rstrip()}\n\n[instrument]\n{line}\n"
+    return f"{head}{found}{line}\n{rest}"
 
 
 def with_seed(text: str, seed: int) -> str:
@@ -350,7 +372,7 @@ def read_any(
     were recorded one by one where it has to be `one`. Returns the campaign too, where there is one.
     """
     if path.suffix != ".toml":
-        description, told = description_of(path)
+        description, told = _described(path)
         if whole:
             description.whole()
         log = logs.read(description, path.parent, lambda part: progress(part, "reading the log"))
@@ -364,6 +386,23 @@ def read_any(
     if not isinstance(log, Log):
         raise error("north.not_imu", procedure=campaign.procedure)
     return log, campaign
+
+
+def _described(path: Path) -> tuple[LogDescription, tuple[Finding, ...]]:
+    """Describe a log by its titles, or by these and its numbers where they do not suffice."""
+    try:
+        return description_of(path)
+    except FoucaultError as problem:
+        try:
+            seen = recognise([path])
+        except FoucaultError as other:
+            unlike = other.code in ("recognise.no_triad", "recognise.short")
+            raise (problem if unlike else other) from None
+        if seen.questions:
+            raise question(seen) from None
+        taken = "; ".join(f"{line.what} {line.took} ({line.sure})" for line in seen.lines)
+        told = finding("recognise.taken", file=path.name, taken=taken)
+        return seen.description(), (told,)
 
 
 Reader = Callable[[Path, Progress], tuple[Any, Campaign | None]]

@@ -21,7 +21,9 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import monte_carlo, procedures
+from foucault.arrays import of_arrow
 from foucault.campaign import earlier
+from foucault.campaign.holding import in_words
 from foucault.campaign.reading import Campaign
 from foucault.campaign.running import simulate
 from foucault.campaign.writing import resolved
@@ -97,7 +99,7 @@ class Parts:
             return {}
         tables = [pq.read_table(self.folder / FOLDER / _name(part)) for part in there]
         whole = pa.concat_tables(tables)
-        return {name: whole[name].to_numpy() for name in whole.column_names}
+        return {name: of_arrow(whole[name]) for name in whole.column_names}
 
     def run(
         self,
@@ -221,7 +223,7 @@ class Trial:
         try:
             result = procedure.trial(
                 session.simulation.log, site=campaign.site, settings=campaign.settings,
-                noise=campaign.noise, prior=campaign.prior,
+                noise=campaign.noise, prior=campaign.prior, sizes=session.sizes,
             )  # fmt: skip
         except FoucaultError as problem:
             return row | _row(names, problem.code)
@@ -286,6 +288,8 @@ def run(
         "seed": seed,
         "names": names,
     }
+    if (drawn := in_words(campaign)) is not None:
+        asked["left_out"] = drawn
     size = PART if n <= LARGE else LARGE_PART
     kept = opened(folder, asked, "study", size, {"campaign.toml": text})
     spread = map or monte_carlo.threads(workers)
@@ -303,5 +307,5 @@ def load(folder: str | Path) -> tuple[Study, dict[str, Any]]:
     if asked is None or not (folder / TRIALS_FILE).exists():
         raise error("study.missing", folder=folder)
     table = pq.read_table(folder / TRIALS_FILE)
-    columns = {name: table[name].to_numpy() for name in table.column_names}
+    columns = {name: of_arrow(table[name]) for name in table.column_names}
     return Study.of(asked["names"], columns), asked | {"n": len(table)}

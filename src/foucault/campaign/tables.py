@@ -54,10 +54,13 @@ class Instrument(Strict):
     grade: Literal["consumer MEMS", "tactical MEMS", "tactical FOG", "navigation RLG"] | None = (
         Field(default=None, examples=["consumer MEMS"])
     )
-    """Its class. What the calibration does not estimate is then no longer taken for nothing: it has
-    the typical size (1 sd) of this class in every uncertainty, and is tested."""
+    """Its class. What the calibration does not estimate has the typical size (1 sd) of this class
+    in every uncertainty, and is tested. Left out, the noise of the log tells the class."""
     part: str | None = Field(default=None, examples=["ICM-20948"])
     """A part that `foucault parts` knows: its class, and the sizes that its data sheet states."""
+    left_out: bool | None = Field(default=None, examples=[False])
+    """false: what is not estimated is taken for nothing, as in a simulated instrument that holds
+    nothing else. Left out, its sizes are as said here, or of the class that the noise tells."""
     accel_quadratic: Annotated[float, Quantity("quadratic")] | None = Field(default=None, ge=0)
     """Size of the accelerometers' quadratic terms, instead of that of the grade."""
     accel_cross: Annotated[float, Quantity("quadratic")] | None = Field(default=None, ge=0)
@@ -94,7 +97,16 @@ class Instrument(Strict):
     """Size of the drift of the gyros' scale factors over the session."""
 
     def sizes(self) -> dict[str, tuple[float, str]] | None:
-        """Return the sizes of what is not estimated [SI], None where nothing is said of them."""
+        """Return the sizes of what is not estimated [SI], None where it is taken for nothing.
+
+        What nothing is said of has the size that the noise of a log tells.
+        """
+        if self.left_out is False:
+            sized = {g.replace(".", "_").replace(" ", "_") for g in left_out.table().groups}
+            given = sorted((sized | {"grade"}) & self.model_fields_set)
+            if given:
+                raise error("left_out.off", keys=", ".join(given))
+            return None
         known = left_out.table()
         said = {
             group: (size, "as given in the campaign")
@@ -104,11 +116,13 @@ class Instrument(Strict):
         sheet: dict[str, tuple[float, str]] = {}
         grade: str | None = self.grade
         if self.part is not None:
-            sheet = {g: s for g, s in parts.sizes_of(self.part).items() if g in known.groups}
+            usual_too = {g for g, group in known.groups.items() if group.sizes}
+            sheet = {g: s for g, s in parts.sizes_of(self.part).items() if g in usual_too}
             of = parts.part(self.part).grade
             grade = grade or (of if of in known.grades else None)
-        usual = {} if grade is None else left_out.sizes_of(grade)
-        return usual | sheet | said or None
+        if grade is None:
+            return left_out.ByNoise(sheet | said)
+        return left_out.sizes_of(grade) | sheet | said
 
     def named(self) -> dict[str, str]:
         """Return what a result repeats: which instrument it was, not what such ones are like."""

@@ -119,16 +119,19 @@ def _of_part(name: str) -> str:
     return "\n".join([*lines, *table]) + "\n"
 
 
-def template(procedure: str, part: str | None = None) -> str:
+def template(procedure: str, part: str | None = None, grade: str | None = None) -> str:
     """Write a commented campaign file for `procedure`.
 
     It loads as it is, and with the log that `foucault simulate` makes it also runs as it is.
-    `part`: an instrument whose noise is that of its data sheet, one of `models.parts`.
+    `part`: an instrument whose noise is that of its data sheet, one of `models.parts`; `grade`: its
+    class.
     """
     record = procedures.load(procedure)
     instrument = {"name": EXAMPLE, "serial": "0001", "operator": "", "note": ""}
     if part is not None:
         instrument["part"] = parts.part(part).name
+    if grade is not None:
+        instrument["grade"] = grade
     settings = ["[procedure]", f"name = {_text(procedure)}", *_commented(record.Settings, {})]
     blocks = [
         _HEAD.format(summary=record.summary),
@@ -216,38 +219,39 @@ def _text(value: Any) -> str:
 # -- the file as resolved ------------------------------------------------------------------
 
 
-def resolved(campaign: Campaign, folder: str | Path) -> str:
+def resolved(campaign: Campaign, folder: str | Path, head: str = "") -> str:
     """Write the campaign with every default filled in, as it is kept in the run folder.
 
     Numbers are written in SI to the last bit, files relative to `folder`, so that the copy
-    gives the same result from there.
+    gives the same result from there. `head`: remarks to begin with.
     """
     tables = campaign.tables
     log = _exact(tables.log)
-    _relocate(log, campaign.folder, Path(folder))
+    relocate(log, campaign.folder, Path(folder))
     master = {} if campaign.master is None else _exact(campaign.master)
-    _relocate(master, campaign.folder, Path(folder))
+    relocate(master, campaign.folder, Path(folder))
     site = _exact(tables.site)
     note = ""
     if tables.site.gravity is None:
         note = f"# gravity: {campaign.site.gravity!r} m/s^2, {campaign.site.gravity_source}"
     blocks = [
         f"{RESOLVED.decode()}, in SI units.",
-        _table("instrument", campaign.instrument),
-        _table("site", site) + note,
-        _table("log", log),
-        *([_table("master", master)] if master else []),
-        _table("procedure", {"name": campaign.procedure} | _exact(campaign.settings)),
+        *([head] if head else []),
+        table_text("instrument", campaign.instrument),
+        table_text("site", site) + note,
+        table_text("log", log),
+        *([table_text("master", master)] if master else []),
+        table_text("procedure", {"name": campaign.procedure} | _exact(campaign.settings)),
     ]
     if tables.noise is not None:
-        blocks.append(_table("noise", _exact(tables.noise)))
+        blocks.append(table_text("noise", _exact(tables.noise)))
     prior: dict[str, Any] = {k: v.model_dump() for k, v in tables.prior.items()}
     if campaign.earlier is not None:
         prior = earlier.written(campaign.earlier, campaign.folder, Path(folder)) | prior
     if prior:
-        blocks.append(_table("prior", prior))
+        blocks.append(table_text("prior", prior))
     simulate = _exact(campaign.simulate) | _exact(campaign.session)
-    blocks.append(_table("simulate", simulate))
+    blocks.append(table_text("simulate", simulate))
     return "\n\n".join(part.strip() for part in blocks) + "\n"
 
 
@@ -266,14 +270,15 @@ def changed(campaign: Campaign, changes: Mapping[str, Mapping[str, Any]], note: 
             block.pop(key, None)
             if value is not None:
                 block[key] = value
-    blocks = [commented([note], "#"), *(_table(name, block) for name, block in raw.items())]
+    blocks = [commented([note], "#"), *(table_text(name, block) for name, block in raw.items())]
     return "\n\n".join(part.strip() for part in blocks) + "\n"
 
 
-def _relocate(block: dict[str, Any], old: Path, new: Path) -> None:
+def relocate(block: dict[str, Any], old: Path, new: Path) -> None:
+    """Let the files that a table names be found from another folder."""
     for key, value in block.items():
         if isinstance(value, dict):
-            _relocate(value, old, new)
+            relocate(value, old, new)
         elif key == "file":
             block[key] = Path(os.path.relpath(old / value, new)).as_posix()
 
@@ -294,7 +299,8 @@ def _exact(model: BaseModel) -> dict[str, Any]:
     return out
 
 
-def _table(name: str, values: Mapping[str, Any]) -> str:
+def table_text(name: str, values: Mapping[str, Any]) -> str:
+    """Write a table of a campaign."""
     lines = []
     for key, value in values.items():
         line = f"{dotted((key,))} = {_text(value)}"

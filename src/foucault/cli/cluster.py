@@ -9,9 +9,7 @@ another, and because a trial depends on nothing but its number, the content is t
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
-import importlib.metadata
 import logging
 import os
 import pickle
@@ -146,6 +144,8 @@ def dask_setup(_worker: Any) -> None:
 
 
 def _connected(stack: ExitStack, address: str) -> Any:
+    import asyncio
+
     import distributed
 
     try:
@@ -182,6 +182,8 @@ def _about() -> dict[str, str]:
 
 @cache
 def _software() -> dict[str, str]:
+    import importlib.metadata
+
     import foucault
 
     source = hashlib.sha256()

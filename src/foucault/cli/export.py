@@ -12,28 +12,49 @@ from foucault.cli.options import Amount, command, quantity
 from foucault.cli.screen import COLOURS, Screen
 
 if TYPE_CHECKING:
+    from foucault.export.densities import Densities
     from foucault.logs.description import LogDescription
     from foucault.models.noise import ImuNoise
     from foucault.result import Result
 
 
+BAGS = (".bag", ".mcap", ".db3")
+"""How the name of a bag ends, where it is no folder."""
+
+
 @command(
     "foucault apply run flight.csv -o flight_calibrated.parquet",
     "foucault apply run/result.json other_campaign.toml -o out.csv",
+    "foucault apply run drive.bag -o drive_calibrated.bag",
+    "foucault apply run --stream",
 )
 def apply(
     ctx: typer.Context,
     result: options.ResultFile,
     log: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
             help="A log in the format of the calibrated one, a log that foucault has written, "
-            "or a campaign file that describes its log."
+            "a bag, or a campaign file that describes its log."
         ),
-    ],
+    ] = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Log to write: .csv, .csv.gz, .parquet, .npz.")
-    ],
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Log to write: .csv, .csv.gz, .parquet, .npz; a bag of a bag."
+        ),
+    ] = None,
+    stream: Annotated[
+        bool,
+        typer.Option(
+            "--stream",
+            help="Correct text from standard input to standard output, as it comes; LOG may be a "
+            "campaign file that describes it.",
+        ),
+    ] = False,
+    topic: Annotated[
+        str | None, typer.Option(help="Of a bag with several IMUs, the topic to correct.")
+    ] = None,
     force: Annotated[
         bool,
         typer.Option(
@@ -56,16 +77,28 @@ def apply(
     """
     from foucault.errors import error
     from foucault.export import calibrate_log
+    from foucault.export.stream import calibrate_bag
     from foucault.files import sha256
     from foucault.run_folder import load_result, result_file
 
     screen: Screen = ctx.obj
     if outside not in ("error", "hold"):
         raise error("temperature.outside_choice", given=outside)
+    if stream:
+        _stream(result, log, output, topic, force)
+        return
+    if log is None or output is None:
+        raise error("apply.no_log")
     with screen.progress() as tell:
         tell(0.0, "reading the result")
         _not_an_input(output, result, log)
         calibrated = _of_an_imu(load_result(result, with_tables=False))
+        if log.is_dir() or log.suffix in BAGS:
+            count = calibrate_bag(calibrated, log, output, topic=topic, force=force,
+                                  progress=lambda part: tell(part, "applying"))  # fmt: skip
+            screen.say(f"Wrote {output} with {count} corrected messages, all others as they were.")
+            screen.data({"output": str(output), "samples": count})
+            return
         description, folder, instrument = _described(calibrated, result, log)
         done = calibrate_log(
             calibrated, description, folder, output,
@@ -90,7 +123,9 @@ def apply(
 
 @command(
     "foucault export run --to c -o calibration.h",
-    "foucault export run --to px4 -o px4.params --drop accel.misalignment --drop gyro",
+    "foucault export run --to px4 -o px4.params --drop accel.misalignment --drop gyro.scale",
+    'foucault export run --to vins-mono -o vins.yaml --noise static --rate "200 Hz"',
+    "foucault export static --to kalibr -o imu.yaml",
 )
 def export(
     ctx: typer.Context,
@@ -99,8 +134,8 @@ def export(
         str,
         typer.Option(
             "--to",
-            help="Form: c, python, json, csv, kalibr, imucal, px4, or ros2: the file of "
-            "imu_calib, which ROS reads too.",
+            help="Form: c, python, json, csv, or a receiver: kalibr, openvins, basalt, vins-mono, "
+            "orb-slam3, gtsam, lio-sam, fast-lio2, px4, ardupilot ...; a wrong name lists all.",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
@@ -113,8 +148,22 @@ def export(
     axes: Annotated[
         str | None,
         typer.Option(
-            help="Axes of the receiver's readings: right-forward-up (px4 excepted, the default), "
-            "forward-right-down or forward-left-up."
+            help="Axes of the receiver's readings: right-forward-up (the default but of px4, "
+            "ardupilot and kf-gins), forward-right-down or forward-left-up."
+        ),
+    ] = None,
+    noise: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of `foucault allan` whose noise goes into the file; else the campaign's."
+        ),
+    ] = None,
+    rate: Annotated[
+        Amount | None,
+        quantity(
+            "frequency",
+            'Rate of the readings for the receiver, such as "200 Hz"; that of the log if left out.',
+            least="greater than 0",
         ),
     ] = None,
     force: Annotated[
@@ -131,20 +180,47 @@ def export(
         ),
     ] = None,
 ) -> None:
-    """Write a result in the form of another program or language."""
+    """Write a result in the form of another program or language.
+
+    A folder of `foucault allan` in the place of a run goes to receivers that want its noise.
+    """
     from foucault.export import write
-    from foucault.run_folder import load_result
 
     screen: Screen = ctx.obj
     _not_an_input(output, result)
-    calibrated = load_result(result, with_tables=False)
+    calibrated, known, log = _to_export(result, noise)
     if at is not None:
         calibrated = calibrated.at(at)
-    noise, log = _known(calibrated, result)
-    write(calibrated, to, output, axes=axes, drop=drop or [], noise=noise, log=log, force=force)
+    write(calibrated, to, output, axes=axes, drop=drop or [], noise=known, rate=rate, log=log,
+          force=force)  # fmt: skip
     screen.say(f"Wrote {output} for {to}; what it holds and how to use it stands in the file.")
     _doubts(screen, calibrated)
     screen.data({"output": str(output), "to": to, "verdict": calibrated.verdict.level})
+
+
+def _stream(
+    result: Path, log: Path | None, output: Path | None, topic: str | None, force: bool
+) -> None:
+    """Correct standard input to standard output; what was noticed goes beside."""
+    import sys
+
+    from foucault.errors import error
+    from foucault.export.stream import calibrate_stream
+    from foucault.files import sha256
+    from foucault.run_folder import load_result, result_file
+
+    for option, given in (("-o", output), ("--topic", topic)):
+        if given is not None:
+            raise error("apply.stream", option=option)
+    calibrated = _of_an_imu(load_result(result, with_tables=False))
+    description, _, _ = _described(calibrated, result, log or Path("standard input"))
+    samples, noticed = calibrate_stream(
+        calibrated, description, sys.stdin.buffer, sys.stdout.buffer,
+        sha256=sha256(result_file(result)), force=force,
+    )  # fmt: skip
+    for one in noticed:
+        print(f"{one.severity}: {one.message} {one.cure}", file=sys.stderr)
+    print(f"{samples} samples corrected.", file=sys.stderr)
 
 
 def _not_an_input(output: Path, result: Path, log: Path | None = None) -> None:
@@ -214,14 +290,22 @@ def _log_description(calibrated: Result, result: Path) -> LogDescription | None:
     return LogDescription.model_validate(said)
 
 
-def _known(calibrated: Result, result: Path) -> tuple[ImuNoise | None, LogDescription | None]:
-    """Return the noise that the campaign declares, and how its log was read."""
+def _to_export(
+    result: Path, noise: Path | None
+) -> tuple[Result, ImuNoise | Densities | None, LogDescription | None]:
+    """Return a result, its noise (of an Allan run, or declared), and how its log was read."""
     from foucault import campaign
-    from foucault.run_folder import CAMPAIGN_FILE
+    from foucault.export.densities import is_allan_run, no_calibration, of_allan_run
+    from foucault.run_folder import CAMPAIGN_FILE, load_result
 
+    if is_allan_run(result):
+        return no_calibration(), of_allan_run(noise or result), None
+    calibrated = load_result(result, with_tables=False)
+    log = _log_description(calibrated, result)
+    if noise is not None:
+        return calibrated, of_allan_run(noise), log
     kept = (result if result.is_dir() else result.parent) / CAMPAIGN_FILE
-    noise = campaign.load(kept).noise if kept.is_file() else None
-    return noise, _log_description(calibrated, result)
+    return calibrated, campaign.load(kept).noise if kept.is_file() else None, log
 
 
 def _of_an_imu(result: Result) -> Result:
@@ -230,3 +314,62 @@ def _of_an_imu(result: Result) -> Result:
     if result.procedure == "north_seeking":
         raise error("north.not_applied")
     return result
+
+
+@command(
+    "foucault check kalibr_imu.yaml",
+    "foucault check fast_lio_imu.yaml --run run --noise static",
+)
+def check(
+    ctx: typer.Context,
+    file: Annotated[Path, typer.Argument(help="File of a receiver, such as vins_config.yaml.")],
+    run: Annotated[
+        Path | None, typer.Option(help="Run folder, or folder of `foucault allan`, it came from.")
+    ] = None,
+    to: Annotated[
+        str | None, typer.Option("--to", help="Whose file it is; found by its keys if left out.")
+    ] = None,
+    noise: Annotated[
+        Path | None, typer.Option(help="Folder of `foucault allan` that its noise came from.")
+    ] = None,
+    rate: Annotated[
+        Amount | None,
+        quantity("frequency", 'Rate of the readings, such as "200 Hz".', least="greater than 0"),
+    ] = None,
+    axes: Annotated[
+        str | None, typer.Option(help="Axes of the receiver's readings, as for export.")
+    ] = None,
+) -> None:
+    """Read a receiver's file back, and say what in it cannot be meant.
+
+    Beside the run it came from the usual mistakes are told for certain; without one, only what no
+    sensor can have.
+    """
+    from foucault.export.check import checked, mistakes
+    from foucault.export.densities import of_allan_run
+    from foucault.files import read_text
+
+    screen: Screen = ctx.obj
+    result: Result | None = None
+    known: ImuNoise | Densities | None = None if noise is None else of_allan_run(noise)
+    if run is not None:
+        result, known, _ = _to_export(run, noise)
+    seen = checked(read_text(file), to, result, noise=known, rate=rate, axes=axes)
+    screen.table(
+        f"{file.name}, for {seen.receiver.title}",
+        ("key", "value", "run", "like", "noticed"),
+        [(x.key, x.value, x.run, x.typical, x.said) for x in seen.lines],
+        right=(False, False, False, False, False),
+    )
+    screen.findings(seen.findings)
+    if not any(line.said for line in seen.lines):
+        screen.say("Nothing in it is implausible." if run is None else "It says what the run says.")
+    screen.data(
+        {
+            "file": str(file),
+            "receiver": seen.receiver.name,
+            "lines": [vars(x) for x in seen.lines],
+            "findings": [x.as_dict() for x in seen.findings],
+        }
+    )
+    raise typer.Exit(3 if mistakes(seen.findings) else 0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
@@ -259,6 +259,13 @@ VERDICT = {0: "pass", 3: "doubtful", 4: "unusable"}
 # -- what is given -------------------------------------------------------------------------
 
 CampaignFile = Annotated[Path, typer.Argument(help="A campaign file.")]
+CampaignOrLogs = Annotated[
+    list[Path],
+    typer.Argument(
+        help="A campaign file; or a log without one, in one file or in several with the same rows, "
+        "such as one of accelerometers and one of gyros."
+    ),
+]
 CampaignOrName = Annotated[
     str, typer.Argument(help="A campaign file, or the name of a procedure, such as hand_rotated.")
 ]
@@ -290,6 +297,33 @@ Tolerance = Annotated[
 ]
 SAID = "foucault.campaign.tables:Said"
 """What is said beside a log."""
+
+Place = Annotated[Any, Of(SAID, ("latitude", "height", "gravity"), over=True)]
+"""What no log can say."""
+Taken = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="<str>",
+        help="Key of [log] of a log without a campaign, such as gyro.unit = deg/s or rate = "
+        "100 Hz; may be repeated.",
+    ),
+]
+
+
+def bare(paths: Sequence[Path]) -> bool:
+    """Tell whether what is given is a log, and no campaign file."""
+    return len(paths) > 1 or (paths[0].suffix.lower() != ".toml" and paths[0].exists())
+
+
+def refuse_beside(place: Mapping[str, Any], taken: Sequence[str] | None) -> None:
+    """Refuse to say beside a campaign what it says itself."""
+    from foucault.errors import error
+
+    if place or taken:
+        given = [f"--{key}" for key in place] + ["--set"] * bool(taken)
+        raise error("recognise.beside", given=", ".join(given))
+
 
 SITE = (
     "Site and noise that are left out are those of the campaign, where the log is one; otherwise "

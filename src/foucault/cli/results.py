@@ -14,29 +14,71 @@ from foucault.cli.screen import Found, Screen, found_in, written
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
+    from foucault.campaign.recognised import Found as Bare
     from foucault.campaign.running import Session
     from foucault.procedures.temperature import Ramp
     from foucault.procedures.temperature import Session as AtTemperature
     from foucault.result import Result
 
 
-@command("foucault calibrate campaign.toml -o run", exits=options.VERDICT)
+@command(
+    "foucault calibrate campaign.toml -o run",
+    'foucault calibrate session.csv -o run --latitude "48.85 deg"',
+    "foucault calibrate accel.csv gyro.csv -o run",
+    exits=options.VERDICT,
+)
 def calibrate(
     ctx: typer.Context,
-    campaign: options.CampaignFile,
+    campaign: options.CampaignOrLogs,
     output: options.RunFolder,
+    place: options.Place,
+    taken: options.Taken = None,
 ) -> None:
-    """Calibrate an instrument from its log, and write the report."""
+    """Calibrate an instrument from its log, and write the report.
+
+    Of a log without a campaign it says what it takes its columns for, and writes the campaign.
+    """
     from foucault import campaign as campaigns
     from foucault.diagnose.references import in_words
 
     screen: Screen = ctx.obj
-    result, page = _run(screen, campaigns.load(campaign), output)
-    raise page.tell(screen, _saved(output), *filter(None, [in_words(result)]))
+    if not options.bare(campaign):
+        options.refuse_beside(place, taken)
+        result, page = _run(screen, campaigns.load(campaign[0]), output)
+        raise page.tell(screen, _saved(output), *filter(None, [in_words(result)]))
+    held = recognised(screen, campaign, place, taken)
+    result, page = _run(screen, held.campaign, output, held.head)
+    told = [f"Campaign, to run again or to change: {output / 'campaign.toml'}"]
+    said = [line.as_dict() for line in held.lines]
+    raise page.tell(screen, _saved(output, recognised=said), *filter(None, [in_words(result)]),
+                    *told)  # fmt: skip
 
 
-def _run(screen: Screen, campaign: Campaign, folder: Path) -> tuple[Result, Found]:
-    """Calibrate and write the run folder; what was there stays until the new result is whole."""
+def recognised(
+    screen: Screen, files: Sequence[Path], place: dict[str, Any], taken: Sequence[str] | None
+) -> Bare:
+    """Tell what a bare log holds, and say it."""
+    from foucault.campaign import recognised as bare
+
+    with screen.progress() as tell:
+        held = bare.found(files, bare.said_of(taken or ()), bare.site_of(place), tell)
+    say_taken(screen, held)
+    return held
+
+
+def say_taken(screen: Screen, held: Bare) -> None:
+    """Print what a bare log was taken for, why, and how sure."""
+    screen.say(f"{', '.join(path.name for path in held.recognised.files)} was taken for:")
+    width = max((len(line.what) for line in held.lines), default=0)
+    for line in held.lines:
+        screen.say(f"  {line.what:<{width}}  {line.took}  ({line.sure}: {line.why})")
+
+
+def _run(screen: Screen, campaign: Campaign, folder: Path, head: str = "") -> tuple[Result, Found]:
+    """Calibrate and write the run folder; what was there stays until the new result is whole.
+
+    `head`: remarks that its campaign begins with.
+    """
     from foucault import campaign as campaigns
     from foucault import run_folder
 
@@ -47,7 +89,7 @@ def _run(screen: Screen, campaign: Campaign, folder: Path) -> tuple[Result, Foun
         # Asked to write beside the campaign, leave that file as its author wrote it.
         kept = folder / run_folder.CAMPAIGN_FILE
         own = kept.exists() and kept.samefile(campaign.path)
-        text = campaign.text if own else campaigns.resolved(campaign, folder)
+        text = campaign.text if own else campaigns.resolved(campaign, folder, head)
         run_folder.save(result, folder, text)
         return result, written(folder, "result")
 
@@ -93,13 +135,16 @@ def demo(
     output: options.Folder = Path("demo"),
     seed: options.Seed = 1,
 ) -> None:
-    """Simulate an instrument, calibrate it, compare with the truth."""
+    """Simulate an instrument, calibrate it, compare with the truth.
+
+    It holds what the calibration does not estimate too, each term drawn at its typical size.
+    """
     from foucault import campaign as campaigns
 
     screen: Screen = ctx.obj
     with screen.progress() as tell:
         tell(0.1, "simulating")
-        described = campaigns.parse(campaigns.template("hand_rotated"))
+        described = campaigns.parse(campaigns.template("hand_rotated", grade="consumer MEMS"))
         session = campaigns.simulate(described, seed)
         file = campaigns.save_session(session, output / "session")
     result, page = _run(screen, campaigns.load(file), output / "run")
@@ -168,10 +213,15 @@ def merge(
 @command(
     "foucault init hand_rotated -o campaign.toml",
     "foucault init hand_rotated --part ICM-20948 -o campaign.toml",
+    "foucault init --log session.csv -o campaign.toml",
 )
 def init(
     ctx: typer.Context,
-    procedure: Annotated[str, typer.Argument(help="Name of a procedure, such as hand_rotated.")],
+    place: options.Place,
+    procedure: Annotated[
+        str | None,
+        typer.Argument(help="Name of a procedure, such as hand_rotated; with --log found in it."),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="File to write; standard output if left out."),
@@ -180,21 +230,34 @@ def init(
         str | None,
         typer.Option(help="Instrument whose data sheet gives the noise; see `foucault parts`."),
     ] = None,
+    log: Annotated[
+        list[Path] | None,
+        typer.Option(help="A log to describe; may be repeated for accelerometers and gyros."),
+    ] = None,
+    taken: options.Taken = None,
 ) -> None:
-    """Write a commented campaign file to start from."""
+    """Write a commented campaign file to start from, or that of a log."""
     from foucault import campaign
     from foucault.errors import error
     from foucault.files import write_text
 
     screen: Screen = ctx.obj
-    text = campaign.template(procedure, part)
+    if (procedure is None) == (log is None) or (log and part):
+        raise error("recognise.init")
+    if output is not None and output.exists():
+        raise error("output.exists", path=output)
+    if procedure is not None:
+        options.refuse_beside(place, taken)
+        text, next_ = campaign.template(procedure, part), "Fill it in"
+    else:
+        told = screen if output is not None else Screen(quiet=True)  # its campaign says it too
+        held = recognised(told, log or (), place, taken)
+        text, next_ = held.beside(output), "Look through it"
     if output is None:
         print(text, end="")
         return
-    if output.exists():
-        raise error("output.exists", path=output)
     write_text(output, text)
-    screen.say(f"Wrote {output}. Fill it in, then run: foucault calibrate {output} -o run")
+    screen.say(f"Wrote {output}. {next_}, then run: foucault calibrate {output} -o run")
     screen.data({"campaign": str(output)})
 
 

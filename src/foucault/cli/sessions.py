@@ -98,16 +98,20 @@ def inspect(
     plots: Annotated[
         Path | None, typer.Option(help="HTML file to write quick plots to; none if left out.")
     ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Print every rest and every finding.")
+    ] = False,
 ) -> None:
-    """Look at a log: rates, gaps, units, and the rests found.
+    """Look at a log: its axes, when it was at rest, and what looks wrong.
 
-    Mean, noise and limits of every axis, and what looks wrong with its cure.
+    On one screen; with --all every rest and every finding.
     """
     from foucault.campaign.running import read_any
     from foucault.diagnose import live
     from foucault.report import noise, save
 
     screen: Screen = ctx.obj
+    taken = _taken(screen, log)
     with screen.progress() as tell:
         table, start = from_start(read_any(log, tell)[0])
         tell(0.7, "finding rests")
@@ -116,8 +120,28 @@ def inspect(
         if plots is not None:
             tell(0.9, "drawing")
             save(said, plots)
+        shown = said if everything else noise.glance(seen, start)
     where = [] if plots is None else [f"Plots are in {plots}."]
-    raise screen.tell(said, _document(log, seen, start), *where)
+    more = [] if everything else ["--all prints every rest and every finding."]
+    raise screen.tell(shown, _document(log, seen, start) | taken, *where, *more)
+
+
+def _taken(screen: Screen, log: Path) -> dict[str, Any]:
+    """Say what a bare log was taken for; nothing of one that says itself what it holds."""
+    from foucault.campaign.recognised import found
+    from foucault.cli.results import say_taken
+    from foucault.errors import FoucaultError
+
+    if not options.bare([log]):
+        return {}
+    try:
+        held = found([log])
+    except FoucaultError:  # whoever reads it says what is wrong
+        return {}
+    if held.recognised.described:
+        return {}
+    say_taken(screen, held)
+    return {"recognised": [line.as_dict() for line in held.lines]}
 
 
 def from_start(log: Log) -> tuple[Log, float]:
@@ -159,7 +183,8 @@ def _numbers(column: Any) -> list[Any]:
 
 # -- The command about noise: allan --------------------------------------------------------------
 
-REPORT_FILE, NOISE_FILE, TABLE_FILE = "report.html", "noise.toml", "allan.csv"
+REPORT_FILE, NOISE_FILE, TABLE_FILE, DATA_FILE = (
+    "report.html", "noise.toml", "allan.csv", "allan.json")  # fmt: skip
 
 
 @command(
@@ -187,35 +212,73 @@ def allan(
             "rest of one that moves."
         ),
     ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="<str>",
+            help="Column to read, its title or its number from 0; may be given up to three times. "
+            "With --unit no description of the log is needed.",
+        ),
+    ] = None,
+    unit: Annotated[
+        str, typer.Option(help='Unit of --column, such as "deg/s" or "mg".', metavar="<str>")
+    ] = "",
+    rate: Annotated[
+        str,
+        typer.Option(
+            help='Rate of --column, such as "100 Hz"; the time column says it if left out.',
+            metavar="<str>",
+        ),
+    ] = "",
+    moving: Annotated[
+        bool,
+        typer.Option(
+            "--moving", help="Tell the vibration of a log that moves from its noise at rest."
+        ),
+    ] = False,
     output: options.FolderIfWanted = None,
 ) -> None:
     """Find the noise of an instrument at rest.
 
-    Random walks, bias instability and ramp by Allan deviations, with a [noise] table to use.
+    Random walks, bias instability and ramp by Allan deviations, with a [noise] table to use. Any
+    columns: --column gx --column gy --unit "deg/s" --rate "100 Hz".
     """
+    import json
+
+    from foucault import logs
     from foucault.campaign.running import read_any
+    from foucault.diagnose import vibration
     from foucault.diagnose.allan import check_kind, deviation_table, measure_log
     from foucault.files import make_folder, write_text
+    from foucault.logs.columns import columns_alone
     from foucault.report import noise as report
     from foucault.report import save
 
     screen: Screen = ctx.obj
     with screen.progress() as tell:
-        table, _ = from_start(read_any(log, tell)[0])
+        if column:
+            read = logs.read(columns_alone(log, column, unit, rate), log.parent)
+        else:
+            read = read_any(log, tell)[0]
+        table, _ = from_start(read)
         tell(0.7, "computing variances")
         seen = measure_log(table, axes=tuple(axis or ()), kind=check_kind(kind), rest=rest)
         block = _block(seen)
         told = (*table.findings, *seen.findings)
+        shaken = vibration.vibration(table, seen.start, seen.end) if moving else ()
+        told += vibration.findings(shaken) if moving else ()
         said = report.document(seen, str(table.source.get("file", log.name)), block, told)
+        data = _channels_said(log, seen, [f.as_dict() for f in told])
+        data |= {"vibration": [vars(v) for v in shaken]} if moving else {}
         if output is not None:
             tell(0.9, "writing")
             make_folder(output)
             write_text(output / NOISE_FILE, block)
             write_text(output / TABLE_FILE, deviation_table(seen))
+            write_text(output / DATA_FILE, json.dumps(data, allow_nan=False) + "\n")
             save(said, output / REPORT_FILE)
     where = [] if output is None else [f"Plot: {output / REPORT_FILE}"]
-    data = _channels_said(log, seen, [f.as_dict() for f in told])
-    raise screen.tell(said, data, *where, keys=("noise.noises", "findings"))
+    raise screen.tell(said, data, *where, keys=("noise.axes", "findings"))
 
 
 def _block(seen: LogAllan) -> str:
@@ -233,6 +296,9 @@ def _block(seen: LogAllan) -> str:
 def _channels_said(path: Path, seen: LogAllan, findings: list[dict[str, str]]) -> dict[str, Any]:
     """What `allan` found, in SI."""
     import math
+    from dataclasses import asdict
+
+    from foucault.diagnose.bounding_pair import pairs
 
     def finite(value: float) -> float | None:
         return value if math.isfinite(value) else None
@@ -266,5 +332,6 @@ def _channels_said(path: Path, seen: LogAllan, findings: list[dict[str, str]]) -
         "start": seen.start,
         "end": seen.end,
         "channels": channels,
+        "pairs": {k: None if p is None else asdict(p) for k, p in pairs(seen).items()},
         "findings": findings,
     }

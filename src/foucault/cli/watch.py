@@ -44,9 +44,7 @@ def watch(
     ctx: typer.Context,
     log: Annotated[
         Path | None,
-        typer.Argument(
-            help="A campaign file that describes the log, or a log that foucault has written."
-        ),
+        typer.Argument(help="A campaign file that describes the log, or the log itself."),
     ] = None,
     stdin: Annotated[
         bool, typer.Option("--stdin", help="Read the rows from standard input.")
@@ -90,7 +88,7 @@ def _open(path: Path | None, stdin: bool, hold: float) -> Session:
     if campaign is not None:
         description, folder = campaign.imu_log, campaign.folder
     elif path is not None and not stdin:
-        description, folder = LogDescription.model_validate({"file": path.name}), path.parent
+        description, folder = _described(path), path.parent
     elif stdin:
         description, folder = LogDescription.model_validate({"file": "standard input"}), Path()
     else:
@@ -99,6 +97,19 @@ def _open(path: Path | None, stdin: bool, hold: float) -> Session:
         return Session(Follower(StreamTail(sys.stdin.buffer), description), hold, campaign)
     file = next(iter(description.files()))
     return Session(Follower(open_tail(folder / file, description), description), hold, campaign)
+
+
+def _described(path: Path) -> LogDescription:
+    """Describe a log that says itself what it holds, or by what it holds already."""
+    from foucault.logs.description import LogDescription, describes_itself
+    from foucault.recognise.reading import question, recognise
+
+    if describes_itself(path) or not path.is_file():
+        return LogDescription.model_validate({"file": path.name})
+    seen = recognise([path])
+    if seen.questions:
+        raise question(seen)
+    return seen.description()
 
 
 @dataclass

@@ -292,7 +292,12 @@ CHANCE = 0.005
 
 
 def reversed_earth_at_rest(
-    rates: FloatArray, up: FloatArray, matrix: FloatArray, site: Site, sd: float = 0.0
+    rates: FloatArray,
+    up: FloatArray,
+    matrix: FloatArray,
+    site: Site,
+    sd: float = 0.0,
+    beside: float = 0.0,
 ) -> Check | None:
     """Doubt rates at rest that are nearer to those of a reversed Earth rate than to none.
 
@@ -301,8 +306,10 @@ def reversed_earth_at_rest(
 
     `rates` (n, 3): mean rates at rest, without the Earth's rate as the latitude says it [rad/s];
     `up` (n, 3): directions of up, body axes [1]; `matrix` (3, 3): scale factors and misalignments
-    of the gyros [1]; `sd`: least scatter of these rates that their noise makes, per axis [rad/s].
-    Returns None where the latitude is unknown or the directions are too few or too much alike.
+    of the gyros [1]; `sd`: least scatter of these rates that their noise makes, per axis [rad/s];
+    `beside`: sd of what a g-sensitivity that is not estimated adds along up [rad/s]. Returns None
+    where the latitude is unknown, the directions are too few or too much alike, or where such a
+    g-sensitivity hides what the sign makes.
     """
     from scipy.special import stdtrit
 
@@ -317,10 +324,10 @@ def reversed_earth_at_rest(
         return None
     k = float(np.sum(x * y)) / size
     scatter = max(float(np.sqrt(np.sum((y - k * x) ** 2) / dof)), sd)
-    slope_sd = scatter / np.sqrt(size)
-    if slope_sd <= 0.0:
-        return None
+    slope_sd = float(np.hypot(scatter / np.sqrt(size), beside))
     limit = float(stdtrit(dof, 1 - CHANCE))
+    if slope_sd <= 0.0 or (beside and abs(made) < limit * slope_sd):
+        return None
     away = k / slope_sd * float(np.sign(made))
     nearer = abs(k - made) < abs(k)
     hour = np.degrees(1.0) * 3600

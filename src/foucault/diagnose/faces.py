@@ -17,6 +17,7 @@ from foucault.detect.faces import Faces
 from foucault.diagnose.checks import check, reversed_earth_at_rest, reversed_earth_check
 from foucault.diagnose.fit_checks import Judged, Limit
 from foucault.diagnose.fit_checks import checks as fit_checks
+from foucault.diagnose.left_out import common_g_sensitivity
 from foucault.diagnose.references import (
     BEYOND_THE_SESSION,
     norm_with_cov,
@@ -162,7 +163,8 @@ def _turned_round(e: FaceEvidence) -> Check | None:
     matrix = state.model.gyro_matrix @ state.C_bk
     noise = float(np.sqrt(e.model.noise.gyro_var.mean())) if e.model.noise.known else 0.0
     rates = rests.gyro - e.scene.rate_k @ matrix.T
-    return reversed_earth_at_rest(rates, rests.up_k, matrix, site, noise)
+    beside = common_g_sensitivity(e.left_out, site.gravity)
+    return reversed_earth_at_rest(rates, rests.up_k, matrix, site, noise, beside)
 
 
 def _redundancy(e: FaceEvidence) -> Check:

@@ -17,7 +17,6 @@ from foucault.diagnose.checks import check, drift_check, judge_prior, plausible_
 from foucault.infer import mixed
 from foucault.infer.drift import Drift, by_time, find_drift
 from foucault.infer.gauss_newton import FALSE_ALARM, TOLD, Component, chi_square_limits
-from foucault.infer.left_out import With
 from foucault.infer.mixed import Fit, HeldOut
 from foucault.result import Check, Level
 from foucault.units import plain
@@ -187,7 +186,10 @@ def _even(e: Judged) -> list[Check]:
         return []
     estimate, out = e.fit.estimate, []
     used = estimate.blocks >= 0
-    square, free = estimate.residuals[used] ** 2, 1 - estimate.leverage[used]
+    white, free = estimate.residuals[used], 1 - estimate.leverage[used]
+    if getattr(e.fit.model, "more", ()):  # causes that all readings share are tested by themselves
+        white, free = e.fit.own
+    square = white**2
     blocks = estimate.blocks[used]
     kept = estimate.weights[blocks] > 0.5
     # Without noise halves differ for other reasons than chance.
@@ -296,7 +298,7 @@ def clearest_drift(e: Judged) -> Drift | None:
     Drifts that are sources of the fit are in its uncertainties, and have a test of their own.
     """
     model = e.fit.model
-    if e.time is None or (isinstance(model, With) and model.drifts):
+    if e.time is None or getattr(model, "drifts", False):
         return None
     fit = e.fit
     n, d, _ = fit.at.jacobian.shape

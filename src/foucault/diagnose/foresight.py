@@ -13,6 +13,7 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding
 from foucault.plans.limit import Limit
+from foucault.result import TableData
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,17 @@ class Extra:
         best = tuple((names[i], float(ratio[i])) for i in order)
         return cls(what, time, float(np.exp(np.log(ratio).mean())), best)
 
+    @property
+    def gains(self) -> bool:
+        """Whether some coefficient gains by it."""
+        return any(ratio < NO_GAIN for _, ratio in self.best)
+
 
 GAINING = 3
 """So many of the coefficients that gain most are named [1]."""
+
+NO_GAIN = 0.98
+"""A ratio of sd above it is no gain [1]."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +90,7 @@ class Foresight:
     # (n,) the least that any estimate from these readings could have, the sensors' noise alone [SI]
     bound: FloatArray | None = None
     budget: Mapping[str, FloatArray] = field(default_factory=dict)  # source -> variances (n,) [SI]
+    left_out: TableData | None = None  # what is not estimated: see `diagnose.left_out.foretold`
     findings: tuple[Finding, ...] = ()  # what the user should know
 
     @property
@@ -130,6 +140,13 @@ class Foresight:
             )
         return out
 
+    def _left_out(self) -> list[dict[str, Any]]:
+        """Return one dictionary per group of what is not estimated; None for what never shows."""
+        assert self.left_out is not None
+        columns = {k: v.tolist() for k, v in self.left_out.items()}
+        rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        return [r | {"needed": r["needed"] if np.isfinite(r["needed"]) else None} for r in rows]
+
     def _made_of(self, name: str) -> dict[str, Any]:
         """Return bound and largest source of a coefficient, where they are known."""
         k, out = self.names.index(name), dict[str, Any]()
@@ -151,6 +168,7 @@ class Foresight:
             | {"budget": {source: part.tolist() for source, part in self.budget.items()}}
             | {"limits": [asdict(item) | {"kept": item.kept} for item in self.limits]}
             | {"more": [asdict(item) for item in self.more]}
+            | ({} if self.left_out is None else {"left_out": self._left_out()})
             | {key: list(getattr(self, key)) for key in lists}
             | {
                 "correlated": [list(pair) for pair in self.correlated],

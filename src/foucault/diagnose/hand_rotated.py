@@ -278,15 +278,18 @@ def vertical_earth_rate(session: Session, state: Attitudes) -> tuple[float, floa
     return float(x[5]), float(sd)
 
 
-def vertical_check(session: Session, estimate: Estimate) -> Check | None:
-    """Test the sign of the vertical Earth rate, where the gyros can see it."""
+def vertical_check(session: Session, estimate: Estimate, beside: float = 0.0) -> Check | None:
+    """Test the sign of the vertical Earth rate, where the gyros can see it.
+
+    `beside`: sd of what a g-sensitivity that is not estimated adds along up [rad/s].
+    """
     if "gyro.g_sensitivity.xx" in estimate.coefficients.layout:
         return reversed_earth_check(estimate.coefficients, session.site)
     found = vertical_earth_rate(session, estimate.state)
     if found is None or session.site.latitude is None:
         return None
     want = float(session.earth[2])
-    value, sd = found
+    value, sd = found[0], float(np.hypot(found[1], beside))
     if abs(want) < VISIBLE * sd / 2 or abs(value) < DEAD * abs(want):
         return None
     unit = np.degrees(1.0) * 3600
@@ -360,7 +363,9 @@ def _outliers(fit: Fit) -> list[Finding]:
 def _g_sensitivity(fit: Fit, prediction: Prediction) -> list[Finding]:
     """Regress the gyro residuals at rest on specific force, where they are unexplained."""
     found = fit.found.get(SCATTER["gyro"])
-    if not found or "gyro.g_sensitivity.xx" in fit.estimate.coefficients.layout:
+    known = "gyro.g_sensitivity.xx" in fit.estimate.coefficients.layout
+    known |= any(s.name == "gyro.g_sensitivity" for s in fit.at.sources)  # tested by itself
+    if not found or known:
         return []
     up_b = fit.state.C_nb[:, 2, :]
     n = len(up_b)

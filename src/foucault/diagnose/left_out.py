@@ -44,6 +44,7 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
             "what": _what(first), "cure": _cure(first),
             "ties": "".join(f", or {_what(n)}" for n in list(causes)[1:]),
             "size": f", {_size(judged, first)}" if first in judged.sizes else "",
+            "worst": _worst(judged, first),
         }  # fmt: skip
         out.append(check("left out contradicted", f"size of {first}", k, None, 1.0, given))
     if not out:
@@ -69,15 +70,36 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
     return tuple(out)
 
 
+def _worst(judged: Judgement, group: str) -> str:
+    """Say which term of several is farthest off: the factor of a group is a mean of all."""
+    if group not in judged.worst or len(judged.seen[group].u) < 2:
+        return ""
+    name, times = judged.worst[group]
+    return f", most of all {name}, about {times:.2g} times"
+
+
 def _cure(group: str) -> str:
     """Say what to do about a group that is larger than its size."""
     if group.startswith("prior of "):
         return "Correct [prior], or leave it out."
-    if group not in typical().groups:
-        return "Correct what the campaign says of it."
+    if group not in typical().groups or not typical().groups[group].sizes:
+        return "Correct what the campaign says of it, or how well that is known."
     if group.endswith(" drift"):
         return "Let the instrument warm up, repeat the first readings at the end, or declare it."
     return "Estimate it, declare its size in [instrument], or take a plan that tells them apart."
+
+
+def common_g_sensitivity(judged: Judgement | None, gravity: float) -> float:
+    """Return the sd of what g-sensitivities that are not estimated add to all rates along up.
+
+    That is the mean of the three axes that act on themselves. `gravity`: local gravity [m/s^2].
+    Returns [rad/s], 0 where it does not count.
+    """
+    group = "gyro.g_sensitivity"
+    if judged is None or group not in judged.groups:
+        return 0.0
+    times = max((one[group] for one in judged.named if group in one), default=1.0)
+    return float(times * judged.sizes[group][0] * gravity / np.sqrt(3))
 
 
 def judgement_json(judged: Judgement) -> dict[str, Any]:
@@ -114,6 +136,13 @@ def table(judged: Judgement) -> TableData:
         "times": np.array([named.get(g, np.nan) for g in groups]),
         "basis": np.array([judged.sizes[g][1] for g in groups], dtype=object),
     }
+
+
+def foretold(judged: Judgement) -> TableData:
+    """Return the table "left_out" of a session that is only planned, with what would show each."""
+    some = {k: v for k, v in table(judged).items() if k != "times"}
+    by = [typical().groups[str(g)].shown_by for g in some["group"]]
+    return some | {"shown_by": np.array(by, dtype=object)}
 
 
 def _most(s: Seen) -> float:

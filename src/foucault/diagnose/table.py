@@ -19,6 +19,7 @@ from foucault.diagnose.checks import (
     reversed_earth_check,
 )
 from foucault.diagnose.fit_checks import Judged, Limit
+from foucault.diagnose.left_out import common_g_sensitivity
 from foucault.diagnose.references import (
     BEYOND_THE_SESSION,
     believed,
@@ -116,7 +117,7 @@ def _quadratic(every: Judged, e: TableFit) -> LeftOut | None:
     """Return quadratic terms as the residuals show them, where they were not estimated."""
     fit, o = e.fit, e.model.options
     names = tuple(f"accel.quadratic.{a}" for a in AXES)
-    if e.model.readings.accel is None or set(names) & set(o.names):
+    if e.model.readings.accel is None or set(names) & set(o.names) or _counted(e, names[0]):
         return None
     more = replace(e.model, options=replace(o, names=(*o.names, *names)))
     slope = more.linearise(fit.state).jacobian[:, :, len(o.names) : len(o.names) + len(names)]
@@ -152,6 +153,11 @@ class Slope:
         return self.slope > SIGNIFICANT * self.sd
 
 
+def _counted(e: TableFit, name: str) -> bool:
+    """Whether a term that is not estimated counts, and is tested, with its size."""
+    return e.left_out is not None and name.rpartition(".")[0] in e.left_out.groups
+
+
 def _earth_at_rest(e: TableFit) -> Check | None:
     """Look for a reversed Earth rate in the rests, where no g-sensitivity takes it up."""
     r, state, names = e.model.readings, e.estimate.state, e.model.options.names
@@ -164,14 +170,16 @@ def _earth_at_rest(e: TableFit) -> Check | None:
     noise = np.diagonal(r.gyro_cov[rest], axis1=1, axis2=2)
     sd = float(np.sqrt(noise.mean())) if rest.any() else 0.0
     up = state.geometry.directions()[rest]
-    return reversed_earth_at_rest(rates, up, M, e.model.site, sd)
+    beside = common_g_sensitivity(e.left_out, e.model.site.gravity)
+    return reversed_earth_at_rest(rates, up, M, e.model.site, sd, beside)
 
 
 def rest_slope(e: TableFit) -> Slope | None:
     """Regress the rates at rest on the direction of up; None where g-sensitivity is estimated."""
     r, state = e.model.readings, e.estimate.state
     rest = ~r.spin
-    if r.gyro is None or rest.sum() < 9 or "gyro.g_sensitivity.xx" in e.model.options.names:
+    term = "gyro.g_sensitivity.xx"
+    if r.gyro is None or rest.sum() < 9 or term in e.model.options.names or _counted(e, term):
         return None
     up = state.geometry.directions()[rest]
     # Of the Earth's rotation what is known is taken away; the rest is scatter here.
@@ -334,6 +342,8 @@ def _quadratic_found(e: TableFit) -> list[Finding]:
     square = sum(c.chi_square for c in before)
     left = sum(c.redundancy for c in before) - len(names)
     if FORCES not in e.scatter or names[0] in o.names or left < 5 or o.prior is not None:
+        return []
+    if _counted(e, names[0]):
         return []
     more = replace(e.model, options=replace(o, names=(*o.names, *names)))
     after = mixed.solve(more, near=e.estimate.state).after

@@ -19,7 +19,8 @@ says so. Scatter beyond the noise is one more variance for each group of reading
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,8 +30,9 @@ from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import Status
 from foucault.estimate import norm_observation
 from foucault.estimate.norm_observation import unify, wahba
-from foucault.infer import gauss_newton, mixed
+from foucault.infer import gauss_newton, left_out, mixed
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
+from foucault.infer.left_out import Columns, Judgement, With
 from foucault.infer.mixed import NOISE_BASIS, SIGNIFICANT, UNEXPLAINED_BASIS, Linearisation, Source
 from foucault.infer.snooping import Snooping, snoop, snoop_fit
 from foucault.models import turntable
@@ -108,6 +110,8 @@ class TableModel:
     start: State
     options: Options
     tested: frozenset[str] = frozenset()  # scatter that few readings tell: it must be significant
+    more: tuple[Source, ...] = ()  # what is not estimated, its columns held fixed
+    sizes: Mapping[str, float] = field(default_factory=dict)  # source -> its sd instead [SI]
 
     @cached_property
     def layout(self) -> Layout:
@@ -221,7 +225,12 @@ class TableModel:
             for name, each in scatter.items()
             if o.repeatability and each.any()
         ]  # fmt: skip
-        return tuple(out)
+        return tuple(replace(s, sd=self.sizes.get(s.name, s.sd)) for s in (*out, *self.more))
+
+    @property
+    def drifts(self) -> bool:
+        """Whether drifts of coefficients are among what was added."""
+        return any(s.name.endswith(" drift") for s in self.more)
 
     def _own(self, mine: BoolArray, roots: FloatArray) -> FloatArray:
         """Turn roots (k, 3, c) or (3, c) from body axes to those of the observations `mine`."""
@@ -376,6 +385,7 @@ class TableFit:
     # (p, 3 k) what a unit of each component does to the coefficients of another solution than the
     # fit's, None: they are the fit's [SI]
     gain: FloatArray | None = None
+    left_out: Judgement | None = None  # what was made of the terms that are not estimated
 
     @property
     def model(self) -> TableModel:
@@ -421,17 +431,32 @@ class TableFit:
         return replace(self, fit=fit)
 
 
-def fit(readings: Readings, site: Site, start: State, options: Options) -> TableFit:
+def fit(
+    readings: Readings,
+    site: Site,
+    start: State,
+    options: Options,
+    columns: Callable[[TableModel], Columns] | None = None,
+) -> TableFit:
     """Estimate the coefficients, the outliers, and the scatter that the noise leaves unexplained.
 
     `readings`: means with the covariance of their noise [SI]; `start`: where to start, its
     geometry says what is believed of the table; `options`: how to fit. A prior comes last, when
-    outliers and scatter are settled: they would take up what contradicts it.
+    outliers and scatter are settled: they would take up what contradicts it. `columns` or None: of
+    what is not estimated, judged before all of these.
     """
     model, prior = TableModel(readings, site, start, options), options.prior
+    judged = None
+    if columns is not None:
+        first, judged = left_out.fit(model, columns(model), prior)
+        assert isinstance(first.model, With)
+        more = tuple(s for s in first.model.more if s.name in judged.groups)
+        model = replace(model, more=more, sizes=first.model.sizes)
+        prior = first.problem.prior
     alone = mixed.solve(model)
     if alone.estimate.status is Status.UNOBSERVABLE and prior is not None:
-        return TableFit(mixed.fit(model, prior, robust=options.robust))
+        only = mixed.fit(model, prior, robust=options.robust, own=bool(model.more))
+        return TableFit(only, left_out=judged)
     told = dict.fromkeys((s.name for s in model.sources if s.unexplained), 0.0)
     for kind, c in alone.after.items():
         if FOUND_IN[kind][-1] in told:
@@ -452,10 +477,11 @@ def fit(readings: Readings, site: Site, start: State, options: Options) -> Table
             break
         found = now
         if options.repeatability:
-            found = replace(now, fit=mixed.fit(now.fit.model, near=now.fit))
+            again = mixed.fit(now.fit.model, near=now.fit, own=bool(model.more))
+            found = replace(now, fit=again)
     if isinstance(found.estimate.state.geometry, Angles):
         found = _believed_again(found)
-    return TableFit(mixed.with_prior(found.fit, prior), suspects, angles)
+    return TableFit(mixed.with_prior(found.fit, prior), suspects, angles, left_out=judged)
 
 
 def _without_wrong_angles(found: TableFit) -> tuple[TableFit, tuple[int, ...]]:

@@ -61,7 +61,7 @@ from foucault.models.earth import (
 )
 from foucault.models.ins_errors import Sensors, dynamics
 from foucault.models.noise import ImuNoise
-from foucault.models.rotation import angles_of, exp, log
+from foucault.models.rotation import angles_of, cross_matrix, exp, log
 from foucault.models.transfer import (
     FLEXURE,
     LIVELY,
@@ -263,6 +263,7 @@ class TransferModel:
     # (n,) how well, for every state: phi, velocity and position [rad], [m/s], [m], then the others
     # [SI]
     sd: FloatArray
+    counted: tuple[str, ...] = ()  # names of `models.transfer.COUNTED` that are states too
 
     first: ClassVar[int] = 9
     kinds: ClassVar[Mapping[str, slice]] = {"velocity": slice(0, 3), "attitude": slice(3, 6)}
@@ -270,7 +271,8 @@ class TransferModel:
     @cached_property
     def layout(self) -> Layout:
         """Meaning of the states."""
-        return states_of_transfer(self.slave.sensors, self.mount, self.matching, self.slave.noise)
+        return states_of_transfer(self.slave.sensors, self.mount, self.matching, self.slave.noise,
+                                  self.counted)  # fmt: skip
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -329,6 +331,7 @@ class TransferModel:
         R[:, : 3 if self.matching.vertical else 2] = self.matching.velocity_sd**2
         R[:, 3:] = self.matching.attitude_sd**2
         Phi, half = self._carried(transitions, self.steps(rows))
+        self._drive(Phi, rows, states_of(history))
         x0, P0 = self._start(point)
         return FreeInertial(Phi, half, H, z, R, x0, P0, jump, time=when, rows=rows, used=used,
                             history=history, w_ib_b=w_ib_b)  # fmt: skip
@@ -410,6 +413,12 @@ class TransferModel:
         if self.matching.delay:
             tau = layout.index("master.delay")
             H[:, :3, tau], H[:, 3:, tau] = motion.acceleration_n, motion.rate_n
+        if "messages.rate" in self.counted:
+            age = master.time[:, None] - float(np.mean(self.master.time))
+            rate = layout.index("messages.rate")
+            H[:, :3, rate], H[:, 3:, rate] = motion.acceleration_n * age, motion.rate_n * age
+        if "lever_arm.x" in self.counted:
+            H[:, :3, layout.group("lever_arm")] = master.C_nm @ cross_matrix(w_m)
         if mount.load:  # by the force along the master's z
             load = motion.f_b @ C_ms[2] / 9.80665 - 1.0
             H[:, 3:, layout.group("load")] = C_nominal * load[:, None, None]
@@ -420,6 +429,26 @@ class TransferModel:
             H[:, 3:] = J @ H[:, 3:]
             z[:, 3:] = difference
         return H, z
+
+    def _drive(self, Phi: FloatArray, rows: IntArray, states: dict[str, FloatArray]) -> None:
+        """Write what is counted with into the transitions `Phi` (m, b, n) [SI].
+
+        A drift acts as its coefficient does, as far as it has come: from -1/2 to 1/2 over the run.
+        """
+        layout, inc = self.layout, self.slave.increments
+        steps = self.steps(rows)
+        begin, end = inc.time[self.slave.first], inc.time[rows[-1]]
+        ramp = (inc.time[rows] - steps / 2 - begin) / (end - begin) - 0.5
+        for name in self.counted:
+            j = layout.index(name)
+            if name.startswith("drift."):
+                Phi[:, :9, j] = ramp[:, None] * Phi[:, :9, layout.index(name[len("drift.") :])]
+            elif name == "site.gravity":
+                Phi[:, 5, j], Phi[:, 8, j] = steps, steps**2 / 2
+            elif name == "site.latitude":
+                L = states["latitude"]
+                turned = EARTH_RATE * np.stack([0.0 * L, -np.sin(L), np.cos(L)], axis=-1)
+                Phi[:, :3, j] = steps[:, None] * np.einsum("kji,kj->ki", states["C_nl"], turned)
 
     @property
     def _moving(self) -> int:

@@ -46,8 +46,8 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -314,6 +314,8 @@ class Solution:
     least: FloatArray | None = None
     advice: str = ""  # how a published filter ended, in words
     findings: tuple[Finding, ...] = ()
+    # more: source -> (46, 46) what else the covariance has, in the order of `Fit.cov` [its units]
+    more: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def slow(self) -> bool:
@@ -370,7 +372,8 @@ class Solution:
         if self.least is None:
             best = by_source(self.tumble, self.prior, self.fit)
         out = {name: self._public(cov, self.fit.cov) for name, cov in best.items()}
-        return out | {name: self._public(cov) for name, cov in self._owed().items()}
+        besides = {**self._owed(), **self.more}
+        return out | {name: self._public(cov) for name, cov in besides.items()}
 
     @property
     def bound(self) -> FloatArray:
@@ -426,6 +429,31 @@ class Solution:
             moved = self.site.gravity_sd / gravity * _heavier(self.fit.start)
             out["local gravity"] = np.outer(moved, moved)
         return out
+
+
+def answers(
+    t: Tumble, prior: Prior, at: State, changed: Iterable[Tumble]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return white residuals (r,) [1], and how they and the solution answer changes of the log.
+
+    `at`: a state near the solution. Returns the residuals, prior and all, how those change (r, c)
+    [1] and how the solution moves (46, c), in the order of `Fit.cov`.
+    """
+
+    def left(log_: Tumble) -> tuple[FloatArray, FloatArray, FloatArray]:
+        found = look(log_, prior, at, rows=True)
+        Y, C_ip = found.out[1][0], found.out[3][0]
+        psi = Y[:, :STATES] @ found.x - Y[:, RESIDUAL]
+        rows = found.rows[..., RESIDUAL] - found.rows[..., :STATES] @ found.x
+        miss, slope = prior.rows(at)
+        r = np.concatenate([rows.ravel(), miss - slope @ found.x])
+        C_np = exp(log_.w_ie_n * log_.dt.sum()).T @ exp(psi) @ C_ip
+        return r, C_np, (found.x * prior.unit)[3:]
+
+    r, C_np, values = left(t)
+    made = [left(one) for one in changed]
+    moved = [np.concatenate([log(C_np.T @ C), x - values]) for _, C, x in made]
+    return r, np.stack([one - r for one, _, _ in made], axis=-1), np.stack(moved, axis=-1)
 
 
 def is_slow(noise: TriadNoise) -> bool:

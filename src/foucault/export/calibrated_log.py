@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -69,18 +69,29 @@ def calibrate_log(
     to 1.
     """
     if not force:
-        _fits(result, description, instrument or {})
+        check_fits(result, description, instrument or {})
     if any((Path(folder) / name).resolve() == Path(path).resolve() for name in description.files()):
         raise error("apply.onto_itself", path=path)
     if not (force or _ours(Path(path))):
         raise error("output.other", path=path)
     if hold and result.temperature is None:
         raise error("temperature.option", option="--outside")
-    seen = _Seen(result)
     logs = follow.blocks(description, folder, progress)
+    blocks, remarks, seen = corrected(result, logs, sha256, force, hold)
+    samples = own.write_blocks(blocks, path, remarks)
+    return Applied(Path(path), samples, seen())
+
+
+def corrected(
+    result: Result, logs: Iterator[Log], sha256: str, force: bool, hold: bool = False
+) -> tuple[Iterator[Log], dict[str, str], Callable[[], tuple[Finding, ...]]]:
+    """Return the blocks of a log as they are corrected, what to write of that, what was noticed.
+
+    `logs`: its blocks [SI]; `sha256`, `force`, `hold`: as for `calibrate_log`.
+    """
+    seen = _Seen(result)
     remarks = {own.CALIBRATED_KEY: _made_by(result, sha256)}
-    samples = own.write_blocks(_calibrated(result, logs, seen, force, hold), path, remarks)
-    return Applied(Path(path), samples, seen.findings())
+    return _calibrated(result, logs, seen, force, hold), remarks, seen.findings
 
 
 def _ours(path: Path) -> bool:
@@ -97,7 +108,7 @@ def _ours(path: Path) -> bool:
     return own.CALIBRATED in marker
 
 
-def _fits(result: Result, description: LogDescription, instrument: Mapping[str, Any]) -> None:
+def check_fits(result: Result, description: LogDescription, instrument: Mapping[str, Any]) -> None:
     """Refuse an unusable result, or one of an instrument that is not the log's."""
     if result.verdict.level is Level.UNUSABLE:
         reasons = " ".join(result.verdict.reasons) or "No reason is given."

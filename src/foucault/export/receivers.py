@@ -3,32 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from foucault.errors import error, suggestion
-from foucault.export.request import EXPORTED, OWN_AXES, request, usable
+from foucault.export.densities import Densities, densities
+from foucault.export.over_temperature import over_temperature
+from foucault.export.quantities import Known, in_gauge
+from foucault.export.request import AXES, EXPORTED, FAMILIES, OWN_AXES, Request, request, usable
+from foucault.export.table import Receiver, Row, receivers, text_for
 from foucault.files import atomic, keep_others
 from foucault.models.layouts import is_cluster
 from foucault.models.noise import ImuNoise
 from foucault.result import Result
+from foucault.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
 
-RECEIVERS = {
-    "c": "c_header",
-    "python": "python_module",
-    **dict.fromkeys(("json", "csv", "kalibr", "imucal", "px4", "ros2"), "programs"),
-}
-"""Name of a receiver -> its module, with ``WRITERS`` and ``AT_TEMPERATURES``."""
+_CODE = {"c": "c_header", "python": "python_module", "json": "programs", "csv": "programs"}
+"""Receivers that are programs of no one in particular -> module with their writer."""
 
-AXES_OF = {"px4": "forward-right-down"}
-"""Axes of readings that are usual with a receiver, where they are not those of results."""
+RECEIVERS = (*_CODE, *receivers())
+"""Names of all receivers."""
 
-ALIASES = {"ros": "ros2", "ros1": "ros2", "imu_calib": "ros2"}
+ALIASES = {
+    "ros": "ros2", "ros1": "ros2", "imu_calib": "ros2", "vins": "vins-mono",
+    "orbslam3": "orb-slam3", "orb_slam3": "orb-slam3",
+    "fast-lio": "fast-lio2", "fast_lio": "fast-lio2",
+    "lio_sam": "lio-sam", "msckf_vio": "msckf-vio", "sensor_msgs": "robot_localization",
+    "robot-localization": "robot_localization", "kf_gins": "kf-gins", "open_vins": "openvins",
+}  # fmt: skip
 """Other names of a receiver: the file of imu_calib is the same for ROS and ROS 2."""
+
+NOISE = "noise"
+"""What ``--drop`` calls noise that a receiver wants and nobody knows."""
+
+
+def known_as(name: str) -> str:
+    """Return the name of a receiver, by whichever of its names it is called."""
+    name = ALIASES.get(name, name)
+    if name not in RECEIVERS:
+        hint = suggestion(name, RECEIVERS)
+        raise error("export.receiver", given=name, hint=hint, allowed=", ".join(RECEIVERS))
+    return name
 
 
 def write(
@@ -38,39 +60,44 @@ def write(
     *,
     axes: str | None = None,
     drop: Iterable[str] = (),
-    noise: ImuNoise | None = None,
+    noise: ImuNoise | Densities | None = None,
+    rate: float | None = None,
     log: LogDescription | None = None,
     force: bool = False,
 ) -> Path:
     """Write a result in the form of another program, whole or not at all.
 
     `axes`: axes of the receiver's readings, None takes those usual with it; `drop`: coefficients
-    or groups that may be left out; `noise` or None: noise of the instrument, for receivers that
-    want it [SI]; `log` or None: how the calibrated log was read, for receivers of raw counts;
-    `force`: export a result that is not usable, and replace a file that is no earlier export.
+    or groups that may be left out, "noise" too; `noise` or None: noise of the instrument, for
+    receivers that want it [SI]; `rate` or None: of the readings that the receiver gets, where that
+    is not the rate of the log [Hz]; `log` or None: how the calibrated log was read, for receivers
+    of raw counts; `force`: export a result that is not usable, and replace a file that is no
+    earlier export.
     """
     if not force:
         keep_others(path, [EXPORTED])
-    receiver = ALIASES.get(receiver, receiver)
-    if receiver not in RECEIVERS:
-        hint = suggestion(receiver, RECEIVERS)
-        raise error("export.receiver", given=receiver, hint=hint, allowed=", ".join(RECEIVERS))
-    module = import_module(f"foucault.export.{RECEIVERS[receiver]}")
-    can, text = module.WRITERS[receiver]
-    if result.temperature is not None:
-        if receiver not in module.AT_TEMPERATURES:
-            raise error("temperature.receiver", receiver=receiver)
-        text = module.AT_TEMPERATURES[receiver]
+    receiver, drop = known_as(receiver), tuple(drop)
     if is_cluster(result.coefficients) or result.procedure == "north_seeking":
-        said = _whole(result, receiver, axes, tuple(drop), force)
+        said = _whole(result, receiver, axes, drop, force)
+    elif receiver in _CODE:
+        module: Any = import_module(f"foucault.export.{_CODE[receiver]}")
+        can, text = module.WRITERS[receiver]
+        if result.temperature is not None:
+            text = _at_temperatures(module, receiver)
+        axes = OWN_AXES if axes is None else axes
+        drop = tuple(name for name in drop if name != NOISE)
+        said = text(request(result, receiver, can, axes=axes, drop=drop, log=log, force=force))
     else:
-        axes = AXES_OF.get(receiver, OWN_AXES) if axes is None else axes
-        said = text(
-            request(result, receiver, can, axes=axes, drop=drop, noise=noise, log=log, force=force)
-        )
+        said = _from_table(result, receivers()[receiver], axes, drop, noise, rate, force)
     with atomic(path) as temporary:
         temporary.write_text(said, encoding="utf-8")
     return Path(path)
+
+
+def _at_temperatures(module: Any, receiver: str) -> Any:
+    if receiver not in module.AT_TEMPERATURES:
+        raise error("temperature.receiver", receiver=receiver)
+    return module.AT_TEMPERATURES[receiver]
 
 
 def _whole(
@@ -87,3 +114,114 @@ def _whole(
                     option="--drop" if drop else "--axes")  # fmt: skip
     usable(result, force)
     return own_axes.WRITERS[receiver](result)
+
+
+# -- The receivers of the table ------------------------------------------------------------------
+
+
+def _from_table(
+    result: Result, receiver: Receiver, axes: str | None, drop: tuple[str, ...],
+    noise: ImuNoise | Densities | None, rate: float | None, force: bool,
+) -> str:  # fmt: skip
+    if result.temperature is not None and not (receiver.before or receiver.warms):
+        raise error("temperature.receiver", receiver=receiver.name)
+    known, about = knowledge(
+        result, receiver, axes=axes, drop=drop, noise=noise, rate=rate, force=force
+    )
+    missing = [row for row in receiver.rows if row.must and row.noise and row.told(known) is None]
+    if missing and NOISE not in drop:
+        raise _missing(receiver, missing, known)
+    for row in receiver.rows:
+        _within_limits(receiver, row, known)
+    return text_for(receiver, known, about)
+
+
+def knowledge(
+    result: Result,
+    receiver: Receiver,
+    *,
+    axes: str | None = None,
+    drop: tuple[str, ...] = (),
+    noise: ImuNoise | Densities | None = None,
+    rate: float | None = None,
+    force: bool = False,
+) -> tuple[Known, list[str]]:
+    """Return what a file of a receiver is made of, and what it says of that.
+
+    Arguments as those of `write`; `rate`: of the readings [Hz].
+    """
+    axes = axes or receiver.axes or OWN_AXES
+    coefficients = tuple(name for name in drop if name != NOISE)
+    wanted = request(result, receiver.name, FAMILIES if receiver.before else receiver.takes,
+                     axes=axes, drop=coefficients, force=force)  # fmt: skip
+    model, C_cb = in_gauge(wanted.model, receiver.gauge)
+    warmth = None
+    if wanted.temperature is not None and receiver.warms:
+        warmth = over_temperature(wanted.temperature, receiver.reference)
+        model = replace(model, accel_bias=warmth.accel_bias, gyro_bias=warmth.gyro_bias)
+    loud = densities(noise, result.diagnostics.get("noise"))
+    turned = {name: _along(x, AXES[axes]) for name, x in loud.values.items()}
+    rate = rate or result.validity.get("rate") or loud.rate
+    local = result.site.get("gravity")
+    known = Known(
+        model, turned, _sds(wanted, AXES[axes]), rate,
+        float(local) if isinstance(local, int | float) else STANDARD_GRAVITY, loud.correlation,
+        {} if warmth is None else warmth.values,
+    )  # fmt: skip
+    about = wanted.statement()
+    about += [] if warmth is None else warmth.said
+    if receiver.before:
+        about += [
+            "The calibration is not in this file, for the receiver has no place for it: give it",
+            "readings that foucault apply has corrected, in a log or in the stream.",
+        ]
+    turn = np.degrees(np.linalg.norm(C_cb - np.eye(3)) / np.sqrt(2))
+    if turn > 1e-9:
+        about += [
+            f"The receiver's body axes are turned by {turn:.3g} deg against the axes of the result."
+        ]
+    if any(row.noise for row in receiver.rows):
+        about += loud.said or (
+            "Noise: not known. Measure it with foucault allan on a log at rest.",
+        )
+    if receiver.wants_rate:
+        about += [f"Rate of the readings: {'not known' if rate is None else f'{rate:.9g} Hz'}."]
+    if any(row.of == ("gravity",) for row in receiver.rows):
+        about += [
+            f"Local gravity: {'that of the calibration' if local else 'not known, 1 g taken'}."
+        ]
+    return known, about
+
+
+def _along(x: np.ndarray, C_sb: np.ndarray) -> np.ndarray:
+    """Return noises of three axes in the axes of the receiver, which are along the old ones."""
+    return x if np.ndim(x) == 0 else np.abs(C_sb) @ x
+
+
+def _sds(wanted: Request, C_sb: np.ndarray) -> dict[str, np.ndarray]:
+    """Return standard deviations of biases and scale factors by name; 0 where there is none."""
+    vector = wanted.result.coefficients
+    sd = dict(zip(vector.names, np.nan_to_num(vector.sd).tolist(), strict=True))
+    families = [f"{triad}.{what}" for triad in ("accel", "gyro") for what in ("bias", "scale")]
+    return {
+        family: np.abs(C_sb) @ [sd.get(f"{family}.{axis}", 0.0) for axis in "xyz"]
+        for family in families
+    }
+
+
+def _missing(receiver: Receiver, rows: list[Row], known: Known) -> Exception:
+    keys = ", ".join(row.shown for row in rows)
+    if known.rate is None and any(all(n in known.noise for n in row.of) for row in rows):
+        return error("export.rate", receiver=receiver.name, keys=keys)
+    return error("export.noise", receiver=receiver.name, keys=keys)
+
+
+def _within_limits(receiver: Receiver, row: Row, known: Known) -> None:
+    numbers = row.told(known) if row.limits else None
+    if numbers is None or row.limits is None:
+        return
+    low, high = row.limits
+    if (numbers < low).any() or (numbers > high).any():
+        worst = numbers[np.argmax(np.maximum(low - numbers, numbers - high))]
+        raise error("export.limits", receiver=receiver.name, key=row.shown, given=f"{worst:.6g}",
+                    low=f"{low:g}", high=f"{high:g}", unit=row.unit)  # fmt: skip

@@ -15,7 +15,6 @@ from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error, suggestion
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.layouts import of_one_sample, of_sensors
-from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
 from foucault.models.size_effect import SizeEffect
 from foucault.models.temperature import TemperatureModel, without
@@ -37,9 +36,6 @@ def family(name: str) -> str:
 
 FAMILIES = tuple(dict.fromkeys(family(name) for name in ALL.names))
 """Kinds of coefficients: accel.bias, accel.scale, ... gyro.deflection, accel.lever, accel.delay."""
-
-LINEAR = tuple(f for f in FAMILIES if f.endswith((".bias", ".scale", ".misalignment")))
-"""The families every receiver with two full matrices and two biases can take."""
 
 EXPORTED = b"Calibration by foucault"
 """With this every exported file begins to say what it is."""
@@ -71,7 +67,6 @@ class Request:
     size: SizeEffect  # lever arms and delay, in `axes` [SI]
     axes: str
     dropped: CoefficientVector  # what is left out, as it was [SI]
-    noise: ImuNoise | None  # noise of the instrument, where known [SI]
     counts: Mapping[str, Counts]  # how raw counts become SI, for the triads whose log was in counts
     # the matrices as functions of temperature, where they are; `model` is then that at the
     # reference temperature
@@ -140,15 +135,13 @@ def request(
     *,
     axes: str = OWN_AXES,
     drop: Iterable[str] = (),
-    noise: ImuNoise | None = None,
     log: LogDescription | None = None,
     force: bool = False,
 ) -> Request:
     """Check that a result can be exported, and bring it into the axes of the receiver.
 
     `axes`: key of `AXES`: the axes of its readings; `drop`: coefficients or groups that may be
-    left out; `noise` or None: noise of the instrument [SI]; `log` or None: how the calibrated log
-    was read, for raw counts.
+    left out; `log` or None: how the calibrated log was read, for raw counts.
     """
     vector = of_sensors(result.coefficients)
     usable(result, force)
@@ -179,7 +172,7 @@ def request(
     if result.temperature is not None:
         gone = tuple({ALL.names[i] for name in drop for i in ALL.group(name)})
         terms = TemperatureTerms.of(result.temperature, gone, lambda m: in_axes(m, C_sb))
-    return Request(result, model, size, axes, dropped, noise, _counts(log, C_sb), terms)
+    return Request(result, model, size, axes, dropped, _counts(log, C_sb), terms)
 
 
 def usable(result: Result, force: bool) -> None:

@@ -36,6 +36,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.coefficients import CoefficientVector
 from foucault.errors import FoucaultError
 from foucault.infer.gauss_newton import FALSE_ALARM, Component, chi_square_limits
 from foucault.infer.linear_filter import LinearRun, LinearSystem, kalman, smoothed, smoothed_start
@@ -155,6 +156,30 @@ def response(at: Fit[P, S], other: LinearModel[P, S]) -> FloatArray:
     """Return by how much the values were others if another model were true, (n - first,) [SI]."""
     system = other.about(at.point)
     return replace(at, system=system, run=kalman(system)).values - at.values
+
+
+def exchanged(
+    estimate: CoefficientVector, used: tuple[FloatArray, FloatArray], prior: CoefficientVector
+) -> CoefficientVector:
+    """Return an estimate with another prior than the one it was made with.
+
+    ``P^-1 = P_u^-1 - D_u + D``, ``P^-1 x = P_u^-1 x_u - D_u m_u + D m``, D the information of the
+    priors and m their means.
+
+    `estimate`: with covariance [SI]; `used` (p,): mean and standard deviation of the prior it was
+    made with [SI]; `prior`: the prior it shall have: values and prior_sd [SI].
+    """
+    assert estimate.cov is not None
+    unit = estimate.sd
+    mean, sd = used
+    old, new = (unit / sd) ** 2, (unit / prior.prior_sd) ** 2
+    information = np.linalg.inv(estimate.cov / np.outer(unit, unit)) + np.diag(new - old)
+    cov = np.linalg.inv((information + information.T) / 2)
+    pull = new * (prior.values - estimate.values) - old * (mean - estimate.values)
+    values = estimate.values + unit * (cov @ (pull / unit))
+    return replace(
+        estimate, values=values, cov=cov * np.outer(unit, unit), prior_sd=prior.prior_sd
+    )  # fmt: skip
 
 
 def held_out(at: Fit[P, S], rows: BoolArray) -> tuple[FloatArray, FloatArray]:

@@ -210,6 +210,20 @@ def _known(layout: Layout, prior: CoefficientVector) -> dict[str, list[int]]:
     return out
 
 
+def farthest(seen: Seen) -> tuple[int, float] | None:
+    """Return which term of a group is farthest off, and how many sizes that is, u / V of it [1].
+
+    None where no term is seen.
+    """
+    share = np.diag(seen.V)
+    if not (share > VISIBLE).any():
+        return None
+    off = np.where(share > VISIBLE, seen.u / np.maximum(share, VISIBLE), 0.0)
+    sure = np.abs(seen.u) / np.sqrt(np.maximum(share, VISIBLE))  # a weak alias may look huge
+    k = int(np.argmax(np.where(share > VISIBLE, sure, 0.0)))
+    return k, float(abs(off[k]))
+
+
 def detectable(seen: Seen, groups: int, power: float = 0.9) -> FloatArray:
     """Return how many sizes of each term are named in a share `power` of sessions, (c,) [1].
 
@@ -245,6 +259,8 @@ class Judgement:
     share: Mapping[str, float]  # group -> largest share of it in a variance [1]
     groups: tuple[str, ...] = ()  # those that were left out
     sizes: Mapping[str, tuple[float, str]] = field(default_factory=dict)  # [SI], and their basis
+    # group -> the term of it that is farthest off, and how many times its size that is [1]
+    worst: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
     @property
     def unseen(self) -> dict[str, float]:
@@ -302,12 +318,43 @@ def fit(
                 sizes[name] = s.k * (every[name] or 0.0)
         order = sorted(causes, key=lambda name: -causes[name].gain)
         named.append({name: causes[name].k for name in order})
-    last = mixed.fit(With(model, more, sizes), prior, **how)
-    parts, total = mixed.budget(last), np.diag(last.estimate.state_cov)[: len(model.layout)]
+    last = mixed.fit(With(model, more, sizes), prior, own=True, **how)
+    return last, _judged(first, named, last, more, extra)
+
+
+def planned(
+    model: Model,
+    columns: Columns,
+    prior: CoefficientVector | None = None,
+    sds: Mapping[str, float] | None = None,
+) -> tuple[Fit, Judgement]:
+    """Return fit and judgement of a session that was only planned, as `mixed.planned` does.
+
+    What a session would see of each group hangs on its plan alone; that nothing is contradicted is
+    taken for granted.
+
+    `model`: of the planned session; `columns`, `prior`: as of `fit`; `sds` or None: source -> size
+    of those to be found [SI].
+    """
+    extra = scatters(model)
+    more = (*extra, *columns(model.start))
+    sources = (*model.linearise(model.start).sources, *extra)
+    off = {s.name: 0.0 for s in sources if s.sd is None and s.unexplained}
+    first = tested(_as_free(mixed.planned(With(model, more, off), sds, prior), set(off)))
+    last = mixed.planned(With(model, more), sds, prior)
+    return last, _judged(first, [], last, more, extra)
+
+
+def _judged(
+    first: Mapping[str, Seen], named: list[dict[str, float]], last: Fit,
+    more: tuple[Source, ...], extra: tuple[Source, ...],
+) -> Judgement:  # fmt: skip
+    """Say what was made of every group: as tested at `first`, and what it is of the `last` sd."""
+    parts, total = mixed.budget(last), np.diag(last.estimate.state_cov)[: len(last.model.layout)]
     share = {n: float((v / total).max()) for n, v in parts.items()}
     groups = tuple(dict.fromkeys(s.name for s in more if s not in extra))
     needed = {n: float(detectable(s, len(first)).min()) for n, s in first.items()}
-    return last, Judgement(first, _together(named), needed, share, groups)
+    return Judgement(first, joined(named), needed, share, groups)
 
 
 def _as_free(at: Fit, held: set[str]) -> Fit:
@@ -323,8 +370,8 @@ def _wider(prior: CoefficientVector, name: str, k: float) -> CoefficientVector:
     return replace(prior, prior_sd=sd)
 
 
-def _together(named: list[dict[str, float]]) -> tuple[Mapping[str, float], ...]:
-    """Join what was enlarged twice: sizes multiply, and it stays where it was first named."""
+def joined(named: list[dict[str, float]]) -> tuple[Mapping[str, float], ...]:
+    """Join what was enlarged twice: sizes multiply, and it stays where it was first `named` [1]."""
     out: list[dict[str, float]] = []
     for one in named:
         before = [o for o in out if set(o) & set(one)]

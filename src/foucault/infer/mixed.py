@@ -315,6 +315,11 @@ class Fit:
         return Covariance(self.at.sources, self.sds, self.at.residuals.shape, self.estimate.weights)
 
     @cached_property
+    def own(self) -> tuple[FloatArray, FloatArray]:
+        """White residuals that no shared cause explains, and their redundancy, (n d,) each [1]."""
+        return own_part(self.at, self.covariance, self.estimate)
+
+    @cached_property
     def gain(self) -> FloatArray:
         """What one unit of each component does to the coefficients, shape (p, n d)."""
         P = self.estimate.state_cov[: len(self.model.layout)]
@@ -349,6 +354,7 @@ def fit(
     robust: bool = False,
     few: float = FEW,
     near: Fit | None = None,
+    own: bool = False,
 ) -> Fit:
     """Solve; find the sizes of sources that nobody declared; leave out readings that are far off.
 
@@ -357,7 +363,8 @@ def fit(
 
     `prior` or None: what is known of the coefficients [SI]; `robust`: leave out readings beyond
     `gauss_newton.ROBUST_LIMIT`, unless a larger share than `few` of their kind are: that is
-    repeatability [1]; `near` or None: a solution whose outliers are settled, and which is near.
+    repeatability [1]; `near` or None: a solution whose outliers are settled, and which is near;
+    `own`: judge kinds of reading by what no shared cause explains, where each of these is tested.
     """
     stating, model = model, cast("Model", _Once(model))
     loss = gauss_newton.huber if robust else gauss_newton.least_squares
@@ -379,7 +386,7 @@ def fit(
         if np.array_equal(kept, weights):
             break
         estimate = _solved(model, found, estimate, weights, carried)
-    after = before = components(model, estimate)
+    after = before = components(model, estimate, sds if own else None)
     sources = model.linearise(estimate.state).sources
     alone = {s.name: 0.0 for s in sources if s.unexplained and found.get(s.name)}
     if alone and not any(begin.values()):
@@ -387,7 +394,7 @@ def fit(
         same = np.array_equal(first.weights, weights)
         same &= not any(known.values()) and not any((found | alone).values())
         bare = first if same else _solved(model, found | alone, estimate, weights, carried)
-        before = components(model, bare)
+        before = components(model, bare, found | alone if own else None)
     wide = {name: sd * student(dof[name]) for name, sd in found.items()}
     estimate = _solved(model, wide, estimate, weights, carried) if wide != sds else estimate
     whole = _fit_of(model, stated(model, wide, carried), estimate, wide)
@@ -649,10 +656,45 @@ def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]
 # -- what follows from a fit, for every procedure alike --------------------------------------
 
 
-def components(model: Model, estimate: Estimate) -> dict[str, Component]:
-    """Judge every kind of a solution, at one false-alarm rate; what was left out does not count."""
+def own_part(
+    at: Linearisation, covariance: Covariance, estimate: Estimate
+) -> tuple[FloatArray, FloatArray]:
+    """Return what of each component no cause explains that readings share, and its redundancy.
+
+    Of ``C = D + B B'``, D what readings have for themselves, that is ``D P r`` with ``D P D`` for
+    its covariance, P what no unknown explains; white ``D^-1/2`` of it. L^-1 r puts all of a shared
+    cause into the reading that comes first, and were it smaller than its size, that would look
+    too quiet beside the others.
+
+    Returns white residuals and redundancies, shape (n d,) each [1].
+    """
+    n, d, m = at.jacobian.shape
+    root = np.swapaxes(np.linalg.cholesky(covariance.own), 1, 2)
+    inverse = covariance.inverse
+    blocks = inverse.reshape(n, d, n, d)[np.arange(n), :, np.arange(n)]
+    white = (root @ (inverse @ at.residuals.ravel()).reshape(n, d, 1)).ravel()
+    pull = (root @ (inverse @ at.jacobian.reshape(n * d, m)).reshape(n, d, m)).reshape(n * d, m)
+    known = np.einsum("ij,jk,ik->i", pull, estimate.state_cov, pull)
+    whole = np.einsum("nij,njk,nik->ni", root, blocks, root).ravel()
+    return white, np.maximum(whole - known, 0.0)
+
+
+def components(
+    model: Model, estimate: Estimate, sds: Mapping[str, float] | None = None
+) -> dict[str, Component]:
+    """Judge every kind of a solution, at one false-alarm rate; what was left out does not count.
+
+    `sds` or None: judge what readings have for themselves beside causes of these sizes, each of
+    which is tested by itself [SI].
+    """
     used = estimate.blocks >= 0
-    residuals, free = estimate.residuals[used], 1 - estimate.leverage[used]
+    if sds is None:
+        residuals, free = estimate.residuals[used], 1 - estimate.leverage[used]
+    else:
+        at = model.linearise(estimate.state)
+        shape = at.residuals.shape
+        covariance = Covariance(at.sources, sds, (shape[0], shape[1]), estimate.weights)
+        residuals, free = own_part(at, covariance, estimate)
     kept = estimate.weights[estimate.blocks[used]] > 0.5
     rows = {k: mine.ravel() & kept for k, mine in model.kinds.items() if mine.any()}
     out = {}

@@ -325,7 +325,9 @@ def information_pass(
     """
     N = dt.size
     BATCH = 128
-    lever = np.abs(arms).max() > 0.0
+    lever = False
+    for k in range(arms.size):
+        lever = lever or abs(arms.flat[k]) > 0.0
     m = np.zeros((11, 3, 3))
     v = np.zeros((7, 3))
     wide = np.zeros((6, COLUMNS))

@@ -26,7 +26,8 @@ def from_start(dtheta, dvel, left, right):
     n = left.size
     C_0b = np.empty((n, 3, 3))
     velocity = np.empty((n, 3))
-    C = np.eye(3)
+    C = np.zeros((3, 3))
+    C[0, 0] = C[1, 1] = C[2, 2] = 1.0
     v = np.zeros(3)
     u, b, e = np.empty(3), np.empty(3), np.empty(3)
     for i in range(n):
@@ -53,5 +54,7 @@ def from_start(dtheta, dvel, left, right):
             v[r] += C[r, 0] * u[0] + C[r, 1] * u[1] + C[r, 2] * u[2]
             velocity[i, r] = v[r]
         multiply_exp(C, a0, a1, a2)
-        C_0b[i] = C
+        for r in range(3):  # a slice takes seconds to compile
+            for c in range(3):
+                C_0b[i, r, c] = C[r, c]
     return C_0b, velocity

@@ -275,8 +275,13 @@ def ins_filter(
     z = np.empty(6)
     d = np.empty(3)
     errors_of(coefficient, axis, weight, which, estimate, matrix)
+    total = age = 0.0  # of all rows, whichever the run takes: a drift is that of the session
+    for j in range(dt.size if most > 42 else 0):
+        total += dt[j]
+        age += dt[j] if j <= first else 0.0
+    total = total if total > 0.0 else 1.0
     if most > 36:
-        changes(dtheta, dvel, dt, left, right, first, s)
+        changes(dtheta, dvel, dt, left, right, first, age - dt[first], total, s)
     compensated(dtheta[first], dvel[first], dt[first], used, matrix, most, w, s, before)
     i = first
     for k in range(m):
@@ -285,13 +290,14 @@ def ins_filter(
         T = 0.0
         if i < epochs[k]:  # with the coefficients as they are now
             if most > 36:
-                changes(dtheta, dvel, dt, left, right, i + 1, s)
+                changes(dtheta, dvel, dt, left, right, i + 1, age, total, s)
             compensated(dtheta[i + 1], dvel[i + 1], dt[i + 1], used, matrix, most, w, s, u)
         while i < epochs[k]:
             i += 1
+            age += dt[i]
             if i + 1 < dt.size:
                 if most > 36:
-                    changes(dtheta, dvel, dt, left, right, i + 1, later)
+                    changes(dtheta, dvel, dt, left, right, i + 1, age, total, later)
                 compensated(
                     dtheta[i + 1], dvel[i + 1], dt[i + 1], used, matrix, most, w, later, after
                 )

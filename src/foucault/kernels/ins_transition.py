@@ -8,7 +8,7 @@ from foucault.kernels import inlined, kernel
 HALF, WIDE = 64, 128
 """Columns of the transition: from 0 on those that have a share in psi, from HALF on the others."""
 
-INPUTS = 43
+INPUTS = 50
 """Inputs of the terms: 1; w; f; q(f); |w|; w^3; |f|; f_k w_j at 22 + 3 k + j; see `sense`."""
 
 
@@ -17,7 +17,8 @@ def sense(w, s, most):
     """Fill s (INPUTS,) from w (6,) rate and specific force; those above `most` are left.
 
     The inputs: 1, w (3), f (3), the six products of f as in `models.imu`, |w|, w^3, |f|, f_k w_j,
-    the six products of w, and, of `changes`, the derivatives of w and f.
+    the six products of w, and, of `changes`, the derivatives of w and f, and the time r, by which
+    r w and r f follow.
     """
     s[0] = 1.0
     for c in range(6):
@@ -37,11 +38,18 @@ def sense(w, s, most):
     if most > 30:
         s[31], s[32], s[33] = w[0] * w[0], w[1] * w[1], w[2] * w[2]
         s[34], s[35], s[36] = w[0] * w[1], w[0] * w[2], w[1] * w[2]
+    if most > 43:
+        for c in range(6):
+            s[44 + c] = s[43] * w[c]
 
 
 @inlined
-def changes(dtheta, dvel, dt, left, right, i, s):
-    """Fill s[37:43] with the derivatives of rate and specific force, as measured, at row i."""
+def changes(dtheta, dvel, dt, left, right, i, age, total, s):
+    """Fill s[37:43] with the derivatives of rate and specific force, as measured, at row i.
+
+    s[43] is the time of its middle, -1/2 at the start and 1/2 at the end; age: at its start [s].
+    """
+    s[43] = (age + 0.5 * dt[i]) / total - 0.5
     before, after = i - (left[i] != 0.0), i + (right[i] != 0.0)
     apart = 0.5 * (dt[before] + dt[after]) + (dt[i] if after - before == 2 else 0.0)
     for c in range(3):

@@ -53,7 +53,9 @@ def decorrelate(u, x):
     causes do to many rows takes m k (k + c) steps, and no matrix of m rows and columns.
     """
     m, k = u.shape
-    S, z = np.eye(k), np.zeros((k, x.shape[1]))
+    S, z = np.zeros((k, k)), np.zeros((k, x.shape[1]))
+    for a in range(k):
+        S[a, a] = 1.0
     f, g = np.zeros(k), np.zeros(k)
     for i in range(m):
         s = 1.0

@@ -208,7 +208,9 @@ def step(x, u, bend, dt, g_offset, held, mid):
 
 
 @kernel
-def strapdown(dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical, heights, gains):
+def strapdown(
+    dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical, heights, gains, out
+):
     """Navigate over the rows first + 1 .. last, or from first back to last.
 
     Parameters: dtheta, dvel (n, 3) increments [rad], [m/s] over dt (n,) [s]; left, right (n,):
@@ -217,11 +219,10 @@ def strapdown(dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical
     first; g_offset [m/s^2]; vertical FREE, HELD or AIDED; heights (n,) at the ends of the rows [m],
     NaN where unknown, (0,) unless AIDED; gains (3,) of the height loop [1/s, 1/s^2, 1/s^3].
 
-    Returns the states, shape (abs(last - first) + 1, 12). A step back is the exact inverse of the
-    step forward, found by repeating the latter.
+    Fills out (abs(last - first) + 1, 12) with the states: from NumPy it has large pages. A step
+    back is the exact inverse of the step forward, found by repeating the latter.
     """
     steps = abs(last - first)
-    out = np.empty((steps + 1, 12))
     x = x0.copy()
     held = vertical == HELD
     if held:
@@ -230,7 +231,8 @@ def strapdown(dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical
     u = np.empty(6)
     bend = np.empty(6)
     mid = np.empty(10)
-    out[0] = x
+    for c in range(12):  # a slice takes longer, and seconds to compile
+        out[0, c] = x[c]
     lift = 0.0  # what the height loop has found the vertical specific force to be wrong by
     since = 0.0  # how long ago a height was known, as far as the loop would not overshoot
     for j in range(steps):
@@ -256,9 +258,8 @@ def strapdown(dtheta, dvel, dt, left, right, first, last, x0, g_offset, vertical
                 x[6] += gains[1] * e * (since if last > first else -since)
                 lift -= gains[2] * e * since
                 since = 0.0
-        for c in range(12):  # faster than a slice
+        for c in range(12):
             out[j + 1, c] = x[c]
-    return out
 
 
 @inlined
@@ -266,7 +267,8 @@ def step_back(x, y, u, bend, dt, g_offset, held, mid):
     """Replace x by the state that `step` carries into x; y (12,) is scratch."""
     target = x.copy()
     for _ in range(5):
-        y[:] = x
+        for c in range(12):
+            y[c] = x[c]
         step(y, u, bend, dt, g_offset, held, mid)
         for at in (0, 7):  # q <- (target y^-1) q
             c0, c1, c2, c3 = product(

@@ -149,7 +149,10 @@ class StreamTail:
             number = -1
         while True:
             # Not the buffered stream: its lock, held here, would disturb the end of the program.
-            block = os.read(number, 1 << 16) if number >= 0 else stream.read(1 << 16)
+            try:
+                block = os.read(number, 1 << 16) if number >= 0 else stream.read(1 << 16)
+            except OSError:  # a line that hangs up, as a terminal does
+                block = b""
             self._blocks.put(block)
             if not block:
                 return
@@ -280,6 +283,7 @@ class Follower:
         self._sampled = own or self._kind
         self._source = {
             "file": path.name,
+            "marker": dialect.marker,
             "description": self.used.model_dump(mode="json", exclude_none=True),
         }
         return data

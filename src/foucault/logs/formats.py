@@ -16,7 +16,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, of_arrow
 from foucault.errors import Finding, error, finding, suggestion
 from foucault.logs.dialect import is_text, not_a_bomb, open_bytes, position
 from foucault.logs.own import ARRAY_KEY, METADATA_KEY
@@ -66,7 +66,7 @@ def _floats(column: Any) -> Any:
     import pyarrow as pa
 
     # Unsafe only in that an integer beyond 2^53 is rounded, as any float64 is.
-    return column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+    return of_arrow(column.cast(pa.float64(), safe=False))
 
 
 def _must_be_number(path: Path, field: Any) -> None:
@@ -274,8 +274,8 @@ _EAST = ("map", "earth", "utm", "enu", "world")
 def open_ros(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a bag; its columns are the fields of the messages of one topic."""
     kind = ODOMETRY if hasattr(description, "attitude") else IMU
-    with _opened(path) as bag:
-        topic = _topic(bag, kind, description.topic, path)
+    with opened_bag(path) as bag:
+        topic = topic_of_bag(bag, kind, description.topic, path)
         first = next(_messages(bag, topic), None)
         if first is None:
             raise error("log.empty", file=path.name)
@@ -297,14 +297,16 @@ def open_ros(path: Path, description: FileLayout, progress: Progress | None) -> 
                     declared=declared, sampled="rate")  # fmt: skip
 
 
-def _opened(path: Path) -> Any:
+def opened_bag(path: Path) -> Any:
+    """Open a bag of ROS 1 or ROS 2."""
     reader = library("rosbags.highlevel", "ros", path)
     types = library("rosbags.typesys", "ros", path)
     usual = types.get_typestore(types.Stores.LATEST)
     return reader.AnyReader([path], default_typestore=usual)
 
 
-def _topic(bag: Any, kind: str, wanted: str | None, path: Path) -> str:
+def topic_of_bag(bag: Any, kind: str, wanted: str | None, path: Path) -> str:
+    """Return the topic of messages of a kind that is wanted, or the only one."""
     able = sorted({c.topic for c in bag.connections if c.msgtype == kind})
     if wanted in able:
         return str(wanted)
@@ -325,7 +327,7 @@ def _messages(bag: Any, topic: str) -> Iterator[tuple[int, Any]]:
 
 def _reader(path: Path, topic: str, row: Any, progress: Progress | None) -> Any:
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
-        with _opened(path) as bag:
+        with opened_bag(path) as bag:
             total = max(1, sum(c.msgcount for c in bag.connections if c.topic == topic))
             rows: list[tuple[float, ...]] = []
             done = 0
@@ -417,7 +419,7 @@ def open_ulog(path: Path, description: FileLayout, progress: Progress | None) ->
     if log.file_corruption:
         raise ValueError("the log is corrupt")
     data = {f"{d.name}/{d.multi_id}": d.data for d in log.data_list if len(d.data["timestamp"])}
-    topic = _topic_of_ulog(data, description.topic, path)
+    topic = topic_of_messages(data, tuple(_MESSAGES), description.topic, path)
     message, _, number = topic.partition("/")
     columns = _MESSAGES[message](data[topic], data.get(f"sensor_accel/{number}"), topic, path)
     names = tuple(columns)
@@ -430,13 +432,16 @@ def open_ulog(path: Path, description: FileLayout, progress: Progress | None) ->
             yield np.column_stack([columns[names[c]][start : start + BLOCK_ROWS] for c in some])
 
     return RawTable(
-        names, True, blocks, findings=_told(log, topic, path), declared=_declared(columns),
+        names, True, blocks, findings=_told(log, topic, path), declared=declared_frd(columns),
         sampled="rate" if message == "sensor_gyro" else "increment",
     )  # fmt: skip
 
 
-def _topic_of_ulog(data: Mapping[str, Any], wanted: str | None, path: Path) -> str:
-    able = [name for name in data if name.partition("/")[0] in _MESSAGES]
+def topic_of_messages(
+    data: Mapping[str, Any], kinds: Sequence[str], wanted: str | None, path: Path
+) -> str:
+    """Return the messages that are wanted, such as ``IMU/1``, or the only ones of these kinds."""
+    able = [name for name in data if name.partition("/")[0] in kinds]
     named = {name.removesuffix("/0"): name for name in able} | {name: name for name in able}
     if wanted in named:
         return named[str(wanted)]
@@ -445,11 +450,12 @@ def _topic_of_ulog(data: Mapping[str, Any], wanted: str | None, path: Path) -> s
     have = ", ".join(able)
     if able and wanted is None:
         raise error("log.several_topics", file=path.name, have=have, example=able[0])
-    what = f"no message '{wanted}'" if wanted else f"none of the messages {', '.join(_MESSAGES)}"
+    what = f"no message '{wanted}'" if wanted else f"none of the messages {', '.join(kinds)}"
     raise error("log.no_topic", file=path.name, what=what, have=have or "no other of them")
 
 
-def _declared(columns: Columns) -> dict[str, Any]:
+def declared_frd(columns: Columns) -> dict[str, Any]:
+    """Say what columns in SI and forward-right-down are."""
     out: dict[str, Any] = {"time": {"column": "time", "unit": "s"}}
     for block, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
         out[block] = {"columns": [f"{block}_y", f"{block}_x", f"-{block}_z"], "unit": unit}
@@ -511,11 +517,11 @@ def _combined(data: Any, _accel: Any, _topic: str, _path: Path) -> Columns:
     return {"time": _seconds_of_ulog(data), **triads}
 
 
-def _sensors(data: Any, accel: Any, topic: str, path: Path) -> Columns:
+def beside_each_other(data: Any, accel: Any, topic: str, path: Path) -> Columns:
     """Put the sample of the accelerometer beside each of the gyro that is nearest in time."""
     if accel is None:
         raise error("log.no_topic", file=path.name, have=topic,
-                    what=f"no sensor_accel beside {topic}")  # fmt: skip
+                    what=f"no accelerometer beside {topic}")  # fmt: skip
     mine, other = (
         _seconds_of_ulog(d, "timestamp_sample" if "timestamp_sample" in d else "timestamp")
         for d in (data, accel)
@@ -538,4 +544,8 @@ def _sensors(data: Any, accel: Any, topic: str, path: Path) -> Columns:
     return out
 
 
-_MESSAGES = {"sensor_combined": _combined, "vehicle_imu": _vehicle_imu, "sensor_gyro": _sensors}
+_MESSAGES = {
+    "sensor_combined": _combined,
+    "vehicle_imu": _vehicle_imu,
+    "sensor_gyro": beside_each_other,
+}

@@ -211,13 +211,13 @@ class FileLayout(Block):
 
     file: str | None = Field(None, description="path, relative to the campaign file")
     format: Literal["auto", "csv", "text", "parquet", "npy", "npz", "mat", "binary", "ros", "ulog",
-                    "novatel", "vectornav"] = Field(
+                    "dataflash", "novatel", "vectornav"] = Field(
         "auto", description="by suffix and content if left out"
     )  # fmt: skip
     topic: str | None = Field(
         None,
-        description='topic of a ROS bag, or message of a PX4 log such as "vehicle_imu/1"; may be '
-        "left out where there is only one",
+        description='topic of a ROS bag, or message of a PX4 log such as "vehicle_imu/1", of one '
+        'of ArduPilot such as "IMU/1"; may be left out where there is only one',
     )
     delimiter: str = Field("auto", min_length=1, description='"auto", "space", ",", ";", "\\t"')
     decimal: Literal[".", ","] = Field(".", description="decimal sign of a text file")

@@ -166,27 +166,34 @@ def _opened(blocks: Iterable[Log], remarks: dict[str, str]) -> tuple[Any, Iterat
 
 def _write_csv(blocks: Iterable[Log], path: Path, remarks: dict[str, str]) -> int:
     with path.open("wb") as stream:
-        return _write_text(blocks, stream, remarks)
+        return write_text_blocks(blocks, stream, remarks)
 
 
 def _write_gzip(blocks: Iterable[Log], path: Path, remarks: dict[str, str]) -> int:
     # No name and no time inside, so that the same log gives the same bytes.
     with path.open("wb") as raw, gzip.GzipFile("", "wb", 6, raw, mtime=0) as stream:
-        return _write_text(blocks, cast(IO[bytes], stream), remarks)
+        return write_text_blocks(blocks, cast(IO[bytes], stream), remarks)
 
 
-def _write_text(blocks: Iterable[Log], stream: IO[bytes], remarks: dict[str, str]) -> int:
+def write_text_blocks(blocks: Iterable[Log], stream: IO[bytes], remarks: dict[str, str]) -> int:
+    """Write a log that comes in blocks as text, each block as soon as it is there.
+
+    `blocks`: the log, piece by piece [SI]; `remarks`: what else it says. Returns the number of
+    samples written.
+    """
     from pyarrow import csv
 
     schema, logs, said = _opened(blocks, remarks)
     lines = [f"# {said}", *(f"# {key}: {text}" for key, text in remarks.items())]
     stream.write("\n".join([*lines, ",".join(schema.names), ""]).encode())
+    stream.flush()
     options = csv.WriteOptions(include_header=False)
     rows = 0
     with csv.CSVWriter(stream, schema, write_options=options) as writer:
         for log in logs:
             for batch in _batches(log, schema):
                 writer.write_batch(batch)
+            stream.flush()
             rows += len(log)
     return rows
 

@@ -85,6 +85,7 @@ _READERS = {
     "binary": "formats.open_binary",
     "ros": "formats.open_ros",
     "ulog": "formats.open_ulog",
+    "dataflash": "dataflash.open_dataflash",
     "novatel": "text.open_sentences",
     "vectornav": "text.open_sentences",
 }
@@ -112,6 +113,9 @@ _SENTENCES = {
     "novatel": re.compile(rb"(?m)^[#%](?:RAWIMU|CORRIMU)\w*A,"),
     "vectornav": re.compile(rb"(?m)^\$VNIMU,"),
 }
+DATAFLASH = b"\xa3\x95\x80"
+"""How a log of ArduPilot begins: the description of its own descriptions."""
+
 ROS_FOLDER = "metadata.yaml"
 """A folder with this file is a bag of ROS 2."""
 
@@ -230,6 +234,16 @@ def _must_exist(path: Path) -> None:
     raise error("log.missing_file", path=path, what=what, hint=hint)
 
 
+def format_of(path: Path) -> str:
+    """Return the format that a file is read in where nothing is said of it, "" for none."""
+    from foucault.logs.layout import FileLayout
+
+    try:
+        return _format(path, FileLayout.model_validate({"file": path.name}))
+    except FoucaultError:
+        return ""
+
+
 def _format(path: Path, description: FileLayout) -> str:
     if description.format != "auto":
         return description.format
@@ -239,6 +253,9 @@ def _format(path: Path, description: FileLayout) -> str:
         return "ros"
     plain = path.with_suffix("") if path.suffix.lower() == ".gz" else path
     known = _SUFFIXES.get(plain.suffix.lower())
+    if known == "binary":
+        with plain.open("rb") as stream:
+            known = "dataflash" if stream.read(3) == DATAFLASH else known
     if known not in (None, "csv", "text"):
         return known
     with open_text(path) as stream:

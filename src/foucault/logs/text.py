@@ -16,11 +16,11 @@ from functools import reduce
 from itertools import islice
 from operator import xor
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, cast
+from typing import IO, TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, of_arrow
 from foucault.errors import FoucaultError, error, finding
 from foucault.files import decoded
 from foucault.logs.dialect import (
@@ -159,9 +159,9 @@ def _arrow_type(dialect: Dialect, column: int) -> Any:
 
 
 def _floats(column: Any) -> FloatArray:
-    values: Any = column.to_numpy(zero_copy_only=False)
+    values = of_arrow(column)
     if values.dtype.kind != "M":
-        return cast(FloatArray, values)
+        return values
     seconds = values.astype(np.int64) * 1e-9
     return np.where(np.isnat(values), np.nan, seconds)
 

@@ -63,7 +63,7 @@ STATES = Layout(
 
 # Where the inputs of a term begin in the vector that the kernels make (`kernels.ins_transition`).
 ONE, RATE, FORCE, PRODUCT, SIZE_OF_RATE, RATE_CUBED = 0, 1, 4, 7, 13, 16
-SIZE_OF_FORCE, FORCE_BY_RATE = 19, 22
+SIZE_OF_FORCE, FORCE_BY_RATE, TIME = 19, 22, 43
 _INPUTS = {
     "accel_matrix": FORCE, "accel_quadratic": PRODUCT,
     "gyro_matrix": RATE, "g_sensitivity": FORCE,
@@ -142,6 +142,55 @@ class Sensors:
         slow = {"gyro": noise.gyro, "accel": noise.accel}
         triads = tuple(name for name, triad in slow.items() if triad.bias_instability > 0)
         return self._with_biases("wander", "m", "what the bias of {} wanders by", triads)
+
+    def with_drift(self, groups: Iterable[str]) -> Sensors:
+        """Return these coefficients and the drift of some, end minus start of the log.
+
+        ``drift.gyro.bias.x`` adds to the readings what the coefficient does, from -1/2 of it at the
+        start of the increments to 1/2 at their end.
+
+        `groups`: of biases and of scale factors that are among these coefficients.
+        """
+        mine, out = self.layout.names, self
+        names = [n for g in groups for n in mine if n.startswith(f"{g}.")]
+        for name in names:
+            at, c = mine.index(name), self.layout.coefficients[mine.index(name)]
+            drift = replace(c, name=f"drift.{name}", symbol=f"d{c.symbol}",
+                            meaning=f"{c.meaning}, end minus start")  # fmt: skip
+            some = self.coefficient == at
+            entry = self.entry[some]
+            later = np.where(entry == ONE, TIME, TIME + entry)  # r, r w and r f
+            out = out._with_one(drift, self.axis[some], later, self.weight[some])
+        return out
+
+    def with_gravity(self, gravity: float) -> Sensors:
+        """Return these coefficients and an error of local gravity.
+
+        An instrument that stays where it is feels nothing else: all that the accelerometers read is
+        too large by the same share.
+
+        `gravity`: what is taken for it [m/s^2].
+        """
+        error = Coefficient("site.gravity", "dg", "gravity", "local gravity less what was taken")
+        return self._with_one(error, np.arange(3, 6), np.arange(FORCE, FORCE + 3),
+                              np.full(3, 1.0 / gravity))  # fmt: skip
+
+    def _with_one(
+        self, c: Coefficient, axis: IntArray, entry: IntArray, weight: FloatArray
+    ) -> Sensors:
+        """Return these coefficients and one more, the last of the gyros' or of all."""
+        gyro, all_of = bool(axis[0] < 3), self.layout.coefficients
+        at = self.gyros if gyro else len(self)
+        before = int(np.sum(self.axis < 3)) if gyro else len(self.axis)
+
+        def joined(mine: npt.NDArray[Any], new: Any) -> npt.NDArray[Any]:
+            return np.concatenate([mine[:before], new, mine[before:]]).astype(mine.dtype)
+
+        return Sensors(
+            Layout((*all_of[:at], c, *all_of[at:])),
+            joined(self.coefficient + (self.coefficient >= at), np.full(len(axis), at)),
+            joined(self.axis, axis), joined(self.entry, entry), joined(self.weight, weight),
+        )  # fmt: skip
 
     def with_turn_on(self, count: int) -> Sensors:
         """Return these coefficients and what the biases of each recording differ by from theirs.

@@ -19,7 +19,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.models import cluster, imu, magnetometer, size_effect, transfer
+from foucault.models import cluster, imu, magnetometer, pose, size_effect, transfer
 from foucault.models.cluster import ClusterModel
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel, coefficient_slot
@@ -33,12 +33,15 @@ BESIDE = Layout(
 )  # fmt: skip
 """What is found of a slave on its master besides the errors of its sensors."""
 
+TIES = Layout((*BESIDE.coefficients, *pose.LAYOUT.coefficients))
+"""What ties an instrument to another one, and is no error of its readings."""
+
 EVERY = Layout(
     (
         *imu.LAYOUT.coefficients,
         *size_effect.LAYOUT.coefficients,
         *(c for c in cluster.LAYOUT.coefficients if c.name not in imu.LAYOUT),
-        *BESIDE.coefficients,
+        *TIES.coefficients,
         *magnetometer.LAYOUT.coefficients,
     )
 )
@@ -84,7 +87,7 @@ def is_imu(vector: CoefficientVector) -> bool:
 
 def of_sensors(vector: CoefficientVector) -> CoefficientVector:
     """Return what of a `vector` is an error of its sensors: how it is mounted is left out."""
-    names = [name for name in vector.names if name not in BESIDE]
+    names = [name for name in vector.names if name not in TIES]
     return vector if len(names) == len(vector) else vector.chosen(names)
 
 

@@ -46,6 +46,8 @@ class Group(Strict):
     """Typical size for each grade."""
     basis: tuple[str, ...]
     """What each rests on."""
+    shown_by: str
+    """What in a plan shows it, or what else tells how large it is."""
 
 
 class Table(Strict):
@@ -53,6 +55,8 @@ class Table(Strict):
 
     grades: tuple[str, ...]
     """Grades of instruments."""
+    noise: dict[str, tuple[str, ...]]
+    """Triad -> noise above which it is of each grade but the last."""
     groups: dict[str, Group] = Field(min_length=1)
     """Group -> its sizes."""
 
@@ -76,6 +80,38 @@ def sizes_of(grade: str) -> dict[str, tuple[float, str]]:
         for name, g in said.groups.items()
         if g.sizes
     }
+
+
+class ByNoise(dict[str, tuple[float, str]]):
+    """Sizes that are declared, beside those of the grade that the noise of a log tells."""
+
+
+def told(sizes: Sizes, accel: float, gyro: float) -> Sizes | None:
+    """Return what `sizes` come to beside noise, None where nothing tells any.
+
+    Each triad has the grade of its own noise; one whose noise nobody knows has that of the other.
+
+    `accel`, `gyro`: white noise, NaN where unknown [SI].
+    """
+    if not isinstance(sizes, ByNoise):
+        return sizes
+    found = {k: g for k, w in (("accel", accel), ("gyro", gyro)) if (g := grade_of(k, w))}
+    out = dict[str, tuple[float, str]]()
+    for name in table().groups if found else ():
+        grade = found.get(name.partition(".")[0]) or next(iter(found.values()))
+        usual = sizes_of(grade).get(name)
+        if usual is not None:
+            out[name] = (usual[0], f"grade told by noise (judgement): {usual[1]}")
+    return out | sizes or None
+
+
+def grade_of(triad: str, white: float) -> str | None:
+    """Return the grade that the `white` noise of a triad tells, shape () [SI]; None where NaN."""
+    kind = {"accel": "velocity random walk", "gyro": "angle random walk"}[triad]
+    if not np.isfinite(white):
+        return None
+    least = [units.parse(text, kind) for text in table().noise[triad]]
+    return table().grades[sum(white <= one for one in least)]
 
 
 def in_words(group: str, size: float) -> str:

@@ -20,6 +20,7 @@ from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import Coefficient, Layout
 from foucault.errors import Finding, error, finding
 from foucault.models.earth import transport_rate
+from foucault.models.imu import LAYOUT
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import angles_of
@@ -56,6 +57,20 @@ WANDER = Layout(
           for a in AXES)
 )  # fmt: skip
 """What a bias is away from its mean: a first-order Markov process, the bias instability."""
+
+DRIFTING = ("gyro.bias", "accel.bias", "gyro.scale", "accel.scale")
+"""Groups of coefficients that drift over a session."""
+
+COUNTED = Layout(
+    (*(replace(LAYOUT.coefficients[i], name=f"drift.{LAYOUT.names[i]}", symbol="d",
+               meaning=f"{LAYOUT.coefficients[i].meaning}, end minus start of the run")
+       for group in DRIFTING for i in LAYOUT.group(group)),
+     Coefficient("site.gravity", "dg", "gravity", "local gravity less what was taken for it"),
+     Coefficient("site.latitude", "dL", "angle", "latitude less what was taken for it"),
+     *_triad("lever_arm", "dl", "length", "lever arm less what was measured"),
+     Coefficient("messages.rate", "c", "scale factor error", "rate of the clocks on each other"))
+)  # fmt: skip
+"""What is not estimated, and counted with as states, beside coefficients of the instrument."""
 
 LIVELY = 2.146
 """Bandwidth of the second-order Markov process times its correlation time [1]."""
@@ -107,13 +122,18 @@ class Matching:
 
 
 def states_of_transfer(
-    sensors: Sensors, mount: Mount, matching: Matching, noise: ImuNoise | None = None
+    sensors: Sensors,
+    mount: Mount,
+    matching: Matching,
+    noise: ImuNoise | None = None,
+    counted: tuple[str, ...] = (),
 ) -> Layout:
     """Return the states: nine of navigation, coefficients, installation, delay, load, flexure.
 
-    What biases wander follows, where they do.
+    What biases wander follows, where they do, then what is counted with.
 
-    `noise` or None: noise of the slave, bias instability among it [SI].
+    `noise` or None: noise of the slave, bias instability among it [SI]; `counted`: names of those
+    of `COUNTED`.
     """
     wanders = () if noise is None else [
         c for c in WANDER.coefficients
@@ -125,6 +145,7 @@ def states_of_transfer(
         *(DELAY.coefficients if matching.delay else ()),
         *(LOAD.coefficients if mount.load else ()),
         *(FLEXURE.coefficients if mount.flexure_sd > 0 else ()), *wanders,
+        *COUNTED.subset(counted).coefficients,
     ))  # fmt: skip
 
 

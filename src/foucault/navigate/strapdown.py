@@ -27,6 +27,7 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.errors import error, suggestion
+from foucault.kernels.local_level import local_level
 from foucault.kernels.strapdown import AIDED, FREE, HELD, strapdown
 from foucault.models.earth import EQUATORIAL_GRAVITY, SEMI_MAJOR_AXIS, east_north_up
 from foucault.models.rotation import angles_of
@@ -116,25 +117,36 @@ class State:
                         allowed="orthonormal and right-handed")  # fmt: skip
 
 
+MANY = 1000
+"""Rows from which on a kernel turns states, once it is compiled or read; below, NumPy [1]."""
+
+
 def states_of(x: FloatArray) -> dict[str, FloatArray]:
     """Return what the states of the kernels mean.
 
     `x` (..., 12): states of `kernels.strapdown` [SI]. Returns latitude, longitude [rad], height
-    [m], each shape (...); velocity_n (..., 3) [m/s]; C_nb (..., 3, 3) and C_nl (..., 3, 3) [1].
+    [m], each shape (...); velocity_n (..., 3) [m/s]; C_nb (..., 3, 3) and C_nl (..., 3, 3) [1];
+    angles (..., 3): heading, pitch and roll [rad].
     """
-    C_el = matrix_of(x[..., 7:11])
-    up = C_el[..., :, 2]
-    latitude = np.arctan2(up[..., 2], np.hypot(up[..., 0], up[..., 1]))
-    longitude = np.arctan2(up[..., 1], up[..., 0])
-    C_nl = np.swapaxes(east_north_up(latitude, longitude), -1, -2) @ C_el
+    if x.ndim == 2 and len(x) >= MANY:
+        m = len(x)
+        position, velocity, angles = np.empty((m, 2)), np.empty((m, 3)), np.empty((m, 3))
+        C_nb, C_nl = np.empty((m, 3, 3)), np.empty((m, 3, 3))
+        local_level(np.ascontiguousarray(x), position, velocity, C_nb, C_nl, angles)
+        latitude, longitude = position.T
+    else:
+        C_el = matrix_of(x[..., 7:11])
+        up = C_el[..., :, 2]
+        latitude = np.arctan2(up[..., 2], np.hypot(up[..., 0], up[..., 1]))
+        longitude = np.arctan2(up[..., 1], up[..., 0])
+        C_nl = np.swapaxes(east_north_up(latitude, longitude), -1, -2) @ C_el
+        velocity = np.einsum("...ij,...j->...i", C_nl, x[..., 4:7])
+        C_nb = C_nl @ matrix_of(x[..., :4])
+        angles = angles_of(C_nb)
     return {
-        "latitude": latitude,
-        "longitude": longitude,
-        "height": x[..., 11],
-        "velocity_n": np.einsum("...ij,...j->...i", C_nl, x[..., 4:7]),
-        "C_nb": C_nl @ matrix_of(x[..., :4]),
-        "C_nl": C_nl,
-    }
+        "latitude": latitude, "longitude": longitude, "height": x[..., 11],
+        "velocity_n": velocity, "C_nb": C_nb, "C_nl": C_nl, "angles": angles,
+    }  # fmt: skip
 
 
 def state_of(x: FloatArray) -> State:
@@ -240,10 +252,10 @@ class Trajectory:
         """Attitude, shape (m, 3, 3) [1]."""
         return self._meaning["C_nb"]
 
-    @cached_property
+    @property
     def angles(self) -> FloatArray:
         """Heading, pitch and roll, shape (m, 3) [rad]."""
-        return angles_of(self.C_nb)
+        return self._meaning["angles"]
 
 
 def navigate(
@@ -303,9 +315,10 @@ def navigate(
     # The second gain also takes back what gravity, weaker with height, does to an error of it.
     pull = 2 * EQUATORIAL_GRAVITY / SEMI_MAJOR_AXIS
     gains = np.array([3 * rate, 3 * rate**2 + pull, rate**3])
-    history = strapdown(
+    history = np.empty((abs(end - first) + 1, 12))
+    strapdown(
         increments.dtheta_b, increments.dvel_b, increments.dt, *increments.bends, first, end,
-        state.packed(), gravity_offset, VERTICAL[vertical], aid, gains,
+        state.packed(), gravity_offset, VERTICAL[vertical], aid, gains, history,
     )  # fmt: skip
     rows = np.arange(first, end + 1) if end >= first else np.arange(first, end - 1, -1)
     require_finite(history, increments, rows)

@@ -37,6 +37,7 @@ PROCEDURES = {
     "platform_tumble": "foucault.procedures.platform_tumble",
     "systematic": "foucault.procedures.systematic",
     "transfer_alignment": "foucault.procedures.transfer_alignment",
+    "imu_pose": "foucault.procedures.imu_pose",
 }
 """Name in a campaign file -> module."""
 

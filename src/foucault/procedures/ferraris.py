@@ -103,7 +103,7 @@ class Session(FaceSession):
         return face_plan(
             rest_time=self.rest_time, move_time=self.move_time, turn_time=self.turn_time,
             angle=settings.angle, placement_sd=placement, level_sd=level, angle_sd=angle,
-            seed=seed,
+            repeated=self.repeated, seed=seed,
         )  # fmt: skip
 
     @property
@@ -199,6 +199,8 @@ PROCEDURE = Procedure(
     solve=_solve,
     simulation=simulate_drawn,
     observe=_stated,
+    again=lambda model, log, _: on_faces.again(model, log),
+    additions=on_faces.additions,
     sizes=lambda session, _: session.sizes,
     names=lambda settings, _: names_of(settings),
 )

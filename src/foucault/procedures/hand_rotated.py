@@ -40,6 +40,7 @@ from foucault.diagnose import hand_rotated as judge
 from foucault.diagnose import hand_rotated as session_report
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.hand_rotated import hold_out, vertical_check
+from foucault.diagnose.left_out import common_g_sensitivity
 from foucault.diagnose.references import no_latitude
 from foucault.errors import Finding
 from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
@@ -188,7 +189,8 @@ def _likelihood(data: SessionData, rests: Rests, given: Given[Settings]) -> Resu
     held_out = hold_out(fit, count) if count > 1 else None
     around, level = coverage(fit.state.C_nb[:, 2, :]), rest_levels(rests)
     judged = judge.judged(fit, declared, level, held_out)
-    vertical = vertical_check(data, estimate)
+    common = common_g_sensitivity(beside, data.site.gravity)
+    vertical = vertical_check(data, estimate, common)
     checks = judge.checks(judged, around, level) + ((vertical,) if vertical else ())
     turned_round = vertical is not None and not vertical.passed
     return result_of(
@@ -205,6 +207,16 @@ def _likelihood(data: SessionData, rests: Rests, given: Given[Settings]) -> Resu
         tables=session_report.tables(fit, prediction, held_out, rest_table(data.log, rests)),
         judged=beside,
     )
+
+
+def _additions(settings: Settings, session: Session) -> list[tuple[str, Settings, Session]]:
+    """Return plans that show more."""
+    rests = session.rests + max(session.rests // 2, 1)
+    faster = session.turn_time / 2
+    return [
+        (f"{rests} rests", settings, session.model_copy(update={"rests": rests})),
+        ("turns twice as fast", settings, session.model_copy(update={"turn_time": faster})),
+    ]
 
 
 def _again(model: RestsAndTurns) -> Again:
@@ -243,7 +255,8 @@ def _again(model: RestsAndTurns) -> Again:
         )
         return replace(model, session=other).predict(state).residuals
 
-    return Again(motion, residuals)
+    slow = left_out.wander_of(model.noise.slow, float(np.ptp(s.log.time)))
+    return Again(motion, residuals, left_out.white_of(model.noise), slow)
 
 
 PROCEDURE = Procedure(
@@ -254,6 +267,8 @@ PROCEDURE = Procedure(
     solve=_solve,
     simulation=simulate_drawn,
     observe=lambda log, given: _model(*_reduced(log, given), given),
+    again=lambda model, *_: _again(model),
+    additions=_additions,
     names=lambda settings, _: settings.estimated(),
     # Means over poses know no turns.
     clocked=lambda log: (log.averaged is None, log.sampled == "increment"),

@@ -7,7 +7,7 @@ left out, so that the difference of two calls is what one size of a term does to
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
@@ -16,12 +16,25 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.foresight import Extra
 from foucault.infer import left_out, mixed
-from foucault.infer.left_out import Columns, Judgement
+from foucault.infer.left_out import Columns, Judgement, With
 from foucault.infer.mixed import Fit, Model, Source
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
-from foucault.models.left_out import GRAVITY, NONE, Change, Motion, Sizes, changes, in_words, terms
+from foucault.models.left_out import (
+    GRAVITY,
+    NONE,
+    Change,
+    Motion,
+    Sizes,
+    changes,
+    in_words,
+    table,
+    terms,
+    told,
+)
+from foucault.models.noise import ImuNoise, SessionNoise, wander
 
 
 @dataclass(frozen=True)
@@ -32,6 +45,9 @@ class Again:
     # calibrated the motion is that of the geometry: their biases would look like gravity.
     motion: Callable[[Any], tuple[ImuModel, Motion]]
     residuals: Callable[[Any, Change], FloatArray]  # state, what is put into it -> (n, d) [SI]
+    white: tuple[float, float] = (np.nan, np.nan)  # noise of both triads, NaN where unknown [SI]
+    # wander: sd of the drift of both biases over the session that the noise has already [SI]
+    wander: tuple[float, float] = (0.0, 0.0)
 
 
 def changed(site: Site, by: Change) -> Site:
@@ -53,14 +69,112 @@ def fit(
     `prior` or None: what is known of the coefficients [SI]; `sizes` or None: of what is not
     estimated [SI]; `how`: of `mixed.fit`.
     """
+    sizes = whole(sizes, site, again)
     if sizes is None:
         return mixed.fit(model, prior, **how), None
-    of_site = {GRAVITY: (site.gravity_sd, "standard uncertainty of local gravity")}
-    sizes = dict(sizes) | of_site
-    found, judged = left_out.fit(
-        model, columns(model.layout.names, site, sizes, again), prior, **how
-    )
+    names = model.layout.names
+    found, judged = left_out.fit(model, columns(names, site, sizes, again), prior, **how)
+    return found, told_of(judged, names, site, sizes)
+
+
+def told_of(judged: Judgement, names: tuple[str, ...], site: Site, sizes: Sizes) -> Judgement:
+    """Return a judgement with its sizes [SI], and with the worst term of each group by its name.
+
+    `names`: of the coefficients that are estimated.
+    """
+    members: dict[str, list[str]] = {}
+    for term in terms(names, site, sizes):
+        members.setdefault(term.group, []).append(term.name)
+    worst = {
+        g: (members[g][far[0]], far[1])
+        for g in judged.groups
+        if g in judged.seen and (far := left_out.farthest(judged.seen[g])) is not None
+    }
+    return replace(judged, sizes={g: sizes[g] for g in judged.groups}, worst=worst)
+
+
+def planned(
+    model: Model,
+    prior: CoefficientVector | None,
+    sizes: Sizes | None,
+    site: Site,
+    again: Again,
+    sds: Mapping[str, float],
+) -> tuple[Fit, Judgement | None]:
+    """Return what a planned session will make of it; arguments as of `fit`.
+
+    `sds`: source -> size of those to be found [SI].
+    """
+    sizes = whole(sizes, site, again)
+    if sizes is None:
+        return mixed.planned(model, sds, prior), None
+    made = columns(model.layout.names, site, sizes, again)
+    found, judged = left_out.planned(model, made, prior, sds)
     return found, replace(judged, sizes={g: sizes[g] for g in judged.groups})
+
+
+WORTH = 0.1
+"""Share of a variance from which on it is said what another size of a group would buy [1]."""
+
+BETTER = 10.0
+"""So many times as small is the size that is declared then [1]."""
+
+
+def declared(
+    at: Fit, judged: Judgement | None, prior: CoefficientVector | None, sds: Mapping[str, float]
+) -> tuple[Extra, ...]:
+    """Return what it would buy to know a size better, the largest of them, at no time of the plan.
+
+    `at`, `judged`: as `planned` returned them; `sds`: as it was given them [SI].
+    """
+    if judged is None or not isinstance(at.model, With):
+        return ()
+    large = {g: s for g in judged.groups if (s := judged.share.get(g, 0.0)) > WORTH}
+    out, layout = [], at.model.layout
+    for group in sorted(large, key=lambda g: -large[g])[:3]:
+        less = replace(at.model, sizes={group: 1 / BETTER})
+        sd = [one.estimate.coefficients.sd for one in (mixed.planned(less, sds, prior), at)]
+        size = in_words(group, judged.sizes[group][0] / BETTER)
+        out.append(
+            Extra.of(
+                f"{table().groups[group].what} known to {size}", 0.0, layout.names, sd[0] / sd[1]
+            )
+        )
+    return tuple(out)
+
+
+def whole(sizes: Sizes | None, site: Site, again: Again) -> Sizes | None:
+    """Return sizes as the noise tells them, and that of local gravity, which `site` gives."""
+    sizes = None if sizes is None else told(sizes, *again.white)
+    if sizes is None:
+        return None
+    out = dict(sizes) | {GRAVITY: (site.gravity_sd, "standard uncertainty of local gravity")}
+    for triad, wanders in zip(("accel", "gyro"), again.wander, strict=True):
+        size, basis = out.get(group := f"{triad}.bias drift", (0.0, ""))
+        if size and wanders:  # the larger of both counts: what is more than the noise has
+            left = float(np.sqrt(max(size**2 - wanders**2, 0.0)))
+            out[group] = left, f"{basis}; less what [noise] has of it"
+    return out
+
+
+def wander_of(slow: ImuNoise | None, span: float) -> tuple[float, float]:
+    """Return the sd of the change of both biases over a `span` [s] that declared noise makes [SI].
+
+    `slow` or None: bias instability and random walk [SI].
+    """
+    if slow is None:
+        return 0.0, 0.0
+    ends, moment = np.array([0.0, span]), np.full(2, 1e-3 * span)
+    found = [wander(triad, ends, moment) for triad in (slow.accel, slow.gyro)]
+    sds = [float(np.sqrt(max(C[0, 0] + C[1, 1] - 2 * C[0, 1], 0.0))) for C in found]
+    return sds[0], sds[1]
+
+
+def white_of(noise: SessionNoise) -> tuple[float, float]:
+    """Return the white noise of both triads of a session [SI]."""
+    pairs = (noise.accel_psd, noise.slow.accel), (noise.gyro_psd, noise.slow.gyro)
+    found = [max(float(np.sqrt(psd.mean())), triad.white) for psd, triad in pairs]
+    return found[0], found[1]
 
 
 def columns(names: tuple[str, ...], site: Site, sizes: Sizes, again: Again) -> Columns:

@@ -15,11 +15,12 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import comparable
 from foucault.diagnose.checks import check
+from foucault.diagnose.left_out import LAYOUT_GROUPS
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.fusion import Fused, Known, fused, with_sources
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models import cluster
-from foucault.models.layouts import BESIDE, is_cluster
+from foucault.models.layouts import TIES, is_cluster
 from foucault.result import Check, Level, Result, TimeBase, Verdict
 from foucault.units import plain
 
@@ -89,7 +90,34 @@ def merged(results: Sequence[Hashed]) -> Result:
     if unlike:
         told.append(finding("merge.only_some", names=", ".join(sorted(unlike))))
     checks += [_passed(label, result) for label, _, result in results]
+    told += _shared_left_out([(label, result) for label, _, result in results])
     return _result(results, known, tuple(checks), tuple(told))
+
+
+LEFT_OUT_MATTERS = 0.1
+"""Share of a variance from which on it is told that results share a term [1]."""
+
+
+def _shared_left_out(results: Sequence[tuple[str, Result]]) -> list[Finding]:
+    """Say where results hold terms of one instrument that each counts as if they were its own."""
+    counted = [(label, r) for label, r in results if "left_out" in r.diagnostics]
+    large: list[set[str]] = []
+    for _, result in counted:
+        budget = result.diagnostics.get("budget") or {}
+        total = np.maximum(result.coefficients.sd**2, 1e-300)
+        large.append({
+            g for g in result.diagnostics["left_out"]
+            if g in LAYOUT_GROUPS and g in budget
+            and float(np.max(np.asarray(budget[g]) / total)) > LEFT_OUT_MATTERS
+        })  # fmt: skip
+    shared = sorted({g for k, some in enumerate(large) for g in some if any(
+        g in other.diagnostics["left_out"] for j, (_, other) in enumerate(counted) if j != k
+    )})  # fmt: skip
+    told = [finding("merge.left_out", names=", ".join(shared))] if shared else []
+    without = [label for label, r in results if "left_out" not in r.diagnostics]
+    if without and counted:
+        told.append(finding("merge.left_out_only_some", labels=", ".join(without)))
+    return told
 
 
 def with_prior(result: Result, earlier: Earlier, own: Mapping[str, tuple[float, float]]) -> Result:
@@ -103,7 +131,9 @@ def with_prior(result: Result, earlier: Earlier, own: Mapping[str, tuple[float, 
     before = earlier.known(without=own).own.names
     names, alone = _common(earlier, before, vector)
     left = [n for n in before if n not in names]
-    told = (finding("prior.left", label=earlier.label, names=", ".join(left)),) if left else ()
+    told: tuple[Finding, ...] = ()
+    if left:
+        told = (finding("prior.left", label=earlier.label, names=", ".join(left)),)
     both = (result, earlier.result)
     step = fused(earlier.known(own, names, _clock_of(earlier.result, both)),
                  _known(result, alone, _clock_of(result, both)))  # fmt: skip
@@ -111,6 +141,7 @@ def with_prior(result: Result, earlier: Earlier, own: Mapping[str, tuple[float, 
     apart = fused(earlier.known(own, names, clocks[0]), _known(result, alone, clocks[1]))
     agreement = _agree(apart, earlier.label, tests=1)
     kept = replace(result, coefficients=_over(vector, step.known.own), clock=TimeBase.mean(both))
+    told += tuple(_shared_left_out([(earlier.label, earlier.result), ("the log", result)]))
     reasons = result.verdict.reasons + (() if agreement.passed else (agreement.sentence,))
     level = result.verdict.level
     if not agreement.passed and level is Level.PASS:
@@ -224,7 +255,7 @@ def _measured(label: str, result: Result) -> CoefficientVector:
     names = [
         name
         for name, good in zip(vector.names, sure, strict=True)
-        if good and name not in BESIDE and name not in cluster.ATTITUDE
+        if good and name not in TIES and name not in cluster.ATTITUDE
     ]
     if getattr(result, "temperature", None) is not None:
         raise error("merge.temperature", label=label)

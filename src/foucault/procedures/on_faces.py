@@ -66,12 +66,14 @@ class FaceSession(Strict):
     kind: record.Sampling = "rate"
     placement_sd: AngleSd = Field(default=0.0, ge=0)
     """How far placements are off, about each of two axes."""
+    repeated: int = Field(default=0, ge=0, le=6)
+    """So many of the first faces are rested on again at the end, which shows a drift."""
 
     def plan(self, settings: Any, seed: int) -> RestPlan:
         """Return the rests; `seed`: seed of what is drawn of them [1]."""
         return face_plan(
             rest_time=self.rest_time, move_time=self.move_time,
-            placement_sd=self.placement_sd, seed=seed,
+            placement_sd=self.placement_sd, repeated=self.repeated, seed=seed,
         )  # fmt: skip
 
 
@@ -133,8 +135,8 @@ class Observed:
         """Solve it, with what is not estimated where its sizes are given."""
         model = self.model(given)
         prior = CoefficientVector.prior(model.layout, given.prior) if given.prior else None
-        again = _again(model, self.log)
-        fit, judged = left_out.fit(model, prior, given.sizes, given.site, again)
+        of = again(model, self.log)
+        fit, judged = left_out.fit(model, prior, given.sizes, given.site, of)
         tested = snoop(fit.white, fit.estimate.state_cov)
         fit = replace(fit, estimate=unbiased(fit.estimate))
         placement, _, angle = self.tilts
@@ -142,7 +144,13 @@ class Observed:
         return FaceEvidence(fit, model, self.faces, tested, *told, left_out=judged)
 
 
-def _again(model: OnFaces, log: Log) -> Again:
+def additions(settings: Any, session: Any) -> list[tuple[str, Any, Any]]:
+    """Return plans that show more; `session`: that of the procedure."""
+    repeated = session.model_copy(update={"repeated": session.repeated + 1})
+    return [("the first face again at the end", settings, repeated)]
+
+
+def again(model: OnFaces, log: Log) -> Again:
     """Return the session reduced again: rests as the geometry has them, samples of the turns."""
     scene, n = model.scene, len(model.scene.rests)
     rests, turns, vertical = scene.rests, scene.turns, EARTH_RATE * scene.rests.up_k
@@ -185,7 +193,9 @@ def _again(model: OnFaces, log: Log) -> Again:
         )  # fmt: skip
         return replace(model, scene=other).linearise(state).residuals
 
-    return Again(motion, residuals)
+    known = left_out.white_of(model.noise.session) if model.noise.known else (np.nan, np.nan)
+    slow = left_out.wander_of(model.noise.session.slow, float(np.ptp(log.time)))
+    return Again(motion, residuals, known, slow)
 
 
 def result_of(procedure: str, log: Log, e: FaceEvidence) -> Result:

@@ -32,7 +32,7 @@ from foucault import logs
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose import left_out
 from foucault.diagnose.fit_checks import budget_json, chi_square_json
-from foucault.diagnose.foresight import Foresight
+from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.references import with_clock
 from foucault.errors import Finding, FoucaultError, finding
 from foucault.infer import mixed
@@ -47,6 +47,8 @@ from foucault.models.layouts import gravity_error, model_of, rate_slope, with_re
 from foucault.models.left_out import GRAVITY, Sizes
 from foucault.models.noise import ImuNoise, grade
 from foucault.procedures import Progress, silent, solvable
+from foucault.procedures import left_out as beside
+from foucault.procedures.left_out import Again
 from foucault.result import Check, Result, TableData, Verdict, provenance
 from foucault.strict import Strict
 from foucault.units import AngleSd, Quantity, RatioSd, Seconds
@@ -141,6 +143,7 @@ class Beforehand(Generic[S, N]):
     noise: ImuNoise | None = None  # as declared [SI]
     prior: Prior = field(default_factory=dict)  # what is known beforehand [SI]
     typical: ImuNoise | None = None  # to reckon with where none is declared [SI]
+    sizes: Sizes | None = None  # of what is not estimated [SI]
     seed: int = 0  # of what is drawn of the session [1]
     wanted: Any = None  # [optimise], where the procedure has it
 
@@ -193,6 +196,12 @@ class Procedure(Generic[S, N]):
 
     # Log and what is given -> the model that it states; None: it has no likelihood.
     observe: Callable[[Any, Given[S]], mixed.Model | None] | None = None
+    # Model, log and what is given -> the session reduced again; None: it does not count what it
+    # does not estimate.
+    again: Callable[[Any, Any, Given[S]], Again] | None = None
+    counts: bool = False  # whether it counts them though it has no such `again`
+    # Settings and session -> what a little more of a plan would be: in words, and both changed.
+    additions: Callable[[S, N], Sequence[tuple[str, S, N]]] | None = None
     # What is wrong with a session that its calibration has to find: source -> size [SI].
     sizes: Callable[[N, S], Mapping[str, float]] | None = None
     # A model whose readings do not show all -> the motion they lack, in words.
@@ -235,6 +244,11 @@ class Procedure(Generic[S, N]):
     noise_lines: str = ""
     prior_lines: str = ""
     errors_line: str = ""
+
+    @property
+    def counted(self) -> bool:
+        """Whether it counts what it does not estimate, where sizes are given."""
+        return self.counts or self.again is not None
 
     @property
     def summary(self) -> str:
@@ -292,7 +306,7 @@ class Procedure(Generic[S, N]):
             result = self.solve(log, given)
             slope = self.clock_slope(log, given, result) if self.clock_slope else None
         progress(1.0, "done")
-        if sizes is not None and "left_out" not in result.tables:
+        if sizes and "left_out" not in result.tables:
             told = finding("left_out.not_counted", procedure=self.name)
             result = replace(result, findings=(*result.findings, told))
         result = replace(
@@ -335,16 +349,21 @@ class Procedure(Generic[S, N]):
         settings = settings or self.Settings()
         if isinstance(settings, EarthRate):
             site = settings.where(site)
+        if self.again is None:  # none declared, and no grade is told by noise here
+            sizes = sizes or None
         return Given(site, settings, noise, prior or {}, progress, sizes)
 
-    def foreseen(self, b: Beforehand[S, N]) -> Foresight | None:
+    def foreseen(self, b: Beforehand[S, N], *, more: bool = True) -> Foresight | None:
         """Return what a planned session will show, None where nobody can say without calibrating.
 
         The session is simulated, with its noise, which decides how much of the rests is found
-        quiet; the model that it states says the rest, hardly by what was read.
+        quiet; the model that it states says the rest, hardly by what was read. `more`: whether to
+        say what more of a plan would buy.
         """
         if self.foresee is not None:
-            return self.foresee(b)
+            own = self.foresee(b)
+            silent_of = (finding("left_out.not_counted", procedure=self.name),) * bool(b.sizes)
+            return replace(own, findings=(*own.findings, *silent_of))
         if self.observe is None:
             return None
         noise = b.noise or b.typical or self.noise or grade(self.grade).noise
@@ -359,10 +378,16 @@ class Procedure(Generic[S, N]):
                 return None
             prior = CoefficientVector.prior(model.layout, b.prior)
             sizes = self.sizes(b.session, b.settings) if self.sizes else {}
-            fit = mixed.planned(model, sizes, prior)
+            judged, bought = None, tuple[Extra, ...]()
+            if self.again is None:
+                fit = mixed.planned(model, sizes, prior)
+            else:
+                again = self.again(model, log, given)
+                fit, judged = beside.planned(model, prior, b.sizes, given.site, again, sizes)
+                bought = beside.declared(fit, judged, prior, sizes) if more else ()
         found = result_of(
             self.name, fit, (), site=given.site, findings=(), tables={}, diagnostics={},
-            table_rate_sd=self.table_rate_sd,
+            table_rate_sd=self.table_rate_sd, judged=judged,
         )  # fmt: skip
         at = fit.problem.linearise(fit.state, fit.estimate.weights)
         info = information(at, model.layout).with_prior(prior.prior_sd)
@@ -373,18 +398,50 @@ class Procedure(Generic[S, N]):
         cov[blind, blind] = np.inf
         reason = "".join(f"; {lack}" for lack in (self.lacking(model) if self.lacking else ()))
         names = tuple(n for n in prior.names if n in lost)
-        told = finding("preflight.not_shown", names=", ".join(names), reason=reason)
+        told = [finding("preflight.not_shown", names=", ".join(names), reason=reason)]
+        told = told * bool(lost)
+        if b.sizes and judged is None:
+            told.append(finding("left_out.not_counted", procedure=self.name))
+        length = float(log.time[-1] - log.time[0])
+        if judged is not None and more and not blind:
+            bought = (*bought, *self._added(b, found.coefficients, length))
         return Foresight(
             **info.shown(),
             coefficients=replace(found.coefficients, cov=cov),
             linearised_at=("means in [prior], " if b.prior else "") + "no errors",
             plan="that of [simulate]",
-            duration=float(log.time[-1] - log.time[0]),
+            duration=length,
             bound=np.array(found.diagnostics["bound"]),
             budget={k: np.array(v) for k, v in found.diagnostics["budget"].items()},
             hardly=names,
-            findings=(told,) * bool(lost),
+            left_out=None if judged is None else left_out.foretold(judged),
+            more=tuple(one for one in bought if one.gains),
+            findings=tuple(told),
         )
+
+    def _added(
+        self, b: Beforehand[S, N], found: CoefficientVector, length: float
+    ) -> tuple[Extra, ...]:
+        """Foretell more of a plan, and settings that estimate more; `length`: of the plan [s]."""
+        tried = list(self.additions(b.settings, b.session)) if self.additions else []
+        for key in ("accel_quadratic", "g_sensitivity"):
+            if getattr(b.settings, key, True) is False:
+                tried.append(
+                    (f"{key} = true", b.settings.model_copy(update={key: True}), b.session)
+                )
+        out = []
+        for words, settings, session in tried:
+            try:
+                other = self.foreseen(replace(b, settings=settings, session=session), more=False)
+            except FoucaultError:  # what this plan does not show
+                continue
+            assert other is not None
+            names = [n for n in found.names if n in other.names]
+            sd = [v.chosen(names).sd for v in (other.coefficients, found)]
+            if np.isfinite(sd).all():
+                longer = other.duration - length
+                out.append(Extra.of(words, longer, tuple(names), sd[0] / sd[1]))
+        return tuple(out)
 
     def simulate(
         self,

@@ -55,6 +55,8 @@ PROCEDURE = Procedure(
     solve=_solve,
     simulation=simulate_drawn,
     observe=lambda log, given: _observed(log, given).model(given),
+    again=lambda model, log, _: on_faces.again(model, log),
+    additions=on_faces.additions,
     sizes=lambda session, _: {"placement": session.placement_sd},
     names=lambda settings, _: settings.estimated(turns=False),
 )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+from base64 import b64encode
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,17 +58,22 @@ def save(document: Document, path: str | Path) -> Path:
 
 def render(document: Document) -> str:
     """Return a document as a self-contained page of HTML."""
-    from plotly.offline import get_plotlyjs
-
+    drawn = any(block.kind == "figure" for one in document.sections for block in one.blocks)
     return str(
         _template().render(
             head=document.heading,
             sections=document.sections,
             css=(_HERE / "page.css").read_text(encoding="utf-8"),
             js=(_HERE / "page.js").read_text(encoding="utf-8"),
-            plotly=get_plotlyjs(),
+            plotly=_plotly() if drawn else "",
         )
     )
+
+
+@cache
+def _plotly() -> str:
+    """The library that turns and zooms figures, compressed, as a page holds it."""
+    return b64encode((_HERE / "plotly.js.gz").read_bytes()).decode()
 
 
 LONG_NAME = 26
@@ -119,6 +125,7 @@ def _template() -> Any:
     from markupsafe import Markup, escape
 
     from foucault.report.page import GREEK
+    from foucault.report.still import svg
 
     def symbol(text: str) -> Markup:
         """Write ``b_ax`` with its index lowered."""
@@ -160,5 +167,6 @@ def _template() -> Any:
         "script": script,
         "prose": prose,
         "equation": equation,
+        "still": lambda figure: Markup(svg(figure)),
     }
     return environment.get_template("page.html")

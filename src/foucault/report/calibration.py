@@ -1,4 +1,4 @@
-"""The page of a calibration: its sections in order, certificate, how to apply it, provenance.
+"""The page of a calibration: its sections in order, how to apply it, certificate, provenance.
 
 A procedure gets a section by filling its table; a new kind of section is a row of `SECTIONS`.
 """
@@ -43,7 +43,6 @@ from foucault.result import Result
 from foucault.units import ZERO_CELSIUS, factor, plain
 
 SECTIONS = {
-    "calibration.certificate": "",
     "tumble.alignment": "attitude platform_tumble",
     "uncertainty.functions": "temperature_curves",
     "uncertainty.left_out": "temperature_points",
@@ -87,6 +86,7 @@ SECTIONS = {
     "calibration.findings": "",
     "calibration.checks": "",
     "calibration.how_to_apply": "",
+    "calibration.certificate": "",
     "calibration.provenance": "",
 }
 """The sections of the report in order: function, and what it needs: the procedure, tables, their

@@ -1,7 +1,4 @@
-"""Figures as plain dictionaries for plotly.js, drawn by one function; colours name the style sheet.
-
-Importing plotly.graph_objects would cost more than all the rest of the report.
-"""
+"""Figures as plain dictionaries for plotly.js, drawn by one function; colours name the styles."""
 
 from __future__ import annotations
 

@@ -11,12 +11,32 @@ import numpy.typing as npt
 
 from foucault import __version__
 from foucault.arrays import FloatArray
-from foucault.diagnose.allan import NOISES, WORDS, Channel, LogAllan, Noise, described
+from foucault.diagnose.allan import (
+    NOISES,
+    UNIT_KINDS,
+    WORDS,
+    Channel,
+    LogAllan,
+    Noise,
+    described,
+)
+from foucault.diagnose.bounding_pair import Pair, pairs
 from foucault.diagnose.live import Inspection
 from foucault.errors import Finding
 from foucault.models.transfer import MasterTable
 from foucault.report import chart, page
-from foucault.report.chart import SERIES, SOFT, Trace, area, dots, draw, line, log_axis, numbers
+from foucault.report.chart import (
+    INK,
+    SERIES,
+    SOFT,
+    Trace,
+    area,
+    dots,
+    draw,
+    line,
+    log_axis,
+    numbers,
+)
 from foucault.report.page import (
     Code,
     Column,
@@ -32,7 +52,7 @@ from foucault.report.page import (
     unit_of,
 )
 from foucault.tables import AXES
-from foucault.units import convert, plain, span
+from foucault.units import convert, display_unit, plain, span
 
 POINTS = 4000
 """Samples drawn per line; a longer log is shown by the extremes of blocks."""
@@ -64,7 +84,7 @@ def inspected(inspection: Inspection, start: float = 0.0) -> Document:
     ]
     file = str(log.source.get("file", "log"))
     line_ = [f"{len(log)} samples", f"{log.duration:.0f} s", f"{log.rate:.6g} Hz"]
-    found = f"{len(rests) - int(inspection.turning.sum())} rests found"
+    found = page.counted(len(rests) - int(inspection.turning.sum()), "rest") + " found"
     if log.averaged is not None:
         line_, found = [f"{len(log)} means", f"{log.duration:.0f} s"], f"{len(log)} means"
         made.append(section("log.means", _rests(inspection, "mean")))
@@ -91,6 +111,45 @@ def inspected(inspection: Inspection, start: float = 0.0) -> Document:
     noticed = inspection.findings if master is None else log.findings
     readings = section("log.readings", _axes(inspection, noise=master is None))
     return Document.of(head, about, readings, made, page.findings(noticed))
+
+
+def glance(inspection: Inspection, start: float = 0.0) -> Document:
+    """Return what fits on one screen: axes, a bar of the rests, each kind of finding once."""
+    whole = inspected(inspection, start)
+    log, master = inspection.log, getattr(inspection.log, "master", None)
+    kept = [one for one in whole.sections if one.key in ("log.readings", "log.master")]
+    first = said("log.overview.starts", start=plain(start, 13)) if start else ""
+    rows = dict(_overview(inspection, start, moves=master is not None))
+    told_ = [f"{rows[k]} {k}" for k in ("interval", "gaps") if k in rows]
+    kinds = [rows[k] for k in ("readings", "means") if k in rows]
+    seen = [f"{k}: {rows[k]}" for k in ("rests found", "steady turns", "|f| at rest") if k in rows]
+    bar = [] if log.averaged is not None or master is not None else [Code(_timeline(inspection))]
+    line_ = [*whole.heading.line, *told_, *kinds]
+    noticed = inspection.findings if master is None else log.findings
+    return Document.of(
+        replace(whole.heading, line=line_),
+        kept,
+        section("log.glance", first, "\n".join(seen), bar),
+        page.findings(page.counted_once(noticed)),
+    )
+
+
+BAR = 68
+"""Letters of the bar that shows when an instrument was at rest [1]."""
+
+
+def _timeline(seen: Inspection) -> str:
+    """Return the log as a bar: # at rest, = turning steadily, . moving."""
+    time, n = seen.log.time, len(seen.log)
+    edges = np.linspace(0, n, BAR + 1)
+    share = {sign: np.zeros(BAR) for sign in "#="}
+    for a, b, turns in zip(seen.rests.first, seen.rests.last, seen.turning, strict=True):
+        inside = np.clip(np.minimum(edges[1:], b) - np.maximum(edges[:-1], a), 0.0, None)
+        share["=" if turns else "#"] += inside / np.diff(edges)
+    some = np.stack([1 - share["#"] - share["="], share["#"], share["="]])
+    bar = "".join(np.array(list(".#="))[some.argmax(axis=0)])
+    ends = f"{time[0]:.0f} s".ljust(BAR + 2 - len(f"{time[-1]:.0f} s")) + f"{time[-1]:.0f} s"
+    return f"[{bar}]\n{ends}\n{told('log.glance.signs')}"
 
 
 def _facts(title: str, pairs: Sequence[tuple[str, str]]) -> Table:
@@ -242,7 +301,7 @@ def document(
     measured: LogAllan, name: str, block: str, noticed: Iterable[Finding] = ()
 ) -> Document:
     """Return the noises seen, the curves, and the noise block to copy."""
-    first = next(iter(measured.channels.values()))
+    first, bounds = next(iter(measured.channels.values())), pairs(measured)
     names = list(dict.fromkeys(word for word, noise, _ in _each(measured) if noise.seen))
     count = f"{len(names)} kinds" if len(names) != 1 else "1 kind"
     head = Heading(
@@ -260,10 +319,12 @@ def document(
     made = [("log", name), ("part used", used), ("versions", f"foucault {__version__}")]
     return Document.of(
         head,
-        _noises(measured),
-        [_plot(measured, triad) for triad in ("gyro", "accel")],
-        page.findings(noticed),
+        [_plot(measured, triad, bounds.get(triad)) for triad in ("gyro", "accel")],
+        _each_axis(measured),
+        page.findings(f for f in noticed if f.code != "allan.hidden"),  # the line above says it
         section("noise.block", Code(block)),
+        _pairs(bounds),
+        _noises(measured),
         section("noise.method", told("noise.method.text")),
         page.provenance(made),
     )
@@ -286,15 +347,64 @@ def _noises(measured: LogAllan) -> Section | None:
     return section("noise.noises", Table(heads, rows))
 
 
-def _plot(measured: LogAllan, triad: str) -> Section | None:
+def _pairs(bounds: Mapping[str, Pair | None]) -> Section | None:
+    """White noise and random walk for estimators, of each axis and of all of a triad."""
+    rows = []
+    for name, pair in bounds.items():
+        if pair is None:
+            continue
+        kinds = [UNIT_KINDS[name.split(".")[0]][NOISES.index(n)] for n in ("white", "random_walk")]
+        cells = [_in_unit(x, kind) for x, kind in zip((pair.white, pair.walk), kinds, strict=True)]
+        rows.append([
+            name if "." in name else f"{name}, all axes", *cells,
+            f"{span(pair.first)} to {span(pair.last)}", f"{pair.least:.2f} to {pair.most:.2f}",
+        ])  # fmt: skip
+    heads = columns(" | N: number | K: number | bounds from: number aside | times measured: number")
+    return section("noise.pairs", Table(heads, rows)) if rows else None
+
+
+def _in_unit(x: float, kind: str) -> str:
+    unit = display_unit(kind, x)
+    return f"{plain(convert(x, kind, unit), 4)} {unit}"
+
+
+def _each_axis(measured: LogAllan) -> Section | None:
+    """N, B and K of every axis, and in one line what was not seen."""
+    shown = [k for k, noise in enumerate(NOISES) if noise in MAIN]
+    rows: list[list[str]] = []
+    unseen: dict[str, list[str]] = {}
+    for name, channel in measured.channels.items():
+        cells = []
+        for word, noise in zip(WORDS[name.split(".")[0]], channel.noises, strict=False):
+            value, sd, _ = described(noise, name.split(".")[0], channel.longest)
+            cells.append(f"{value} ± {sd}" if noise.seen else "-")
+            if not noise.seen:
+                unseen.setdefault(word, []).append(name)
+        rows.append([name, *(cells[k] for k in shown)])
+    heads = columns("axis", *(f"{MAIN[NOISES[k]]}: number" for k in shown))
+    of_all = [w for name in measured.channels for w in WORDS[name.split(".")[0]]]
+    missed = [
+        word if len(axes) == of_all.count(word) else f"{word} ({', '.join(axes)})"
+        for word, axes in unseen.items()
+    ]
+    longest = f"{min(c.longest for c in measured.channels.values()):.3g}"
+    line_ = said("noise.axes.unseen", terms=", ".join(missed), longest=longest) if missed else ""
+    return section("noise.axes", Table(heads, rows), line_)
+
+
+MAIN = {"white": "N", "bias_instability": "B", "random_walk": "K"}
+"""The coefficients that a data sheet has, by the letters of IEEE Std 952."""
+
+
+def _plot(measured: LogAllan, triad: str, pair: Pair | None) -> Section | None:
     channels = {n: c for n, c in measured.channels.items() if n.startswith(triad)}
     if not channels:
         return None
     kind = KINDS[next(iter(channels.values())).kind]
-    return section("noise.plots", _figure(channels, triad), title=TRIADS[triad][0], kind=kind)
+    return section("noise.plots", _figure(channels, triad, pair), title=TRIADS[triad][0], kind=kind)
 
 
-def _figure(channels: Mapping[str, Channel], triad: str) -> Figure:
+def _figure(channels: Mapping[str, Channel], triad: str, pair: Pair | None) -> Figure:
     middle = float(np.median([np.median(c.deviation) for c in channels.values()]))
     unit, one = unit_of(TRIADS[triad][2], middle)
     data: list[Trace] = []
@@ -317,6 +427,11 @@ def _figure(channels: Mapping[str, Channel], triad: str) -> Figure:
         ]
     if len(channels) == 1:  # with more the lines would hide one another
         data += _single_noises(next(iter(channels.values())), triad, one)
+    if pair is not None:
+        every = next(iter(channels.values())).tau
+        inside = every[(every >= pair.first) & (every <= pair.last)]
+        name = "N and K for estimators"
+        data.append(line(name, inside, pair.deviation(inside) / one, INK, width=1.6, dash="dash"))
     low = min(float(c.low.min()) for c in channels.values()) / one
     high = max(float(c.high[c.dof > 1].max()) for c in channels.values()) / one
     span = [math.log10(low) - 0.1, math.log10(high) + 0.1]

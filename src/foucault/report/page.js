@@ -1,5 +1,6 @@
-// Draws the figures that stand in the page as JSON. A colour written "var(--name)" is taken
-// from the style sheet, so that figures follow light, dark and print like everything else.
+// Draws the figures that stand in the page as JSON over the still ones that show without a script.
+// A colour written "var(--name)" is taken from the style sheet, so that figures follow light, dark
+// and print like everything else.
 (function () {
   "use strict";
   const root = document.documentElement;
@@ -24,9 +25,9 @@
   }
 
   // A figure with choices draws the traces of one of them at a time; a list says which.
-  for (const plot of plots) {
+  function offer(plot) {
     const { choices, choose } = plot.figure.layout.meta ?? {};
-    if (!choices) continue;
+    if (!choices) return;
     const label = document.createElement("label");
     plot.list = document.createElement("select");
     plot.list.append(...choices.map((name) => new Option(name)));
@@ -52,6 +53,7 @@
       }
       if (mouse && layout.meta?.zoom) layout.dragmode = "zoom";
       box.style.height = layout.height + "px";
+      box.querySelector(".still")?.remove();
       Plotly.react(box, data, layout, config);
     }
   }
@@ -77,14 +79,29 @@
     block.append(button);
   }
 
-  // Figures in space need WebGL; the flat ones beside them say the same.
-  if (!document.createElement("canvas").getContext("webgl")) root.classList.add("flat");
-  draw();
-  let width = window.innerWidth;
-  window.addEventListener("resize", () => {
-    if (window.innerWidth !== width) { width = window.innerWidth; draw(); }
-  });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => draw());
-  window.addEventListener("beforeprint", () => print(true));
-  window.addEventListener("afterprint", () => print(false));
+  // plotly.js lies in the page compressed. Where it cannot be unpacked the still figures remain.
+  async function unpack(held) {
+    const bytes = Uint8Array.from(atob(held.textContent), (letter) => letter.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    const code = document.createElement("script");
+    code.textContent = await new Response(stream).text();
+    held.replaceWith(code);
+  }
+
+  function begin() {
+    // Figures in space need WebGL; the flat ones beside them say the same.
+    root.classList.toggle("flat", !document.createElement("canvas").getContext("webgl"));
+    plots.forEach(offer);
+    draw();
+    let width = window.innerWidth;
+    window.addEventListener("resize", () => {
+      if (window.innerWidth !== width) { width = window.innerWidth; draw(); }
+    });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => draw());
+    window.addEventListener("beforeprint", () => print(true));
+    window.addEventListener("afterprint", () => print(false));
+  }
+
+  const held = document.getElementById("plotly");
+  if (held && window.DecompressionStream) unpack(held).then(begin, console.error);
 })();

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from foucault import units
 from foucault.coefficients import format_value
+from foucault.display import Shown
 from foucault.errors import Finding
 from foucault.escape import address
 from foucault.result import Check, Level
@@ -136,7 +137,7 @@ def table(*cells: tuple[str, Iterable[str] | None], option: str = "") -> Table:
 
 
 @dataclass(frozen=True)
-class Figure:
+class Figure(Shown):
     """A plotly figure as plain dictionaries, with a sentence that says what it shows.
 
     `on` is "everywhere" or "screen" (left out in print); `share` is the part of the width it
@@ -460,6 +461,21 @@ def made_from(about: Mapping[str, Any], files: Mapping[str, str]) -> Section:
     settings = made.get("settings") or about.get("settings") or {}
     rows.append(("settings [SI]", words({k: v for k, v in settings.items() if v is not None})))
     return provenance([*rows, ("versions", words(made.get("versions") or {}))])
+
+
+_ORDER = ("error", "warning", "note")
+
+
+def counted_once(noticed: Iterable[Finding]) -> list[dict[str, str]]:
+    """Return each kind of finding once, with how many there are, the gravest first."""
+    kinds: dict[str, list[Finding]] = {}
+    for one in noticed:
+        kinds.setdefault(one.code, []).append(one)
+    out = []
+    for some in kinds.values():
+        more = f" (and {len(some) - 1} more like it)" if len(some) > 1 else ""
+        out.append(some[0].as_dict() | {"message": some[0].message + more})
+    return sorted(out, key=lambda one: _ORDER.index(one["severity"]))
 
 
 ALIKE = 3

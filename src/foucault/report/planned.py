@@ -12,6 +12,7 @@ from foucault.errors import Finding, finding
 from foucault.plans.north_orders import SEEN, SHORTEST, Choice, Row, StopOrder, at_time
 from foucault.report import page
 from foucault.report.page import Document, Heading, Items, Section, Table, columns, section
+from foucault.report.uncertainty import left_out_table
 from foucault.units import plain
 
 SHOWN = 4
@@ -32,6 +33,7 @@ def preflight(found: Foresight, noticed: Iterable[Finding] = ()) -> Document:
         _expected(found),
         _legs(found),
         _limits(found),
+        _left_out(found),
         _extras(found),
         _listed("preflight.remaining", found.remaining),
         _listed("preflight.weakest", found.weakest),
@@ -98,6 +100,12 @@ def _extras(found: Foresight) -> Section | None:
     ]  # fmt: skip
     heads = columns("what | longer (s): number | sd, of that without: number | largest gain")
     return section("preflight.more", Table(heads, rows) if rows else None)
+
+
+def _left_out(found: Foresight) -> Section | None:
+    if found.left_out is None:
+        return None
+    return section("preflight.left_out", left_out_table(found.left_out))
 
 
 def _listed(key: str, words: Iterable[str]) -> Section | None:

@@ -214,6 +214,7 @@ def _about(about: Mapping[str, Any]) -> Section:
         "procedure": "procedure",
         "n": "trials",
         "seed": "seed",
+        "left_out": "held beside the model",
         "version": "foucault",
         "campaign_sha256": "SHA-256 of the campaign",
     }

@@ -42,7 +42,7 @@ from foucault.report.page import (
     told,
     unit_of,
 )
-from foucault.result import Result
+from foucault.result import Result, TableData
 from foucault.units import ZERO_CELSIUS
 
 TRIADS = {
@@ -192,21 +192,24 @@ NEVER = 1e3
 
 def not_estimated(result: Result) -> Section | None:
     """What is left out: what it costs, whether this log would see it, where its size is from."""
-    some = result.tables["left_out"]
+    return section("uncertainty.not_estimated", left_out_table(result.tables["left_out"]))
+
+
+def left_out_table(some: TableData) -> Table:
+    """Return a row for each group of terms that are not estimated, the costliest first."""
     order = np.argsort(-np.asarray(some["share"], float), kind="stable")
-    words, numbers = ("what", "size", "basis"), ("share", "seen", "needed")
-    what, sizes, basis = ([str(some[k][i]) for i in order] for k in words)
+    words, numbers = ["what", "size", "basis"], ("share", "seen", "needed")
+    words += ["shown_by"] if "shown_by" in some else []
+    what, sizes, basis, *by = ([str(some[k][i]) for i in order] for k in words)
     share, seen, needed = ([float(some[k][i]) for i in order] for k in numbers)
-    return section(
-        "uncertainty.not_estimated",
-        table(
-            ("left out", what),
-            ("size (1 sd): number", sizes),
-            ("largest share of a variance: number", [_percent(100 * v) for v in share]),
-            ("seen: number", [_percent(100 * v) for v in seen]),
-            ("named from: number", [f"{v:.3g} sizes" if v < NEVER else "never" for v in needed]),
-            ("size from: aside", basis),
-        ),
+    return table(
+        ("left out", what),
+        ("size (1 sd): number", sizes),
+        ("largest share of a variance: number", [_percent(100 * v) for v in share]),
+        ("seen: number", [_percent(100 * v) for v in seen]),
+        ("named from: number", [f"{v:.3g} sizes" if v < NEVER else "never" for v in needed]),
+        ("shown by", by[0] if by else None),
+        ("size from: aside", basis),
     )
 
 

@@ -24,18 +24,21 @@ from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.references import times_the_table
 from foucault.errors import Finding, error, finding
 from foucault.estimate import table as table_likelihood
-from foucault.estimate.table import Options, TableFit, fit
+from foucault.estimate.table import Options, TableFit, TableModel, fit
 from foucault.guard.rest import first_rest, same_unit
 from foucault.guard.table import check_gyro_axes, check_readings, enough_readings
 from foucault.logs.checks import spared
 from foucault.logs.follow import OnDisk
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.models.imu import LAYOUT
+from foucault.models.imu import LAYOUT, ImuModel
+from foucault.models.left_out import Change, Motion, Sizes
 from foucault.models.noise import ImuNoise, Readings
-from foucault.models.turntable import State, Trust, up_k
+from foucault.models.turntable import Angles, Free, Geometry, State, Trust, predict, up_k
 from foucault.plans.directions import table_plan
 from foucault.plans.efficiency import refuse_singular
 from foucault.plans.table import PositionSpace, Wanted
+from foucault.procedures import left_out
+from foucault.procedures.left_out import Again
 from foucault.procedures.on_table.session import LOG_LINES, TableSession, TableSettings, simulate
 from foucault.procedures.record import Beforehand, Given, Procedure, result_of
 from foucault.result import Result
@@ -71,7 +74,7 @@ def solve(log: Log | OnDisk, task: Task, given: Given[Any]) -> Result:
 
     readings = read_positions(log, task, given.noise, averaging)
     given.progress(0.4, "calibrating")
-    result = from_readings(readings, task, site=given.site, prior=given.prior)
+    result = from_readings(readings, task, site=given.site, prior=given.prior, sizes=given.sizes)
     return replace(
         result,
         findings=_without_gaps((*_noticed(log, readings), *result.findings)),
@@ -158,16 +161,26 @@ def from_readings(
     *,
     site: Site,
     prior: Mapping[str, tuple[float, float]] | None = None,
+    sizes: Sizes | None = None,
 ) -> Result:
     """Calibrate from readings that were made before.
 
     `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
-    of coefficients or groups of coefficients [SI].
+    of coefficients or groups of coefficients [SI]; `sizes` or None: of what is not estimated [SI].
     """
     readings, found = _usable(readings, task, site)
     options = options_of(readings, task, prior)
     start = _start(readings, task, site, options)
-    solution = fit(readings, site, start, options)
+    again = _again(TableModel(readings, site, start, options))
+    whole = left_out.whole(sizes, site, again)
+    if whole is None:
+        solution = fit(readings, site, start, options)
+    else:
+        columns = left_out.columns(options.names, site, whole, again)
+        solution = fit(readings, site, start, options, lambda _: columns)
+        assert solution.left_out is not None
+        judged = left_out.told_of(solution.left_out, options.names, site, whole)
+        solution = replace(solution, left_out=judged)
     likelihood = None
     if task.variant is not None:
         likelihood = solution.estimate.coefficients
@@ -175,6 +188,52 @@ def from_readings(
         estimate = replace(solution.estimate, coefficients=coefficients, state=state)
         solution = replace(solution, fit=replace(solution.fit, estimate=estimate), gain=gain)
     return _result(readings, task, site, solution, found, likelihood)
+
+
+def _again(model: TableModel) -> Again:
+    """Return the readings with something put into them; their motion is what they are fitted to."""
+    r = model.readings
+
+    def motion(state: State) -> tuple[ImuModel, Motion]:
+        at = predict(state, r, model.site, model.options.unknowns)
+        f_b, w_b = state.model.compensate(at.accel, at.gyro)
+        assert f_b is not None
+        assert w_b is not None
+        ends = float(r.start.min()), float((r.start + r.time).max())
+        return state.model, Motion(r.start + r.time / 2, f_b, w_b, *ends)
+
+    def residuals(state: State, by: Change) -> FloatArray:
+        site = left_out.changed(model.site, by)
+        if by.latitude and site.latitude is not None:
+            state = replace(state, geometry=_moved_north(state.geometry, site.latitude))
+        at = predict(state, r, site, model.options.unknowns)
+        miss = [
+            read - said if more is None else read + more - said
+            for read, more, said in ((r.accel, by.accel, at.accel), (r.gyro, by.gyro, at.gyro))
+            if read is not None
+        ]
+        first = len(r) if r.accel is None else 0
+        # Along the axes of the session: those of changed readings may jump from one pair of
+        # tangents to another, and the difference would be no slope.
+        rows = np.concatenate(miss)[model.rows - first]
+        return np.asarray(np.einsum("kij,kj->ki", model.axes, rows))
+
+    white = [
+        float(np.sqrt(np.median(np.diagonal(cov, axis1=1, axis2=2) * r.time[:, None])))
+        for cov in (r.accel_cov, r.gyro_cov)
+    ]
+    known = r.noise_from != "unknown"
+    slow = left_out.wander_of(r.slow, float(np.ptp(r.start)))
+    return Again(motion, residuals, (white[0], white[1]) if known else (np.nan, np.nan), slow)
+
+
+def _moved_north(geometry: Geometry, latitude: float) -> Geometry:
+    """Return what is believed of a table at another `latitude`, shape () [rad]."""
+    if isinstance(geometry, Free):
+        return replace(geometry, vertical=float(EARTH_RATE * np.sin(latitude)))
+    if not isinstance(geometry, Angles) or geometry.trust.latitude is None:
+        return geometry
+    return replace(geometry, trust=replace(geometry.trust, latitude=latitude))
 
 
 def options_of(
@@ -302,6 +361,7 @@ def _result(
         table_rate_sd=common_rate_sd(readings, task, site),
         gain=solution.gain,
         bounded=known,
+        judged=solution.left_out,
     )  # fmt: skip
 
 
@@ -347,6 +407,7 @@ def table_procedure(
         simulation=simulate,
         names=lambda settings, _: settings.estimated(),
         foresee=foresee,
+        counts=True,
         space=space,
         Wanted=Wanted,
         assumes_noise=True,

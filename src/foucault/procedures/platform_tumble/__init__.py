@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import FloatArray
+from foucault.diagnose import left_out
 from foucault.diagnose import tumble as judge
 from foucault.diagnose import tumble as tumble_input
 from foucault.diagnose import tumble as tumble_report
@@ -26,10 +27,13 @@ from foucault.diagnose.comparable import of_site
 from foucault.errors import Finding
 from foucault.estimate.tumble_solution import Solution
 from foucault.guard import command
+from foucault.infer.left_out import Judgement
 from foucault.models.cluster import EQUATION, LAYOUT
 from foucault.models.earth import Site
+from foucault.models.left_out import told as told_by
 from foucault.plans.tumble import nominal
 from foucault.procedures.platform_tumble import settings as chosen
+from foucault.procedures.platform_tumble.counted import counted
 from foucault.procedures.platform_tumble.foresight import (
     Wanted,
     foresee,
@@ -66,12 +70,17 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     tumble, more = tumble_of(log, site, settings, used)
     beforehand = prior_of(settings, site, given.prior)
     given.progress(0.3, "calibrating")
-    solution = solved(
-        tumble, beforehand, settings, site, used, moments=MOMENTS if shown else 0,
-        measured="tumble.measured" in {f.code for f in said},
-    )  # fmt: skip
+    moments = MOMENTS if shown else 0
+    measured = "tumble.measured" in {f.code for f in said}
+    solution = solved(tumble, beforehand, settings, site, used, moments=moments, measured=measured)
+    judged = None
+    if given.sizes:
+        given.progress(0.6, "counting with what is not estimated")
+        sizes = told_by(given.sizes, used.accel.white, used.gyro.white) or {}
+        beside = counted(solution, sizes, measured=measured, moments=moments)
+        solution, judged = (solution, None) if beside is None else beside
     given.progress(0.8, "judging the result")
-    result = _result(solution, settings.filter, shown)
+    result = _result(solution, settings.filter, shown, judged)
     return replace(
         result,
         findings=(*log.findings, *told, *said, *more, *result.findings),
@@ -97,8 +106,9 @@ def _look(log: Log, site: Site, settings: Settings) -> list[Finding]:
     return told
 
 
-def _result(s: Solution, filter_: str, shown: bool) -> Result:
+def _result(s: Solution, filter_: str, shown: bool, judged: Judgement | None) -> Result:
     found, checks = s.coefficients, judge.checks(s)
+    tables = tumble_report.tables(s) if shown else {}
     budget = {k: np.diag(v).tolist() for k, v in s.parts.items()}
     more: dict[str, Any] = {"bound": s.bound.tolist(), "budget": budget, "filter": filter_}
     if "local gravity" in s.parts:
@@ -106,6 +116,10 @@ def _result(s: Solution, filter_: str, shown: bool) -> Result:
         more |= of_site(s.site.as_dict(), found.names, error)
     if shown:
         more["observability"] = tumble_report.observability_json(s)
+    if judged is not None:
+        checks = (*checks, *left_out.checks(judged))
+        tables = {**tables, "left_out": left_out.table(judged)}
+        more |= left_out.judgement_json(judged)
     return Result(
         procedure="platform_tumble",
         coefficients=found,
@@ -118,7 +132,7 @@ def _result(s: Solution, filter_: str, shown: bool) -> Result:
         status=s.fit.status,
         site=s.site.as_dict(),
         diagnostics=tumble_report.diagnostics(s) | more,
-        tables=tumble_report.tables(s) if shown else {},
+        tables=tables,
     )
 
 

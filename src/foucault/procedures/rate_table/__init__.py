@@ -52,7 +52,7 @@ from foucault.procedures.rate_table.model import (
     require_determined,
     simulated,
 )
-from foucault.procedures.rate_table.search import EVALUATIONS, Wanted, space
+from foucault.procedures.rate_table.search import EVALUATIONS, Wanted, additions, space
 from foucault.procedures.record import Given, Procedure, result_of
 from foucault.result import Result
 from foucault.tables import AXES, Log, temperature_range
@@ -200,7 +200,8 @@ def _again(table: RateTable, site: Site) -> Again:
         north = left_out.changed(replace(site, latitude=table.latitude), by).latitude
         return replace(table, steps=other, latitude=north).linearise(state).residuals
 
-    return Again(lambda state: (state, motion), residuals)
+    white = np.nan if table.noise == "unknown" else float(np.sqrt(np.mean(_psd(table))))
+    return Again(lambda state: (state, motion), residuals, (np.nan, white))
 
 
 def _result(
@@ -240,9 +241,14 @@ def _told(readings: Readings) -> list[Finding]:
 
 
 def _white(e: Solution) -> list[float]:
-    variance = np.sum(e.table.noise_root**2, axis=2) * e.steps.time[:, None]
     size = e.fit.sds.get("gyro noise", 1.0)
-    return [float(v) for v in size * np.sqrt(np.median(variance, axis=0))]
+    return [float(v) for v in size * np.sqrt(_psd(e.table))]
+
+
+def _psd(table: RateTable) -> FloatArray:
+    """Return the power of the white noise of each gyro, shape (3,) [rad^2/s]."""
+    variance = np.sum(table.noise_root**2, axis=2) * table.steps.time[:, None]
+    return np.asarray(np.median(variance, axis=0))
 
 
 def unseen(settings: Settings) -> list[str]:
@@ -274,6 +280,8 @@ PROCEDURE = Procedure(
     solve=_solve,
     simulation=simulated,
     observe=_stated,
+    again=lambda table, _, given: _again(table, given.site),
+    additions=additions,
     table_rate_sd=None,  # it is among the sources
     lacking=lambda table: lacking(table.steps),
     space=space,

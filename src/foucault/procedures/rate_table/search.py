@@ -139,6 +139,26 @@ class Table:
         return len(self._axes) * float(self.steps(plan).time.sum())
 
 
+def additions(settings: Settings, session: Session) -> list[tuple[str, Settings, Session]]:
+    """Return plans that show more: the other sense, a second speed, the first placement again."""
+    listed = settings.rates or session.rates
+    rates = in_si(listed)
+    speed, axes = np.abs(rates[rates != 0]), settings.axes or session.axes
+    plans = []
+    if (rates > 0).any() != (rates < 0).any():
+        other = tuple(f"{-np.degrees(w):.10g} deg/s" for w in rates)
+        plans.append(("each rate in the other sense too", {"rates": listed + other}))
+    if len(speed) and speed.max() < 2 * speed.min():
+        slower = tuple(f"{np.degrees(w) / 3:.10g} deg/s" for w in rates)
+        plans.append(("each rate at a third of it too", {"rates": listed + slower}))
+    plans.append(("the first placement again at the end", {"axes": axes + axes[:1]}))
+    return [
+        (words, settings.model_copy(update=told if settings.rates or settings.axes else {}),
+         session.model_copy(update=told))
+        for words, told in plans
+    ]  # fmt: skip
+
+
 def _sd(known: Beforehand[Settings, Session], plan: Plan, _: str) -> FloatArray:
     """Return the sd of every coefficient that a calibration would state, shape (p,) [SI]."""
     rates = {"rates": tuple(f"{w!r} deg/s" for w in plan[1])}
@@ -147,7 +167,7 @@ def _sd(known: Beforehand[Settings, Session], plan: Plan, _: str) -> FloatArray:
     settings = settings.model_copy(update=rates) if settings.rates else settings
     session = known.session.model_copy(update=held | rates)
     found = procedures.load("rate_table").foreseen(
-        replace(known, settings=settings, session=session)
+        replace(known, settings=settings, session=session), more=False
     )
     assert found is not None
     return found.sd

@@ -23,6 +23,7 @@ import numpy as np
 
 from foucault.detect.noise import without_spikes
 from foucault.diagnose import deflection as deflection_verdict
+from foucault.diagnose import left_out as not_estimated
 from foucault.diagnose import systematic as judge
 from foucault.diagnose import systematic as systematic_report
 from foucault.diagnose import systematic_sequence as recordings
@@ -31,10 +32,12 @@ from foucault.diagnose.systematic import legs_of
 from foucault.errors import error
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.layouts import gravity_error, with_references
+from foucault.models.left_out import told as told_by
 from foucault.navigate.increments import Increments
 from foucault.navigate.ins_filter import EarthSeen, FilterRun, earth_seen
 from foucault.procedures.record import Given, Procedure
 from foucault.procedures.systematic.choice import Decided, decided, left_out, resumed
+from foucault.procedures.systematic.counted import counted
 from foucault.procedures.systematic.plan import Wanted, bound, foresee, space
 from foucault.procedures.systematic.problem import (
     Solution,
@@ -92,9 +95,18 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     problem, settings, solution, choice = (
         decision.problem, decision.settings, decision.solution, decision.choice
     )  # fmt: skip
+    base, judged = solution, None
+    if given.sizes and settings.steps != "published":
+        progress(0.4, "counting with what is not estimated")
+        white = problem.noise.accel.white, problem.noise.gyro.white
+        beside = counted(decision, told_by(given.sizes, *white) or {}, prior)
+        if beside is not None:
+            decision, states, judged = beside
+            solution = replace(solution, run=decision.solution.run, states=states,
+                               status=decision.solution.status)  # fmt: skip
     progress(0.6, "navigating from rest to rest")
     p, run = problem, solution.run
-    legs = legs_of(p.model, run)
+    legs = legs_of(decision.problem.model, run)
     known = recordings.lasting(steady(p).prior)
     usual = recordings.lasting(prior_of(steady(p).sensors, {})).prior_sd
     e = judge.Evidence(p.increments, p.rests, run, recordings.lasting(solution.states),
@@ -108,6 +120,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         checks = (*checks, deflection_verdict.deflection_check(choice))
     found = public(solution, settings)
     tables: dict[str, TableData] = {}
+    if judged is not None:
+        checks = (*checks, *not_estimated.checks(judged))
     findings = [*log.findings, *problem.findings, *decision.findings, *judge.findings(e)]
     findings += [recordings.told(apart)] if apart else []
     diagnostics = _diagnostics(problem, solution, settings) | of_site(
@@ -118,16 +132,21 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     if choice is not None:
         diagnostics["choice"] = deflection_verdict.summary(choice)
     if shown:
-        progress(0.7, "looking for what was left out")
-        told, more = left_out(decision, prior)
-        findings, checks = [*findings, *told], (*checks, *more)
+        if judged is None:
+            progress(0.7, "looking for what was left out")
+            told, more = left_out(decision, prior)
+            findings, checks = [*findings, *told], (*checks, *more)
         progress(0.8, "navigating a test with it and without")
         tests, tilts = navigation_tests(found, site, settings.model)
         tables = {**systematic_report.tables(e, problem.numbers), "navigation": tests}
-        diagnostics |= {"navigation": tilts} | bound(problem, solution, settings)
+        diagnostics |= {"navigation": tilts} | bound(problem, base, settings)
+    if judged is not None:
+        tables = {**tables, "left_out": not_estimated.table(judged)}
+        diagnostics |= not_estimated.judgement_json(judged)
     return Result(
         procedure="systematic",
-        coefficients=with_references(found, site),
+        # Where gravity is a state the covariance knows it already.
+        coefficients=with_references(found, site) if judged is None else found,
         equation=SIZE_EQUATION if settings.lever_arms or settings.delay else FULL_EQUATION,
         frame=FRAME,
         gauge=Gauge.LOWER.value,

@@ -189,10 +189,12 @@ def resumed(
     found: Solution,
     same: Sequence[str],
     other: CoefficientVector | None = None,
+    passes: int = PASSES,
 ) -> Solution:
     """Filter once more, from a result.
 
-    `other`: where others begin, None begins at the mean of the prior [SI].
+    `other`: where others begin, None begins at the mean of the prior [SI]; `passes`: after it at
+    most [1].
     """
     layout = p.sensors.layout
     values, sd = p.prior.values.copy(), p.prior.prior_sd.copy()
@@ -201,7 +203,7 @@ def resumed(
     if other is not None:
         values[[layout.index(name) for name in other.names]] = other.values
     near = CoefficientVector(layout, values, np.diag(sd**2))
-    return again(p, near, begins(found.run), PASSES)
+    return again(p, near, begins(found.run), passes)
 
 
 def with_settings(p: SystematicProblem, settings: Settings, given: Given) -> SystematicProblem:

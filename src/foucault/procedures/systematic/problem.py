@@ -34,6 +34,7 @@ from foucault.estimate.systematic import (
     second_step,
 )
 from foucault.guard.rest import check_sequence, require_live
+from foucault.infer.filtered import exchanged
 from foucault.models import imu, size_effect
 from foucault.models.deflection import GENERAL, DeflectionModel
 from foucault.models.earth import EARTH_RATE, Site
@@ -438,30 +439,6 @@ def again(
         C_nb = [C for C, _ in begins(found, C_nb)]
     status = Status.CONVERGED if moved < SETTLED else Status.NOT_CONVERGED
     return _solution(found, estimate, tuple(values), status)
-
-
-def exchanged(
-    estimate: CoefficientVector, used: tuple[FloatArray, FloatArray], prior: CoefficientVector
-) -> CoefficientVector:
-    """Return an estimate with another prior than the one it was made with.
-
-    ``P^-1 = P_u^-1 - D_u + D``, ``P^-1 x = P_u^-1 x_u - D_u m_u + D m``, D the information of the
-    priors and m their means.
-
-    `estimate`: with covariance [SI]; `used` (p,): mean and standard deviation of the prior it was
-    made with [SI]; `prior`: the prior it shall have: values and prior_sd [SI].
-    """
-    assert estimate.cov is not None
-    unit = estimate.sd
-    mean, sd = used
-    old, new = (unit / sd) ** 2, (unit / prior.prior_sd) ** 2
-    information = np.linalg.inv(estimate.cov / np.outer(unit, unit)) + np.diag(new - old)
-    cov = np.linalg.inv((information + information.T) / 2)
-    pull = new * (prior.values - estimate.values) - old * (mean - estimate.values)
-    values = estimate.values + unit * (cov @ (pull / unit))
-    return replace(
-        estimate, values=values, cov=cov * np.outer(unit, unit), prior_sd=prior.prior_sd
-    )  # fmt: skip
 
 
 def _first_part(p: SystematicProblem, settings: Settings) -> int:

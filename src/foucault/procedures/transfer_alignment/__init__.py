@@ -35,6 +35,7 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import FloatArray
+from foucault.diagnose import left_out
 from foucault.diagnose import transfer as judge
 from foucault.diagnose import transfer as report
 from foucault.diagnose import transfer_motion as findings
@@ -43,6 +44,7 @@ from foucault.diagnose.references import stretched
 from foucault.errors import Finding, FoucaultError, error
 from foucault.logs.master import MasterDescription
 from foucault.models.imu import EQUATION
+from foucault.models.left_out import told as told_by
 from foucault.procedures import silent
 from foucault.procedures.record import Given, Procedure
 from foucault.procedures.transfer_alignment import settings as chosen
@@ -107,7 +109,9 @@ def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, SlaveLog, list[
     given.progress(0.1, "matching what both turned")
     settings, silence = heard(log.messages, given.settings)
     site, elsewhere = there(given.site, log.messages)
-    problem = problem_of(log, site, settings, given.noise, given.prior)
+    white = (noise := given.noise or chosen.NOISE).accel.white, noise.gyro.white
+    sizes = told_by(given.sizes, *white) if given.sizes else None
+    problem = problem_of(log, site, settings, given.noise, given.prior, sizes=sizes)
     given.progress(0.3, "filtering")
     problem = bent(problem) if settings.estimate_flexure else problem
     return solved(problem, history=given.shown), log, [*elsewhere, *silence]
@@ -119,7 +123,9 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     checks = judge.checks(s)
     error_of_g = gravity_error(s)
     assert s.states.cov is not None
-    all_cov = s.states.cov + np.outer(error_of_g, error_of_g)
+    # Where gravity is a state the covariance knows it already.
+    beside = np.zeros_like(error_of_g) if "site.gravity" in s.model.counted else error_of_g
+    all_cov = s.states.cov + np.outer(beside, beside)
     at = [s.states.layout.index(name) for name in settings.reported]
     told += findings.findings(s, s.problem.findings, s.findings)
     tables: dict[str, TableData] = {}
@@ -127,6 +133,11 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         given.progress(0.7, "looking at what was found")
         undelayed = ignoring_delay(s) if settings.delay != "none" else None
         tables = report.tables(s, settings.reported, s.backward, undelayed)
+    more: dict[str, Any] = {}
+    if s.judged is not None:
+        checks = (*checks, *left_out.checks(s.judged))
+        tables = {**tables, "left_out": left_out.table(s.judged)}
+        more = left_out.judgement_json(s.judged)
     return Result(
         procedure="transfer_alignment",
         coefficients=replace(s.states, cov=all_cov).chosen(settings.reported),
@@ -141,6 +152,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         validity=_validity(log),
         diagnostics={"start": float(log.time[0])}
         | _diagnostics(log, s)
+        | more
         | of_site(site, settings.reported, error_of_g[at]),
         tables=tables,
     )

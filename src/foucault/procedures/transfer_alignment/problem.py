@@ -31,6 +31,8 @@ from foucault.estimate.transfer import (
 )
 from foucault.guard.master import forces, turning
 from foucault.infer import filtered
+from foucault.infer.left_out import Judgement
+from foucault.infer.left_out_states import Group
 from foucault.infer.linear_filter import (
     LinearSmoothed,
     by_prior,
@@ -40,17 +42,17 @@ from foucault.infer.linear_filter import (
     smoothed,
 )
 from foucault.models.earth import Site, displaced, earth_rate_n, transport_rate
-from foucault.models.layouts import BESIDE
+from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
 from foucault.models.transfer import LIVELY, WANDER, MasterTable, Messages, states_of_transfer
 from foucault.navigate.increments import Increments
 from foucault.navigate.strapdown import State
+from foucault.procedures.transfer_alignment.counted import Counted, judged
 from foucault.procedures.transfer_alignment.settings import (
     BEYOND,
     LEFT_OUT,
     NOISE,
-    PRIOR,
     Settings,
     SlaveLog,
     common,
@@ -97,6 +99,8 @@ class TransferProblem:
     # what rate matching has found, where the delay starts from it or is checked by it
     delay: Delay | None
     findings: tuple[Finding, ...]
+    counted: Counted  # the states that are not in the result
+    groups: Mapping[str, Group]  # what of them, and of what was known, is judged
 
     def with_delay(self, delay: float) -> TransferProblem:
         """Return the problem with another delay known beforehand.
@@ -111,9 +115,11 @@ class TransferProblem:
 
     def with_settings(self, settings: Settings) -> TransferProblem:
         """Return the problem with another mount, or other messages to be matched."""
-        sd = _sd(settings, self.prior, self.model.slave.noise)
-        model = replace(self.model, mount=settings.mount, matching=settings.matched, sd=sd)
-        return replace(self, model=model, settings=settings)
+        mount = replace(settings.mount, load=self.counted.mount.load)
+        counted = replace(self.counted, mount=mount)
+        sd = _sd(settings, self.prior, self.model.slave.noise, counted)
+        model = replace(self.model, mount=mount, matching=settings.matched, sd=sd)
+        return replace(self, model=model, settings=settings, counted=counted)
 
 
 def problem_of(
@@ -123,6 +129,7 @@ def problem_of(
     noise: ImuNoise | None,
     given: Mapping[str, tuple[float, float]],
     *,
+    sizes: Sizes | None = None,
     match: bool = True,
 ) -> TransferProblem:
     """Bring both to one clock, find the delay to start from, and the state at the start.
@@ -130,8 +137,8 @@ def problem_of(
     `log`: readings of the slave beside what its master said [SI]; `site`: where it begins, see
     `input.there`; `noise`: noise of the slave [SI], None takes that
     of a tactical instrument; `given`: mean and standard deviation of coefficients or groups of
-    coefficients [SI]; `match`: whether what both turned is compared, a simulated session without
-    errors need not be.
+    coefficients [SI]; `sizes` or None: of what is not estimated [SI]; `match`: whether what both
+    turned is compared, a simulated session without errors need not be.
     """
     hand_over, table, increments = common(log, even(placed(log.messages, site)), settings)
     said, told = table.messages, [*([] if noise else [assumed_noise()]), *increments.findings]
@@ -160,16 +167,19 @@ def problem_of(
                 start = matched.delay + (matched.drift * later if drifting else 0.0)
     elif matched is not None and matched.seen:
         told += _differs(settings, matched)
-    prior = _known(settings, given)
-    slave = Slave(increments, settings.sensors, noise or NOISE, 0, site.anomaly)
+    counted = Counted.of(settings, sizes, site, placed=log.messages.has_place)
+    prior = counted.prior(settings, given)
+    slave = Slave(increments, counted.sensors, noise or NOISE, 0, site.anomaly)
     first, state = _start(increments, table, said, start, settings)
-    known = Linearisation(state, prior.values[: len(settings.sensors)],
+    known = Linearisation(state, prior.values[: len(counted.sensors)],
                           prior["installation"].values, start)  # fmt: skip
-    sd = _sd(settings, prior, slave.noise)
-    model = TransferModel(replace(slave, first=first), said, settings.mount, settings.matched,
-                          known, sd)  # fmt: skip
+    sd = _sd(settings, prior, slave.noise, counted)
+    model = TransferModel(replace(slave, first=first), said, counted.mount, settings.matched,
+                          known, sd, counted.names)  # fmt: skip
+    groups = counted.judged_groups(prior, given)
     findings = (*told, *drifting)
-    return TransferProblem(model, table, settings, site, prior, hand_over, matched, findings)
+    return TransferProblem(model, table, settings, site, prior, hand_over, matched, findings,
+                           counted, groups)  # fmt: skip
 
 
 def _differs(settings: Settings, found: Delay) -> list[Finding]:
@@ -223,22 +233,12 @@ def assumed_noise() -> Finding:
     )
 
 
-def _known(settings: Settings, given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
-    """Return what was known of the coefficients, and of what is found besides."""
-    layout = type(BESIDE)(
-        (*settings.sensors.layout.coefficients, *BESIDE.subset(settings.beside).coefficients)
-    )
-    usual = {k: v for k, v in PRIOR.items() if any(n.startswith(f"{k}.") for n in layout.names)}
-    if settings.estimates_delay:
-        middle = settings.longest_delay / 2
-        usual["master.delay"] = middle, settings.longest_delay / np.sqrt(12.0)
-    return CoefficientVector.prior(layout, {**usual, **given})
-
-
-def _sd(settings: Settings, vector: CoefficientVector, noise: ImuNoise) -> FloatArray:
+def _sd(
+    settings: Settings, vector: CoefficientVector, noise: ImuNoise, counted: Counted
+) -> FloatArray:
     """Return how well every state is known: phi, velocity, position, then the others [SI]."""
-    mount, p = settings.mount, len(settings.sensors)
-    layout = states_of_transfer(settings.sensors, mount, settings.matched, noise)
+    mount = counted.mount
+    layout = states_of_transfer(counted.sensors, mount, settings.matched, noise, counted.names)
     sd = np.empty(len(layout))
     mu_sd = float(np.max(vector["installation"].prior_sd))
     bends = [mount.flexure_sd]
@@ -248,9 +248,7 @@ def _sd(settings: Settings, vector: CoefficientVector, noise: ImuNoise) -> Float
     if settings.matching != "velocity":
         sd[0:3] *= WIDER
     sd[3:6], sd[6:9] = settings.velocity_sd, PLACE_SD
-    sd[9 : 9 + p] = vector.prior_sd[:p]
-    for name in settings.beside:
-        sd[layout.index(name)] = vector.prior_sd[vector.layout.index(name)]
+    sd[[layout.index(name) for name in vector.names]] = vector.prior_sd
     if mount.flexure_sd > 0:
         sd[layout.group("flexure")] = mount.flexure_sd
         sd[layout.group("flexure_rate")] = mount.flexure_sd * LIVELY / mount.flexure_time
@@ -312,23 +310,30 @@ class Solution(Evidence):
     least: float
     backward: LinearSmoothed | None  # the Kalman run as seen from its end, where wanted
     findings: list[Finding]  # what the user should know of how the passes ended
+    judged: Judgement | None  # what was made of what is not estimated, where sizes were declared
 
 
 def solved(p: TransferProblem, *, history: bool) -> Solution:
     """Find the delay to start from, filter, and bound the filter where that is chosen."""
     settings = p.settings
     p, likeliest = _started(p)
-    fit = filtered.fit(p.model, passes=settings.passes, settled=STILL)
+    fit, told = filtered.fit(p.model, passes=settings.passes, settled=STILL), None
+    status, passes = _settled(p, fit)
+    if p.counted.judged and status is not Status.NOT_FINITE:
+        fit, prior, told = judged(fit, p.prior, p.groups, settings.reported)
+        assert isinstance(fit.model, TransferModel)
+        p = replace(p, model=fit.model, prior=prior)
     backward = None
     if history:
         kept = kalman(fit.system, keep=True)
         backward = smoothed(fit.system, kept)
-    status, told = _settled(p, fit)
     chosen, gamma, least = _bounded(p, fit)
+    aside = {n.rpartition(".")[0] for names, *_ in p.counted.groups.values() for n in names}
     return Solution(
         model=p.model, fit=chosen, prior=p.prior, status=status, delay=p.delay,
-        longest=settings.longest_delay, likeliest=likeliest, aside=LEFT_OUT, problem=p, kalman=fit,
-        gamma=gamma, least=least, backward=backward, findings=told,
+        longest=settings.longest_delay, likeliest=likeliest, aside=(*LEFT_OUT, *sorted(aside)),
+        problem=p, kalman=fit, gamma=gamma, least=least, backward=backward, findings=passes,
+        judged=told,
     )  # fmt: skip
 
 
@@ -427,7 +432,7 @@ def _bounded(p: TransferProblem, fit: TransferFit) -> tuple[TransferFit, float, 
         aside = [layout.index(n) for n in p.prior.names if n not in settings.reported]
         L = np.delete(by_prior(system), (*unseen, *aside), axis=0)
     else:
-        L = after_outage(system, settings.sensors, settings.outage)
+        L = after_outage(system, p.counted.sensors, settings.outage)
     least = least_gamma(system, L)
     gamma = settings.gamma_factor * least if settings.gamma is None else settings.gamma
     run = h_infinity(system, L, gamma)

@@ -407,7 +407,7 @@ def foreseen(
         of_gravity = of_gravity[[names.index(name) for name in vector.names]]
         cov = cov + np.outer(of_gravity, of_gravity)
     settings = b.settings
-    ahead = np.array([after_outage(fit.system, settings.sensors, settings.outage, turn=turn)
+    ahead = np.array([after_outage(fit.system, p.counted.sensors, settings.outage, turn=turn)
                       for turn in AHEAD])  # fmt: skip
     # Where it is is what the master says: of the position at the hand-over nothing is counted.
     # Nor is gravity: what it is taken for wrongly, the bias makes good as long as it is.

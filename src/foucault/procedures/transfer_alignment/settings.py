@@ -32,7 +32,7 @@ from foucault.models.transfer import LOAD, MasterTable, Matching, Mount
 from foucault.navigate.increments import Increments, increments_of
 from foucault.strict import Strict
 from foucault.tables import Log
-from foucault.units import Angle, AngleSd, Quantity, Seconds, parse, plain, span
+from foucault.units import Angle, AngleSd, Quantity, RatioSd, Seconds, parse, plain, span
 
 ASIDE = ("gyro.misalignment", "accel.scale", "accel.misalignment")
 """Groups that are there for the uncertainties of the others: a motion need not show them."""
@@ -147,7 +147,14 @@ class Settings(Strict):
     left_out: bool = True
     """Count with errors of the slave that are not in the result, of the size that [prior] says:
     misalignments, scale factors of the accelerometers, g-sensitivity of the gyros. false takes them
-    as none, for a slave that is calibrated otherwise."""
+    as none, for a slave that is calibrated otherwise. With sizes in [instrument] all else that is
+    not estimated counts too."""
+    lever_arm_sd: Annotated[float, Quantity("length")] = Field(default=0.01, ge=0)
+    """How well the lever arm is known, each component. It counts with sizes in [instrument]."""
+    clock_sd: RatioSd = Field(default=20e-6, ge=0)
+    """How well the clocks of slave and master keep the same rate. It counts with those too."""
+    load_sd: AngleSd = Field(default=float(np.radians(3 / 3600)), ge=0)
+    """How far a mount that is taken as rigid gives way per g of load. It counts with those too."""
     load: bool = False
     """The mount gives way under load: three states."""
     estimate_flexure: bool = False

@@ -1,0 +1,149 @@
+"""What receivers ask for, by name: formulas of the calibration's matrices, there and back.
+
+Readings are ``accel = M_a f + b_a`` and ``gyro = M_g w + G f + b_g`` (`models.imu`). A receiver may
+have the matrix or its inverse, parts of either, and the bias before or after it. Every name here is
+one such form; `model_of` finds the matrices again from the forms that a file has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from foucault.arrays import FloatArray
+from foucault.models.imu import Gauge, ImuModel
+
+OFF_DIAGONAL = ([1, 2, 2, 0, 0, 1], [0, 0, 1, 1, 2, 2])
+"""Rows and columns of what is not on the diagonal, in the order of PSINS."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """What an export knows, in the axes and the gauge of the receiver [SI]."""
+
+    model: ImuModel
+    # noise: (3,) N [unit/sqrt(Hz)] and K [unit/sqrt(s)] by name: accel.white ... gyro.walk, and
+    # under the same name with "one:" before it the number that stands for three axes, shape ()
+    noise: Mapping[str, FloatArray] = field(default_factory=dict)
+    sd: Mapping[str, FloatArray] = field(default_factory=dict)  # (3,) of biases and scale factors
+    rate: float | None = None  # of the messages [Hz]
+    gravity: float = 0.0  # [m/s^2]
+    correlation: float | None = None  # correlation time of a Markov process like the walk [s]
+    # biases over temperature, where they change (`warm`): by name, temperatures in degC
+    warm: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+def in_gauge(model: ImuModel, gauge: str) -> tuple[ImuModel, FloatArray]:
+    """Return a model with the body axes that a receiver has, and the rotation to them, (3, 3)."""
+    if gauge == "lower":
+        return model.in_gauge(Gauge.LOWER)
+    if gauge == "gyro":
+        C_cb = _upper_times_rotation(model.gyro_matrix)[1]
+        return model.rotated(C_cb), C_cb
+    return model, np.eye(3)
+
+
+def lower_times_rotation(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Split `matrix`, shape (3, 3) [1], into a lower triangular matrix times a rotation."""
+    Q, R = np.linalg.qr(matrix.T)
+    signs = np.sign(np.diag(R))
+    return np.tril((R * signs[:, None]).T), (Q * signs).T
+
+
+def _upper_times_rotation(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    lower, rotation = lower_times_rotation(matrix[::-1, ::-1])
+    return lower[::-1, ::-1], rotation[::-1, ::-1]
+
+
+def _triad(name: str) -> dict[str, Callable[[ImuModel], FloatArray]]:
+    """Return the forms that both triads have."""
+
+    def matrix(m: ImuModel) -> FloatArray:
+        return np.asarray(getattr(m, f"{name}_matrix"))
+
+    def bias(m: ImuModel) -> FloatArray:
+        return np.asarray(getattr(m, f"{name}_bias"))
+
+    return {
+        "bias": bias,
+        "true_bias": lambda m: np.linalg.inv(matrix(m)) @ bias(m),
+        "matrix": matrix,
+        "inverse": lambda m: np.asarray(np.linalg.inv(matrix(m))),
+        "correction": lambda m: np.linalg.inv(matrix(m)) - np.eye(3),
+        "scale": lambda m: np.diag(matrix(m)) - 1.0,
+        "diagonal_inverse": lambda m: 1.0 / np.diag(matrix(m)),
+        "diagonal_matrix": lambda m: np.diag(np.diag(matrix(m))),
+        "rest": lambda m: matrix(m) / np.diag(matrix(m))[:, None],
+        "off_diagonal": lambda m: matrix(m)[OFF_DIAGONAL],
+        "lower": lambda m: lower_times_rotation(matrix(m))[0],
+        "rotation": lambda m: lower_times_rotation(matrix(m))[1],
+        "upper": lambda m: _upper_times_rotation(matrix(m))[0],
+        "upper_rotation": lambda m: _upper_times_rotation(matrix(m))[1],
+    }
+
+
+FORMS: dict[str, Callable[[ImuModel], FloatArray]] = {
+    **{f"{t}.{name}": form for t in ("accel", "gyro") for name, form in _triad(t).items()},
+    "gyro.g": lambda m: m.g_sensitivity,
+    "gyro.g_rotated": lambda m: m.g_sensitivity @ lower_times_rotation(m.gyro_matrix)[1].T,
+}
+"""Name -> what it is of a model [SI]: the parts of the calibration that receivers have."""
+
+
+def value_of(name: str, known: Known, *, each: bool) -> FloatArray | None:
+    """Return what a receiver asks for [SI], None where it is not known.
+
+    `each`: one number for each axis of a triad, else one for all.
+    """
+    if name in FORMS:
+        return FORMS[name](known.model)
+    if name.endswith((".white", ".walk")):
+        return known.noise.get(name if each else f"one:{name}")
+    if name.startswith("warm.") or ".warm_" in name:
+        return known.warm.get(name)
+    if name.endswith("_sd"):
+        return known.sd.get(name.removesuffix("_sd"))
+    single = {"rate": known.rate, "gravity": known.gravity, "correlation": known.correlation}[name]
+    if single is None:
+        return None
+    return np.full(3, single) if each else np.asarray(single)
+
+
+def model_of(found: Mapping[str, FloatArray]) -> ImuModel:
+    """Return the model whose forms a file has; what it does not have is that of no error.
+
+    `found`: values by name, as `FORMS` gives them [SI].
+    """
+    parts: dict[str, FloatArray] = {}
+    for t in ("accel", "gyro"):
+        own = {name.partition(".")[2]: x for name, x in found.items() if name.startswith(f"{t}.")}
+        M = _matrix(own)
+        b = M @ own["true_bias"] if "true_bias" in own else own.get("bias", np.zeros(3))
+        parts |= {f"{t}_matrix": M, f"{t}_bias": b}
+    G = found.get("gyro.g", np.zeros((3, 3)))
+    if "gyro.g_rotated" in found:
+        G = found["gyro.g_rotated"] @ found.get("gyro.rotation", np.eye(3))
+    return replace(ImuModel(), **parts, g_sensitivity=G)
+
+
+def _matrix(own: Mapping[str, FloatArray]) -> FloatArray:
+    if "matrix" in own:
+        return own["matrix"]
+    if "inverse" in own:
+        return np.asarray(np.linalg.inv(own["inverse"]))
+    if "correction" in own:
+        return np.asarray(np.linalg.inv(np.eye(3) + own["correction"]))
+    if "diagonal_inverse" in own:
+        return np.diag(1.0 / own["diagonal_inverse"])
+    for factors in (
+        ("lower", "rotation"),
+        ("upper", "upper_rotation"),
+        ("diagonal_matrix", "rest"),
+    ):
+        if factors[0] in own:
+            return np.asarray(own[factors[0]] @ own.get(factors[1], np.eye(3)))
+    M = np.diag(1.0 + own.get("scale", np.zeros(3)))
+    M[OFF_DIAGONAL] = own.get("off_diagonal", np.zeros(6))
+    return M

@@ -1,0 +1,326 @@
+"""Smoothing of the motion of an IMU between poses, with what constant parameters do to it.
+
+Errors of a node are ``x = (phi, dv, dp)``: attitude in body axes, ``C_true = C Exp(phi)``, velocity
+and position in the world of the pose. A Kalman filter of x carries ``U``, the derivative of its
+state by the parameters [Friedland]: what it makes white are rows ``nu = M delta + e`` that hold
+all that poses say of the parameters, the motion eliminated. Once the step delta is known a
+Rauch-Tung-Striebel pass returns the motion that goes with it.
+"""
+
+import math
+
+import numpy as np
+
+from foucault.kernels import kernel
+from foucault.kernels.small_matrices import cholesky, substitute
+
+
+@kernel
+def _exp(p, C):
+    """Fill C (3, 3) with Exp(p)."""
+    s = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
+    a = math.sqrt(s)
+    sa = 1.0 - s / 6.0 if a < 1e-4 else math.sin(a) / a
+    ca = 0.5 - s / 24.0 if a < 1e-4 else (1.0 - math.cos(a)) / s
+    x, y, z = p[0], p[1], p[2]
+    C[0, 0] = 1.0 - ca * (y * y + z * z)
+    C[1, 1] = 1.0 - ca * (x * x + z * z)
+    C[2, 2] = 1.0 - ca * (x * x + y * y)
+    C[0, 1], C[1, 0] = ca * x * y - sa * z, ca * x * y + sa * z
+    C[0, 2], C[2, 0] = ca * x * z + sa * y, ca * x * z - sa * y
+    C[1, 2], C[2, 1] = ca * y * z - sa * x, ca * y * z + sa * x
+
+
+@kernel
+def _turned(C, u, J, out):
+    """Fill out (3, 9) with C ([-u x] J), J (3, 9): what attitude errors do to a force turned."""
+    for k in range(J.shape[1]):
+        a = u[2] * J[1, k] - u[1] * J[2, k]
+        b = u[0] * J[2, k] - u[2] * J[0, k]
+        c = u[1] * J[0, k] - u[0] * J[1, k]
+        for i in range(3):
+            out[i, k] = C[i, 0] * a + C[i, 1] * b + C[i, 2] * c
+
+
+@kernel
+def preintegrate(node, dt, theta, force, middle, K_g, K_a, raw_g, raw_a, late, q_g, q_a, out, J, Q):
+    """Add up increments from node to node; node (m,) is the number of the last sample before it.
+
+    theta, force, middle (n, 3): increments of angle, velocity, position over dt (n,), corrected;
+    raw_g, raw_a, late (n, 3): angle, velocity before the matrices' errors, and derivative of the
+    velocity by the accelerometers' delay. out (m, 16): C (9), dv, dp, T; J (m, 9, 22): derivative
+    of (phi, dv, dp) by biases of gyros, accelerometers, 9 of gyros, 6 of accelerometers, delay;
+    Q (m, 9, 9) noise. Entry k leads from node k - 1 to node k.
+    """
+    m = node.shape[0]
+    C, E, X = np.eye(3), np.eye(3), np.eye(3)
+    v, p = np.zeros(3), np.zeros(3)
+    A, T9, T22 = np.zeros((9, 22)), np.zeros((3, 9)), np.zeros((3, 22))
+    I_g, I_a, S = np.zeros((3, 22)), np.zeros((3, 22)), np.zeros((9, 9))
+    new = np.zeros((3, 22))
+    for k in range(1, m):
+        for i in range(3):
+            v[i] = 0.0
+            p[i] = 0.0
+            for j in range(3):
+                C[i, j] = 1.0 if i == j else 0.0
+        A[:] = 0.0
+        S[:] = 0.0
+        total = 0.0
+        for r in range(node[k - 1] + 1, node[k] + 1):
+            h = dt[r]
+            total += h
+            for i in range(3):
+                for j in range(3):
+                    I_g[i, j] = -K_g[i, j] * h
+                    I_a[i, 3 + j] = -K_a[i, j] * h
+                    for c in range(3):
+                        I_g[i, 6 + 3 * j + c] = -K_g[i, j] * raw_g[r, c]
+                I_a[i, 21] = late[r, i]
+                column = 15
+                for j in range(3):
+                    for c in range(j + 1):
+                        I_a[i, column] = -K_a[i, j] * raw_a[r, c]
+                        column += 1
+            # The position first, with velocity and attitude of the beginning.
+            _turned(C, force[r], A[:3], T22)
+            for i in range(3):
+                p[i] += v[i] * h
+                for j in range(3):
+                    p[i] += C[i, j] * middle[r, j]
+                for c in range(22):
+                    s = T22[i, c]
+                    for j in range(3):
+                        s += C[i, j] * I_a[j, c]
+                    A[6 + i, c] += A[3 + i, c] * h + 0.5 * h * s
+                    new[i, c] = s
+            for i in range(3):
+                for j in range(3):
+                    v[i] += C[i, j] * force[r, j]
+                for c in range(22):
+                    A[3 + i, c] += new[i, c]
+            # Noise: S <- F S F' + N, by its columns and then by its rows.
+            _exp(theta[r], E)
+            for _ in range(2):
+                _turned(C, force[r], S[:3], T9)
+                for c in range(9):
+                    for i in range(3):
+                        S[6 + i, c] += S[3 + i, c] * h + 0.5 * h * T9[i, c]
+                        S[3 + i, c] += T9[i, c]
+                    a, b, d = S[0, c], S[1, c], S[2, c]
+                    for i in range(3):
+                        S[i, c] = E[0, i] * a + E[1, i] * b + E[2, i] * d
+                for i in range(9):
+                    for c in range(i):
+                        S[i, c], S[c, i] = S[c, i], S[i, c]
+            for i in range(3):
+                S[i, i] += q_g * h
+                S[3 + i, 3 + i] += q_a * h
+                S[6 + i, 6 + i] += q_a * h * h * h / 3.0
+                S[3 + i, 6 + i] += q_a * h * h / 2.0
+                S[6 + i, 3 + i] += q_a * h * h / 2.0
+            for c in range(22):
+                a, b, d = A[0, c], A[1, c], A[2, c]
+                x, y, z = I_g[0, c], I_g[1, c], I_g[2, c]
+                t0, t1, t2 = 0.5 * theta[r, 0], 0.5 * theta[r, 1], 0.5 * theta[r, 2]
+                A[0, c] = E[0, 0] * a + E[1, 0] * b + E[2, 0] * d + x - (t1 * z - t2 * y)
+                A[1, c] = E[0, 1] * a + E[1, 1] * b + E[2, 1] * d + y - (t2 * x - t0 * z)
+                A[2, c] = E[0, 2] * a + E[1, 2] * b + E[2, 2] * d + z - (t0 * y - t1 * x)
+            for i in range(3):
+                for j in range(3):
+                    X[i, j] = C[i, 0] * E[0, j] + C[i, 1] * E[1, j] + C[i, 2] * E[2, j]
+            C[:] = X
+        for i in range(3):
+            for j in range(3):
+                out[k, 3 * i + j] = C[i, j]
+            out[k, 9 + i] = v[i]
+            out[k, 12 + i] = p[i]
+        out[k, 15] = total
+        J[k] = A
+        Q[k] = S
+
+
+@kernel
+def _step(k, C, moved, J, G, Phi, B):
+    """Fill Phi (9, 9) and B (9, p): from the errors of node k - 1 to those of node k."""
+    T = moved[k, 15]
+    Phi[:] = 0.0
+    B[:] = 0.0
+    a, b = moved[k, 9:12], moved[k, 12:15]
+    for i in range(3):
+        for j in range(3):
+            Phi[i, j] = moved[k, 3 * j + i]
+        Phi[3 + i, 3 + i] = 1.0
+        Phi[6 + i, 6 + i] = 1.0
+        Phi[6 + i, 3 + i] = T
+        for d in range(2):
+            u = a if d == 0 else b
+            r = 3 + 3 * d + i
+            Phi[r, 0] = -(C[i, 1] * u[2] - C[i, 2] * u[1])
+            Phi[r, 1] = -(C[i, 2] * u[0] - C[i, 0] * u[2])
+            Phi[r, 2] = -(C[i, 0] * u[1] - C[i, 1] * u[0])
+        for c in range(22):
+            B[i, 10 + c] = J[k, i, c]
+            for d in range(2):
+                r = 3 + 3 * d
+                B[r + i, 10 + c] = (
+                    C[i, 0] * J[k, r, c] + C[i, 1] * J[k, r + 1, c] + C[i, 2] * J[k, r + 2, c]
+                )
+        for c in range(2):
+            B[3 + i, 8 + c] = T * G[i, c]
+            B[6 + i, 8 + c] = 0.5 * T * T * G[i, c]
+
+
+@kernel
+def _predicted(C, Q, Phi, P, W, out):
+    """Fill out (9, 9) with Phi P Phi' + Q, the noise of velocity and position turned by C."""
+    for i in range(9):
+        for j in range(9):
+            s = 0.0
+            for n in range(9):
+                s += Phi[i, n] * P[n, j]
+            W[i, j] = s
+    for i in range(9):
+        for j in range(i + 1):
+            s = 0.0
+            for n in range(9):
+                s += W[i, n] * Phi[j, n]
+            out[i, j] = s
+    for a in range(3):
+        for b in range(a + 1):
+            for i in range(3):
+                for j in range(3):
+                    s = 0.0
+                    for n in range(3):
+                        for o in range(3):
+                            left = C[i, n] if a > 0 else (1.0 if i == n else 0.0)
+                            right = C[j, o] if b > 0 else (1.0 if j == o else 0.0)
+                            s += left * Q[3 * a + n, 3 * b + o] * right
+                    if 3 * b + j <= 3 * a + i:
+                        out[3 * a + i, 3 * b + j] += s
+    for i in range(9):
+        for j in range(i):
+            out[j, i] = out[i, j]
+
+
+@kernel
+def forward(C, moved, J, Q, u, G, z, H, D, R, P0, nu, M, x_f, U_f, P_f):
+    """Filter the poses; fill nu (m, 6), M (m, 6, p) white, and x_f, U_f, P_f after each pose.
+
+    C (m, 3, 3): attitude of the nodes; u (m, 9): predicted less nominal; G (3, 2): gravity by
+    level; z (m, 6), H (m, 6, 9), D (m, 6, p), R (m, 6): pose less nominal, its derivatives,
+    variances, infinite where there is none. False where a covariance is none.
+    """
+    m, p = z.shape[0], D.shape[2]
+    Phi, B, W, N = np.zeros((9, 9)), np.zeros((9, p)), np.zeros((9, 9)), np.zeros((9, 9))
+    x, U, P, V = np.zeros(9), np.zeros((9, p)), P0.copy(), np.zeros((9, p))
+    h, row = np.zeros(9), np.zeros(p)
+    for k in range(m):
+        if k:
+            _step(k, C[k - 1], moved, J, G, Phi, B)
+            _predicted(C[k - 1], Q[k], Phi, P, W, N)
+            P[:] = N
+            for i in range(9):
+                s = u[k, i]
+                for n in range(9):
+                    s += Phi[i, n] * x[n]
+                h[i] = s
+                for c in range(p):
+                    V[i, c] = B[i, c]
+                for n in range(9):
+                    if Phi[i, n] != 0.0:
+                        for c in range(p):
+                            V[i, c] += Phi[i, n] * U[n, c]
+            x[:] = h
+            U[:] = V
+        # The numbers of a pose are independent of one another: one after the other.
+        for q in range(6):
+            nu[k, q] = 0.0
+            for c in range(p):
+                M[k, q, c] = 0.0
+            if not R[k, q] < 1e30:
+                continue
+            var, off = R[k, q], z[k, q]
+            for i in range(9):
+                h[i] = 0.0
+                for n in range(9):
+                    h[i] += P[i, n] * H[k, q, n]
+                off -= H[k, q, i] * x[i]
+            for i in range(9):
+                var += H[k, q, i] * h[i]
+            if not var > 0.0:
+                return False
+            for c in range(p):
+                row[c] = D[k, q, c]
+            for n in range(9):
+                if H[k, q, n] != 0.0:
+                    for c in range(p):
+                        row[c] += H[k, q, n] * U[n, c]
+            root = math.sqrt(var)
+            nu[k, q] = off / root
+            for c in range(p):
+                M[k, q, c] = row[c] / root
+            for i in range(9):
+                gain = h[i] / var
+                x[i] += gain * off
+                for c in range(p):
+                    U[i, c] -= gain * row[c]
+                for n in range(9):
+                    P[i, n] -= gain * h[n]
+        for i in range(9):
+            for n in range(i):
+                P[i, n] = P[n, i] = 0.5 * (P[i, n] + P[n, i])
+        x_f[k] = x
+        U_f[k] = U
+        P_f[k] = P
+    return True
+
+
+@kernel
+def backward(C, moved, J, Q, u, G, delta, x_f, U_f, P_f):
+    """Replace x_f (m, 9) by the smoothed errors for the step delta (p,), P_f by their covariance.
+
+    False where a covariance is none.
+    """
+    m, p = x_f.shape[0], delta.shape[0]
+    Phi, B, W, N = np.zeros((9, 9)), np.zeros((9, p)), np.zeros((9, 9)), np.zeros((9, 9))
+    L, g, gain, ahead = np.zeros((9, 9)), np.zeros(9), np.zeros((9, 9)), np.zeros(9)
+    for k in range(m):
+        for i in range(9):
+            for c in range(p):
+                x_f[k, i] += U_f[k, i, c] * delta[c]
+    for k in range(m - 2, -1, -1):
+        _step(k + 1, C[k], moved, J, G, Phi, B)
+        _predicted(C[k], Q[k + 1], Phi, P_f[k], W, N)
+        L[:] = N
+        if not cholesky(L, 9):
+            return False
+        for i in range(9):
+            s = x_f[k + 1, i] - u[k + 1, i]
+            for n in range(9):
+                s -= Phi[i, n] * x_f[k, n]
+            for c in range(p):
+                s -= B[i, c] * delta[c]
+            ahead[i] = s
+        for j in range(9):  # W holds Phi P_f; a row of the gain is N^-1 of its column
+            for i in range(9):
+                g[i] = W[i, j]
+            substitute(L, g, 9)
+            for i in range(9):
+                gain[j, i] = g[i]
+        for i in range(9):
+            for n in range(9):
+                x_f[k, i] += gain[i, n] * ahead[n]
+        for i in range(9):
+            for n in range(9):
+                s = 0.0
+                for o in range(9):
+                    s += gain[i, o] * (P_f[k + 1, o, n] - N[o, n])
+                W[i, n] = s
+        for i in range(9):
+            for n in range(9):
+                s = 0.0
+                for o in range(9):
+                    s += W[i, o] * gain[n, o]
+                P_f[k, i, n] += s
+    return True

@@ -1,0 +1,173 @@
+"""Logs of ArduPilot (DataFlash ``.bin``): messages of one IMU as rows.
+
+The file describes itself: a message FMT for each kind says its length, the type of each field (a
+letter) and their names. A record is ``A3 95``, the number of its kind, and the fields.
+
+``IMU``           filtered readings at the rate of the main loop; ``I``: number of the IMU
+``GYR``, ``ACC``  single readings of one gyro, beside the accelerometer of the same number
+
+SI units in axes forward-right-down, specific force -1 g along down at rest, as in logs of PX4. All
+of them are written after ArduPilot's own rotation, temperature calibration, offsets and scale
+factors (``INS_*``, messages PARM).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from foucault.arrays import FloatArray
+from foucault.errors import Finding, finding
+from foucault.logs.formats import Columns, beside_each_other, declared_frd, topic_of_messages
+from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, must_fit
+
+if TYPE_CHECKING:
+    from foucault.logs.layout import FileLayout
+
+HEAD, FMT = b"\xa3\x95", 128
+"""How a record begins, and the number of the kind of message that describes the others."""
+
+_TYPES = {
+    "a": "(32,)<i2", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4",
+    "f": "<f4", "d": "<f8", "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4",
+    "E": "<u4", "L": "<i4", "M": "u1", "q": "<i8", "Q": "<u8", "g": "<f2",
+}  # fmt: skip
+"""Letter of a type -> type of NumPy; those that count hundredths are not needed here."""
+
+_FMT = np.dtype([("type", "u1"), ("length", "u1"), ("name", "S4"), ("format", "S16"),
+                 ("labels", "S64")])  # fmt: skip
+
+_OWN = re.compile(r"INS_?(?:ACC|GYR|\d_ACC|\d_GYRO?)\d?O?(OFFS|SCAL)_[XYZ]")
+"""Parameters of ArduPilot's own calibration."""
+
+Records = npt.NDArray[Any]
+
+
+def open_dataflash(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
+    """Open a log of ArduPilot; its columns are the fields of one IMU, in SI."""
+    must_fit(path, 2.0 * path.stat().st_size)
+    kinds = _records(path.read_bytes(), ("IMU", "ACC", "GYR", "PARM"))
+    data = _by_instance(kinds)
+    topic = topic_of_messages(data, ("IMU", "GYR"), description.topic, path)
+    name, _, number = topic.partition("/")
+    if name == "IMU":
+        columns = _imu(data[topic])
+    else:
+        sensors = (_sensor(data.get(f"{kind}/{number}"), kind) for kind in ("GYR", "ACC"))
+        gyro, accel = sensors
+        columns = beside_each_other(gyro, accel, topic, path)
+    names, rows = tuple(columns), len(columns["time"])
+
+    def blocks(some: Sequence[int]) -> Iterator[FloatArray]:
+        for start in range(0, rows, BLOCK_ROWS):
+            if progress:
+                progress(min(1.0, (start + BLOCK_ROWS) / rows))
+            yield np.column_stack([columns[names[c]][start : start + BLOCK_ROWS] for c in some])
+
+    return RawTable(
+        names, True, blocks, findings=_told(kinds.get("PARM"), topic, path),
+        declared=declared_frd(columns), sampled="rate",
+    )  # fmt: skip
+
+
+def _records(content: bytes, wanted: Sequence[str]) -> dict[str, Records]:
+    """Return the messages of some kinds as structured arrays, by the name of the kind."""
+    lengths: dict[int, int] = {FMT: 3 + _FMT.itemsize}
+    types: dict[int, tuple[str, np.dtype[Any]]] = {}
+    places: dict[int, list[int]] = {}
+    at, end = 0, len(content)
+    while at + 3 <= end:
+        kind = content[at + 2]
+        after = at + lengths.get(kind, 0)
+        # Where bytes were lost a record runs into another: it goes, on with the next that is whole.
+        if (
+            content[at : at + 2] != HEAD
+            or after == at
+            or (after != end and content[after : after + 2] != HEAD)
+        ):
+            at = content.find(HEAD, at + 1)
+            if at < 0:
+                break
+            continue
+        if kind == FMT:
+            said = np.frombuffer(content, _FMT, 1, at + 3)[0]
+            number = int(said["type"])
+            lengths.setdefault(number, int(said["length"]))
+            name = said["name"].decode("ascii", "replace")
+            if name in wanted:
+                types[number] = name, _dtype(said)
+        elif kind in types:
+            places.setdefault(kind, []).append(at + 3)
+        at = after
+    if not types:
+        raise ValueError("it describes none of the messages IMU, ACC and GYR")
+    raw = np.frombuffer(content, np.uint8)
+    out = {}
+    for kind, starts in places.items():
+        name, dtype = types[kind]
+        rows = raw[np.array(starts)[:, None] + np.arange(dtype.itemsize)]
+        out[name] = np.ascontiguousarray(rows).view(dtype)[:, 0]
+    return out
+
+
+def _dtype(said: Any) -> np.dtype[Any]:
+    letters, labels = (said[key].decode("ascii", "replace") for key in ("format", "labels"))
+    if set(letters) - set(_TYPES) or len(letters) != labels.count(",") + 1:
+        raise ValueError(f"the format '{letters}' of its message {said['name'].decode()} is none")
+    fields = zip(labels.split(","), letters, strict=True)
+    return np.dtype([(label, _TYPES[letter]) for label, letter in fields])
+
+
+def _by_instance(kinds: Mapping[str, Records]) -> dict[str, Records]:
+    """Return the messages of each sensor by kind and number, such as ``IMU/0``."""
+    out = {}
+    for kind in ("IMU", "GYR", "ACC"):
+        if kind not in kinds:
+            continue
+        rows = kinds[kind]
+        number = rows["I"] if "I" in (rows.dtype.names or ()) else np.zeros(len(rows), int)
+        for each in np.unique(number):
+            out[f"{kind}/{each}"] = rows[number == each]
+    return out
+
+
+def _imu(rows: Records) -> Columns:
+    out = {"time": rows["TimeUS"] * 1e-6}
+    for block, word in (("gyro", "Gyr"), ("accel", "Acc")):
+        out |= {f"{block}_{axis}": np.asarray(rows[f"{word}{axis.upper()}"], float)
+                for axis in "xyz"}  # fmt: skip
+    if "T" in (rows.dtype.names or ()) and np.isfinite(rows["T"]).all():
+        out["temperature"] = np.asarray(rows["T"], float)
+    return out
+
+
+def _sensor(rows: Records | None, kind: str) -> dict[str, Any] | None:
+    """Return the readings of one sensor as the pairing of logs of PX4 takes them."""
+    if rows is None:
+        return None
+    word = {"GYR": "Gyr", "ACC": "Acc"}[kind]
+    axes = {axis: np.asarray(rows[f"{word}{axis.upper()}"], float) for axis in "xyz"}
+    return {"timestamp": rows["TimeUS"], "timestamp_sample": rows["SampleUS"], **axes}
+
+
+def _told(parameters: Records | None, topic: str, path: Path) -> tuple[Finding, ...]:
+    told = finding(
+        "log.declared", file=path.name, what=f"messages {topic} of ArduPilot",
+        units="rad/s, m/s^2, -1 g along down at rest, time since the start of the system",
+        axes="forward-right-down", turned="x = y, y = x, z = -z",
+    )  # fmt: skip
+    own = 0
+    if parameters is not None:
+        held = {row["Name"].decode("ascii", "replace"): float(row["Value"]) for row in parameters}
+        usual = {"OFFS": 0.0, "SCAL": 1.0}
+        own = sum(
+            value != usual[match[1]] for name, value in held.items() if (match := _OWN.match(name))
+        )
+    if not own:
+        return (told,)
+    return told, finding("log.ardupilot_calibrated", file=path.name, topic=topic, count=own)

@@ -1,0 +1,261 @@
+"""Read what a tracking system said of a body: TUM, EuRoC, OptiTrack, Vicon, or columns of any file.
+
+::
+
+    TUM        t x y z qx qy qz qw, blanks between, no titles                 [s], [m]
+    EuRoC      #timestamp [ns], p_RS_R_x [m], ..., q_RS_w [], q_RS_x [], ...
+    OptiTrack  lines of titles, the last begins with Frame; rotation before position
+    Vicon      begins with Segments: frame, RX RY RZ, TX TY TZ, or a quaternion
+
+A quaternion is kept as it stands; which of its numbers is the scalar, and whether it turns the
+body into the world or the other way, is told by the data unless it is declared.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from foucault.arrays import FloatArray
+from foucault.errors import Finding, error, finding
+from foucault.files import atomic, sha256
+from foucault.logs import description as columns
+from foucault.logs.layout import Block, ColumnName, FileLayout, TimeColumn, scaled_unit
+from foucault.logs.raw import RawTable, kept, open_raw
+from foucault.models.pose import READINGS, PoseTable
+
+Triple = tuple[ColumnName, ColumnName, ColumnName]
+Four = tuple[ColumnName, ColumnName, ColumnName, ColumnName]
+
+
+class PositionColumns(Block):
+    """Position of the tracked point."""
+
+    columns: Triple | None = Field(None, description="names or numbers from 0 for x, y, z")
+    unit: str = Field("m", description='unit of all three, such as "m" or "mm"')
+
+    @model_validator(mode="after")
+    def _unit(self) -> PositionColumns:
+        scaled_unit(self.unit, "length")
+        return self
+
+
+class QuaternionColumns(Block):
+    """Attitude of the tracked body."""
+
+    columns: Four | None = Field(None, description="names or numbers from 0, in their order")
+    order: Literal["auto", "wxyz", "xyzw"] = Field(
+        "auto", description="which of them is the scalar; auto: the data tell"
+    )
+    turns: Literal["auto", "body to world", "world to body"] = Field(
+        "auto", description="which way it turns; auto: the data tell"
+    )
+
+
+class PoseDescription(FileLayout):
+    """Where the poses are and what their columns mean."""
+
+    time: TimeColumn | None = None
+    position: PositionColumns = Field(default_factory=lambda: PositionColumns.model_validate({}))
+    attitude: QuaternionColumns | None = Field(
+        default_factory=lambda: QuaternionColumns.model_validate({})
+    )
+    position_only: bool = Field(False, description="use no attitude, whether there is one or not")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> PoseDescription:
+        self.dated(self.time is not None)
+        if self.file is None:
+            raise error("log.no_file")
+        return self
+
+    @property
+    def reading(self) -> str | None:
+        """Key of `READINGS`, where order and direction are both declared."""
+        q = self.attitude
+        if q is None or "auto" in (q.order, q.turns):
+            return None
+        return f"{' '.join(q.order)}, {q.turns}"
+
+
+POSITIONS = (("x", "y", "z"), ("px", "py", "pz"), ("positionx", "positiony", "positionz"),
+             ("tx", "ty", "tz"), ("prsrx", "prsry", "prsrz"), ("pxm", "pym", "pzm"),
+             ("posx", "posy", "posz"), ("easting", "northing", "height"))  # fmt: skip
+QUATERNIONS = (("qw", "qx", "qy", "qz"), ("qrsw", "qrsx", "qrsy", "qrsz"),
+               ("orientationw", "orientationx", "orientationy", "orientationz"),
+               ("rw", "rx", "ry", "rz"), ("q0", "q1", "q2", "q3"))  # fmt: skip
+"""Titles that people give, without unit and marks; quaternions scalar first."""
+
+
+def read(description: PoseDescription, folder: str | Path = ".") -> PoseTable:
+    """Read the poses of a file in order, each stamp once.
+
+    `folder`: folder that a relative file name starts from. Raises ``pose.*``, ``log.*``: what is
+    missing, or cannot be.
+    """
+    assert description.file is not None
+    path = Path(folder) / description.file
+    made = _exported(path) if path.suffix.lower() in (".csv", ".txt") and path.is_file() else None
+    time, position, q, declared = made or _of_columns(path, description)
+    finite = np.isfinite(position).all(axis=1) & np.isfinite(time)
+    if q is not None:
+        size = np.linalg.norm(q, axis=1)
+        finite &= (np.abs(size - 1.0) < 0.05) & np.isfinite(size)
+    # A body that is lost is held at its last pose, or at zero.
+    said = position if q is None else np.column_stack([position, q])
+    finite[1:] &= (np.diff(said, axis=0) != 0.0).any(axis=1)
+    order = np.argsort(time[finite], kind="stable")
+    rows = np.flatnonzero(finite)[order]
+    rows = rows[np.append(True, np.diff(time[rows]) > 0)] if len(rows) else rows
+    told: tuple[Finding, ...] = ()
+    lost = len(time) - len(rows)
+    if lost:
+        told = (finding("pose.lost", file=path.name, count=lost, of=len(time)),)
+    if len(rows) < FEWEST:
+        raise error("pose.few", file=path.name, count=len(rows), least=FEWEST)
+    reading = description.reading or declared
+    use = None if q is None or description.position_only else q[rows]
+    return PoseTable(time[rows], position[rows], use, reading, told,
+                     {"file": description.file, "sha256": sha256(path)})  # fmt: skip
+
+
+FEWEST = 50
+"""Poses below which nothing is compared [1]."""
+
+Columns = tuple[FloatArray, FloatArray, FloatArray | None, str | None]
+
+
+def _of_columns(path: Path, said: PoseDescription) -> Columns:
+    raw = open_raw(path, said)
+    position = _numbers(raw, said.position.columns, POSITIONS, path, "position")
+    q = None if said.attitude is None else said.attitude.columns
+    attitude = _numbers(raw, q, QUATERNIONS, path, "attitude") if said.attitude else None
+    tum = not raw.named and len(raw.names) == 8 and position is None
+    if tum:
+        position, attitude = [1, 2, 3], [4, 5, 6, 7]
+    if position is None:
+        have = f"columns {', '.join(raw.names)}" if raw.named else f"{len(raw.names)} columns"
+        raise error("pose.columns", file=path.name, have=have)
+    time, one = _time(raw, said, path, tum)
+    wanted = [*([] if time is None else [time]), *position, *(attitude or [])]
+    rows = np.concatenate([*kept(raw, path).blocks(wanted)])
+    stamp = np.arange(len(rows)) / (said.rate or 1.0) if time is None else rows[:, 0] * one
+    rows = rows[:, 0 if time is None else 1 :]
+    p = rows[:, :3] * scaled_unit(said.position.unit, "length")
+    declared = "x y z w, body to world" if tum else None
+    return stamp, p, rows[:, 3:] if attitude else None, declared
+
+
+def _time(raw: RawTable, said: PoseDescription, path: Path, tum: bool) -> tuple[int | None, float]:
+    if said.rate is not None:
+        return None, 1.0
+    if said.time is not None and said.time.column is not None:
+        return columns.find(raw, said.time.column, path, "time", "master")[0], said.time.one()
+    number = 0 if tum else columns.guess(raw, "time", path)[0]
+    if said.time is not None:
+        return number, said.time.one()
+    title = raw.names[number].lower() if raw.named else ""
+    unit = re.search(r"[\[(]\s*(ns|us|ms|s)\s*[\])]|_(ns|us|ms|s)$", title)
+    return number, scaled_unit(next(filter(None, unit.groups())) if unit else "s", "time")
+
+
+def _numbers(
+    raw: RawTable, given: tuple[ColumnName, ...] | None, known: tuple[tuple[str, ...], ...],
+    path: Path, block: str,
+) -> list[int] | None:  # fmt: skip
+    if given is not None:
+        return [columns.find(raw, name, path, block, "master")[0] for name in given]
+    titles = [_bare(name) for name in raw.names] if raw.named else []
+    for names in known:
+        if set(names) <= set(titles):
+            return [titles.index(name) for name in names]
+    return None
+
+
+def _bare(title: str) -> str:
+    bare = re.sub(r"[(\[].*", "", title).lower()
+    return re.sub(r"[^a-z0-9]", "", re.sub(r"_(m|mm)$", "", bare.strip()))
+
+
+def _exported(path: Path) -> Columns | None:
+    """Read what Motive and Nexus export, whose titles are several lines; None for other files."""
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as stream:
+        lines = [row for _, row in zip(range(20), csv.reader(stream), strict=False)]
+    if not lines or not lines[0]:
+        return None
+    if lines[0][0] == "Format Version":
+        return _optitrack(path, lines)
+    if lines[0][0].strip() in ("Segments", "Global Angles", "Objects"):
+        return _vicon(path, lines)
+    return None
+
+
+def _optitrack(path: Path, lines: list[list[str]]) -> Columns | None:
+    """Read the first rigid body of an export of Motive."""
+    said = dict(zip(lines[0][::2], lines[0][1::2], strict=False))
+    last = next((k for k, row in enumerate(lines) if row[:2] == ["Frame", "Time (Seconds)"]), None)
+    if last is None:
+        return None
+    what = lines[last - 1]
+    rotation = [k for k, word in enumerate(what) if word == "Rotation"][:4]
+    position = [k for k, word in enumerate(what) if word == "Position"][:3]
+    if said.get("Rotation Type", "Quaternion") != "Quaternion":
+        raise error("pose.euler", file=path.name, given=said["Rotation Type"])
+    if len(rotation) < 4 or len(position) < 3:
+        raise error("pose.columns", file=path.name, have="no rigid body with position and rotation")
+    rows = _cells(path, last + 1, [1, *position, *rotation])
+    unit = {"Meters": 1.0, "Centimeters": 0.01, "Millimeters": 1e-3}
+    one = unit.get(said.get("Length Units", "Meters"), 1.0)
+    return rows[:, 0], rows[:, 1:4] * one, rows[:, 4:8], "x y z w, body to world"
+
+
+def _vicon(path: Path, lines: list[list[str]]) -> Columns:
+    """Read the first segment of an export of Nexus: its rate, titles, units, then frames."""
+    rate = float(lines[1][0])
+    titles, units = lines[3], lines[4]
+    turn = [k for k, word in enumerate(titles) if re.fullmatch(r"R[XYZW]", word.strip())]
+    place = [k for k, word in enumerate(titles) if re.fullmatch(r"T[XYZ]", word.strip())][:3]
+    quaternion = any(titles[k].strip() == "RW" for k in turn[:4])
+    turn = turn[: 4 if quaternion else 3]
+    rows = _cells(path, 5, [0, *place, *turn])
+    one = scaled_unit(units[place[0]].strip() or "mm", "length")
+    time = (rows[:, 0] - 1) / rate
+    if quaternion:
+        return time, rows[:, 1:4] * one, rows[:, 4:8], "x y z w, body to world"
+    # Nexus writes the rotation vector of a segment.
+    vector = rows[:, 4:7] * scaled_unit(units[turn[0]].strip() or "rad", "angle")
+    half = np.linalg.norm(vector, axis=1)[:, None] / 2
+    q = np.column_stack([np.cos(half), vector / 2 * np.sinc(half / np.pi)])
+    return time, rows[:, 1:4] * one, q, "w x y z, body to world"
+
+
+def _cells(path: Path, first: int, wanted: list[int]) -> FloatArray:
+    """Return the numbers of some columns; where a body was lost its cells are empty: NaN."""
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as stream:
+        rows = [
+            [float(row[k]) if k < len(row) and row[k].strip() else np.nan for k in wanted]
+            for n, row in enumerate(csv.reader(stream))
+            if n >= first and row and row[0].strip()
+        ]
+    return np.array(rows, float).reshape(-1, len(wanted))
+
+
+def write(table: PoseTable, path: str | Path) -> None:
+    """Write poses as CSV whose titles say what it holds.
+
+    `path`: the file, replaced whole or not at all.
+    """
+    made = [table.time[:, None], table.position]
+    titles = ["time (s)", "x (m)", "y (m)", "z (m)"]
+    if table.quaternion is not None:
+        order, sign = READINGS[table.reading or next(iter(READINGS))]
+        made.append(table.quaternion[:, order] * [1.0, sign, sign, sign])
+        titles += ["qw", "qx", "qy", "qz"]
+    with atomic(Path(path)) as part:
+        np.savetxt(part, np.column_stack(made), delimiter=",", comments="",
+                   header=",".join(titles), fmt="%.9f")  # fmt: skip

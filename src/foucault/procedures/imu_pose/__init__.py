@@ -1,0 +1,532 @@
+"""Calibrate an IMU by poses of its body: motion capture, tags, a prism, another navigation system.
+
+The IMU and what is tracked are fixed to one rigid body that a hand turns and moves for half a
+minute. It gives how the tracked body is turned against the IMU, the lever arm to the tracked point,
+the offset and the rate of the two clocks, the level of the pose's world, and the errors of the IMU
+itself: biases, scale factors, misalignments, and how much later accelerometers read than gyros.
+Positions alone (a prism, an antenna) give all but the rotation.
+
+Tables of the result
+--------------------
+``poses``: time [s]; of every pose that is used ``attitude_x`` .. ``attitude_z`` [rad] and
+``position_x`` .. ``position_z`` [m], measured less found, NaN where it was left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from foucault import logs
+from foucault.coefficients import CoefficientVector
+from foucault.diagnose.checks import check, plausible_scales, status_check
+from foucault.diagnose.foresight import Foresight
+from foucault.errors import Finding, Status, error, finding
+from foucault.guard.mistakes import exchange_words, exchanges
+from foucault.infer.filtered import component
+from foucault.infer.gauss_newton import FALSE_ALARM
+from foucault.logs import pose as poses
+from foucault.logs.checks import on_a_shared_clock
+from foucault.logs.pose import PoseDescription
+from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
+from foucault.models.noise import ImuNoise
+from foucault.models.pose import LAYOUT as OF_POSE
+from foucault.models.pose import PoseTable
+from foucault.models.rotation import log as vector_of
+from foucault.models.size_effect import SizeEffect
+from foucault.procedures.imu_pose import model as engine
+from foucault.procedures.imu_pose.model import LAYOUT, NAMES, Readings, Solution
+from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
+from foucault.procedures.record import Beforehand, Given, Procedure, Robust, SampleRate
+from foucault.result import Check, Result, TableData, Verdict
+from foucault.simulate.hand_motion import HandMotion, Tracker, simulate_hand
+from foucault.strict import Strict
+from foucault.tables import Log, temperature_range
+from foucault.units import AngleSd, Quantity, Seconds, parse, plain
+
+FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
+LEAST_PEAK, SECOND = 0.5, 0.02
+"""Correlation of the rates below which nothing is in common, and by how much another offset has to
+be worse [1]."""
+
+MISFIT = 0.5
+"""Part of the rates that a rotation may leave before scale factors and biases are known [1]."""
+
+OTHER_UNIT = 1.5
+"""Rates or gravity that differ in size by such a factor have another unit [1]."""
+
+CLEARLY = 3.0
+"""By so many times less must be left over for a mistake to be told [1]."""
+
+HALVES, LEFT_OUT = 3.0, 10.0
+"""Limits of the difference of the halves [sd], and of the poses that are left out [%]."""
+
+SURE = 5.0
+"""Clocks that differ by so many standard deviations are told [1]."""
+
+SHORTEST = 5.0
+"""Shorter logs tell nothing [s]."""
+
+APART = 0.3
+"""Stamps of positions and attitudes are tried so far apart [s]."""
+
+QUIET = 0.05
+"""Part of the stretches of half a second that are the stillest [1]."""
+
+UNSURE_DELAY = 1e-3
+"""An offset that is less sure than this is none [s]."""
+
+Length = Annotated[float, Quantity("length")]
+
+
+class Settings(Robust):
+    """What can be chosen; the defaults suit motion capture and a body moved by hand."""
+
+    position_sd: Length | None = Field(default=None, gt=0, examples=["0.5 mm"])
+    """Noise of the positions, each component; left out, it is found."""
+    attitude_sd: AngleSd | None = Field(default=None, gt=0, examples=["0.1 deg"])
+    """Noise of the attitudes, each component; left out, it is found."""
+    accel_delay: bool = True
+    """Estimate how much later accelerometers read than gyros."""
+    clock: bool = True
+    """Estimate the rate of the two clocks."""
+    longest_offset: Seconds = Field(default=1.0, gt=0)
+    """Where the offset is looked for by positions alone; with attitudes it is found anywhere."""
+    passes: int = Field(default=12, ge=6, le=40)
+    """At most so many passes; fewer where nothing moves any more."""
+
+    def held(self, attitude: bool) -> list[int]:
+        """Return the numbers of the parameters that are not estimated; `attitude`: is there one."""
+        out = [] if attitude else [0, 1, 2]
+        return out + [7] * (not self.clock) + [31] * (not self.accel_delay)
+
+
+class Session(Strict):
+    """The session that `simulate` makes."""
+
+    motion: Literal["all axes", "rotation only", "one axis", "planar", "translation only",
+                    "constant rate"] = "all axes"  # fmt: skip
+    """What the hand does."""
+    time: Seconds = Field(default=60.0, ge=10)
+    """For how long."""
+    vigour: float = Field(default=1.0, gt=0, le=4)
+    """How fast, against 1.9 rad/s."""
+    rate: SampleRate = 200.0
+    pose_rate: Annotated[float, Quantity("frequency")] = Field(default=100.0, gt=0)
+    """Poses in a second."""
+    with_attitude: bool = True
+    """Whether there are attitudes; false: positions alone."""
+    position_noise: Length = Field(default=5e-4, ge=0)
+    """Noise of the positions, each component."""
+    attitude_noise: AngleSd = Field(default=float(np.radians(0.1)), ge=0)
+    """Noise of the attitudes, each component."""
+    lever_arm: tuple[str, str, str] = ("8 cm", "-12 cm", "5 cm")
+    """From the accelerometers to the tracked point: right, forward, up of the IMU."""
+    offset: Seconds = Field(default=0.2, gt=-10, lt=10)
+    """What is to be added to the stamps of poses."""
+    clock_drift: float = Field(default=2e-5, gt=-1e-2, lt=1e-2)
+    """Part by which the clock of the IMU is faster."""
+    tilt: AngleSd = Field(default=float(np.radians(1.0)), ge=0)
+    """Sd of the tilt of the pose's world about each of its level axes."""
+    accelerometers_late: Seconds = Field(default=0.0, gt=-0.05, lt=0.05)
+    """How much later accelerometers read than gyros."""
+    outliers: float = Field(default=0.0, ge=0, lt=0.5)
+    """Part of the poses that are 5 cm and 6 deg off."""
+    lost: float = Field(default=0.0, ge=0, lt=0.9)
+    """Part of the seconds in which the body is lost."""
+
+
+@dataclass(frozen=True)
+class PoseLog(Log):
+    """The log of an IMU, and the poses of its body.
+
+    Attributes
+    ----------
+    time, gyro, accel, temperature, averaged, begins : ndarray
+        Of the IMU, as in `Log` [SI].
+    sampled, findings, source, table, clock
+        The same.
+    poses : PoseTable or None
+        What the tracking system said.
+    """
+
+    poses: PoseTable | None = None
+
+    @classmethod
+    def of(cls, log: Log, table: PoseTable) -> PoseLog:
+        """Return the log of an IMU beside poses; `log`: its readings [SI]."""
+        told = (*on_a_shared_clock(log.findings), *table.findings)
+        source = log.source | ({"master": table.source} if table.source else {})
+        return cls(**vars(log) | {"findings": told, "source": source, "poses": table})
+
+
+def _with_poses(log: Log, description: PoseDescription, folder: str | Path) -> PoseLog:
+    return PoseLog.of(log, poses.read(description, folder))
+
+
+def _write(log: PoseLog, path: str | Path) -> None:
+    logs.write(log, path)
+    assert log.poses is not None
+    poses.write(log.poses, Path(path).with_name("poses.csv"))
+
+
+def _log_table(log: Log | None = None) -> str:
+    from foucault.logs.description import OWN_LOG, log_head
+
+    more = '\n[master]\nfile = "poses.csv"'
+    if log is not None:
+        return (
+            f"{OWN_LOG}{more}                       # the titles of its columns say what they are\n"
+        )
+    return log_head("the IMU; ") + f"{more}\n" + _MASTER
+
+
+_MASTER = """\
+# TUM and EuRoC trajectories, exports of Motive (OptiTrack) and Nexus (Vicon) need no more. Columns:
+# time = { column = "t", unit = "s" }
+# position = { columns = ["x", "y", "z"], unit = "mm" }
+# attitude = { columns = ["q0", "q1", "q2", "q3"] }    # order and direction are told by the data
+# position_only = true                    # a prism or an antenna: no attitude
+"""
+
+
+# -- calibrating -----------------------------------------------------------------------------------
+
+
+def quiet_noise(log: Log) -> tuple[float, float]:
+    """Return the white noise of gyros and accelerometers where a log is stillest [SI].
+
+    By second differences, which no slow motion makes: of a log without any rest too much is taken.
+    """
+    out = []
+    width = max(8, round(0.5 / log.interval))
+    for x in (log.gyro, log.accel):
+        assert x is not None
+        bend = x[2:] - 2 * x[1:-1] + x[:-2]
+        n = len(bend) // width
+        square = (bend[: n * width] ** 2).reshape(n, width * 3).mean(axis=1) / 6
+        floor = 1e-9
+        out.append(float(np.sqrt(np.quantile(square, QUIET) * log.interval + floor**2)))
+    return out[0], out[1]
+
+
+def _readings(log: Log, given: Given[Settings]) -> tuple[Readings, PoseTable, list[Finding]]:
+    """Return what is compared, and the poses that lie within the log, by any offset."""
+    table = getattr(log, "poses", None)
+    if table is None:
+        raise error("pose.no_table")
+    if log.gyro is None or log.accel is None:
+        raise error("pose.no_triad", triad="gyros" if log.gyro is None else "accelerometers")
+    if len(table) < poses.FEWEST:
+        raise error("pose.few", file="The table", count=len(table), least=poses.FEWEST)
+    span = float(min(table.time[-1] - table.time[0], log.duration))
+    if span < SHORTEST:
+        raise error("pose.short", span=plain(span, 2), least=plain(SHORTEST, 2))
+    noise = given.noise
+    white = quiet_noise(log) if noise is None else (noise.gyro.white, noise.accel.white)
+    C = None if table.quaternion is None else table.attitude(table.reading or _ANY)
+    return Readings.of(log, table.time, table.position, C, white, given.site.gravity), table, []
+
+
+_ANY = "w x y z, body to world"
+
+
+def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, Start]:
+    settings = given.settings
+    r, table, _ = _readings(log, given)
+    given.progress(0.1, "matching what both did")
+    if table.quaternion is None:
+        start, point = start_of_places(log, r, settings.longest_offset)
+    else:
+        start = start_of(log, r, table)
+        point = start.point
+        _contradicted(start, given.site.gravity)
+        r = replace(r, C_vm=table.attitude(start.reading or _ANY))
+    t = r.at(point.tau, point.kappa)
+    inside = (t > log.time[0] + 4 * log.interval) & (t < log.time[-1] - 4 * log.interval)
+    if inside.sum() < poses.FEWEST:
+        raise error("pose.few", file="The time of the log", count=int(inside.sum()),
+                    least=poses.FEWEST)  # fmt: skip
+    if not inside.all():
+        r = r[inside]
+        point = replace(point, node=point.node[inside], C=point.C[inside], v=point.v[inside],
+                        p=point.p[inside])  # fmt: skip
+    given.progress(0.3, "smoothing the motion")
+    hold = np.array(settings.held(r.C_vm is not None), int)
+    found = engine.solve(
+        r, point, given.prior, (settings.attitude_sd, settings.position_sd),
+        robust=settings.robust, most=settings.passes, hold=hold,
+    )  # fmt: skip
+    return found, start
+
+
+def _contradicted(s: Start, gravity: float) -> None:
+    """Refuse what makes IMU and poses contradict each other, by its cause."""
+    ratio = float(np.median(s.singular))
+    if s.peak < LEAST_PEAK:
+        raise error("pose.apart", peak=plain(s.peak, 2))
+    if s.second > s.peak - SECOND:
+        raise error("pose.periodic", peak=plain(s.peak, 3), second=plain(s.second, 3))
+    turning = s.singular > 0.1 * s.singular[0]
+    if not 1 / OTHER_UNIT < ratio < OTHER_UNIT and turning.all() and s.free_misfit < MISFIT:
+        hint = " That is deg/s." if 0.9 < ratio / np.degrees(1) < 1.1 else ""
+        hint = " That is rad/s read as deg/s." if 0.9 < ratio * np.degrees(1) < 1.1 else hint
+        raise error("pose.gyro_unit", ratio=plain(ratio, 3), hint=hint)
+    if s.sign < 0 and s.misfit > MISFIT and turning.all():
+        raise error("pose.mirror", det=plain(s.sign, 1), misfit=plain(s.misfit, 2))
+    if s.misfit > MISFIT and turning.all():
+        raise error("pose.rates", misfit=plain(s.misfit, 2), allowed=plain(MISFIT, 2))
+    some = s.forces.some(1500)
+    now = some.fit()[1]
+    apart, best = _apart(s)
+    if best < now / CLEARLY:
+        raise error("pose.two_times", apart=plain(1e3 * apart, 3), best=plain(best, 2),
+                    now=plain(now, 2))  # fmt: skip
+    tried = [
+        (some.fit(x)[1], k) for k, x in enumerate(exchanges()) if np.trace(x) > -3
+    ]  # all reversed is a matter of sign, below
+    best, k = min(tried)
+    if best < now / CLEARLY:
+        raise error("pose.force_axes", words=exchange_words(exchanges()[k]), best=plain(best, 2),
+                    now=plain(now, 2))  # fmt: skip
+    scale, sd, g, scaled = some.scaled()
+    # Where nothing is moved, second derivatives of positions are noise, and best left out; noise
+    # turns no sign.
+    told = scaled * OTHER_UNIT < min(now, some.unmoved()) or scale < -SURE * 2 * sd
+    told &= not 1 / OTHER_UNIT < scale < OTHER_UNIT
+    if told and 1 / OTHER_UNIT < g / gravity / scale < OTHER_UNIT:
+        raise error("pose.accel_unit", found=plain(g, 3), site=plain(gravity, 4))
+    if told:
+        raise error("pose.position_unit", ratio=plain(scale, 3), best=plain(scaled, 2),
+                    now=plain(now, 2))  # fmt: skip
+    if not 1 / OTHER_UNIT < s.gravity / gravity < OTHER_UNIT:
+        raise error("pose.accel_unit", found=plain(s.gravity, 3), site=plain(gravity, 4))
+
+
+def _apart(s: Start) -> tuple[float, float]:
+    """Return how much later positions are stamped than attitudes [s], and what that leaves [m/s^2].
+
+    As far as the least squares of forces tells it.
+    """
+    step, f, best = s.step, s.forces, (0.0, np.inf)
+    for k in range(-round(APART / step), round(APART / step) + 1, max(1, round(0.02 / step))):
+        later = replace(f, pull=np.roll(f.pull, -k, axis=0)).some(700)
+        best = min(best, (k * step, later.fit()[1]), key=lambda found: found[1])
+    return best
+
+
+def _estimate(s: Solution, given: Given[Settings]) -> CoefficientVector:
+    """Return what was found, without what was held; the whole of an IMU before its ties."""
+    kept = [i for i in _order() if i not in s.hold]
+    layout = LAYOUT.subset(NAMES[i] for i in kept)
+    return CoefficientVector(layout, s.point.values[kept], s.cov[np.ix_(kept, kept)],
+                             prior_sd=s.prior_sd[kept])  # fmt: skip
+
+
+def _order() -> list[int]:
+    return sorted(range(len(NAMES)), key=lambda i: LAYOUT.index(NAMES[i]))
+
+
+def _checks(s: Solution, c: CoefficientVector, settings: Settings) -> tuple[Check, ...]:
+    status = Status.CONVERGED if s.converged else Status.NOT_CONVERGED
+    left = 100 * float(np.mean(s.noise.weights[:, -1 if s.readings.C_vm is None else 0 :] < 0.5))
+    out = [
+        status_check(status, ()), *plausible_scales(c), _seen(s),
+        check("pose halves", "halves of the log", s.halves, None, HALVES),
+        check("pose outliers", "outliers", left, None, LEFT_OUT),
+    ]  # fmt: skip
+    declared = {"attitude": settings.attitude_sd, "position": settings.position_sd}
+    for k, (name, sd) in enumerate(declared.items()):
+        if sd is None or (name == "attitude" and s.readings.C_vm is None):
+            continue
+        own = s.rows[:, 3 * k : 3 * k + 3]
+        found = component(own, FALSE_ALARM, 2)
+        if found is not None:
+            rms, low, high = found.rms
+            out.append(check("pose noise", f"noise of the {name}", rms, low, high, {"name": name}))
+    return tuple(out)
+
+
+def _unseen(s: Solution) -> list[str]:
+    lost = s.unseen
+    return [n for i, n in enumerate(NAMES) if lost[i] and i not in s.hold]
+
+
+def _seen(s: Solution) -> Check:
+    names = _unseen(s)
+    return check("seen in the motion", "seen", float(len(names)), None, 0.5,
+                 {"names": ", ".join(names)})  # fmt: skip
+
+
+def _told(s: Solution, clock_sd: float) -> list[Finding]:
+    told = []
+    kappa, sd = s.point.kappa, float(np.sqrt(s.cov[7, 7]))
+    if abs(kappa) > SURE * max(clock_sd, sd):
+        told.append(finding("pose.clock", kappa=plain(1e6 * kappa, 3), sd=plain(1e6 * sd, 2),
+                            usual=plain(1e6 * clock_sd, 2)))  # fmt: skip
+    if s.halves > engine.COLOURED:
+        told.append(finding("pose.moved", factor=plain(s.halves, 2)))
+    if s.spread > engine.COLOURED:
+        attitude, position = (plain(x, 2) for x in s.lag_one)
+        told.append(finding("pose.coloured", attitude=attitude, position=position,
+                            factor=plain(s.spread, 2)))  # fmt: skip
+    return told
+
+
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    s, start = _solved(log, given)
+    c = _estimate(s, given)
+    checks = _checks(s, c, given.settings)
+    kept = [NAMES.index(n) for n in c.names]
+    site = given.site
+    diagnostics: dict[str, Any] = {
+        "gravity": site.gravity,
+        "bound": np.sqrt(np.diag(s.formal))[kept].tolist(),
+        "unseen": _unseen(s),
+        "iterations": s.passes,
+        "pose": {
+            "used": int((s.noise.weights[:, 1] > 0.5).sum()), "read": len(s.readings.stamp),
+            "attitude_sd": None if s.readings.C_vm is None else s.noise.attitude,
+            "position_sd": s.noise.position, "reading": start.reading,
+            "colour": s.spread, "halves": s.halves, "lag_one": list(s.lag_one),
+            "peak": None if np.isnan(start.peak) else start.peak,
+            "middle": s.readings.middle, "up": s.point.up_v.tolist(),
+            "C_bm": s.point.C_bm.tolist() if s.readings.C_vm is not None else None,
+        },
+        "noise": {"gyro": s.readings.white[0], "accel": s.readings.white[1]},
+    }  # fmt: skip
+    tables: dict[str, TableData] = {}
+    if given.shown:
+        given.progress(0.8, "looking at what it rests on")
+        parts = engine.budget(s)
+        diagnostics["budget"] = {name: v[kept].tolist() for name, v in parts.items()}
+        z = np.where(np.repeat(s.noise.weights, 3, axis=1) > 0.5, s.residuals, np.nan)
+        names = [f"{what}_{a}" for what in ("attitude", "position") for a in "xyz"]
+        some = [k for k in range(6) if s.readings.C_vm is not None or k > 2]
+        tables["poses"] = {"time": s.readings.at(s.point.tau, s.point.kappa),
+                           **{names[k]: z[:, k] for k in some}}  # fmt: skip
+    assert log.gyro is not None
+    assert log.accel is not None
+    validity: dict[str, Any] = {"sampled": log.sampled, "rate": log.rate}
+    for name, x in (("accel", log.accel), ("gyro", log.gyro)):
+        validity[name] = [float(x.min()), float(x.max())]
+    return Result(
+        procedure="imu_pose", coefficients=c, equation=SIZE_EQUATION, frame=FRAME,
+        gauge=Gauge.LOWER.value, verdict=Verdict.of(checks), checks=checks,
+        findings=(*log.findings, *_told(s, log.clock.sd)),
+        status=Status.CONVERGED if s.converged else Status.NOT_CONVERGED, site=site.as_dict(),
+        validity=validity | temperature_range(log), diagnostics=diagnostics, tables=tables,
+    )  # fmt: skip
+
+
+# -- sessions --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PoseSession:
+    """A simulated session."""
+
+    log: PoseLog  # [SI]
+    model: ImuModel  # errors of the IMU
+    tracker: Tracker
+    late: float  # of the accelerometers [s]
+    sampled_middle: float  # by how much the middle of the poses moved the offset [s]
+
+    @property
+    def size_effect(self) -> SizeEffect:
+        """Delay of the accelerometers."""
+        return SizeEffect(delay=self.late)
+
+    @property
+    def beside(self) -> CoefficientVector:
+        """How the tracked body was fixed, and its clock: true values [SI]."""
+        t, C_cb = self.tracker, self.model.in_gauge(Gauge.LOWER)[1]
+        values = [*vector_of(C_cb @ t.C_bm), *(C_cb @ t.lever_b), t.delay, t.drift, *t.tilt]
+        return CoefficientVector(OF_POSE, np.array(values))
+
+    def truth_json(self) -> dict[str, Any]:
+        """Return what was true beside the errors of the sensors, for truth.json."""
+        return {"C_bm": self.tracker.C_bm.tolist(), "outliers": self.tracker.outliers}
+
+
+def _simulated(
+    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Any, seed: int
+) -> PoseSession:
+    rng = np.random.default_rng([seed, 31])
+    motion = HandMotion.drawn(session.motion, session.vigour, rng)
+    turned = rng.standard_normal(3)
+    from foucault.models.rotation import exp
+
+    east, north = session.tilt * rng.standard_normal(2)
+    tracker = Tracker(
+        session.pose_rate, session.position_noise,
+        session.attitude_noise if session.with_attitude else None, exp(0.5 * turned),
+        np.array([parse(text, "length") for text in session.lever_arm]), session.offset,
+        session.clock_drift, (float(east), float(north)), session.outliers, lost=session.lost,
+    )  # fmt: skip
+    log, table = simulate_hand(
+        motion, tracker, duration=session.time, rate=session.rate, model=model, noise=noise,
+        late=session.accelerometers_late, gravity=site.gravity, rng=rng,
+    )  # fmt: skip
+    return PoseSession(PoseLog.of(log, table), model, tracker, session.accelerometers_late, 0.0)
+
+
+MOTION = {
+    "pose.lever": "turn about at least two axes, with starts and stops",
+    "pose.rotation": "turn about at least two axes, with starts and stops",
+    "pose.delay": "start and stop often, and do not swing regularly",
+    "gyro.": "turn about all three axes",
+    "accel.": "hold it in many attitudes, upside down among them",
+    "pose.level": "turn it about level axes too",
+}
+"""What shows a parameter."""
+
+
+def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
+    noise = b.noise or b.typical
+    assert noise is not None
+    made = _simulated(b.session, b.settings, ImuModel(), noise, b.site, b.seed)
+    s, _ = _solved(made.log, Given(b.site, b.settings, noise, b.prior))
+    c = _estimate(s, Given(b.site, b.settings, noise, b.prior))
+    kept = [NAMES.index(n) for n in c.names]
+    lost = _unseen(s)
+    words = dict.fromkeys(w for n in lost for k, w in MOTION.items() if n.startswith(k))
+    told = []
+    if lost:
+        told.append(finding("preflight.not_shown", names=", ".join(lost),
+                            reason="; " + "; ".join(words)))  # fmt: skip
+    elif float(np.sqrt(s.cov[6, 6])) > UNSURE_DELAY:
+        told.append(finding("preflight.not_shown", names="pose.delay",
+                            reason="; " + MOTION["pose.delay"]))  # fmt: skip
+    parts = engine.budget(s)
+    return Foresight(
+        coefficients=replace(c, values=np.zeros(len(c))), linearised_at="no errors",
+        plan=b.session.motion, duration=b.session.time, states=len(c), rank=len(c) - len(lost),
+        hardly=tuple(lost), bound=np.sqrt(np.diag(s.formal))[kept],
+        budget={k: v[kept] for k, v in parts.items()}, findings=tuple(told),
+    )  # fmt: skip
+
+
+PROCEDURE = Procedure(
+    name="imu_pose",
+    doc=__doc__,
+    Settings=Settings,
+    Session=Session,
+    solve=_solve,
+    simulation=_simulated,
+    names=lambda settings, session: tuple(
+        NAMES[i] for i in _order() if i not in settings.held(session.with_attitude)
+    ),
+    layout=LAYOUT,
+    foresee=_foresee,
+    assumes_noise=True,
+    Master=PoseDescription,
+    with_master=_with_poses,
+    write=_write,
+    log_table=_log_table,
+)
+calibrate, simulate, trial = PROCEDURE.calibrate, PROCEDURE.simulate, PROCEDURE.trial

@@ -1,0 +1,594 @@
+"""From an IMU and poses of its body to parameters: the motion between poses is that of the IMU.
+
+Parameters: ``C_bm``, ``l_b``, ``tau``, ``kappa``, the level of the world, the errors of the IMU and
+the delay of its accelerometers. With ``w`` and ``f`` the readings without these errors::
+
+    C' = C [w x],   v' = C f + g_v,   p' = v
+    z_C = Log((C C_bm)' C_meas),   z_p = p_meas - p - C l_b,   at t + tau + kappa (t - t_mid)
+
+Nodes are the samples before the poses. A pass is linear about parameters and motion; the motion is
+eliminated by the filter of `kernels.pose`, whose white rows are all that is left.
+
+The noise of poses is coloured: their errors come from the cluster of markers, and stay for a while.
+White rows then are none, and the covariance of the fit is too small. The scores of blocks tell
+their true scatter, ``P (sum s s') P``, and the two halves of the log whether that holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.coefficients import Layout
+from foucault.kernels import pose as kernels
+from foucault.models import imu, pose, size_effect
+from foucault.models.rotation import cross_matrix, exp, right_jacobian_inverse
+from foucault.models.rotation import log as vector_of
+from foucault.navigate.increments import increments_of
+from foucault.tables import Log
+
+GYRO = tuple(f"gyro.misalignment.{a}{b}" if a != b else f"gyro.scale.{a}"
+             for a in "xyz" for b in "xyz")  # fmt: skip
+ACCEL = ("accel.scale.x", "accel.misalignment.yx", "accel.scale.y", "accel.misalignment.zx",
+         "accel.misalignment.zy", "accel.scale.z")  # fmt: skip
+NAMES = (
+    *pose.LAYOUT.names, *(f"gyro.bias.{a}" for a in "xyz"), *(f"accel.bias.{a}" for a in "xyz"),
+    *GYRO, *ACCEL, "accel.delay",
+)  # fmt: skip
+"""Parameters in the order of the columns of `kernels.pose`."""
+
+LAYOUT = Layout(
+    (*imu.LAYOUT.coefficients, *size_effect.OFFSET.coefficients, *pose.LAYOUT.coefficients)
+)
+"""What a campaign may name."""
+
+USUAL = {
+    "pose.rotation": 1.0, "pose.lever": 0.5, "pose.delay": 0.2, "pose.clock": 0.01,
+    "pose.level": 0.5, "gyro.bias": 0.2, "accel.bias": 2.0, "gyro.scale": 0.03,
+    "gyro.misalignment": 0.03, "accel.scale": 0.03, "accel.misalignment": 0.03,
+    "accel.delay": 0.01,
+}  # fmt: skip
+"""Standard deviations beforehand where nothing else is said, about the start [SI]."""
+
+CUT = 5.0
+"""A pose that is off by so many standard deviations is left out [1]."""
+
+STUDENT = 4.0
+"""Degrees of freedom of the errors of poses before they are told from outliers [1]."""
+
+SETTLED = 0.02
+"""A step that moves nothing by more of its sd is the last, where the cost has settled too [1]."""
+
+BLOCK = 2.0
+"""Errors of poses farther apart are taken as independent [s]."""
+
+COLOURED = 1.3
+"""Scatter of scores beyond that of white rows by so much is more than chance, as an sd [1]."""
+
+DECIDED = 5
+"""Passes after which the noise of the poses, and which are left out, is decided [1]."""
+
+SLOWEST = 0.9
+"""Correlation of a pose's error with the next that is counted with at most [1]."""
+
+LAGGED = 3.0
+"""Correlation of a pose's error with the next beyond so many standard deviations counts [1]."""
+
+GAP = 1.5
+"""An interval longer than this many usual ones is a gap [1]."""
+
+START_SD = np.repeat([10.0, 20.0, 20.0], 3)
+"""How far the motion at the first node may be from where it starts: anywhere [rad, m/s, m]."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """Parameters, and the motion at the nodes."""
+
+    C_bm: FloatArray  # (3, 3) axes of the tracked body to those of the IMU [1]
+    lever_b: FloatArray  # (3,) from the accelerometers to the tracked point [m]
+    tau: float  # [s]
+    kappa: float  # [1]
+    up_v: FloatArray  # (3,) up in the world of the pose [1]
+    gyro: tuple[FloatArray, FloatArray]  # bias (3,) [rad/s], S + M (3, 3) [1]
+    accel: tuple[FloatArray, FloatArray]  # bias (3,) [m/s^2], S + M (3, 3), lower [1]
+    late: float  # of the accelerometers [s]
+    node: IntArray  # (m,) sample before each pose
+    C: FloatArray  # (m, 3, 3) attitude of the IMU, world of the pose [1]
+    v: FloatArray  # (m, 3) velocity of its accelerometers [m/s]
+    p: FloatArray  # (m, 3) their position [m]
+
+    @property
+    def tilt(self) -> FloatArray:
+        """Rotation vector from the z axis of the world to up, shape (3,) [rad]."""
+        axis = np.cross([0.0, 0.0, 1.0], self.up_v)
+        sine = float(np.linalg.norm(axis))
+        angle = np.arctan2(sine, self.up_v[2])
+        return axis * (angle / sine) if sine > 1e-12 else np.array([angle, 0.0, 0.0])
+
+    @property
+    def values(self) -> FloatArray:
+        """Parameters in the order of `NAMES`, shape (32,) [SI]."""
+        return np.concatenate([
+            vector_of(self.C_bm), self.lever_b, [self.tau, self.kappa], self.tilt[:2],
+            self.gyro[0], self.accel[0], self.gyro[1].ravel(),
+            self.accel[1][np.tril_indices(3)], [self.late],
+        ])  # fmt: skip
+
+    @property
+    def across(self) -> FloatArray:
+        """Two directions across up, of the tilts about x and y, shape (3, 2) [1]."""
+        T = exp(self.tilt)
+        return np.column_stack([-T[:, 1], T[:, 0]])
+
+    def moved(self, delta: FloatArray, x: FloatArray) -> Point:
+        """Return the point a step away: `delta` (32,) of the parameters, `x` (m, 9) [SI]."""
+        up = self.up_v + self.across @ delta[8:10]
+        lower = np.zeros((3, 3))
+        lower[np.tril_indices(3)] = delta[25:31]
+        return replace(
+            self, C_bm=self.C_bm @ exp(delta[:3]), lever_b=self.lever_b + delta[3:6],
+            tau=self.tau + delta[6], kappa=self.kappa + delta[7], up_v=up / np.linalg.norm(up),
+            gyro=(self.gyro[0] + delta[10:13], self.gyro[1] + delta[16:25].reshape(3, 3)),
+            accel=(self.accel[0] + delta[13:16], self.accel[1] + lower),
+            late=self.late + delta[31], C=self.C @ exp(x[:, :3]), v=self.v + x[:, 3:6],
+            p=self.p + x[:, 6:],
+        )  # fmt: skip
+
+    def of_values(self) -> FloatArray:
+        """Return the derivative of `values` by a step, shape (32, 32) [SI]."""
+        out = np.eye(32)
+        out[:3, :3] = right_jacobian_inverse(vector_of(self.C_bm))
+        for c in range(2):
+            d = np.zeros(32)
+            d[8 + c] = 1e-6
+            moved = self.moved(d, np.zeros((len(self.node), 9))).tilt
+            out[8:10, 8 + c] = (moved - self.tilt)[:2] / 1e-6
+        return out
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What is compared: samples of the IMU, and poses."""
+
+    time: FloatArray  # (n,) ends of the intervals [s]
+    dt: FloatArray  # (n,) [s]
+    dtheta: FloatArray  # (n, 3) increments of angle as read [rad]
+    dvel: FloatArray  # (n, 3) increments of velocity as read [m/s]
+    rise: FloatArray  # (n, 3) by how much the specific force grew over the interval [m/s^2]
+    stamp: FloatArray  # (m,) of the poses [s]
+    middle: float  # middle of all stamps [s]
+    position: FloatArray  # (m, 3) [m]
+    C_vm: FloatArray | None  # (m, 3, 3) [1]
+    broken: IntArray  # (n,) how many gaps of the log lie before each sample [1]
+    white: tuple[float, float]  # of gyros and accelerometers [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
+    gravity: float  # [m/s^2]
+
+    @classmethod
+    def of(
+        cls, log: Log, stamp: FloatArray, position: FloatArray, C_vm: FloatArray | None,
+        white: tuple[float, float], gravity: float,
+    ) -> Readings:  # fmt: skip
+        """Take a log and poses.
+
+        `stamp` (m,) [s], `position` (m, 3) [m], `C_vm` (m, 3, 3) or None [1]; `white`: of gyros and
+        accelerometers [SI]; `gravity` [m/s^2].
+        """
+        x = increments_of(log, gaps="bridge")
+        assert log.accel is not None
+        f = x.dvel_b / x.dt[:, None]
+        rise = np.gradient(f, axis=0)
+        if log.sampled == "rate" and len(x) == len(log):
+            rise = np.diff(log.accel, axis=0, prepend=log.accel[:1])
+        broken = np.cumsum(np.asarray(x.dt > GAP * np.median(x.dt), int))
+        return cls(x.time, x.dt, x.dtheta_b, x.dvel_b, rise, stamp, float(stamp[0] + stamp[-1]) / 2,
+                   position, C_vm, broken, white, gravity)  # fmt: skip
+
+    def __getitem__(self, rows: BoolArray | slice) -> Readings:
+        """Return the readings with some of the poses."""
+        C = None if self.C_vm is None else self.C_vm[rows]
+        return replace(self, stamp=self.stamp[rows], position=self.position[rows], C_vm=C)
+
+    def at(self, tau: float, kappa: float) -> FloatArray:
+        """Return when the poses held by the clock of the IMU, shape (m,) [s].
+
+        `tau`: offset [s]; `kappa`: rate of the clocks [1].
+        """
+        return np.asarray(self.stamp + tau + kappa * (self.stamp - self.middle))
+
+    def nodes(self, tau: float, kappa: float) -> IntArray:
+        """Return the sample before each pose, shape (m,); `tau`: offset [s]; `kappa`: rate [1]."""
+        found = np.searchsorted(self.time, self.at(tau, kappa), side="right") - 1
+        return np.clip(found, 1, len(self.time) - 3)
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """Increments without the errors of a point."""
+
+    # K_g, K_a: (3, 3) inverse of I + S + M of gyros and of accelerometers [1]
+    K_g: FloatArray
+    K_a: FloatArray
+    theta: FloatArray  # (n, 3) rotation vectors, coning added [rad]
+    raw_g: FloatArray  # (n, 3) without coning [rad]
+    force: FloatArray  # (n, 3) velocity in axes of the beginning, sculling added [m/s]
+    raw_a: FloatArray  # (n, 3) without [m/s]
+    middle: FloatArray  # (n, 3) position in axes of the beginning [m]
+    late: FloatArray  # (n, 3) derivative by the delay of the accelerometers [m/s^2]
+
+
+def corrected(r: Readings, at: Point) -> Corrected:
+    """Take the errors of a point away from the increments [SI]."""
+    K_g = np.asarray(np.linalg.inv(np.eye(3) + at.gyro[1]), float)
+    K_a = np.asarray(np.linalg.inv(np.eye(3) + at.accel[1]), float)
+    th = (r.dtheta - at.gyro[0] * r.dt[:, None]) @ K_g.T
+    u = (r.dvel + at.late * r.rise - at.accel[0] * r.dt[:, None]) @ K_a.T
+    before, less = np.vstack([th[:1], th[:-1]]), np.vstack([u[:1], u[:-1]])
+    coned = th + np.cross(before, th) / 12
+    turned = np.cross(th, u)
+    again = np.cross(th, turned)
+    sculled = u + turned / 2 + again / 6 + (np.cross(before, u) + np.cross(less, th)) / 12
+    half = r.dt[:, None] * (u / 2 - (u - less) / 12 + turned / 6 + again / 24)
+    return Corrected(K_g, K_a, coned, th, sculled, u, half, r.rise @ K_a.T)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Of the poses."""
+
+    attitude: float  # [rad]
+    position: float  # [m]
+    weights: FloatArray  # (m, 2) what attitude and position of each pose count [1]
+    # by how much the mean of many scatters more than if they were independent, as an sd [1]
+    slow: tuple[float, float] = (1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One linearisation, filtered and smoothed."""
+
+    nu: FloatArray  # (m, 6) white, NaN-free; zero where nothing was measured [1]
+    M: FloatArray  # (m, 6, 32) their derivative by the parameters [1 / SI]
+    used: BoolArray  # (m, 6)
+    information: FloatArray  # (32, 32), with what was known beforehand
+    delta: FloatArray  # (32,) the step [SI]
+    x: FloatArray  # (m, 9) that of the motion
+    P: FloatArray  # (m, 9, 9) covariance of the smoothed motion
+    H: FloatArray  # (m, 6, 9)
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares after the step [1]."""
+        left = self.nu - self.M @ self.delta
+        return float(np.sum(left[self.used] ** 2))
+
+
+def _between(
+    r: Readings, node: IntArray, c: Corrected, d: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what is turned from nodes to times `d` (m, 1) [s] later, rate there, and force.
+
+    By the parabola of the rate whose means over three intervals are the increments': their mean
+    alone misses what an oscillation does in between, and that would look like a scale factor.
+    """
+    h = r.dt[node + 1, None]
+    m0, m1, m2 = (c.theta[node + k] / r.dt[node + k, None] for k in (0, 1, 2))
+    bend = (m2 - 2 * m1 + m0) / (2 * h**2)
+    w, dw = (m0 + m1) / 2 - bend * h**2 / 3, (m1 - m0) / h
+    f = (c.force[node] / r.dt[node, None] + c.force[node + 1] / h) / 2
+    return d * (w + d * (dw / 2 + d * bend / 3)), w + d * (dw + d * bend), f
+
+
+def misses(r: Readings, at: Point) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Compare poses with a point.
+
+    Returns `z` (m, 6), `H` (m, 6, 9), `D` (m, 6, 32): pose less nominal, attitude [rad] before
+    position [m], and its derivatives by the motion and by the parameters [SI].
+    """
+    m, c = len(r.stamp), corrected(r, at)
+    d = (r.at(at.tau, at.kappa) - r.time[at.node])[:, None]
+    turn, w, f = _between(r, at.node, c, d)
+    E = exp(turn)
+    a = np.einsum("kij,kj->ki", at.C, f) - r.gravity * at.up_v
+    arm = np.einsum("kij,j->ki", E, at.lever_b)
+    CE = at.C @ E
+    fast = at.v + a * d + np.einsum("kij,kj->ki", CE, np.cross(w, at.lever_b))
+    z, H, D = np.zeros((m, 6)), np.zeros((m, 6, 9)), np.zeros((m, 6, 32))
+    since = (r.stamp - r.middle)[:, None]
+    z[:, 3:] = r.position - (at.p + at.v * d + a * d**2 / 2 + CE @ at.lever_b)
+    H[:, 3:, :3] = -at.C @ cross_matrix(arm)
+    H[:, 3:, 3:6] = np.eye(3) * d[:, :, None]
+    H[:, 3:, 6:] = np.eye(3)
+    D[:, 3:, 3:6], D[:, 3:, 6], D[:, 3:, 7] = CE, fast, fast * since
+    if r.C_vm is not None:
+        z[:, :3] = vector_of(np.swapaxes(CE @ at.C_bm, 1, 2) @ r.C_vm)
+        H[:, :3, :3] = at.C_bm.T @ np.swapaxes(E, 1, 2)
+        D[:, :3, :3], D[:, :3, 6] = np.eye(3), w @ at.C_bm
+        D[:, :3, 7] = D[:, :3, 6] * since
+    return z, H, D
+
+
+def one_pass(
+    r: Readings, at: Point, noise: Noise, known: tuple[FloatArray, FloatArray], hold: IntArray
+) -> Pass:
+    """Linearise about a point, eliminate the motion, and solve.
+
+    `known`: mean and sd of every parameter beforehand, (32,) each [SI]; `hold`
+    (k,): numbers of parameters that are not estimated [1].
+    """
+    m, c = len(r.stamp), corrected(r, at)
+    moved, J, Q = np.zeros((m, 16)), np.zeros((m, 9, 22)), np.zeros((m, 9, 9))
+    kernels.preintegrate(at.node, r.dt, c.theta, c.force, c.middle, c.K_g, c.K_a, c.raw_g, c.raw_a,
+                         c.late, r.white[0]**2, r.white[1]**2, moved, J, Q)  # fmt: skip
+    g_v, T = -r.gravity * at.up_v, moved[1:, 15:]
+    u = np.zeros((m, 9))
+    C, turn = at.C[:-1], moved[1:, :9].reshape(-1, 3, 3)
+    u[1:, :3] = vector_of(np.swapaxes(at.C[1:], 1, 2) @ C @ turn)
+    u[1:, 3:6] = at.v[:-1] + g_v * T + np.einsum("kij,kj->ki", C, moved[1:, 9:12]) - at.v[1:]
+    u[1:, 6:] = (at.p[:-1] + at.v[:-1] * T + g_v * T**2 / 2
+                 + np.einsum("kij,kj->ki", C, moved[1:, 12:15]) - at.p[1:])  # fmt: skip
+    # Nothing leads over a gap.
+    apart = np.flatnonzero(np.diff(r.broken[at.node], prepend=0))
+    u[apart], J[apart], Q[apart] = 0.0, 0.0, np.diag(START_SD**2)
+    z, H, D = misses(r, at)
+    sd = np.repeat([noise.attitude * noise.slow[0], noise.position * noise.slow[1]], 3)
+    weights = np.repeat(noise.weights, 3, axis=1)
+    if r.C_vm is None:
+        weights[:, :3] = 0.0
+    used = weights > 0
+    R = np.where(used, sd**2 / np.where(used, weights, 1.0), np.inf)
+    D[:, :, hold] = 0.0
+    J[:, :, hold[hold >= 10] - 10] = 0.0
+    G = -r.gravity * at.across
+    if 8 in hold:
+        G = 0.0 * G
+    nu, M = np.zeros((m, 6)), np.zeros((m, 6, 32))
+    x, U, P = np.zeros((m, 9)), np.zeros((m, 9, 32)), np.zeros((m, 9, 9))
+    fine = kernels.forward(
+        at.C, moved, J, Q, u, G, z, H, D, R, np.diag(START_SD**2), nu, M, x, U, P
+    )
+    if not fine or not np.isfinite(nu).all():
+        raise np.linalg.LinAlgError("the motion between two poses has no covariance")
+    mean, prior_sd = known
+    off = np.linalg.solve(at.of_values(), mean - at.values) / prior_sd**2
+    rows = M.reshape(-1, 32)
+    N = rows.T @ rows + np.diag(1 / prior_sd**2)
+    delta = np.asarray(np.linalg.solve(N, rows.T @ nu.ravel() + off), float)
+    delta[hold] = 0.0
+    if not kernels.backward(at.C, moved, J, Q, u, G, delta, x, U, P):
+        raise np.linalg.LinAlgError("the motion between two poses has no covariance")
+    return Pass(nu, M, used, N, delta, x, P, H)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What was found."""
+
+    readings: Readings
+    point: Point
+    last: Pass
+    noise: Noise
+    cov: FloatArray  # (32, 32) as it is stated [SI]
+    formal: FloatArray  # (32, 32) as if the noise of the poses were white [SI]
+    spread: float  # by how much scores scatter more than white rows, as an sd [1]
+    halves: float  # rms of the difference of the halves over its sd [1]
+    lag_one: tuple[float, float]  # correlation of attitude and position rows with the next [1]
+    passes: int  # that were made [1]
+    converged: bool
+    prior_sd: FloatArray  # (32,)
+    hold: IntArray  # (k,) numbers of parameters that were not estimated [1]
+
+    @property
+    def rows(self) -> FloatArray:
+        """White rows after the last step, (m, 6), NaN where nothing is used [1]."""
+        left = self.last.nu - self.last.M @ self.last.delta
+        return np.where(self.last.used, left, np.nan)
+
+    @property
+    def residuals(self) -> FloatArray:
+        """Poses less those that were found, (m, 6): attitude [rad] before position [m]."""
+        return misses(self.readings, self.point)[0]
+
+    @property
+    def unseen(self) -> BoolArray:
+        """Parameters that the motion does not show: as uncertain as they were, (32,)."""
+        return np.sqrt(np.diag(self.cov)) > 0.5 * self.prior_sd
+
+
+def solve(
+    r: Readings,
+    start: Point,
+    known: Mapping[str, tuple[float, float]],
+    sd: tuple[float | None, float | None],
+    *,
+    robust: bool = True,
+    most: int = 12,
+    hold: IntArray | None = None,
+) -> Solution:
+    """Pass by pass, from a start.
+
+    `known`: mean and sd of parameters beforehand, by name [SI]; `sd`: of attitude [rad] and
+    position [m] of the poses, None where it is found; `most`: passes [1]; `hold` (k,): numbers of
+    parameters that are not estimated [1].
+    """
+    prior = _prior(start, known)
+    hold = np.zeros(0, int) if hold is None else hold
+    m = len(r.stamp)
+    noise = Noise(sd[0] or np.radians(0.3), sd[1] or 2e-3, np.ones((m, 2)))
+    at, cost, settled, passes = start, np.inf, 0, 0
+    for passes in range(1, most + 1):
+        p = one_pass(r, at, noise, prior, hold)
+        # Terms of second order make a start that is far off overshoot: as far as can be linear.
+        size = max(1.0, float(np.abs(p.delta[:3]).max()) / 0.5, float(np.abs(p.delta[6])) / 0.05)
+        at = _on_nodes(r, at.moved(p.delta / size, p.x / size))
+        moved = float(np.max(np.abs(p.delta) / np.sqrt(np.diag(np.linalg.inv(p.information)))))
+        fallen = abs(cost - p.cost) / max(p.cost, 1e-12)
+        cost = p.cost
+        before = noise
+        if passes <= DECIDED:  # a pose at the edge of the cut would come and go for ever
+            noise = _weighed(r, at, p, noise, sd, student=passes <= 2, robust=robust)
+        same = bool(((noise.weights > 0.5) == (before.weights > 0.5)).all())
+        if passes > 3 and moved < SETTLED and fallen < 1e-3 and same:
+            settled = 1
+            break
+    p = one_pass(r, at, noise, prior, hold)
+    return _stated(r, at, p, noise, prior[1], hold, passes, bool(settled))
+
+
+def _prior(start: Point, known: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
+    mean, sd = start.values.copy(), np.zeros(32)
+    for i, name in enumerate(NAMES):
+        sd[i] = USUAL[name.rpartition(".")[0] if name.rpartition(".")[0] in USUAL else name]
+        if name.startswith(("gyro.", "accel.")):
+            mean[i] = 0.0
+        for given, (value, spread) in known.items():
+            if name == given or name.startswith(given + "."):
+                mean[i], sd[i] = value, spread
+    return mean, sd
+
+
+def _on_nodes(r: Readings, at: Point) -> Point:
+    """Carry the motion to the samples before the poses, where the offset has moved by samples."""
+    node = r.nodes(at.tau, at.kappa)
+    if np.abs(r.time[node] - r.time[at.node]).max() < 1.5 * float(np.median(r.dt)):
+        return at
+    c = corrected(r, at)
+    dt = r.dt[at.node + 1, None]
+    w, f = c.theta[at.node + 1] / dt, c.force[at.node + 1] / dt
+    d = (r.time[node] - r.time[at.node])[:, None]
+    a = np.einsum("kij,kj->ki", at.C, f) - r.gravity * at.up_v
+    return replace(at, node=node, C=at.C @ exp(w * d), v=at.v + a * d,
+                   p=at.p + at.v * d + a * d**2 / 2)  # fmt: skip
+
+
+def _weighed(
+    r: Readings, at: Point, p: Pass, noise: Noise, sd: tuple[float | None, float | None], *,
+    student: bool, robust: bool,
+) -> Noise:  # fmt: skip
+    """Find the noise of the poses from what is left, and what each of them counts."""
+    z = misses(r, at)[0]
+    absorbed = np.einsum("kqi,kij,kqj->kq", p.H, p.P, p.H)
+    sds, weights = [noise.attitude, noise.position], np.ones_like(noise.weights)
+    slow = list(noise.slow)
+    for k in range(2):
+        own = slice(3 * k, 3 * k + 3)
+        if k == 0 and r.C_vm is None:
+            continue
+        off, kept = z[:, own], noise.weights[:, k] > 0.5
+        given = sd[k]
+        if given is None:
+            # Of what is left R (1 - leverage) is seen.
+            R = (sds[k] * slow[k]) ** 2
+            free = 1 - np.minimum(absorbed[:, own] / R * noise.weights[:, k, None], 0.98)
+            if student or kept.sum() < 10:
+                sds[k] = 1.4826 * float(np.median(np.abs(off) / np.sqrt(free)))
+            else:
+                sds[k] = float(np.sqrt(np.sum(off[kept] ** 2) / np.sum(free[kept])))
+            sds[k] = max(sds[k], 1e-7)
+        if robust:
+            square = np.sum((off / sds[k]) ** 2, axis=1)
+            far = (np.abs(off) > CUT * sds[k]).any(axis=1)
+            weights[:, k] = (
+                (STUDENT + 3) / (STUDENT + square) if student else np.where(far, 0.0, 1.0)
+            )
+        if not student and slow[k] == 1.0:
+            # Once: what counts less is followed less, and would look slower each time.
+            rho = _lag_one(off, noise.weights[:, k] > 0.5)
+            rho = np.clip(rho, 0.0, SLOWEST) if rho > LAGGED / np.sqrt(kept.sum()) else 0.0
+            slow[k] = float(np.sqrt((1 + rho) / (1 - rho)))
+    return Noise(sds[0], sds[1], weights, (slow[0], slow[1]))
+
+
+def _stated(
+    r: Readings,
+    at: Point,
+    p: Pass,
+    noise: Noise,
+    prior_sd: FloatArray,
+    hold: IntArray,
+    passes: int,
+    settled: bool,
+) -> Solution:
+    formal = np.linalg.inv(p.information)
+    left = p.nu - p.M @ p.delta
+    block = ((r.stamp - r.stamp[0]) / BLOCK).astype(int)
+    scores = np.zeros((block.max() + 1, 32))
+    np.add.at(scores, block, np.einsum("kqp,kq->kp", p.M, left))
+    sand = formal @ (scores.T @ scores) @ formal
+    share = 1 - np.diag(formal) / prior_sd**2  # what the prior adds scatters in no score
+    ratio = np.sqrt(np.diag(sand) / (np.diag(formal) * np.maximum(share, 1e-3)))
+    seen = share > 0.5
+    spread = float(np.sqrt(np.mean(ratio[seen] ** 2))) if seen.any() else 1.0
+    wide = np.where(seen, np.maximum(ratio, 1.0), 1.0) if spread > COLOURED else np.ones(32)
+    # The halves: what each of them says alone, all rows being independent of one another.
+    found, covs = [], []
+    for rows in (block < (block.max() + 1) / 2, block >= (block.max() + 1) / 2):
+        M = p.M[rows].reshape(-1, 32)
+        half = np.linalg.inv(M.T @ M + np.diag(1 / prior_sd**2))
+        found.append(half @ (M.T @ left[rows].ravel()))
+        covs.append(half @ (M.T @ M) @ half)
+    own = np.flatnonzero(seen & (np.diag(covs[0] + covs[1]) < prior_sd**2 / 4))
+    halves = 1.0
+    if len(own):
+        off = (found[0] - found[1])[own] / wide[own]
+        both = (covs[0] + covs[1])[np.ix_(own, own)]
+        halves = float(np.sqrt(off @ np.linalg.solve(both, off) / len(own)))
+    factor = halves if halves > COLOURED else 1.0
+    J = at.of_values()
+    scaled = formal * np.outer(wide, wide) * factor**2
+    held = np.minimum(1.0, prior_sd / np.sqrt(np.diag(scaled)))  # no more than was known before
+    cov = J @ (scaled * np.outer(held, held)) @ J.T
+    lag = tuple(_lag_one(left[:, k : k + 3], p.used[:, k]) for k in (0, 3))
+    return Solution(r, at, p, noise, cov, J @ formal @ J.T, spread, halves, (lag[0], lag[1]),
+                    passes, settled, prior_sd, hold)  # fmt: skip
+
+
+def _lag_one(rows: FloatArray, used: BoolArray) -> float:
+    both = used[1:] & used[:-1]
+    total = float(np.sum(rows[used] ** 2))
+    return float(np.sum(rows[1:][both] * rows[:-1][both])) / total if total else 0.0
+
+
+def budget(s: Solution) -> dict[str, FloatArray]:
+    """Return the variance of every parameter by source, (32,) each [SI]; they add up to `cov`.
+
+    The estimate is best for the noise that is counted with, so that its gain does not change with
+    a small change of that: the part of a source is the derivative by the logarithm of its variance.
+    """
+    r, n = s.readings, s.noise
+    prior = _prior(s.point, {})[0], s.prior_sd
+    hold = s.hold
+
+    def cov(of: str, by: float) -> FloatArray:
+        g, a = (w * (by if name == of else 1.0)
+                for name, w in zip(("gyros", "accelerometers"), r.white, strict=True))  # fmt: skip
+        noise = replace(n, attitude=n.attitude * (by if of == "attitude of the poses" else 1.0),
+                        position=n.position * (by if of == "position of the poses" else 1.0)
+                        )  # fmt: skip
+        at = one_pass(replace(r, white=(g, a)), s.point, noise, prior, hold)
+        J = s.point.of_values()
+        return np.asarray(np.diag(J @ np.linalg.inv(at.information) @ J.T))
+
+    names = ["gyros", "accelerometers", "position of the poses"]
+    names += ["attitude of the poses"] * (r.C_vm is not None)
+    parts = {
+        name: np.maximum(cov(name, 1 + STEP) - cov(name, 1 - STEP), 0.0) / (4 * STEP)
+        for name in names
+    }
+    formal, total = np.diag(s.formal), np.diag(s.cov)
+    known = np.sum(list(parts.values()), axis=0)
+    parts = {
+        name: v * np.minimum(1.0, formal / np.maximum(known, 1e-300)) for name, v in parts.items()
+    }
+    parts["prior"] = np.maximum(formal - np.sum(list(parts.values()), axis=0), 0.0)
+    if (total > formal * (1 + 1e-9)).any():
+        parts["colour of the poses' noise"] = np.maximum(total - formal, 0.0)
+    size = total / np.maximum(np.sum(list(parts.values()), axis=0), 1e-300)
+    return {name: v * size for name, v in parts.items()}
+
+
+STEP = 0.02
+"""Part of a noise by which it is changed to see what hangs on it [1]."""

@@ -1,0 +1,383 @@
+"""Where to start: offset, rotation, lever arm and level in closed form, and what they contradict.
+
+Norms of rates do not know the rotation: their correlation tells the offset, window by window the
+rate of the clocks. A rotation brings the rates together [Wahba], and one linear least squares the
+forces::
+
+    accel = C_bv p'' - Om l - C_bv g_v + b_a,    Om = [alpha x] + [w x]^2
+
+Of positions alone the gyros are integrated over some seconds, and ``C_b0b accel = X p'' + c -
+C_b0b Om l`` is solved for one offset after the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from foucault.arrays import BoolArray, FloatArray
+from foucault.estimate.delay_matching import SlaveAttitude
+from foucault.guard.mistakes import exchanges
+from foucault.models.pose import READINGS, PoseTable
+from foucault.models.rotation import cross_matrix, exp
+from foucault.models.rotation import log as vector_of
+from foucault.navigate.increments import Increments
+from foucault.procedures.imu_pose.model import Point, Readings, corrected, solve
+from foucault.tables import Log
+
+
+@dataclass(frozen=True)
+class Forces:
+    """What the accelerometers read, and what has to explain it."""
+
+    accel: FloatArray  # (k, 3) [m/s^2]
+    C_bv: FloatArray  # (k, 3, 3) [1]
+    pull: FloatArray  # (k, 3) second derivative of the position, world of the pose [m/s^2]
+    Om: FloatArray  # (k, 3, 3) what a lever arm is multiplied by [1/s^2]
+
+    def fit(self, exchange: FloatArray | None = None) -> tuple[FloatArray, float]:
+        """Return lever arm, gravity and bias, (9,) [SI], and what they leave (rms) [m/s^2].
+
+        `exchange` (3, 3) or None: axes of the accelerometers that are tried [1].
+        """
+        k = len(self.accel)
+        one = np.broadcast_to(np.eye(3), (k, 3, 3))
+        A = np.concatenate([-self.Om, -self.C_bv, one], axis=2).reshape(-1, 9)
+        read = self.accel if exchange is None else self.accel @ exchange.T
+        y = (read - np.einsum("kij,kj->ki", self.C_bv, self.pull)).ravel()
+        # A bias that cannot be told from gravity stays small.
+        x = np.linalg.lstsq(np.vstack([A, np.eye(9)[6:]]), np.append(y, np.zeros(3)), rcond=None)[0]
+        return x, float(np.sqrt(np.mean((y - A @ x) ** 2)))
+
+    def scaled(self) -> tuple[float, float, float, float]:
+        """Return how large positions had to be, its sd, gravity, and what is left (rms) [SI]."""
+        k = len(self.accel)
+        one = np.broadcast_to(np.eye(3), (k, 3, 3))
+        pulled = np.einsum("kij,kj->ki", self.C_bv, self.pull)[:, :, None]
+        A = np.concatenate([-self.Om, -self.C_bv, one, pulled], axis=2).reshape(-1, 10)
+        y = self.accel.ravel()
+        # In one unit: a lever arm in mm beside positions in mm.
+        wide = np.vstack([A, np.eye(10)[6:9]])
+        x = np.linalg.lstsq(wide, np.append(y, np.zeros(3)), rcond=None)[0]
+        left = float(np.sqrt(np.mean((y - A @ x) ** 2)))
+        sd = left * float(np.sqrt(np.linalg.pinv(wide.T @ wide)[9, 9]))
+        return float(x[9]), sd, float(np.linalg.norm(x[3:6])), left
+
+    def unmoved(self) -> float:
+        """Return what is left where positions are not looked at (rms) [m/s^2]."""
+        return Forces(self.accel, self.C_bv, 0.0 * self.pull, self.Om).fit()[1]
+
+    @property
+    def explained(self) -> float:
+        """What is left with any unit of the positions, or any axes of the forces (rms) [m/s^2]."""
+        scaled = self.scaled()[3]
+        fits = [self.fit(x)[1] for x in exchanges()]
+        return min(fits) if scaled > 0.7 * self.unmoved() else min(scaled, *fits)
+
+    def some(self, most: int) -> Forces:
+        """Return at most so many of them, evenly chosen; `most` [1]."""
+        step = max(1, len(self.accel) // most)
+        return Forces(self.accel[::step], self.C_bv[::step], self.pull[::step], self.Om[::step])
+
+
+@dataclass(frozen=True)
+class Start:
+    """What closed forms say, and how well."""
+
+    point: Point
+    reading: str | None  # of the quaternion, a key of `READINGS`
+    peak: float  # correlation of the rates' norms at the offset [1]
+    second: float  # the next highest beside it [1]
+    drift: float  # of the offset, found window by window [1]
+    singular: FloatArray  # (3,) of the matrix from the rates of the IMU to those of the body [1]
+    sign: float  # of its determinant [1]
+    free_misfit: float  # what that matrix leaves of the rates, as a part of them [1]
+    misfit: float  # what the rotation leaves of the rates, as a part of them [1]
+    force: float  # what lever arm, gravity and bias leave of the forces [m/s^2]
+    gravity: float  # length of gravity as found [m/s^2]
+    forces: Forces
+    step: float  # between two of these forces [s]
+
+
+FASTEST = 0.02
+"""No clock is faster by so much than another [1]."""
+
+GRID, SMOOTH = 0.005, 0.1
+"""Grid of the correlation, and window of the derivatives [s]."""
+
+
+def _smooth(x: FloatArray, step: float, order: int = 0) -> FloatArray:
+    """Return `x` (n, q) or its derivative by the parabola through a window, `step` [s]."""
+    from scipy.signal import savgol_filter
+
+    window = max(5, 2 * round(SMOOTH / step / 2) + 1)
+    degree = 2 if order < 2 else 3
+    return np.asarray(savgol_filter(x, window, degree, deriv=order, delta=step, axis=0))
+
+
+def _without_jumps(x: FloatArray) -> FloatArray:
+    """Return `x` (n, q) with what is far from both neighbours' median put onto that median."""
+    from scipy.ndimage import median_filter
+
+    middle = median_filter(x, size=(5, 1), mode="nearest")
+    off = np.abs(x - middle)
+    far = (off > 10 * np.median(off, axis=0) + 1e-9).any(axis=1)
+    return np.where(far[:, None], middle, x)
+
+
+def _even(time: FloatArray, x: FloatArray, grid: FloatArray) -> FloatArray:
+    return np.column_stack([np.interp(grid, time, c) for c in x.T])
+
+
+def gaps(time: FloatArray, grid: FloatArray, widest: float) -> BoolArray:
+    """Return which times of a `grid` lie in gaps of `time` that are longer than `widest` [s]."""
+    after = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
+    near = time[after] - time[after - 1] > widest
+    return np.asarray(near | (grid < time[0]) | (grid > time[-1]))
+
+
+def _offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, float]:
+    """Return by how much `b` (m,) is later than `a` (n,) [s], the peak and the second peak."""
+    from scipy.signal import correlate, correlation_lags, find_peaks
+
+    x, y = a - a.mean(), b - b.mean()
+    lags = correlation_lags(len(x), len(y))
+    total = correlate(x, y, method="fft")
+    one = correlate(x**2, np.ones_like(y), method="fft") * correlate(
+        np.ones_like(x), y**2, method="fft"
+    )
+    overlap = correlate(np.ones_like(x), np.ones_like(y), method="fft")
+    enough = overlap > 0.5 * min(len(x), len(y))
+    r = np.where(enough, total / np.sqrt(np.maximum(one, 1e-12 * one.max() + 1e-300)), -1.0)
+    k = int(np.argmax(r))
+    peaks = find_peaks(r)[0]
+    others = [r[j] for j in peaks if abs(lags[j] - lags[k]) * step > 0.2]
+    part = 0.0
+    if 0 < k < len(r) - 1:
+        bend = r[k - 1] - 2 * r[k] + r[k + 1]
+        part = float(0.5 * (r[k - 1] - r[k + 1]) / bend) if bend < 0 else 0.0
+    return (lags[k] + part) * step, float(r[k]), float(max(others, default=-1.0))
+
+
+def _drift(a: FloatArray, b: FloatArray, step: float, window: float = 10.0) -> tuple[float, float]:
+    """Return offset in the middle of `b` and its drift, from windows of it; see `_offset`."""
+    n = round(window / step)
+    found = []
+    for first in range(0, len(b) - n + 1, n):
+        part = b[first : first + n]
+        if part.std() < 0.2 * b.std():
+            continue
+        lag, peak, _ = _offset(a, part, step)
+        found.append((first + n / 2, lag - first * step, peak))
+    good = np.array([f for f in found if f[2] > 0.9])
+    if len(good) < 3:
+        return 0.0, np.nan
+    t = (good[:, 0] - len(b) / 2) * step
+    slopes = [(good[j, 1] - good[i, 1]) / (t[j] - t[i])
+              for i in range(len(good)) for j in range(i)]  # fmt: skip
+    slope = float(np.median(slopes))
+    return slope, float(np.median(good[:, 1] - slope * t))
+
+
+def wahba(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the rotation C, shape (3, 3), with ``a = C b`` best; `a`, `b` (n, 3) [any unit]."""
+    U, _, V = np.linalg.svd(a.T @ b)
+    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V)
+
+
+def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
+    """Find offset, clock rate, rotation, lever arm and level in closed form, from rates and forces.
+
+    `q`: the same poses, with the numbers of their quaternions.
+    """
+    assert log.gyro is not None
+    assert log.accel is not None
+    step = float(np.median(np.diff(log.time)))
+    w_imu, f_imu = _smooth(log.gyro, step), _smooth(log.accel, step)
+    usual = float(np.median(np.diff(q.time)))
+    own = np.arange(q.time[0], q.time[-1], usual)
+    assert q.quaternion is not None
+    numbers = q.quaternion / np.linalg.norm(q.quaternion, axis=1)[:, None]
+    flips = np.cumprod(np.where(np.sum(numbers[1:] * numbers[:-1], axis=1) < 0, -1.0, 1.0))
+    even = _even(q.time, _without_jumps(numbers * np.append(1.0, flips)[:, None]), own)
+    bad = gaps(q.time, own, max(4 * usual, SMOOTH))
+    found: list[Start] = []
+    for reading, (order, sign) in READINGS.items():
+        if q.reading not in (None, reading):
+            continue
+        w = _body_rate(even[:, order] * [1.0, sign, sign, sign], usual)
+        w[bad] = 0.0
+        found.append(_with_rates(log, r, q, reading, (own, w, bad), (w_imu, f_imu, step)))
+    # Rates do not tell all readings apart, forces do; a mirror image, another unit or sign is no
+    # reason for another reading.
+    least = min(s.free_misfit for s in found)
+    return min(
+        (s for s in found if s.free_misfit < 1.5 * least + 0.05),
+        key=lambda s: s.forces.some(500).explained,
+    )
+
+
+def _body_rate(q: FloatArray, step: float) -> FloatArray:
+    """Return the rate in body axes, (n, 3) [rad/s], of quaternions (n, 4), scalar first."""
+    s, d = _smooth(q, step), _smooth(q, step, 1)
+    v, dv = s[:, 1:], d[:, 1:]
+    square = np.sum(s**2, axis=1)[:, None]
+    return np.asarray(2 * (s[:, :1] * dv - d[:, :1] * v - np.cross(v, dv)) / square)
+
+
+def _with_rates(
+    log: Log, r: Readings, q: PoseTable, reading: str,
+    body: tuple[FloatArray, FloatArray, BoolArray], sensed: tuple[FloatArray, FloatArray, float],
+) -> Start:  # fmt: skip
+    (own, w_m, bad), (w_imu, f_imu, _) = body, sensed
+    usual = float(own[1] - own[0])
+    fine = np.arange(log.time[0], log.time[-1], GRID)
+    a = np.linalg.norm(_even(log.time, w_imu, fine), axis=1)
+    later = np.arange(own[0], own[-1], GRID)
+    b = np.interp(later, own, np.linalg.norm(w_m, axis=1))
+    lag, peak, second = _offset(a, b, GRID)
+    tau, kappa = lag + fine[0] - later[0], 0.0
+    drift, middle = _drift(a, b, GRID)
+    far = abs(drift) * (later[-1] - later[0]) > 2 * GRID or peak < 0.9
+    if far and np.isfinite(middle) and abs(drift) < FASTEST:
+        kappa, tau = drift, middle + fine[0] - later[0]
+        there = later + kappa * (later - r.middle)
+        _, peak, second = _offset(np.interp(there + tau, fine, a), b, GRID)
+    t = own + tau + kappa * (own - r.middle)
+    inside = ~bad & (t > log.time[0] + SMOOTH) & (t < log.time[-1] - SMOOTH)
+    inside[:5] = inside[-5:] = False
+    w_b = _even(log.time, w_imu, t[inside])
+    w = w_m[inside]
+    # Hardly turned, rates are noise: what is centred is what the turning says.
+    x, y = w_b - w_b.mean(axis=0), w - w.mean(axis=0)
+    C_bm = wahba(x, y)
+    free = np.linalg.lstsq(y, x, rcond=None)[0].T
+    left = float(np.sqrt(np.sum((x - y @ C_bm.T) ** 2) / np.sum(x**2)))
+    loose = float(np.sqrt(np.sum((x - y @ free.T) ** 2) / np.sum(x**2)))
+    bias = w_b.mean(axis=0) - C_bm @ w.mean(axis=0)
+    C_vb = q.attitude(reading) @ C_bm.T
+    C_own = _attitudes(q.time, C_vb, own)
+    # Forces: accel = C_bv p'' - Om l - C_bv g_v + b_a, all smoothed alike.
+    position = _even(q.time, _without_jumps(q.position), own)
+    pull = _smooth(position, usual, 2)[inside]
+    wb = w_b - bias
+    alpha = np.gradient(_even(log.time, w_imu, t), t, axis=0)[inside]
+    Om = cross_matrix(alpha) + cross_matrix(wb) @ cross_matrix(wb)
+    C_bv = np.swapaxes(C_own[inside], 1, 2)
+    forces = Forces(_even(log.time, f_imu, t[inside]), C_bv, pull, Om)
+    x9, off = forces.fit()
+    size = float(np.linalg.norm(x9[3:6]))
+    node = r.nodes(tau, kappa)
+    at = Point(
+        C_bm, x9[:3], float(tau), float(kappa), -x9[3:6] / max(size, 1e-9),
+        (bias, np.zeros((3, 3))), (x9[6:], np.zeros((3, 3))), 0.0, node,
+        *_motion(r, C_vb, x9[:3]),
+    )  # fmt: skip
+    return Start(at, reading, peak, second, drift, np.linalg.svd(free)[1],
+                 float(np.sign(np.linalg.det(free))), loose, left, off, size, forces,
+                 usual)  # fmt: skip
+
+
+def _attitudes(time: FloatArray, C: FloatArray, at: FloatArray) -> FloatArray:
+    """Return the attitude between two that are known, shape (n, 3, 3)."""
+    k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+    part = np.clip((at - time[k]) / (time[k + 1] - time[k]), 0, 1)[:, None]
+    return np.asarray(C[k] @ exp(vector_of(np.swapaxes(C[k], 1, 2) @ C[k + 1]) * part))
+
+
+def _motion(
+    r: Readings, C_vb: FloatArray, lever: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return attitude, velocity and position of the IMU at the poses, to start from."""
+    p = r.position - C_vb @ lever
+    return C_vb, np.gradient(p, r.stamp, axis=0), p
+
+
+# -- of positions alone --------------------------------------------------------------------------
+
+SPAN = 15.0
+"""So long gyros can be integrated before their biases are known [s]."""
+
+COARSE, FINE = 0.02, 0.002
+"""Steps of the offset [s]."""
+
+FREE_AT_FIRST = np.r_[3:7, 8:16]
+"""Parameters that a few seconds tell: lever arm, offset, level and biases."""
+
+
+def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point]:
+    """Find where to start from positions alone; the offset is looked for within `longest` [s]."""
+    assert log.gyro is not None
+    assert log.accel is not None
+    step = float(np.median(np.diff(log.time)))
+    usual = float(np.median(np.diff(r.stamp)))
+    w, f = _smooth(log.gyro, step), _smooth(log.accel, step)
+    own = np.arange(r.stamp[0], r.stamp[-1], usual)
+    pull = _smooth(_even(r.stamp, _without_jumps(r.position), own), usual, 2)
+    bad = gaps(r.stamp, own, max(4 * usual, SMOOTH))
+    bad[:5] = bad[-5:] = True
+    first = _liveliest(own, pull * ~bad[:, None], SPAN)
+    rows = slice(first, first + round(SPAN / usual))
+    own, pull, bad = own[rows], pull[rows], bad[rows]
+    turns = SlaveAttitude(Increments.of(r.time, r.dtheta, r.dvel))
+    alpha = np.gradient(w, log.time, axis=0)
+
+    def tried(tau: float) -> tuple[float, FloatArray, Forces]:
+        t = own + tau
+        inside = ~bad & (t > log.time[1]) & (t < log.time[-2])
+        if inside.sum() < 0.5 * len(own):
+            return np.inf, np.zeros(15), Forces(*np.zeros((4, 1, 3, 3)))
+        t = t[inside]
+        C = turns.at(t)[0]
+        wb = cross_matrix(_even(log.time, w, t))
+        Om = cross_matrix(_even(log.time, alpha, t)) + wb @ wb
+        force = _even(log.time, f, t)
+        y = np.einsum("kij,kj->ki", C, force)
+        one = np.eye(3)
+        X = np.einsum("ij,kl->kijl", one, pull[inside]).reshape(-1, 3, 9)
+        A = np.concatenate([X, np.broadcast_to(one, (len(t), 3, 3)), -C @ Om], axis=2)
+        x = np.linalg.lstsq(A.reshape(-1, 15), y.ravel(), rcond=None)[0]
+        left = float(np.sqrt(np.mean((y.ravel() - A.reshape(-1, 15) @ x) ** 2)))
+        return left, x, Forces(force, np.swapaxes(C, 1, 2), pull[inside], Om)
+
+    grid = np.arange(-longest, longest + COARSE, COARSE)
+    best = grid[int(np.argmin([tried(float(tau))[0] for tau in grid]))]
+    grid = np.arange(best - COARSE, best + COARSE, FINE)
+    tau = float(grid[int(np.argmin([tried(float(t))[0] for t in grid]))])
+    left, x, forces = tried(tau)
+    U, size, V = np.linalg.svd(x[:9].reshape(3, 3))
+    C_0v = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
+    g_v = -C_0v.T @ x[9:12]
+    gravity = float(np.linalg.norm(g_v))
+    inside = (r.at(tau, 0.0) > own[0] + tau) & (r.at(tau, 0.0) < own[-1] + tau)
+    few = r[inside]
+
+    def at_places(some: Readings, C_vb: FloatArray, at: Point) -> Point:
+        C, v, p = _motion(some, C_vb, at.lever_b)
+        return replace(at, node=some.nodes(at.tau, at.kappa), C=C, v=v, p=p)
+
+    none = np.zeros((3, 3))
+    begun = Point(np.eye(3), x[12:], tau, 0.0, -g_v / max(gravity, 1e-9), (np.zeros(3), none),
+                  (np.zeros(3), none), 0.0, few.nodes(tau, 0.0), none, none, none)  # fmt: skip
+    begun = at_places(few, C_0v.T @ turns.at(few.at(tau, 0.0))[0], begun)
+    hold = np.setdiff1d(np.arange(32), FREE_AT_FIRST)
+    short = solve(few, begun, {}, (None, None), most=8, hold=hold)
+    # From there the gyros without their biases lead to both ends.
+    at = short.point
+    dtheta = corrected(r, at).raw_g
+    turns = SlaveAttitude(Increments.of(r.time, dtheta, r.dvel))
+    middle = len(few.stamp) // 2
+    known = turns.at(few.at(at.tau, at.kappa))[0]
+    C_v0 = at.C[middle] @ known[middle].T
+    start = at_places(r, C_v0 @ turns.at(r.at(at.tau, at.kappa))[0], at)
+    found = Start(start, None, np.nan, np.nan, 0.0, size, float(np.linalg.det(U @ V)), np.nan,
+                  np.nan, left, gravity, forces, usual)  # fmt: skip
+    return found, start
+
+
+def _liveliest(time: FloatArray, pull: FloatArray, span: float) -> int:
+    """Return the row where a stretch of `span` [s] with the most acceleration (n, 3) begins."""
+    n = round(span / float(time[1] - time[0]))
+    total = np.append(0.0, np.cumsum(np.sum(pull**2, axis=1)))
+    return int(np.argmax(total[n:] - total[:-n])) if len(time) > n else 0

@@ -1,0 +1,178 @@
+"""What a tumble does not estimate and counts with: the two stages of a filter.
+
+One size of a term put into the log changes the white residuals by E and the solution by A, both
+linear near it. With residuals e, and terms of the sizes k, the second stage is [1]_::
+
+    C = (E'E + diag(1 / k^2))^-1      t = C E'e      x - A t,      P + A C A'
+
+References
+----------
+.. [1] B. Friedland, "Treatment of bias in recursive filtering", IEEE Trans. Automatic Control
+   14(4), 1969.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from foucault.arrays import FloatArray
+from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.errors import Status
+from foucault.estimate import tumble as estimation
+from foucault.estimate.tumble import Tumble
+from foucault.estimate.tumble_solution import Solution, answers
+from foucault.infer.filtered import exchanged
+from foucault.infer.gauss_newton import Component
+from foucault.infer.left_out import Judgement
+from foucault.infer.left_out_states import Group, Posterior, fit, noted, of_priors, widened
+from foucault.models.cluster import CONSTANTS, normalised
+from foucault.models.imu import ImuModel
+from foucault.models.left_out import GRAVITY, LATITUDE, Motion, Sizes, changes, terms
+from foucault.tables import AXES
+
+LEVER, DELAY = "accel.lever", "accel.delay"
+"""Groups of where accelerometers are, and how late."""
+
+ESTIMATED = ("gyro.g_sensitivity", GRAVITY, LATITUDE)
+"""Groups that are among the constants by other names, or sources of their own."""
+
+SIZE_EFFECT: Sizes = {LEVER: (0.005, "judgement"), DELAY: (1e-3, "judgement")}
+"""How far accelerometers are from where they are said to be [m], how late they read [s]; 1 sd."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term, and how the log would be with it."""
+
+    name: str
+    group: str
+    reading: FloatArray | None = None  # (n, 3) added to the readings [local g]
+    command: FloatArray | None = None  # (n, 3) added to the command [rad/s]
+    arms: FloatArray | None = None  # (3, 3) added to the positions of the accelerometers [m]
+    late: float = 0.0  # by so much older are the readings [s]
+
+    def put(self, t: Tumble, times: float = 1.0) -> Tumble:
+        """Return the log with so many `times` the term [1]."""
+        given = {"reading": self.reading, "command": self.command, "arms": self.arms}
+        more = {k: getattr(t, k) + times * x for k, x in given.items() if x is not None}
+        return replace(t, late=t.late + times * self.late, **more)
+
+
+def terms_of(t: Tumble, s: Solution, sizes: Sizes) -> Iterator[Term]:
+    """Yield one size of all that is not estimated, at the readings of a log."""
+    time = np.cumsum(t.dt)
+    motion = Motion(time, t.reading * t.gravity, t.command, 0.0, float(time[-1]))
+    some = {g: size for g, size in sizes.items() if g not in (*ESTIMATED, *SIZE_EFFECT)}
+    for term in terms(CONSTANTS.names, s.site, some):
+        (by,) = changes([term], ImuModel(), motion)
+        reading = None if by.accel is None else by.accel / t.gravity * t.used[:, None]
+        yield Term(term.name, term.group, reading, by.gyro)
+    for i, k in np.ndindex(3, 3):
+        arms = np.zeros((3, 3))
+        arms[i, k] = sizes[LEVER][0]
+        yield Term(f"{LEVER}.{AXES[i]}{AXES[k]}", LEVER, arms=arms)
+    if not s.prior.sd[-1] > 0:
+        yield Term(DELAY, DELAY, late=sizes[DELAY][0])
+
+
+@dataclass(frozen=True)
+class Stages:
+    """Constants of the cluster and terms together, before anything was enlarged."""
+
+    residuals: FloatArray  # (r,) white, without the terms [1]
+    E: FloatArray  # (r, c) what one size of each adds to them [1]
+    A: FloatArray  # (46, c) and to the solution, in the order of `Fit.cov`
+    states: CoefficientVector  # constants [SI], then terms in sizes, with covariance
+    mean: FloatArray  # (n,) what was known of them beforehand [SI]
+    groups: Mapping[str, Group]  # what is judged
+
+    @classmethod
+    def of(cls, s: Solution, sizes: Sizes) -> Stages:
+        """Join what was found with what the log says of all that was not sought."""
+        t = s.tumble  # over longer averages slopes are too rough for what is left of a term
+        some = [(one.name, one.group) for one in terms_of(t, s, sizes)]
+        changed = (one.put(t) for one in terms_of(t, s, sizes))
+        e, E, A = answers(t, s.prior, s.fit.start, changed)
+        count, p, units = len(some), len(CONSTANTS), 1 / normalised(s.site.gravity)
+        C = np.linalg.inv(E.T @ E + np.eye(count))
+        G, found = A[3:45] * units[:, None], C @ (E.T @ e)
+        cov = np.zeros((p + count,) * 2)
+        cov[:p, :p] = s.fit.cov[3:45, 3:45] * np.outer(units, units) + G @ C @ G.T
+        cov[:p, p:], cov[p:, :p], cov[p:, p:] = -G @ C, -C @ G.T, C
+        names = [f"{OF}{name}" for name, _ in some]
+        layout = Layout((*CONSTANTS.coefficients, *(Coefficient(n, "t", ONE, n) for n in names)))
+        sd = np.concatenate([s.prior.sd[3:45] * units, np.ones(count)])
+        values = np.concatenate([s.fit.start.constants * units - G @ found, found])
+        mean = np.concatenate([s.prior.mean.constants * units, np.zeros(count)])
+        states = CoefficientVector(layout, values, cov, prior_sd=sd)
+        groups = of_priors(states, CONSTANTS.names)
+        for group in dict.fromkeys(g for _, g in some):
+            mine = tuple(f"{OF}{name}" for name, g in some if g == group)
+            groups[group] = Group("source", mine, *sizes[group])
+        return cls(e, E, A, states, mean, groups)
+
+    def solved(self, times: Mapping[str, float]) -> CoefficientVector:
+        """Return the states with groups so many `times` as large [1]."""
+        known = widened(self.states, self.groups, times)
+        return exchanged(
+            self.states, (self.mean, self.states.prior_sd), replace(known, values=self.mean)
+        )
+
+    def posterior(self, c: CoefficientVector) -> Posterior:
+        """Return what is judged of a solution."""
+        left = self.residuals - self.E @ c.values[len(CONSTANTS) :]
+        n = len(left)
+        one = Component(float(left @ left), n - len(CONSTANTS), 0.0, np.inf, n)
+        return Posterior(c, self.mean, {"readings": one})
+
+
+OF, ONE = "left out ", "scale factor error"
+"""What the names of terms begin with, where they are states, and their kind: a plain number."""
+
+
+def counted(
+    s: Solution, sizes: Sizes, *, measured: bool, moments: int
+) -> tuple[Solution, Judgement] | None:
+    """Count with what is not estimated, and enlarge what the readings contradict.
+
+    `sizes`: of what is not estimated [SI]; `measured`: the noise of the accelerometers was
+    measured: what is left without the terms says it better; `moments`: in how many moments the
+    estimate is kept for its course in time [1]. Returns the solution of the log without what was
+    found of the terms, and what was made of them; None where there is no solution, or one by a
+    published filter, whose gains are its own.
+    """
+    if s.fit.status is not Status.CONVERGED or s.least is not None:
+        return None
+    sizes, p = {**SIZE_EFFECT, **sizes}, len(CONSTANTS)
+    both = Stages.of(s, sizes)
+    last, judged = fit(both.solved, both.posterior, both.groups, CONSTANTS.names)
+    assert last.cov is not None
+    tumble, sd = s.tumble, s.prior.sd.copy()
+    # Without what was found of the terms residuals and checks are those of what was sought.
+    for one, times in zip(terms_of(s.tumble, s, sizes), last.values[p:], strict=True):
+        tumble = one.put(tumble, -float(times))
+    sd[3:45] *= last.prior_sd[:p] / both.states.prior_sd[:p]
+    prior = replace(s.prior, sd=sd)
+    found = estimation.solve(tumble, prior, s.fit.start)
+    if measured and found.status is Status.CONVERGED:
+        scale = found.chi_square / max(found.residuals - p, 1)
+        tumble = replace(tumble, accel_variance=tumble.accel_variance * scale)
+    found = estimation.linearised(tumble, prior, found, moments=moments)
+    beside = both.A @ last.cov[p:, p:] @ both.A.T
+    out = replace(s, tumble=tumble, prior=prior, fit=found, more={NOT_ESTIMATED: beside})
+    total = out.coefficients.sd**2
+    for name, size, basis in (
+        (LATITUDE, s.latitude_sd, "latitude_sd"),
+        (GRAVITY, s.site.gravity_sd, "standard uncertainty of local gravity"),
+    ):
+        if name in out.parts:
+            share = float((np.diag(out.parts[name]) / total).max())
+            judged = noted(judged, name, Group("source", (), size, basis), share)
+    return out, judged
+
+
+NOT_ESTIMATED = "what is not estimated"
+"""Their source in the budget."""

@@ -1,0 +1,128 @@
+"""What a systematic calibration does not estimate and counts with: states of the filter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from foucault.coefficients import CoefficientVector
+from foucault.infer.filtered import component
+from foucault.infer.gauss_newton import FALSE_ALARM
+from foucault.infer.left_out import Judgement
+from foucault.infer.left_out_states import Group, Posterior, fit, noted, of_priors, widened
+from foucault.kernels.ins_transition import HALF
+from foucault.models.imu import LAYOUT
+from foucault.models.ins_errors import Sensors
+from foucault.models.left_out import GRAVITY, LATITUDE, Sizes
+from foucault.models.size_effect import with_size_effect
+from foucault.procedures.systematic.choice import Decided, resumed
+from foucault.procedures.systematic.problem import Solution, SystematicProblem, prior_of
+from foucault.procedures.systematic.settings import Settings
+
+Given = Mapping[str, tuple[float, float]]
+
+LEVER, DELAY = "accel.lever", "accel.delay"
+
+SIZE_EFFECT: Sizes = {LEVER: (0.02, "judgement"), DELAY: (1e-3, "judgement")}
+"""How far accelerometers are from one point [m], and how late after the gyros [s], 1 sd."""
+
+
+def counted(
+    decision: Decided, sizes: Sizes, given: Given
+) -> tuple[Decided, CoefficientVector, Judgement] | None:
+    """Filter again with what is not estimated, and enlarge what the readings contradict.
+
+    `sizes`: of what is not estimated [SI]; `given`: mean and standard deviation of coefficients or
+    groups of coefficients [SI]. Returns the decision with these states, those of the result, and
+    what was made of the others; None where there are so many recordings that the filter cannot have
+    states for all of it.
+    """
+    p, settings, base = decision.problem, decision.settings, decision.solution
+    names = base.states.names
+    sensors, groups = _widened(p, settings, names, sizes)
+    of_size = {n: (0.0, g.size) for g in groups.values() for n in g.names}
+    if max(3 + sensors.gyros, 6 + len(sensors) - sensors.gyros) > HALF:
+        return None
+    every = sensors.layout.names
+    known = {k: v for k, v in given.items() if any(n == k or n.startswith(f"{k}.") for n in every)}
+    prior = prior_of(sensors, of_size | known, p.noise, settings.turn_on)
+    at = [every.index(n) for n in names]
+    prior.values[at], prior.prior_sd[at] = _of(p.prior, names)
+    groups = {k: g._replace(size=float(_of(prior, g.names)[1].max())) for k, g in groups.items()}
+    wide = replace(p, sensors=sensors, prior=prior)
+
+    def solve(times: Mapping[str, float]) -> tuple[SystematicProblem, Solution]:
+        more = replace(wide, prior=widened(prior, groups | priors, times))
+        return more, resumed(more, base, names, passes=settings.passes)
+
+    def posterior(found: tuple[SystematicProblem, Solution]) -> Posterior:
+        problem, s = found
+        white = s.run.innovation / np.sqrt(s.run.variance)
+        kinds = {"velocity": white[:, :3], "position": white[:, 3:]}
+        told = {k: component(u, FALSE_ALARM, 2) for k, u in kinds.items()}
+        mean, _ = _of(problem.prior, s.states.names)
+        return Posterior(s.states, mean, {k: c for k, c in told.items() if c is not None})
+
+    priors = of_priors(base.states, [n for n in names if n in LAYOUT])
+    (problem, found), judged = fit(solve, posterior, groups | priors, names)
+    states = found.states.chosen(names)
+    size, basis = sizes.get(LATITUDE, (0.0, ""))
+    if size > 0 and p.site.latitude is not None:
+        there = replace(problem, site=replace(p.site, latitude=p.site.latitude + size))
+        off = resumed(there, found, found.states.names).states.chosen(names)
+        one = Group("source", (), size, basis)
+        moved = off.values - states.values
+        assert states.cov is not None
+        states = replace(states, cov=states.cov + np.outer(moved, moved))
+        judged = noted(judged, LATITUDE, one, float(np.max((moved / states.sd) ** 2)))
+    return replace(decision, problem=problem, solution=found), states, judged
+
+
+def _of(prior: CoefficientVector, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    at = [prior.names.index(n) for n in names]
+    return prior.values[at], prior.prior_sd[at]
+
+
+def _widened(
+    p: SystematicProblem, settings: Settings, names: Sequence[str], sizes: Sizes
+) -> tuple[Sensors, dict[str, Group]]:
+    """Return all that acts on the readings, and what of it is not estimated."""
+    gravity = p.site.gravity_sd, "standard uncertainty of local gravity"
+    every = {**sizes, **SIZE_EFFECT, GRAVITY: gravity}
+    every = {g: s for g, s in every.items() if s[0] > 0 and g != LATITUDE}
+    bends = settings.model is not None
+    coefficients = [
+        n for g in every if g in GROUPS and not (bends and g == "gyro.deflection")
+        for n in _members(g)
+    ]  # fmt: skip
+    mine = [n for n in names if n in LAYOUT]
+    sensors = Sensors.of([*mine, *coefficients])
+    if settings.model is not None:
+        sensors = sensors.with_deflection(settings.model)
+    sensors = with_size_effect(sensors)
+    drifts = [g.removesuffix(" drift") for g in every if g.endswith(" drift")]
+    sensors = sensors.with_drift(drifts)
+    if GRAVITY in every:
+        sensors = sensors.with_gravity(p.site.gravity)
+    sensors = sensors.with_wander(p.noise)
+    if p.recordings > 1:
+        sensors = sensors.with_turn_on(p.recordings)
+    groups = {}
+    for group, (size, basis) in every.items():
+        key = f"drift.{group.removesuffix(' drift')}" if group.endswith(" drift") else group
+        key = "site.gravity" if group == GRAVITY else key
+        some = [n for n in sensors.layout.names if n == key or n.startswith(f"{key}.")]
+        left = tuple(n for n in some if n not in names)
+        if left:
+            groups[group] = Group("source", left, size, basis)
+    return sensors, groups
+
+
+GROUPS = frozenset(n.rpartition(".")[0] for n in LAYOUT.names)
+"""Groups of coefficients of `models.imu`."""
+
+
+def _members(group: str) -> tuple[str, ...]:
+    return tuple(LAYOUT.names[i] for i in LAYOUT.group(group))

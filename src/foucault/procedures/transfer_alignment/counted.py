@@ -1,0 +1,172 @@
+"""What a transfer alignment does not estimate and counts with: states of the filter, and sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from foucault.coefficients import CoefficientVector, Layout
+from foucault.estimate.transfer import TransferFit, TransferModel
+from foucault.infer.filtered import components
+from foucault.infer.left_out import Judgement
+from foucault.infer.left_out_states import Group, Posterior, fit, of_priors, widened
+from foucault.infer.linear_filter import kalman
+from foucault.models.earth import Site
+from foucault.models.imu import LAYOUT
+from foucault.models.ins_errors import Sensors
+from foucault.models.layouts import BESIDE
+from foucault.models.left_out import GRAVITY, LATITUDE, Sizes
+from foucault.models.transfer import COUNTED, LOAD, Mount
+from foucault.procedures.transfer_alignment.settings import LEFT_OUT, PRIOR, Settings
+
+Given = Mapping[str, tuple[float, float]]
+"""Mean and standard deviation of coefficients or groups of coefficients [SI]."""
+
+TACTICAL = "usual of a tactical instrument, judgement"
+"""What a size of `USUAL` rests on."""
+
+
+@dataclass(frozen=True)
+class Counted:
+    """The states that are not in the result."""
+
+    sensors: Sensors  # errors of the slave that are states, those of the result among them
+    mount: Mount
+    # group -> names of its states, how large each is [SI], and what that rests on
+    groups: Mapping[str, tuple[tuple[str, ...], float, str]]
+    judged: bool  # whether sizes of them were declared
+
+    @classmethod
+    def of(cls, settings: Settings, sizes: Sizes | None, site: Site, *, placed: bool) -> Counted:
+        """Return what is counted with.
+
+        `sizes` or None: of what is not estimated [SI]; `placed`: whether the master says where it
+        is.
+        """
+        asked, mount = settings.asked.layout.names, settings.mount
+        out = dict[str, tuple[tuple[str, ...], float, str]]()
+        if settings.left_out:
+            for group in LEFT_OUT:
+                names = tuple(n for n in _members(group) if n not in asked)
+                out[group] = (names, *(sizes or {}).get(group, (PRIOR[group][1], TACTICAL)))
+        if sizes is not None:
+            for group, sized in {**sizes, **_of_the_rig(settings, site)}.items():
+                names = tuple(n for n in _members(group) if n not in asked)
+                if not (group == LATITUDE and (placed or site.latitude is None)):
+                    out.setdefault(group, (names, *sized))
+        known = {*asked, *(n for names, *_ in out.values() for n in names)}
+        out = {
+            group: (some, size, basis) for group, (names, size, basis) in out.items()
+            if size > 0
+            # A drift acts as its coefficient does, which has to be a state.
+            and (some := tuple(n for n in names if n.removeprefix("drift.") in known))
+        }  # fmt: skip
+        sensors = Sensors.of(n for n in LAYOUT.names if n in known)
+        load = mount.load or MOUNT in out
+        return cls(sensors, replace(mount, load=load), out, sizes is not None)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Those of `models.transfer.COUNTED`."""
+        mine = {n for names, *_ in self.groups.values() for n in names}
+        return tuple(n for n in COUNTED.names if n in mine)
+
+    def prior(self, settings: Settings, given: Given) -> CoefficientVector:
+        """Return what was known of all of them, and of what is found besides.
+
+        `given`: of coefficients or groups of coefficients [SI].
+        """
+        load = LOAD.names if self.mount.load and not settings.load else ()
+        layout = Layout((
+            *self.sensors.layout.coefficients, *BESIDE.subset(settings.beside).coefficients,
+            *LOAD.subset(load).coefficients, *COUNTED.subset(self.names).coefficients,
+        ))  # fmt: skip
+        usual = {k: v for k, v in PRIOR.items() if any(n.startswith(f"{k}.") for n in layout.names)}
+        if settings.estimates_delay:
+            middle = settings.longest_delay / 2
+            usual["master.delay"] = middle, settings.longest_delay / np.sqrt(12.0)
+        for names, size, _ in self.groups.values():
+            usual |= {n.rpartition(".")[0] if n in LAYOUT else n: (0.0, size) for n in names}
+        return CoefficientVector.prior(layout, {**usual, **given})
+
+    def judged_groups(self, prior: CoefficientVector, given: Given) -> dict[str, Group]:
+        """Return what is judged: what is counted with, as large as `prior` says, and the priors."""
+        out = dict[str, Group]()
+        for group, (names, _, basis) in self.groups.items():
+            sd = float(prior.prior_sd[[prior.names.index(n) for n in names]].max())
+            said = any(key == group or key in names for key in given)
+            out[group] = Group("source", names, sd, "[prior]" if said else basis)
+        known = [n for n in prior.names if n in LAYOUT or n.startswith("installation.")]
+        aside = {n for g in out.values() for n in g.names}
+        return out | of_priors(prior, [n for n in known if n not in aside])
+
+
+LEVER, CLOCK, MOUNT = "lever arm", "rate of the messages' clock", "mount under load"
+"""Groups of what holds the slave and times the messages."""
+
+STATES = {
+    GRAVITY: "site.gravity", LATITUDE: "site.latitude", CLOCK: "messages.rate",
+    LEVER: "lever_arm", MOUNT: "load",
+}  # fmt: skip
+"""Groups that are no coefficients of the instrument -> their states."""
+
+
+def _members(group: str) -> tuple[str, ...]:
+    """Return the states of a group."""
+    drift = f"drift.{group.removesuffix(' drift')}"
+    key = STATES.get(group, drift if group.endswith(" drift") else group)
+    layout = next(x for x in (LAYOUT, LOAD, COUNTED) if any(n.startswith(key) for n in x.names))
+    return tuple(layout.names[i] for i in layout.group(key))
+
+
+def _of_the_rig(settings: Settings, site: Site) -> Sizes:
+    """Return what is not known of place, lever arm, mount and clocks."""
+    out = {
+        GRAVITY: (site.gravity_sd, "standard uncertainty of local gravity"),
+        LEVER: (settings.lever_arm_sd, "lever_arm_sd"),
+        CLOCK: (settings.clock_sd, "clock_sd"),
+    }
+    if not settings.load and settings.matching != "velocity":
+        out[MOUNT] = (settings.load_sd, "load_sd")
+    default = type(settings)()
+    return {
+        g: (size, f"{basis}, judgement" if basis in CHOSEN and getattr(default, basis) == size
+            else basis)
+        for g, (size, basis) in out.items()
+    }  # fmt: skip
+
+
+CHOSEN = ("lever_arm_sd", "clock_sd", "load_sd")
+"""Settings that say how large something is, and have a usual size."""
+
+
+def judged(
+    at: TransferFit, prior: CoefficientVector, groups: Mapping[str, Group],
+    reported: tuple[str, ...],
+) -> tuple[TransferFit, CoefficientVector, Judgement]:  # fmt: skip
+    """Enlarge what the messages contradict; return fit, what was known, and what was made of it.
+
+    `prior`: what was known of the coefficients and of what is found besides [SI].
+    """
+    model = at.model
+    assert isinstance(model, TransferModel)
+    rows = [model.names.index(n) for n in prior.names]
+
+    def solve(times: Mapping[str, float]) -> tuple[TransferFit, CoefficientVector]:
+        if not times:
+            return at, prior
+        wide = widened(prior, groups, times)
+        k, P0 = np.ones(len(model.names)), at.system.P0
+        k[rows] = wide.prior_sd / prior.prior_sd
+        system = replace(at.system, P0=P0 * np.outer(k, k))
+        more = replace(model, sd=model.sd * k)
+        return replace(at, model=more, system=system, run=kalman(system)), wide
+
+    def posterior(found: tuple[TransferFit, CoefficientVector]) -> Posterior:
+        fit_, known = found
+        return Posterior(model.estimate(fit_, known), known.values, components(fit_))
+
+    (found, wide), told = fit(solve, posterior, groups, reported)
+    return found, wide, told

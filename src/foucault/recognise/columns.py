@@ -1,0 +1,359 @@
+"""Which columns are the clock, the accelerometers, the gyros and the temperature.
+
+Titles are believed where they name three axes of a triad; where they do not, or where the numbers
+of what they name cannot be, the numbers tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from foucault.arrays import FloatArray
+from foucault.errors import error
+from foucault.recognise import physics
+from foucault.recognise.opening import Opened
+from foucault.recognise.titles import Meaning, meaning
+
+Three = tuple[int, int, int]
+"""Numbers of the columns of a triad."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of numbers of one of the files."""
+
+    # file, number: which file, and which column of it [1]
+    file: int
+    number: int
+    title: str
+    means: Meaning
+
+
+@dataclass(frozen=True)
+class Data:
+    """The columns of all files beside one another."""
+
+    files: tuple[Opened, ...]
+    columns: tuple[Column, ...]
+    x: FloatArray  # (n, k) rows without holes in what is used [raw]
+
+    @classmethod
+    def of(cls, files: Sequence[Opened]) -> Data:
+        """Put the columns of files with the same rows beside one another."""
+        rows = {len(one.x) for one in files}
+        if len(rows) > 1:
+            said = ", ".join(f"'{one.path.name}' has {len(one.x)}" for one in files)
+            raise error("recognise.rows", said=said)
+        columns = [
+            Column(i, c, one.raw.names[c], meaning(one.raw.names[c] if one.raw.named else "",
+                                                    one.units[c]))
+            for i, one in enumerate(files) for c in one.columns
+        ]  # fmt: skip
+        return cls(tuple(files), tuple(columns), np.hstack([one.x for one in files]))
+
+    def called(self, k: int, sign: float = 1.0) -> int | str:
+        """Return what [log] calls column `k` [1]; `sign`: -1 turns it round [1]."""
+        name = self.files[self.columns[k].file].name(self.columns[k].number)
+        return name if sign > 0 else f"-{name}"
+
+    def shown(self, k: int, sign: float = 1.0) -> str:
+        """Return what people call column `k` [1]; `sign`: -1 turns it round [1]."""
+        name = self.called(k)
+        word = name if isinstance(name, str) else f"column {name}"
+        return word if sign > 0 else f"-{word}"
+
+    def file(self, k: int) -> Path:
+        """Return the file of column `k` [1]."""
+        return self.files[self.columns[k].file].path
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The time column."""
+
+    column: int  # its number [1]
+    dates: bool  # whether it holds dates, in seconds
+    titled: bool  # whether its title says that it is one
+    interval: float  # median step [raw]
+
+
+@dataclass(frozen=True)
+class Triads:
+    """Columns of the triads, in the order x, y, z or that of the file."""
+
+    accel: Three | None
+    gyro: Three | None
+    titled: tuple[bool, bool]  # whether titles name the axes of each
+    increments: bool | None  # what titles say of them
+    several: tuple[tuple[str, tuple[int, ...]], ...] = ()  # further triads of a kind [1]
+    why: tuple[str, str] = ("", "")
+
+
+# -- the clock -----------------------------------------------------------------------------------
+
+
+def clocks(data: Data) -> list[Clock]:
+    """Return the columns that may be time, the likeliest first."""
+    found: list[tuple[float, Clock]] = []
+    for k, column in enumerate(data.columns):
+        t = data.x[:, k]
+        step = np.diff(t[np.isfinite(t)])
+        if len(step) < 10 or not _onward(step):
+            continue
+        role, unit = column.means.role, column.means.unit
+        titled = role == "time"
+        usual = float(np.median(step[step > 0]))
+        steady = float(np.mean(np.abs(step - usual) < 0.5 * usual))
+        if role not in ("", "time", "counter", "other") or (steady < 0.5 and not titled):
+            continue
+        if not titled and not _even(t, step):
+            continue
+        dates = column.number in data.files[column.file].raw.stamps
+        counter = role == "counter" or (not titled and bool(np.all(step == np.round(step)))
+                                        and usual == 1.0)  # fmt: skip
+        worth = 4.0 * titled + 2.0 * bool(unit and titled) + 1.0 * dates + steady
+        worth -= 3.0 * counter + 2.0 * bool(np.any(step < 0)) + 1.0 * (column.file > 0)
+        worth -= 1.5 * float(np.mean(step == 0) > 0.01) + 3.0 * (role == "other")
+        # A clock since 1970 in seconds loses digits beside one that starts with the log.
+        worth -= 0.2 * bool(t[0] > 1e9)
+        if counter:
+            continue
+        found.append((worth, Clock(k, dates, titled, usual)))
+    return [clock for _, clock in sorted(found, key=lambda pair: -pair[0])]
+
+
+def counters(data: Data) -> list[int]:
+    """Return the columns that count rows."""
+    out = []
+    for k, column in enumerate(data.columns):
+        step = np.diff(data.x[:, k])
+        if column.means.role == "counter" or (
+            len(step) and float(np.mean(step == 1.0)) > 0.99 and column.means.role in ("", "time")
+        ):
+            out.append(k)
+    return out
+
+
+def _even(t: FloatArray, step: FloatArray) -> bool:
+    """Tell whether a column runs on evenly from its first row to its last, as no temperature does.
+
+    A gap is no unevenness.
+    """
+    usual = float(np.median(step[step > 0]))
+    near = step[np.abs(step) < 20 * usual]
+    path = np.cumsum(near)
+    line = np.linspace(path[0], path[-1], len(path))
+    return bool(np.mean(step > 0) > 0.95 and np.abs(path - line).max() < 0.02 * np.ptp(path))
+
+
+def _onward(step: FloatArray) -> bool:
+    return bool(np.mean(step > 0) > 0.5 and np.mean(step < 0) < 0.001)
+
+
+# -- the triads ----------------------------------------------------------------------------------
+
+
+def named(data: Data, role: str) -> list[tuple[str, Three]]:
+    """Return the triads that titles name: what tells them apart, and the columns x, y, z."""
+    found: dict[tuple[int, str], dict[int, list[int]]] = {}
+    for k, column in enumerate(data.columns):
+        m = column.means
+        if m.role == role and m.axis is not None:
+            found.setdefault((column.file, m.sensor), {}).setdefault(m.axis, []).append(k)
+    out = []
+    for (_, sensor), axes in found.items():
+        if set(axes) != {0, 1, 2}:
+            continue
+        for x, y, z in zip(*(axes[i] for i in range(3)), strict=False):  # titles that repeat
+            out.append((sensor, (x, y, z)))
+    return out
+
+
+def triads(data: Data, used: Sequence[int]) -> Triads:
+    """Find the columns of accelerometers and gyros; `used`: other columns [1]."""
+    rate = named(data, "accel"), named(data, "gyro")
+    sums = named(data, "dvel"), named(data, "dtheta")
+    if not rate[0] and _some_gravity(data, named(data, "linear")):
+        rate = named(data, "linear"), rate[1]
+    # Increments are taken where there are no rates: both say the same.
+    chosen, increments = (rate, False) if any(rate) or not any(sums) else (sums, True)
+    accel, gyro = (one[0][1] if one else None for one in chosen)
+    several = tuple(
+        (kind, columns)
+        for kind, found in zip(("accel", "gyro"), chosen, strict=True)
+        for _, columns in found[1:]
+    )
+    titled = accel is not None, gyro is not None
+    if accel is not None and gyro is not None:
+        why = ("titles", "titles")
+        if _exchanged(data, accel, gyro):
+            accel, gyro, why = gyro, accel, ("numbers: its titles say gyros",
+                                             "numbers: its titles say accelerometers")  # fmt: skip
+        return Triads(accel, gyro, titled, increments or None, several, why)
+    rest = [
+        k for k, column in enumerate(data.columns)
+        if k not in used and k not in (*(accel or ()), *(gyro or ()))
+        and column.means.role in ("", "accel", "gyro", "linear", "dvel", "dtheta", "table")
+        and float(np.ptp(data.x[:, k])) > 0
+    ]  # fmt: skip
+    known = (accel, gyro)
+    accel, gyro, more = _by_numbers(data, rest, accel, gyro)
+    why = ("titles" if titled[0] else "numbers", "titles" if titled[1] else "numbers")
+    order = increments if any(known) else None
+    return Triads(accel, gyro, titled, order or None, (*several, *more), why)
+
+
+def _exchanged(data: Data, accel: Three, gyro: Three) -> bool:
+    """Tell whether what is titled accelerometers rests near zero, and gyros have one length."""
+    cut = physics.blocks(data.x, [*accel, *gyro])
+    if len(cut.rests[0]) < 4:
+        return False
+    scatter = physics.rest_scatter(data.x, cut)
+    ball = physics.sphere(cut.of_rests(gyro), gyro)
+    return bool(
+        ball is not None and ball.scatter < physics.NORM and ball.spread > 0.5
+        and (scatter[list(accel)] < physics.RESTS_LIKE).all()
+        and (scatter[list(gyro)] > 2 * physics.RESTS_LIKE).any()
+    )  # fmt: skip
+
+
+def _some_gravity(data: Data, found: list[tuple[str, Three]]) -> bool:
+    """Tell whether readings called linear acceleration hold gravity after all, as those of ROS."""
+    for _, columns in found:
+        size = np.linalg.norm(data.x[:, list(columns)], axis=1)
+        middle = float(np.nanmedian(size))
+        if middle > 0 and float(np.nanmedian(np.abs(size - middle))) < 0.2 * middle:
+            return True
+    return False
+
+
+def _by_numbers(
+    data: Data, rest: list[int], accel: Three | None, gyro: Three | None
+) -> tuple[Three | None, Three | None, tuple[tuple[str, Three], ...]]:
+    """Find the triads that no title names among the columns `rest`, and further ones like them."""
+    every = [*rest, *(accel or ()), *(gyro or ())]
+    if len(every) < 3:
+        return accel, gyro, ()
+    cut = physics.blocks(data.x, every)
+    scatter = physics.rest_scatter(data.x, cut)
+    still = [k for k in rest if scatter[k] < physics.RESTS_LIKE and _lively(cut, k)]
+    most = physics.rest_scatter(data.x, cut, 90.0)
+    # A side that few rests have up is still in most; that gyros spin in some is no tilt.
+    quiet = [k for k in still if most[k] < physics.RESTS_LIKE]
+    tilted = [k for k in rest if not most[k] < physics.RESTS_LIKE / 3]
+    more: list[tuple[str, Three]] = []
+    if accel is None:
+        found = physics.spheres(cut, [k for k in tilted if k not in quiet])
+        found = found or physics.spheres(cut, tilted)
+        ranked = _likeliest(data, cut, found)
+        accel = ranked[0] if ranked else _one_side(data, rest)
+        more += [("accel", one) for one in ranked[1:2]]
+    if gyro is None:
+        left = [k for k in still if k not in (accel or ())]
+        if len(left) < 3:
+            left = [k for k in rest if k not in (accel or ()) and _lively(cut, k)]
+        turned = _rates(data, cut, accel, left)
+        gyro = turned[0] if turned else _beside(rest, accel)
+        more += [("gyro", one) for one in turned[1:2]]
+    return accel, gyro, tuple(more)
+
+
+USUAL = (9.81, 1.0, 1000.0, 981.0, 16384.0, 8192.0, 4096.0, 2048.0)
+"""Lengths that accelerometers' readings usually have at rest [raw]."""
+
+
+def _threes(rest: list[int]) -> list[Three]:
+    """Return the columns in threes as they stand, where they are whole triads side by side."""
+    if len(rest) % 3 or (rest and rest[-1] - rest[0] != len(rest) - 1):
+        return []
+    return [(a, b, c) for a, b, c in zip(rest[::3], rest[1::3], rest[2::3], strict=True)]
+
+
+def _one_side(data: Data, rest: list[int]) -> Three | None:
+    """Return three columns side by side whose length is a usual one, of a log that only rests."""
+    fitting = []
+    for three in _threes(rest):
+        size = np.linalg.norm(np.median(data.x[:, list(three)], axis=0))
+        if size > 0 and min(abs(np.log(size / r)) for r in USUAL) < 0.05:
+            fitting.append(three)
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def _beside(rest: list[int], accel: Three | None) -> Three | None:
+    """Return the other triad of two that stand side by side."""
+    threes = _threes(rest)
+    if len(threes) != 2 or accel not in threes:
+        return None
+    return threes[1 - threes.index(accel)]
+
+
+def _lively(cut: physics.Blocks, k: int) -> bool:
+    """Tell whether motion makes a column scatter."""
+    sd = cut.sd[:, k]
+    moving = sd[~cut.quiet]
+    return bool(len(moving) and np.median(moving) > 2.0 * max(float(np.median(sd[cut.quiet])), 0.0)
+                and np.median(moving) > 0)  # fmt: skip
+
+
+def _likeliest(data: Data, cut: physics.Blocks, found: list[physics.Sphere]) -> list[Three]:
+    """Of triples of one length at rest return those that may be accelerometers."""
+    apart = [s for s in found if s.spread > 0.3] or found
+
+    def oddness(s: physics.Sphere) -> float:
+        size = np.linalg.norm(data.x[:, list(s.columns)] - s.centre, axis=1)
+        moving = np.repeat(~cut.quiet, cut.size)[: len(size)]
+        shaken = float(np.std(size[: len(moving)][moving]) / s.radius) if moving.any() else 0.0
+        usual = min(abs(np.log(s.radius / r)) for r in USUAL)
+        a, _, c = s.columns
+        zero = float(np.linalg.norm(s.centre) / s.radius)
+        # A magnetometer's length stays the same when it is shaken; that of gyros is another.
+        odd = 20 * s.scatter + 1.2 * (usual > 0.08) + min(zero, 1.0) + 0.3 * (c - a > 2)
+        return float(odd - 3 * min(shaken, 0.15) + 3 * max(0.0, shaken - 0.35))
+
+    ranked = sorted(((oddness(s), s.columns) for s in apart[:200]), key=lambda one: one[0])
+    return _apart([one for odd, one in ranked if odd < ranked[0][0] + 0.25])
+
+
+def _apart(ranked: list[Three]) -> list[Three]:
+    """Return the first, and those that share no column with it."""
+    return [one for i, one in enumerate(ranked) if i == 0 or not set(one) & set(ranked[0])]
+
+
+def _rates(data: Data, cut: physics.Blocks, accel: Three | None, left: list[int]) -> list[Three]:
+    """Return those threes of the columns `left` that turn gravity as the accelerometers say."""
+    if len(left) < 3:
+        return []
+    if len(left) == 3 or accel is None:
+        return [(left[0], left[1], left[2])]
+    ball = physics.sphere(cut.of_rests(accel), accel)
+    time = np.arange(len(data.x), dtype=float)
+    found: list[tuple[float, Three]] = []
+    for three in list(combinations(left[:9], 3))[:84]:
+        turned = ball and physics.turns(data.x, time, cut, ball, three)
+        if turned and turned.fits:
+            # Of two instruments each has its columns side by side.
+            found.append(
+                (turned.miss + (0.0 if three[2] - three[0] == 2 else physics.PROVED), three)
+            )
+    found.sort(key=lambda one: one[0])
+    return _apart([one for off, one in found if off < found[0][0] + physics.PROVED])
+
+
+def temperature(data: Data) -> tuple[int, str] | None:
+    """Return the column of temperature and its unit, where titles and numbers agree."""
+    for k, column in enumerate(data.columns):
+        if column.means.role != "temperature":
+            continue
+        middle = float(np.median(data.x[:, k]))
+        unit = column.means.unit if column.means.unit in ("degC", "K") else ""
+        if not unit:
+            unit = "degC" if -60 < middle < 130 else "K" if 210 < middle < 400 else ""
+        fine = -80 < middle < 150 if unit == "degC" else 190 < middle < 430
+        if unit and fine:
+            return k, unit
+    return None

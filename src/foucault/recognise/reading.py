@@ -1,0 +1,552 @@
+"""From files to the description of a log: what was taken, why, how sure, and what is open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from foucault.arrays import FloatArray
+from foucault.errors import FoucaultError, error
+from foucault.guard.mistakes import Mistake, exchanges
+from foucault.logs.description import LogDescription
+from foucault.recognise import columns as tell
+from foucault.recognise import physics, units
+from foucault.recognise.opening import Opened, opened
+from foucault.recognise.titles import meaning
+from foucault.tables import AXES
+
+ALIKE = 1.0
+"""Readings of a log that differ by less in how odd they are fit alike [1]."""
+
+ZERO = 0.3
+"""Accelerometers whose zero is farther than this part of g off have one of their own [1]."""
+
+NO_LENGTH = 0.35
+"""Accelerometers whose length at rest scatters by more do not feel gravity [1]."""
+
+FEWEST = 100
+"""Rows of a log at least [1]."""
+
+RATE_SD = "3 percent"
+"""How well the usual rate that gyros fit is known: their scale factors are off by so much."""
+
+SURE, LIKELY, TAKEN = "sure", "likely", "assumed"
+
+
+@dataclass(frozen=True)
+class Line:
+    """One thing that was taken: what, as what, why, and how sure."""
+
+    what: str
+    took: str
+    why: str
+    sure: str
+
+    def as_dict(self) -> dict[str, str]:
+        """Return it as JSON has it."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Question:
+    """What fits in two ways: what it is, and the line that says each."""
+
+    what: str
+    one: str
+    why_one: str
+    other: str
+    why_other: str
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """What files hold."""
+
+    files: tuple[Path, ...]
+    log: dict[str, Any]  # [log] of a campaign
+    lines: tuple[Line, ...]
+    questions: tuple[Question, ...] = ()
+    asked: tuple[str, ...] = ()  # what no log can say
+    described: bool = False  # whether the file says itself what it holds
+
+    def description(self, said: Mapping[str, Any] | None = None) -> LogDescription:
+        """Return the description, with what is said instead of some of it."""
+        return LogDescription.model_validate(merged(self.log, said or {}))
+
+
+def merged(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table with what another one says instead."""
+    out = dict(one)
+    for key, value in other.items():
+        inner = isinstance(value, Mapping) and isinstance(out.get(key), Mapping)
+        out[key] = merged(out[key], value) if inner else value
+    return out
+
+
+def recognise(paths: Sequence[Path], said: Mapping[str, Any] | None = None) -> Recognised:
+    """Tell what files hold, which were recorded together; `said`: keys of [log] that are known."""
+    said = said or {}
+    files = [opened(path) for path in paths]
+    if len(files) == 1 and files[0].raw.described:
+        return _of_itself(files[0])
+    data = tell.Data.of(files)
+    if len(data.x) < FEWEST:
+        raise error("recognise.short", file=files[0].path.name, rows=len(data.x), least=FEWEST)
+    data, dropped = _whole_rows(data)
+    work = _Work(data, dict(said), dropped)
+    if "rate" not in said and not tell.clocks(data) and files[0].rate:
+        work.said["rate"], work.head = f"{files[0].rate:.10g} Hz", True
+    return work.done()
+
+
+def _of_itself(file: Opened) -> Recognised:
+    kind = "this program wrote it" if file.raw.marker else "its format says it"
+    named = ", ".join(name for name in (file.raw.declared or {}) if name != "clock")
+    line = Line("columns", named, kind, SURE)
+    return Recognised((file.path,), {"file": file.path.name}, (line,), described=True)
+
+
+def _whole_rows(data: tell.Data) -> tuple[tell.Data, int]:
+    """Return the columns that are nearly full, and only rows without holes in these."""
+    full = np.isfinite(data.x)
+    kept = np.flatnonzero(full.mean(axis=0) > 0.5)
+    if len(kept) < 3:
+        raise error("recognise.holes", file=data.files[0].path.name)
+    rows = full[:, kept].all(axis=1)
+    if rows.mean() < 0.3:
+        raise error("recognise.holes", file=data.files[0].path.name)
+    columns = tuple(data.columns[k] for k in kept)
+    return tell.Data(data.files, columns, data.x[np.ix_(rows, kept)]), int((~rows).sum())
+
+
+@dataclass
+class _Work:
+    """One log being recognised."""
+
+    data: tell.Data
+    said: dict[str, Any]
+    dropped: int
+    lines: list[Line] = field(default_factory=list)
+    questions: list[Question] = field(default_factory=list)
+    head: bool = False  # whether the lines above the data say the rate
+
+    def done(self) -> Recognised:
+        data = self.data
+        clock = None if "rate" in self.said else next(iter(tell.clocks(data)), None)
+        used = [*([] if clock is None else [clock.column]), *tell.counters(data)]
+        used += [c.column for c in tell.clocks(data)]
+        found = self._triads(used)
+        if found.accel is None and found.gyro is None:
+            raise error("recognise.no_triad", file=data.files[0].path.name, have=self._have())
+        self.found, self.clock = found, clock
+        time = np.arange(len(data.x)) * 1.0
+        if clock is not None:
+            time = data.x[:, clock.column] - data.x[0, clock.column]
+        self.time: FloatArray = np.ascontiguousarray(time)
+        every = [*(found.accel or ()), *(found.gyro or ())]
+        self.cut = physics.blocks(data.x, every)
+        self.ball = self._ball()
+        if self.ball is not None and len(self.cut.rests[0]) > 3 and self.ball.scatter > NO_LENGTH:
+            raise error("recognise.no_gravity", file=data.files[0].path.name,
+                        columns=", ".join(data.shown(k) for k in self.ball.columns))  # fmt: skip
+        self.turned = self._turned()
+        reading = self._units()
+        gyro, accel = self._axes(reading)
+        log = self._log(reading, accel, gyro)
+        return Recognised(
+            tuple(f.path for f in data.files), log, tuple(self.lines), tuple(self.questions)
+        )
+
+    # -- which columns -------------------------------------------------------------------------
+
+    def _triads(self, used: Sequence[int]) -> tell.Triads:
+        given = {
+            name: block["columns"]
+            for name in ("accel", "gyro")
+            if isinstance(block := self.said.get(name), Mapping) and block.get("columns")
+        }
+        found = tell.triads(self.data, used)
+        open_ = tuple(one for one in found.several if one[0] not in given)
+        if open_:
+            self._several(found, open_)
+        if not given:
+            return found
+        chosen = {name: self._numbers(names) for name, names in given.items()}
+        return tell.Triads(chosen.get("accel", found.accel), chosen.get("gyro", found.gyro),
+                           (True, True), found.increments, (), ("said", "said"))  # fmt: skip
+
+    def _numbers(self, names: Sequence[Any]) -> tuple[int, int, int]:
+        known = {str(self.data.called(k)): k for k in range(len(self.data.columns))}
+        known |= {str(c.number): k for k, c in enumerate(self.data.columns)}
+        try:
+            x, y, z = (known[str(name).removeprefix("-")] for name in names)
+        except (KeyError, ValueError):
+            allowed = ", ".join(str(self.data.called(k)) for k in range(len(self.data.columns)))
+            raise error("recognise.said", given=str(list(names)), allowed=allowed) from None
+        return x, y, z
+
+    def _several(self, found: tell.Triads, open_: Sequence[tuple[str, tuple[int, ...]]]) -> None:
+        """Ask which of several triads is meant."""
+        first = {"accel": found.accel, "gyro": found.gyro}
+        kinds = list(dict.fromkeys(kind for kind, _ in open_))
+        said = " and of ".join(_KIND[kind] for kind in kinds)
+        one = "; ".join(self._columns_line(k, columns) for k in kinds if (columns := first[k]))
+        other = "; ".join(self._columns_line(k, dict(reversed(open_))[k]) for k in kinds)
+        what = f"There are several triads of {said}."
+        self.questions.append(Question(what, one, "the first", other, "the next"))
+
+    def _columns_line(self, kind: str, columns: Sequence[int]) -> str:
+        return f"{kind}.columns = {[self.data.columns[k].number for k in columns]}"
+
+    def _have(self) -> str:
+        return ", ".join(self.data.shown(k) for k in range(len(self.data.columns)))
+
+    # -- what the numbers say ------------------------------------------------------------------
+
+    def _ball(self) -> physics.Sphere | None:
+        accel = self.found.accel
+        if accel is None:
+            return None
+        if len(self.cut.rests[0]):
+            ball = physics.sphere(self.cut.of_rests(accel), accel)
+            if ball is not None:
+                return ball
+        size = np.linalg.norm(self.data.x[:, list(accel)], axis=1)
+        radius = float(np.median(size))
+        return physics.Sphere(accel, np.zeros(3), radius, 1.0, 0.0) if radius > 0 else None
+
+    def _turned(self) -> physics.Turns | None:
+        if self.ball is None or self.found.gyro is None:
+            return None
+        return physics.turns(self.data.x, self.time, self.cut, self.ball, self.found.gyro)
+
+    def _titled(self, columns: Sequence[int] | None) -> str:
+        """Return the unit that the titles of a triad give, "" where they give none or several."""
+        given = {self.data.columns[k].means.unit for k in columns or ()}
+        return given.pop() if len(given) == 1 else ""
+
+    def _units(self) -> units.Reading:
+        found, data, clock = self.found, self.data, self.clock
+        whole = tuple(
+            columns is not None and bool(np.all(x := data.x[:, list(columns)] % 1.0 == 0.0))
+            and bool(np.size(x))
+            for columns in (found.accel, found.gyro)
+        )  # fmt: skip
+        peak = still = 0.0
+        if found.gyro is not None:
+            y = data.x[:, list(found.gyro)]
+            # Nothing turns but the Earth.
+            alone = self.ball is not None and self.ball.spread < 0.02 and self.turned is None
+            still = float(np.linalg.norm(y.mean(axis=0))) if alone else 0.0
+            peak = float(np.percentile(np.abs(y - np.median(y, axis=0)), 99.9))
+        turn = self.turned.scale if self.turned is not None and self.turned.fits else None
+        given = tuple(name for name in ("time", "accel", "gyro") if self._said(name))
+        titled = units.Titled(
+            self._clock_unit(), self._said("accel") or self._titled(found.accel),
+            self._said("gyro") or self._titled(found.gyro), given,
+        )  # fmt: skip
+        seen = units.Seen(
+            1.0 if clock is None else clock.interval, clock is not None,
+            None if self.ball is None else self.ball.radius, turn, peak, still,
+            (whole[0], whole[1]), found.increments,
+        )  # fmt: skip
+        rate = self.said.get("rate")
+        ranked = units.readings(seen, titled)
+        if isinstance(rate, str) and clock is None:
+            from foucault.units import parse
+
+            hertz = parse(rate, "frequency", "rate")
+            seen = replace(seen, interval=1.0 / hertz, timed=True, turn=turn and turn * hertz)
+            known = replace(titled, time="s", given=(*given, "time"))
+            ranked = [replace(r, time=None) for r in units.readings(seen, known)]
+        if not ranked:
+            raise error("recognise.units", file=data.files[0].path.name, said=self._sizes(seen))
+        best = ranked[0]
+        other = next((r for r in ranked[1:] if not r.like(best)), None)
+        if best.hangs and not isinstance(rate, str):
+            self._ask_rate(best)
+        elif other is not None and other.cost - best.cost < ALIKE:
+            self._ask_units(best, other)
+        self.sure = SURE if other is None or other.cost - best.cost > 2.5 else LIKELY
+        return best
+
+    def _said(self, triad: str) -> str:
+        block = self.said.get(triad)
+        return str(block.get("unit", "")) if isinstance(block, Mapping) else ""
+
+    def _clock_unit(self) -> str:
+        if said := self._said("time"):
+            return said
+        if self.clock is None:
+            return ""
+        if self.clock.dates:
+            return "iso"
+        unit = self.data.columns[self.clock.column].means.unit
+        return unit if unit in ("s", "ms", "us", "ns", "min") else ""
+
+    def _sizes(self, seen: units.Seen) -> str:
+        parts = [f"{'an interval' if seen.timed else 'rows'} of {seen.interval:.6g}"]
+        if seen.radius:
+            parts.append(f"accelerometers of length {seen.radius:.6g} at rest")
+        if seen.turn:
+            parts.append(f"gyros of {seen.turn:.6g} rad for one of them and one of the clock")
+        return ", ".join(parts)
+
+    def _ask_rate(self, best: units.Reading) -> None:
+        assert best.gyro is not None
+        other = 200 if round(best.rate) != 200 else 100
+        self.questions.append(Question(
+            "There is no time column, and gyros in counts do not tell the rate.",
+            f"rate = {best.rate:.4g} Hz", f"then {best.gyro.scale}", f"rate = {other} Hz",
+            "or what the logger was set to"))  # fmt: skip
+
+    def _ask_units(self, one: units.Reading, other: units.Reading) -> None:
+        def line(r: units.Reading, differs: units.Reading) -> str:
+            parts = []
+            if r.time and differs.time and r.time.text != differs.time.text:
+                parts.append(f"time.unit = {r.time.text}")
+            if r.time is None and abs(r.rate / differs.rate - 1) > 1e-6:
+                parts.append(f"rate = {r.rate:g} Hz")
+            if r.gyro and differs.gyro and r.gyro.text != differs.gyro.text:
+                parts.append(f"gyro.unit = {r.gyro.text}")
+            if r.increments != differs.increments:
+                kind = "increment" if r.increments else "rate"
+                parts.append(f"accel.kind = {kind}; gyro.kind = {kind}")
+            return "; ".join(parts)
+
+        first, second = line(one, other), line(other, one)
+        if first == second:
+            return
+        self.questions.append(
+            Question("The units fit in two ways.", first, _whys(one), second, _whys(other))
+        )
+
+    # -- axes ----------------------------------------------------------------------------------
+
+    def _axes(self, reading: units.Reading) -> tuple[FloatArray, FloatArray]:
+        """Return the signed permutations of the columns of gyros and accelerometers."""
+        same = np.eye(3)
+        turned, (accel_titled, gyro_titled) = self.turned, self.found.titled
+        if turned is None or not turned.fits:
+            why = "the titles" if gyro_titled or accel_titled else "the order of the columns"
+            if self.found.gyro is not None and self.found.accel is not None:
+                self.lines.append(
+                    Line("axes", "x, y, z as they are", why + "; no turns tell", TAKEN)
+                )
+            return same, same
+        fits = any(np.array_equal(E, same) for E in turned.fitting)
+        # Titles that name all axes are believed where turns do not speak against them.
+        if fits and (len(turned.fitting) == 1 or (accel_titled and gyro_titled)):
+            sure = SURE if turned.proved else LIKELY
+            self.lines.append(Line("axes", "gyros and accelerometers in the same axes",
+                                   self._turn_words(turned), sure))  # fmt: skip
+            return same, same
+        costs = sorted(
+            ((self._oddness(R, E), R, np.linalg.det(R) * R @ E)
+             for E in turned.fitting for R in exchanges()),
+            key=lambda one: one[0],
+        )  # fmt: skip
+        _, R, E = costs[0]
+        other = next((o for o in costs[1:] if not np.array_equal(
+            np.linalg.det(o[1]) * o[1].T @ o[2], np.linalg.det(R) * R.T @ E)), None)  # fmt: skip
+        if other is not None:
+            self.questions.append(Question(
+                "The gyros' axes fit in two ways.", self._signed_line(E), "it is as simple",
+                self._signed_line(other[2]), "it fits as well"))  # fmt: skip
+        took = []
+        if not np.array_equal(R, same):
+            took.append(f"accelerometers {self._words('accel', R)}")
+        if not np.array_equal(E, same):
+            took.append(f"gyros {self._words('gyro', E)}")
+        sure = SURE if turned.proved else LIKELY
+        self.lines.append(Line("axes", "; ".join(took), self._turn_words(turned), sure))
+        return E, R
+
+    def _turn_words(self, turned: physics.Turns) -> str:
+        return (f"{turned.turns} turns predict gravity within {np.degrees(turned.miss):.1f} deg; "
+                f"the next best order {np.degrees(turned.other):.0f} deg")  # fmt: skip
+
+    def _oddness(self, R: FloatArray, E: FloatArray) -> float:
+        """How odd it is that accelerometers are changed by R and gyros by E before that."""
+        gyro = np.linalg.det(R) * R @ E
+        titled = self.found.titled
+        return _odd(R, titled[0]) * 1.001 + _odd(gyro, titled[1])
+
+    def _words(self, triad: str, E: FloatArray) -> str:
+        columns = self.found.accel if triad == "accel" else self.found.gyro
+        assert columns is not None
+        shown = _signed(self.data, columns, E)
+        return ", ".join(f"{a} = {name}" for a, name in zip(AXES, shown, strict=True))
+
+    def _signed_line(self, E: FloatArray) -> str:
+        assert self.found.gyro is not None
+        names = _called(self.data, self.found.gyro, E)
+        return f"gyro.columns = {_listed(names)}"
+
+    # -- [log] ---------------------------------------------------------------------------------
+
+    def _log(self, reading: units.Reading, accel: FloatArray, gyro: FloatArray) -> dict[str, Any]:
+        data, found = self.data, self.found
+        log: dict[str, Any] = {}
+        several = len(data.files) > 1
+        if not several:
+            log["file"] = data.files[0].path.name
+        log |= data.files[0].layout
+        first: list[Line] = []
+        if reading.time is not None and reading.increments and _rounded(self.time):
+            # Increments are divided by the interval, which a rounded clock only has on average.
+            rate = (len(self.time) - 1) / (self.time[-1] * reading.time.si)
+            log |= {"rate": f"{rate:.9g} Hz", "clock": "host"}
+            first.append(Line("rate", f"{rate:.6g} Hz", "the time column is rounded, its rows are "
+                              "even", SURE))  # fmt: skip
+        elif self.clock is not None and reading.time is not None:
+            one = reading.time.text
+            log["time"] = {"column": data.called(self.clock.column), "unit": one}
+            first.append(Line("time", f"{data.shown(self.clock.column)} [{one}], "
+                              f"{reading.rate:.6g} Hz", _why(reading.time, self.clock.titled),
+                              SURE if reading.time.why == "title" else self.sure))  # fmt: skip
+        else:
+            log["rate"] = f"{reading.rate:.10g} Hz"
+            given = isinstance(self.said.get("rate"), str)
+            if not given:
+                log["clock_sd"] = RATE_SD
+            told = self.turned is not None and self.turned.fits
+            lost = [w for f in data.files for w in f.left_out if meaning(w).role == "time"]
+            none = f"'{lost[0]}' cannot be read" if lost else "no time column"
+            why = f"{none}; the gyros' turns fit it, and their scale hangs on it" if told \
+                else f"{none}, and nothing tells it"  # fmt: skip
+            first.append(Line("rate", f"{reading.rate:.6g} Hz",
+                              "the lines above the data say it" if self.head else
+                              "given" if given else
+                              f'{why}: else --set "rate = 50 Hz"',
+                              SURE if given else TAKEN))  # fmt: skip
+        for name, columns, unit, E in (
+            ("accel", found.accel, reading.accel, accel), ("gyro", found.gyro, reading.gyro, gyro),
+        ):  # fmt: skip
+            if columns is None or unit is None:
+                continue
+            block = self._block(name, columns, unit, E, reading.increments)
+            log[name] = block | ({"file": data.file(columns[0]).name} if several else {})
+            shown = ", ".join(_signed(data, columns, E))
+            size = unit.scale or unit.text
+            first.append(Line(_KIND[name], f"{shown} [{size}]" + " sums" * reading.increments,
+                              self._triad_why(name, unit),
+                              LIKELY if unit.why.startswith("not") else
+                              SURE if unit.why in ("title", "gravity, and a usual converter")
+                              else self.sure))  # fmt: skip
+        first += self._sign(log)
+        warm = tell.temperature(data)
+        if warm is not None:
+            log["temperature"] = {"column": data.called(warm[0]), "unit": warm[1]}
+            if several:
+                log["temperature"]["file"] = data.file(warm[0]).name
+            first.append(Line("temperature", f"{data.shown(warm[0])} [{warm[1]}]", "title", SURE))
+        if self.dropped:
+            log["missing"] = "drop"
+            first.append(Line("rows", f"{self.dropped} left out", "a reading is missing", SURE))
+        self.lines[:0] = first
+        return merged(log, {key: self._final(key, value) for key, value in self.said.items()})
+
+    def _final(self, key: str, said: Any) -> Any:
+        """Return what is said of a block; the signs of columns said without one are told."""
+        if not isinstance(said, Mapping) or key not in ("accel", "gyro"):
+            return said
+        signed = any(str(name).startswith("-") for name in said.get("columns", ()))
+        return {k: v for k, v in said.items() if k != "columns" or signed}
+
+    def _sign(self, log: dict[str, Any]) -> list[Line]:
+        accel = self.found.accel
+        if accel is None or "accel" not in log:
+            return []
+        gravity = self.data.columns[accel[0]].means.gravity
+        if gravity:
+            log["accel"]["reads"] = "gravity"
+            return [Line("sign", "accelerometers read gravity, -1 g up", "its logger does", LIKELY)]
+        return [Line("sign", "specific force, +1 g up",
+                     'no log tells; else --set "accel.reads = gravity"', TAKEN)]  # fmt: skip
+
+    def _triad_why(self, name: str, unit: units.Unit) -> str:
+        where = self.found.why[0 if name == "accel" else 1]
+        numbers = "one length at rest" if name == "accel" else "rest near zero, turn gravity"
+        columns = {"titles": "titles", "said": "given"}.get(where, numbers)
+        columns = where if where.startswith("numbers:") else columns
+        if name == "accel" and self.ball is not None and unit.why in ("gravity", "gravity alone"):
+            return f"{columns}; length {self.ball.radius:.5g} at rest"
+        return f"{columns}; unit: {unit.why}"
+
+    def _block(
+        self, name: str, columns: Sequence[int], unit: units.Unit, E: FloatArray, increments: bool
+    ) -> dict[str, Any]:
+        block: dict[str, Any] = {"columns": _called(self.data, columns, E), "unit": unit.text}
+        zero = None
+        if name == "accel" and self.ball is not None:
+            far = float(np.abs(self.ball.centre).max()) > ZERO * self.ball.radius
+            zero = self.ball.centre if far else None
+        elif name == "gyro":
+            at_rest = np.median(self.data.x[:, list(columns)], axis=0)
+            far = float(np.abs(at_rest).max()) * abs(unit.si) > 1.0 and not increments
+            zero = at_rest if far else None
+        if zero is not None and not increments:
+            place = np.argmax(np.abs(E), axis=1)
+            block["unit"] = "count"
+            block["scale"] = unit.scale or (
+                f"{1 / unit.si:.8g} count/({'m/s^2' if name == 'accel' else 'rad/s'})")  # fmt: skip
+            # The reader takes the zero off before it turns the sign round.
+            block["zero"] = [float(f"{zero[k]:.6g}") for k in place]
+        elif unit.text == "count":
+            block["scale"] = unit.scale
+        if increments:
+            block["kind"] = "increment"
+        return block
+
+
+def _rounded(time: FloatArray) -> bool:
+    """Tell whether a clock is even but for the last digits of its stamps."""
+    step = np.diff(time)
+    usual = float(step.mean())
+    line = np.linspace(time[0], time[-1], len(time))
+    return bool(np.ptp(step) > 2e-3 * usual and np.abs(time - line).max() < 0.1 * usual)
+
+
+_KIND = {"accel": "accelerometers", "gyro": "gyros"}
+
+
+def _odd(E: FloatArray, titled: bool) -> float:
+    """How odd a change of columns is: their order says little where no title names the axes."""
+    mistake = Mistake(exchange=E)
+    moved, signs = 3.0 - float(np.trace(np.abs(E))), float(np.sum(E < 0))
+    return mistake.weight if titled else 0.15 * moved + 0.6 * signs
+
+
+def _called(data: tell.Data, columns: Sequence[int], E: FloatArray) -> list[int | str]:
+    place = np.argmax(np.abs(E), axis=1)
+    return [data.called(columns[k], float(row[k])) for row, k in zip(E, place, strict=True)]
+
+
+def _signed(data: tell.Data, columns: Sequence[int], E: FloatArray) -> list[str]:
+    place = np.argmax(np.abs(E), axis=1)
+    return [data.shown(columns[k], float(row[k])) for row, k in zip(E, place, strict=True)]
+
+
+def _listed(names: Sequence[int | str]) -> str:
+    return f"[{', '.join(map(str, names))}]"
+
+
+def _why(unit: units.Unit, titled: bool) -> str:
+    return f"{'title' if titled else 'it runs on evenly'}; unit: {unit.why}"
+
+
+def _whys(r: units.Reading) -> str:
+    parts = [] if r.gyro is None else [f"gyros in {r.gyro.scale or r.gyro.text}: {r.gyro.why}"]
+    return "; ".join([f"{r.rate:.4g} Hz", *parts])
+
+
+def question(found: Recognised) -> FoucaultError:
+    """Return the error that shows both readings of the first question."""
+    one = found.questions[0]
+    return error("recognise.two_ways", file=found.files[0].name, what=one.what, one=one.one,
+                 why_one=one.why_one, other=one.other, why_other=one.why_other)  # fmt: skip

@@ -1,0 +1,279 @@
+"""In which units a log is, from its titles and from what its numbers must be.
+
+Gravity gives the size of what accelerometers read, turns the size of what gyros read times that of
+the clock, and the interval of the samples the clock. A unit is a size that people use; where
+several fit, titles and the usual rates of loggers decide, and what is still open is a question.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import inf, isfinite, log, pi
+
+from foucault.logs.layout import scaled_unit
+from foucault.models.earth import EARTH_RATE
+from foucault.units import STANDARD_GRAVITY
+
+DEGREE = pi / 180.0
+NEAR = log(1.07)
+"""A size is a usual one within this, in logarithm: instruments are off by some percent [1]."""
+
+FAR = log(1.3)
+"""A unit in a title is wrong beyond this, in logarithm [1]."""
+
+USUAL_RATES = (
+    5, 10, 12.5, 20, 25, 26, 30, 32, 40, 50, 52, 60, 62.5, 64, 75, 80, 100, 102.4, 104, 112.5, 119,
+    120, 125, 128, 148, 150, 160, 190, 200, 204.8, 208, 225, 238, 240, 250, 256, 285.714, 300, 333,
+    350, 380, 400, 416, 476, 500, 512, 520, 560, 600, 700, 760, 800, 833, 952, 1000, 1024, 1125,
+    1600, 1666, 2000, 3200, 3332, 4000, 6400, 6667, 8000,
+)  # fmt: skip
+"""Rates of loggers [Hz]."""
+
+LIKELY_RATES, POSSIBLE_RATES = (15.0, 2500.0), (2.0, 20000.0)
+"""Of loggers of inertial instruments [Hz]."""
+
+PEAK = 0.02, 60.0
+"""Whoever turns an instrument turns it so fast at most at some time [rad/s]."""
+
+_PER_DPS = (131.072, 131.0, 65.536, 65.5, 32.768, 32.8, 16.384, 16.4, 14.375, 262.144, 262.4,
+            114.286, 57.143, 14.286, 28.571, 228.57)  # fmt: skip
+_PER_G = (16384.0, 8192.0, 4096.0, 2048.0, 1024.0, 512.0, 256.0, 128.0, 64.0, 32768.0, 65536.0)
+"""Counts of usual converters for 1 deg/s, and for 1 g [count]."""
+
+GYRO = {"rad/s": 1.0, "deg/s": DEGREE, "0.001 deg/s": 1e-3 * DEGREE, "0.001 rad/s": 1e-3,
+        "deg/h": DEGREE / 3600}  # fmt: skip
+ACCEL = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY,
+         "0.01 m/s^2": 0.01, "0.001 m/s^2": 1e-3, "ug": 1e-6 * STANDARD_GRAVITY}  # fmt: skip
+ANGLE = {"rad": 1.0, "deg": DEGREE, "arcsec": DEGREE / 3600}
+VELOCITY = {"m/s": 1.0, "0.001 m/s": 1e-3}
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "100 us": 1e-4}
+"""Units that loggers use [SI]."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the numbers of a log say, in the units of its columns."""
+
+    interval: float  # median step of the time column, 1 without one [raw]
+    timed: bool  # whether there is a time column
+    radius: float | None  # length of the accelerometers' readings at rest [raw]
+    turn: float | None  # of a reading of the gyros, over one of the clock [rad/raw]
+    peak: float  # largest reading of the gyros [raw]
+    still: float  # length of the mean readings of the gyros, of a log that only rests, else 0 [raw]
+    whole: tuple[bool, bool]  # whether accelerometers, gyros are whole numbers
+    increments: bool | None  # what titles say: sums over the interval; None where nothing
+
+
+@dataclass(frozen=True)
+class Titled:
+    """Units that titles give, "" where they give none."""
+
+    time: str = ""
+    accel: str = ""
+    gyro: str = ""
+    given: tuple[str, ...] = ()  # those that a user has said: no number overrules them
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One unit, how it is known, and what speaks against it."""
+
+    text: str  # as [log] has it; "count" with a scale
+    si: float  # [SI]
+    scale: str = ""  # of counts
+    cost: float = 0.0  # how odd it is [1]
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One set of units that fits."""
+
+    time: Unit | None  # None where a rate is taken
+    rate: float  # [Hz]
+    accel: Unit | None
+    gyro: Unit | None
+    increments: bool
+    cost: float  # how odd it is [1]
+
+    def like(self, other: Reading) -> bool:
+        """Tell whether another one has the same clock, and the same size of what gyros read."""
+        same = self.increments == other.increments and abs(log(self.rate / other.rate)) < NEAR
+        if self.gyro is None or other.gyro is None:
+            return same
+        # Gravity and turns calibrate whatever a scale is off by.
+        return same and abs(log(abs(self.gyro.si / other.gyro.si))) < 2 * NEAR
+
+    @property
+    def hangs(self) -> bool:
+        """Whether no one can tell its rate: counts of gyros, and no clock."""
+        return self.time is None and self.gyro is not None and self.gyro.text == "count"
+
+
+def readings(seen: Seen, titled: Titled) -> list[Reading]:
+    """Return the sets of units that fit a log, the likeliest first."""
+    found = [
+        one
+        for increments in ((False, True) if seen.increments is None else (seen.increments,))
+        for clock in _clocks(seen, titled, increments)
+        for one in _with_clock(seen, titled, clock, increments)
+    ]
+    return sorted(found, key=lambda r: r.cost)
+
+
+def _clocks(seen: Seen, titled: Titled, increments: bool) -> Iterator[Unit]:
+    """Yield the units that the time column may have, or the intervals of samples without one."""
+    if seen.timed and titled.time:
+        si = 1.0 if titled.time == "iso" else scaled_unit(titled.time, "time")
+        yield Unit(titled.time, si, why="title")
+        rate = 1.0 / (si * seen.interval)
+        if LIKELY_RATES[0] / 4 <= rate <= LIKELY_RATES[1] * 2 or "time" in titled.given:
+            return
+        for text, other in TIME.items():  # a title that cannot be
+            if text != titled.time:
+                yield Unit(text, other, cost=3.0, why=f"not {titled.time} as its title says")
+        return
+    if seen.timed:
+        for text, si in TIME.items():
+            yield Unit(text, si, cost=1.6 * (text == "100 us"), why="the rate it gives")
+        return
+    gyros = ANGLE if increments else GYRO
+    if seen.turn is None:
+        yield Unit("", 1 / 100.0, cost=4.0, why="nothing")
+        return
+    wanted = [scaled_unit(titled.gyro, "angular rate")] if titled.gyro and not increments \
+        and titled.gyro != "count" else list(gyros.values())  # fmt: skip
+    if seen.whole[1] and not titled.gyro:
+        wanted += [DEGREE / k for k in _PER_DPS]
+    for si in wanted if not increments else ():
+        rate = si / seen.turn
+        usual = min(USUAL_RATES, key=lambda r: abs(log(r / rate)))
+        off = abs(log(usual / rate))
+        if POSSIBLE_RATES[0] < rate < POSSIBLE_RATES[1]:
+            # 100 Hz is likelier than 104: what is round wins where gyros are off by percents.
+            rounds = [r for r in (50, 100, 200, 400, 500, 1000) if abs(log(r / rate)) < 0.04]
+            best = rounds[0] if rounds else usual
+            yield Unit("", 1.0 / (best if abs(log(best / rate)) < 0.06 else rate),
+                       cost=0.5 + 10 * off, why="the gyros' turns")  # fmt: skip
+    if increments and seen.radius:
+        si = seen.radius / STANDARD_GRAVITY  # m/s over m/s^2
+        usual = min(USUAL_RATES, key=lambda r: abs(log(r * si)))
+        if abs(log(usual * si)) < 0.1:
+            yield Unit("", 1.0 / usual, cost=1.0, why="gravity in m/s")
+
+
+def _with_clock(seen: Seen, titled: Titled, clock: Unit, increments: bool) -> Iterator[Reading]:
+    """Yield the readings of a log with one clock."""
+    step = clock.si * seen.interval
+    rate = 1.0 / step if step > 0 else inf
+    if not (isfinite(rate) and POSSIBLE_RATES[0] <= rate <= POSSIBLE_RATES[1]):
+        return
+    cost = clock.cost + 1.5 * (increments and seen.increments is None)
+    cost += 2.0 * (not LIKELY_RATES[0] <= rate <= LIKELY_RATES[1])
+    accels: list[Unit | None] = [None]
+    if seen.radius is not None:
+        size = STANDARD_GRAVITY * (step if increments else 1.0) / seen.radius
+        accels = [*_accel(size, titled, seen.whole[0], increments)]
+    gyros: list[Unit | None] = [None]
+    if seen.peak > 0:
+        turn = None
+        if seen.turn is not None:
+            turn = seen.turn * seen.interval if increments else seen.turn / clock.si
+        gyros = [*_gyro(turn, titled, seen.whole[1], increments)]
+    for accel in accels:
+        for gyro in gyros:
+            more = (0.0 if accel is None else accel.cost) + (0.0 if gyro is None else gyro.cost)
+            if gyro is not None and seen.still > 0:
+                turns = seen.still * abs(gyro.si) * (rate if increments else 1.0)
+                more -= 1.5 * (abs(turns / EARTH_RATE - 1.0) < 0.05)
+                yield Reading(clock if seen.timed else None, rate, accel, gyro, increments,
+                              cost + more)  # fmt: skip
+                continue
+            if gyro is not None:
+                fastest = seen.peak * abs(gyro.si) * (rate if increments else 1.0)
+                more += 2.5 * (gyro.text == "deg/h" and gyro.why != "title")
+                more += 3.0 * (not PEAK[0] < fastest < PEAK[1]) + 1.0 * (fastest < 0.2)
+            yield Reading(clock if seen.timed else None, rate, accel, gyro, increments, cost + more)
+
+
+def _accel(size: float, known_by: Titled, whole: bool, increments: bool) -> Iterator[Unit]:
+    """Yield units of accelerometers whose readings are of a `size` [SI]."""
+    titled = known_by.accel
+    kind = "velocity increment" if increments else "specific force"
+    if titled and titled != "count":
+        try:
+            si = scaled_unit(titled, kind)
+        except Exception:
+            si = 0.0
+        if si and (abs(log(size / si)) < FAR or "accel" in known_by.given):
+            yield Unit(titled, si, why="title")
+            return
+    wrong = f"not {titled} as its title says" if titled and titled != "count" else "gravity"
+    known = VELOCITY if increments else ACCEL
+    extra = 3.0 * (wrong != "gravity")
+    for text, si in known.items():
+        off = abs(log(size / si))
+        if off < NEAR and titled != "count":
+            yield Unit(text, si, cost=extra + 8 * off + 0.7 * (si not in (1.0, STANDARD_GRAVITY)),
+                       why=wrong)  # fmt: skip
+    if increments:
+        yield Unit(f"{size:.6g} m/s", size, cost=3.5 + extra, why="gravity")
+        return
+    per_g = STANDARD_GRAVITY / size
+    usual = min(_PER_G, key=lambda k: abs(log(k / per_g)))
+    off = abs(log(usual / per_g))
+    if whole and off < NEAR:
+        yield Unit("count", STANDARD_GRAVITY / usual, f"{usual:.10g} count/g", 0.4 + 8 * off,
+                   "gravity, and a usual converter")  # fmt: skip
+    yield Unit(
+        "count",
+        size,
+        f"{1 / size:.6g} count/(m/s^2)",
+        1.6 + extra + 1.5 * (not whole),
+        "gravity alone",
+    )
+
+
+def _gyro(turn: float | None, known_by: Titled, whole: bool, increments: bool) -> Iterator[Unit]:
+    """Yield units of gyros one reading of which is a `turn` [SI], None where nothing turned."""
+    titled = known_by.gyro
+    kind = "angle increment" if increments else "angular rate"
+    known = ANGLE if increments else GYRO
+    si = 0.0
+    if titled and titled != "count":
+        try:
+            si = scaled_unit(titled, kind)
+        except Exception:
+            si = {"rad": 1.0, "deg": DEGREE}.get(titled, 0.0)
+            titled = {"rad": "rad/s", "deg": "deg/s"}.get(titled, titled)
+    if si and (turn is None or abs(log(turn / si)) < FAR or "gyro" in known_by.given):
+        yield Unit(titled, si, why="title")
+        return
+    if turn is None:
+        for text in list(known)[:2]:
+            yield Unit(text, known[text], cost=2.0, why="nothing but what is usual")
+        return
+    wrong = f"not {titled} as its title says" if si else "the turns"
+    extra = 3.0 * bool(si)
+    for text, one in known.items():
+        off = abs(log(turn / one))
+        if off < NEAR and titled != "count":
+            yield Unit(text, one, cost=extra + 8 * off + 1.0 * (one not in (1.0, DEGREE)),
+                       why=wrong)  # fmt: skip
+    if increments:
+        yield Unit(f"{turn / DEGREE * 3600:.6g} arcsec", turn, cost=3.5 + extra, why="the turns")
+        return
+    per_dps = DEGREE / turn
+    usual = min(_PER_DPS, key=lambda k: abs(log(k / per_dps)))
+    off = abs(log(usual / per_dps))
+    if whole and off < NEAR:
+        yield Unit("count", DEGREE / usual, f"{usual:.10g} count/(deg/s)", 0.4 + 8 * off,
+                   "the turns, and a usual converter")  # fmt: skip
+    yield Unit(
+        "count",
+        turn,
+        f"{1 / turn:.6g} count/(rad/s)",
+        1.8 + extra + 1.5 * (not whole),
+        "the turns alone",
+    )

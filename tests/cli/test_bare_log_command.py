@@ -1,0 +1,64 @@
+"""The commands that take a log without a campaign."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import make_bare as make
+from foucault.cli.app import app
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return make.write("german", tmp_path_factory.mktemp("bare"), make.truth(1, 50.0, 12))
+
+
+def run(*words: object, code: int = 0) -> str:
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    assert done.exit_code == code, done.output
+    return done.output
+
+
+def test_a_bare_log_is_calibrated_and_its_campaign_gives_the_same_again(file, tmp_path):
+    said = run(
+        "calibrate", file, "-o", tmp_path / "run", "--latitude", "48 deg", "--height", "400 m",
+        "--gravity", "9.81 m/s^2", "--set", "accel.reads = specific force", "--json",
+    )  # fmt: skip
+    seen = json.loads(said)
+    assert {line["what"] for line in seen["recognised"]} >= {"time", "accelerometers", "gyros"}
+    text = (tmp_path / "run" / "campaign.toml").read_text(encoding="utf-8")
+    assert "# What german.csv was taken for" in text
+    run("calibrate", tmp_path / "run" / "campaign.toml", "-o", tmp_path / "again")
+    values = [
+        [row["value"] for row in json.loads((tmp_path / name / "result.json").read_text())[
+            "coefficients"]]
+        for name in ("run", "again")
+    ]  # fmt: skip
+    np.testing.assert_array_equal(*values)
+
+
+def test_init_writes_the_campaign_of_a_log(file, tmp_path):
+    shown = run("init", "--log", file, "--height", "400 m", "--gravity", "9.81 m/s^2")
+    assert shown.startswith("# What german.csv was taken for")
+    made = tmp_path / "campaign.toml"
+    said = run("init", "--log", file, "-o", made, "--set", "accel.first_rest = z up")
+    assert "was taken for" in said
+    assert 'name = "hand_rotated"' in made.read_text(encoding="utf-8")
+    assert "given neither a procedure nor a log" in run("init", code=1)
+    told = run("init", "hand_rotated", "--latitude", "48 deg", code=1)
+    assert "--latitude is for a log without a campaign" in told
+    assert "the rate is taken" not in told
+
+
+def test_inspect_and_allan_say_what_a_bare_log_was_taken_for(file, tmp_path):
+    said = run("inspect", file)
+    assert "german.csv was taken for:" in said
+    assert "12 rests in" in said
+    bare = make.write("untitled", tmp_path, make.truth(1, 50.0, 12))
+    assert "'untitled.csv' was taken for: time column 0 [s]" in " ".join(run("allan", bare).split())
+    two = make.write("arduino_print", tmp_path, make.truth(1, 50.0, 12))
+    assert "fits in two ways" in run("inspect", two, code=1)

@@ -1,0 +1,264 @@
+"""Readings corrected as they come: a pipe, single messages, a bag, a node."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+from typer.testing import CliRunner
+
+from foucault.cli import app
+from foucault.errors import FoucaultError
+from foucault.export.request import AXES, in_axes
+from foucault.export.stream import MARK, Corrector, calibrate_bag, calibrate_stream
+from foucault.logs import read
+from foucault.logs.description import LogDescription
+from foucault.result import Result
+from foucault.run_folder import save
+from foucault.tables import Log
+from make_recordings import START, Bag
+from make_terms import SIZES, Readings, Same, with_terms
+
+ROOT = Path(__file__).parents[2]
+COLUMNS = ["gx", "gy", "gz", "ax", "ay", "az"]
+RAW = LogDescription.model_validate({
+    "file": "raw.csv",
+    "time": {"column": "t", "unit": "s"},
+    "gyro": {"columns": COLUMNS[:3], "unit": "rad/s"},
+    "accel": {"columns": COLUMNS[3:], "unit": "m/s^2"},
+})  # fmt: skip
+
+
+def raw_text(readings: Readings) -> tuple[str, Log]:
+    accel, gyro = readings
+    t = np.arange(len(accel)) / 200.0
+    rows = [",".join(map(repr, row)) for row in np.column_stack([t, gyro, accel]).tolist()]
+    return "\n".join([",".join(["t", *COLUMNS]), *rows, ""]), Log(t, gyro, accel, "rate")
+
+
+# -- a pipe ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("families", [("accel.bias", "gyro.scale", "gyro.bias"), tuple(SIZES)])
+def test_a_stream_is_corrected_as_a_file(
+    families: tuple[str, ...], readings: Readings, tmp_path: Path, same: Same
+) -> None:
+    result = with_terms(*families)
+    text, log = raw_text(readings)
+    out = io.BytesIO()
+    samples, _ = calibrate_stream(result, RAW, io.BytesIO(text.encode()), out)
+    (tmp_path / "out.csv").write_bytes(out.getvalue())
+    got, want = read(LogDescription(file="out.csv"), tmp_path), result.apply(log)
+    assert samples == len(log) == len(got)
+    same(got.accel, want.accel)
+    same(got.gyro, want.gyro)
+    assert "foucault.calibrated_by" in out.getvalue().decode()
+    with pytest.raises(FoucaultError) as caught:
+        own = LogDescription(file="out.csv")
+        calibrate_stream(result, own, io.BytesIO(out.getvalue()), io.BytesIO())
+    assert caught.value.code == "apply.again"
+    with pytest.raises(FoucaultError) as caught:
+        calibrate_stream(result, RAW, io.BytesIO(b""), io.BytesIO())
+    assert caught.value.code == "log.empty"
+
+
+def test_samples_come_out_before_the_stream_ends(
+    readings: Readings, tmp_path: Path, linear: Result
+) -> None:
+    """A line is there soon after it went in, while the pipe is open."""
+    text, log = raw_text(readings)
+    save(linear, tmp_path / "run")
+    campaign = tmp_path / "raw.toml"
+    campaign.write_text(
+        '[site]\ngravity = "9.81 m/s^2"\n[log]\nfile = "raw.csv"\n'
+        'time = { column = "t", unit = "s" }\n'
+        'gyro = { columns = ["gx", "gy", "gz"], unit = "rad/s" }\n'
+        'accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }\n'
+        '[procedure]\nname = "hand_rotated"\n'
+    )
+    words = [sys.executable, "-m", "foucault", "apply", tmp_path / "run", campaign, "--stream"]
+    env = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    with subprocess.Popen(
+        words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=env
+    ) as process:
+        assert process.stdin is not None and process.stdout is not None
+        process.stdin.write(text.encode())
+        process.stdin.flush()
+        begun = time.monotonic()
+        lines = [process.stdout.readline() for _ in range(10)]
+        assert time.monotonic() - begun < 60
+        assert process.poll() is None
+        assert lines[2].startswith(b"time,") or lines[3].startswith(b"time,")
+        rest, said = process.communicate()
+    assert process.returncode == 0, said
+    assert f"{len(log)} samples corrected." in said.decode()
+    assert rest
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [(["--stream", "-o", "x.csv"], "-o has no place"),
+     (["--stream", "--topic", "/imu"], "--topic has no place"),
+     ([], "There is no log to correct, or no -o to write it to.")],
+)  # fmt: skip
+def test_a_stream_and_files_do_not_mix(
+    words: list[str], code: str, tmp_path: Path, linear: Result
+) -> None:
+    save(linear, tmp_path / "run")
+    done = CliRunner().invoke(app, ["apply", str(tmp_path / "run"), *words])
+    assert done.exit_code == 1
+    assert code in done.stderr
+
+
+# -- messages ----------------------------------------------------------------------------------
+
+
+def test_single_readings_are_corrected_exactly(
+    full: Result, apart: Result, readings: Readings, same: Same
+) -> None:
+    for axes in AXES:
+        correct = Corrector(full, axes)
+        C = AXES[axes]
+        accel, gyro = (r @ C.T for r in readings)
+        pairs = [correct(0.0, a, g) for a, g in zip(accel.tolist(), gyro.tolist(), strict=True)]
+        f_s, w_s = in_axes(full.model, C).compensate(accel, gyro)
+        same([f for f, _ in pairs], f_s)
+        same([w for _, w in pairs], w_s)
+    correct = Corrector(apart)  # a first sample has none before it
+    first = correct(5.0, *(r[0].tolist() for r in readings))
+    second = correct(5.01, *(r[1].tolist() for r in readings))
+    assert np.abs(np.array(Corrector(apart)(0.0, *(r[1].tolist() for r in readings)))
+                  - np.array(second)).max() > 1e-3  # fmt: skip
+    assert first != second
+
+
+def test_a_bag_becomes_a_bag(readings: Readings, linear: Result, tmp_path: Path) -> None:
+    accel, gyro = readings
+    stamps = START + np.arange(len(accel)) * 10**7
+    C = AXES["forward-left-up"]
+    for name, mcap in (("a.bag", False), ("folder", False), ("mcap", True)):
+        bag = tmp_path / name
+        with Bag(bag, mcap=mcap) as made:
+            made.imu("/imu/raw", stamps, gyro @ C.T, accel @ C.T)
+            made.odometry("/odometry", stamps[:3], np.tile([0, 0, 0, 1.0], (3, 1)),
+                          np.zeros((3, 3)), "map")  # fmt: skip
+        out = tmp_path / f"out-{name}"
+        assert calibrate_bag(linear, bag, out) == len(accel)
+        log = read(LogDescription.model_validate({"file": out.name}), tmp_path)
+        f_b, w_b = linear.model.compensate(accel, gyro)
+        np.testing.assert_allclose(log.accel, f_b, atol=1e-12 * np.abs(f_b).max())
+        np.testing.assert_allclose(log.gyro, w_b, atol=1e-12 * np.abs(w_b).max())
+        np.testing.assert_allclose(log.time, stamps * 1e-9, rtol=3e-16)
+        kept = [
+            (c.topic, at, data) for path in (bag, out) for c, at, data in messages(path)
+            if c.topic == "/odometry"
+        ]  # fmt: skip
+        assert kept[:3] == kept[3:] and len(kept) == 6
+        assert [c.topic for c, _, _ in messages(out) if c.topic == MARK] == [MARK]
+        with pytest.raises(FoucaultError, match="is calibrated already"):
+            calibrate_bag(linear, out, tmp_path / f"again-{name}")
+        with pytest.raises(FoucaultError, match="exists already"):
+            calibrate_bag(linear, bag, out)
+        with pytest.raises(FoucaultError) as caught:
+            calibrate_bag(linear, bag, tmp_path / ("other" if name == "a.bag" else "other.bag"))
+        assert caught.value.code == "apply.bag_kind"
+    assert not list(tmp_path.glob(".partial-*"))
+
+
+def messages(path: Path) -> list[Any]:
+    with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+        return [(c, at, bytes(data)) for c, at, data in reader.messages()]
+
+
+def test_the_command_writes_a_bag(readings: Readings, linear: Result, tmp_path: Path) -> None:
+    accel, gyro = readings
+    stamps = START + np.arange(len(accel)) * 10**7
+    with Bag(tmp_path / "drive") as made:
+        for topic in ("/left", "/right"):
+            made.imu(topic, stamps, gyro, accel)
+    save(linear, tmp_path / "run")
+    words = ["apply", str(tmp_path / "run"), str(tmp_path / "drive"), "-o", str(tmp_path / "out")]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 1
+    assert "/left, /right" in done.stderr
+    done = CliRunner().invoke(app, [*words, "--topic", "/left"])
+    assert done.exit_code == 0, done.stderr
+    assert "with 50 corrected messages" in done.stdout
+    before, after = (messages(tmp_path / name) for name in ("drive", "out"))
+    for topic, alike in (("/right", len(accel)), ("/left", 0)):
+        old, new = ([data for c, _, data in some if c.topic == topic] for some in (before, after))
+        assert sum(a == b for a, b in zip(old, new, strict=True)) == alike
+
+
+# -- the node ----------------------------------------------------------------------------------
+
+
+class FakeNode:
+    """As much of `rclpy.node.Node` as the node uses."""
+
+    parameters: dict[str, Any] = {}  # noqa: RUF012
+
+    def __init__(self, name: str) -> None:
+        self.published: list[Any] = []
+        self.heard: dict[str, Any] = {}
+
+    def declare_parameter(self, name: str, default: Any) -> Any:
+        class Parameter:
+            value = self.parameters.get(name, default)
+
+        return Parameter
+
+    def create_publisher(self, kind: Any, topic: str, qos: Any) -> Any:
+        class Publisher:
+            publish = staticmethod(self.published.append)
+
+        return Publisher
+
+    def create_subscription(self, kind: Any, topic: str, received: Any, qos: Any) -> None:
+        self.heard[topic] = received
+
+
+def test_the_node_corrects_messages(
+    readings: Readings, linear: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Against the message classes of rosbags, which are those of ROS 2."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    fakes = {"rclpy": {}, "rclpy.node": {"Node": FakeNode}, "sensor_msgs": {},
+             "rclpy.qos": {"qos_profile_sensor_data": None},
+             "sensor_msgs.msg": {"Imu": store.types["sensor_msgs/msg/Imu"]}}  # fmt: skip
+    for name, said in fakes.items():
+        module = ModuleType(name)
+        vars(module).update(said)
+        monkeypatch.setitem(sys.modules, name, module)
+    file = ROOT / "examples" / "ros2_imu_node.py"
+    spec = importlib.util.spec_from_file_location("ros2_imu_node", file)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    save(linear, tmp_path / "run")
+    FakeNode.parameters = {"run": str(tmp_path / "run")}
+    node = module.ImuCorrection()
+    C = AXES["forward-left-up"]
+    with Bag(tmp_path / "drive") as made:
+        made.imu("/imu", START + np.arange(50) * 10**7, *(r @ C.T for r in readings[::-1]))
+    with AnyReader([tmp_path / "drive"]) as reader:
+        for connection, _, data in reader.messages():
+            node.heard["imu/raw"](reader.deserialize(data, connection.msgtype))
+    f_b, w_b = linear.model.compensate(*readings)
+    got = [[m.linear_acceleration.x, m.linear_acceleration.y, m.linear_acceleration.z]
+           for m in node.published]  # fmt: skip
+    np.testing.assert_allclose(got, f_b @ C.T, atol=1e-12 * np.abs(f_b).max())
+    assert node.published[7].header.stamp.nanosec == 7 * 10**7
+    assert np.abs(w_b @ C.T - [[m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z]
+                               for m in node.published]).max() < 1e-12 * 10  # fmt: skip

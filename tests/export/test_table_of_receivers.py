@@ -1,0 +1,410 @@
+"""Receivers of the table: each, doing what it does with its file, gets what we mean."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from foucault.errors import FoucaultError
+from foucault.export import write
+from foucault.export.densities import allan_variance, densities
+from foucault.export.receivers import knowledge
+from foucault.export.request import AXES
+from foucault.export.table import KINDS, Receiver, found_in, model_in, numbers_of, receivers
+from foucault.models.imu import Gauge
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.result import Result
+from make_terms import LOUD, Readings, Same, with_terms
+
+TABLE = receivers()
+RATE = LOUD.rate
+
+
+def exported(name: str, path: Path, **options: Any) -> tuple[Receiver, Result, str]:
+    own = TABLE[name]
+    result = with_terms(*(own.takes or ("accel.bias", "gyro.scale")))
+    return own, result, write(result, name, path, noise=LOUD, **options).read_text("utf-8")
+
+
+# -- there and back ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", list(TABLE))
+def test_what_is_written_reads_back(name: str, tmp_path: Path) -> None:
+    own, result, text = exported(name, tmp_path / "out")
+    known, _ = knowledge(result, own, noise=LOUD)
+    found = found_in(own, text)
+    for row in own.rows:
+        if not row.key or row.warm:
+            continue
+        want, got = row.told(known), numbers_of(row, found)
+        assert want is not None and got is not None, row.key
+        np.testing.assert_array_equal(got, want, err_msg=row.key)
+        for of, meant in row.meant(got, known).items():
+            if row.noise:
+                want = known.noise[of if row.each else f"one:{of}"]
+                np.testing.assert_allclose(meant.ravel(), np.ravel(want), rtol=1e-12)
+    if not own.before:
+        got_model = model_in(own, found)
+        for part in ("accel_matrix", "accel_bias", "gyro_matrix", "gyro_bias", "g_sensitivity"):
+            np.testing.assert_allclose(
+                getattr(got_model, part), getattr(known.model, part), rtol=0, atol=1e-12
+            )
+
+
+@pytest.mark.parametrize("name", [n for n, r in TABLE.items() if r.single])
+def test_single_precision_is_that_of_single_numbers(name: str, tmp_path: Path) -> None:
+    own, result, text = exported(name, tmp_path / "out")
+    assert "single precision" in text
+    known, _ = knowledge(result, own, noise=LOUD)
+    single = {key: float(np.float32(value)) for key, value in found_in(own, text).items()}
+    for row in own.rows:
+        if row.key and not row.warm:
+            np.testing.assert_allclose(numbers_of(row, single), row.told(known), rtol=1.2e-7)
+
+
+@pytest.mark.parametrize("name", [n for n, r in TABLE.items() if r.syntax == "yaml"])
+def test_pyyaml_takes_every_number_for_one(name: str, tmp_path: Path) -> None:
+    yaml = pytest.importorskip("yaml")
+    own, _, text = exported(name, tmp_path / "out")
+    flat = dict(leaves(yaml.safe_load(text)))
+    for key, value in found_in(own, text).items():
+        np.testing.assert_array_equal(np.asarray(flat[key], float), value)
+
+
+def leaves(value: Any, path: str = "") -> Any:
+    for key, item in value.items():
+        at = f"{path}.{key}" if path else key
+        yield from leaves(item, at) if isinstance(item, dict) else [(at, item)]
+
+
+@pytest.mark.parametrize("name", [n for n, r in TABLE.items() if r.syntax == "opencv"])
+def test_opencv_reads_it(name: str, tmp_path: Path) -> None:
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is large and in no extra")
+    own, _, text = exported(name, tmp_path / "out.yaml")
+    assert text.startswith("%YAML:1.0\n")
+    storage = cv2.FileStorage(str(tmp_path / "out.yaml"), cv2.FILE_STORAGE_READ)
+    for key, value in found_in(own, text).items():
+        node = storage.root()
+        for part in key.split(".") if own.nested else [key]:
+            node = node.getNode(part)
+        np.testing.assert_array_equal(numbers_in(node), value, err_msg=key)
+        assert node.isSeq() or node.isReal()  # 200 would be an integer, which ORB-SLAM3 refuses
+
+
+def numbers_in(node: Any) -> Any:
+    return [numbers_in(node.at(i)) for i in range(node.size())] if node.isSeq() else node.real()
+
+
+def test_gtsam_takes_the_snippet(tmp_path: Path) -> None:
+    pytest.importorskip("gtsam", reason="GTSAM is large and in no extra")
+    _, _, text = exported("gtsam", tmp_path / "out.py")
+    said: dict[str, Any] = {}
+    exec(text, said)
+    for name, noise in (("Accelerometer", "accel.white"), ("Gyroscope", "gyro.white"),
+                        ("BiasAcc", "accel.walk"), ("BiasOmega", "gyro.walk")):  # fmt: skip
+        got = getattr(said["params"], f"get{name}Covariance")()
+        np.testing.assert_allclose(got, np.eye(3) * LOUD.values[f"one:{noise}"] ** 2, rtol=1e-12)
+
+
+def test_pymavlink_takes_the_parameters(tmp_path: Path) -> None:
+    mavparm = pytest.importorskip("pymavlink.mavparm", reason="pymavlink is in no extra")
+    own, _, text = exported("ardupilot", tmp_path / "a.param")
+    held = mavparm.MAVParmDict()
+    assert held.load(str(tmp_path / "a.param"))
+    assert dict(held) == found_in(own, text)
+
+
+def test_launch_files_say_that_these_are_numbers(tmp_path: Path) -> None:
+    """roslaunch makes text of 1e-05 without a type, and nh.param then takes its default."""
+    own, _, text = exported("msckf-vio", tmp_path / "a.launch")
+    params = ET.fromstring(text[text.index("<launch>") :]).findall("param")
+    assert {p.get("name"): float(p.get("value", "")) for p in params} == found_in(own, text)
+    assert {p.get("type") for p in params} == {"double"}
+
+
+def test_readers_that_take_an_exponent_for_text_are_known(tmp_path: Path) -> None:
+    own, _, text = exported("kalibr", tmp_path / "a.yaml")
+    wrong = re.sub(r"(gyroscope_random_walk): \S+", r"\1: 2e-06", text)
+    assert found_in(own, text)["gyroscope_random_walk"] == 2e-6
+    assert found_in(own, wrong)["gyroscope_random_walk"] == "2e-06"
+    yaml = pytest.importorskip("yaml")
+    assert yaml.safe_load(wrong)["gyroscope_random_walk"] == "2e-06"
+
+
+# -- what each does with the calibration: equations from the sources that the table names -------
+
+
+def corrected(name: str, x: dict[str, Any], accel: Any, gyro: Any) -> tuple[Any, Any]:
+    """Return specific force and rate as a receiver computes them from readings."""
+    inv = np.linalg.inv
+    if name == "kalibr":
+        M_g, C, A = x["gyroscopes.M"], x["gyroscopes.C_gyro_i"], x["gyroscopes.A"]
+        f = accel @ inv(x["accelerometers.M"]).T
+        return f, (gyro - f @ (A @ C).T) @ inv(M_g @ C).T
+    if name.startswith("openvins"):
+        D_a, D_w = inv(x["imu0.Ta"]), inv(x["imu0.Tw"])
+        keep = np.tril if name == "openvins" else np.triu  # what it keeps of its own inverse
+        np.testing.assert_allclose(D_a, keep(D_a), atol=1e-15)
+        np.testing.assert_allclose(D_w, keep(D_w), atol=1e-15)
+        f = accel @ (x["imu0.R_IMUtoACC"].T @ D_a).T
+        return f, (gyro - f @ x["imu0.Tg"].T) @ (x["imu0.R_IMUtoGYRO"].T @ D_w).T
+    if name == "basalt":
+        a, g = x["value0.calib_accel_bias"], x["value0.calib_gyro_bias"]
+        S = np.array([[a[3], 0, 0], [a[4], a[6], 0], [a[5], a[7], a[8]]])
+        S_g = np.array([g[3:6], g[6:9], g[9:12]]).T
+        return accel @ (np.eye(3) + S).T - a[:3], gyro @ (np.eye(3) + S_g).T - g[:3]
+    if name == "imucal":
+        f = (accel - x["b_a"]) @ (inv(x["R_a"]) @ inv(x["K_a"])).T
+        w = np.degrees(gyro) - f @ x["K_ga"].T - x["b_g"]
+        return f, np.radians(w @ (inv(x["R_g"]) @ inv(x["K_g"])).T)
+    if name == "matlab":
+        M_a, M_g = (x[f"{t}.AxesMisalignment"] / 100 for t in ("accel", "gyro"))
+        f = (accel - x["accel.ConstantBias"]) @ inv(M_a).T
+        return f, (gyro - x["gyro.ConstantBias"]) @ inv(M_g).T
+    if name == "psins":
+        ug, hour = 9.7803267715e-6, np.radians(1) / 3600
+        return tuple(
+            (raw - b) @ inv(psins_matrix(x[f"dK{t}ii"], x[f"dK{t}ij"])).T
+            for raw, b, t in ((accel, x["db"] * ug, "A"), (gyro, x["eb"] * hour, "G"))
+        )  # type: ignore[return-value]
+    if name == "pyins":
+        return ((accel - x["accel_bias"]) @ inv(x["accel_transform"]).T,
+                (gyro - x["gyro_bias"]) @ inv(x["gyro_transform"]).T)  # fmt: skip
+    if name == "kf-gins":
+        f = (accel - x["initaccbias"] * 1e-5) / (1 + x["initaccscale"] * 1e-6)
+        w = gyro - np.radians(x["initgyrbias"]) / 3600
+        return f, w / (1 + x["initgyrscale"] * 1e-6)
+    if name == "gnss-ins-sim":
+        return accel - x["accel_b"], gyro - np.radians(x["gyro_b"]) / 3600
+    if name == "ros2":
+        return accel @ x["SM"].reshape(3, 3).T - x["bias"], gyro
+    keys = {"px4": ("CAL_ACC0_{}OFF", "CAL_ACC0_{}SCALE", "CAL_GYRO0_{}OFF"),
+            "ardupilot": ("INS_ACCOFFS_{}", "INS_ACCSCAL_{}", "INS_GYROFFS_{}")}[name]  # fmt: skip
+    off, scale, gyro_off = ([x[key.format(axis)] for axis in "XYZ"] for key in keys)
+    return (accel - off) * np.array(scale), gyro - gyro_off
+
+
+def psins_matrix(ii: Any, ij: Any) -> Any:
+    K = np.eye(3) + np.diag(ii) * 1e-6
+    for (i, j), value in zip([(1, 0), (2, 0), (2, 1), (0, 1), (0, 2), (1, 2)], ij, strict=True):
+        K[i, j] = np.radians(value / 3600)
+    return K
+
+
+@pytest.mark.parametrize("name", [n for n, r in TABLE.items() if not r.before])
+def test_it_corrects_as_we_do(name: str, readings: Readings, tmp_path: Path, same: Same) -> None:
+    own, result, text = exported(name, tmp_path / "out")
+    x = {key: np.asarray(value) for key, value in found_in(own, text).items()}
+    C_sb = AXES[own.axes or "right-forward-up"]
+    accel, gyro = (r @ C_sb.T for r in readings)
+    known, _ = knowledge(result, own, noise=LOUD)
+    want = known.model.compensate(accel, gyro)  # in the gauge of the receiver
+    got = corrected(name, x, accel, gyro)
+    same(got[0], want[0])
+    same(got[1], want[1])
+    norms = [np.linalg.norm(f, axis=1) for f in (want[0], result.model.compensate(*readings)[0])]
+    same(*norms)  # and that is a rotation of ours
+
+
+def test_imucal_itself_applies_it(readings: Readings, tmp_path: Path, same: Same) -> None:
+    imucal = pytest.importorskip("imucal", reason="imucal is in the bench extra")
+    _, result, text = exported("imucal", tmp_path / "imucal.json")
+    info = imucal.CalibrationInfo.from_json(text)
+    assert isinstance(info, imucal.FerrarisCalibrationInfo)
+    f, w = info.calibrate(readings[0], np.degrees(readings[1]), "m/s^2", "deg/s")
+    f_b, w_b = result.model.compensate(*readings)
+    same(f, f_b)
+    same(np.radians(w), w_b)
+    assert "Instrument: name MTi-28, serial 0180-2214" in info.comment
+
+
+def test_kalibr_in_another_gauge_turns_the_frame(tmp_path: Path, same: Same) -> None:
+    takes = TABLE["kalibr"].takes
+    lower = with_terms(*takes)
+    model, _ = lower.model.in_gauge(Gauge.UPPER)
+    names = [n for n in model.coefficients().names if n.rpartition(".")[0] in takes]
+    upper = replace(with_terms(*takes, gauge=Gauge.UPPER.value),
+                    coefficients=model.coefficients(names))  # fmt: skip
+    text = write(upper, "kalibr", tmp_path / "imu.yaml", noise=LOUD).read_text()
+    assert "body axes are turned by" in text
+    same(found_in(TABLE["kalibr"], text)["accelerometers.M"], lower.model.accel_matrix)
+
+
+@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+def test_flight_stacks_say_what_they_do_not_take(name: str, tmp_path: Path) -> None:
+    _, _, text = exported(name, tmp_path / "out")
+    words = {"px4": "keep the old one without a word", "ardupilot": "INS_GYR_CAL 0 keeps these"}
+    assert words[name] in " ".join(text.replace("#", " ").split())
+
+
+def test_a_scale_beyond_the_limits_of_the_receiver_is_refused(tmp_path: Path) -> None:
+    result = with_terms("accel.scale")
+    wild = result.coefficients.with_values({"accel.scale.y": 0.3})
+    with pytest.raises(FoucaultError, match=r"ardupilot takes INS_ACCSCAL_. from 0\.8 to 1\.2"):
+        write(replace(result, coefficients=wild), "ardupilot", tmp_path / "a.param")
+
+
+# -- what each does with the noise -------------------------------------------------------------
+
+T = 10.0
+"""How long a receiver propagates [s]."""
+
+
+def propagated(name: str, x: dict[str, Any], triad: str) -> tuple[Any, Any]:
+    """Return the variance of the integral of the readings after T, and that of the bias [SI]."""
+    t = {"accel": 0, "gyro": 1}[triad]
+    dt, n = 1 / RATE, int(T * RATE)
+
+    def of(*keys: str) -> Any:
+        return np.asarray(x[keys[t]], float)
+
+    if name in ("vins-mono", "vins-fusion"):  # 0.5 dt (n0 + n1) in each step; dt n of the bias
+        return n * 0.5 * dt**2 * of("acc_n", "gyr_n") ** 2, n * (dt * of("acc_w", "gyr_w")) ** 2
+    if name == "orb-slam3":  # B = dt I; the walk is added once a sample
+        F = np.asarray(x["IMU.Frequency"])
+        white = (of("IMU.NoiseAcc", "IMU.NoiseGyro") * np.sqrt(F)) ** 2
+        return n * dt**2 * white, n * (of("IMU.AccWalk", "IMU.GyroWalk") / np.sqrt(F)) ** 2
+    if name == "fast-lio2":  # (dt F_w) Q (dt F_w)^T
+        white = of("mapping.acc_cov", "mapping.gyr_cov")
+        return n * dt**2 * white, n * dt**2 * of("mapping.b_acc_cov", "mapping.b_gyr_cov")
+    if name.startswith("gtsam"):  # B (cov / dt) B^T; dt times that of the bias
+        white = of("setAccelerometerCovariance", "setGyroscopeCovariance")
+        walk = of("setBiasAccCovariance", "setBiasOmegaCovariance")
+        return n * dt**2 * white / dt, n * dt * walk
+    if name == "rovio":
+        axes = [x[f"Prediction.PredictionNoise.{k}_{i}"] for i in range(3) for k in of_rovio(triad)]
+        return T * np.array(axes[::2]), T * np.array(axes[1::2])
+    if name == "robot_localization":  # a measurement: the variance of one sample
+        key = ("linear_acceleration_covariance", "angular_velocity_covariance")[t]
+        return n * dt**2 * np.reshape(x[key], (3, 3)).diagonal(), None
+    if name == "kf-gins":
+        tau = float(x["imunoise.corrtime"]) * 3600
+        white = of("imunoise.vrw", "imunoise.arw") * (1 / 60, np.radians(1) / 60)[t]
+        sd = of("imunoise.abstd", "imunoise.gbstd") * (1e-5, np.radians(1) / 3600)[t]
+        return T * white**2, T * 2 * sd**2 / tau
+    if name == "gnss-ins-sim":
+        white = of("accel_vrw", "gyro_arw") * (1 / 60, np.radians(1) / 60)[t]
+        sd = of("accel_b_stability", "gyro_b_stability") * (1, np.radians(1) / 3600)[t]
+        return T * white**2, T * 2 * sd**2 / of("accel_b_corr", "gyro_b_corr")
+    if name == "psins":
+        ug = 9.7803267715e-6
+        white = of("wdb", "web") * (ug, np.radians(1) / 60)[t]
+        sd = of("sqrtR0A", "sqrtR0G") * (ug, np.radians(1) / 3600)[t]
+        return T * white**2, T * 2 * sd**2 / of("TauA", "TauG")
+    keys = {  # squared by the receiver as a density
+        "kalibr": ("accelerometer_noise_density", "accelerometer_random_walk",
+                   "gyroscope_noise_density", "gyroscope_random_walk"),
+        "basalt": ("value0.accel_noise_std", "value0.accel_bias_std", "value0.gyro_noise_std",
+                   "value0.gyro_bias_std"),
+        "msckf-vio": ("noise/acc", "noise/acc_bias", "noise/gyro", "noise/gyro_bias"),
+        "maplab": ("sigmas.acc_noise_density", "sigmas.acc_bias_random_walk_noise_density",
+                   "sigmas.gyro_noise_density", "sigmas.gyro_bias_random_walk_noise_density"),
+        "lio-sam": ("lio_sam.imuAccNoise", "lio_sam.imuAccBiasN", "lio_sam.imuGyrNoise",
+                    "lio_sam.imuGyrBiasN"),
+        "pyins": ("accel_noise", "accel_bias_walk", "gyro_noise", "gyro_bias_walk"),
+    }  # fmt: skip
+    keys["openvins"] = keys["openvins-rpng"] = tuple(f"imu0.{k}" for k in keys["kalibr"])
+    white, walk = (np.asarray(x[k], float) for k in keys[name][2 * t : 2 * t + 2])
+    return T * white**2, T * walk**2
+
+
+def of_rovio(triad: str) -> tuple[str, str]:
+    return ("vel", "acb") if triad == "accel" else ("att", "gyb")
+
+
+WITH_NOISE = [n for n, r in TABLE.items() if any(row.noise for row in r.rows)]
+
+
+@pytest.mark.parametrize("name", WITH_NOISE)
+def test_its_own_formula_gives_the_noise_back(name: str, tmp_path: Path) -> None:
+    own, result, text = exported(name, tmp_path / "out")
+    known, _ = knowledge(result, own, noise=LOUD)
+    for triad in ("accel", "gyro"):
+        white, walk = propagated(name, found_in(own, text), triad)
+        for got, what in ((white, "white"), (walk, "walk")):
+            if got is None:
+                continue
+            one = "" if np.size(got) == 3 else "one:"
+            want = known.noise[f"{one}{triad}.{what}"] ** 2 * T
+            np.testing.assert_allclose(got, want, rtol=1e-12)
+
+
+def test_vins_halves_what_it_takes_for_independent(tmp_path: Path) -> None:
+    """The equation of the table beside a simulation of the receiver's own steps."""
+    rng = np.random.default_rng(3)
+    _, _, text = exported("vins-mono", tmp_path / "out")
+    sd = found_in(TABLE["vins-mono"], text)["acc_n"]
+    noise = rng.normal(size=(4000, 2, int(RATE))) * sd  # both samples of a step are its own
+    velocity = (0.5 / RATE * noise.sum(axis=1)).sum(axis=1)
+    got, want = velocity.var(), LOUD.values["one:accel.white"] ** 2 * 1.0
+    assert abs(got / want - 1) < 2.6 * np.sqrt(2 / 4000)  # 1 %
+
+
+# -- noise that is not known, and where it is from ---------------------------------------------
+
+
+def test_kalibr_is_never_left_without_a_random_walk(tmp_path: Path) -> None:
+    """It stops on a key that is missing, zero or a comment."""
+    result = with_terms("accel.scale", validity={"rate": 100.0})
+    markov = TriadNoise(white=1e-3, bias_instability=4e-4, correlation_time=100.0)
+    noise = ImuNoise(markov, TriadNoise(white=3e-4, random_walk=2e-6))
+    text = write(result, "kalibr", tmp_path / "imu.yaml", noise=noise).read_text()
+    x = found_in(TABLE["kalibr"], text)
+    assert x["gyroscope_noise_density"] == 3e-4
+    assert x["gyroscope_random_walk"] == 2e-6
+    assert x["accelerometer_random_walk"] > 0
+    assert "bound the Allan curve from" in text
+    with pytest.raises(FoucaultError) as caught:
+        write(result, "kalibr", tmp_path / "b.yaml", noise=ImuNoise(TriadNoise(white=1e-3)))
+    assert caught.value.code == "export.noise"
+    assert "gyroscope_noise_density, gyroscope_random_walk" in caught.value.message
+    bare = write(result, "kalibr", tmp_path / "b.yaml", drop=["noise"]).read_text()
+    assert "# accelerometer_noise_density: not known" in bare
+    assert x["update_rate"] == found_in(TABLE["kalibr"], bare)["update_rate"] == 100.0
+
+
+def test_a_declared_bias_instability_is_bounded() -> None:
+    markov = TriadNoise(white=1e-3, bias_instability=4e-4, correlation_time=100.0)
+    got = densities(ImuNoise(accel=markov))
+    N, K = (float(got.values[f"one:accel.{w}"]) for w in ("white", "walk"))
+    tau = np.geomspace(1.0, 500.0, 40)
+    ratio = np.sqrt((N**2 / tau + K**2 * tau / 3) / allan_variance(markov, tau))
+    assert ratio.min() >= 0.95 and ratio.max() <= 3.0
+    assert 1e-3 <= N <= 4e-3 / 3
+
+
+def test_what_holds_at_one_rate_only_wants_the_rate(tmp_path: Path) -> None:
+    result = with_terms("accel.bias")
+    silent = replace(LOUD, rate=None)
+    with pytest.raises(FoucaultError) as caught:
+        write(result, "vins-mono", tmp_path / "a", noise=silent)
+    assert caught.value.code == "export.rate"
+    slow = write(result, "vins-mono", tmp_path / "a", noise=silent, rate=50.0).read_text()
+    assert "Rate of the readings: 50 Hz." in slow
+    fast = write(result, "vins-mono", tmp_path / "b", noise=silent, rate=200.0).read_text()
+    own = TABLE["vins-mono"]
+    assert found_in(own, fast)["acc_n"] == pytest.approx(2 * found_in(own, slow)["acc_n"])
+
+
+def test_noise_measured_by_a_procedure_is_that_of_the_worst_axis(tmp_path: Path) -> None:
+    noise = {"accel_white": [1e-3, 1e-3, 2e-3], "gyro_white": [3e-4, 4e-4, 0.0]}
+    result = with_terms("accel.scale", validity={"rate": 100.0}, diagnostics={"noise": noise})
+    text = write(result, "kalibr", tmp_path / "imu.yaml", drop=["noise"]).read_text()
+    x = found_in(TABLE["kalibr"], text)
+    assert (x["accelerometer_noise_density"], x["gyroscope_noise_density"]) == (2e-3, 4e-4)
+
+
+def test_the_table_is_whole() -> None:
+    for own in TABLE.values():
+        assert own.source and own.title and own.file
+        for row in own.rows:
+            assert row.kind in KINDS
+            assert row.key or row.line
+            assert row.one > 0

@@ -1,0 +1,97 @@
+"""The filter and smoother of poses against one dense least squares, compiled and as Python."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from foucault.kernels import pose as kernels
+from foucault.models.rotation import exp
+
+FORMS = pytest.mark.parametrize("form", ["compiled", "python"])
+
+
+def of(name: str, form: str):
+    kernel = getattr(kernels, name)
+    return kernel if form == "compiled" else kernel.py_func
+
+
+def increments(m=4, each=3):
+    rng = np.random.default_rng(2)
+    n = m * each + 1
+    dt = np.full(n, 0.01)
+    theta, force = 0.05 * rng.standard_normal((n, 3)), 0.1 * rng.standard_normal((n, 3))
+    late = rng.standard_normal((n, 3))
+    return np.arange(m) * each, dt, theta, force, late
+
+
+def added(form, node, dt, theta, force, late):
+    m = len(node)
+    out, J, Q = np.zeros((m, 16)), np.zeros((m, 9, 22)), np.zeros((m, 9, 9))
+    middle, one = dt[:, None] * force / 2, np.eye(3)
+    of("preintegrate", form)(node, dt, theta, force, middle, one, one, theta, force, late,
+                             1e-4, 1e-3, out, J, Q)  # fmt: skip
+    return out, J, Q
+
+
+@FORMS
+def test_increments_add_up_and_their_slopes_are_differences(form):
+    node, dt, theta, force, late = increments()
+    out, J, Q = added(form, node, dt, theta, force, late)
+    C, v, p = np.eye(3), np.zeros(3), np.zeros(3)
+    for k in range(node[1] + 1, node[2] + 1):
+        p = p + v * dt[k] + C @ force[k] * dt[k] / 2
+        v, C = v + C @ force[k], C @ exp(theta[k])
+    np.testing.assert_allclose(out[2, :9].reshape(3, 3), C, atol=1e-12)
+    np.testing.assert_allclose(out[2, 9:15], [*v, *p], atol=1e-12)
+    assert out[2, 15] == pytest.approx(0.03)
+    h = 1e-6
+    for column, change in ((0, (1, 0)), (4, (0, 1))):  # biases of gyro x and accelerometer y
+        axis = column % 3
+        less = -h * dt[:, None] * np.eye(3)[axis]
+        other = added(form, node, dt, theta + change[0] * less, force + change[1] * less, late)[0]
+        from foucault.models.rotation import log
+
+        turn = log(out[2, :9].reshape(3, 3).T @ other[2, :9].reshape(3, 3))
+        slope = np.concatenate([turn, other[2, 9:15] - out[2, 9:15]]) / h
+        np.testing.assert_allclose(J[2, :, column], slope, atol=2e-2 * np.abs(slope).max())
+    assert np.linalg.eigvalsh(Q[2]).min() > 0
+
+
+@FORMS
+def test_filter_and_smoother_are_one_least_squares(form):
+    rng = np.random.default_rng(3)
+    moved, J, Q = added(form, *increments())
+    m, p = len(moved), 32
+    C = exp(rng.standard_normal((m, 3)))
+    u, G = 0.01 * rng.standard_normal((m, 9)), rng.standard_normal((3, 2))
+    z, H, D = (rng.standard_normal(s) for s in ((m, 6), (m, 6, 9), (m, 6, p)))
+    R, P0 = rng.uniform(0.5, 1.0, (m, 6)), 4.0 * np.eye(9)
+    R[1, 2] = np.inf
+    nu, M = np.zeros((m, 6)), np.zeros((m, 6, p))
+    x, U, P = np.zeros((m, 9)), np.zeros((m, 9, p)), np.zeros((m, 9, 9))
+    assert of("forward", form)(C, moved, J, Q, u, G, z, H, D, R, P0, nu, M, x, U, P)
+    # The same as one system: rows of the start, of each step, of each measurement.
+    wide = 9 * m
+    A, b = [np.eye(9, wide + p) / 2.0], [np.zeros(9)]
+    for k in range(1, m):
+        Phi, B = np.zeros((9, 9)), np.zeros((9, p))
+        kernels._step.py_func(k, C[k - 1], moved, J, G, Phi, B)
+        T = np.kron(np.diag([0.0, 1.0, 1.0]), C[k - 1]) + np.kron(np.diag([1.0, 0, 0]), np.eye(3))
+        L = np.linalg.inv(np.linalg.cholesky(T @ Q[k] @ T.T))
+        row = np.zeros((9, wide + p))
+        row[:, 9 * k : 9 * k + 9], row[:, 9 * k - 9 : 9 * k], row[:, wide:] = np.eye(9), -Phi, -B
+        A, b = [*A, L @ row], [*b, L @ u[k]]
+    for k in range(m):
+        row = np.zeros((6, wide + p))
+        row[:, 9 * k : 9 * k + 9], row[:, wide:] = H[k], D[k]
+        s = np.where(np.isfinite(R[k]), 1 / np.sqrt(R[k]), 0.0)[:, None]
+        A, b = [*A, s * row], [*b, s[:, 0] * z[k]]
+    known = 3.0
+    whole = np.vstack([*A, np.eye(wide + p)[wide:] * known])
+    best = np.linalg.lstsq(whole, np.concatenate([*b, np.zeros(p)]), rcond=None)[0]
+    rows = M.reshape(-1, p)
+    delta = np.linalg.solve(rows.T @ rows + known**2 * np.eye(p), rows.T @ nu.ravel())
+    np.testing.assert_allclose(delta, best[wide:], atol=1e-7)
+    assert of("backward", form)(C, moved, J, Q, u, G, delta, x, U, P)
+    np.testing.assert_allclose(x.ravel(), best[:wide], atol=1e-6)

@@ -1,0 +1,245 @@
+"""An IMU beside poses: by a simulator of its own, mistakes that people make, and real runs."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import make_pose
+from foucault.errors import FoucaultError
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.pose import READINGS, PoseTable
+from foucault.procedures import imu_pose
+from foucault.procedures.imu_pose import PoseLog, Settings
+from foucault.procedures.imu_pose.model import NAMES
+from foucault.result import Level
+from foucault.tables import Log
+
+SITE = replace(Site.at(np.radians(48.0)), gravity=9.80665, gravity_sd=0.0)
+NOISE = ImuNoise(TriadNoise(white=2e-3), TriadNoise(white=1.6e-4))
+
+
+@cache
+def session(seed=1, **how):
+    imu, (t, p, C), truth = make_pose.session(seed, **({"duration": 30.0, "vigour": 0.4} | how))
+    return Log(*imu), PoseTable(t, p, make_pose.quaternion(C)), truth
+
+
+def solved(log, table, *, noise=NOISE, **settings):
+    return imu_pose.calibrate(
+        PoseLog.of(log, table), site=SITE, settings=Settings(**settings), noise=noise
+    )
+
+
+def off(result, truth):
+    c = result.coefficients
+    true = dict(zip(NAMES, make_pose.values(truth), strict=True))
+    return c.values - np.array([true[n] for n in c.names]), c.cov
+
+
+@pytest.mark.parametrize("how", [{}, {"late": 1.5e-3}, {"pose_rate": 30.0, "sd": (5e-3, 3e-3)}])
+def test_it_finds_what_another_simulator_put_in(how):
+    log, table, truth = session(3, **how)
+    result = solved(log, table)
+    e, cov = off(result, truth)
+    low, high = chi_square_limits(len(e), tests=4)
+    assert low < e @ np.linalg.solve(cov, e) < high
+    assert result.verdict.level is Level.PASS
+    assert result.coefficients["pose.lever"].sd.max() < (2e-4 if "sd" not in how else 2e-3)
+
+
+def test_positions_alone_tell_all_but_the_rotation():
+    log, table, truth = session(4)
+    result = solved(log, replace(table, quaternion=None))
+    e, cov = off(result, truth)
+    low, high = chi_square_limits(len(e), tests=4)
+    assert low < e @ np.linalg.solve(cov, e) < high
+    assert not [n for n in result.coefficients.names if n.startswith("pose.rotation")]
+
+
+def test_two_percent_of_outliers_and_lost_seconds_do_no_harm():
+    log, table, truth = session(5)
+    rng = np.random.default_rng(2)
+    wild = rng.uniform(size=len(table)) < 0.02
+    position = table.position + 0.05 * wild[:, None] * rng.standard_normal((len(table), 3))
+    kept = ~((table.time - table.time[0]) % 7.0 < 1.0)
+    spoilt = replace(table, position=position)[kept]
+    e, cov = off(solved(log, spoilt), truth)
+    low, high = chi_square_limits(len(e), tests=4)
+    assert low < e @ np.linalg.solve(cov, e) < high
+    all_count = off(solved(log, spoilt, loss="squares", position_sd=5e-4), truth)[0]
+    levers = [np.linalg.norm(x[-7:-4]) for x in (e, all_count)]
+    assert levers[1] > 2 * levers[0]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("how", "rms"), [
+    ({"duration": 60.0}, (0.31, 0.046, 10.0)),
+    ({"duration": 15.0}, (0.92, 0.12, 16.0)),
+])  # fmt: skip
+def test_errors_are_those_that_are_promised(how, rms):
+    """NEES inside two-sided limits over 20 sessions, and the accuracy that was asked for."""
+    total, found, n = 0.0, [], 20
+    for seed in range(n):
+        log, table, truth = session(50 + seed, **how)
+        result = solved(log, table)
+        e, cov = off(result, truth)
+        total += e @ np.linalg.solve(cov, e)
+        at = {n: k for k, n in enumerate(result.coefficients.names)}
+        found.append([e[[at[f"pose.{w}.{a}"] for a in "xyz"]] for w in ("rotation", "lever")]
+                     + [np.repeat(e[at["pose.delay"]], 3)])  # fmt: skip
+    low, high = chi_square_limits(n * len(e), tests=2)
+    assert low < total < high
+    assert not low < 1.5 * total < high
+    size = np.sqrt(np.mean(np.square(found), axis=(0, 2))) * [60 * np.degrees(1), 1e3, 1e6]
+    assert (size < 1.3 * np.array(rms)).all()
+
+
+def test_what_the_motion_does_not_show_is_said():
+    from sessions import Case, made
+    from sessions import solved as calibrated
+
+    case = Case("imu_pose", {}, {"time": 20.0, "motion": "one axis"}, grade="mems")
+    result = calibrated(case, made(case, 1).log)
+    assert "pose.lever.z" in result.diagnostics["unseen"]
+    assert result.verdict.level is not Level.PASS
+    assert result.coefficients["pose.lever"].sd[2] > 0.25
+    assert result.coefficients["pose.lever"].sd[:2].max() < 0.1
+    told = case.record.foreseen(case.beforehand).findings[0]
+    assert "turn about at least two axes, with starts and stops" in told.message
+
+
+# -- what people do wrong --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("reading", READINGS)
+def test_order_and_direction_of_a_quaternion_are_told_by_the_data(reading):
+    log, table, truth = session()
+    order, sign = READINGS[reading]
+    numbers = np.empty_like(table.quaternion)
+    numbers[:, order] = table.quaternion * [1.0, sign, sign, sign]
+    result = solved(log, replace(table, quaternion=numbers))
+    assert result.diagnostics["pose"]["reading"] == reading
+    assert np.abs(off(result, truth)[0][-10:-4]).max() < 5e-3
+
+
+def test_a_world_whose_y_axis_is_up_is_no_error():
+    log, table, truth = session()
+    C = Rotation.from_euler("x", -90, degrees=True)
+    q = (C * Rotation.from_quat(table.quaternion[:, [1, 2, 3, 0]])).as_quat()[:, [3, 0, 1, 2]]
+    result = solved(log, replace(table, position=C.apply(table.position), quaternion=q))
+    assert result.verdict.level is Level.PASS
+    level = np.linalg.norm(result.coefficients["pose.level"].values)
+    assert np.degrees(level) == pytest.approx(90.0, abs=5.0)
+    assert np.abs(result.coefficients["pose.lever"].values - truth["lever"]).max() < 1e-3
+
+
+def gyros(change):
+    return lambda log, q: (replace(log, gyro=log.gyro @ np.array(change, float).T), q)
+
+
+def forces(change):
+    return lambda log, q: (replace(log, accel=log.accel @ np.array(change, float).T), q)
+
+
+CYCLIC = np.roll(np.eye(3), 1, axis=0)
+MISTAKES = {
+    "left-handed": ("pose.mirror", gyros(np.diag([1, 1, -1]))),
+    "gyro cyclic": ("pose.force_axes", gyros(CYCLIC)),
+    "accel cyclic": ("pose.force_axes", forces(CYCLIC)),
+    "deg": ("pose.gyro_unit", gyros(np.degrees(np.eye(3)))),
+    "g": ("pose.accel_unit", forces(np.eye(3) / 9.80665)),
+    "gravity": ("pose.position_unit", forces(-np.eye(3))),
+    "mm": ("pose.position_unit", lambda log, q: (log, replace(q, position=1e3 * q.position))),
+    "apart": ("pose.two_times", lambda log, q: (
+        log, replace(q[:-24], quaternion=q.quaternion[24:]))),
+    "other body": ("pose.apart", lambda log, q: (log, session(9)[1])),
+    "few": ("pose.few", lambda log, q: (log, q[:40])),
+    "ms": ("pose.short", lambda log, q: (log, replace(q, time=1e-3 * q.time))),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_named(name):
+    code, spoil = MISTAKES[name]
+    log, table, _ = session()
+    with pytest.raises(FoucaultError) as told:
+        solved(*spoil(log, table))
+    assert told.value.code == code, told.value.message
+
+
+def test_a_swing_tells_no_offset():
+    t = np.arange(0.0, 30.0, 0.005)
+    rate = 2.0 * np.sin(2 * np.pi * t)[:, None] * [0.3, 0.5, 0.8]
+    angle = -np.cos(2 * np.pi * t)[:, None] / np.pi * [0.3, 0.5, 0.8]
+    C = Rotation.from_rotvec(angle)
+    log = Log(t, rate, C.inv().apply([0.0, 0.0, 9.80665]))
+    q = PoseTable(t[::2], np.zeros((len(t[::2]), 3)), C[::2].as_quat()[:, [3, 0, 1, 2]])
+    with pytest.raises(FoucaultError) as told:
+        solved(log, q)
+    assert told.value.code == "pose.periodic"
+
+
+def test_a_log_needs_poses_and_both_triads():
+    log, table, _ = session()
+    with pytest.raises(FoucaultError) as told:
+        imu_pose.calibrate(log, site=SITE)
+    assert told.value.code == "pose.no_table"
+    with pytest.raises(FoucaultError) as told:
+        solved(replace(log, accel=None), table)
+    assert told.value.code == "pose.no_triad"
+
+
+def test_coloured_noise_widens_what_is_stated():
+    log, table, truth = session(6)
+    rng, n = np.random.default_rng(3), len(table)
+    slow = np.zeros((n, 3))
+    for k in range(1, n):
+        slow[k] = 0.98 * slow[k - 1] + 2e-4 * rng.standard_normal(3)
+    result = solved(log, replace(table, position=table.position + slow))
+    white = solved(log, table)
+    assert result.diagnostics["pose"]["lag_one"][1] > 0.1
+    wider = result.coefficients["pose.lever"].sd / white.coefficients["pose.lever"].sd
+    assert wider.min() > 1.5
+    e, cov = off(result, truth)
+    assert np.abs(e / np.sqrt(np.diag(cov))).max() < 5.0
+
+
+# -- real runs -------------------------------------------------------------------------------------
+
+REAL = Path(os.environ.get("FOUCAULT_DATA", Path(__file__).parents[3] / "shared" / "data"))
+HAND, VEHICLE = REAL / "broad_hand_motion", REAL / "fog_mems_transfer"
+THERE = pytest.mark.skipif(
+    not HAND.is_dir(), reason=f"real logs are not here: set FOUCAULT_DATA ({HAND})"
+)
+
+
+def broad(run):
+    from pyarrow import parquet
+
+    a, b = (np.column_stack(parquet.read_table(HAND / f"{run}_{what}.parquet").columns)
+            for what in ("imu", "pose"))  # fmt: skip
+    return Log(a[:, 0], a[:, 1:4], a[:, 4:7]), PoseTable(b[:, 0], b[:, 5:8], b[:, 1:5])
+
+
+@THERE
+@pytest.mark.thorough
+def test_five_runs_of_one_mounting_agree():
+    found = [solved(*broad(run)).coefficients for run in ("32", "33", "34", "35", "36")]
+    lever = 1e3 * np.array([c["pose.lever"].values for c in found])
+    late = 1e3 * np.array([c.value("accel.delay") for c in found])
+    assert lever.std(axis=0, ddof=1).max() < 0.15
+    assert np.abs(lever.mean(axis=0) - [1.9, -0.6, -7.4]).max() < 0.15
+    assert late.std(ddof=1) < 0.11
+    assert late.mean() == pytest.approx(-1.45, abs=0.12)
+    sd = np.array([c["pose.lever"].sd for c in found])
+    z = (lever - lever.mean(axis=0)) / (1e3 * sd)
+    assert np.sum(z**2) < chi_square_limits(12)[1]

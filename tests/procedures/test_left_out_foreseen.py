@@ -1,0 +1,194 @@
+"""What is not estimated: before a session, in a simulated instrument, and where nobody says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from foucault import procedures
+from foucault.campaign import calibrate, load, parse, save_session, simulate, study, template
+from foucault.campaign.running import with_nothing_else
+from foucault.errors import FoucaultError
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.models.earth import Site
+from foucault.models.left_out import ByNoise, grade_of, sizes_of, told
+from foucault.models.noise import grade
+from foucault.procedures import ferraris, hand_rotated, rate_table, silent, six_position
+from foucault.procedures.record import Beforehand
+
+SITE = Site.at(np.radians(48.8462), 60.0)
+NOISE = grade("mems").noise
+SIZES = sizes_of("consumer MEMS")
+TILTED = {"placement_sd": np.radians(0.05)}
+SENSES = ("20 deg/s", "-20 deg/s", "60 deg/s", "-60 deg/s")
+TURNED = {"table_rate_sd": 5e-6, "fixture_sd": np.radians(1 / 60)}
+STEPS = {"step_time": 18.0, "rows": "means"}
+PLANS = {
+    "hand_rotated": (
+        hand_rotated.Settings(), hand_rotated.Session(rests=16, rest_time=2.0, turn_time=1.5)
+    ),
+    "six_position": (six_position.Settings(**TILTED), six_position.Session(rest_time=4.0)),
+    "ferraris": (
+        ferraris.Settings(**TILTED, angle_sd=np.radians(0.2)),
+        ferraris.Session(rest_time=4.0, turn_time=3.0),
+    ),
+    "rate_table": (rate_table.Settings(**TURNED), rate_table.Session(rates=SENSES, **STEPS)),
+}  # fmt: skip
+
+
+@cache
+def foreseen(name, sizes=True, **session):
+    settings, planned = PLANS[name]
+    asked = Beforehand(
+        settings,
+        planned.model_copy(update=session),
+        SITE,
+        NOISE,
+        sizes=SIZES if sizes else None,
+        seed=5,
+    )
+    return procedures.load(name).foreseen(asked)
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_preflight_says_what_a_calibration_states(name) -> None:
+    procedure, (settings, session) = procedures.load(name), PLANS[name]
+    sim = procedure.simulate(
+        session, settings=settings, model=procedure.draw_errors("mems", 5), noise=NOISE,
+        site=SITE, seed=5,
+    )  # fmt: skip
+    came = procedure.trial(sim.log, site=SITE, settings=settings, noise=NOISE, sizes=SIZES)
+    found = foreseen(name)
+    np.testing.assert_allclose(came.coefficients.sd, found.sd, rtol=0.05)
+    assert list(found.left_out["group"]) == [
+        g for g in came.tables["left_out"]["group"] if g in set(found.left_out["group"])
+    ]
+    assert (found.sd > foreseen(name, sizes=False).sd * 0.999).all()
+    assert foreseen(name, sizes=False).left_out is None
+
+
+def test_preflight_says_what_the_plan_cannot_show_and_what_would() -> None:
+    rows = {str(r["group"]): r for r in foreseen("ferraris").as_dict()["left_out"]}
+    assert rows["gyro.cubic"]["needed"] is None
+    assert "second rate" in rows["gyro.cubic"]["shown_by"]
+    bought = {e.what: e for e in foreseen("ferraris").more}
+    assert bought["local gravity known to 0.00004 m/s^2"].time == 0
+    again = foreseen("ferraris", repeated=1)
+    extra = bought["the first face again at the end"]
+    assert extra.time == pytest.approx(again.duration - foreseen("ferraris").duration)
+    name, ratio = extra.best[0]
+    k = again.names.index(name)
+    assert ratio == pytest.approx(again.sd[k] / foreseen("ferraris").sd[k], rel=1e-9)
+
+
+def test_the_other_sense_is_worth_much_where_the_asymmetry_is_not_estimated() -> None:
+    settings = rate_table.Settings(asymmetry=False, cubic=False, **TURNED)
+    session = rate_table.Session(rates=("20 deg/s", "60 deg/s"), **STEPS)
+    asked = Beforehand(settings, session, SITE, NOISE, sizes=SIZES)
+    found = rate_table.PROCEDURE.foreseen(asked)
+    other = next(e for e in found.more if e.what == "each rate in the other sense too")
+    name, ratio = other.best[0]
+    assert name.startswith("gyro.") and ratio < 0.8
+
+
+# -- the grade that the noise tells ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("mems", "consumer MEMS"), ("tactical", "tactical MEMS"), ("navigation", "navigation RLG")],
+)
+def test_noise_tells_the_grade(name, expected) -> None:
+    noise = grade(name).noise
+    assert grade_of("accel", noise.accel.white) == expected
+    assert grade_of("gyro", noise.gyro.white) == expected
+
+
+def test_each_triad_has_the_grade_of_its_own_noise_and_what_is_declared_stays() -> None:
+    coarse, fine = NOISE.accel.white, grade("tactical").noise.gyro.white
+    found = told(ByNoise({"gyro.cubic": (1.0, "said")}), coarse, fine)
+    assert found["accel.cross"][0] == SIZES["accel.cross"][0]
+    assert found["gyro.bias drift"][0] == sizes_of("tactical MEMS")["gyro.bias drift"][0]
+    assert "told by noise (judgement)" in found["accel.cross"][1]
+    assert found["gyro.cubic"] == (1.0, "said")
+    assert told(ByNoise(), np.nan, np.nan) is None
+    assert (
+        told(ByNoise(), np.nan, fine)["accel.cross"][0]
+        == sizes_of("tactical MEMS")["accel.cross"][0]
+    )
+    assert told(SIZES, np.nan, np.nan) is SIZES
+
+
+# -- campaigns -------------------------------------------------------------------------------------
+
+SHORT = ("rests = 24", "rests = 16"), ('rest_time = "4 s"', 'rest_time = "2 s"')
+
+
+def campaign(lines=""):
+    text = template("hand_rotated").replace("[instrument]", f"[instrument]\n{lines}", 1)
+    for pair in SHORT:
+        assert text.count(pair[0]) == 1
+        text = text.replace(*pair)
+    return parse(text)
+
+
+def test_without_a_word_the_noise_says_how_large_what_is_not_estimated_is(tmp_path) -> None:
+    session = simulate(campaign(), 3)
+    assert session.sizes is None
+    made = load(save_session(session, tmp_path / "s"))
+    assert made.sizes is None and "left_out = false" in made.text
+    assert "left_out" not in calibrate(made).tables
+    usual = calibrate(replace(made, sizes=campaign().sizes))
+    assert set(usual.tables["left_out"]["group"]) > {"accel.cross", "gyro.cubic"}
+    assert "told by noise" in usual.diagnostics["left_out"]["accel.cross"]["basis"]
+
+
+def test_a_declared_instrument_is_simulated_with_what_is_not_estimated(tmp_path) -> None:
+    declared = campaign('grade = "consumer MEMS"')
+    session, plain = simulate(declared, 3), simulate(campaign(), 3)
+    more = session.simulation.model.coefficients().values
+    less = plain.simulation.model.coefficients().values
+    names = session.simulation.model.coefficients().names
+    drawn = {n.rpartition(".")[0] for n, a, b in zip(names, more, less, strict=True) if a != b}
+    assert drawn == {g for g in SIZES if "drift" not in g and g != "latitude"}
+    made = load(save_session(session, tmp_path / "s"))
+    assert made.sizes == SIZES and "\nleft_out" not in made.text
+    # Drifts are in the samples: the mean of the ramp is nothing, its ends are.
+    off = (session.simulation.log.gyro - plain.simulation.log.gyro)[[0, -1]]
+    assert np.abs(off[1] - off[0]).max() > 0
+
+
+def test_a_study_of_a_declared_instrument_draws_and_judges_with_it(tmp_path) -> None:
+    declared = campaign('grade = "consumer MEMS"')
+    found = study.run(declared, 6, tmp_path / "a", workers=1)
+    alone = study.run(campaign(), 2, tmp_path / "b", workers=1)
+    k = found.names.index("accel.bias.x")
+    assert np.median(found.sd[:, k]) > 3 * np.median(alone.sd[:, k])
+    low, high = chi_square_limits(6 * len(found.names), 0.01)
+    assert low <= found.nees.sum() <= high
+    assert "drawn at the sizes" in study.load(tmp_path / "a")[1]["left_out"]
+    assert "declares no grade" in study.load(tmp_path / "b")[1]["left_out"]
+
+
+def test_off_beside_a_size_is_refused() -> None:
+    with pytest.raises(FoucaultError, match="left_out = false"):
+        campaign('left_out = false\ngrade = "consumer MEMS"')
+    assert campaign("left_out = false").sizes is None
+
+
+def test_the_switch_is_written_where_there_is_no_table() -> None:
+    assert parse(with_nothing_else(campaign().text)).sizes is None
+    bare = '[procedure]\nname = "hand_rotated"\n'
+    assert with_nothing_else(bare).count("[instrument]\nleft_out = false") == 1
+
+
+@pytest.mark.parametrize("name", ["transfer_alignment", "turntable", "systematic"])
+def test_where_no_grade_is_told_by_noise_nothing_said_is_nothing_declared(name) -> None:
+    procedure = procedures.load(name)
+    for sizes, given in ((ByNoise(), None), (ByNoise(SIZES), SIZES), (None, None)):
+        assert procedure._given(SITE, None, None, None, silent, sizes).sizes == given
+    usual = hand_rotated.PROCEDURE._given(SITE, None, None, None, silent, ByNoise())
+    assert usual.sizes == ByNoise()

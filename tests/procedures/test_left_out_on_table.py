@@ -1,0 +1,90 @@
+"""What is not estimated, on a table: its columns, whole sessions, and who is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from foucault import procedures
+from foucault.campaign import parse, simulate
+from foucault.diagnose.study import nees
+from foucault.estimate.table import TableModel
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.models.left_out import sizes_of, terms
+from foucault.procedures import left_out, norm_observation, on_table
+from foucault.result import Level
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+NAMED = 'name = "example IMU"'
+PROCEDURES = ("norm_observation", "multi_position", "turntable")
+
+
+@cache
+def campaign(name: str, more: str = ""):
+    text = (EXAMPLES / f"{name}.toml").read_text()
+    return parse(text.replace(NAMED, f'{NAMED}\ngrade = "tactical MEMS"') + more)
+
+
+@cache
+def session(name: str, seed: int):
+    return simulate(campaign(name), seed)
+
+
+def solved(name: str, log, sizes):
+    made = campaign(name)
+    return procedures.load(name).trial(log, site=made.site, settings=made.settings, sizes=sizes)
+
+
+@pytest.mark.parametrize("seed", [3001, 3002])
+def test_spins_in_one_sense_tell_no_g_sensitivity_from_the_matrix_of_the_gyros(seed) -> None:
+    """Both act along the axis of each spin. Of 3002 a reading is where tangents change."""
+    made = campaign("norm_observation")
+    task = norm_observation.task_of(made.settings)
+    readings = on_table.read_positions(session("norm_observation", seed).simulation.log, task, None)
+    options = on_table.options_of(readings, task, None)
+    start = on_table._start(readings, task, made.site, options)
+    model = TableModel(readings, made.site, start, options)
+    sizes = {"gyro.g_sensitivity": made.sizes["gyro.g_sensitivity"]}
+    (source,) = left_out.columns(options.names, made.site, sizes, on_table._again(model))(start)
+    at, spins = model.linearise(start), model.kind == 3
+    for k, term in enumerate(terms(options.names, made.site, sizes)):
+        axes = term.name[-2:]
+        beside = f"gyro.scale.{axes[0]}" if axes[0] == axes[1] else f"gyro.misalignment.{axes}"
+        a = at.jacobian[spins][:, :, options.names.index(beside)].ravel()
+        b = source.shared[spins][:, :, k].ravel()
+        assert np.linalg.norm(b - (a @ b) / (a @ a) * a) < 0.01 * np.linalg.norm(b), term.name
+
+
+@pytest.mark.parametrize("name", PROCEDURES)
+def test_with_every_term_at_its_size_the_uncertainties_are_right(name) -> None:
+    made, scores = campaign(name), {None: [], "sizes": []}
+    for seed in (3002, 3008):
+        made_session = session(name, seed)
+        for key in scores:
+            result = solved(name, made_session.simulation.log, made.sizes if key else None)
+            c = result.coefficients
+            errors = c.values - np.array([made_session.truth.value(n) for n in c.names])
+            scores[key].append(float(nees(errors[None], c.cov[None])[0]))
+        assert result.verdict.level is Level.PASS and not result.diagnostics["named"]
+        assert set(result.tables["left_out"]["group"]) > {"accel.cross", "gyro.g_sensitivity"}
+    low, high = chi_square_limits(2 * len(errors), 1e-3)
+    assert low <= sum(scores["sizes"]) <= high < sum(scores[None])
+
+
+def test_what_is_far_beyond_its_size_is_named() -> None:
+    log = session("turntable", 3002).simulation.log
+    ramp = ((log.time - log.time[0]) / np.ptp(log.time) - 0.5)[:, None]
+    size = sizes_of("tactical MEMS")["gyro.bias drift"][0]
+    drifted = replace(log, gyro=log.gyro + 20 * size * ramp)
+    result = solved("turntable", drifted, campaign("turntable").sizes)
+    assert "gyro.bias drift" in result.diagnostics["named"][0]
+    assert result.verdict.level is not Level.PASS
+
+
+def test_undeclared_they_are_taken_for_nothing_there() -> None:
+    log = session("multi_position", 3002).simulation.log
+    assert "left_out" not in solved("multi_position", log, None).tables

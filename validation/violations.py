@@ -1,0 +1,381 @@
+"""What a session holds that its calibration does not know: are numbers right, words true?
+
+Each violation is put into the samples, the times or the place of a simulated session by a formula
+that shares nothing with what the estimator makes its columns of; the session is calibrated with
+what is not estimated taken for nothing, and with its typical sizes. No cell may pass most of its
+sessions with NEES over n beyond 2 where the size covers the violation; where the violation is far
+beyond any size and no reading shows it, the report has to say that this could not be shown.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from common import each, limits
+from left_out import COUNT, put
+
+from foucault.diagnose.study import nees
+from foucault.errors import FoucaultError
+from foucault.models.left_out import sizes_of
+from foucault.result import Level
+from sessions import LASER, SEEKER, SITE, SLAVE, Case, made, truth
+
+G0 = 9.80665
+DEGREE = np.radians(1.0)
+ARCMIN = DEGREE / 60
+PLACED = {"placement_sd": 3 * ARCMIN, "level_sd": 3 * ARCMIN, "angle_sd": 12 * ARCMIN}
+SHORT = {"rows": "samples", "rest_time": 10.0}
+
+CASES = {
+    "hand_rotated": Case("hand_rotated", grade="mems"),
+    "six_position": Case(
+        "six_position", {"placement_sd": 3 * ARCMIN}, {"placement_sd": 3 * ARCMIN}, grade="mems"
+    ),
+    "ferraris": Case("ferraris", PLACED, PLACED, grade="mems"),
+    "rate_table": Case(
+        "rate_table", {"table_rate_sd": 5e-6, "fixture_sd": ARCMIN}, {"step_time": 18.0},
+        grade="mems",
+    ),
+    "norm_observation": Case("norm_observation", {}, SHORT),
+    "multi_position": Case("multi_position", {}, SHORT),
+    "turntable": Case("turntable", {}, SHORT),
+    "north_seeking": Case("north_seeking", {}, {"tilts": ["8 deg", "-8 deg", "0 deg"]},
+                          noise=SEEKER),
+    "systematic": Case("systematic", {"sequence": ["9 positions"]},
+                       {"rest_time": 30.0, "rate": 25.0}, grade="navigation", noise=LASER),
+    "platform_tumble": Case("platform_tumble", {"plan": "-x -z -y +z", "rate": np.radians(5.0),
+                                                "segment": 60.0}, grade="navigation"),
+    "transfer_alignment": Case(
+        "transfer_alignment", {}, {"rate": 100.0, "message_rate": 5.0, "with_outage": False},
+        noise=SLAVE,
+    ),
+}  # fmt: skip
+"""Procedure -> its session."""
+
+GRADE = dict.fromkeys(CASES, "tactical MEMS") | {
+    **dict.fromkeys(("hand_rotated", "six_position", "ferraris", "rate_table"), "consumer MEMS"),
+    "north_seeking": "tactical FOG", "transfer_alignment": "tactical FOG",
+    "systematic": "navigation RLG", "platform_tumble": "navigation RLG",
+}  # fmt: skip
+"""Procedure -> the grade whose sizes are taken."""
+
+
+@dataclass
+class Session:
+    """A simulated session, what its calibration is told, and what happens to it."""
+
+    case: Case
+    simulation: Any
+    log: Any
+    rng: np.random.Generator
+    site: Any = SITE
+    prior: dict[str, tuple[float, float]] = field(default_factory=dict)
+    amounts: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def ramp(self) -> np.ndarray:
+        t = self.log.time
+        return ((t - t[0]) / (t[-1] - t[0]) - 0.5)[:, None]
+
+    @property
+    def rate(self) -> float:
+        """Samples in a second."""
+        return float(1 / np.median(np.diff(self.log.time)))
+
+
+Violation = Callable[[Session], None]
+
+
+def added(s: Session, accel: Any, gyro: Any) -> None:
+    """Add to the readings of a triad, or of the one axis that there is [SI]."""
+    new: dict[str, np.ndarray] = {}
+    for name, more in (("accel", accel), ("gyro", gyro)):
+        old = getattr(s.log, name)
+        if old is not None:
+            more = np.broadcast_to(more, (len(s.log.time), 3))
+            if name == "gyro" and getattr(s.log, "sampled", "") == "increment":
+                more = more / s.rate
+            new[name] = old + (more[:, : old.shape[1]] if old.ndim == 2 else more[:, 0])
+    s.log = replace(s.log, **new)
+
+
+def terms(**sizes: float) -> Violation:
+    """Terms of the instrument: group -> amount of each, with random signs [SI]."""
+
+    def violate(s: Session) -> None:
+        estimated = {name.rpartition(".")[0] for name in s.case.names}
+        for key, size in sizes.items():
+            group = key.replace("__", " ").replace("_", ".", 1)
+            if group not in estimated:
+                x = {group: size * s.rng.choice([-1.0, 1.0], COUNT[group])}
+                s.log = put(s.log, s.simulation.model, x)
+
+    return violate
+
+
+def drift(accel_bias: float = 0.0, gyro_bias: float = 0.0, scale: float = 0.0) -> Violation:
+    """End minus start of the session, of every axis, with random signs [SI]."""
+
+    def violate(s: Session) -> None:
+        a, g = s.rng.choice([-1.0, 1.0], (2, 1, 3)) * s.ramp
+        accel, gyro = s.log.accel, s.log.gyro
+        added(
+            s,
+            a * (accel_bias + scale * (0.0 if accel is None or scale == 0 else accel)),
+            g * (gyro_bias + scale * (0.0 if gyro is None or scale == 0 else gyro)),
+        )
+
+    return violate
+
+
+def outliers(s: Session) -> None:
+    """One sample in a hundred is off by thirty times the noise."""
+    noise = s.case.sensors
+    for name, triad in (("accel", noise.accel), ("gyro", noise.gyro)):
+        x = getattr(s.log, name)
+        sd = 30 * float(np.max(triad.white)) * np.sqrt(s.rate)
+        hit = s.rng.random(len(s.log.time)) < 0.01
+        off = np.zeros((len(hit), 3))
+        off[hit] = sd * s.rng.standard_normal((hit.sum(), 3))
+        if x is not None:
+            added(s, *((off, 0.0) if name == "accel" else (0.0, off)))
+
+
+def colour(length: float) -> Violation:
+    """Noise of a correlation time [s] with three times the density of the white one below it."""
+
+    def violate(s: Session) -> None:
+        from scipy.signal import lfilter
+
+        n, keep = len(s.log.time), np.exp(-1 / (s.rate * length))
+        out = []
+        for triad in (s.case.sensors.accel, s.case.sensors.gyro):
+            sd = 3 * float(np.max(triad.white)) / np.sqrt(2 * length)
+            e = s.rng.standard_normal((n, 3)) * np.sqrt(1 - keep**2)
+            e[0] /= np.sqrt(1 - keep**2)
+            out.append(sd * lfilter([1.0], [1.0, -keep], e, axis=0))
+        added(s, *out)
+
+    return violate
+
+
+def shaken(s: Session) -> None:
+    """A support that trembles: 0.2 m/s^2 and 0.5 deg/s about 13 Hz, which comes and goes."""
+    t = s.log.time[:, None]
+    phase = s.rng.uniform(0, 2 * np.pi, (4, 3))
+    wave = np.sin(2 * np.pi * 13.1 * t + phase[0]) * (1 + np.sin(0.3 * t + phase[1])) / 2
+    turn = np.sin(2 * np.pi * 12.3 * t + phase[2]) * (1 + np.sin(0.2 * t + phase[3])) / 2
+    added(s, 0.2 * wave, 0.5 * DEGREE * turn)
+
+
+def creeping(s: Session) -> None:
+    """A mount that gives way: 0.003 deg/s, to and fro in half a minute."""
+    t = s.log.time
+    axis = s.rng.standard_normal(3)
+    axis /= np.linalg.norm(axis)
+    rate = 0.003 * DEGREE * np.sign(np.sin(2 * np.pi * t / 31.0))
+    angle = np.cumsum(rate) / s.rate
+    f, w = s.log.accel, s.log.gyro
+    back = -angle[:, None]
+    added(s, back * np.cross(axis, f), rate[:, None] * axis + back * np.cross(axis, w))
+
+
+def stamps(rate: float) -> Violation:
+    """The clock of the log is wrong by a part of its rate [1]."""
+
+    def violate(s: Session) -> None:
+        t = s.log.time
+        s.log = replace(s.log, time=t[0] + (t - t[0]) * (1 + rate))
+
+    return violate
+
+
+def place(gravity: float = 0.0, latitude: float = 0.0) -> Violation:
+    """The place is declared wrong by so much [m/s^2, rad]."""
+
+    def violate(s: Session) -> None:
+        at = s.site.latitude + latitude if latitude else s.site.latitude
+        s.site = replace(s.site, gravity=s.site.gravity + gravity, latitude=at)
+
+    return violate
+
+
+def table_angle(s: Session) -> None:
+    """The zero of the table's middle axis is off by a degree."""
+    angles = s.log.table.angles + np.array([0.0, DEGREE, 0.0])
+    s.log = replace(s.log, table=replace(s.log.table, angles=angles))
+
+
+def master_clock(s: Session) -> None:
+    """The master's stamps run fast by 100 ppm."""
+    m = s.log.master
+    s.log = replace(s.log, master=replace(m, time=m.time[0] + (m.time - m.time[0]) * (1 + 1e-4)))
+
+
+def wrong_prior(s: Session) -> None:
+    """The biases of the gyros are said to be elsewhere, 10 sd from where they are."""
+    names = [n for n in s.case.names if n.startswith("gyro.bias.")]
+    for name, value in zip(names, truth(s.simulation, tuple(names)), strict=True):
+        sd = 0.003 * DEGREE
+        s.prior[name] = (float(value) + 10 * sd, sd)
+
+
+def everything(s: Session) -> None:
+    """Every term that counts, drawn at its size."""
+    sizes = sizes_of(GRADE[s.case.procedure])
+    known = {name.rpartition(".")[0] for name in s.case.names}
+    triads = {name.partition(".")[0] for name in s.case.names}
+    x = {
+        group: sizes[group][0] * s.rng.standard_normal(n)
+        for group, n in COUNT.items()
+        if group not in known and group.partition(".")[0] in triads
+    }
+    s.log = put(s.log, s.simulation.model, x)
+    place(s.rng.standard_normal() * 4e-4, s.rng.standard_normal() * sizes["latitude"][0])(s)
+
+
+VIOLATIONS: dict[str, Violation] = {
+    "nothing": lambda s: None,
+    "1 % outliers": outliers,
+    "noise of 2 s": colour(2.0),
+    "noise of 30 s": colour(30.0),
+    "scale drift 300 ppm": drift(scale=3e-4),
+    "scale drift 1000 ppm": drift(scale=1e-3),
+    "bias drift 1 mg": drift(accel_bias=1e-3 * G0),
+    "bias drift 0.03 deg/s": drift(gyro_bias=0.03 * DEGREE),
+    "shaken rests": shaken,
+    "creeping rests": creeping,
+    "latitude 1 deg": place(latitude=DEGREE),
+    "gravity 1 mm/s^2": place(gravity=1e-3),
+    "stamps 0.1 %": stamps(1e-3),
+    "stamps 1 %": stamps(1e-2),
+    "quadratic 100 ug/g^2": terms(accel_quadratic=1e-4 / G0),
+    "products 100 ug/g^2": terms(accel_cross=1e-4 / G0),
+    "cubic 0.1 % at 150 deg/s": terms(gyro_cubic=1e-3 / (150 * DEGREE) ** 2),
+    "g-sensitivity 20 deg/h/g": terms(gyro_g_sensitivity=20 * DEGREE / 3600 / G0),
+    "deflection 3 arcsec/g": terms(gyro_deflection=3 * DEGREE / 3600 / G0),
+    "table angle 1 deg": table_angle,
+    "master's clock 100 ppm": master_clock,
+    "prior 10 sd off": wrong_prior,
+    "everything at its size": everything,
+}
+"""What is put into a session."""
+
+
+def can(which: str, what: str) -> bool:
+    """Whether a violation is one of a procedure's sessions."""
+    case = CASES[which]
+    triads = {name.partition(".")[0] for name in case.names}
+    on_table = which in ("norm_observation", "multi_position", "turntable")
+    groups = {"quadratic": "accel", "products": "accel", "cubic": "gyro", "g-sensitivity": "gyro",
+              "deflection": "gyro", "prior": "gyro"}  # fmt: skip
+    return {
+        "table angle 1 deg": on_table,
+        "master's clock 100 ppm": which == "transfer_alignment",
+        "bias drift 1 mg": "accel" in triads,
+        "bias drift 0.03 deg/s": "gyro" in triads,
+    }.get(what, groups.get(what.split()[0], "") in triads | {""})
+
+
+@dataclass(frozen=True)
+class Run:
+    """What came of one calibration."""
+
+    nees: float = np.nan  # over n, in seconds where the log has a clock [1]
+    count: int = 0
+    passed: bool = False
+    said: tuple[str, ...] = ()  # who is named, or what failed, or how it was refused
+    unseen: str = ""  # what it says could not be shown
+
+
+def one(job: tuple[str, str, int]) -> list[Run]:
+    """Calibrate one session, without sizes and with them."""
+    which, what, seed = job
+    case, out = CASES[which], []
+    simulation = made(case, 20_000 + seed)
+    for sizes in ({}, sizes_of(GRADE[which])):
+        s = Session(case, simulation, simulation.log, np.random.default_rng([seed, 78]))
+        VIOLATIONS[what](s)
+        try:
+            r = case.record.calibrate(
+                s.log, site=replace(s.site, gravity_sd=4e-4), settings=case.stated,
+                sizes=sizes or None, prior=s.prior,
+                noise=case.sensors if which in DECLARED else None,
+            )  # fmt: skip
+        except FoucaultError as problem:  # no number was given
+            out.append(Run(said=(f"refused: {problem.code}",)))
+            continue
+        c = r.coefficients
+        e, cov = c.values - truth(simulation, c.names), c.cov
+        assert cov is not None
+        if r.clock is not None and what.startswith("stamps"):
+            of_clock = np.array([r.clock.error.get(name, 0.0) for name in c.names])
+            cov = cov + np.outer(of_clock, of_clock)
+        named = tuple(" = ".join(causes) for causes in r.diagnostics.get("named", []))
+        failed = tuple(check.name for check in r.checks if not check.passed)
+        codes = tuple(f.code for f in r.findings) if r.verdict.reasons and not failed else ()
+        out.append(Run(
+            float(nees(e[None], cov[None])[0]) / len(e), len(e), r.verdict.level is Level.PASS,
+            named or failed or codes,
+            " ".join([*(r.diagnostics.get("unseen") or ()), *(c.sentence for c in r.checks)]),
+        ))  # fmt: skip
+    return out
+
+
+DECLARED = ("north_seeking", "systematic", "platform_tumble", "transfer_alignment")
+"""Procedures whose noise is declared; the others measure theirs."""
+
+
+WORDS = {
+    "stamps": "time base", "gravity": "gravity", "latitude": "latitude", "cubic": "cubic",
+    "scale": "drift", "bias": "drift", "quadratic": "quadratic", "products": "products",
+    "deflection": "deflection", "g-sensitivity": "g-sensitivity", "table": "table",
+}  # fmt: skip
+"""First word of a violation -> what a report calls it that could not show it."""
+
+
+def row(which: str, what: str, runs: list[list[Run]]) -> tuple[str, bool]:
+    """Return the line of a cell, and whether it is as it must be."""
+    cells, good = [], True
+    for found in zip(*runs, strict=True):
+        worth = [f.nees for f in found if np.isfinite(f.nees)]
+        ratio, passed = np.mean(worth) if worth else np.nan, np.mean([f.passed for f in found])
+        cells += [f"{ratio:.3g}", f"{100 * passed:.0f} %"]
+        said = Counter(name for f in found for name in set(f.said))
+    passing = [f for f in found if f.passed]
+    if what == "everything at its size":
+        low, high = limits(max(f.count for f in found) * len(runs))
+        good = bool(low <= ratio <= high and passed >= 0.9)
+    elif len(passing) > 0.1 * len(runs) and np.mean([f.nees for f in passing]) > 2.0:
+        word = WORDS.get(what.split()[0], what)
+        good = all(word in f.unseen.lower() for f in passing)
+    words = ", ".join(f"{name} {count}" for name, count in said.most_common(2)) or "nothing"
+    right = "yes" if good else "**no**"
+    return f"| {which} | {what} | {' | '.join(cells)} | {words} | {right} |", good
+
+
+def main(sessions: int = 20, *only: str) -> tuple[bool, dict[str, object]]:
+    began = time.monotonic()
+    shown, good = [], True
+    cells = [
+        (which, what) for which in CASES for what in VIOLATIONS
+        if can(which, what) and (not only or which in only or what in only)
+    ]  # fmt: skip
+    jobs = [(which, what, seed) for which, what in cells for seed in range(sessions)]
+    runs = list(each(one, jobs))
+    for k, (which, what) in enumerate(cells):
+        line, fine = row(which, what, runs[k * sessions : (k + 1) * sessions])
+        shown.append(line)
+        good &= fine
+    minutes = f"{(time.monotonic() - began) / 60:.0f}"
+    return good, {"sessions": sessions, "shown": shown, "minutes": minutes}
+
+
+if __name__ == "__main__":
+    print("\n".join(main(int(sys.argv[1]), *sys.argv[2:])[1]["shown"]))
