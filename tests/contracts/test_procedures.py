@@ -582,6 +582,7 @@ SCATTER = {
     **{n: (25, SESSIONS[n]) for n in ON_TABLE},
     **{f"rate_table, {g}": (70, replace(SESSIONS["rate_table"], grade=g, said={
         "repeatability": False})) for g in ("mems", "tactical")},
+    "magnetometer": (30, SESSIONS["magnetometer"]),
     "north_seeking, level": (40, seeker({})),
     "north_seeking, two on the case": (40, seeker({"accelerometers": "case"})),
     "north_seeking, blind": (40, seeker(BLIND, level_sd=ARCMIN)),

@@ -13,7 +13,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from foucault.errors import FoucaultError
+from foucault.export.calibrated_log import calibrate_log
 from foucault.infer.gauss_newton import chi_square_limits
+from foucault.logs import LogDescription, read, write
+from foucault.logs.description import description_of
 from foucault.models.earth import Site
 from foucault.models.magnetometer import LAYOUT, REFERENCE, Magnetometer
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -178,6 +181,44 @@ def test_what_is_applied_reads_the_field_of_the_body() -> None:
     assert abs(again.coefficients.value("mag.delay")) < 5e-4
     assert "mag.already_right" in codes(again)
     assert "mag.already_right" not in codes(result)
+
+
+TITLES = {"mag_x (uT)": 1e6, "mx [mG]": 1e7, "magnetometer_x_nT": 1e9, "magnetic_field_x (G)": 1e4}
+
+
+@pytest.mark.parametrize("title", TITLES)
+def test_a_bare_file_says_the_unit_of_its_field(title: str, tmp_path: Path) -> None:
+    log, _ = short()
+    axes = [title.replace("x", a) if title[0:2] != "mx" else f"m{a} [mG]" for a in "xyz"]
+    names = ["time (s)", *(f"gyro_{a} (rad/s)" for a in "xyz"), *axes]
+    rows = np.column_stack([log.time, log.gyro, log.mag * TITLES[title]])[:50]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([",".join(names), *(",".join(map(repr, r)) for r in rows.tolist())]))
+    found = read(description_of(path)[0], tmp_path)
+    np.testing.assert_allclose(found.mag, log.mag[:50], rtol=1e-12)
+
+
+def test_counts_of_a_magnetometer_need_their_scale(tmp_path: Path) -> None:
+    mag = {"columns": ["a", "b", "c"], "unit": "count"}
+    gyro = {"columns": ["a", "b", "c"], "unit": "rad/s"}
+    (tmp_path / "log.csv").write_text("a,b,c\n" + "67,-134,201\n67,-134,202\n" * 2)
+    said = {"file": "log.csv", "rate": 50.0, "gyro": gyro}
+    log = read(LogDescription(**said, mag=mag | {"scale": "6.7 count/uT"}), tmp_path)
+    np.testing.assert_allclose(log.mag[0], [1e-5, -2e-5, 3e-5])
+    with pytest.raises((FoucaultError, ValueError), match=r"6.7 count/uT"):
+        LogDescription(**said, mag=mag)
+
+
+def test_apply_writes_the_field_of_the_body(tmp_path: Path) -> None:
+    log, _ = short()
+    write(log, tmp_path / "log.parquet")
+    result = calibrated(log)
+    out = tmp_path / "calibrated.parquet"
+    done = calibrate_log(result, LogDescription(file="log.parquet"), tmp_path, out)
+    found = read(LogDescription(file=out.name), tmp_path)
+    np.testing.assert_array_equal(found.mag, result.apply(log).mag)
+    np.testing.assert_array_equal(found.gyro, log.gyro)
+    assert not done.findings
 
 
 # -- what people do wrong --------------------------------------------------------------------------

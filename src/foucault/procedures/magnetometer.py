@@ -29,7 +29,6 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.signal import lfilter
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout
@@ -897,6 +896,8 @@ def simulated(
     seed: int,
 ) -> Simulation:  # fmt: skip
     """Simulate a session: `seed` [1] gives one of its motion and one of its `noise` [SI]."""
+    from scipy.signal import lfilter
+
     motion, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence([seed, 5]).spawn(2))
     rest, turn = session.rest_time, session.turn_time
     free = session.motion == "free"
