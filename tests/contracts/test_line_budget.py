@@ -24,7 +24,7 @@ BUDGET = {
     "models": 6_018,
     "navigate": 2_110,
     "plans": 6_028,
-    "procedures": 17_147,
+    "procedures": 17_148,
     "recognise": 2_447,
     "report": 10_181,
     "simulate": 3_503,
