@@ -27,9 +27,11 @@ OWN_WORDS = {
     "--level-sd": 2,  # at the start of navigation, or of a case without accelerometers
     "--method": 2,
     "--order": 2,
-    "--rate": 2,
+    "--noise": 2,  # of a run, or of a receiver's file
+    "--rate": 4,  # of a plan, a session, a column, a receiver
     "--reference": 2,
     "--rest": 2,
+    "--to": 2,  # what to write, or whose file it is
 }
 """Options that say different things in different commands, and how many."""
 

@@ -70,11 +70,13 @@ def test_the_command_says_it(tmp_path: Path) -> None:
     write(a_log(0.02, 0.5), tmp_path / "drive.parquet")
 
     def run(*words: Any) -> Any:
-        done = CliRunner().invoke(app, ["allan", str(tmp_path / "drive.parquet"), *words, "--json"])
+        done = CliRunner().invoke(app, [str(w) for w in words])
         assert done.exit_code == 0, done.stderr
         return json.loads(done.stdout)
 
-    plain, moving = run(), run("--moving")
+    drive = tmp_path / "drive.parquet"
+    plain = run("allan", drive, "--json")
+    moving = run("allan", drive, "--moving", "--json")
     assert "vibration" not in plain
     assert {v["axis"] for v in moving["vibration"]} == set(moving["channels"])
     assert moving["channels"] == plain["channels"]  # the noise is that of the rest

@@ -18,6 +18,16 @@ if TYPE_CHECKING:
     from foucault.result import Result
 
 
+_NOISE = "Folder of `foucault allan` whose noise goes into the file; else the campaign's."
+_AXES = (
+    "Axes of the receiver's readings: right-forward-up (the default but of px4, ardupilot and "
+    "kf-gins), forward-right-down or forward-left-up."
+)
+_RATE = quantity(
+    "frequency", 'Rate of the readings for the receiver, such as "200 Hz"; that of the log if '
+    "left out.", least="greater than 0",
+)  # fmt: skip
+
 BAGS = (".bag", ".mcap", ".db3")
 """How the name of a bag ends, where it is no folder."""
 
@@ -145,27 +155,9 @@ def export(
             metavar="<str>", help="Leave out a coefficient or a group of them; may be repeated."
         ),
     ] = None,
-    axes: Annotated[
-        str | None,
-        typer.Option(
-            help="Axes of the receiver's readings: right-forward-up (the default but of px4, "
-            "ardupilot and kf-gins), forward-right-down or forward-left-up."
-        ),
-    ] = None,
-    noise: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of `foucault allan` whose noise goes into the file; else the campaign's."
-        ),
-    ] = None,
-    rate: Annotated[
-        Amount | None,
-        quantity(
-            "frequency",
-            'Rate of the readings for the receiver, such as "200 Hz"; that of the log if left out.',
-            least="greater than 0",
-        ),
-    ] = None,
+    axes: Annotated[str | None, typer.Option(help=_AXES)] = None,
+    noise: Annotated[Path | None, typer.Option(help=_NOISE)] = None,
+    rate: Annotated[Amount | None, _RATE] = None,
     force: Annotated[
         bool,
         typer.Option(
@@ -329,16 +321,9 @@ def check(
     to: Annotated[
         str | None, typer.Option("--to", help="Whose file it is; found by its keys if left out.")
     ] = None,
-    noise: Annotated[
-        Path | None, typer.Option(help="Folder of `foucault allan` that its noise came from.")
-    ] = None,
-    rate: Annotated[
-        Amount | None,
-        quantity("frequency", 'Rate of the readings, such as "200 Hz".', least="greater than 0"),
-    ] = None,
-    axes: Annotated[
-        str | None, typer.Option(help="Axes of the receiver's readings, as for export.")
-    ] = None,
+    noise: Annotated[Path | None, typer.Option(help=_NOISE)] = None,
+    rate: Annotated[Amount | None, _RATE] = None,
+    axes: Annotated[str | None, typer.Option(help=_AXES)] = None,
 ) -> None:
     """Read a receiver's file back, and say what in it cannot be meant.
 

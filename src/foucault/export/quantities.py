@@ -31,7 +31,7 @@ class Known:
     rate: float | None = None  # of the messages [Hz]
     gravity: float = 0.0  # [m/s^2]
     correlation: float | None = None  # correlation time of a Markov process like the walk [s]
-    # biases over temperature, where they change (`warm`): by name, temperatures in degC
+    # biases over temperature, where they change: by name, temperatures [degC], others [SI]
     warm: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
