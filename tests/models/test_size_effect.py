@@ -56,9 +56,9 @@ def test_changes_are_central_differences():
     left[[0, 3]], right[[2, 4]] = 0.0, 0.0  # a gap before row 3
     s = np.empty(kernel.INPUTS)
     for i in range(5):
-        kernel.changes.py_func(dtheta, dvel, dt, left, right, i, s)
+        kernel.changes.py_func(dtheta, dvel, dt, left, right, i, 0.0, 1.0, s)
         np.testing.assert_allclose(s[37:43], np.concatenate([slope, push]), rtol=1e-9)
-    kernel.changes.py_func(dtheta, dvel, dt, 0 * left, 0 * right, 2, s)
+    kernel.changes.py_func(dtheta, dvel, dt, 0 * left, 0 * right, 2, 0.0, 1.0, s)
     np.testing.assert_array_equal(s[37:43], 0.0)
 
 
