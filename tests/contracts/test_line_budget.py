@@ -25,7 +25,7 @@ BUDGET = {
     "navigate": 2_097,
     "plans": 6_025,
     "procedures": 13_801,
-    "recognise": 2_350,
+    "recognise": 2_480,
     "report": 9_036,
     "simulate": 3_354,
     "symptoms": 87,
