@@ -12,7 +12,7 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_435,
     "campaign": 5_273,
-    "cli": 4_038,
+    "cli": 4_030,
     "detect": 4_441,
     "diagnose": 11_789,
     "estimate": 6_878,

@@ -101,12 +101,19 @@ def _open(path: Path | None, stdin: bool, hold: float) -> Session:
 
 def _described(path: Path) -> LogDescription:
     """Describe a log that says itself what it holds, or by what it holds already."""
+    from foucault.errors import FoucaultError
     from foucault.logs.description import LogDescription, describes_itself
     from foucault.recognise.reading import question, recognise
 
+    alone = LogDescription.model_validate({"file": path.name})
     if describes_itself(path) or not path.is_file():
-        return LogDescription.model_validate({"file": path.name})
-    seen = recognise([path])
+        return alone
+    try:
+        seen = recognise([path])
+    except FoucaultError as problem:
+        if problem.code in ("recognise.no_table", "recognise.short"):  # not yet
+            return alone
+        raise
     if seen.questions:
         raise question(seen)
     return seen.description()
