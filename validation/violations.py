@@ -124,7 +124,9 @@ def drift(accel_bias: float = 0.0, gyro_bias: float = 0.0, scale: float = 0.0) -
 
     def violate(s: Session) -> None:
         a, g = s.rng.choice([-1.0, 1.0], (2, 1, 3)) * s.ramp
-        accel, gyro = s.log.accel, s.log.gyro
+        accel, gyro = (
+            None if x is None else x.reshape(len(x), -1) for x in (s.log.accel, s.log.gyro)
+        )
         added(
             s,
             a * (accel_bias + scale * (0.0 if accel is None or scale == 0 else accel)),

@@ -191,6 +191,7 @@ def test_the_time_column_says_the_rate_of_any_column(tmp_path: Path) -> None:
     ("words", "text"),
     [
         (["--column", "a", "--unit", "deg/s"], "No column of 'bench.csv' is titled as time"),
+        (["--rate", "100 Hz"], "--rate describes the columns of --column, and there is none"),
         (["--column", "a", "--unit", "kg", "--rate", "1 Hz"], "is no unit of a gyro or an"),
         (["--column", "a"] * 4 + ["--unit", "mg"], "4 columns were named with --column"),
     ],

@@ -43,6 +43,7 @@ LINES = {
     "temperature": "run other -o new",
     "apply": "run log.csv -o new.csv",
     "export": "run --to json -o new.json",
+    "check": "imu.yaml",
     "watch": "log.csv",
     "north": "log.csv",
     "north plan": '--latitude "47 deg" --gyro-noise navigation --time "10 min"',
@@ -75,6 +76,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     own.write(simulate_motion([Rest(20.0)], START, rate=20.0).log, folder / "log.csv")
     (folder / "hand_rotated.toml").write_text(campaign.template("hand_rotated"))
     run_folder.save(make_result(), folder / "run")
+    (folder / "imu.yaml").write_text("rostopic: /imu0\nupdate_rate: 100.0\n")
     shutil.copytree(folder / "run", folder / "other")
     return folder
 

@@ -8,7 +8,7 @@ import pytest
 from foucault.coefficients import CoefficientVector
 from foucault.errors import FoucaultError
 from foucault.kernels import cluster as kernels
-from foucault.models import imu, size_effect
+from foucault.models import imu, magnetometer, size_effect
 from foucault.models.cluster import (
     CONSTANTS,
     LAYOUT,
@@ -20,7 +20,7 @@ from foucault.models.cluster import (
     normalised,
 )
 from foucault.models.imu import ImuModel
-from foucault.models.layouts import BESIDE, EVERY, is_cluster, kind_of, model_of
+from foucault.models.layouts import EVERY, TIES, is_cluster, kind_of, model_of
 from foucault.models.rotation import exp
 from foucault.tables import AXES, Log
 from make_cluster import DEG_H, UG, G, make_cluster, one_error
@@ -95,7 +95,7 @@ def test_drift_and_readings_are_the_printed_equations(seed):
 
 def test_layouts_know_every_name_once():
     assert len(set(EVERY.names)) == len(EVERY)
-    every = (imu.LAYOUT, size_effect.LAYOUT, LAYOUT, BESIDE)
+    every = (imu.LAYOUT, size_effect.LAYOUT, LAYOUT, TIES, magnetometer.LAYOUT)
     assert set(EVERY.names) == {name for layout in every for name in layout.names}
     assert kind_of("gyro.drift_input_spin.y") == "g-squared sensitivity"
     assert kind_of("accel.bias.x") == "specific force"

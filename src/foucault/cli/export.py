@@ -109,6 +109,8 @@ def apply(
             screen.say(f"Wrote {output} with {count} corrected messages, all others as they were.")
             screen.data({"output": str(output), "samples": count})
             return
+        if topic is not None:
+            raise error("apply.topic", topic=topic, log=log)
         description, folder, instrument = _described(calibrated, result, log)
         done = calibrate_log(
             calibrated, description, folder, output,

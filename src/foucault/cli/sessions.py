@@ -102,7 +102,7 @@ def inspect(
         bool, typer.Option("--all", help="Print every rest and every finding.")
     ] = False,
 ) -> None:
-    """Look at a log: its axes, when it was at rest, and what looks wrong.
+    """Look at a log: axes, when it was at rest, what looks wrong.
 
     On one screen; with --all every rest and every finding.
     """
@@ -249,12 +249,16 @@ def allan(
     from foucault.campaign.running import read_any
     from foucault.diagnose import vibration
     from foucault.diagnose.allan import check_kind, deviation_table, measure_log
+    from foucault.errors import error
     from foucault.files import make_folder, write_text
     from foucault.logs.columns import columns_alone
     from foucault.report import noise as report
     from foucault.report import save
 
     screen: Screen = ctx.obj
+    for option, given in (("--unit", unit), ("--rate", rate)):
+        if given and not column:
+            raise error("allan.alone", option=option)
     with screen.progress() as tell:
         if column:
             read = logs.read(columns_alone(log, column, unit, rate), log.parent)
