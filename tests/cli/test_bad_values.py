@@ -76,7 +76,10 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     own.write(simulate_motion([Rest(20.0)], START, rate=20.0).log, folder / "log.csv")
     (folder / "hand_rotated.toml").write_text(campaign.template("hand_rotated"))
     run_folder.save(make_result(), folder / "run")
-    (folder / "imu.yaml").write_text("rostopic: /imu0\nupdate_rate: 100.0\n")
+    noises = [f"{triad}_{kind}: 0.001" for triad in ("accelerometer", "gyroscope")
+              for kind in ("noise_density", "random_walk")]  # fmt: skip
+    kalibr = "\n".join(["rostopic: /imu0", "update_rate: 100.0", *noises, ""])
+    (folder / "imu.yaml").write_text(kalibr)
     shutil.copytree(folder / "run", folder / "other")
     return folder
 

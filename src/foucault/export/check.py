@@ -26,7 +26,7 @@ from foucault.errors import Finding, error, finding, suggestion
 from foucault.export.densities import Densities
 from foucault.export.quantities import Known
 from foucault.export.receivers import knowledge, known_as
-from foucault.export.request import inverse
+from foucault.export.request import inverse, known_axes
 from foucault.export.syntax import Found
 from foucault.export.table import KINDS, Receiver, Row, found_in, numbers_of, receivers
 from foucault.models.imu import ImuModel
@@ -130,6 +130,8 @@ def checked(
     """
     own = recognised(text) if receiver is None else _own(known_as(receiver))
     found = found_in(own, text)
+    if axes is not None:
+        known_axes(axes)
     about: Known | None = None
     if result is not None:
         drop = tuple(n for n in result.coefficients.names if n.rpartition(".")[0] not in own.takes)

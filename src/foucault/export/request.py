@@ -145,9 +145,7 @@ def request(
     """
     vector = of_sensors(result.coefficients)
     usable(result, force)
-    if axes not in AXES:
-        hint = suggestion(axes, AXES)
-        raise error("export.axes", given=axes, hint=hint, allowed=", ".join(AXES))
+    known_axes(axes)
     drop = tuple(drop)
     dropped = _dropped(vector, drop)
     kept = vector.with_values(dict.fromkeys(dropped.names, 0.0))
@@ -183,6 +181,13 @@ def usable(result: Result, force: bool) -> None:
         reasons = " ".join(result.verdict.reasons) or "No reason is given."
         raise error("export.unusable", reasons=reasons)
     result.numbers()
+
+
+def known_axes(axes: str) -> None:
+    """Refuse a name of axes that is none of `AXES`."""
+    if axes not in AXES:
+        hint = suggestion(axes, AXES)
+        raise error("export.axes", given=axes, hint=hint, allowed=", ".join(AXES))
 
 
 def in_axes(model: ImuModel, C_sb: FloatArray) -> ImuModel:
