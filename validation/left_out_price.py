@@ -1,0 +1,125 @@
+"""The price of counting terms that are not estimated, names given by mistake, and power.
+
+Clean sessions hold none of them. Their sd with sizes over that without is the price, the terms
+that make it are those of the budget, and a size that is declared buys some of it back. In clean
+sessions nothing may be named but in 1 %. A term of the size that a report says would be named in
+nine of ten sessions is put into the samples by its formula and has to be.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from common import each
+from left_out import COUNT, put
+from scipy.stats import binom
+from violations import CASES, DECLARED
+from violations import GRADE as GRADES_OF
+
+from foucault.models.left_out import sizes_of
+from foucault.models.noise import grade
+from sessions import SITE, Case, made
+
+PROCEDURES = ("hand_rotated", "six_position", "ferraris", "rate_table")
+CLASSES = {"consumer MEMS": "mems", "tactical MEMS": "tactical", "tactical FOG": "navigation"}
+"""Grade of the sizes -> class of the simulated instrument's noise and errors."""
+
+SURVEYED = 2e-5  # m/s^2: gravity as a gravimeter tells it
+SHEET = {"accel.quadratic": 0.1, "accel.cross": 0.1, "accel.asymmetry": 0.1, "gyro.cubic": 0.1,
+         "gyro.asymmetry": 0.1, "gyro.g_sensitivity": 0.1}  # fmt: skip
+"""What a test of the part says: these sizes are a tenth of the typical ones."""
+
+POWER = {
+    "hand_rotated": "accel.quadratic", "ferraris": "gyro.g_sensitivity",
+    "rate_table": "gyro.bias drift",
+}  # fmt: skip
+"""A group of three terms or nine, each of which this plan can show."""
+
+
+def trial(case: Case, log: Any, sizes: Any, gravity_sd: float = 4e-4) -> Any:
+    noise = case.sensors if case.procedure in DECLARED else None
+    site = replace(SITE, gravity_sd=gravity_sd)
+    return case.record.trial(log, site=site, settings=case.stated, sizes=sizes, noise=noise)
+
+
+def priced(job: tuple[str, str, int]) -> tuple[list[float], dict[str, float]]:
+    """Return the median sd over that without sizes: with all, with each declaration, with both."""
+    which, name, seed = job
+    case = replace(CASES[which], grade=CLASSES[name], noise=grade(CLASSES[name]).noise)
+    log, sizes = made(case, 40_000 + seed).log, sizes_of(name)
+    sheet = {g: (s * SHEET.get(g, 1.0), b) for g, (s, b) in sizes.items()}
+    plain = trial(case, log, None).coefficients.sd
+    with_all = trial(case, log, sizes)
+    out = [with_all.coefficients.sd / plain]
+    out += [
+        trial(case, log, some, sd).coefficients.sd / plain
+        for some, sd in ((sizes, SURVEYED), (sheet, 4e-4), (sheet, SURVEYED))
+    ]
+    budget = with_all.diagnostics["budget"]
+    total = np.sum([np.array(v) for v in budget.values()], axis=0)
+    largest = {n: float(np.max(np.array(v) / total)) for n, v in budget.items() if n in COUNT or
+               n == "local gravity"}  # fmt: skip
+    return [float(np.median(r)) for r in out], largest
+
+
+def named(job: tuple[str, str, int]) -> list[str]:
+    """Return who is named in a clean session, or in one that holds a term as large as needed."""
+    which, what, seed = job
+    case, sizes = CASES[which], sizes_of(GRADES_OF[which])
+    simulation = made(case, 50_000 + seed)
+    log = simulation.log
+    if what:
+        needed = trial(case, log, sizes).diagnostics["left_out"][what]
+        x = np.zeros(COUNT[what])
+        # The most visible term of a group is the one that `needed` is about.
+        x[int(np.argmax(visible(case, log, sizes, what)))] = needed["needed"] * sizes[what][0]
+        log = put(log, simulation.model, {what: x})
+    return [n for causes in trial(case, log, sizes).diagnostics["named"] for n in causes]
+
+
+def visible(case: Case, log: Any, sizes: Any, group: str) -> np.ndarray:
+    """Return the share of each term of a group that the readings see."""
+    from foucault.infer import left_out
+
+    seen = []
+    tested = left_out.tested
+    left_out.tested = lambda at: seen.append(tested(at)) or seen[-1]
+    try:
+        trial(case, log, sizes)
+    finally:
+        left_out.tested = tested
+    return np.diag(seen[0][group].V)
+
+
+def main(clean: int = 1000, power: int = 200, price: int = 10) -> tuple[bool, dict[str, object]]:
+    good, prices, names, powers = True, [], [], []
+    cells = [(w, n) for w in PROCEDURES for n in CLASSES]
+    runs = list(each(priced, [(w, n, k) for w, n in cells for k in range(price)]))
+    for k, (which, name) in enumerate(cells):
+        mine = runs[k * price : (k + 1) * price]
+        ratios = np.median([r[0] for r in mine], axis=0)
+        most = Counter()
+        for _, shares in mine:
+            most.update(shares)
+        makers = ", ".join(f"{n} {v / price:.2f}" for n, v in most.most_common(3))
+        prices.append(
+            f"| {which} | {name} | " + " | ".join(f"{r:.2f}" for r in ratios) + f" | {makers} |"
+        )
+    runs = list(each(named, [(w, "", k) for w in PROCEDURES for k in range(clean)]))
+    for k, which in enumerate(PROCEDURES):
+        wrong = [set(r) for r in runs[k * clean : (k + 1) * clean] if r]
+        most = binom.isf(0.005, clean, 0.01)
+        good &= len(wrong) <= most
+        said = Counter(n for r in wrong for n in r).most_common(3)
+        words = ", ".join(f"{n} {c}" for n, c in said) or "nothing"
+        names.append(f"| {which} | {clean} | {len(wrong)} | {most:.0f} | {words} |")
+    runs = list(each(named, [(w, g, k) for w, g in POWER.items() for k in range(power)]))
+    for k, (which, group) in enumerate(POWER.items()):
+        right = sum(group in r for r in runs[k * power : (k + 1) * power])
+        low, high = binom.ppf(0.005 / 3, power, 0.9), binom.isf(0.005 / 3, power, 0.9)
+        good &= low <= right
+        powers.append(f"| {which} | {group} | {right} of {power} | {low:.0f} to {high:.0f} |")
+    return good, {"prices": prices, "names": names, "powers": powers, "sessions": price}
