@@ -12,13 +12,16 @@ QUICK = {"rate": '"100 Hz"', "message_rate": '"5 Hz"', "with_outage": "false"}
 
 
 def written(**keys) -> str:
-    """Return the template with some keys changed; those of `QUICK` too, where nothing is said."""
+    """Return the template with some keys changed; those of `QUICK` too, where nothing is said.
+
+    Of two keys of one name the latter: [instrument] has left_out too.
+    """
     wanted, lines = {**QUICK, **keys}, []
-    for line in campaign.template("transfer_alignment").splitlines():
+    for line in reversed(campaign.template("transfer_alignment").splitlines()):
         key, is_key, _ = line.removeprefix("# ").partition(" = ")
         lines.append(f"{key} = {wanted.pop(key)}" if is_key and key in wanted else line)
     assert not wanted, wanted
-    return "\n".join(lines)
+    return "\n".join(reversed(lines))
 
 
 def described(**keys):

@@ -34,9 +34,9 @@ def made(order=(0, 1, 2), signs=(1, 1, 1), rate=10 * DEG, bias=2 * DEG, up=UP, r
 
 
 CASES = [
-    ((0, 1, 2), (-1, 1, 1), "spin.left_handed", "Probably gyro x is reversed:", "x = -x, y = +y"),
+    ((0, 1, 2), (-1, 1, 1), "spin.left_handed", "gyro x is reversed, and", "x = -x, y = +y"),
     ((0, 1, 2), (1, -1, -1), "spin.axes", "gyro y and z are reversed:", "y = -y, z = -z"),
-    ((1, 0, 2), (1, 1, 1), "spin.left_handed", "gyro x and y are exchanged:", "x = +y, y = +x"),
+    ((1, 0, 2), (1, 1, 1), "spin.left_handed", "x and y are exchanged, and", "x = +y, y = +x"),
     # Column x is true y; that of y is true -x.
     ((1, 0, 2), (1, -1, 1), "spin.axes", "gyro x and y are exchanged, gyro y is", "x = -y, y = +x"),
     ((1, 2, 0), (1, 1, 1), "spin.axes", "exchanged in a circle:", "x = +z, y = +x, z = +y"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import json
 import os
 import subprocess
 import sys
@@ -110,7 +111,8 @@ def test_samples_come_out_before_the_stream_ends(
     ("words", "code"),
     [(["--stream", "-o", "x.csv"], "-o has no place"),
      (["--stream", "--topic", "/imu"], "--topic has no place"),
-     ([], "There is no log to correct, or no -o to write it to.")],
+     ([], "There is no log to correct, or no -o to write it to."),
+     (["raw.csv", "-o", "new.csv", "--topic", "/imu"], "error: --topic /imu names an IMU of a bag")],
 )  # fmt: skip
 def test_a_stream_and_files_do_not_mix(
     words: list[str], code: str, tmp_path: Path, linear: Result
@@ -119,6 +121,13 @@ def test_a_stream_and_files_do_not_mix(
     done = CliRunner().invoke(app, ["apply", str(tmp_path / "run"), *words])
     assert done.exit_code == 1
     assert code in done.stderr
+
+
+def test_a_topic_of_a_log_that_is_no_bag(linear: Result, tmp_path: Path) -> None:
+    save(linear, tmp_path / "run")
+    words = ["apply", tmp_path / "run", tmp_path / "raw.csv", "-o", tmp_path / "new.csv"]
+    done = CliRunner().invoke(app, [*map(str, words), "--topic", "/imu", "--json"])
+    assert json.loads(done.stdout)["error"]["code"] == "apply.topic"
 
 
 # -- messages ----------------------------------------------------------------------------------

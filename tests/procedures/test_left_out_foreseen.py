@@ -174,8 +174,9 @@ def test_a_study_of_a_declared_instrument_draws_and_judges_with_it(tmp_path) -> 
 
 
 def test_off_beside_a_size_is_refused() -> None:
-    with pytest.raises(FoucaultError, match="left_out = false"):
+    with pytest.raises(FoucaultError, match="left_out = false") as caught:
         campaign('left_out = false\ngrade = "consumer MEMS"')
+    assert caught.value.code == "left_out.off"
     assert campaign("left_out = false").sizes is None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from dataclasses import replace
 from functools import cache
 from itertools import permutations, product
@@ -311,6 +312,13 @@ def test_the_world_model_says_the_field_of_a_place_and_a_day() -> None:
             world_field(date, replace(Site.at(0.8), longitude=0.1))
     with pytest.raises(FoucaultError, match="no latitude and longitude"):
         world_field("2026-05-08", SITE)
+
+
+def test_the_world_model_that_is_not_installed_is_named(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "pygeomag", None)
+    with pytest.raises(FoucaultError) as caught:
+        world_field("2026-05-08", replace(Site.at(0.8), longitude=0.1))
+    assert caught.value.code == "mag.world" and "foucault[world]" in caught.value.cure
 
 
 # -- real logs -------------------------------------------------------------------------------------

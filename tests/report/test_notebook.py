@@ -85,7 +85,7 @@ def test_figures_by_name(result):
     whole(figure._repr_html_())
     with pytest.raises(FoucaultError, match=r"no figure 'residual'. Did you mean 'residuals'") as e:
         result.plot("residual")
-    assert "budget" in e.value.cure
+    assert "budget" in e.value.cure and e.value.code == "result.no_figure"
 
 
 def test_tables_are_frames_with_units(result):
@@ -95,8 +95,9 @@ def test_tables_are_frames_with_units(result):
     rests = result.dataframe("rests")
     assert rests.attrs["units"]["start"] == "s" and len(rests) == 24
     np.testing.assert_array_equal(rests["start"], result.tables["rests"]["start"])
-    with pytest.raises(FoucaultError, match=r"no table 'rest'. Did you mean 'rests'"):
+    with pytest.raises(FoucaultError, match=r"no table 'rest'. Did you mean 'rests'") as e:
         result.dataframe("rest")
+    assert e.value.code == "result.no_table"
 
 
 def test_progress_is_a_bar_in_a_notebook_and_silent_elsewhere(monkeypatch, capsys):

@@ -17,7 +17,7 @@ from foucault.models.noise import ImuNoise
 from foucault.models.pose import PoseTable
 from foucault.models.rotation import body_rate, exp, matrix_of
 from foucault.simulate.noise import sampled_log
-from foucault.tables import Log
+from foucault.tables import Log, whole_samples
 
 MOTIONS = ("all axes", "rotation only", "one axis", "planar", "translation only", "constant rate")
 """What a hand may do."""
@@ -144,6 +144,6 @@ def simulate_hand(
         return motion.force(time - late, gravity), motion.rates(time)
 
     made: Callable[..., Log] = sampled_log
-    log = made(truth, samples=round(duration * rate), rate=rate, sampled="rate", model=model,
-               noise=noise, rng=rng)  # fmt: skip
+    count = whole_samples(duration * rate + 0.5)
+    log = made(truth, samples=count, rate=rate, sampled="rate", model=model, noise=noise, rng=rng)
     return log, tracker.poses(motion, duration, rng)
