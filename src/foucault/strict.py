@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -37,6 +38,7 @@ def description_of(model: type[BaseModel], name: str) -> str:
     return ""
 
 
+@cache
 def _docstrings(kind: type) -> dict[str, str]:
     """Return field -> its docstring, lines joined."""
     (made,) = ast.parse(inspect.getsource(kind)).body
