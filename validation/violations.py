@@ -376,7 +376,8 @@ def main(sessions: int = 20, *only: str) -> tuple[bool, dict[str, object]]:
         shown.append(line)
         good &= fine
     minutes = f"{(time.monotonic() - began) / 60:.0f}"
-    return good, {"sessions": sessions, "shown": shown, "minutes": minutes}
+    ran = ", ".join(dict.fromkeys(which for which, _ in cells))
+    return good, {"sessions": sessions, "shown": shown, "minutes": minutes, "ran": ran}
 
 
 if __name__ == "__main__":
