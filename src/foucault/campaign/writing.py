@@ -237,7 +237,7 @@ def resolved(campaign: Campaign, folder: str | Path, head: str = "") -> str:
     blocks = [
         f"{RESOLVED.decode()}, in SI units.",
         *([head] if head else []),
-        table_text("instrument", campaign.instrument),
+        table_text("instrument", _exact(tables.instrument) | campaign.instrument),
         table_text("site", site) + note,
         table_text("log", log),
         *([table_text("master", master)] if master else []),

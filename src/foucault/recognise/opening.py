@@ -7,6 +7,7 @@ most columns of numbers, the first line of a run of such rows, the titles and th
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -29,7 +30,7 @@ from foucault.logs.dialect import (
     split,
     text_lines,
 )
-from foucault.logs.raw import RawTable, format_of, open_raw
+from foucault.logs.raw import RawTable, format_of, open_raw, unreadable
 from foucault.recognise.titles import units_row
 
 ROWS = 400_000
@@ -88,6 +89,15 @@ class Opened:
 
 def opened(path: Path) -> Opened:
     """Open a file and read the columns of it that hold numbers; raises what it is instead."""
+    try:
+        return _opened(path)
+    except (FoucaultError, MemoryError):
+        raise
+    except Exception as problem:  # each library raises its own types for a damaged file
+        raise unreadable(path, "text", problem) from problem
+
+
+def _opened(path: Path) -> Opened:
     refuse_no_log(path)
     layout: dict[str, Any] = {}
     units: tuple[str, ...] = ()
@@ -128,7 +138,7 @@ def refuse_no_log(path: Path) -> None:
     try:
         with open_bytes(path) as stream:
             start = stream.read(4096)
-    except (OSError, EOFError, ValueError):
+    except (OSError, EOFError, ValueError, zlib.error):
         return  # packed, and damaged: the reader says it
     what = next((said for magic, said in _NO_LOGS.items() if start.startswith(magic)), None)
     todo = _SAVE_AS if what and "XLS" in what else _NUMBERS
