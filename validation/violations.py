@@ -321,11 +321,12 @@ def one(job: tuple[str, str, int]) -> list[Run]:
             cov = cov + np.outer(of_clock, of_clock)
         named = tuple(" = ".join(causes) for causes in r.diagnostics.get("named", []))
         failed = tuple(check.name for check in r.checks if not check.passed)
+        shown = [c.sentence for c in r.checks if c.name == "terms not shown"]
         codes = tuple(f.code for f in r.findings) if r.verdict.reasons and not failed else ()
         out.append(Run(
             float(nees(e[None], cov[None])[0]) / len(e), len(e), r.verdict.level is Level.PASS,
             named or failed or codes,
-            " ".join([*(r.diagnostics.get("unseen") or ()), *(c.sentence for c in r.checks)]),
+            " ".join([*(r.diagnostics.get("unseen") or ()), *shown]),
         ))  # fmt: skip
     return out
 
