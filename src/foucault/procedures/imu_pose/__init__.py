@@ -26,6 +26,8 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import check, plausible_scales, status_check
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, Status, error, finding
+from foucault.estimate import imu_pose as engine
+from foucault.estimate.imu_pose import LAYOUT, NAMES, Readings, Solution
 from foucault.guard.mistakes import exchange_words, exchanges
 from foucault.infer.filtered import component
 from foucault.infer.gauss_newton import FALSE_ALARM
@@ -38,8 +40,6 @@ from foucault.models.pose import LAYOUT as OF_POSE
 from foucault.models.pose import PoseTable
 from foucault.models.rotation import log as vector_of
 from foucault.models.size_effect import SizeEffect
-from foucault.procedures.imu_pose import model as engine
-from foucault.procedures.imu_pose.model import LAYOUT, NAMES, Readings, Solution
 from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
 from foucault.procedures.record import Beforehand, Given, Procedure, Robust, SampleRate
 from foucault.result import Check, Result, TableData, Verdict
@@ -368,7 +368,7 @@ def _told(s: Solution, clock_sd: float) -> list[Finding]:
     if abs(kappa) > SURE * max(clock_sd, sd):
         told.append(finding("pose.clock", kappa=plain(1e6 * kappa, 3), sd=plain(1e6 * sd, 2),
                             usual=plain(1e6 * clock_sd, 2)))  # fmt: skip
-    if s.halves > engine.COLOURED:
+    if s.halves > engine.MOVED:
         told.append(finding("pose.moved", factor=plain(s.halves, 2)))
     if s.spread > engine.COLOURED:
         attitude, position = (plain(x, 2) for x in s.lag_one)
