@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -197,8 +198,8 @@ def c_text_at_temperatures(wanted: Request) -> str:
     ]
     for name in blocks:
         flat = terms.block(name).reshape(len(terms.terms), -1)
-        lines = ",\n".join(f"    {row(line)}" for line in flat)
-        parts.append(f"static const double foucault_terms_{name}[{flat.size}] = {{\n{lines}}};\n")
+        listed = ",\n".join(f"    {row(line)}" for line in flat)
+        parts.append(f"static const double foucault_terms_{name}[{flat.size}] = {{\n{listed}}};\n")
     f = terms.functions
     filled = {
         "COUNT": str(len(terms.terms)), "KNOTS": row(f.knots), "REFERENCE": number(f.reference),
@@ -252,7 +253,7 @@ def python_text_at_temperatures(wanted: Request) -> str:
 
 
 def _lines(terms: TemperatureTerms, name: str) -> str:
-    def tuples(values: float | list[float]) -> str:
+    def tuples(values: Any) -> str:
         some = isinstance(values, list)
         return f"({', '.join(map(tuples, values))})" if some else number(values)
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.escape import commented
-from foucault.export.code import NEWTON_STEPS, PYTHON, C, Language
+from foucault.export.code import NEWTON_STEPS, PYTHON, C, Language, Meant
 from foucault.export.request import OWN_AXES, about, inverse, pieces
 from foucault.models import cluster, north_seeker
 from foucault.models.earth import EARTH_RATE
@@ -80,13 +80,14 @@ def _parts(result: Result) -> tuple[str, Constants]:
 
 def _program(result: Result, language: Language, mark: str, before: str) -> str:
     name, constants = _parts(result)
-    code, own = pieces(name), {key: (f"{what}.", {key: v}) for key, (what, v) in constants.items()}
+    code, own = pieces(name), list[Meant]()
     if name == "north_seeker":
-        own = {"": ("Rate of the Earth [rad/s].", {"earth_rate": EARTH_RATE})} | own
+        own.append(("Rate of the Earth [rad/s].", {"earth_rate": EARTH_RATE}))
+    own += [(f"{meaning}.", {key: values}) for key, (meaning, values) in constants.items()]
     kind = "c" if language is C else "python"
     return "\n".join([
         *([before] if before else []), commented(about(result, AXES[name]), mark),
-        code[f"{kind}_about"], *language.numbers(own.values()), *([""] if before else []),
+        code[f"{kind}_about"], *language.numbers(own), *([""] if before else []),
         code[kind].replace("STEPS", NEWTON_STEPS),
     ])  # fmt: skip
 
