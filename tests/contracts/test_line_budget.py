@@ -16,7 +16,7 @@ BUDGET = {
     "detect": 4_441,
     "diagnose": 11_789,
     "estimate": 6_878,
-    "export": 3_392,
+    "export": 3_075,
     "guard": 1_941,
     "infer": 3_088,
     "kernels": 4_742,
