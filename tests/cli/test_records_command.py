@@ -49,7 +49,7 @@ def test_a_page_of_its_history_is_written(home: Path) -> None:
     run("review", 1, "rejected", "--reason", "x")
     run("review", 2, "rejected", "--reason", "x")
     problem = run("show", "0042", "-o", "more")
-    assert problem.exit_code == 1 and "needs two" in problem.output
+    assert problem.exit_code == 1 and "a page of its history needs two" in problem.output
 
 
 def test_every_number_is_there_as_json(home: Path) -> None:
@@ -75,7 +75,7 @@ def test_an_audit_finds_what_was_edited(home: Path) -> None:
 def test_what_is_exported_is_read_again(home: Path) -> None:
     run("add", "--below", ".")
     run("event", "0042", "adjusted", "--on", "2026-04-01", "--words", "trimmed")
-    run("reference", "g hall", "gravity", "--certificate", "7", "--until", "2026-05-01")
+    run("reference", "g hall", "gravity", "--certificate", "7", "--renew", "2026-05-01")
     assert "certificate of the gravity" in run("due", "--at", "2026-04-20").output
     run("export", "-o", "j.jsonl")
     assert run("export").output == (home / "j.jsonl").read_text()
@@ -121,3 +121,28 @@ def test_a_run_is_calibrated_again_from_its_log(
     assert "is not there" in run("rerun", "run").output
     run("add", *make_runs(tmp_path, 1, "5"))
     assert "has no campaign.toml" in run("rerun", "3").output
+
+
+WHERE = ["--database", "lab.sqlite"]
+BOB = [*WHERE, "--who", "bob"]
+
+
+def test_another_database_and_another_name(home: Path) -> None:
+    run("reference", "table 3", "table", "--words", "of the hall", *BOB)
+    run("add", "0042-2024", "--date", "2024-05-06", "--reference", "table 3", *BOB)
+    run("add", "0042-2025", "--instrument", "spare", *BOB)
+    (home / "t.toml").write_text('"accel.bias" = "1 g"\n')
+    run("tolerance", "0042", "t.toml", *BOB)
+    run("interval", "0042", 12, *BOB)
+    run("event", "0042", "note", "--on", "2024-06-01", *BOB)
+    run("review", 2, "accepted", "--reason", "looked at", *BOB)
+    (home / "0042-2025").rename(home / "there")
+    run("moved", "there", *BOB)
+    assert "has no campaign.toml" in run("rerun", 2, *BOB).output
+    listed = run("list", *WHERE).output
+    assert "2024-05-06" in listed and "spare" in listed and "there" in listed
+    assert "Due: 2025-05-06" in run("show", "0042", *WHERE).output
+    assert run("due", *WHERE).exit_code == 3
+    assert run("rebuild", *WHERE).exit_code == run("audit", *WHERE).exit_code == 0
+    rows = [json.loads(line) for line in run("export", *WHERE).output.splitlines()]
+    assert [r["who"] for r in rows] == ["bob"] * 8 and not (home / "records.sqlite").exists()

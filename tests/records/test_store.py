@@ -109,8 +109,9 @@ def test_a_review_changes_what_counts_and_needs_a_reason(records: Records) -> No
     run = records.runs()[1]
     records.review(str(run.number), "rejected", "the table was being moved")
     assert [r.counts for r in records.runs()] == [True, False, True]
-    with pytest.raises(FoucaultError, match="The reason of this review cannot be"):
+    with pytest.raises(FoucaultError, match="The reason of this review cannot be") as problem:
         records.review(run.sha256[:10], "accepted", "  ")
+    assert problem.value.code == "records.entry"
     records.review(run.folder, "accepted", "it was not")
     assert all(r.counts for r in records.runs())
 
@@ -418,3 +419,12 @@ def test_an_entry_is_read_back_as_it_was_said(records: Records) -> None:
     entry = records.recalibrate_every("0042", 12.5)
     again = [e for e in records.entries() if e.number == entry.number]
     assert again == [entry] and json.loads(entry.body) == {"instrument": "IMU 0042", "months": 12.5}
+
+
+def test_an_older_schema_is_brought_up_to_date_only_to_be_written(tmp_path: Path) -> None:
+    sqlite3.connect(tmp_path / "records.sqlite").close()
+    with pytest.raises(FoucaultError) as problem:
+        Records(tmp_path / "records.sqlite")
+    assert problem.value.code == "records.older"
+    Records(tmp_path / "records.sqlite", make=True).close()
+    Records(tmp_path / "records.sqlite").close()

@@ -32,6 +32,7 @@ InstrumentName = Annotated[str, typer.Argument(help="Name of an instrument, or i
 OneRun = Annotated[
     str, typer.Argument(help="A run: its number, its folder, or the beginning of its hash.")
 ]
+AsOf = Annotated[str, typer.Option(help="Judge as of this day; today if left out.")]
 Words = Annotated[str, typer.Option(help="Anything else.")]
 
 
@@ -57,7 +58,7 @@ def _open(where: str | None, who: str = "", *, make: bool = False) -> Iterator[R
 
 @command(
     "foucault records add run",
-    "foucault records add 2025/* --date 2025-03-01 --reference 'table 3'",
+    'foucault records add 2025/run --date 2025-03-01 --reference "table 3"',
     "foucault records add --below archive",
     exits={0: "all are in", 3: "some could not be taken in"},
 )
@@ -114,7 +115,7 @@ def add(
     raise typer.Exit(3 if failed else 0)
 
 
-@command("foucault records list", "foucault records list 'IMU 7'")
+@command("foucault records list", 'foucault records list "IMU 7"')
 def list_(
     ctx: typer.Context,
     instrument: Annotated[
@@ -140,7 +141,7 @@ def list_(
 
 
 @command(
-    "foucault records show 'IMU 7'", "foucault records show 0042 -o history",
+    'foucault records show "IMU 7"', "foucault records show 0042 -o history",
     exits={3: "due, too near a limit, or the last run was doubtful",
            4: "out of its limits, out of service, or no run counts"},
 )  # fmt: skip
@@ -148,10 +149,10 @@ def show(
     ctx: typer.Context,
     instrument: InstrumentName,
     output: options.FolderIfWanted = None,
-    at: Annotated[str, typer.Option(help="Judge it as of this date; today if left out.")] = "",
+    at: AsOf = "",
     database: Where = None,
 ) -> None:
-    """Show what an instrument was, is, and will be on the day it is due.
+    """Show what an instrument was, is, and will be when it is due.
 
     With its drift, its repeatability, its limits and when it will reach them.
     """
@@ -258,10 +259,10 @@ def _plain(found: Past) -> dict[str, Any]:
 def due(
     ctx: typer.Context,
     within: Annotated[float, typer.Option(help="Days ahead that are looked at.", min=0)] = 30.0,
-    at: Annotated[str, typer.Option(help="As of this date; today if left out.")] = "",
+    at: AsOf = "",
     database: Where = None,
 ) -> None:
-    """List instruments and references that are due, and limits that will be reached.
+    """List what is due, and which limits will be reached.
 
     An instrument is due when its interval has passed since its last run that counts.
     """
@@ -296,23 +297,26 @@ def due(
     raise typer.Exit(3 if rows else 0)
 
 
-@command("foucault records review 12 accepted --reason 'looked at, table was being moved'")
+@command('foucault records review 12 accepted --reason "the log of the chamber explains it"')
 def review(
     ctx: typer.Context,
     run: OneRun,
     decision: Annotated[
-        Literal["accepted", "rejected"], typer.Argument(help="accepted or rejected")
+        Literal["accepted", "rejected"], typer.Argument(help="One of accepted, rejected.")
     ],
     reason: Annotated[str, typer.Option(help="Why.")],
     database: Where = None,
     who: Who = "",
 ) -> None:
-    """Accept a doubtful run, or reject one, which then no longer counts."""
+    """Accept a doubtful run, or reject one.
+
+    What is rejected no longer counts for its instrument.
+    """
     with _open(database, who) as records:
         _added(ctx.obj, records.review(run, decision, reason))
 
 
-@command("foucault records tolerance 'IMU 7' tolerance.toml")
+@command('foucault records tolerance "IMU 7" tolerance.toml')
 def tolerance(
     ctx: typer.Context,
     instrument: InstrumentName,
@@ -325,7 +329,7 @@ def tolerance(
         _added(ctx.obj, records.tolerate(instrument, file))
 
 
-@command("foucault records interval 'IMU 7' 12")
+@command('foucault records interval "IMU 7" 12')
 def interval(
     ctx: typer.Context,
     instrument: InstrumentName,
@@ -339,41 +343,44 @@ def interval(
         _added(ctx.obj, records.recalibrate_every(instrument, months))
 
 
-@command("foucault records event 'IMU 7' repaired --on 2026-04-01 --words 'new gyro z'")
+@command('foucault records event "IMU 7" repaired --on 2026-04-01 --words "new z gyro"')
 def event(
     ctx: typer.Context,
     instrument: InstrumentName,
     what: Annotated[
         Literal["repaired", "adjusted", "out of service", "in service", "note"],
-        typer.Argument(help="repaired, adjusted, 'out of service', 'in service' or note"),
+        typer.Argument(help="One of repaired, adjusted, out of service, in service, note."),
     ],
     on: Annotated[str, typer.Option(help="The day, such as 2026-04-01.")],
     words: Words = "",
     database: Where = None,
     who: Who = "",
 ) -> None:
-    """Say what was done to an instrument; after a repair earlier runs no longer count."""
+    """Say what was done to an instrument.
+
+    After a repair or an adjustment earlier runs no longer count.
+    """
     with _open(database, who) as records:
         _added(ctx.obj, records.event(instrument, what, on, words))
 
 
-@command("foucault records reference 'table 3' table --certificate 'No. 12345' --until 2027-01-31")
+@command('foucault records reference "table 3" table --certificate "No. 12345" --renew 2027-01-31')
 def reference(
     ctx: typer.Context,
     name: Annotated[str, typer.Argument(help="What it is called.")],
     what: Annotated[
         Literal["gravity", "table", "clock", "thermometer", "other"],
-        typer.Argument(help="gravity, table, clock, thermometer or other"),
+        typer.Argument(help="One of gravity, table, clock, thermometer, other."),
     ],
     certificate: Annotated[str, typer.Option(help="Its certificate.")] = "",
-    until: Annotated[str, typer.Option(help="Day when that has to be renewed.")] = "",
+    renew: Annotated[str, typer.Option(help="Day when that has to be renewed.")] = "",
     words: Words = "",
     database: Where = None,
     who: Who = "",
 ) -> None:
-    """Name something that calibrations rest on, or renew its certificate."""
+    """Name what calibrations rest on, or renew its certificate."""
     with _open(database, who, make=True) as records:
-        _added(ctx.obj, records.reference(name, what, certificate, until, words))
+        _added(ctx.obj, records.reference(name, what, certificate, renew, words))
 
 
 @command("foucault records moved archive/2025/run")
@@ -400,12 +407,12 @@ def rerun(
         typer.Argument(help="Runs: their numbers, folders, or the beginning of their hashes."),
     ] = None,
     older: Annotated[
-        bool, typer.Option("--older", help="All whose program was of another version.")
+        bool, typer.Option("--older", help="All that another version of the program has made.")
     ] = False,
     database: Where = None,
     who: Who = "",
 ) -> None:
-    """Calibrate runs again from their logs by this version, beside the old results.
+    """Calibrate runs again from their logs, beside the old results.
 
     What the program does otherwise is then not taken for a change of the instrument.
     """
@@ -447,7 +454,7 @@ def audit(
     ] = "",
     database: Where = None,
 ) -> None:
-    """Look for what was changed: entries, run folders with their tables, the index."""
+    """Look for what was changed: entries, run folders, the index."""
     screen: Screen = ctx.obj
     with _open(database) as records, screen.progress() as tell:
         faults = records.audit(tell)
@@ -489,7 +496,7 @@ def export(
     ] = None,
     database: Where = None,
 ) -> None:
-    """Write all entries, a line of JSON for each, to keep or to move them."""
+    """Write all entries, a line of JSON for each."""
     from foucault.files import keep_others, write_text
 
     screen: Screen = ctx.obj

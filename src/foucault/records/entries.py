@@ -120,7 +120,7 @@ KINDS: dict[str, type[Body]] = {
 class Entry:
     """One entry, as it is kept."""
 
-    number: int
+    number: int  # its place in the chain, from 1 [1]
     made: str  # date and time, ISO 8601 with offset
     who: str
     kind: str

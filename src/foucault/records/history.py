@@ -61,14 +61,17 @@ class Outlook:
     kind: str  # what is measured, which fixes its unit
     runs: int  # that it is judged by, of those since the last step or event [1]
     how: str  # "one run", "steady", "drift", "step", ... as in `diagnose.compare`
-    value: float  # now
+    # value, sd: now, and its standard deviation [SI]
+    value: float
     sd: float
     drift: float  # [SI per year]; 0 where it cannot be told
     drift_sd: float  # [SI per year]; NaN where it cannot be told
-    repeatability: float  # sd from one turn-on to the next apart from drift and noise; NaN unknown
-    due_value: float  # on the day it is due; NaN where there is none
+    # from one turn-on to the next apart from drift and noise; NaN where unknown [SI]
+    repeatability: float
+    # due_value, due_sd: on the day it is due; NaN where there is none [SI]
+    due_value: float
     due_sd: float
-    limit: float  # infinite where there is none
+    limit: float  # largest size; infinite where there is none [SI]
     conformity: float  # probability that it is within its limit now [1]; NaN without a limit
     due_conformity: float  # the same on the day it is due [1]
     decision: str  # of `DECISIONS` now, by guarded acceptance; empty without a limit
@@ -114,7 +117,7 @@ class Past:
 
 
 def past(records: Records, instrument: str, now: float | None = None) -> Past:
-    """Return what the records say of an instrument; `now` [s] since 1970, None for today."""
+    """Return what the records say of an instrument; `now`: since 1970, None for today [s]."""
     name = records.instrument(instrument)
     at = datetime.datetime.now(datetime.UTC).timestamp() if now is None else now
     runs = records.runs(name)
@@ -270,6 +273,6 @@ def _decided(value: float, sd: float, limit: float) -> str:
 
 
 def pasts(records: Records, now: float | None = None) -> list[Past]:
-    """Return all instruments, the one that is due first first."""
+    """Return all instruments, the one due first first; `now`: since 1970, None for today [s]."""
     each = [past(records, name, now) for name in records.instruments()]
     return sorted(each, key=lambda p: (math.isnan(p.due), p.due, p.instrument))

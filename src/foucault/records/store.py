@@ -53,7 +53,7 @@ Said = TypeVar("Said", bound=Body)
 class Run:
     """A run as the index has it."""
 
-    number: int
+    number: int  # that of its entry [1]
     sha256: str
     folder: str
     instrument: str
@@ -187,7 +187,7 @@ class Records:
         return self.say(_body(Limits, instrument=self.instrument(instrument), text=text))
 
     def recalibrate_every(self, instrument: str, months: float) -> Entry:
-        """Set how long a calibration of an instrument holds [month]."""
+        """Set how long a calibration of an instrument holds; `months`: so long [month]."""
         return self.say(_body(Interval, instrument=self.instrument(instrument), months=months))
 
     def event(self, instrument: str, what: str, on: str, words: str = "") -> Entry:
