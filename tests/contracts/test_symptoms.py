@@ -140,7 +140,7 @@ def test_what_they_advise_exists() -> None:
             if hasattr(command, "commands"):
                 inner = next((w for w in words[1:] if w in command.commands), "find")
                 command = command.commands.get(inner, command)
-            have = {s for o in command.params for s in o.opts} | {"--help"}
+            have = {s for o in command.params for s in o.opts}
             assert {w for w in words if w.startswith("-")} <= have, line
         assert not re.search(r"--[a-z-]+ '|install '", text), 'cmd.exe knows only "'
         keys = re.findall(r"(?<![\w.`\"{-])([a-z][a-z_.]+) = ", text)
