@@ -12,7 +12,7 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_437,
     "campaign": 5_273,
-    "cli": 4_036,
+    "cli": 4_550,
     "detect": 4_441,
     "diagnose": 11_789,
     "estimate": 6_878,
@@ -26,6 +26,7 @@ BUDGET = {
     "plans": 6_028,
     "procedures": 17_148,
     "recognise": 2_457,
+    "records": 1_390,
     "report": 10_181,
     "simulate": 3_503,
     "symptoms": 87,
