@@ -11,12 +11,12 @@ ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
     ".": 3_437,
-    "campaign": 5_386,
-    "cli": 4_061,
+    "campaign": 5_387,
+    "cli": 4_580,
     "detect": 4_441,
     "diagnose": 11_908,
     "estimate": 6_878,
-    "export": 3_392,
+    "export": 3_075,
     "guard": 1_941,
     "infer": 3_088,
     "kernels": 4_742,
@@ -27,6 +27,7 @@ BUDGET = {
     "procedures": 17_148,
     "recognise": 2_460,
     "report": 10_211,
+    "records": 1_390,
     "simulate": 3_503,
     "symptoms": 87,
 }

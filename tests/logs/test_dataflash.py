@@ -11,6 +11,7 @@ import pytest
 from foucault.errors import FoucaultError
 from foucault.logs import LogDescription, read
 from make_recordings import dataflash
+from refusals import refuses
 
 N = 300
 RNG = np.random.default_rng(5)
@@ -41,10 +42,8 @@ def described(**words: Any) -> LogDescription:
 @pytest.mark.parametrize("number", [0, 1])
 def test_each_imu_is_a_log(number: int, tmp_path: Path) -> None:
     dataflash(tmp_path / "flight.bin", {"IMU": imus(0, 1)})
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("log.several_topics", "IMU/0, IMU/1"):
         read(described(), tmp_path)
-    assert caught.value.code == "log.several_topics"
-    assert "IMU/0, IMU/1" in str(caught.value)
     log = read(described(topic=f"IMU/{number}"), tmp_path)
     np.testing.assert_array_equal(log.gyro, W[number].astype(float) @ TO_B.T)
     np.testing.assert_array_equal(log.accel, F[number].astype(float) @ TO_B.T)
@@ -94,9 +93,8 @@ def test_bytes_that_were_lost_cost_what_they_held(tmp_path: Path) -> None:
 def test_a_log_without_an_imu_or_with_nonsense(tmp_path: Path) -> None:
     file = tmp_path / "flight.bin"
     dataflash(file, {"PARM": (*PARM, [(1, "A", 1.0)])})
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("log.no_topic"):
         read(described(), tmp_path)
-    assert caught.value.code == "log.no_topic"
     dataflash(file, {"ATT": ("Qf", "TimeUS,Roll", [(1, 0.0)])})
     for content in (file.read_bytes(), file.read_bytes()[:50], b"\xa3\x95\x80" + bytes(300)):
         file.write_bytes(content)

@@ -92,7 +92,7 @@ def entries(paths: Sequence[str | Path], dates: str = "", *, same: bool = False)
     if len(named) < 2:
         raise error("compare.one", count=len(named))
     labels = _labels(named)
-    read = [_entry(n, label) for n, label in zip(named, labels, strict=True)]
+    read = [named_entry(n, label) for n, label in zip(named, labels, strict=True)]
     read = _of_one(read) if same else read
     _refuse_unclear(read)
     return _sorted([replace(e, instrument=e.instrument or ONE) for e in read])
@@ -143,7 +143,8 @@ def _labels(named: Sequence[Named]) -> list[str]:
     return out
 
 
-def _entry(named: Named, label: str) -> Entry:
+def named_entry(named: Named, label: str) -> Entry:
+    """Read a result that somebody named [SI]; `label` is what it is called."""
     result = load_result(named.path, with_tables=False)
     said = (str(result.instrument.get(key) or "").strip() for key in ("name", "serial"))
     instrument = named.instrument or " ".join(word for word in said if word)
