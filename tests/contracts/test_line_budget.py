@@ -14,7 +14,7 @@ BUDGET = {
     "campaign": 5_387,
     "cli": 4_580,
     "detect": 4_441,
-    "diagnose": 11_908,
+    "diagnose": 11_886,
     "estimate": 6_805,
     "export": 3_075,
     "guard": 1_941,
