@@ -24,7 +24,7 @@ import numpy as np
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
 from foucault.infer.gauss_newton import student
-from foucault.infer.shown import shown
+from foucault.infer.shown import shares, shown
 from foucault.kernels import pose as kernels
 from foucault.models import imu, pose, size_effect
 from foucault.models.rotation import cross_matrix, exp, right_jacobian_inverse
@@ -613,11 +613,7 @@ def _lag_one(rows: FloatArray, used: BoolArray) -> float:
 
 
 def budget(s: Solution) -> dict[str, FloatArray]:
-    """Return the variance of every parameter by source, (32,) each [SI]; they add up to `cov`.
-
-    The estimate is best for the noise that is counted with, so that its gain does not change with
-    a small change of that: the part of a source is the derivative by the logarithm of its variance.
-    """
+    """Return the variance of every parameter by source, (32,) each [SI]; they add up to `cov`."""
     r, n = s.readings, s.noise
     hold = s.hold
 
@@ -638,16 +634,7 @@ def budget(s: Solution) -> dict[str, FloatArray]:
         name: np.maximum(cov(name, 1 + STEP) - cov(name, 1 - STEP), 0.0) / (4 * STEP)
         for name in names
     }
-    formal, total = np.diag(s.formal), np.diag(s.cov)
-    known = np.sum(list(parts.values()), axis=0)
-    parts = {
-        name: v * np.minimum(1.0, formal / np.maximum(known, 1e-300)) for name, v in parts.items()
-    }
-    parts["prior"] = np.maximum(formal - np.sum(list(parts.values()), axis=0), 0.0)
-    if (total > formal * (1 + 1e-9)).any():
-        parts["colour of the poses' noise"] = np.maximum(total - formal, 0.0)
-    size = total / np.maximum(np.sum(list(parts.values()), axis=0), 1e-300)
-    return {name: v * size for name, v in parts.items()}
+    return shares(parts, np.diag(s.formal), np.diag(s.cov), "colour of the poses' noise")
 
 
 STEP = 0.02

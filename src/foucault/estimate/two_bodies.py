@@ -20,6 +20,9 @@ from foucault.arrays import BoolArray, FloatArray
 FASTEST = 0.02
 """No clock is faster by so much than another [1]."""
 
+ONE_AXIS = 0.05
+"""Rates that are smaller in all other directions by such a factor are about one axis [1]."""
+
 GRID, SMOOTH = 0.005, 0.1
 """Grid of the correlation, and window of the derivatives [s]."""
 
@@ -33,6 +36,7 @@ class Clocks:
     peak: float  # correlation of the norms there [1]
     second: float  # the next highest beside it [1]
     drift: float  # of the offset, window by window [1]
+    jumps: float  # what windows leave of a line (rms) [s]
 
 
 def clocks(
@@ -48,13 +52,13 @@ def clocks(
             for grid, (t, w) in ((fine, first), (later, other)))  # fmt: skip
     lag, peak, second = offset(a, b, GRID)
     tau, kappa = lag + fine[0] - later[0], 0.0
-    slope, at = drift(a, b, GRID)
+    slope, at, jumps = drift(a, b, GRID)
     far = abs(slope) * (later[-1] - later[0]) > 2 * GRID or peak < 0.9
     if far and np.isfinite(at) and abs(slope) < FASTEST:
         kappa, tau = slope, at + fine[0] - later[0]
         there = later + kappa * (later - middle)
         _, peak, second = offset(np.interp(there + tau, fine, a), b, GRID)
-    return Clocks(tau, kappa, peak, second, slope)
+    return Clocks(tau, kappa, peak, second, slope, jumps)
 
 
 def smooth(x: FloatArray, step: float, order: int = 0) -> FloatArray:
@@ -100,8 +104,13 @@ def offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, flo
     return (lags[k] + part) * step, float(r[k]), float(max(others, default=-1.0))
 
 
-def drift(a: FloatArray, b: FloatArray, step: float, window: float = 10.0) -> tuple[float, float]:
-    """Return offset in the middle of `b` and its drift, from windows of it; see `offset`."""
+def drift(
+    a: FloatArray, b: FloatArray, step: float, window: float = 10.0
+) -> tuple[float, float, float]:
+    """Return drift, offset in the middle of `b`, and what windows leave of that line (rms) [s].
+
+    See `offset`.
+    """
     n = round(window / step)
     found = []
     for first in range(0, len(b) - n + 1, n):
@@ -112,15 +121,25 @@ def drift(a: FloatArray, b: FloatArray, step: float, window: float = 10.0) -> tu
         found.append((first + n / 2, lag - first * step, peak))
     good = np.array([f for f in found if f[2] > 0.9])
     if len(good) < 3:
-        return 0.0, np.nan
+        return 0.0, np.nan, 0.0
     t = (good[:, 0] - len(b) / 2) * step
     slopes = [(good[j, 1] - good[i, 1]) / (t[j] - t[i])
               for i in range(len(good)) for j in range(i)]  # fmt: skip
     slope = float(np.median(slopes))
-    return slope, float(np.median(good[:, 1] - slope * t))
+    off = good[:, 1] - slope * t
+    return slope, float(np.median(off)), float(off.std())
 
 
 def wahba(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the rotation C, shape (3, 3), with ``a = C b`` best; `a`, `b` (n, 3) [any unit]."""
     U, _, V = np.linalg.svd(a.T @ b)
     return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V)
+
+
+def one_axis(rates: FloatArray) -> FloatArray | None:
+    """Return the axis about which all turns are, (3,) [1], None where there is none.
+
+    `rates` (n, 3): without their mean [rad/s].
+    """
+    size, axes = np.linalg.eigh(rates.T @ rates)
+    return np.asarray(axes[:, 2]) if size[1] < ONE_AXIS**2 * size[2] else None

@@ -19,6 +19,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,3 +75,21 @@ def shown(information: FloatArray, noise: FloatArray, prior_sd: FloatArray) -> S
     onto = (U @ V.T) / prior_sd[:, None] * prior_sd
     part = (U * ratio[ratio > BEYOND]) @ U.T / size
     return Shown(part, onto @ information @ onto.T, onto)
+
+
+def shares(
+    parts: Mapping[str, FloatArray], formal: FloatArray, total: FloatArray, beyond: str
+) -> dict[str, FloatArray]:
+    """Return variances by source that add up to `total` (p,) [SI].
+
+    `parts`: source -> derivative of the variance by the logarithm of that of its noise: the gain
+    of a best estimate does not change with a small change of the noise; `formal` (p,): variance
+    by noise and prior alone; `beyond`: what the rest is called.
+    """
+    known = np.sum(list(parts.values()), axis=0)
+    out = {k: v * np.minimum(1.0, formal / np.maximum(known, 1e-300)) for k, v in parts.items()}
+    out["prior"] = np.maximum(formal - np.sum(list(out.values()), axis=0), 0.0)
+    if (total > formal * (1 + 1e-9)).any():
+        out[beyond] = np.maximum(total - formal, 0.0)
+    size = total / np.maximum(np.sum(list(out.values()), axis=0), 1e-300)
+    return {name: v * size for name, v in out.items()}

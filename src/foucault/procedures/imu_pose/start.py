@@ -19,7 +19,7 @@ import numpy as np
 from foucault.arrays import BoolArray, FloatArray
 from foucault.estimate.delay_matching import SlaveAttitude
 from foucault.estimate.imu_pose import Point, Readings, corrected, solve
-from foucault.estimate.two_bodies import SMOOTH, clocks, even, gaps, smooth, wahba
+from foucault.estimate.two_bodies import SMOOTH, clocks, even, gaps, one_axis, smooth, wahba
 from foucault.guard.mistakes import exchanges
 from foucault.models.pose import READINGS, PoseTable
 from foucault.models.rotation import cross_matrix, exp
@@ -101,10 +101,6 @@ class Start:
     step: float  # between two of these forces [s]
 
 
-ONE_AXIS = 0.05
-"""Rates that are smaller in all other directions by such a factor are about one axis [1]."""
-
-
 def _without_jumps(x: FloatArray) -> FloatArray:
     """Return `x` (n, q) with what is far from both neighbours' median put onto that median."""
     from scipy.ndimage import median_filter
@@ -183,9 +179,9 @@ def _with_rates(
     alpha = np.gradient(even(log.time, w_imu, t), t, axis=0)[inside]
     Om = cross_matrix(alpha) + cross_matrix(wb) @ cross_matrix(wb)
     forces = Forces(even(log.time, f_imu, t[inside]), C_bm @ C_mv, pull, Om)
-    if (turned := np.linalg.svd(x, full_matrices=False))[1][1] < ONE_AXIS * turned[1][0]:
+    if (axis := one_axis(x)) is not None:
         # Turns about one axis leave the angle about it to the forces.
-        some, axis = forces.some(700), turned[2][0]
+        some = forces.some(700)
         angles = np.arange(-18, 18) * np.pi / 18
         left_over = [replace(some, C_bv=exp(a * axis) @ some.C_bv).fit()[1] for a in angles]
         about = exp(angles[int(np.argmin(left_over))] * axis)
