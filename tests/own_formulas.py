@@ -1,7 +1,7 @@
 """What each receiver does with the numbers of its file, from its own source.
 
-Equations by the sources that `export/receivers.toml` names for each: how it corrects readings, and how
-far its noise lets an integral and a bias wander.
+Equations by the sources that `export/receivers.toml` names for each: how it corrects readings, and
+how far its noise lets an integral and a bias wander.
 """
 
 from __future__ import annotations

@@ -21,6 +21,7 @@ from foucault.models.imu import Gauge
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.result import Result
 from make_terms import LOUD, Readings, Same, with_terms
+from own_formulas import T, corrected, propagated
 from refusals import refuses
 
 TABLE = receivers()
