@@ -6,6 +6,7 @@ against what it would be after one of the usual mistakes, with y the number that
     a sample sigma for a density   y rate^(p/2)        a density for a sample sigma  y rate^(-p/2)
     deg for rad                    y (180/pi)^p        g for m/s^2                   y / 9.80665^p
     a variance for a sigma         y^2                 a sigma for a variance        sqrt(y)
+                                   (in SI, or in the unit of the file)
 
 (p = 1 for a sigma, 2 for a variance; the first four also two at a time), and for a calibration
 what the table would write of the inverse model, ``M^-1`` and ``-M^-1 b``. What agrees with one of
@@ -254,6 +255,7 @@ def _mistakes(row: Row, y: FloatArray, about: Known) -> Iterator[tuple[str, Floa
         word = "is a variance, not a sigma" if power == 1 else "is a sigma, not a variance"
         exponent = 2.0 if power == 1 else 0.5
         yield word, (y * row.one) ** exponent / row.one
+        yield word, y**exponent  # squared in the unit of the file
         for more, factor in factors.items():
             yield f"{word}, and {more}", (y * factor * row.one) ** exponent / row.one
     else:
