@@ -13,6 +13,7 @@ import pytest
 
 from foucault.errors import FoucaultError
 from foucault.export import write
+from foucault.export.check import checked
 from foucault.export.densities import allan_variance, densities
 from foucault.export.receivers import knowledge
 from foucault.export.request import AXES
@@ -199,6 +200,48 @@ def test_a_scale_beyond_the_limits_of_the_receiver_is_refused(tmp_path: Path) ->
     wild = result.coefficients.with_values({"accel.scale.y": 0.3})
     with pytest.raises(FoucaultError, match=r"ardupilot takes INS_ACCSCAL_. from 0\.8 to 1\.2"):
         write(replace(result, coefficients=wild), "ardupilot", tmp_path / "a.param")
+
+
+@pytest.mark.parametrize(
+    ("name", "slot", "keys"),
+    [("px4", 2, ["CAL_ACC2_XOFF", "CAL_ACC2_ZSCALE", "CAL_GYRO2_YOFF"]),
+     ("ardupilot", 0, ["INS_ACCOFFS_X", "INS_ACCSCAL_Z", "INS_GYROFFS_Y"]),
+     ("ardupilot", 1, ["INS_ACC2OFFS_X", "INS_ACC2SCAL_Z", "INS_GYR2OFFS_Y"]),
+     ("ardupilot", 4, ["INS5_ACCOFFS_X", "INS5_ACCSCAL_Z", "INS5_GYROFFS_Y"])],
+)  # fmt: skip
+def test_each_sensor_of_a_flight_stack_has_its_keys(
+    name: str, slot: int, keys: list[str], tmp_path: Path
+) -> None:
+    _, result, first = exported(name, tmp_path / "first")
+    topic = {"description": {"topic": f"IMU/{slot}"}}  # the log tells which sensor it is
+    own = replace(result, provenance=result.provenance | {"input": topic})
+    text = write(own, name, tmp_path / "out").read_text()
+    other = found_in(TABLE[name].of_slot(slot), text)
+    assert set(keys) <= other.keys()
+    assert list(other.values()) == list(found_in(TABLE[name], first).values())
+    assert write(own, name, tmp_path / "zero", slot=0).read_text() == first
+    assert slot == 0 or not found_in(TABLE[name], text)
+    seen = checked(text, None, own)
+    assert (seen.receiver.slot, seen.findings) == (slot, ())
+    with pytest.raises(FoucaultError, match="has sensors 0 to"):
+        write(own, name, tmp_path / "none", slot=7)
+
+
+def test_axes_are_those_of_the_log_where_the_receiver_has_none(tmp_path: Path) -> None:
+    result = with_terms("accel.scale", "accel.bias")
+    for columns, axes in (
+        (["-acc.y", "acc.x", "acc.z"], "forward-left-up"),
+        (["gyro_y (rad/s)", "gyro_x (rad/s)", "-gyro_z (rad/s)"], "forward-right-down"),
+        ([1, 2, 3], "right-forward-up"),
+    ):
+        made = {"input": {"description": {"accel": {"columns": columns}}}}
+        own = replace(result, provenance=result.provenance | made)
+        for name, want in (("pyins", axes), ("px4", "forward-right-down"),
+                           ("robot_localization", "forward-left-up")):  # fmt: skip
+            text = write(own, name, tmp_path / "out", drop=["noise"]).read_text()
+            assert f"Axes: {want}" in text
+        said = write(own, "pyins", tmp_path / "out", axes="right-forward-up", drop=["noise"])
+        assert "Axes: right-forward-up." in said.read_text()
 
 
 # -- what each does with the noise -------------------------------------------------------------

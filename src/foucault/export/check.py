@@ -105,7 +105,7 @@ def recognised(text: str) -> Receiver:
     shares = {}
     for own in receivers().values():
         try:
-            shares[own.name] = share(own)
+            shares[own.name] = max(share(own.of_slot(k)) for k in range(len(own.slots) + 1))
         except ValueError:  # no JSON
             shares[own.name] = 0.0
     # What our own writer says is for VINS-Fusion has the same keys as VINS-Mono.
@@ -130,6 +130,9 @@ def checked(
     there is one; `noise`, `rate`, `axes`: as for `write`, the rate [Hz].
     """
     own = recognised(text) if receiver is None else _own(known_as(receiver))
+    own = max(
+        (own.of_slot(k) for k in range(len(own.slots) + 1)), key=lambda o: len(found_in(o, text))
+    )
     found = found_in(own, text)
     if axes is not None:
         known_axes(axes)
