@@ -289,9 +289,11 @@ def which_number() -> str:
         x, y = at(tau, sigma)
         sheet.path([(x, 285), (x, y)], "grey thin dash")
         green = style == "green"
-        sheet.text((x - 8, y + 16) if green else (x + 8, y + 16), word, style, "end" if green else "")
+        sheet.text(
+            (x - 8, y + 16) if green else (x + 8, y + 16), word, style, "end" if green else "start"
+        )
     sheet.text(at(9, 0.95), "N and K that bound it", "blue")
-    sheet.text(at(0.013, 2.6), "measured")
+    sheet.text(at(0.013, 1.5), "measured")
     x = 430.0
     for k, (what, white, walk, who) in enumerate((
         ("sigma density", "N", "K", "Kalibr, OpenVINS, ORB-SLAM3, LIO-SAM, Basalt"),

@@ -326,6 +326,22 @@ def test_noise_measured_by_a_procedure_is_that_of_the_worst_axis(tmp_path: Path)
     assert (x["accelerometer_noise_density"], x["gyroscope_noise_density"]) == (2e-3, 4e-4)
 
 
+@pytest.mark.parametrize("name", WITH_NOISE)
+@pytest.mark.parametrize("wrong", [0.0, np.nan, np.inf, -1e-3])
+def test_a_noise_that_is_none_is_not_written(name: str, wrong: float, tmp_path: Path) -> None:
+    dead = {k: x * np.array([1.0, 1.0, 0.0]) if np.ndim(x) else x for k, x in LOUD.values.items()}
+    for values in (LOUD.values | {k: x * 0 + wrong for k, x in LOUD.values.items()}, dead):
+        each = any(row.each or row.layout == "diagonal" for row in TABLE[name].rows if row.noise)
+        if values is dead and not each:
+            continue
+        noise = replace(LOUD, values=values)
+        with pytest.raises(FoucaultError, match="noise of the instrument is not known|not known"):
+            write(with_terms(), name, tmp_path / "out", noise=noise)
+        text = write(with_terms(), name, tmp_path / "out", noise=noise, drop=["noise"]).read_text()
+        found = found_in(TABLE[name], text)
+        assert not [r.key for r in TABLE[name].rows if r.noise and r.names()[0] in found]
+
+
 def test_the_table_is_whole() -> None:
     for own in TABLE.values():
         assert own.source and own.title and own.file

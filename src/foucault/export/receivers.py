@@ -227,7 +227,7 @@ def knowledge(
 
 def _along(x: np.ndarray, C_sb: np.ndarray) -> np.ndarray:
     """Return noises of three axes in the axes of the receiver, which are along the old ones."""
-    return x if np.ndim(x) == 0 else np.abs(C_sb) @ x
+    return x if np.ndim(x) == 0 else x[np.abs(C_sb).argmax(axis=1)]
 
 
 def _sds(wanted: Request, C_sb: np.ndarray) -> dict[str, np.ndarray]:
