@@ -264,6 +264,18 @@ def test_the_command(tmp_path: Path) -> None:
     assert "It says what the run says." in done.stdout, done.stdout
 
 
+def test_the_command_names_any_sensor(tmp_path: Path) -> None:
+    save(small("px4"), tmp_path / "run")
+    file = tmp_path / "px4.params"
+    done = run("export", tmp_path / "run", "--to", "px4", "-o", file, "--slot", 3)
+    assert done.exit_code == 0, done.stderr
+    assert "param set CAL_ACC3_XOFF" in file.read_text()
+    assert "It says what the run says." in run("check", file, "--run", tmp_path / "run").stdout
+    done = run("export", tmp_path / "run", "--to", "px4", "-o", file, "--slot", 4)
+    assert done.exit_code == 1
+    assert "px4 has sensors 0 to 3; 4 is none of them." in done.stderr
+
+
 def test_a_folder_that_is_no_allan_run(tmp_path: Path) -> None:
     save(small("kalibr"), tmp_path / "run")
     done = run("export", tmp_path / "run", "--to", "kalibr", "-o", tmp_path / "a",
