@@ -57,8 +57,9 @@ def test_it_finds_what_another_simulator_put_in(how):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("how", "rms"), [  # 1.9 rad/s, 14 rad/s^2
-    ({"duration": 60.0, "vigour": 0.33}, (0.28, 0.025, 2.0, 0.12)), ({"duration": 15.0, "vigour": 0.33}, (0.64, 0.055, 3.3, 0.89)),
+@pytest.mark.parametrize(("how", "rms"), [  # 3.3 rad/s about each axis
+    ({"duration": 60.0, "vigour": 1.0}, (0.28, 0.025, 2.0, 0.12)),
+    ({"duration": 15.0, "vigour": 1.0}, (0.64, 0.055, 3.3, 0.89)),
 ])  # fmt: skip
 def test_errors_are_those_that_are_promised(how, rms):
     """NEES inside two-sided limits over 20 sessions, and the accuracy that was asked for."""

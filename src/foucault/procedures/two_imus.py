@@ -39,8 +39,7 @@ from foucault.logs.description import OWN_LOG, LogDescription, log_head
 from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import cross_matrix, exp
-from foucault.models.rotation import log as vector_of
-from foucault.models.two_imus import LAYOUT, ORDINALS, layout_of
+from foucault.models.two_imus import LAYOUT, ORDINALS, SENSORS, layout_of
 from foucault.procedures.record import Beforehand, Given, Procedure, SampleRate
 from foucault.result import Check, Result, TableData, Verdict
 from foucault.simulate.hand_motion import HandMotion
@@ -143,8 +142,9 @@ class ImuLogs(Log):
         """Return logs of one plate; `log`: that is calibrated, `master`, `others` [SI]."""
         told = (*on_a_shared_clock(log.findings), *on_a_shared_clock(master.findings))
         source = log.source | ({"master": master.source} if master.source else {})
-        return cls(**{f.name: getattr(log, f.name) for f in fields(Log)} | {"findings": told, "source": source, "master": master,
-                                  "others": tuple(others)})  # fmt: skip
+        own = {f.name: getattr(log, f.name) for f in fields(Log)}
+        more = {"master": master, "others": tuple(others)}
+        return cls(**own | {"findings": told, "source": source} | more)
 
     @property
     def all(self) -> tuple[Log, ...]:
@@ -280,7 +280,7 @@ def _forces(
     ratio = float(np.linalg.lstsq(A.reshape(-1, 7), f_c.ravel(), rcond=None)[0][6])
     now = _arm(f_c, f_b, w, alpha, C_cb)[1]
     scaled = _arm(f_c / max(ratio, 1e-6), f_b, w, alpha, C_cb)[1] * max(ratio, 1e-6)
-    if not 1 / OTHER_UNIT < ratio < OTHER_UNIT and 0 < ratio and scaled < now / CLEARLY:
+    if not 1 / OTHER_UNIT < ratio < OTHER_UNIT and ratio > 0 and scaled < now / CLEARLY:
         raise error("imus.accel_unit", who=who, ratio=plain(ratio, 3))
     tried = [(_arm(f_c @ x.T, f_b, w, alpha, C_cb)[1], k) for k, x in enumerate(exchanges())]
     best, k = min(tried)
@@ -441,15 +441,13 @@ class ImuSession:
     @property
     def beside(self) -> CoefficientVector:
         """How they are fixed, and their clocks: true values [SI]."""
-        values, names = [], []
-        turn = self.model.in_gauge(Gauge.LOWER)[1]
-        for who, s in zip(ORDINALS, self.ties, strict=False):
-            C = turn @ s.C_cb if who == ORDINALS[0] else s.C_cb
-            values += [*vector_of(C), *s.lever_b, s.tau, s.kappa, s.late]
-            own = ("" if who == ORDINALS[0] else f"{who}.") + "accel.delay"
-            names += [f"{who}.{k}.{a}" for k in ("rotation", "lever") for a in AXES]
-            names += [f"{who}.delay", f"{who}.clock", own]
-        return CoefficientVector(LAYOUT.subset(names), np.array(values))
+        first = self.ties[0]
+        C_cb = self.model.in_gauge(Gauge.LOWER)[1] @ first.C_cb
+        own = (*range(8), SENSORS.index("accel.delay") + 8)
+        every = [replace(first, C_cb=C_cb).values[list(own)], *(t.values for t in self.ties[1:])]
+        names = layout_of(len(self.ties)).names
+        some = [names[k] for k in (*own, *range(len(SENSORS) + 8, len(names)))]
+        return CoefficientVector(LAYOUT.subset(some), np.concatenate(every))
 
     def truth_json(self) -> dict[str, Any]:
         """Return what was true beside the errors of the sensors, for truth.json."""

@@ -161,7 +161,10 @@ class PoseLog(Log):
         """Return the log of an IMU beside poses; `log`: its readings [SI]."""
         told = (*on_a_shared_clock(log.findings), *table.findings)
         source = log.source | ({"master": table.source} if table.source else {})
-        return cls(**{f.name: getattr(log, f.name) for f in fields(Log)} | {"findings": told, "source": source, "poses": table})
+        return cls(
+            **{f.name: getattr(log, f.name) for f in fields(Log)}
+            | {"findings": told, "source": source, "poses": table}
+        )
 
 
 def _with_poses(log: Log, description: PoseDescription, folder: str | Path) -> PoseLog:
