@@ -12,7 +12,7 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_437,
     "campaign": 5_273,
-    "cli": 4_036,
+    "cli": 4_101,
     "detect": 4_441,
     "diagnose": 11_789,
     "estimate": 6_878,
@@ -25,8 +25,8 @@ BUDGET = {
     "navigate": 2_110,
     "plans": 6_028,
     "procedures": 17_148,
-    "recognise": 2_457,
-    "report": 10_181,
+    "recognise": 2_531,
+    "report": 10_290,
     "simulate": 3_503,
     "symptoms": 87,
 }

@@ -92,6 +92,7 @@ def _run(screen: Screen, campaign: Campaign, folder: Path, head: str = "") -> tu
         own = kept.exists() and kept.samefile(campaign.path)
         text = campaign.text if own else campaigns.resolved(campaign, folder, head)
         run_folder.save(result, folder, text)
+        screen.log = str(result.provenance.get("input", {}).get("sha256", ""))
         return result, written(folder, "result")
 
 

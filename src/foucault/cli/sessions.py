@@ -116,6 +116,7 @@ def inspect(
     held = _taken(screen, log)
     with screen.progress() as tell:
         table, start = from_start(read_any(log, tell)[0] if held is None else held.log)
+        screen.log, screen.everything = str(table.source.get("sha256", "")), everything
         tell(0.7, "finding rests")
         seen = live.inspect(table)
         said = noise.inspected(seen, start)
@@ -268,6 +269,7 @@ def allan(
         else:
             read = read_any(log, tell)[0]
         table, _ = from_start(read)
+        screen.log = str(table.source.get("sha256", ""))
         tell(0.7, "computing variances")
         seen = measure_log(table, axes=tuple(axis or ()), kind=check_kind(kind), rest=rest)
         block = _block(seen)

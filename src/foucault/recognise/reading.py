@@ -247,8 +247,10 @@ class _Work:
             elif dead and moves:
                 raise error("recognise.stuck", file=file, columns=shown)
         known = self._said("gyro") or self._titled(found.gyro)
-        told = turned is not None and self.ball is not None and self.ball.scatter < physics.NORM
-        if turned is not None and told and turned.turns > 2 and not turned.fits and not known:
+        # What is only shaken, as in a vehicle, misses by less.
+        far = turned is not None and turned.turns > 2 and turned.miss > physics.ON_THE_WAY
+        told = self.ball is not None and self.ball.scatter < physics.NORM
+        if turned is not None and far and told and not known:
             raise error("recognise.no_turns", file=file, turns=turned.turns,
                         off=np.degrees(turned.miss),
                         columns=", ".join(data.shown(k) for k in found.gyro or ()))  # fmt: skip
@@ -485,8 +487,10 @@ class _Work:
         step = np.diff(self.time)
         line = np.linspace(self.time[0], self.time[-1], len(self.time))
         even = bool(np.abs(self.time - line).max() < 0.1 * step.mean())
-        column = self.clock and self.data.x[:, self.clock.column]
-        if column is not None and even and bool((np.diff(column) < 0).any()):
+        falls = self.clock is not None and bool(
+            (np.diff(self.data.x[:, self.clock.column]) < 0).any()
+        )
+        if falls and even:
             return "the counter of the time column begins again, its rows are even"
         # Increments are divided by the interval, which a rounded clock only has on average.
         if even and reading.increments and bool(np.ptp(step) > 2e-3 * step.mean()):

@@ -75,8 +75,8 @@ def meaning(title: str, unit: str = "") -> Meaning:
             return Meaning(role, axis, "".join(re.findall(r"\d+", " ".join(left))), unit, gravity)
     number = "".join(re.findall(r"\d+", " ".join(tokens)))
     # In words that are not known an axis is one all the same.
-    axis = axes[0][0] if axes and not plain and {"x", "y", "z"} & set(tokens) else None
-    return Meaning(plain, axis, number if plain not in ("time", "counter") else "", unit)
+    alone = axes[0][0] if axes and not plain and {"x", "y", "z"} & set(tokens) else None
+    return Meaning(plain, alone, number if plain not in ("time", "counter") else "", unit)
 
 
 def _without_unit(title: str) -> tuple[str, str]:
