@@ -71,8 +71,9 @@ COLOURED, MOVED = 1.1, 1.3
 """More than chance, as sds: scatter of scores beyond that of white rows, and difference of the
 halves beyond what noise makes [1]."""
 
-NOISY = (1, 3)
-"""Passes in which what the motion shows is told from what its noise does [1]."""
+NOISY, ALONE = (1, 3), (8,)
+"""Passes in which what the motion shows is told from what its noise does, before all has settled;
+positions alone start too far off to tell [1]."""
 
 DECIDED = 5
 """Passes after which the noise of the poses, and which are left out, is decided [1]."""
@@ -442,7 +443,7 @@ def solve(
     sd: tuple[float | None, float | None],
     *,
     robust: bool = True,
-    most: int = 12,
+    most: int = 20,
     hold: IntArray | None = None,
 ) -> Solution:
     """Pass by pass, from a start.
@@ -455,13 +456,14 @@ def solve(
     hold = np.zeros(0, int) if hold is None else hold
     m = len(r.stamp)
     noise = Noise(sd[0] or np.radians(0.3), sd[1] or 2e-3, np.ones((m, 2)))
-    at, cost, settled, passes, seen = start, np.inf, False, 0, None
+    at, cost, settled, passes, told = start, np.inf, False, 0, False
+    made = np.zeros((32, 32))
     for passes in range(1, most + 1):
         p = one_pass(r, at, noise, hold)
-        if passes in NOISY:
+        if passes in (ALONE if r.C_vm is None else NOISY) or told:
             made = of_noise(r, at, p, noise, hold)
         seen = shown(p.rows.T @ p.rows, made, prior_sd)
-        off = np.linalg.solve(at.of_values(), mean - at.values)
+        off = np.asarray(np.linalg.solve(at.of_values(), mean - at.values), float)
         delta = seen.step(p.rows.T @ p.nu.ravel(), off, prior_sd)
         delta[hold] = 0.0
         x, P = p.smoothed(delta)
@@ -475,11 +477,14 @@ def solve(
             noise = _weighed(r, at, p.H, P, noise, sd, student=passes <= 2, robust=robust)
         same = bool(((noise.weights > 0.5) == (before.weights > 0.5)).all())
         fallen = abs(last - cost) / max(cost, 1e-12)
-        if passes > 3 and moved < SETTLED and fallen < 1e-3 and same:
-            settled = True
+        settled = passes > 3 and moved < SETTLED and fallen < 1e-3 and same
+        if settled and told:
             break
+        if settled and passes > DECIDED + 2:  # the noise was decided when all was still far off
+            noise = replace(noise, slow=(1.0, 1.0))
+            noise = _weighed(r, at, p.H, P, noise, sd, student=False, robust=robust)
+        told = told or settled  # what the motion shows is asked once more where all has settled
     p = one_pass(r, at, noise, hold)
-    made = of_noise(r, at, p, noise, hold)
     return _stated(r, at, p, made, noise, prior_sd, hold, passes, settled)
 
 

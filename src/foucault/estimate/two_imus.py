@@ -39,6 +39,9 @@ USUAL = {
 SETTLED = 0.02
 """A step that moves nothing by more of its sd is the last [1]."""
 
+NOISY = (2, 4)
+"""Passes in which what the motion shows is told from what its noise does, before all settles [1]."""
+
 BLOCK = 2.0
 """What is left of readings farther apart is independent [s]."""
 
@@ -265,10 +268,10 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
                     for r, g in zip(problem.readings, problem.given, strict=True)])  # fmt: skip
     spline = np.zeros((problem.knots, 6))
     spline += normal(_master(problem), (), spline, var).Z.reshape(-1, 6)
-    made, converged, passes = np.zeros((p, p)), False, 0
+    made, converged, passes, told = np.zeros((p, p)), False, 0, False
     for passes in range(1, most + 1):
         at = normal(problem, slaves, spline, var)
-        if passes == 2:
+        if passes in NOISY or told:
             made = of_noise(problem, slaves, spline, var)
         seen = shown(at.information, made, problem.prior_sd)
         values = np.concatenate([s.values for s in slaves])
@@ -281,10 +284,11 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
         slaves = tuple(s.moved(d) for s, d in zip(slaves, parts, strict=True))
         sd = np.sqrt(np.diag(seen.covariance(problem.prior_sd)))
         var = _found(problem, at, var)
-        if passes > 3 and float(np.max(np.abs(delta) / sd)) < SETTLED:
-            converged = True
+        converged = passes > 2 and float(np.max(np.abs(delta) / sd)) < SETTLED
+        if converged and told:
             break
-    return _stated(problem, slaves, spline, var, passes, converged)
+        told = converged  # what the motion shows is asked once more where all has settled
+    return _stated(problem, slaves, spline, made, var, passes, converged)
 
 
 def _is_offset(p: int) -> BoolArray:
@@ -338,16 +342,15 @@ def of_noise(
     found = normal(problem, slaves, spline, var, other).information
     # Not negative but for rounding.
     size, Q = np.linalg.eigh(found * np.outer(problem.prior_sd, problem.prior_sd))
-    return np.asarray((Q * np.maximum(size, 0.0)) @ Q.T / np.outer(problem.prior_sd,
-                                                                   problem.prior_sd))  # fmt: skip
+    scale = np.outer(problem.prior_sd, problem.prior_sd)
+    return np.asarray((Q * np.maximum(size, 0.0)) @ Q.T / scale)
 
 
 def _stated(
-    problem: Problem, slaves: tuple[Slave, ...], spline: FloatArray, var: FloatArray, passes: int,
-    converged: bool,
+    problem: Problem, slaves: tuple[Slave, ...], spline: FloatArray, made: FloatArray,
+    var: FloatArray, passes: int, converged: bool,
 ) -> Solution:  # fmt: skip
     at = normal(problem, slaves, spline, var)
-    made = of_noise(problem, slaves, spline, var)
     seen = shown(at.information, made, problem.prior_sd)
     scores = _scores(problem, slaves, spline, var, at)
     cov, spread, halves = _widened(seen, scores, problem.prior_sd)
@@ -384,7 +387,7 @@ def _scores(
         kernels.scores(time, r.time - r.middle, left, var[k], x, own, spline, Z, problem.first,
                        problem.knot, block, out)  # fmt: skip
     out[:, problem.hold] = 0.0
-    return out[np.abs(out).sum(axis=1) > 0]
+    return np.asarray(out[np.abs(out).sum(axis=1) > 0])
 
 
 def _widened(

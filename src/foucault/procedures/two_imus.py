@@ -353,7 +353,7 @@ def _checks(s: Solution, c: CoefficientVector) -> tuple[Check, ...]:
 def _told(s: Solution, starts: Sequence[Start], clock_sd: float) -> list[Finding]:
     told = []
     for k, (who, one) in enumerate(zip(ORDINALS, starts, strict=False)):
-        row = engine.kernels.COLUMNS * k + 7
+        row = (8 + len(SENSORS)) * k + 7
         kappa, sd = s.slaves[k].kappa, float(np.sqrt(s.cov[row, row]))
         if one.jumps > JUMPS:
             told.append(finding("imus.stamps", who=who, jumps=plain(one.jumps, 2)))
@@ -517,8 +517,8 @@ def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
     c, kept = _estimate(s)
     lost = _unseen(s)
     words = dict.fromkeys(w for n in lost for k, w in MOTION.items() if k in n)
-    unsure = [f"{who}.delay" for k, who in enumerate(ORDINALS[: len(s.slaves)])
-              if np.sqrt(s.cov[39 * k + 6, 39 * k + 6]) > UNSURE_DELAY]  # fmt: skip
+    names = [f"{who}.delay" for who in ORDINALS[: len(s.slaves)]]
+    unsure = [n for n in names if c.chosen([n]).sd[0] > UNSURE_DELAY]
     told = []
     if lost or unsure:
         reason = "; " + "; ".join(words or {MOTION["delay"]: None})
