@@ -1,0 +1,442 @@
+"""Calibrate an IMU that is spun on a level axis at several speeds: a screwdriver, no turntable.
+
+Clamp an electric screwdriver or a drill with its axis roughly level, the instrument on the chuck,
+and let it run at two or three speeds, one of them backwards, for ten seconds each; then turn the
+instrument so that another of its axes is along the spin, twice. No rest, no encoder and no level
+are needed: gravity turns in the body once a turn, and its phase is the reference of the gyros.
+Lever arm, tilt and azimuth of the axis are nuisance parameters, the phase is eliminated sample by
+sample.
+
+Tables of the result
+--------------------
+``spins``: of every spin ``time`` and ``length`` [s], ``mounting`` [1], ``rate`` [rad/s], ``turns``
+[1], ``sway`` of the axis [rad], ``wander`` of the rate [1], noise of a reading ``accel_sd``
+[m/s^2] and ``gyro_sd`` [rad/s], ``slip`` of the lever arm [m].
+``mountings``: of every mounting the axis ``axis_x`` .. ``axis_z`` [1], ``tilt`` [rad], and the
+lever arm ``arm`` [m].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from foucault.arrays import FloatArray
+from foucault.coefficients import CoefficientVector
+from foucault.detect.noise import without_spikes
+from foucault.diagnose.checks import check
+from foucault.diagnose.fit_checks import Judged, Limit, checks
+from foucault.errors import Finding, Status, error, finding
+from foucault.guard.mistakes import exchange_words, exchanges
+from foucault.infer.mixed import Fit
+from foucault.models.earth import Site, earth_rate_n
+from foucault.models.imu import ImuModel
+from foucault.models.left_out import Motion
+from foucault.models.noise import ImuNoise
+from foucault.models.rotation import exp
+from foucault.procedures import left_out, record
+from foucault.procedures.continuous_spin import model as physics
+from foucault.procedures.continuous_spin.model import SCATTER, Solved, Spin, SpinModel
+from foucault.procedures.left_out import Again
+from foucault.procedures.record import Given, Procedure, result_of
+from foucault.result import Check, Result, TableData
+from foucault.simulate.noise import noisy_log
+from foucault.strict import Strict
+from foucault.tables import Log, temperature_range, whole_samples
+from foucault.units import Angle, AngleSd, Quantity, Rate, RatioSd, Seconds, plain
+
+Length = record.Annotated[float, Quantity("length")]
+
+
+class Settings(record.Robust, record.EarthRate, record.Terms):
+    """What can be chosen; the defaults suit a screwdriver."""
+
+    accel_quadratic: record.Quadratic = True
+    g_sensitivity: bool = True
+    """Estimate the gyros' g-sensitivity too (9 more)."""
+    loss: Literal["robust", "squares"] = "squares"
+    """robust: a row that contradicts the others, beyond 3 sd, counts little or nothing;
+    squares: all count in full."""
+    repeatability: record.Repeatability = True
+    shortest: Seconds = Field(default=2.0, gt=0)
+    """Shortest spin."""
+    slowest: Rate = Field(default=0.6, gt=0)
+    """Slowest spin."""
+    same_mounting: Angle = Field(default=float(np.radians(3.0)), gt=0)
+    """Spins about axes that are closer than this, either way, are of one mounting."""
+
+
+class Session(Strict):
+    """The session that `simulate` makes."""
+
+    rates: tuple[Rate, ...] = Field(default=(4.0, -7.0, 10.0), min_length=1)
+    """Rates of the spins in each mounting, negative backwards."""
+    mountings: tuple[Literal["x", "y", "z", "-x", "-y", "-z", "skew"], ...] = ("x", "y", "z")
+    """Axes of the instrument along the spin axis, one mounting after the other."""
+    spin_time: Seconds = Field(default=10.0, gt=0)
+    """Length of each spin."""
+    mounting_sd: AngleSd = Field(default=float(np.radians(3.0)), ge=0)
+    """Sd of the axis of a mounting in the body, about each of two axes."""
+    tilt_sd: AngleSd = Field(default=float(np.radians(1.5)), ge=0)
+    """Sd of the tilt of the spin axis."""
+    lever_arm: Length = Field(default=0.02, ge=0)
+    """Sd of the lever arm across the axis, each component."""
+    wander: RatioSd = Field(default=0.01, ge=0)
+    """Sd of the rate, over 3 s."""
+    unbalance: RatioSd = Field(default=0.005, ge=0)
+    """What the rate varies once a turn."""
+    sway: AngleSd = Field(default=0.0, ge=0)
+    """Sd of the direction of the axis, over 0.3 s."""
+    vibration: record.Annotated[float, Quantity("specific force")] = Field(default=0.0, ge=0)
+    """Rms of the vibration of the tool, each axis."""
+    slip: Length = Field(default=0.0, ge=0)
+    """By how much the instrument moves in the chuck before the last spin."""
+    rate: record.SampleRate = 100.0
+    kind: record.Sampling = "rate"
+
+
+# -- calibrating -----------------------------------------------------------------------------------
+
+
+def _read(log: Log, settings: Settings) -> tuple[tuple[Spin, ...], list[FloatArray]]:
+    """Return the spins of a log and the axes of its mountings, or say why there are none."""
+    for triad in ("gyro", "accel"):
+        if len(log.logged(triad)) < 3:
+            raise error("spin.no_triad", triad="gyros" if triad == "gyro" else "accelerometers")
+    find = partial(physics.find_spins, shortest=settings.shortest, slowest=settings.slowest)
+    found = find(log)
+    for times in (np.radians(1.0), np.degrees(1.0)):
+        assert log.gyro is not None
+        other = replace(log, gyro=log.gyro * times)
+        wrong = found or find(other)
+        ratios = [abs(_mean_rate(s)) / physics.frequency(s) * (1 if found else 1 / times)
+                  for s in wrong]  # fmt: skip
+        if ratios and not 0.67 < (ratio := float(np.median(ratios))) < 1.5:
+            hint = " The gyros are in deg/s." if 50 < ratio < 65 else ""
+            hint = " The gyros are in rad/s." if 1 / 65 < ratio < 1 / 50 else hint
+            raise error("spin.gyro_unit", ratio=plain(ratio, 3), hint=hint)
+    if not found:
+        raise error("spin.none", shortest=plain(settings.shortest, 2),
+                    turns=plain(physics.TURNS, 1), slowest=plain(settings.slowest, 2))  # fmt: skip
+    spins, axes = physics.grouped(found, settings.same_mounting)
+    return tuple(spins), axes
+
+
+def _mean_rate(spin: Spin) -> float:
+    return float(np.linalg.norm(spin.readings[:, 3:].mean(axis=0)))
+
+
+def _contradicted(spins: tuple[Spin, ...], axes: list[FloatArray], gravity: float) -> None:
+    """Refuse triads that do not belong together, by what is wrong with them."""
+    planes = [physics.plane(s) for s in spins]
+    units = [s.readings[:, 3:].mean(axis=0) / _mean_rate(s) for s in spins]
+
+    def apart(turn: FloatArray) -> float:
+        return float(np.median([abs(e @ turn @ n) for e, n in zip(units, planes, strict=True)]))
+
+    if apart(np.eye(3)) < np.cos(np.radians(20.0)):
+        best = max(exchanges(), key=apart)
+        words = exchange_words(best) if apart(best) > np.cos(np.radians(20.0)) else "something else"
+        raise error("spin.axes", angle=f"{np.degrees(np.arccos(apart(np.eye(3)))):.0f}", words=words)
+    first = [physics.first_phase(s, physics.across(axes[s.mounting])) for s in spins]
+    size = float(np.median([f[1] for f in first])) / gravity
+    slopes = np.array([f[2] for f in first])
+    if np.median(slopes) < 0:
+        raise error("spin.sense")
+    for factor, words in ((gravity, "g"), (1 / gravity, "m/s^2 read as g")):
+        if 0.8 < size * factor < 1.25:
+            raise error("spin.accel_unit", words=words, size=plain(size * gravity, 3))
+    if size < LEVEL:
+        raise error("spin.not_level", percent=f"{100 * size:.0f}")
+    if size > 1.25:
+        raise error("spin.accel_unit", words="another unit", size=plain(size * gravity, 3))
+
+
+LEVEL = 0.9
+"""Part of gravity that has to turn in the body; cos 25 deg [1]."""
+
+
+def observe(log: Log, given: Given[Settings]) -> SpinModel:
+    """Return the model that a log states."""
+    s = given.settings
+    log = without_spikes(log)
+    spins, axes = _read(log, s)
+    _contradicted(spins, axes, given.site.gravity)
+    physics.require_spread(spins, axes)
+    solved = physics.solve(spins, axes, s.estimated(), given.site, given.noise)
+    swaying = physics.sway(solved)
+    if np.median(swaying) > SWAYS:
+        raise error("spin.sways", sway=plain(float(np.degrees(np.median(swaying))), 2),
+                    most=plain(float(np.degrees(SWAYS)), 2))  # fmt: skip
+    return SpinModel(solved, physics.rows_of(solved), given.noise, s.repeatability)
+
+
+SWAYS = float(np.radians(0.3))
+"""An axis that moves by more is not clamped [rad]."""
+
+
+def _again(model: SpinModel) -> Again:
+    """Return the readings of the spins with something put into them."""
+    time, f_b, w_b = model.motion
+    motion = Motion(time, f_b, w_b, float(time[0]), float(time[-1]))
+    white = np.median([z.sd.reshape(2, 3).mean(axis=1) * np.sqrt(s.step)
+                       for s, z in zip(model.solved.spins, model.solved.point.sizes, strict=True)],
+                      axis=0)  # fmt: skip
+    if model.noise is not None:
+        white = np.array([model.noise.accel.white, model.noise.gyro.white])
+
+    def residuals(state: FloatArray, by: Any) -> FloatArray:
+        return model.linearise(state).residuals + model.changed(by)
+
+    slow = left_out.wander_of(model.noise, float(np.ptp(time)))
+    return Again(lambda _: (model.solved.point.model, motion), residuals,
+                 (float(white[0]), float(white[1])), slow)  # fmt: skip
+
+
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    given.progress(0.1, "finding the spins")
+    model = observe(log, given)
+    given.progress(0.7, "judging")
+    prior = CoefficientVector.prior(model.layout, given.prior)
+    fit, judged = left_out.fit(
+        model, prior, given.sizes, given.site, _again(model), robust=given.settings.robust
+    )
+    if not model.solved.converged:
+        late = replace(fit.estimate, status=Status.NOT_CONVERGED)
+        fit = replace(fit, estimate=late)
+    slips = physics.slips(model, model.linearise(fit.state).residuals[:, 0])
+    found = _tables(model, slips)
+    return result_of(
+        "continuous_spin", fit, (*checks(_judged(fit, model)), *_own_checks(model, slips)),
+        site=given.site, findings=(*log.findings, *_told(model, slips)),
+        tables=found, diagnostics={"spin": _json(model)},
+        validity={"sampled": log.sampled, "rate": log.rate} | temperature_range(log),
+        judged=judged,
+    )  # fmt: skip
+
+
+def _judged(fit: Fit, model: SpinModel) -> Judged:
+    spins = model.solved.spins
+    names = "accelerometers", "gyros"
+    return Judged(
+        fit, {n: f"the {n}" for n in names}, "measured",
+        np.array([s.time.mean() for s in spins])[model.spin],
+        {n: (source,) for n, source in zip(names, SCATTER, strict=True)},
+        {source: Limit(f"The noise of the {n} beyond that of their samples", MOST, 1.0, "times it",
+                       "an axis that sways, a mounting that slips, or a term that is not estimated")
+         for n, source in zip(names, SCATTER, strict=True)},
+        readings="rows of the spins", cure="Add spins.", more="repeat the spins",
+        blocks=model.spin, named=lambda k: physics.spin_words(spins[k]), predicted="spins",
+    )  # fmt: skip
+
+
+MOST = 3.0
+"""Rows that scatter by more than so many times the noise of the samples are no calibration [1]."""
+
+
+def _own_checks(model: SpinModel, slips: list[physics.Slip]) -> tuple[Check, ...]:
+    at = model.solved
+    worst = max(slips, key=lambda s: s.ratio)
+    given = {"which": physics.spin_words(at.spins[worst.spin]), "mm": 1e3 * worst.arm,
+             "deg": np.degrees(worst.axis)}  # fmt: skip
+    swaying = float(np.degrees(np.median(physics.sway(at))))
+    return (
+        check("spin grip", "shift of a spin in its mounting [sd]", worst.ratio, None, HELD, given),
+        check("spin sway", "sway of the axis [deg]", swaying, None, CLAMPED),
+    )
+
+
+HELD = 4.5
+"""A spin whose grip differs by so many sd from that of its mounting has slipped [1]."""
+
+CLAMPED = 0.1
+"""An axis that moves by more takes part in the result [deg]."""
+
+
+def _told(model: SpinModel, slips: list[physics.Slip]) -> list[Finding]:
+    """Say what is worth knowing of the tool."""
+    shaken = model.vibration.max(initial=0.0)
+    sd = max(float(z.sd[:3].max()) for z in model.solved.point.sizes)
+    if shaken < 0.9:
+        return []
+    return [finding("spin.vibration", mg=plain(1e3 * sd / 9.80665, 2))]
+
+
+def _tables(model: SpinModel, slips: list[physics.Slip]) -> dict[str, TableData]:
+    at = model.solved
+    spins, sizes = at.spins, at.point.sizes
+    wander = [float(np.std(path[:, 1]) / abs(s.rate)) for s, path in
+              zip(spins, at.point.paths, strict=True)]  # fmt: skip
+    grips = at.point.grips
+    return {
+        "spins": {
+            "time": np.array([s.time[0] for s in spins]),
+            "length": np.array([float(np.ptp(s.time)) for s in spins]),
+            "mounting": np.array([s.mounting + 1 for s in spins]),
+            "rate": np.array([s.rate for s in spins]),
+            "turns": np.array([s.turns for s in spins]),
+            "sway": physics.sway(at),
+            "wander": np.array(wander),
+            "accel_sd": np.array([float(z.sd[:3].mean()) for z in sizes]),
+            "gyro_sd": np.array([float(z.sd[3:].mean()) for z in sizes]),
+            "slip": np.array([s.arm for s in slips]),
+        },
+        "mountings": {
+            "mounting": np.arange(1, len(grips) + 1),
+            **{f"axis_{a}": np.array([g.C_bm[k, 2] for g in grips]) for k, a in enumerate("xyz")},
+            "tilt": np.array([g.tilt for g in grips]),
+            "arm": np.array([float(np.hypot(*g.arm)) for g in grips]),
+        },
+    }
+
+
+def _json(model: SpinModel) -> dict[str, Any]:
+    at: Solved = model.solved
+    return {
+        "spins": len(at.spins), "mountings": len(at.point.grips),
+        "rates": [s.rate for s in at.spins], "readings": int(sum(len(s.time) for s in at.spins)),
+        "sway": float(np.median(physics.sway(at))),
+        "vibration_share": model.vibration.mean(axis=0).tolist(),
+    }  # fmt: skip
+
+
+# -- a simulated session ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A simulated session."""
+
+    log: Log  # [SI]
+    model: ImuModel  # the errors of the instrument
+    said: dict[str, Any]
+
+    def truth_json(self) -> dict[str, Any]:
+        """Return the truth beside the coefficients."""
+        return self.said
+
+
+RAMP, PAUSE = 1.0, 1.5
+"""How long a tool takes to its speed, and a hand to set the next one [s]."""
+
+
+def simulated(
+    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
+) -> Simulation:  # fmt: skip
+    """Simulate a session: `seed` [1] gives one of its motion and one of its `noise` [SI].
+
+    Attitudes are products of rotations, specific force and rates follow from their axes.
+    """
+    draw, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence([seed, 6]).spawn(2))
+    long = session.spin_time + 2 * RAMP + PAUSE
+    count = len(session.rates) * len(session.mountings)
+    n = whole_samples(count * long * session.rate) + 1
+    fine = FINE if session.kind == "increment" else 1
+    time = np.asarray(np.arange(-(fine - 1), (n - 1) * fine + 1) / (fine * session.rate), float)
+    f, w = np.empty((2, len(time), 3))
+    shake = session.vibration * sensors.standard_normal((n, 3))
+    grips = []
+    for m, axis in enumerate(session.mountings):
+        grips.append(_grip(axis, session, draw))
+        for k, rate in enumerate(session.rates):
+            number = m * len(session.rates) + k
+            mine = (time >= number * long - (number == 0)) & (time < (number + 1) * long)
+            mine |= (number == count - 1) & (time >= number * long)
+            arm = grips[-1][2] + session.slip * (number == count - 1) * np.array([1.0, 0.0, 0.0])
+            f[mine], w[mine] = _spun(
+                time[mine] - number * long, rate, session, site, (*grips[-1][:2], arm), draw
+            )
+    if fine > 1:
+        f, w = (x.reshape(n, fine, 3).mean(axis=1) for x in (f, w))
+    accel, gyro = model.measure(f, w)
+    log = noisy_log(time[fine - 1 :: fine], accel + shake, gyro, sampled=session.kind, noise=noise,
+                    rng=sensors)  # fmt: skip
+    tilts = [float(g[1][0]) for g in grips]
+    return Simulation(log, model, {"tilts": tilts, "arms": [g[2].tolist() for g in grips]})
+
+
+FINE = 16
+"""Steps within an interval over which a reading is a mean [1]."""
+
+
+def _grip(
+    axis: str, session: Session, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Draw ``C_bm``, tilt and azimuth [rad], and the lever arm [m] of a mounting."""
+    unit = np.ones(3) / np.sqrt(3.0) if axis == "skew" else np.eye(3)["xyz".index(axis[-1])]
+    unit = -unit if axis[0] == "-" else unit
+    C = physics.across(unit) @ exp(rng.uniform(-np.pi, np.pi) * np.array([0.0, 0.0, 1.0]))
+    C = exp(session.mounting_sd * rng.standard_normal(3)) @ C
+    angles = np.array([session.tilt_sd * rng.standard_normal(), rng.uniform(-np.pi, np.pi)])
+    return C, angles, session.lever_arm * np.append(rng.standard_normal(2), 0.0)
+
+
+def _spun(
+    t: FloatArray, rate: float, session: Session, site: Site,
+    grip: tuple[FloatArray, FloatArray, FloatArray], rng: np.random.Generator,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Return specific force and rate in the body of one spin with its ramps, (n, 3) each [SI]."""
+    from scipy.interpolate import CubicSpline
+
+    C_bm, (tilt, azimuth), arm = grip
+    step = float(np.median(np.diff(t)))
+    knots = np.arange(-2 * KNOT, t[-1] + 3 * KNOT, KNOT)
+    keep = np.exp(-KNOT / 3.0)
+    walk = rng.standard_normal(len(knots))
+    for k in range(1, len(walk)):
+        walk[k] = keep * walk[k - 1] + np.sqrt(1 - keep**2) * walk[k]
+    slow = CubicSpline(knots, session.wander * walk)
+    shape = np.clip(np.minimum(t / RAMP, (session.spin_time + 2 * RAMP - t) / RAMP), 0.0, 1.0)
+    ramp = shape**3 * (10 - 15 * shape + 6 * shape**2)
+    ramped = 30 * shape**2 * (1 - shape) ** 2 / RAMP * np.sign(session.spin_time / 2 + RAMP - t)
+    turn = rate * t + rng.uniform(-np.pi, np.pi)
+    u = session.unbalance
+    w = rate * ramp * (1 + slow(t) + u * np.cos(turn))
+    al = rate * (ramped * (1 + slow(t) + u * np.cos(turn))
+                 + ramp * (slow(t, 1) - u * rate * np.sin(turn)))  # fmt: skip
+    middle = rate * ramp * (1 + slow(t))
+    th = CubicSpline(t, middle + rate * ramp * u * np.cos(turn)).antiderivative()(t)
+    th += rng.uniform(-np.pi, np.pi)
+    lean = np.zeros((len(t), 3))
+    if session.sway:
+        few = rng.standard_normal((int((t[-1] - t[0]) / 0.3) + 4, 2))
+        at = CubicSpline(t[0] - 0.3 + 0.3 * np.arange(len(few)), session.sway * few)
+        lean[:, :2] = at(t)
+        leaning = np.column_stack([at(t, 1), np.zeros(len(t))])
+    # Axes h: along the spin axis, level across it, and the third; z up where the axis is level.
+    e = np.array([np.sin(azimuth) * np.cos(tilt), np.cos(azimuth) * np.cos(tilt), np.sin(tilt)])
+    C_na = physics.across(e)
+    C_am = exp(th[:, None] * np.array([0.0, 0.0, 1.0]))
+    C_nm = C_na @ (exp(lean) @ C_am if session.sway else C_am)
+    w_m = w[:, None] * np.array([0.0, 0.0, 1.0])
+    if session.sway:
+        w_m = w_m + np.einsum("nji,nj->ni", C_am, leaning)
+    if site.latitude is not None:
+        w_m = w_m + earth_rate_n(site.latitude) @ C_nm
+    centripetal = -(w**2)[:, None] * arm + al[:, None] * np.array([-arm[1], arm[0], 0.0])
+    f_m = site.gravity * C_nm[:, 2] + centripetal
+    assert step > 0
+    return f_m @ C_bm.T, w_m @ C_bm.T
+
+
+KNOT = 0.25
+"""Time between the knots of the wander of the rate [s]."""
+
+
+PROCEDURE = Procedure(
+    name="continuous_spin",
+    doc=__doc__,
+    Settings=Settings,
+    Session=Session,
+    solve=_solve,
+    simulation=simulated,
+    observe=observe,
+    again=lambda model, *_: _again(model),
+    names=lambda settings, _: settings.estimated(),
+    more="stretches",
+)
+calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate
