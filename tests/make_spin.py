@@ -121,7 +121,9 @@ def spun(tool: Tool, unit: Unit, seed: int) -> Log:
         B = unit_of(rng, np.array(axis, float), tool.mounting)  # of the chuck in the body
         lean = tool.tilt * rng.standard_normal()
         round_ = rng.uniform(0, 2 * np.pi)
-        east = np.array([np.cos(round_) * np.cos(lean), np.sin(round_) * np.cos(lean), np.sin(lean)])
+        east = np.array(
+            [np.cos(round_) * np.cos(lean), np.sin(round_) * np.cos(lean), np.sin(lean)]
+        )
         C_tool = unit_of(rng, east, 0.0)  # x_n = C_tool x_tool, third axis: the spin
         arm = tool.arm * rng.standard_normal(2)
         for k, rate in enumerate(tool.rates):
@@ -155,11 +157,9 @@ def spun(tool: Tool, unit: Unit, seed: int) -> Log:
     accel = f @ unit.A.T + unit.a + unit.K * f**2 + tool.vibration * rng.standard_normal((n, 3))
     gyro = w @ unit.W.T + unit.b + f @ unit.D.T
     walk = np.cumsum(rng.standard_normal((n, 3)), axis=0) * tool.gyro_walk / np.sqrt(n)
-    return Log(
-        np.arange(n) / tool.hertz, gyro + walk + tool.gyro_noise * root * rng.standard_normal((n, 3)),
-        accel + tool.accel_noise * root * rng.standard_normal((n, 3)),
-        "increment" if tool.averaged else "rate",
-    )  # fmt: skip
+    gyro += walk + tool.gyro_noise * root * rng.standard_normal((n, 3))
+    accel += tool.accel_noise * root * rng.standard_normal((n, 3))
+    return Log(np.arange(n) / tool.hertz, gyro, accel, "increment" if tool.averaged else "rate")
 
 
 def differenced(C: np.ndarray, p: np.ndarray, h: float, tool: Tool) -> tuple[np.ndarray, ...]:
@@ -169,7 +169,9 @@ def differenced(C: np.ndarray, p: np.ndarray, h: float, tool: Tool) -> tuple[np.
     C_now = C[2:-2]
     dC = (-C[4:] + 8 * C[3:-1] - 8 * C[1:-3] + C[:-4]) / (12 * h)
     wx = np.swapaxes(C_now, 1, 2) @ dC
-    w = np.stack([wx[:, 2, 1] - wx[:, 1, 2], wx[:, 0, 2] - wx[:, 2, 0], wx[:, 1, 0] - wx[:, 0, 1]], 1)
+    w = np.stack(
+        [wx[:, 2, 1] - wx[:, 1, 2], wx[:, 0, 2] - wx[:, 2, 0], wx[:, 1, 0] - wx[:, 0, 1]], 1
+    )
     earth = EARTH * np.array([0.0, np.cos(tool.latitude), np.sin(tool.latitude)])
     w = w / 2 + earth @ C_now
     f = np.einsum("nji,nj->ni", C_now, f_n)

@@ -57,7 +57,7 @@ FIELD = {"intensity": 49e-6, "intensity_sd": 1e-8, "noise_sd": 3e-7, "gyro_bias_
          "gyro_scale_sd": 1e-3, "gyro_misalignment_sd": 5e-4}  # fmt: skip
 KNOWN_IMU = {"gyro_bias_sd": 1e-9, "gyro_scale_sd": 1e-9, "gyro_misalignment_sd": 1e-9,
              "accel_bias_sd": 1e-9, "intensity_sd": 1e-13, "wander": False}  # fmt: skip
-SPUN = {"rates": [5.0, -8.0], "spin_time": 5.0}
+SPUN = {"rates": ["290 deg/s", "-460 deg/s"], "spin_time": 5.0}
 TRUE_TABLE = dict.fromkeys(("plumb_sd", "orthogonality_sd", "zero_sd", "position_sd"), 0.0)
 
 SESSIONS = {
@@ -280,7 +280,7 @@ EXACT = {
     "rate_table": (2e-12, Case("rate_table", {"g_sensitivity": True}, MEANS)),
     # A rate that wanders is smoothed, and what is finer than a tenth of a radian averaged.
     "continuous_spin": (1e-6, Case("continuous_spin", {}, {
-        "rates": [13.0, -18.0], "spin_time": 3.0, "wander": 0.0, "unbalance": 0.0},
+        "rates": ["750 deg/s", "-1030 deg/s"], "spin_time": 3.0, "wander": 0.0, "unbalance": 0.0},
         site=POLE)),
     "magnetometer": (
         1e-3, Case("magnetometer", FIELD | KNOWN_IMU, {"rate": 200.0, "time": 8.0, "noise_sd": 0.0})

@@ -18,38 +18,41 @@ lever arm ``arm`` [m].
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.detect import steady
 from foucault.detect.noise import without_spikes
+from foucault.detect.steady import Spin
 from foucault.diagnose.checks import check
 from foucault.diagnose.fit_checks import Judged, Limit, checks
 from foucault.errors import Finding, Status, error, finding
 from foucault.guard.mistakes import exchange_words, exchanges
 from foucault.infer.mixed import Fit
-from foucault.models.earth import Site, earth_rate_n
-from foucault.models.imu import ImuModel
+from foucault.logs.checks import spared
+from foucault.logs.description import OWN_LOG, log_head
+from foucault.models.earth import EARTH_RATE
 from foucault.models.left_out import Motion
-from foucault.models.noise import ImuNoise
-from foucault.models.rotation import exp
+from foucault.models.spin import across
 from foucault.procedures import left_out, record
 from foucault.procedures.continuous_spin import model as physics
-from foucault.procedures.continuous_spin.model import SCATTER, Solved, Spin, SpinModel
+from foucault.procedures.continuous_spin.model import SCATTER, Solved, SpinModel
 from foucault.procedures.left_out import Again
+from foucault.procedures.rate_table.model import in_si
 from foucault.procedures.record import Given, Procedure, result_of
 from foucault.result import Check, Result, TableData
-from foucault.simulate.noise import noisy_log
+from foucault.simulate.spin import SpinPlan, simulate_spins
 from foucault.strict import Strict
-from foucault.tables import Log, temperature_range, whole_samples
+from foucault.tables import AXES, Log, temperature_range
 from foucault.units import Angle, AngleSd, Quantity, Rate, RatioSd, Seconds, plain
 
-Length = record.Annotated[float, Quantity("length")]
+Length = Annotated[float, Quantity("length")]
 
 
 class Settings(record.Robust, record.EarthRate, record.Terms):
@@ -64,7 +67,7 @@ class Settings(record.Robust, record.EarthRate, record.Terms):
     repeatability: record.Repeatability = True
     shortest: Seconds = Field(default=2.0, gt=0)
     """Shortest spin."""
-    slowest: Rate = Field(default=0.6, gt=0)
+    slowest: Rate = Field(default=float(np.radians(35.0)), gt=0)
     """Slowest spin."""
     same_mounting: Angle = Field(default=float(np.radians(3.0)), gt=0)
     """Spins about axes that are closer than this, either way, are of one mounting."""
@@ -73,7 +76,7 @@ class Settings(record.Robust, record.EarthRate, record.Terms):
 class Session(Strict):
     """The session that `simulate` makes."""
 
-    rates: tuple[Rate, ...] = Field(default=(4.0, -7.0, 10.0), min_length=1)
+    rates: tuple[str, ...] = Field(default=("230 deg/s", "-400 deg/s", "570 deg/s"), min_length=1)
     """Rates of the spins in each mounting, negative backwards."""
     mountings: tuple[Literal["x", "y", "z", "-x", "-y", "-z", "skew"], ...] = ("x", "y", "z")
     """Axes of the instrument along the spin axis, one mounting after the other."""
@@ -91,12 +94,22 @@ class Session(Strict):
     """What the rate varies once a turn."""
     sway: AngleSd = Field(default=0.0, ge=0)
     """Sd of the direction of the axis, over 0.3 s."""
-    vibration: record.Annotated[float, Quantity("specific force")] = Field(default=0.0, ge=0)
+    vibration: Annotated[float, Quantity("specific force")] = Field(default=0.0, ge=0)
     """Rms of the vibration of the tool, each axis."""
     slip: Length = Field(default=0.0, ge=0)
     """By how much the instrument moves in the chuck before the last spin."""
     rate: record.SampleRate = 100.0
     kind: record.Sampling = "rate"
+
+    @field_validator("rates", mode="after")
+    @classmethod
+    def _are_rates(cls, rates: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        record.located(info, lambda: in_si(rates))
+        return rates
+
+    def plan(self) -> SpinPlan:
+        """Return it as it is simulated."""
+        return SpinPlan(**self.model_dump() | {"rates": tuple(in_si(self.rates).tolist())})
 
 
 # -- calibrating -----------------------------------------------------------------------------------
@@ -106,23 +119,23 @@ def _read(log: Log, settings: Settings) -> tuple[tuple[Spin, ...], list[FloatArr
     """Return the spins of a log and the axes of its mountings, or say why there are none."""
     for triad in ("gyro", "accel"):
         if len(log.logged(triad)) < 3:
-            raise error("spin.no_triad", triad="gyros" if triad == "gyro" else "accelerometers")
-    find = partial(physics.find_spins, shortest=settings.shortest, slowest=settings.slowest)
+            raise error("spun.no_triad", triad="gyros" if triad == "gyro" else "accelerometers")
+    find = partial(steady.find_spins, shortest=settings.shortest, slowest=settings.slowest)
     found = find(log)
     for times in (np.radians(1.0), np.degrees(1.0)):
         assert log.gyro is not None
         other = replace(log, gyro=log.gyro * times)
         wrong = found or find(other)
-        ratios = [abs(_mean_rate(s)) / physics.frequency(s) * (1 if found else 1 / times)
+        ratios = [abs(_mean_rate(s)) / steady.frequency(s) * (1 if found else 1 / times)
                   for s in wrong]  # fmt: skip
         if ratios and not 0.67 < (ratio := float(np.median(ratios))) < 1.5:
             hint = " The gyros are in deg/s." if 50 < ratio < 65 else ""
             hint = " The gyros are in rad/s." if 1 / 65 < ratio < 1 / 50 else hint
-            raise error("spin.gyro_unit", ratio=plain(ratio, 3), hint=hint)
+            raise error("spun.gyro_unit", ratio=plain(ratio, 3), hint=hint)
     if not found:
-        raise error("spin.none", shortest=plain(settings.shortest, 2),
-                    turns=plain(physics.TURNS, 1), slowest=plain(settings.slowest, 2))  # fmt: skip
-    spins, axes = physics.grouped(found, settings.same_mounting)
+        raise error("spun.none", shortest=plain(settings.shortest, 2),
+                    turns=plain(steady.TURNS, 1), slowest=plain(settings.slowest, 2))  # fmt: skip
+    spins, axes = steady.grouped(found, settings.same_mounting)
     return tuple(spins), axes
 
 
@@ -132,7 +145,7 @@ def _mean_rate(spin: Spin) -> float:
 
 def _contradicted(spins: tuple[Spin, ...], axes: list[FloatArray], gravity: float) -> None:
     """Refuse triads that do not belong together, by what is wrong with them."""
-    planes = [physics.plane(s) for s in spins]
+    planes = [steady.plane(s) for s in spins]
     units = [s.readings[:, 3:].mean(axis=0) / _mean_rate(s) for s in spins]
 
     def apart(turn: FloatArray) -> float:
@@ -141,19 +154,22 @@ def _contradicted(spins: tuple[Spin, ...], axes: list[FloatArray], gravity: floa
     if apart(np.eye(3)) < np.cos(np.radians(20.0)):
         best = max(exchanges(), key=apart)
         words = exchange_words(best) if apart(best) > np.cos(np.radians(20.0)) else "something else"
-        raise error("spin.axes", angle=f"{np.degrees(np.arccos(apart(np.eye(3)))):.0f}", words=words)
-    first = [physics.first_phase(s, physics.across(axes[s.mounting])) for s in spins]
+        raise error(
+            "spun.axes", angle=f"{np.degrees(np.arccos(apart(np.eye(3)))):.0f}", words=words
+        )
+    first = [physics.first_phase(s, across(axes[s.mounting])) for s in spins]
     size = float(np.median([f[1] for f in first])) / gravity
-    slopes = np.array([f[2] for f in first])
-    if np.median(slopes) < 0:
-        raise error("spin.sense")
+    against = sorted({s.mounting for s, f in zip(spins, first, strict=True) if f[2] < 0})
+    if against:
+        named = " and ".join(AXES[int(np.argmax(np.abs(axes[m])))] for m in against)
+        raise error("spun.sense", axes=named, count=len(against), all=len(axes))
     for factor, words in ((gravity, "g"), (1 / gravity, "m/s^2 read as g")):
         if 0.8 < size * factor < 1.25:
-            raise error("spin.accel_unit", words=words, size=plain(size * gravity, 3))
+            raise error("spun.accel_unit", words=words, size=plain(size * gravity, 3))
     if size < LEVEL:
-        raise error("spin.not_level", percent=f"{100 * size:.0f}")
+        raise error("spun.not_level", percent=f"{100 * size:.0f}")
     if size > 1.25:
-        raise error("spin.accel_unit", words="another unit", size=plain(size * gravity, 3))
+        raise error("spun.accel_unit", words="another unit", size=plain(size * gravity, 3))
 
 
 LEVEL = 0.9
@@ -165,12 +181,16 @@ def observe(log: Log, given: Given[Settings]) -> SpinModel:
     s = given.settings
     log = without_spikes(log)
     spins, axes = _read(log, s)
+    used = [(np.array([s.time[0] for s in spins]), np.array([np.ptp(s.time) for s in spins]))]
+    for told in spared(log.findings, log, used, used):
+        if told.code == "log.saturated" and told.severity != "note":
+            raise error("spun.saturated", what=told.message)
     _contradicted(spins, axes, given.site.gravity)
     physics.require_spread(spins, axes)
     solved = physics.solve(spins, axes, s.estimated(), given.site, given.noise)
-    swaying = physics.sway(solved)
+    swaying = physics.leaning(solved)[0]
     if np.median(swaying) > SWAYS:
-        raise error("spin.sways", sway=plain(float(np.degrees(np.median(swaying))), 2),
+        raise error("spun.sways", sway=plain(float(np.degrees(np.median(swaying))), 2),
                     most=plain(float(np.degrees(SWAYS)), 2))  # fmt: skip
     return SpinModel(solved, physics.rows_of(solved), given.noise, s.repeatability)
 
@@ -208,7 +228,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     if not model.solved.converged:
         late = replace(fit.estimate, status=Status.NOT_CONVERGED)
         fit = replace(fit, estimate=late)
-    slips = physics.slips(model, model.linearise(fit.state).residuals[:, 0])
+    slips = physics.slips(model)
     found = _tables(model, slips)
     return result_of(
         "continuous_spin", fit, (*checks(_judged(fit, model)), *_own_checks(model, slips)),
@@ -230,7 +250,7 @@ def _judged(fit: Fit, model: SpinModel) -> Judged:
                        "an axis that sways, a mounting that slips, or a term that is not estimated")
          for n, source in zip(names, SCATTER, strict=True)},
         readings="rows of the spins", cure="Add spins.", more="repeat the spins",
-        blocks=model.spin, named=lambda k: physics.spin_words(spins[k]), predicted="spins",
+        blocks=model.spin, named=lambda k: steady.spin_words(spins[k]), predicted="spins",
     )  # fmt: skip
 
 
@@ -241,17 +261,26 @@ MOST = 3.0
 def _own_checks(model: SpinModel, slips: list[physics.Slip]) -> tuple[Check, ...]:
     at = model.solved
     worst = max(slips, key=lambda s: s.ratio)
-    given = {"which": physics.spin_words(at.spins[worst.spin]), "mm": 1e3 * worst.arm,
+    given = {"which": steady.spin_words(at.spins[worst.spin]), "mm": 1e3 * worst.arm,
              "deg": np.degrees(worst.axis)}  # fmt: skip
-    swaying = float(np.degrees(np.median(physics.sway(at))))
+    sways, slope = physics.leaning(at)
+    swaying = float(np.degrees(np.median(sways)))
+    chance = 1 + physics.CHANCE * np.sqrt(2 / len(slope))
+    leans = float(np.mean(slope[:, 0] ** 2) - chance * np.mean(slope[:, 1] ** 2)) / EARTH_RATE**2
     return (
         check("spin grip", "shift of a spin in its mounting [sd]", worst.ratio, None, HELD, given),
         check("spin sway", "sway of the axis [deg]", swaying, None, CLAMPED),
+        check(
+            "spin lean", "tilting of the axis [Earth rates]", max(leans, 0.0) ** 0.5, None, LEANS
+        ),
     )
 
 
 HELD = 4.5
 """A spin whose grip differs by so many sd from that of its mounting has slipped [1]."""
+
+LEANS = 1.0
+"""An axis that tilts faster, all the while of a spin, looks like g-sensitivity [Earth rates]."""
 
 CLAMPED = 0.1
 """An axis that moves by more takes part in the result [deg]."""
@@ -263,7 +292,7 @@ def _told(model: SpinModel, slips: list[physics.Slip]) -> list[Finding]:
     sd = max(float(z.sd[:3].max()) for z in model.solved.point.sizes)
     if shaken < 0.9:
         return []
-    return [finding("spin.vibration", mg=plain(1e3 * sd / 9.80665, 2))]
+    return [finding("spun.vibration", mg=plain(1e3 * sd / 9.80665, 2))]
 
 
 def _tables(model: SpinModel, slips: list[physics.Slip]) -> dict[str, TableData]:
@@ -279,7 +308,7 @@ def _tables(model: SpinModel, slips: list[physics.Slip]) -> dict[str, TableData]
             "mounting": np.array([s.mounting + 1 for s in spins]),
             "rate": np.array([s.rate for s in spins]),
             "turns": np.array([s.turns for s in spins]),
-            "sway": physics.sway(at),
+            "sway": physics.leaning(at)[0],
             "wander": np.array(wander),
             "accel_sd": np.array([float(z.sd[:3].mean()) for z in sizes]),
             "gyro_sd": np.array([float(z.sd[3:].mean()) for z in sizes]),
@@ -287,7 +316,7 @@ def _tables(model: SpinModel, slips: list[physics.Slip]) -> dict[str, TableData]
         },
         "mountings": {
             "mounting": np.arange(1, len(grips) + 1),
-            **{f"axis_{a}": np.array([g.C_bm[k, 2] for g in grips]) for k, a in enumerate("xyz")},
+            **{f"axis_{a}": np.array([g.C_bm[k, 2] for g in grips]) for k, a in enumerate(AXES)},
             "tilt": np.array([g.tilt for g in grips]),
             "arm": np.array([float(np.hypot(*g.arm)) for g in grips]),
         },
@@ -299,132 +328,9 @@ def _json(model: SpinModel) -> dict[str, Any]:
     return {
         "spins": len(at.spins), "mountings": len(at.point.grips),
         "rates": [s.rate for s in at.spins], "readings": int(sum(len(s.time) for s in at.spins)),
-        "sway": float(np.median(physics.sway(at))),
+        "sway": float(np.median(physics.leaning(at)[0])),
         "vibration_share": model.vibration.mean(axis=0).tolist(),
     }  # fmt: skip
-
-
-# -- a simulated session ---------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Simulation:
-    """A simulated session."""
-
-    log: Log  # [SI]
-    model: ImuModel  # the errors of the instrument
-    said: dict[str, Any]
-
-    def truth_json(self) -> dict[str, Any]:
-        """Return the truth beside the coefficients."""
-        return self.said
-
-
-RAMP, PAUSE = 1.0, 1.5
-"""How long a tool takes to its speed, and a hand to set the next one [s]."""
-
-
-def simulated(
-    session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
-) -> Simulation:  # fmt: skip
-    """Simulate a session: `seed` [1] gives one of its motion and one of its `noise` [SI].
-
-    Attitudes are products of rotations, specific force and rates follow from their axes.
-    """
-    draw, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence([seed, 6]).spawn(2))
-    long = session.spin_time + 2 * RAMP + PAUSE
-    count = len(session.rates) * len(session.mountings)
-    n = whole_samples(count * long * session.rate) + 1
-    fine = FINE if session.kind == "increment" else 1
-    time = np.asarray(np.arange(-(fine - 1), (n - 1) * fine + 1) / (fine * session.rate), float)
-    f, w = np.empty((2, len(time), 3))
-    shake = session.vibration * sensors.standard_normal((n, 3))
-    grips = []
-    for m, axis in enumerate(session.mountings):
-        grips.append(_grip(axis, session, draw))
-        for k, rate in enumerate(session.rates):
-            number = m * len(session.rates) + k
-            mine = (time >= number * long - (number == 0)) & (time < (number + 1) * long)
-            mine |= (number == count - 1) & (time >= number * long)
-            arm = grips[-1][2] + session.slip * (number == count - 1) * np.array([1.0, 0.0, 0.0])
-            f[mine], w[mine] = _spun(
-                time[mine] - number * long, rate, session, site, (*grips[-1][:2], arm), draw
-            )
-    if fine > 1:
-        f, w = (x.reshape(n, fine, 3).mean(axis=1) for x in (f, w))
-    accel, gyro = model.measure(f, w)
-    log = noisy_log(time[fine - 1 :: fine], accel + shake, gyro, sampled=session.kind, noise=noise,
-                    rng=sensors)  # fmt: skip
-    tilts = [float(g[1][0]) for g in grips]
-    return Simulation(log, model, {"tilts": tilts, "arms": [g[2].tolist() for g in grips]})
-
-
-FINE = 16
-"""Steps within an interval over which a reading is a mean [1]."""
-
-
-def _grip(
-    axis: str, session: Session, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Draw ``C_bm``, tilt and azimuth [rad], and the lever arm [m] of a mounting."""
-    unit = np.ones(3) / np.sqrt(3.0) if axis == "skew" else np.eye(3)["xyz".index(axis[-1])]
-    unit = -unit if axis[0] == "-" else unit
-    C = physics.across(unit) @ exp(rng.uniform(-np.pi, np.pi) * np.array([0.0, 0.0, 1.0]))
-    C = exp(session.mounting_sd * rng.standard_normal(3)) @ C
-    angles = np.array([session.tilt_sd * rng.standard_normal(), rng.uniform(-np.pi, np.pi)])
-    return C, angles, session.lever_arm * np.append(rng.standard_normal(2), 0.0)
-
-
-def _spun(
-    t: FloatArray, rate: float, session: Session, site: Site,
-    grip: tuple[FloatArray, FloatArray, FloatArray], rng: np.random.Generator,
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return specific force and rate in the body of one spin with its ramps, (n, 3) each [SI]."""
-    from scipy.interpolate import CubicSpline
-
-    C_bm, (tilt, azimuth), arm = grip
-    step = float(np.median(np.diff(t)))
-    knots = np.arange(-2 * KNOT, t[-1] + 3 * KNOT, KNOT)
-    keep = np.exp(-KNOT / 3.0)
-    walk = rng.standard_normal(len(knots))
-    for k in range(1, len(walk)):
-        walk[k] = keep * walk[k - 1] + np.sqrt(1 - keep**2) * walk[k]
-    slow = CubicSpline(knots, session.wander * walk)
-    shape = np.clip(np.minimum(t / RAMP, (session.spin_time + 2 * RAMP - t) / RAMP), 0.0, 1.0)
-    ramp = shape**3 * (10 - 15 * shape + 6 * shape**2)
-    ramped = 30 * shape**2 * (1 - shape) ** 2 / RAMP * np.sign(session.spin_time / 2 + RAMP - t)
-    turn = rate * t + rng.uniform(-np.pi, np.pi)
-    u = session.unbalance
-    w = rate * ramp * (1 + slow(t) + u * np.cos(turn))
-    al = rate * (ramped * (1 + slow(t) + u * np.cos(turn))
-                 + ramp * (slow(t, 1) - u * rate * np.sin(turn)))  # fmt: skip
-    middle = rate * ramp * (1 + slow(t))
-    th = CubicSpline(t, middle + rate * ramp * u * np.cos(turn)).antiderivative()(t)
-    th += rng.uniform(-np.pi, np.pi)
-    lean = np.zeros((len(t), 3))
-    if session.sway:
-        few = rng.standard_normal((int((t[-1] - t[0]) / 0.3) + 4, 2))
-        at = CubicSpline(t[0] - 0.3 + 0.3 * np.arange(len(few)), session.sway * few)
-        lean[:, :2] = at(t)
-        leaning = np.column_stack([at(t, 1), np.zeros(len(t))])
-    # Axes h: along the spin axis, level across it, and the third; z up where the axis is level.
-    e = np.array([np.sin(azimuth) * np.cos(tilt), np.cos(azimuth) * np.cos(tilt), np.sin(tilt)])
-    C_na = physics.across(e)
-    C_am = exp(th[:, None] * np.array([0.0, 0.0, 1.0]))
-    C_nm = C_na @ (exp(lean) @ C_am if session.sway else C_am)
-    w_m = w[:, None] * np.array([0.0, 0.0, 1.0])
-    if session.sway:
-        w_m = w_m + np.einsum("nji,nj->ni", C_am, leaning)
-    if site.latitude is not None:
-        w_m = w_m + earth_rate_n(site.latitude) @ C_nm
-    centripetal = -(w**2)[:, None] * arm + al[:, None] * np.array([-arm[1], arm[0], 0.0])
-    f_m = site.gravity * C_nm[:, 2] + centripetal
-    assert step > 0
-    return f_m @ C_bm.T, w_m @ C_bm.T
-
-
-KNOT = 0.25
-"""Time between the knots of the wander of the rate [s]."""
 
 
 PROCEDURE = Procedure(
@@ -433,10 +339,13 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
-    simulation=simulated,
+    simulation=lambda session, *, settings, model, noise, site, seed: simulate_spins(
+        session.plan(), model, noise, site, seed
+    ),
     observe=observe,
     again=lambda model, *_: _again(model),
     names=lambda settings, _: settings.estimated(),
     more="stretches",
+    log_table=lambda log: OWN_LOG if log is not None and log.sampled == "increment" else log_head(),
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

@@ -1,17 +1,10 @@
 """What an IMU says that turns steadily about a roughly level axis, and what follows from it.
 
-``m`` are axes of one mounting in the body: e along the spin axis, p and q across it,
-``C_bm = [p q e]``. With th the phase, w its rate, al its acceleration, tau the tilt of e above the
-level, r the lever arm from the axis to the accelerometers and n level across the axis::
-
-    up = (cos tau cos th, -cos tau sin th, sin tau)      n = (sin th, cos th, 0)
-    f  = g up - w^2 r + al e x r                          h = (e - sin tau up) / cos tau
-    w_ib = w e + w_ie (sin L up + c_1 h + c_2 n)          all in axes m
-
-Phase, rate and acceleration of every sample are states, al a random walk. They are eliminated
-exactly: with A the information of the states (a band), X and S what coefficients and states do to
-white readings y, the information of a spin is ``X'X - X'S A^-1 S'X``. A spin is then a handful of
-white rows, and its session a linear model for `infer.mixed`.
+The motion is that of `models.spin`. Phase, rate and acceleration of every sample are states, the
+acceleration a random walk. They are eliminated exactly: with A the information of the states (a
+band), X and S what coefficients and states do to white readings y, the information of a spin is
+``X'X - X'S A^-1 S'X``. A spin is then a handful of white rows, and its session a linear model for
+`infer.mixed`.
 
 References
 ----------
@@ -21,41 +14,22 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
+from foucault.detect.steady import Spin
 from foucault.errors import error
 from foucault.infer.mixed import NOISE_BASIS, UNEXPLAINED_BASIS, Linearisation, Source
-from foucault.models.earth import EARTH_RATE, Site
+from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.left_out import Change
 from foucault.models.noise import ImuNoise, wander
-from foucault.models.rotation import exp
-from foucault.tables import Log
+from foucault.models.spin import GRIP, Grip, across, moved
 from foucault.units import plain
-
-GRIP = 7
-"""Unknowns of a mounting: two turns of the axis [rad], tilt [rad], lever arm (2) [m], level Earth
-rate along and across the axis (2) [of the Earth's rate]."""
-
-TURNS = 3.0
-"""Fewer turns are no spin [1]."""
-
-STEADY = 0.3
-"""A spin keeps its rate to this share [1]."""
-
-WIDE, EVEN = 8.0, 0.03
-"""What is no ramp keeps to so many times the median spread, or to this share [1]."""
-
-STRAIGHT = np.radians(10.0)
-"""A spin keeps its axis to this angle [rad]."""
-
-FINE = 0.12
-"""Samples are averaged where they are finer than this angle of the spin [rad]."""
 
 RATE_WALKS = 4.0 ** np.arange(-3, 5)
 """Densities of the random walk of the angular acceleration that are tried [rad/s^2/sqrt(s)]."""
@@ -71,206 +45,6 @@ PROBES = 4
 
 SWAY_TURNS = 4
 """The sway is told by means over a quarter of a turn [1 / turn]."""
-
-
-# -- what was read ---------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Spin:
-    """A stretch of a log in which the instrument turned steadily."""
-
-    first: int  # row of the log
-    time: FloatArray  # (n,) [s]
-    readings: FloatArray  # (n, 6) accelerometers [m/s^2], gyros [rad/s]
-    many: int  # samples that a reading is the mean of [1]
-    interval: float  # from a sample to the next [s]
-    summed: bool  # whether a sample is the mean over its interval
-    mounting: int = 0
-    rate: float = 0.0  # mean, about the axis of its mounting [rad/s]
-
-    @cached_property
-    def step(self) -> float:
-        """Time from a reading to the next [s]."""
-        return float(np.median(np.diff(self.time)))
-
-    @property
-    def turns(self) -> float:
-        """How often it went round [1]."""
-        return abs(self.rate) * float(np.ptp(self.time)) / (2 * np.pi)
-
-    def shrunk(self, w: FloatArray) -> FloatArray:
-        """Return by how much means are shorter than what turns at `w` (n,) [rad/s], (n,) [1]."""
-        x = np.abs(w) * self.interval / 2
-        inner = x if self.summed else np.sin(x)
-        return np.sin(self.many * x) / np.maximum(self.many * inner, 1e-300)
-
-
-def find_spins(log: Log, shortest: float, slowest: float) -> list[Spin]:
-    """Return the stretches of a log that are spins, in their order.
-
-    `shortest`: time of a spin [s]; `slowest`: rate of one [rad/s].
-    """
-    from scipy.ndimage import uniform_filter1d
-
-    assert log.accel is not None
-    assert log.gyro is not None
-    width = max(round(0.25 / log.interval), 1)
-    w = uniform_filter1d(log.gyro, width, axis=0, mode="nearest")
-    speed = np.linalg.norm(w, axis=1)
-    # A change of sense, of axis or a gap ends a stretch.
-    back = np.roll(w, width, axis=0)
-    bent = np.einsum("ni,ni->n", w, back) < np.cos(STRAIGHT) * speed * np.linalg.norm(back, axis=1)
-    bent[:width] = False
-    ends = np.concatenate([[False], np.diff(log.time) > 5 * log.interval])
-    fast = (speed > slowest) & ~bent & ~ends
-    out = []
-    for a, b in _runs(fast):
-        for begin, end in _steady(speed[a:b], a, width):
-            n = end - begin
-            if n < 10:
-                continue
-            axis = w[begin:end].mean(axis=0)
-            size = float(np.linalg.norm(axis))
-            off = np.linalg.norm(np.cross(w[begin:end], axis), axis=1)
-            kept = off < np.sin(STRAIGHT) * size * speed[begin:end]
-            if n * log.interval < shortest or kept.mean() < 0.98:
-                continue
-            if size * n * log.interval < TURNS * 2 * np.pi:
-                continue
-            out.append(_spin(log, begin, end, size))
-    return out
-
-
-def _runs(inside: BoolArray) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _steady(speed: FloatArray, first: int, width: int) -> list[tuple[int, int]]:
-    """Return the runs in which the `speed` (n,) [rad/s] keeps to that of the most samples.
-
-    `first`: row of the first of them [1]; `width`: of the mean that they are [1].
-    """
-    out = []
-    left = np.ones(len(speed), bool)
-    while left.sum() > 10:
-        middle = float(np.median(speed[left]))
-        near = left & (np.abs(speed - middle) < STEADY * middle)
-        # Ramps at its ends are no part of a spin: they are not as the rate is else.
-        spread = float(np.median(np.abs(speed[near] - middle))) if near.any() else 0.0
-        runs = _runs(near & (np.abs(speed - middle) < max(WIDE * spread, EVEN * middle)))
-        if not runs:
-            break
-        a, b = max(runs, key=lambda r: r[1] - r[0])
-        out.append((first + a + width, first + b - width))
-        left[max(a - 10, 0) : b + 10] = False
-    return sorted(out)
-
-
-def _spin(log: Log, begin: int, end: int, speed: float) -> Spin:
-    assert log.accel is not None
-    assert log.gyro is not None
-    many = max(int(FINE / (speed * log.interval)), 1)
-    n = (end - begin) // many
-    rows = slice(begin, begin + n * many)
-    both = np.column_stack([log.accel[rows], log.gyro[rows]])
-    return Spin(begin, log.time[rows].reshape(n, many).mean(axis=1),
-                both.reshape(n, many, 6).mean(axis=1), many, log.interval,
-                log.sampled == "increment")  # fmt: skip
-
-
-def grouped(spins: list[Spin], apart: float) -> tuple[list[Spin], list[FloatArray]]:
-    """Return spins with their mountings, and the axes (3,) of these.
-
-    `apart`: axes that are no more than this apart are of one mounting [rad].
-    """
-    axes: list[FloatArray] = []
-    out = []
-    for spin in spins:
-        mean = spin.readings[:, 3:].mean(axis=0)
-        unit = mean / np.linalg.norm(mean)
-        for k, axis in enumerate(axes):
-            if abs(float(unit @ axis)) > np.cos(apart):
-                break
-        else:
-            k = len(axes)
-            axes.append(unit)
-        out.append(replace(spin, mounting=k, rate=float(mean @ axes[k])))
-    return out, axes
-
-
-# -- the motion ------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Grip:
-    """How the instrument sits on the axis in one mounting."""
-
-    C_bm: FloatArray  # (3, 3) [p q e]
-    tilt: float = 0.0  # [rad]
-    arm: FloatArray = field(default_factory=lambda: np.zeros(2))  # along p and q [m]
-    level: FloatArray = field(default_factory=lambda: np.zeros(2))  # c_1, c_2 [1]
-
-    def moved(self, step: FloatArray) -> Grip:
-        """Return it with something added, `step` (7,) [SI]."""
-        turned = self.C_bm @ exp(np.array([step[0], step[1], 0.0]))
-        return Grip(turned, self.tilt + float(step[2]), self.arm + step[3:5], self.level + step[5:])
-
-
-@dataclass(frozen=True)
-class Moved:
-    """True specific force and rate of every sample, and what they hang on, axes b."""
-
-    f: FloatArray  # (n, 3) [m/s^2]
-    w: FloatArray  # (n, 3) [rad/s]
-    # f_by_path, w_by_path: (n, 3, 3) by phase, rate, acceleration [SI]
-    f_by_path: FloatArray
-    w_by_path: FloatArray
-    # f_by_grip, w_by_grip: (n, 3, 7) [SI]
-    f_by_grip: FloatArray
-    w_by_grip: FloatArray
-
-
-def moved(grip: Grip, path: FloatArray, site: Site, spin: Spin) -> Moved:
-    """Return the true motion of a spin along a `path` (n, 3) [rad, rad/s, rad/s^2]."""
-    n, g, (r1, r2) = len(path), site.gravity, grip.arm
-    th, w, al = path.T
-    shrunk = spin.shrunk(w)
-    c, s = shrunk * np.cos(th), shrunk * np.sin(th)
-    ct, st = np.cos(grip.tilt), np.sin(grip.tilt)
-    zero, one = np.zeros(n), np.ones(n)
-    up = np.column_stack([ct * c, -ct * s, st * one])
-    up_by_tilt = np.column_stack([-st * c, st * s, ct * one])  # it is h too
-    up_by_phase = np.column_stack([-ct * s, -ct * c, zero])
-    across = np.column_stack([s, c, zero])
-    f = g * up + np.column_stack([-w**2 * r1 - al * r2, -w**2 * r2 + al * r1, zero])
-    f_path = np.zeros((n, 3, 3))
-    f_path[:, :, 0] = g * up_by_phase
-    f_path[:, 0, 1], f_path[:, 1, 1] = -2 * w * r1, -2 * w * r2
-    f_path[:, 0, 2], f_path[:, 1, 2] = -r2, r1
-    f_grip, w_grip = np.zeros((2, n, 3, GRIP))
-    f_grip[:, :, 2] = g * up_by_tilt
-    f_grip[:, 0, 3], f_grip[:, 1, 3] = -(w**2), al
-    f_grip[:, 0, 4], f_grip[:, 1, 4] = -al, -(w**2)
-    w_path = np.zeros((n, 3, 3))
-    w_path[:, 2, 1] = 1.0
-    rate = np.column_stack([zero, zero, w])
-    if site.latitude is not None:
-        sine = np.sin(site.latitude)
-        rate += EARTH_RATE * (sine * up + grip.level[0] * up_by_tilt + grip.level[1] * across)
-        w_path[:, :, 0] = EARTH_RATE * (
-            sine * up_by_phase
-            + grip.level[0] * np.column_stack([st * s, st * c, zero])
-            + grip.level[1] * np.column_stack([c, -s, zero])
-        )
-        w_grip[:, :, 2] = EARTH_RATE * (sine * up_by_tilt - grip.level[0] * up)
-        w_grip[:, :, 5], w_grip[:, :, 6] = EARTH_RATE * up_by_tilt, EARTH_RATE * across
-    for by, v in ((f_grip, f), (w_grip, rate)):  # a turn of the axis: delta x v
-        by[:, 1, 0], by[:, 2, 0] = -v[:, 2], v[:, 1]
-        by[:, 0, 1], by[:, 2, 1] = v[:, 2], -v[:, 0]
-    C = grip.C_bm
-    return Moved(f @ C.T, rate @ C.T, C @ f_path, C @ w_path, C @ f_grip, C @ w_grip)
 
 
 # -- a spin without its phase ----------------------------------------------------------------------
@@ -375,7 +149,7 @@ def _white(
     sizes: Sizes, site: Site,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
     """Return white residuals (n, 6), what unknowns (n, 6, u) and scaled states (n, 6, 3) do."""
-    at, p = moved(grip, path, site, spin), len(names)
+    at, p = moved(grip, path, site, spin.shrunk(path[:, 1])), len(names)
     slopes = model.slopes(at.f, at.w, names)
     X = np.empty((len(path), 6, p + GRIP))
     X[:, :3, :p], X[:, 3:, :p] = slopes.accel, slopes.gyro
@@ -440,13 +214,6 @@ def first_phase(spin: Spin, C_bm: FloatArray) -> tuple[FloatArray, float, float]
     slow = uniform_filter1d(np.gradient(smooth, spin.time), max(width // 3, 1), mode="nearest")
     size = float(np.sqrt(2 * np.mean(x[:, 0] ** 2 + x[:, 1] ** 2) / 2))
     return np.column_stack([turned + off, smooth, slow]), size, slope
-
-
-def across(axis: FloatArray) -> FloatArray:
-    """Return ``[p q e]`` (3, 3) with `axis` (3,) for e and any p across it."""
-    p = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    p /= np.linalg.norm(p)
-    return np.column_stack([p, np.cross(axis, p), axis])
 
 
 # -- a session -------------------------------------------------------------------------------------
@@ -537,7 +304,9 @@ def floor(spin: Spin, declared: ImuNoise | None) -> FloatArray:
         return np.repeat([1e-9, 1e-11], 3)
     white = np.repeat([declared.accel.white, declared.gyro.white], 3)
     step = np.repeat([declared.accel.quantisation, declared.gyro.quantisation], 3)
-    return np.asarray(np.maximum(np.sqrt(white**2 / spin.step + step**2 / 12), [1e-9] * 3 + [1e-11] * 3))
+    return np.asarray(
+        np.maximum(np.sqrt(white**2 / spin.step + step**2 / 12), [1e-9] * 3 + [1e-11] * 3)
+    )
 
 
 def _every(at: Solved) -> tuple[Passed, ...]:
@@ -563,9 +332,7 @@ def _sums(at: Solved) -> tuple[FloatArray, FloatArray]:
 
 def _stepped(at: Solved, step: FloatArray) -> Point:
     p, n = at.point, len(at.names)
-    grips = tuple(
-        g.moved(step[n + GRIP * m : n + GRIP * (m + 1)]) for m, g in enumerate(p.grips)
-    )
+    grips = tuple(g.moved(step[n + GRIP * m : n + GRIP * (m + 1)]) for m, g in enumerate(p.grips))
     paths = tuple(
         one.path - one.moves @ step[at.own(k)] / one.unit for k, one in enumerate(at.each)
     )
@@ -578,9 +345,7 @@ def _noise(at: Solved, declared: ImuNoise | None) -> tuple[Sizes, ...]:
     Declared noise stands where what is left does not clearly exceed it; what exceeds is vibration.
     """
     out = []
-    for spin, path, old, one in zip(
-        at.spins, at.point.paths, at.point.sizes, at.each, strict=True
-    ):
+    for spin, path, old, one in zip(at.spins, at.point.paths, at.point.sizes, at.each, strict=True):
         sd = old.sd * np.sqrt(np.sum(one.left**2, axis=0) / np.maximum(one.free, 1.0))
         least = floor(spin, declared)
         chance = 1 + CHANCE / np.sqrt(2 * np.maximum(one.free, 1.0))
@@ -592,7 +357,7 @@ def _noise(at: Solved, declared: ImuNoise | None) -> tuple[Sizes, ...]:
 
 
 CHANCE = 4.0
-"""By so many sd what is left has to exceed declared noise to be vibration [1]."""
+"""By so many sd what is left has to exceed noise to be vibration, or sway [1]."""
 
 
 # -- rows for the engine ---------------------------------------------------------------------------
@@ -659,7 +424,7 @@ class SpinModel:
         return np.append(values, np.zeros(GRIP * len(at.point.grips)))
 
     @cached_property
-    def spin(self) -> FloatArray:
+    def spin(self) -> IntArray:
         """Number of the spin of every row, shape (n,)."""
         return np.repeat([r.spin for r in self.rows], [len(r.residuals) for r in self.rows])
 
@@ -682,7 +447,7 @@ class SpinModel:
         at = self.solved
         J = np.zeros((len(self.spin), 1, at.unknowns))
         for r in self.rows:
-            J[np.ix_(self.spin == r.spin, [0], at.own(r.spin))] = r.jacobian[:, None]
+            J[np.flatnonzero(self.spin == r.spin)[:, None], 0, at.own(r.spin)] = r.jacobian
         z = np.concatenate([r.residuals for r in self.rows])
         return z, J, self._sources(J)
 
@@ -727,7 +492,9 @@ class SpinModel:
         spin, point = at.spins[k], at.point
         said = []
         for place in (there, site):
-            one = moved(point.grips[spin.mounting], point.paths[k], place, spin)
+            one = moved(
+                point.grips[spin.mounting], point.paths[k], place, spin.shrunk(point.paths[k][:, 1])
+            )
             said.append(np.column_stack(point.model.measure(one.f, one.w)))
         return np.asarray(said[0] - said[1])
 
@@ -735,7 +502,7 @@ class SpinModel:
     def motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Time (n,) [s], true specific force and rate (n, 3) [SI] of all readings."""
         at = self.solved
-        each = [moved(at.point.grips[s.mounting], path, at.site, s)
+        each = [moved(at.point.grips[s.mounting], path, at.site, s.shrunk(path[:, 1]))
                 for s, path in zip(at.spins, at.point.paths, strict=True)]  # fmt: skip
         return (np.concatenate([s.time for s in at.spins]), np.concatenate([m.f for m in each]),
                 np.concatenate([m.w for m in each]))  # fmt: skip
@@ -746,8 +513,11 @@ class SpinModel:
         at = self.solved
         if self.noise is None:
             return np.zeros((len(at.spins), 2))
-        parts = [1 - (floor(s, self.noise) / z.sd) ** 2 for s, z in zip(at.spins, at.point.sizes, strict=True)]
-        return np.clip(np.array(parts).reshape(-1, 2, 3).mean(axis=2), 0.0, 1.0)
+        parts = [
+            1 - (floor(s, self.noise) / z.sd) ** 2
+            for s, z in zip(at.spins, at.point.sizes, strict=True)
+        ]
+        return np.asarray(np.clip(np.array(parts).reshape(-1, 2, 3).mean(axis=2), 0.0, 1.0))
 
     def _sources(self, J: FloatArray) -> tuple[Source, ...]:
         accel = np.concatenate([r.accel for r in self.rows])
@@ -795,30 +565,36 @@ class SpinModel:
         return tuple(out)
 
 
-SCATTER = "scatter of the accelerometers beyond a spin's samples", "scatter of the gyros beyond a spin's samples"
+SCATTER = (
+    "scatter of the accelerometers beyond a spin's samples",
+    "scatter of the gyros beyond a spin's samples",
+)
 """Sources that are found where the samples of a spin say too little."""
 
 
 # -- what is judged --------------------------------------------------------------------------------
 
 
-def sway(at: Solved) -> FloatArray:
-    """Return the sd of the angle by which the axis moves in every spin, shape (k,) [rad].
+def leaning(at: Solved) -> tuple[FloatArray, FloatArray]:
+    """Return how the spin axis tilts within every spin, beyond noise.
 
-    By what is left of the gyros across the axis, over quarters of a turn, beyond their noise: an
-    axis that leans by d has w d of the rate across it.
+    By what is left of the accelerometers along the axis over gravity, in quarters of a turn.
+    Returns its sd (k,) [rad], and its slope with the noise of that, (k, 2) [rad/s].
     """
-    out = []
+    sway, slope = np.zeros(len(at.spins)), np.zeros((len(at.spins), 2))
     for k, spin in enumerate(at.spins):
-        own = at.point.sizes[k].sd[3:]
-        C = at.point.grips[spin.mounting].C_bm[:, :2]
-        left = (at.each[k].left[:, 3:] * own) @ C
+        own, e = at.point.sizes[k].sd[:3], at.point.grips[spin.mounting].C_bm[:, 2]
         many = max(round(2 * np.pi / SWAY_TURNS / abs(spin.rate) / spin.step), 1)
-        n = len(left) // many
-        mean = left[: n * many].reshape(n, many, 2).mean(axis=1)
-        alone = float(np.mean(own**2)) / many
-        out.append(np.sqrt(max(float(np.mean(mean**2)) - alone, 0.0)) / abs(spin.rate))
-    return np.array(out)
+        n = len(spin.time) // many
+        tilt = ((at.each[k].left[: n * many, :3] * own) @ e / at.site.gravity).reshape(n, many)
+        tilt = tilt.mean(axis=1)
+        noise = float(np.sqrt((e**2) @ own**2 / many)) / at.site.gravity
+        chance = noise**2 * (1 + CHANCE * np.sqrt(2 / n))
+        sway[k] = np.sqrt(max(float(np.mean(tilt**2)) - chance, 0.0))
+        t = spin.time[: n * many].reshape(n, many).mean(axis=1)
+        t = t - t.mean()
+        slope[k] = (t @ tilt) / (t @ t), noise / np.sqrt(t @ t)
+    return sway, slope
 
 
 @dataclass(frozen=True)
@@ -831,56 +607,49 @@ class Slip:
     axis: float  # by how much the axis does [rad]
 
 
-def slips(model: SpinModel, left: FloatArray) -> list[Slip]:
+def slips(model: SpinModel) -> list[Slip]:
     """Return how far the grip of every spin is from that of its mounting.
 
-    `left` (n,): white residuals of the rows [1].
+    By what it would explain of what is left, were its grip free, against what then is left: an
+    axis that sways is another one in every spin, and none of them slipped.
     """
-    from scipy.special import chdtrc, ndtri
+    from scipy.special import fdtrc, ndtri
 
-    out, p = [], len(model.solved.names)
+    out, p, size = [], len(model.solved.names), np.array([1e-3, 1e-3, 1e-3, 1e-4, 1e-4])
+    at = model.linearise(model.start)
+    assert at.known is not None
+    Q = np.linalg.qr(np.concatenate([at.jacobian[:, 0], at.known[1]]))[0]
+    rest = np.append(at.residuals[:, 0], at.known[0])
+    rest = rest - Q @ (Q.T @ rest)
+    dof = len(model.spin) - model.solved.unknowns
     for r in model.rows:
-        J = r.jacobian[:, p : p + 5] / (s := np.array([1e-3, 1e-3, 1e-3, 1e-4, 1e-4]) ** -1)
-        x, _, rank, _ = np.linalg.lstsq(J, left[model.spin == r.spin], rcond=1e-6)
-        chi = float(np.sum((J @ x) ** 2))
-        ratio = float(-ndtri(max(chdtrc(max(rank, 1), chi) / 2, 1e-300)))
-        x = x / s
+        free = np.zeros((len(rest), 5))
+        free[: len(model.spin)][model.spin == r.spin] = r.jacobian[:, p : p + 5] * size
+        x, _, rank, _ = np.linalg.lstsq(free - Q @ (Q.T @ free), rest, rcond=1e-3)
+        gained = float(rest @ (free - Q @ (Q.T @ free)) @ x)
+        F = gained / rank / max((float(rest @ rest) - gained) / (dof - rank), 1e-300)
+        ratio = float(-ndtri(max(fdtrc(rank, dof - rank, F) / 2, 1e-300)))
+        x = x * size
         out.append(Slip(r.spin, ratio, float(np.hypot(*x[3:5])), float(np.hypot(*x[:2]))))
     return out
 
 
-def spin_words(spin: Spin) -> str:
-    """Return what people call a spin."""
-    return f"the spin at {spin.time[0]:.0f} s (mounting {spin.mounting + 1}, {plain(spin.rate, 3)} rad/s)"
-
-
 # -- what people do wrong --------------------------------------------------------------------------
-
-
-def frequency(spin: Spin) -> float:
-    """Return the rate at which gravity turns in the accelerometers, without gyros [rad/s]."""
-    x = spin.readings[:, :3] - spin.readings[:, :3].mean(axis=0)
-    n = 8 * len(x)
-    power = np.sum(np.abs(np.fft.rfft(x * np.hanning(len(x))[:, None], n, axis=0)) ** 2, axis=1)
-    return float(2 * np.pi * np.argmax(power[8:]) + 16 * np.pi) / (n * spin.step)
-
-
-def plane(spin: Spin) -> FloatArray:
-    """Return the axis, either way, in whose plane the specific force turns, (3,) [1]."""
-    return np.asarray(np.linalg.eigh(np.cov(spin.readings[:, :3].T))[1][:, 0])
 
 
 def require_spread(spins: tuple[Spin, ...], axes: list[FloatArray]) -> None:
     """Refuse sessions that leave something unknown whatever the sensors say."""
     spread = np.linalg.svd(np.array(axes), compute_uv=False)
     if len(axes) < 3 or spread[2] < LEAN:
-        raise error("spin.mountings", count=len(axes), spins=len(spins))
+        raise error("spun.mountings", count=len(axes), spins=len(spins))
     speeds = np.abs([s.rate for s in spins])
     if speeds.max() < SPAN * speeds.min():
-        raise error("spin.one_speed", slowest=plain(speeds.min(), 3), fastest=plain(speeds.max(), 3))
+        raise error(
+            "spun.one_speed", slowest=plain(speeds.min(), 3), fastest=plain(speeds.max(), 3)
+        )
     for m in range(len(axes)):
         if len({s.rate > 0 for s in spins if s.mounting == m}) < 2:
-            raise error("spin.one_sense", mounting=m + 1)
+            raise error("spun.one_sense", mounting=m + 1)
 
 
 LEAN = 0.3
