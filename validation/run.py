@@ -3,8 +3,9 @@
 Each of `validation/NAME.py` says what it validates and returns, from `main`, whether all is as it
 must be and the numbers; the words around them are `validation/pages/NAME.md`, and both together
 are written to docs/validation/NAME.md. What `main` takes are numbers of draws, so that a short
-run is possible. Logs of others are looked for under $FOUCAULT_DATA (default ../shared/data); what
-needs them is skipped where they are not.
+run is possible, or names. Jobs run on all processors; with FOUCAULT_KEEP=FOLDER what is done is
+kept, and a run that was stopped goes on there. Logs of others are looked for under $FOUCAULT_DATA
+(default ../shared/data); what needs them is skipped where they are not.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ NAMES = sorted(page.stem for page in PAGES.glob("*.md"))
 
 def run(name: str, numbers: list[str]) -> bool:
     """Run one validation, write and show its page; return whether all is as it must be."""
-    done = importlib.import_module(name).main(*(float(x) if "." in x else int(x) for x in numbers))
+    done = importlib.import_module(name).main(*map(_given, numbers))
     if done is None:
         return True
     good, values = done
@@ -32,6 +33,16 @@ def run(name: str, numbers: list[str]) -> bool:
     (HERE.parent / "docs" / "validation" / f"{name}.md").write_text(text, encoding="utf-8")
     print(text)
     return bool(good)
+
+
+def _given(word: str) -> int | float | str:
+    """Read a number of draws, or a name."""
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            continue
+    return word
 
 
 def page(name: str, values: dict[str, object]) -> str:
