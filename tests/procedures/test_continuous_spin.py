@@ -71,7 +71,7 @@ def refused(log: Log, tool: Tool = QUICK, **settings: object) -> FoucaultError:
 
 def spin_at(rate: float) -> steady.Spin:
     t = np.arange(40) / 200.0
-    return steady.Spin(0, t, np.zeros((40, 6)), 1, 1 / 200, False, 0, rate)
+    return steady.Spin(t, np.zeros((40, 6)), 1, 1 / 200, False, 0, rate)
 
 
 def test_the_motion_is_that_of_a_rigid_body_by_differences() -> None:
@@ -152,8 +152,9 @@ def test_the_phase_is_eliminated_exactly() -> None:
     g = flat.T @ (y - H @ inner @ (H.T @ y - slope.ravel()))
     np.testing.assert_allclose(one.information, N, atol=1e-5 * np.abs(N).max())
     np.testing.assert_allclose(one.gradient, g, atol=1e-5 * np.abs(g).max())
-    np.testing.assert_allclose(np.einsum("nku,nk->u", one.pull, miss),
-                               flat.T @ (y - H @ inner @ H.T @ y), rtol=1e-4, atol=1e-3)  # fmt: skip
+    by_readings = flat.T @ (y - H @ inner @ H.T @ y)
+    pulled = np.einsum("nku,nk->u", one.pull, miss)
+    np.testing.assert_allclose(pulled, by_readings, rtol=1e-4, atol=1e-3)
 
 
 # -- accuracy --------------------------------------------------------------------------------------
@@ -301,7 +302,7 @@ def test_vibration_is_a_source_of_its_own() -> None:
 
 
 def test_without_latitude_the_earth_looks_like_g_sensitivity() -> None:
-    log, unit = session(QUICK)
+    log = of(QUICK)
     with_it = solved(QUICK, log)
     without = solved(QUICK, log, earth_rate=False)
     names = [f"gyro.g_sensitivity.{a}{a}" for a in "xyz"]
@@ -359,7 +360,8 @@ def test_a_log_without_spins_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("factor", "hint"), [
-    (180 / np.pi, "gyros read 57."), (np.pi / 180, "gyros read 0.017"), (1.9, "gyros read 1.9")])  # fmt: skip
+    (180 / np.pi, "gyros read 57."), (np.pi / 180, "gyros read 0.017"), (1.9, "gyros read 1.9"),
+])  # fmt: skip
 def test_a_wrong_unit_of_the_gyros_is_told_by_the_turns_of_gravity(factor, hint) -> None:
     log = of(QUICK)
     problem = refused(replace(log, gyro=factor * log.gyro))

@@ -35,13 +35,12 @@ FINE = 0.12
 class Spin:
     """A stretch of a log in which the instrument turned steadily."""
 
-    first: int  # row of the log
     time: FloatArray  # (n,) [s]
     readings: FloatArray  # (n, 6) accelerometers [m/s^2], gyros [rad/s]
     many: int  # samples that a reading is the mean of [1]
     interval: float  # from a sample to the next [s]
     summed: bool  # whether a sample is the mean over its interval
-    mounting: int = 0
+    mounting: int = 0  # number of its mounting [1]
     rate: float = 0.0  # mean, about the axis of its mounting [rad/s]
 
     @cached_property
@@ -130,7 +129,7 @@ def _spin(log: Log, begin: int, end: int, speed: float) -> Spin:
     n = (end - begin) // many
     rows = slice(begin, begin + n * many)
     both = np.column_stack([log.accel[rows], log.gyro[rows]])
-    return Spin(begin, log.time[rows].reshape(n, many).mean(axis=1),
+    return Spin(log.time[rows].reshape(n, many).mean(axis=1),
                 both.reshape(n, many, 6).mean(axis=1), many, log.interval,
                 log.sampled == "increment")  # fmt: skip
 
@@ -164,6 +163,17 @@ def frequency(spin: Spin) -> float:
 def plane(spin: Spin) -> FloatArray:
     """Return the axis, either way, in whose plane the specific force turns, (3,) [1]."""
     return np.asarray(np.linalg.eigh(np.cov(spin.readings[:, :3].T))[1][:, 0])
+
+
+def turning(spin: Spin) -> float:
+    """Return how fast the gyros turn against gravity in the accelerometers, 0 where it rests [1].
+
+    A quarter of the square of what is read has to turn at least.
+    """
+    x = spin.readings[:, :3]
+    if x.var(axis=0).sum() < 0.25 * np.mean(np.sum(x**2, axis=1)):
+        return 0.0
+    return float(np.linalg.norm(spin.readings[:, 3:].mean(axis=0))) / frequency(spin)
 
 
 def spin_words(spin: Spin) -> str:

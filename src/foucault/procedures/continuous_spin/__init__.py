@@ -42,7 +42,7 @@ from foucault.models.left_out import Motion
 from foucault.models.spin import across
 from foucault.procedures import left_out, record
 from foucault.procedures.continuous_spin import model as physics
-from foucault.procedures.continuous_spin.model import SCATTER, Solved, SpinModel
+from foucault.procedures.continuous_spin.model import SCATTER, SpinModel
 from foucault.procedures.left_out import Again
 from foucault.procedures.rate_table.model import in_si
 from foucault.procedures.record import Given, Procedure, result_of
@@ -50,7 +50,7 @@ from foucault.result import Check, Result, TableData
 from foucault.simulate.spin import SpinPlan, simulate_spins
 from foucault.strict import Strict
 from foucault.tables import AXES, Log, temperature_range
-from foucault.units import Angle, AngleSd, Quantity, Rate, RatioSd, Seconds, plain
+from foucault.units import STANDARD_GRAVITY, Angle, AngleSd, Quantity, Rate, RatioSd, Seconds, plain
 
 Length = Annotated[float, Quantity("length")]
 
@@ -120,15 +120,13 @@ def _read(log: Log, settings: Settings) -> tuple[tuple[Spin, ...], list[FloatArr
     for triad in ("gyro", "accel"):
         if len(log.logged(triad)) < 3:
             raise error("spun.no_triad", triad="gyros" if triad == "gyro" else "accelerometers")
+    assert log.gyro is not None
     find = partial(steady.find_spins, shortest=settings.shortest, slowest=settings.slowest)
     found = find(log)
-    for times in (np.radians(1.0), np.degrees(1.0)):
-        assert log.gyro is not None
-        other = replace(log, gyro=log.gyro * times)
-        wrong = found or find(other)
-        ratios = [abs(_mean_rate(s)) / steady.frequency(s) * (1 if found else 1 / times)
-                  for s in wrong]  # fmt: skip
-        if ratios and not 0.67 < (ratio := float(np.median(ratios))) < 1.5:
+    for times in (1.0,) if found else (np.radians(1.0), np.degrees(1.0)):
+        tried = found or find(replace(log, gyro=log.gyro * times))
+        ratio = float(np.median([steady.turning(s) for s in tried] or [0.0])) / times
+        if ratio and not 0.67 < ratio < 1.5:
             hint = " The gyros are in deg/s." if 50 < ratio < 65 else ""
             hint = " The gyros are in rad/s." if 1 / 65 < ratio < 1 / 50 else hint
             raise error("spun.gyro_unit", ratio=plain(ratio, 3), hint=hint)
@@ -139,14 +137,10 @@ def _read(log: Log, settings: Settings) -> tuple[tuple[Spin, ...], list[FloatArr
     return tuple(spins), axes
 
 
-def _mean_rate(spin: Spin) -> float:
-    return float(np.linalg.norm(spin.readings[:, 3:].mean(axis=0)))
-
-
 def _contradicted(spins: tuple[Spin, ...], axes: list[FloatArray], gravity: float) -> None:
     """Refuse triads that do not belong together, by what is wrong with them."""
     planes = [steady.plane(s) for s in spins]
-    units = [s.readings[:, 3:].mean(axis=0) / _mean_rate(s) for s in spins]
+    units = [w / np.linalg.norm(w) for w in (s.readings[:, 3:].mean(axis=0) for s in spins)]
 
     def apart(turn: FloatArray) -> float:
         return float(np.median([abs(e @ turn @ n) for e, n in zip(units, planes, strict=True)]))
@@ -181,8 +175,7 @@ def observe(log: Log, given: Given[Settings]) -> SpinModel:
     s = given.settings
     log = without_spikes(log)
     spins, axes = _read(log, s)
-    used = [(np.array([s.time[0] for s in spins]), np.array([np.ptp(s.time) for s in spins]))]
-    for told in spared(log.findings, log, used, used):
+    for told in _spared(log, spins):
         if told.code == "log.saturated" and told.severity != "note":
             raise error("spun.saturated", what=told.message)
     _contradicted(spins, axes, given.site.gravity)
@@ -193,6 +186,12 @@ def observe(log: Log, given: Given[Settings]) -> SpinModel:
         raise error("spun.sways", sway=plain(float(np.degrees(np.median(swaying))), 2),
                     most=plain(float(np.degrees(SWAYS)), 2))  # fmt: skip
     return SpinModel(solved, physics.rows_of(solved), given.noise, s.repeatability)
+
+
+def _spared(log: Log, spins: tuple[Spin, ...]) -> tuple[Finding, ...]:
+    """Return what the reader found; what is outside of the spins does no harm."""
+    used = [(np.array([s.time[0] for s in spins]), np.array([np.ptp(s.time) for s in spins]))]
+    return spared(log.findings, log, used, used)
 
 
 SWAYS = float(np.radians(0.3))
@@ -229,11 +228,10 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         late = replace(fit.estimate, status=Status.NOT_CONVERGED)
         fit = replace(fit, estimate=late)
     slips = physics.slips(model)
-    found = _tables(model, slips)
     return result_of(
         "continuous_spin", fit, (*checks(_judged(fit, model)), *_own_checks(model, slips)),
-        site=given.site, findings=(*log.findings, *_told(model, slips)),
-        tables=found, diagnostics={"spin": _json(model)},
+        site=given.site, findings=(*_spared(log, model.solved.spins), *_told(model)),
+        tables=_tables(model, slips) if given.shown else {}, diagnostics={},
         validity={"sampled": log.sampled, "rate": log.rate} | temperature_range(log),
         judged=judged,
     )  # fmt: skip
@@ -286,13 +284,11 @@ CLAMPED = 0.1
 """An axis that moves by more takes part in the result [deg]."""
 
 
-def _told(model: SpinModel, slips: list[physics.Slip]) -> list[Finding]:
+def _told(model: SpinModel) -> list[Finding]:
     """Say what is worth knowing of the tool."""
-    shaken = model.vibration.max(initial=0.0)
     sd = max(float(z.sd[:3].max()) for z in model.solved.point.sizes)
-    if shaken < 0.9:
-        return []
-    return [finding("spun.vibration", mg=plain(1e3 * sd / 9.80665, 2))]
+    told = finding("spun.vibration", mg=plain(1e3 * sd / STANDARD_GRAVITY, 2))
+    return [told] if model.vibration.max(initial=0.0) > 0.9 else []
 
 
 def _tables(model: SpinModel, slips: list[physics.Slip]) -> dict[str, TableData]:
@@ -321,16 +317,6 @@ def _tables(model: SpinModel, slips: list[physics.Slip]) -> dict[str, TableData]
             "arm": np.array([float(np.hypot(*g.arm)) for g in grips]),
         },
     }
-
-
-def _json(model: SpinModel) -> dict[str, Any]:
-    at: Solved = model.solved
-    return {
-        "spins": len(at.spins), "mountings": len(at.point.grips),
-        "rates": [s.rate for s in at.spins], "readings": int(sum(len(s.time) for s in at.spins)),
-        "sway": float(np.median(physics.leaning(at)[0])),
-        "vibration_share": model.vibration.mean(axis=0).tolist(),
-    }  # fmt: skip
 
 
 PROCEDURE = Procedure(

@@ -68,9 +68,8 @@ class Passed:
     free: FloatArray  # (6,) readings less what the phase takes up of each [1]
     path: FloatArray  # (n, 3) the phase where no unknown moves [SI]
     unit: FloatArray  # (3,) of the states, as they are scaled [1 / SI]
-    # X (n, 6, u), S (n, 6, 3): what unknowns [1 / SI] and scaled states [1] do to white readings
-    X: FloatArray
-    S: FloatArray
+    X: FloatArray  # (n, 6, u) what unknowns do to white readings [1 / SI]
+    S: FloatArray  # (n, 6, 3) what scaled states do to them [1]
     moves: FloatArray  # (n, 3, u) minus the derivative of the scaled states by the unknowns
 
     @cached_property
@@ -196,8 +195,8 @@ def _likeliest_walk(
 def first_phase(spin: Spin, C_bm: FloatArray) -> tuple[FloatArray, float, float]:
     """Return a path (n, 3) [SI], the size of gravity that turns [m/s^2], and the slope of phases.
 
-    The slope is of the phase by the accelerometers over that by the gyros: one where both agree,
-    minus one where they turn unlike.
+    `C_bm` (3, 3): axes of the mounting [1]. The slope is of the phase by the accelerometers over
+    that by the gyros: minus one where they turn unlike.
     """
     from scipy.ndimage import uniform_filter1d
 
@@ -225,7 +224,7 @@ class Point:
 
     model: ImuModel
     grips: tuple[Grip, ...]
-    paths: tuple[FloatArray, ...]
+    paths: tuple[FloatArray, ...]  # (n, 3) of every spin [SI]
     sizes: tuple[Sizes, ...]
 
 
@@ -252,7 +251,7 @@ class Solved:
         return max(np.cos(latitude) / np.sqrt(2.0), 1e-3) if latitude is not None else 1.0
 
     def own(self, k: int) -> IntArray:
-        """Return which of all unknowns are those of spin `k`."""
+        """Return which of all unknowns are those of spin `k` [1]."""
         p, m = len(self.names), self.spins[k].mounting
         return np.append(np.arange(p), p + GRIP * m + np.arange(GRIP))
 
@@ -263,7 +262,8 @@ def solve(
 ) -> Solved:  # fmt: skip
     """Find coefficients, grips, phases and the noise of every spin, from no start.
 
-    `axes`: of the mountings, (3,) each [1]; `declared` or None: noise of the sensors [SI].
+    `axes`: of the mountings, (3,) each [1]; `declared` or None: noise of the sensors [SI]; `most`:
+    passes [1].
     """
     grips = tuple(Grip(across(axis)) for axis in axes)
     paths = tuple(first_phase(s, grips[s.mounting].C_bm)[0] for s in spins)
@@ -367,7 +367,7 @@ CHANCE = 4.0
 class Rows:
     """White rows that hold all that a spin says."""
 
-    spin: int
+    spin: int  # its number [1]
     jacobian: FloatArray  # (d, u) of its own unknowns [1 / SI]
     residuals: FloatArray  # (d,) [1]
     # accel, gyro: (d,) shares of the noise of both triads in the variance of each, the phase's the
@@ -435,11 +435,11 @@ class SpinModel:
         return {"accelerometers": first, "gyros": ~first}
 
     def retract(self, state: FloatArray, step: FloatArray) -> FloatArray:
-        """Add `step` (m,) [SI]."""
+        """Add `step` (m,) to a `state` (m,) [SI]."""
         return state + step
 
     def values(self, state: FloatArray) -> FloatArray:
-        """Return the coefficients of a state, shape (p,) [SI]."""
+        """Return the coefficients (p,) of a `state` (m,) [SI]."""
         return state[: len(self.solved.names)]
 
     @cached_property
@@ -452,7 +452,7 @@ class SpinModel:
         return z, J, self._sources(J)
 
     def linearise(self, state: FloatArray) -> Linearisation:
-        """Compare the rows with those at `state`."""
+        """Compare the rows with those at `state` (m,) [SI]."""
         z, J, sources = self._at_start
         at, p = self.solved, len(self.solved.names)
         away = state - self.start
@@ -601,7 +601,7 @@ def leaning(at: Solved) -> tuple[FloatArray, FloatArray]:
 class Slip:
     """How far one spin is from its mounting."""
 
-    spin: int
+    spin: int  # its number [1]
     ratio: float  # of the shift over its sd [1]
     arm: float  # by how much the lever arm differs [m]
     axis: float  # by how much the axis does [rad]
@@ -638,7 +638,7 @@ def slips(model: SpinModel) -> list[Slip]:
 
 
 def require_spread(spins: tuple[Spin, ...], axes: list[FloatArray]) -> None:
-    """Refuse sessions that leave something unknown whatever the sensors say."""
+    """Refuse what leaves something unknown; `axes`: of the mountings, (3,) each [1]."""
     spread = np.linalg.svd(np.array(axes), compute_uv=False)
     if len(axes) < 3 or spread[2] < LEAN:
         raise error("spun.mountings", count=len(axes), spins=len(spins))
