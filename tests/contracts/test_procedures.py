@@ -593,8 +593,9 @@ SCATTER = {
     **{f"rate_table, {g}": (70, replace(SESSIONS["rate_table"], grade=g, said={
         "repeatability": False})) for g in ("mems", "tactical")},
     "continuous_spin": (30, SESSIONS["continuous_spin"]),
-    "continuous_spin, a drill": (30, Case("continuous_spin", {}, SPUN | {
-        "unbalance": 0.03, "wander": 0.03, "vibration": 0.5})),
+    "continuous_spin, a drill": (
+        30, Case("continuous_spin", {}, SPUN | {"unbalance": 0.0, "wander": 0.03, "vibration": 0.5})
+    ),
     "magnetometer": (30, SESSIONS["magnetometer"]),
     "north_seeking, level": (40, seeker({})),
     "north_seeking, two on the case": (40, seeker({"accelerometers": "case"})),

@@ -125,8 +125,8 @@ def _read(log: Log, settings: Settings) -> tuple[tuple[Spin, ...], list[FloatArr
     found = find(log)
     for times in (1.0,) if found else (np.radians(1.0), np.degrees(1.0)):
         tried = found or find(replace(log, gyro=log.gyro * times))
-        ratio = float(np.median([steady.turning(s) for s in tried] or [0.0])) / times
-        if ratio and not 0.67 < ratio < 1.5:
+        turning = [r for s in tried if (r := steady.turning(s))]
+        if turning and not 0.67 < (ratio := float(np.median(turning)) / times) < 1.5:
             hint = " The gyros are in deg/s." if 50 < ratio < 65 else ""
             hint = " The gyros are in rad/s." if 1 / 65 < ratio < 1 / 50 else hint
             raise error("spun.gyro_unit", ratio=plain(ratio, 3), hint=hint)

@@ -149,14 +149,18 @@ def _white(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
     """Return white residuals (n, 6), what unknowns (n, 6, u) and scaled states (n, 6, 3) do."""
     at, p = moved(grip, path, site, spin.shrunk(path[:, 1])), len(names)
-    slopes = model.slopes(at.f, at.w, names)
+    # Slopes by the unknowns take the rate as constant: along its own wander a scale factor would be
+    # told by the walk of the phase, which has no scale.
+    steadily = np.column_stack([path[:, 0], np.full((len(path), 2), [path[:, 1].mean(), 0.0])])
+    mean = moved(grip, steadily, site, spin.shrunk(steadily[:, 1]))
+    slopes, by = model.slopes(mean.f, mean.w, names), model.slopes(at.f, at.w, ())
     X = np.empty((len(path), 6, p + GRIP))
     X[:, :3, :p], X[:, 3:, :p] = slopes.accel, slopes.gyro
-    X[:, :3, p:] = slopes.accel_by_force @ at.f_by_grip
-    X[:, 3:, p:] = slopes.gyro_by_force @ at.f_by_grip + slopes.gyro_by_rate @ at.w_by_grip
+    X[:, :3, p:] = slopes.accel_by_force @ mean.f_by_grip
+    X[:, 3:, p:] = slopes.gyro_by_force @ mean.f_by_grip + slopes.gyro_by_rate @ mean.w_by_grip
     S = np.empty((len(path), 6, 3))
-    S[:, :3] = slopes.accel_by_force @ at.f_by_path
-    S[:, 3:] = slopes.gyro_by_force @ at.f_by_path + slopes.gyro_by_rate @ at.w_by_path
+    S[:, :3] = by.accel_by_force @ at.f_by_path
+    S[:, 3:] = by.gyro_by_force @ at.f_by_path + by.gyro_by_rate @ at.w_by_path
     miss = spin.readings - np.column_stack(model.measure(at.f, at.w))
     X /= sizes.sd[:, None]
     S /= sizes.sd[:, None] * np.array([1.0, spin.step, spin.step**2])
