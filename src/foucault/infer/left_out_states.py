@@ -27,6 +27,7 @@ from foucault.infer.left_out import (
     Judgement,
     Seen,
     detectable,
+    farthest,
     guilty,
     joined,
     seen_of,
@@ -86,11 +87,36 @@ def fit(
             sizes[name] = sizes.get(name, 1.0) * s.k
         order = sorted(causes, key=lambda name: -causes[name].gain)
         named.append({name: causes[name].k for name in order})
-    out = tuple(n for n, g in groups.items() if g.kind == "source" and n in first)
-    needed = {n: float(detectable(s, len(first)).min()) for n, s in first.items()}
+    return found, _judged(first, named, posterior(found).states, groups, reported)
+
+
+def planned(at: Posterior, groups: Mapping[str, Group], reported: Sequence[str]) -> Judgement:
+    """Judge what is left out in a session that is only planned: nothing is contradicted.
+
+    `at`: with the covariance that it will have; `groups`, `reported`: as of `fit`.
+    """
+    seen = tested(replace(at, states=replace(at.states, values=at.mean), innovations={}), groups)
+    return _judged(seen, [], at.states, groups, reported)
+
+
+def _judged(
+    seen: Mapping[str, Seen], named: list[dict[str, float]], last: CoefficientVector,
+    groups: Mapping[str, Group], reported: Sequence[str],
+) -> Judgement:  # fmt: skip
+    """Say what was made of every group: as `seen` first, and what it is of the `last` sd."""
+    out = tuple(n for n, g in groups.items() if g.kind == "source" and n in seen)
+    needed = {n: float(detectable(s, len(seen)).min()) for n, s in seen.items()}
     sized = {n: (groups[n].size, groups[n].basis) for n in out}
-    share = shares(posterior(found).states, groups, reported)
-    return found, Judgement(first, joined(named), needed, share, out, sized)
+    worst = {
+        n: (groups[n].names[far[0]].removeprefix(OF), far[1])
+        for n in out if (far := farthest(seen[n])) is not None
+    }  # fmt: skip
+    share = shares(last, groups, reported)
+    return Judgement(seen, joined(named), needed, share, out, sized, worst)
+
+
+OF = "left out "
+"""What the name of a state begins with that is nothing but such a term."""
 
 
 def tested(at: Posterior, groups: Mapping[str, Group], scatter: float = 1.0) -> dict[str, Seen]:
