@@ -111,11 +111,7 @@ def test_bias_and_scale_are_told_apart_once_the_accelerometer_is_turned() -> Non
     assert turned.unseen == ()
     assert turned.words[1] == "down: 1 more, 2 in all; now seen: accel.bias.x; accel.scale.x"
     np.testing.assert_allclose(turned.singular_values, 10 * np.sqrt(2), rtol=1e-12)
-    table = turned.table()
-    assert table["segment"].tolist() == ["up", "down"]
-    assert table["rank"].tolist() == [1, 2]
-    assert table["added"].tolist() == [1, 1]
-    np.testing.assert_allclose(table["smallest"], 10 * np.sqrt(2), rtol=1e-12)
+    assert [(g.label, g.rank, g.added) for g in turned.gains] == [("up", 1, 1), ("down", 2, 1)]
 
 
 def test_a_segment_names_the_combination_it_adds_of_states_not_seen_alone() -> None:

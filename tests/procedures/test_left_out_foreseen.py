@@ -161,6 +161,7 @@ def test_a_declared_instrument_is_simulated_with_what_is_not_estimated(tmp_path)
     assert np.abs(off[1] - off[0]).max() > 0
 
 
+@pytest.mark.thorough
 def test_a_study_of_a_declared_instrument_draws_and_judges_with_it(tmp_path) -> None:
     declared = campaign('grade = "consumer MEMS"')
     found = study.run(declared, 6, tmp_path / "a", workers=1)

@@ -373,6 +373,7 @@ def test_a_prior_that_is_contradicted_is_named_beside_what_could_hide_it(flight,
     assert "transfer.prior" not in codes(right) and "prior" not in failed(right)
 
 
+@pytest.mark.thorough
 def test_a_wrong_sd_of_the_messages_is_no_prior(flight) -> None:
     result = said(flight, as_it_is, attitude_sd=0.1 * ARCMIN)
     assert codes(result) == ["transfer.spread"]

@@ -146,8 +146,8 @@ def export(
         str,
         typer.Option(
             "--to",
-            help="Form: c, python, json, csv, or a receiver: kalibr, openvins, basalt, vins-mono, "
-            "orb-slam3, gtsam, lio-sam, fast-lio2, px4, ardupilot ...; a wrong name lists all.",
+            help="Form, such as c, python, json, csv, or a receiver: kalibr, openvins, basalt, "
+            "vins-mono, orb-slam3, gtsam, lio-sam, px4, ardupilot ...; a wrong name lists all.",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
