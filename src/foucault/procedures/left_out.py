@@ -129,14 +129,15 @@ def declared(
 
     `at`, `judged`: as `planned` returned them; `sds`: as it was given them [SI].
     """
-    if judged is None or not isinstance(at.model, With):
+    model = at.model
+    if judged is None or not isinstance(model, With):
         return ()
 
     def known(group: str) -> FloatArray:
-        less = replace(at.model, sizes={group: 1 / BETTER})
+        less = replace(model, sizes={group: 1 / BETTER})
         return mixed.planned(less, sds, prior).estimate.coefficients.sd
 
-    return _bought(judged, at.model.layout.names, at.estimate.coefficients.sd, known)
+    return _bought(judged, model.layout.names, at.estimate.coefficients.sd, known)
 
 
 def declared_states(

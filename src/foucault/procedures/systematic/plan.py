@@ -453,7 +453,7 @@ def foresee(b: Plan) -> Foresight:
             *wanted_limits(b.wanted, states, sequence.duration),
         ),
         more=(*bought, *_more(sequence, found, beside)),
-        left_out=judged and foretold(judged),
+        left_out=None if judged is None else foretold(judged),
         findings=(*found.problem.findings, *_warned(found, settings, prior)),
     )
 
