@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -163,13 +163,44 @@ def shares(
 ) -> dict[str, float]:
     """Return the largest share of each group in a variance of what is `reported`."""
     assert states.cov is not None
-    at = [states.names.index(n) for n in reported]
-    out = {}
+    total = states.chosen(reported).sd ** 2
+    return {n: float((by / total).max()) for n, by in parts(states, groups, reported).items()}
+
+
+def parts(
+    states: CoefficientVector, groups: Mapping[str, Group], reported: Sequence[str]
+) -> dict[str, FloatArray]:
+    """Return the variance that each group makes of what is `reported`, (p,) each [SI].
+
+    A prior that is off by s moves the estimate by ``P[:, j] / s``.
+    """
+    assert states.cov is not None
+    at, out = [states.names.index(n) for n in reported], dict[str, FloatArray]()
     for name, group in groups.items():
         i = [states.names.index(n) for n in group.names]
-        by = np.sum((states.cov[np.ix_(at, i)] / states.prior_sd[i]) ** 2, axis=1)
-        out[name] = float((by / states.sd[at] ** 2).max())
+        out[name] = np.sum((states.cov[np.ix_(at, i)] / states.prior_sd[i]) ** 2, axis=1)
     return out
+
+
+def budget(
+    states: CoefficientVector, groups: Mapping[str, Group], reported: CoefficientVector
+) -> dict[str, dict[str, Any]]:
+    """Return variances of what is `reported` [SI] by source, for result.json.
+
+    What no group makes is the noise; what was added to the `reported` afterwards is in it.
+    """
+    out = parts(states, groups, reported.names)
+    out[NOISE] = np.maximum(reported.sd**2 - np.sum(list(out.values()), axis=0), 0.0)
+    known = {n: g.basis or "prior as given in the campaign, or usual" for n, g in groups.items()}
+    known[NOISE] = "noise of the readings and of what they are held against"
+    return {
+        "budget": {n: v.tolist() for n, v in out.items()},
+        "sources": {n: ["B", known[n]] for n in out},
+    }
+
+
+NOISE = "noise"
+"""Source of what no group makes."""
 
 
 def widened(

@@ -97,6 +97,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         decision.problem, decision.settings, decision.solution, decision.choice
     )  # fmt: skip
     base, judged, crowded = solution, None, tuple[Finding, ...]()
+    parts = dict[str, Any]()
     sizes = told_beside(given.sizes, problem.noise, float(np.ptp(log.time)))
     if sizes and settings.steps != "published":
         progress(0.4, "counting with what is not estimated")
@@ -104,7 +105,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         if beside is None:
             crowded = (finding("left_out.crowded", count=problem.recordings),)
         else:
-            decision, states, judged = beside
+            decision, states, judged, parts = beside
             solution = replace(solution, run=decision.solution.run, states=states,
                                status=decision.solution.status)  # fmt: skip
     progress(0.6, "navigating from rest to rest")
@@ -147,6 +148,10 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     if judged is not None:
         tables = {**tables, "left_out": not_estimated.table(judged)}
         diagnostics |= not_estimated.judgement_json(judged)
+        if settings.model is None:  # else the coefficients follow from the states
+            at = [solution.states.names.index(name) for name in found.names]
+            rows = {n: [v[k] for k in at] for n, v in parts["budget"].items()}
+            diagnostics |= {"budget": rows, "sources": parts["sources"]}
     return Result(
         procedure="systematic",
         # Where gravity is a state the covariance knows it already.

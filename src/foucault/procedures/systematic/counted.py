@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,8 +14,10 @@ from foucault.infer.filtered import component
 from foucault.infer.gauss_newton import FALSE_ALARM
 from foucault.infer.left_out import Judgement
 from foucault.infer.left_out_states import (
+    NOISE,
     Group,
     Posterior,
+    budget,
     fit,
     noted,
     of_priors,
@@ -101,6 +104,16 @@ class Beside:
         bought = declared_states(at, self.groups, judged, self.names)
         return *self.placed(found, judged), bought
 
+    def budget(self, found: Found, states: CoefficientVector) -> dict[str, dict[str, Any]]:
+        """Return the variances of `states` by source, the latitude's among them [SI]."""
+        out = budget(found[1].states, self.groups, states)
+        moved = states.sd**2 - found[1].states.chosen(states.names).sd ** 2
+        if moved.any():
+            out["budget"][LATITUDE] = moved.tolist()
+            out["budget"][NOISE] = (np.array(out["budget"][NOISE]) - moved).tolist()
+            out["sources"][LATITUDE] = ["B", self.latitude[1]]
+        return out
+
     def placed(self, found: Found, judged: Judgement) -> tuple[CoefficientVector, Judgement]:
         """Return the states of the result with what the latitude does, and note it."""
         problem, s = found
@@ -119,18 +132,19 @@ class Beside:
 
 def counted(
     decision: Decided, sizes: Sizes, given: Given
-) -> tuple[Decided, CoefficientVector, Judgement] | None:
+) -> tuple[Decided, CoefficientVector, Judgement, dict[str, dict[str, Any]]] | None:
     """Filter again with what is not estimated, and enlarge what the readings contradict.
 
-    Arguments as of `Beside.of`. Returns the decision with these states, those of the result, and
-    what was made of the others; None where there are no states for it.
+    Arguments as of `Beside.of`. Returns the decision with these states, those of the result, what
+    was made of the others, and the budget; None where there are no states for it.
     """
     beside = Beside.of(decision, sizes, given)
     if beside is None:
         return None
     found, judged = fit(beside.solve, beside.posterior, beside.groups, beside.names)
     states, judged = beside.placed(found, judged)
-    return replace(decision, problem=found[0], solution=found[1]), states, judged
+    now = replace(decision, problem=found[0], solution=found[1])
+    return now, states, judged, beside.budget(found, states)
 
 
 def _of(prior: CoefficientVector, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:

@@ -42,6 +42,7 @@ from foucault.diagnose import transfer_motion as findings
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.references import stretched
 from foucault.errors import Finding, FoucaultError, error
+from foucault.infer.left_out_states import budget
 from foucault.logs.master import MasterDescription
 from foucault.models.imu import EQUATION
 from foucault.procedures import silent
@@ -137,6 +138,9 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         checks = (*checks, *left_out.checks(s.judged))
         tables = {**tables, "left_out": left_out.table(s.judged)}
         more = left_out.judgement_json(s.judged)
+        if s.fit.nominal:
+            found = s.states.chosen(settings.reported)
+            more |= budget(s.states, s.problem.groups, found)
     return Result(
         procedure="transfer_alignment",
         coefficients=replace(s.states, cov=all_cov).chosen(settings.reported),
