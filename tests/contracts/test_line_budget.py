@@ -18,7 +18,7 @@ BUDGET = {
     "estimate": 6_805,
     "export": 3_149,
     "guard": 1_941,
-    "infer": 3_088,
+    "infer": 3_110,
     "kernels": 4_742,
     "logs": 6_894,
     "models": 6_018,
