@@ -16,7 +16,7 @@ BUDGET = {
     "detect": 4_441,
     "diagnose": 11_886,
     "estimate": 6_805,
-    "export": 3_146,
+    "export": 3_149,
     "guard": 1_941,
     "infer": 3_143,
     "kernels": 4_742,
