@@ -24,6 +24,7 @@ from foucault.errors import Status
 from foucault.infer import mixed
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.infer.mixed import Linearisation
+from foucault.models.left_out import sizes_of
 from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade
 from foucault.procedures import PROCEDURES
 from foucault.procedures.record import Given
@@ -207,6 +208,42 @@ def test_its_budget_adds_up_to_its_variance(name: str) -> None:
     assert all((v >= 0).all() for v in rows.values())
     sd = result.coefficients.sd
     np.testing.assert_allclose(sum(rows.values())[: len(sd)], sd**2, rtol=1e-9)
+
+
+@cache
+def counted(name: str) -> Result:
+    """A session calibrated with what is not estimated at its size."""
+    case = SESSIONS[name]
+    how = case.record.calibrate if not case.record.counted else case.record.trial
+    result: Result = how(
+        session(name).log, site=case.site, settings=case.stated, prior=case.prior,
+        noise=case.sensors if told(name) == "declared" else told(name), sizes=SIZES,
+    )  # fmt: skip
+    return result
+
+
+SIZES = sizes_of("tactical MEMS")
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", PROCEDURES)
+def test_what_is_not_estimated_is_in_its_budget_and_none_is_pinned(name: str) -> None:
+    result = counted(name)
+    if not SESSIONS[name].record.counted:
+        assert "left_out.not_counted" in [f.code for f in result.findings]
+        return
+    some = result.diagnostics["left_out"]
+    groups = [g for g, row in some.items() if row["kind"] == "left out"]
+    assert groups
+    # A term of which nothing would be left is one that a reading ties by accident.
+    assert all(row["seen"][1] < 1 - 1e-9 for row in some.values() if row["kind"] != "scatter")
+    rows = {k: np.array(v) for k, v in result.diagnostics["budget"].items()}
+    sd = result.coefficients.sd
+    np.testing.assert_allclose(sum(rows.values())[: len(sd)], sd**2, rtol=1e-6)
+    assert all((v >= 0).all() for v in rows.values())
+    share = dict(zip(*(result.tables["left_out"][k] for k in ("group", "share")), strict=True))
+    large = {g for g in groups if share[g] > 0.01}
+    assert large <= set(rows) or (name == "platform_tumble" and "what is not estimated" in rows)
 
 
 @pytest.mark.parametrize("name", PROCEDURES)
