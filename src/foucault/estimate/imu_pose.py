@@ -277,8 +277,8 @@ class Pass:
     M: FloatArray  # (m, 6, 32) their derivative by the parameters [1 / SI]
     used: BoolArray  # (m, 6)
     H: FloatArray  # (m, 6, 9) derivative of the poses by the motion
-    motion: tuple[FloatArray, ...]  # what `kernels.backward` takes
-    filtered: tuple[FloatArray, FloatArray, FloatArray]  # x, U, P of it
+    motion: tuple[FloatArray, ...]  # C (m, 3, 3) and what `kernels.backward` takes beside [SI]
+    filtered: tuple[FloatArray, FloatArray, FloatArray]  # x (m, 9), U, P of it [SI]
 
     @property
     def rows(self) -> FloatArray:
@@ -394,7 +394,10 @@ def one_pass(r: Readings, at: Point, noise: Noise, hold: IntArray) -> Pass:
 
 
 def of_noise(r: Readings, at: Point, p: Pass, noise: Noise, hold: IntArray) -> FloatArray:
-    """Return the information that noise makes by itself, (32, 32): see `infer.shown` [1 / SI^2]."""
+    """Return the information that noise makes by itself, (32, 32): see `infer.shown` [1 / SI^2].
+
+    `hold` (k,): numbers of parameters that are not estimated [1].
+    """
     again = r.noisy(noise, np.random.default_rng(0))
     x, _ = one_pass(again, at, noise, hold).smoothed(np.zeros(32))
     off = one_pass(again, at.moved(np.zeros(32), x), noise, hold).rows - p.rows

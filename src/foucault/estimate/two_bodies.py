@@ -62,7 +62,7 @@ def clocks(
 
 
 def smooth(x: FloatArray, step: float, order: int = 0) -> FloatArray:
-    """Return `x` (n, q) or its derivative by the parabola through a window, `step` [s]."""
+    """Return `x` (n, q) or its derivative of `order` [1] by parabolas over windows, `step` [s]."""
     from scipy.signal import savgol_filter
 
     window = max(5, 2 * round(SMOOTH / step / 2) + 1)
@@ -71,18 +71,22 @@ def smooth(x: FloatArray, step: float, order: int = 0) -> FloatArray:
 
 
 def even(time: FloatArray, x: FloatArray, grid: FloatArray) -> FloatArray:
+    """Return `x` (n, q) at `time` (n,) at the times of a `grid` (m,) [s], shape (m, q)."""
     return np.column_stack([np.interp(grid, time, c) for c in x.T])
 
 
 def gaps(time: FloatArray, grid: FloatArray, widest: float) -> BoolArray:
-    """Return which times of a `grid` lie in gaps of `time` that are longer than `widest` [s]."""
+    """Return which times of a `grid` (m,) lie in gaps of `time` (n,) longer than `widest` [s]."""
     after = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
     near = time[after] - time[after - 1] > widest
     return np.asarray(near | (grid < time[0]) | (grid > time[-1]))
 
 
 def offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, float]:
-    """Return by how much `b` (m,) is later than `a` (n,) [s], the peak and the second peak."""
+    """Return by how much `b` (m,) is later than `a` (n,) [s], the peak and the second peak.
+
+    `step`: between two of their values [s].
+    """
     from scipy.signal import correlate, correlation_lags, find_peaks
 
     x, y = a - a.mean(), b - b.mean()
@@ -109,7 +113,7 @@ def drift(
 ) -> tuple[float, float, float]:
     """Return drift, offset in the middle of `b`, and what windows leave of that line (rms) [s].
 
-    See `offset`.
+    `a` (n,), `b` (m,): as of `offset` [any unit]; `step`: between two [s]; `window`: length [s].
     """
     n = round(window / step)
     found = []

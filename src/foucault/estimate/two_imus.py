@@ -40,7 +40,7 @@ SETTLED = 0.02
 """A step that moves nothing by more of its sd is the last [1]."""
 
 NOISY = (2, 4)
-"""Passes in which what the motion shows is told from what its noise does, before all settles [1]."""
+"""Passes in which what the motion shows is told from what its noise does, before all settles."""
 
 BLOCK = 2.0
 """What is left of readings farther apart is independent [s]."""
@@ -91,7 +91,10 @@ class Slave:
 
     @classmethod
     def started(cls, C_cb: FloatArray, lever_b: FloatArray, tau: float, kappa: float) -> Slave:
-        """Return one without errors of its own; arguments as its attributes."""
+        """Return one without errors of its own.
+
+        `C_cb` (3, 3) [1], `lever_b` (3,) [m], `tau` [s], `kappa` [1]: as its attributes.
+        """
         zero, one = np.zeros(3), np.eye(3)
         return cls(C_cb, lever_b, tau, kappa, (zero, one), (zero, one))
 
@@ -143,7 +146,7 @@ class Problem:
     hold: IntArray  # (k,) numbers of columns that are not estimated [1]
 
     def noisy(self, var: FloatArray, rng: np.random.Generator) -> Problem:
-        """Return the same with its noise once more, `var` (i, 2)."""
+        """Return the same with its noise once more, `var` (i, 2) [SI]."""
         made = [
             replace(r, read=r.read + np.repeat(np.sqrt(v), 3) * rng.standard_normal(r.read.shape))
             for r, v in zip(self.readings, var, strict=True)
@@ -166,9 +169,9 @@ def normal(
     problem: Problem, slaves: Sequence[Slave], spline: FloatArray, var: FloatArray,
     other: FloatArray | None = None,
 ) -> Normal:  # fmt: skip
-    """Linearise about slaves and `spline` (m, 6); `var` (i, 2) of readings.
+    """Linearise about slaves and `spline` (m, 6) [SI]; `var` (i, 2): of readings [SI].
 
-    `other` (m, 6) or None: columns are those at this spline less those here.
+    `other` (m, 6) or None: columns are those at this spline less those here [SI].
     """
     from scipy.linalg import cho_solve_banded, cholesky_banded
 
@@ -239,7 +242,7 @@ def problem_of(
 
     `known`: mean and sd of parameters beforehand, by name [SI]; `given`: sd of a gyro and an
     accelerometer reading of each, None where it is found [SI]; `knot`: between two [s]; `held`:
-    endings of names that are not estimated.
+    endings and groups of names that are not estimated.
     """
     layout = layout_of(len(start))
     mean = np.concatenate([s.values for s in start])
@@ -262,7 +265,7 @@ def problem_of(
 
 
 def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
-    """Pass by pass, from a start."""
+    """Pass by pass, from a start; at `most` so many [1]."""
     slaves, p = tuple(start), kernels.COLUMNS * len(start)
     var = np.array([_quiet(r) ** 2 if g is None else np.square(g)
                     for r, g in zip(problem.readings, problem.given, strict=True)])  # fmt: skip
@@ -335,7 +338,10 @@ def _of_values(slaves: Sequence[Slave]) -> FloatArray:
 def of_noise(
     problem: Problem, slaves: Sequence[Slave], spline: FloatArray, var: FloatArray
 ) -> FloatArray:
-    """Return the information that noise makes by itself, (p, p): see `infer.shown` [1 / SI^2]."""
+    """Return the information that noise makes by itself, (p, p): see `infer.shown` [1 / SI^2].
+
+    `spline` (m, 6), `var` (i, 2): as of `normal` [SI].
+    """
     again = problem.noisy(var, np.random.default_rng(0))
     p = kernels.COLUMNS * len(slaves)
     other = spline + normal(again, slaves, spline, var).Z[:, p].reshape(-1, 6)

@@ -42,9 +42,10 @@ class Shown:
     onto: FloatArray  # (p, p) takes a gradient to the part that is shown
 
     def step(self, score: FloatArray, off: FloatArray, prior_sd: FloatArray) -> FloatArray:
-        """Return the step that scores (p,) ask for, and what was known beforehand.
+        """Return the step that scores ask for, and what was known beforehand.
 
-        `off` (p,): what was known less where it is [SI]; `prior_sd` (p,) [SI].
+        `score` (p,): as they are [1 / SI]; `off` (p,): what was known less where it is, `prior_sd`
+        (p,): its sd [SI].
         """
         known = np.diag(prior_sd**-2.0)
         return np.asarray(
@@ -82,9 +83,9 @@ def shares(
 ) -> dict[str, FloatArray]:
     """Return variances by source that add up to `total` (p,) [SI].
 
-    `parts`: source -> derivative of the variance by the logarithm of that of its noise: the gain
-    of a best estimate does not change with a small change of the noise; `formal` (p,): variance
-    by noise and prior alone; `beyond`: what the rest is called.
+    `parts`: source -> derivative (p,) of the variance by the logarithm of that of its noise [SI]:
+    the gain of a best estimate does not change with a small change of the noise; `formal` (p,):
+    variance by noise and prior alone; `beyond`: what the rest is called.
     """
     known = np.sum(list(parts.values()), axis=0)
     out = {k: v * np.minimum(1.0, formal / np.maximum(known, 1e-300)) for k, v in parts.items()}

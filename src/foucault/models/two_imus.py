@@ -52,7 +52,7 @@ def _sensors(who: str) -> tuple[Coefficient, ...]:
 
 
 def layout_of(slaves: int) -> Layout:
-    """Return the coefficients of so many slaves, in the order of their columns."""
+    """Return the coefficients of so many `slaves` [1], in the order of their columns."""
     return Layout(tuple(c for who in ORDINALS[:slaves] for c in (*_ties(who), *_sensors(who))))
 
 

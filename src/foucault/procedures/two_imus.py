@@ -88,7 +88,7 @@ class Settings(Strict):
                 + ("gyro.g_sensitivity",) * (not self.g_sensitivity))  # fmt: skip
 
     def names(self, slaves: int) -> tuple[str, ...]:
-        """Return the names that are estimated of so many slaves, in their order."""
+        """Return the names that are estimated of so many `slaves` [1], in their order."""
         return tuple(n for n in layout_of(slaves).names
                      if not any(n.endswith(k) or f"{k}." in n for k in self.held))  # fmt: skip
 
