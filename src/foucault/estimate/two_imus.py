@@ -16,7 +16,7 @@ Errors are those against the master: a bias of both is not seen, nor a scale fac
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -84,10 +84,8 @@ class Slave:
     # gyro, accel: bias (3,) [rad/s], [m/s^2] and I + S + M (3, 3), that of accel lower [1]
     gyro: tuple[FloatArray, FloatArray]
     accel: tuple[FloatArray, FloatArray]
-    late: float = 0.0  # its accelerometers, after its gyros [s]
-    by_force: FloatArray = field(
-        default_factory=lambda: np.zeros((3, 3))
-    )  # g-sensitivity of its gyros [rad/s per m/s^2]
+    late: float  # its accelerometers, after its gyros [s]
+    by_force: FloatArray  # (3, 3) g-sensitivity of its gyros [rad/s per m/s^2]
 
     @classmethod
     def started(cls, C_cb: FloatArray, lever_b: FloatArray, tau: float, kappa: float) -> Slave:
@@ -96,7 +94,7 @@ class Slave:
         `C_cb` (3, 3) [1], `lever_b` (3,) [m], `tau` [s], `kappa` [1]: as its attributes.
         """
         zero, one = np.zeros(3), np.eye(3)
-        return cls(C_cb, lever_b, tau, kappa, (zero, one), (zero, one))
+        return cls(C_cb, lever_b, tau, kappa, (zero, one), (zero, one), 0.0, np.zeros((3, 3)))
 
     @property
     def flat(self) -> FloatArray:
