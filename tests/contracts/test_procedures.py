@@ -201,7 +201,7 @@ PINNED = 1e-10
 def test_its_budget_adds_up_to_its_variance(name: str) -> None:
     result = fitted(name)[0]
     if "budget" not in result.diagnostics:
-        assert name in ("hand_rotated_published", "systematic", "transfer_alignment")
+        assert name in ("hand_rotated_published", "systematic")
         return
     rows = {k: np.array(v) for k, v in result.diagnostics["budget"].items()}
     assert all((v >= 0).all() for v in rows.values())
