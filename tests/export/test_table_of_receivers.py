@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from foucault.errors import FoucaultError
+from foucault.errors import FoucaultError, finding
 from foucault.export import write
 from foucault.export.check import checked
 from foucault.export.densities import allan_variance, densities
@@ -225,6 +225,18 @@ def test_each_sensor_of_a_flight_stack_has_its_keys(
     assert (seen.receiver.slot, seen.findings) == (slot, ())
     with pytest.raises(FoucaultError, match="has sensors 0 to"):
         write(own, name, tmp_path / "none", slot=7)
+
+
+@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+def test_what_its_own_calibration_leaves_is_not_put_in_its_place(name: str, tmp_path: Path) -> None:
+    _, result, text = exported(name, tmp_path / "out")
+    for code in (f"log.{name}_calibrated", "log.telemetry"):
+        told = finding(code, file="a", topic="IMU/0", count=3, how="whole numbers")
+        left = replace(result, findings=(told,))
+        with pytest.raises(FoucaultError, match="in their place, what was found would undo them"):
+            write(left, name, tmp_path / "other")
+        assert write(left, name, tmp_path / "other", force=True).read_text() == text
+        write(left, "pyins", tmp_path / "pyins", noise=LOUD)  # nobody else minds
 
 
 def test_axes_are_those_of_the_log_where_the_receiver_has_none(tmp_path: Path) -> None:

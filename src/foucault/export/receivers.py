@@ -157,6 +157,8 @@ def _from_table(
 ) -> str:  # fmt: skip
     if result.temperature is not None and not (receiver.before or receiver.warms):
         raise error("temperature.receiver", receiver=receiver.name)
+    if not force and any(f.code in receiver.residual for f in result.findings):
+        raise error("export.residual", receiver=receiver.name)
     known, about = knowledge(
         result, receiver, axes=axes, drop=drop, noise=noise, rate=rate, force=force
     )

@@ -184,6 +184,7 @@ class Receiver:
     tail: tuple[str, ...] = ()
     remark: str = "foucault"
     texts: Mapping[str, str] = field(default_factory=dict)
+    residual: tuple[str, ...] = ()  # findings of logs that it had calibrated itself
     # for each of its sensors after the first: words of the keys -> what stands there instead
     slots: tuple[Mapping[str, str], ...] = ()
     slot: int = 0  # number of the sensor [1]
@@ -244,7 +245,7 @@ def _receiver(name: str, said: dict[str, Any]) -> Receiver:
         if "limits" in row:
             row["limits"] = tuple(row["limits"])
         rows.append(Row(**row))
-    names = ("takes", "notes", "warm_notes", "head", "tail", "slots")
+    names = ("takes", "notes", "warm_notes", "head", "tail", "slots", "residual")
     lists = {k: tuple(said[k]) for k in names if k in said}
     said = {key: value for key, value in said.items() if key != "like"} | lists
     return Receiver(**said | {"name": name, "rows": tuple(rows)})
