@@ -44,7 +44,6 @@ from foucault.diagnose.references import stretched
 from foucault.errors import Finding, FoucaultError, error
 from foucault.logs.master import MasterDescription
 from foucault.models.imu import EQUATION
-from foucault.models.left_out import told as told_by
 from foucault.procedures import silent
 from foucault.procedures.record import Given, Procedure
 from foucault.procedures.transfer_alignment import counted
@@ -64,6 +63,7 @@ from foucault.procedures.transfer_alignment.session import (
     Session,
     Wanted,
     draw_errors,
+    drawn,
     foresee,
     simulated,
     space,
@@ -110,8 +110,7 @@ def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, SlaveLog, list[
     given.progress(0.1, "matching what both turned")
     settings, silence = heard(log.messages, given.settings)
     site, elsewhere = there(given.site, log.messages)
-    white = (noise := given.noise or chosen.NOISE).accel.white, noise.gyro.white
-    sizes = told_by(given.sizes, *white) if given.sizes else None
+    sizes = chosen.sized(settings, given.sizes, given.noise, float(np.ptp(log.time)))
     problem = problem_of(log, site, settings, given.noise, given.prior, sizes=sizes)
     given.progress(0.3, "filtering")
     problem = bent(problem) if settings.estimate_flexure else problem
@@ -252,6 +251,8 @@ PROCEDURE = Procedure(
     simulation=simulated,
     names=lambda settings, _: settings.reported,
     layout=chosen.LAYOUT,
+    counts=True,
+    counts_by_noise=True,
     foresee=foresee,
     space=space,
     Wanted=Wanted,
@@ -259,6 +260,7 @@ PROCEDURE = Procedure(
     grade=GRADE,
     noise=chosen.NOISE,
     draw_errors=draw_errors,
+    drawn=drawn,
     write=chosen.write_log,
     Master=MasterDescription,
     with_master=chosen.with_master,
