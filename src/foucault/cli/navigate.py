@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,13 +13,14 @@ from foucault.cli.options import Amount, Of, Several, command
 from foucault.cli.screen import Screen, kept
 
 if TYPE_CHECKING:
+    from foucault.models.norths import North
     from foucault.procedures.alignment import Comparison
     from foucault.procedures.delay import FoundDelay
 
 
 _SITE = ("latitude", "height", "gravity", "gyro_noise", "accel_noise")
 _SAID = Of(options.SAID, only=("longitude", *_SITE, "serial"))
-_STILL = Of(options.SAID, only=_SITE)
+_STILL = Of(options.SAID, only=("longitude", *_SITE))
 _VELOCITY = Several("velocity", "east, north and up", "12.1 m/s, -3.4 m/s, 0 m/s")
 _SETTINGS = Of(
     "foucault.procedures.navigation.start:Settings",
@@ -119,6 +121,16 @@ def align(
             "that fit if left out.",
         ),
     ] = None,
+    date: Annotated[
+        str | None,
+        typer.Option(help='Day, such as "2026-05-04": headings from magnetic north too.'),
+    ] = None,
+    grid: Annotated[
+        str | None,
+        typer.Option(
+            help='Projection, such as "EPSG:32631" (UTM zone 31 north): headings from that north.'
+        ),
+    ] = None,
 ) -> None:
     """Find heading, pitch and roll of a log at rest, and their sd.
 
@@ -127,6 +139,7 @@ def align(
     from foucault.campaign import navigation
     from foucault.campaign.navigation import Window
     from foucault.campaign.tables import Said
+    from foucault.models.norths import norths
     from foucault.report import alignment as report
 
     screen: Screen = ctx.obj
@@ -135,10 +148,11 @@ def align(
     )  # fmt: skip
     with screen.progress() as tell:
         found = navigation.align(log, Said(**said), chosen, calibration=calibration, progress=tell)
-    raise screen.tell(report.document(found, log.name), _document(log, found))
+    asked = norths(found.site, date, grid)
+    raise screen.tell(report.document(found, log.name, asked), _document(log, found, asked))
 
 
-def _document(path: Path, found: Comparison) -> dict[str, Any]:
+def _document(path: Path, found: Comparison, asked: Sequence[North]) -> dict[str, Any]:
     """What `align` found, in SI."""
     return {
         "log": str(path),
@@ -159,6 +173,7 @@ def _document(path: Path, found: Comparison) -> dict[str, Any]:
                 "C_nb": one.C_nb.tolist(),
                 "phi_cov": one.cov.tolist(),
                 "azimuth_bias_sd": one.azimuth_bias_sd,
+                "headings": {n.name: n.heading(one.angles[0], one.angles_sd[0]) for n in asked},
             }
             for one in found.found
         ],
