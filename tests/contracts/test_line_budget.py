@@ -12,7 +12,7 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_437,
     "campaign": 5_409,
-    "cli": 4_681,
+    "cli": 4_689,
     "detect": 4_608,
     "diagnose": 11_886,
     "estimate": 6_805,

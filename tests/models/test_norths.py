@@ -67,7 +67,7 @@ def test_what_is_no_grid_is_refused() -> None:
         with pytest.raises(FoucaultError) as problem:
             norths(PARIS, grid=grid)
         assert problem.value.code == "norths.grid"
-        assert f'grid = "{grid}" is no projected grid' in problem.value.message
+        assert f'"{grid}" is no projected grid' in problem.value.message
     with pytest.raises(FoucaultError) as problem:
         norths(Site.at(0.5), grid="EPSG:32631")
     assert problem.value.code == "norths.no_place"

@@ -14,6 +14,7 @@ from foucault.cli.screen import Screen, kept
 
 if TYPE_CHECKING:
     from foucault.models.norths import North
+    from foucault.navigate.align import Alignment
     from foucault.procedures.alignment import Comparison
     from foucault.procedures.delay import FoundDelay
 
@@ -173,7 +174,7 @@ def _document(path: Path, found: Comparison, asked: Sequence[North]) -> dict[str
                 "C_nb": one.C_nb.tolist(),
                 "phi_cov": one.cov.tolist(),
                 "azimuth_bias_sd": one.azimuth_bias_sd,
-                "headings": {n.name: n.heading(one.angles[0], one.angles_sd[0]) for n in asked},
+                **_headings(one, asked),
             }
             for one in found.found
         ],
@@ -182,6 +183,13 @@ def _document(path: Path, found: Comparison, asked: Sequence[North]) -> dict[str
 
 
 # -- The command that finds the time offset of two logs: delay -----------------------------------
+
+
+def _headings(one: Alignment, asked: Sequence[North]) -> dict[str, Any]:
+    """Return heading and sd from each north, where another than true north is asked for [rad]."""
+    heading, sd = float(one.angles[0]), float(one.angles_sd[0])
+    return {"headings": {n.name: n.heading(heading, sd) for n in asked}} if asked[1:] else {}
+
 
 _MOUNTING = Several("angle", "heading, pitch and roll", "90 deg, 0 deg, 0 deg")
 _BRACKET = Several("time", "between which offsets to look, or any", "-0.5 s to 0.5 s")
