@@ -24,7 +24,7 @@ BUDGET = {
     "models": 6_018,
     "navigate": 2_110,
     "plans": 6_028,
-    "procedures": 17_419,
+    "procedures": 17_425,
     "recognise": 2_551,
     "report": 10_357,
     "records": 1_390,
