@@ -58,6 +58,7 @@ FIELD = {"intensity": 49e-6, "intensity_sd": 1e-8, "noise_sd": 3e-7, "gyro_bias_
          "gyro_scale_sd": 1e-3, "gyro_misalignment_sd": 5e-4}  # fmt: skip
 KNOWN_IMU = {"gyro_bias_sd": 1e-9, "gyro_scale_sd": 1e-9, "gyro_misalignment_sd": 1e-9,
              "accel_bias_sd": 1e-9, "intensity_sd": 1e-13, "wander": False}  # fmt: skip
+SPUN = {"rates": ["290 deg/s", "-460 deg/s"], "spin_time": 5.0}
 TRUE_TABLE = dict.fromkeys(("plumb_sd", "orthogonality_sd", "zero_sd", "position_sd"), 0.0)
 
 SESSIONS = {
@@ -78,6 +79,7 @@ SESSIONS = {
     "rate_table": Case(
         "rate_table", {"rate_sd": 5e-6, "table_rate_sd": 2e-5, "fixture_sd": 5e-5}, MEANS
     ),
+    "continuous_spin": Case("continuous_spin", {}, SPUN),
     "magnetometer": Case("magnetometer", FIELD, {"time": 12.0, "rate": 100.0}),
     "north_seeking": Case("north_seeking", {}, TILTED, noise=SEEKER),
     "platform_tumble": Case(
@@ -313,6 +315,10 @@ EXACT = {
     "multi_position, everything": (1e-12, Case("multi_position", BOTH | EVERYTHING, PERFECT)),
     "turntable, everything": (2e-12, Case("turntable", BOTH | EVERYTHING, PERFECT)),
     "rate_table": (2e-12, Case("rate_table", {"g_sensitivity": True}, MEANS)),
+    # A rate that wanders is smoothed, and what is finer than a tenth of a radian averaged.
+    "continuous_spin": (1e-6, Case("continuous_spin", {}, {
+        "rates": ["750 deg/s", "-1030 deg/s"], "spin_time": 3.0, "wander": 0.0, "unbalance": 0.0},
+        site=POLE)),
     "magnetometer": (
         1e-3, Case("magnetometer", FIELD | KNOWN_IMU, {"rate": 200.0, "time": 8.0, "noise_sd": 0.0})
     ),
@@ -623,6 +629,10 @@ SCATTER = {
     **{n: (25, SESSIONS[n]) for n in ON_TABLE},
     **{f"rate_table, {g}": (70, replace(SESSIONS["rate_table"], grade=g, said={
         "repeatability": False})) for g in ("mems", "tactical")},
+    "continuous_spin": (30, SESSIONS["continuous_spin"]),
+    "continuous_spin, a drill": (
+        30, Case("continuous_spin", {}, SPUN | {"unbalance": 0.0, "wander": 0.03, "vibration": 0.5})
+    ),
     "magnetometer": (30, SESSIONS["magnetometer"]),
     "north_seeking, level": (40, seeker({})),
     "north_seeking, two on the case": (40, seeker({"accelerometers": "case"})),
