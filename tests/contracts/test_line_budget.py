@@ -19,7 +19,7 @@ BUDGET = {
     "export": 3_149,
     "guard": 1_941,
     "infer": 3_110,
-    "kernels": 4_742,
+    "kernels": 4_832,
     "logs": 6_894,
     "models": 6_018,
     "navigate": 2_110,
