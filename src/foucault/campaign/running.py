@@ -220,10 +220,11 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
     # Real gravity is not what the calibration will assume, but near it.
     offset = np.random.default_rng([seed, 9]).standard_normal() * campaign.site.gravity_sd
     beside = held(campaign, seed)
+    session, settings, model = beside.session(campaign, _instrument(campaign, seed))
     simulation = procedure.simulate(
-        campaign.session,
-        settings=campaign.settings,
-        model=beside.model(_instrument(campaign, seed)),
+        session,
+        settings=settings,
+        model=model,
         noise=campaign.noise or procedure.noise or typical,
         site=beside.site(replace(campaign.site, gravity=campaign.site.gravity + float(offset))),
         seed=seed,
