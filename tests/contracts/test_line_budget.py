@@ -24,7 +24,7 @@ BUDGET = {
     "models": 6_187,
     "navigate": 2_110,
     "plans": 6_028,
-    "procedures": 18_420,
+    "procedures": 18_459,
     "recognise": 2_574,
     "report": 10_411,
     "records": 1_390,
