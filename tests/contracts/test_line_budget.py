@@ -26,7 +26,7 @@ BUDGET = {
     "plans": 6_028,
     "procedures": 18_465,
     "recognise": 2_574,
-    "report": 10_381,
+    "report": 10_411,
     "records": 1_390,
     "simulate": 3_645,
     "symptoms": 87,
