@@ -129,7 +129,8 @@ def ulog(
     path.write_bytes(out)
 
 
-DATAFLASH = {"Q": "Q", "B": "B", "f": "f", "I": "I", "H": "H", "N": "16s", "n": "4s", "Z": "64s"}
+DATAFLASH = {"Q": "Q", "B": "B", "f": "f", "I": "I", "H": "H", "N": "16s", "n": "4s", "Z": "64s",
+             "a": "32h"}  # fmt: skip
 """Letter of a type in a log of ArduPilot -> letter of struct."""
 
 
@@ -147,6 +148,7 @@ def dataflash(path: Path, messages: dict[str, tuple[str, str, list[tuple[Any, ..
     rows = [(name, row) for name, (_, _, some) in messages.items() for row in some]
     for name, row in sorted(rows, key=lambda r: r[1][0] if isinstance(r[1][0], int) else 0):
         number, form = forms[name]
-        fields = [x.encode() if isinstance(x, str) else x for x in row]
+        fields = [y for x in row for y in (x if isinstance(x, list) else [x])]
+        fields = [x.encode() if isinstance(x, str) else x for x in fields]
         out += b"\xa3\x95" + bytes([number]) + struct.pack(form, *fields)
     path.write_bytes(out)

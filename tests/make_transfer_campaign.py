@@ -52,11 +52,3 @@ def missed(result, session):
     c = result.coefficients
     err = c.values - session.truth.chosen(c.names).values
     return err / c.sd, float(err @ np.linalg.solve(c.cov, err))
-
-
-def codes(result):
-    return [f.code for f in result.findings]
-
-
-def failed(result):
-    return {c.name for c in result.checks if not c.passed}

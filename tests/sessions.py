@@ -131,6 +131,16 @@ def errors(result: Result, simulation: Any, names: tuple[str, ...]) -> tuple[np.
     return c.values[at] - truth(simulation, names), c.cov[np.ix_(at, at)]
 
 
+def codes(result: Result) -> list[str]:
+    """Codes of what was found."""
+    return [f.code for f in result.findings]
+
+
+def failed(result: Result) -> set[str]:
+    """Names of the checks that were not passed."""
+    return {c.name for c in result.checks if not c.passed}
+
+
 @contextmanager
 def fits():
     """Collect what the engine solves: mixed models and filtered ones."""

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
+from commands import run
 from foucault import campaign, procedures
-from foucault.cli import app, screen
+from foucault.cli import screen
 from foucault.logs import read
 from foucault.logs.description import LogDescription
 from foucault.procedures.record import Procedure
@@ -41,13 +41,6 @@ COMMANDS = [
     "schema",
     "messages",
 ]
-
-
-def run(*words: object) -> Result:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
 
 
 @pytest.fixture(scope="module")
@@ -82,8 +75,7 @@ def test_help_lists_every_command_and_exit_code() -> None:
 
 def test_wrong_usage_ends_with_2() -> None:
     for words in (["calibrat"], ["calibrate"], ["calibrate", "x", "--nope"], ["simulate", "x"]):
-        result = run(*words)
-        assert result.exit_code == 2, words
+        result = run(*words, code=2)
         assert "Usage" in result.stderr
 
 
@@ -95,20 +87,17 @@ def test_version() -> None:
 
 def test_init_writes_a_template_and_keeps_what_is_there(tmp_path: Path) -> None:
     file = tmp_path / "campaign.toml"
-    result = run("init", "hand_rotated", "-o", file)
-    assert result.exit_code == 0
+    run("init", "hand_rotated", "-o", file, code=0)
     assert file.read_text() == campaign.template("hand_rotated")
     assert run("init", "hand_rotated").output == campaign.template("hand_rotated")
     file.write_text("mine")
-    result = run("init", "hand_rotated", "-o", file)
-    assert result.exit_code == 1
+    result = run("init", "hand_rotated", "-o", file, code=1)
     assert "exists already and may hold your work." in result.stderr
     assert file.read_text() == "mine"
 
 
 def test_a_mistake_is_two_sentences_without_a_traceback(tmp_path: Path) -> None:
-    result = run("calibrate", tmp_path / "nope.toml", "-o", tmp_path / "run")
-    assert result.exit_code == 1
+    result = run("calibrate", tmp_path / "nope.toml", "-o", tmp_path / "run", code=1)
     assert result.stdout == ""
     first, second = result.stderr.splitlines()
     assert first.startswith("error: Campaign file ")
@@ -118,8 +107,7 @@ def test_a_mistake_is_two_sentences_without_a_traceback(tmp_path: Path) -> None:
 
 
 def test_a_mistake_in_json(tmp_path: Path) -> None:
-    result = run("init", "hand_rotatde", "--json")
-    assert result.exit_code == 1
+    result = run("init", "hand_rotatde", "--json", code=1)
     said = json.loads(result.stdout)["error"]
     assert said["code"] == "campaign.procedure"
     assert said["message"] == "Procedure 'hand_rotatde' is not known. Did you mean 'hand_rotated'?"
@@ -142,8 +130,7 @@ def test_messages_print_every_symptom() -> None:
 
 
 def test_simulate_writes_what_a_user_would_have(tmp_path: Path) -> None:
-    result = run("simulate", "hand_rotated", "-o", tmp_path / "s", "--seed", 7)
-    assert result.exit_code == 0
+    run("simulate", "hand_rotated", "-o", tmp_path / "s", "--seed", 7, code=0)
     assert sorted(p.name for p in (tmp_path / "s").iterdir()) == [
         "campaign.toml",
         "log.csv",
@@ -221,8 +208,7 @@ def test_inspect_of_a_slow_log_writes_plain_numbers(tmp_path: Path) -> None:
 
 def test_inspect_of_an_undescribed_log_says_what_to_do(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("t,ax,ay,az\n0,0,0,9.8\n0.01,0,0,9.8\n")
-    result = run("inspect", tmp_path / "log.csv")
-    assert result.exit_code == 1
+    result = run("inspect", tmp_path / "log.csv", code=1)
     assert result.stderr.startswith("error: ")
 
 
@@ -234,8 +220,7 @@ def test_the_verdict_is_the_exit_code(
     session: Path, tmp_path: Path, answer: Callable[[Any], None], level: Level, code: int
 ) -> None:
     answer(make_result(level=level))
-    result = run("calibrate", session, "-o", tmp_path / "run")
-    assert result.exit_code == code
+    result = run("calibrate", session, "-o", tmp_path / "run", code=code)
     assert f"verdict: {level}" in result.stdout
     assert (tmp_path / "run" / "report.html").is_file()
     assert load_result(tmp_path / "run").verdict.level == level
@@ -258,8 +243,7 @@ def test_a_run_that_ends_badly_leaves_the_result_before(
     assert run("calibrate", session, "-o", tmp_path / "run").exit_code == 0
     before = {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()}
     answer(problem)
-    result = run("calibrate", session, "-o", tmp_path / "run")
-    assert result.exit_code == code
+    result = run("calibrate", session, "-o", tmp_path / "run", code=code)
     assert {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()} == before
     if code == 130:
         assert result.stderr == "interrupted: a result that was there before is intact\n"
@@ -272,8 +256,7 @@ def test_an_interrupt_that_a_library_swallowed_still_ends_the_run(
 ) -> None:
     monkeypatch.setattr(screen, "INTERRUPTED", threading.Event())
     screen.INTERRUPTED.set()
-    result = run("calibrate", session, "-o", tmp_path / "run")
-    assert result.exit_code == 130
+    run("calibrate", session, "-o", tmp_path / "run", code=130)
     assert not (tmp_path / "run").exists()
 
 
@@ -302,8 +285,7 @@ def test_a_folder_of_another_kind_is_refused_before_the_work(
     answer(AssertionError("no work is to be done"))
     (tmp_path / "north.json").write_text("{}")
     given = [session if word == "campaign.toml" else word for word in words]
-    result = run(*given, "-o", tmp_path)
-    assert result.exit_code == 1
+    result = run(*given, "-o", tmp_path, code=1)
     assert f"'{tmp_path}' already holds north.json, of another kind of run." in result.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["north.json"]
 
@@ -313,12 +295,10 @@ def test_unwritable_output_is_one_clear_error(
 ) -> None:
     answer(make_result())
     (tmp_path / "file").write_text("in the way")
-    result = run("calibrate", session, "-o", tmp_path / "file")
-    assert result.exit_code == 1
+    result = run("calibrate", session, "-o", tmp_path / "file", code=1)
     assert result.stderr.startswith("error: ")
     assert (tmp_path / "file").read_text() == "in the way"
-    result = run("simulate", "hand_rotated", "-o", tmp_path / "file")
-    assert result.exit_code == 1
+    result = run("simulate", "hand_rotated", "-o", tmp_path / "file", code=1)
     assert result.stderr.startswith("error: ")
 
 
@@ -364,8 +344,7 @@ name = "hand_rotated"
     f_b, w_b = result.model.compensate(accel * 9.80665, np.radians(gyro))
     for log in ("second.csv", "campaign.toml"):
         out = tmp_path / "out.parquet"
-        done = run("apply", tmp_path / "run", tmp_path / log, "-o", out)
-        assert done.exit_code == 0
+        run("apply", tmp_path / "run", tmp_path / log, "-o", out, code=0)
         got = read(LogDescription(file="out.parquet"), tmp_path)
         np.testing.assert_allclose(got.accel, f_b, rtol=1e-13, atol=1e-13)
         np.testing.assert_allclose(got.gyro, w_b, rtol=1e-13, atol=1e-13)
@@ -375,16 +354,13 @@ name = "hand_rotated"
             "-o", tmp_path / "o.csv", "--json").stdout
     )  # fmt: skip
     assert said["samples"] == 200
-    wrong = run("apply", tmp_path / "run", tmp_path / "second.csv", "-o", tmp_path / "o.docx")
-    assert wrong.exit_code == 1
-    missing = run("apply", tmp_path / "run", tmp_path / "third.csv", "-o", tmp_path / "o.csv")
-    assert missing.exit_code == 1
+    run("apply", tmp_path / "run", tmp_path / "second.csv", "-o", tmp_path / "o.docx", code=1)
+    run("apply", tmp_path / "run", tmp_path / "third.csv", "-o", tmp_path / "o.csv", code=1)
 
 
 @pytest.mark.thorough
 def test_demo_prints_the_result_beside_the_truth(tmp_path: Path) -> None:
-    result = run("demo", "-o", tmp_path, "--json")
-    assert result.exit_code == 0, result.stderr
+    result = run("demo", "-o", tmp_path, "--json", code=0)
     said = json.loads(result.stdout)
     assert said["result"]["verdict"]["level"] == "pass"
     assert (tmp_path / "run" / "report.html").is_file()

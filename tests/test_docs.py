@@ -153,7 +153,14 @@ def test_every_procedure_has_an_example_and_the_guide_names_each() -> None:
         assert f"]({file.name})" in guide, file.name
 
 
-@pytest.mark.parametrize("file", sorted((ROOT / "examples").glob("*.toml")), ids=lambda p: p.name)
+LONG = ("transfer_alignment", "systematic")
+"""Examples that take seconds."""
+
+
+@pytest.mark.parametrize("file", [
+    pytest.param(p, id=p.name, marks=pytest.mark.thorough if p.stem in LONG else ())
+    for p in sorted((ROOT / "examples").glob("*.toml"))
+])  # fmt: skip
 def test_example_campaigns_calibrate(file: Path, tmp_path: Path) -> None:
     made = campaign.save_session(campaign.simulate(file), tmp_path)
     result = campaign.calibrate(made)
@@ -379,6 +386,7 @@ def test_the_features_are_shown_by_commands_and_every_command_shows_one(program:
     assert all("`" in row[2] for row in rows if not row[1].startswith(" **"))
 
 
+@pytest.mark.thorough
 def test_arrows_between_packages_go_downwards() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(DOCS)

@@ -34,6 +34,7 @@ GROUPS: dict[str, tuple[str, str]] = {
         "prior merge compare temperature fleet tolerance",
     ),
     "studies": ("Studies, and computing on a cluster", "study cluster"),
+    "records": ("Keeping records", "records"),
 }
 """Page -> its title, and the first words of the codes on it."""
 

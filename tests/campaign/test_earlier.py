@@ -15,12 +15,12 @@ from foucault.campaign import earlier, optimisation
 from foucault.cli import app
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.comparable import comparable, gravity_errors
-from foucault.errors import FoucaultError
 from foucault.models.layouts import BESIDE, EVERY, gravity_slope
 from foucault.procedures.merged import Earlier, merged, with_prior
 from foucault.result import Level, Verdict
 from make_compare import make_entries
 from make_result import make_result
+from refusals import refuses
 
 QUICK = ("six_position", "norm_observation", "platform_tumble", "north_seeking", "ferraris")
 
@@ -79,9 +79,8 @@ def test_a_prior_is_what_merging_gives(name, tmp_path):
     again = campaign.calibrate(campaign.load(tmp_path / "both" / "campaign.toml"))
     np.testing.assert_array_equal(again.coefficients.values, both.coefficients.values)
     for path, text in ((one, 'from = "../a"'), (two, 'from = "../both"')):
-        with pytest.raises(FoucaultError) as caught:
+        with refuses("merge.same_log"):
             campaign.calibrate(campaign.load(with_from(path, text)))
-        assert caught.value.code == "merge.same_log"
 
 
 @pytest.fixture
@@ -207,15 +206,12 @@ def test_the_prior_of_a_prior_is_remembered():
     first, second, third = (session(c, seed=k) for k, c in enumerate("abc"))
     second = with_prior(second, Earlier("a", "1", first, {}), {})
     third = with_prior(third, Earlier("b", "2", second, {}), {})
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("merge.same_log"):
         merged([("c", "3", third), ("a", "1", first)])
-    assert caught.value.code == "merge.same_log"
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("merge.same_log"):
         with_prior(first, Earlier("c", "3", third, {}), {})
-    assert caught.value.code == "merge.same_log"
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("compare.took_prior"):
         comparable(make_entries([first, third]))
-    assert caught.value.code == "compare.took_prior"
 
 
 def test_the_mean_of_a_prior_is_remembered_by_a_result_that_takes_it():
@@ -261,10 +257,8 @@ def test_coefficients_that_only_one_has(runs):
 
 def mistaken(code, change, runs, sha="2"):
     first, second, _ = runs
-    with pytest.raises(FoucaultError) as caught:
+    with refuses(code, "'b'"):
         merged([("a", "1", first), ("b", sha, replace(second, **change(second)))])
-    assert caught.value.code == code
-    assert "'b'" in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -286,9 +280,8 @@ def test_what_cannot_be_merged(code, change, runs):
 
 
 def test_one_result_is_not_merged(runs):
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("merge.one"):
         merged([("a", "1", runs[0])])
-    assert caught.value.code == "merge.one"
     mistaken("merge.same_log", lambda r: {}, runs, sha="1")
 
 
@@ -315,9 +308,8 @@ procedure.name = "six_position"
     ],
 )  # fmt: skip
 def test_mistakes_in_the_campaign(said, code, words):
-    with pytest.raises(FoucaultError) as caught:
+    with refuses(code) as caught:
         campaign.parse(TOML + said)
-    assert caught.value.code == code
     assert words in str(caught.value)
 
 
@@ -333,19 +325,16 @@ def test_mistakes_in_the_campaign(said, code, words):
 )
 def test_mistakes_that_show_when_it_is_read(said, code, tmp_path):
     table = campaign.parse(TOML + f'from = "none"\n{said}').earlier
-    with pytest.raises(FoucaultError) as caught:
+    with refuses(code):
         earlier.read(table, tmp_path)
-    assert caught.value.code == code
 
 
 def test_commands_that_have_no_use_for_it():
     described = campaign.parse(TOML + 'from = "run"')
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("prior.not_here"):
         earlier.refuse(described, "a plan")
-    assert caught.value.code == "prior.not_here"
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("prior.not_here"):
         optimisation.beforehand(described)
-    assert caught.value.code == "prior.not_here"
 
 
 @pytest.mark.parametrize("loose", ["", 'growth = {"gyro.bias" = "50 deg/h"}\n', "inflate = 1000.0"])
@@ -401,9 +390,8 @@ def test_a_result_with_deflection_is_a_prior(tmp_path):
     a = calibrated(first, tmp_path / "a")
     # Without spins it cannot tell how they bend, and is refused: the earlier result says it.
     second = bent(tmp_path / "two", 4, '["19 positions"]', errors)
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("systematic.deflection_unseen"):
         campaign.calibrate(campaign.load(second))
-    assert caught.value.code == "systematic.deflection_unseen"
     both = campaign.calibrate(campaign.load(with_from(second, 'from = "../a"')))
     names = [n for n in both.coefficients.names if n.startswith("gyro.deflection")]
     assert len(names) == 12
@@ -418,6 +406,5 @@ def test_a_result_with_deflection_is_a_prior(tmp_path):
     other.write_text(
         second.with_name("from.toml").read_text().replace("coupled6", "lateral3+axial6")
     )
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("systematic.deflection_unseen"):
         campaign.calibrate(campaign.load(other))
-    assert caught.value.code == "systematic.deflection_unseen"

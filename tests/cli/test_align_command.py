@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from commands import run
 from foucault import run_folder
 from foucault.cli import app
 from foucault.coefficients import CoefficientVector
@@ -27,13 +28,6 @@ TWO = ("--rest", "0 s to 120 s", "--rest", "141 s to 259 s")
 NOISE = ImuNoise(TriadNoise(white=2e-5), TriadNoise(white=3e-8))
 
 
-def run(*words: object) -> Result:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
-
-
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two rests 180 deg apart in heading; the east gyro of the first is biased by 0.2 deg/h."""
@@ -49,8 +43,7 @@ def found(result: Result) -> dict[str, dict[str, float]]:
 
 
 def test_methods_stand_side_by_side(log: Path) -> None:
-    result = run("align", log, *SITE, "--until", "120 s", "--gyro-bias-sd", "0.2 deg/h")
-    assert result.exit_code == 0
+    result = run("align", log, *SITE, "--until", "120 s", "--gyro-bias-sd", "0.2 deg/h", code=0)
     for words in ("inertial frame", "Kalman, zero velocity", "two vectors"):
         assert words in result.output
     assert "two positions" not in result.output.replace("two positions take", "")
@@ -93,8 +86,7 @@ def test_biases_that_were_not_declared_are_named(log: Path) -> None:
 def test_two_positions_alone(log: Path) -> None:
     """Every rest is checked, the first as well as the last."""
     result = run("align", log, *SITE, *TWO, "--method", "two_position", "--gyro-bias-sd",
-                 "0.2 deg/h", "--json")  # fmt: skip
-    assert result.exit_code == 0
+                 "0.2 deg/h", "--json", code=0)  # fmt: skip
     (row,) = found(result).values()
     assert row["method"] == "two_position"
     assert row["heading"] == pytest.approx(HEADING + np.pi, abs=4 * row["heading_sd"])
@@ -119,8 +111,7 @@ def test_a_gap_is_bridged_where_that_is_asked_for(log: Path, tmp_path: Path, cut
         return
     refused = CliRunner().invoke(app, [str(w) for w in words])
     assert refused.exit_code == 1 and "--gaps bridge" in " ".join(refused.stderr.split())
-    bridged = run(*words, "--gaps", "bridge")
-    assert bridged.exit_code == 3
+    bridged = run(*words, "--gaps", "bridge", code=3)
     assert "Gaps were bridged, 1 in all" in " ".join(bridged.output.split())
     assert bridged.output.count("were bridged") == 1
 
@@ -203,8 +194,7 @@ def test_wrong_hemisphere(log: Path) -> None:
 
 
 def test_a_turn_in_the_window_is_doubtful(log: Path) -> None:
-    result = run("align", log, *SITE, "--until", "200 s", "--gyro-bias-sd", "0.2 deg/h")
-    assert result.exit_code == 3
+    result = run("align", log, *SITE, "--until", "200 s", "--gyro-bias-sd", "0.2 deg/h", code=3)
     assert "the instrument turned by" in " ".join(result.output.split())
 
 

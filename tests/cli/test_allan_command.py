@@ -7,19 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
+from commands import run
 from foucault import campaign
-from foucault.cli import app
 from foucault.logs import write
 from foucault.tables import Log
-
-
-def run(*words: object) -> Result:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +25,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_it_prints_a_table_and_writes_a_folder(log: Path, tmp_path: Path) -> None:
-    result = run("allan", log, "-o", tmp_path / "noise")
-    assert result.exit_code == 0
+    result = run("allan", log, "-o", tmp_path / "noise", code=0)
     out = result.output
     for word in ("gyro.x", "Angle random walk", "accel.z", "velocity random walk", "N   B   K"):
         assert word in out
@@ -78,8 +69,7 @@ def test_a_part_at_rest(log: Path) -> None:
     ],
 )
 def test_mistakes_end_with_1_and_one_sentence(log: Path, words: list[str], text: str) -> None:
-    result = run("allan", log, *words)
-    assert result.exit_code == 1
+    result = run("allan", log, *words, code=1)
     assert text in result.stderr and result.stderr.count("error:") == 1
 
 
@@ -93,8 +83,7 @@ def test_a_folder_that_cannot_be_written(log: Path, tmp_path: Path) -> None:
 def test_what_only_looks_at_a_log_needs_no_place(command: str, log: Path, tmp_path: Path) -> None:
     file = tmp_path / "described.toml"
     file.write_text(f'[log]\nfile = "{log}"\n')
-    result = run(command, file)
-    assert result.exit_code == 0
+    result = run(command, file, code=0)
     assert "samples" in result.output or "At rest, 0.00 s to 49.99 s" in result.output
 
 
@@ -110,8 +99,7 @@ def test_a_log_of_one_axis_is_shown_as_this_axis_alone(
 ) -> None:
     file = one_axis(tmp_path, triad, unit, columns, white)
     axis = "z" if "," in columns else "x"
-    done = run("allan", file, "-o", tmp_path / "o", "--json")
-    assert done.exit_code == 0
+    done = run("allan", file, "-o", tmp_path / "o", "--json", code=0)
     said = json.loads(done.stdout)
     ((name, seen),) = said["channels"].items()
     assert name == f"{triad}.{axis}" and len(seen["noises"]) == 5

@@ -6,18 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
+from commands import run
 from foucault import run_folder
-from foucault.cli import app
 from make_compare import make_results, moved
-
-
-def run(*words: object) -> Result:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
 
 
 @pytest.fixture
@@ -35,8 +27,7 @@ def test_help_says_how_it_ends() -> None:
 
 
 def test_what_did_not_change_passes(runs: list[Path]) -> None:
-    result = run("compare", *runs[:3])
-    assert result.exit_code == 0
+    result = run("compare", *runs[:3], code=0)
     assert "has not changed by more than chance explains" in result.output
     assert "MTi-28 0180-2214" in result.output
     assert "the change from 2024 to 2026" in result.output
@@ -46,8 +37,7 @@ def test_what_did_not_change_passes(runs: list[Path]) -> None:
 def test_what_changed_is_doubtful_and_its_report_is_made_again(
     runs: list[Path], tmp_path: Path
 ) -> None:
-    result = run("compare", *runs, "-o", tmp_path / "out")
-    assert result.exit_code == 3
+    result = run("compare", *runs, "-o", tmp_path / "out", code=3)
     assert "gyro.bias.z by" in result.output and "between 2026 and 2027" in result.output
     page = tmp_path / "out" / "report.html"
     first = page.read_text()
@@ -60,8 +50,7 @@ def test_out_of_tolerance_in_json(runs: list[Path], tmp_path: Path) -> None:
     limits = tmp_path / "limits.toml"
     limits.write_text('"gyro.bias" = { change = "30 deg/h" }\n')
     result = run("compare", *runs, "--tolerance", limits, "--json", "--dates",
-                 "2021-01-01,2022-01-01,2023-01-01,2024-01-01")  # fmt: skip
-    assert result.exit_code == 4
+                 "2021-01-01,2022-01-01,2023-01-01,2024-01-01", code=4)  # fmt: skip
     said = json.loads(result.stdout)
     assert said["verdict"]["level"] == "fail" and "report" not in said
     worst = [d for d in said["decisions"] if d["decision"] == "fail"]
@@ -74,8 +63,7 @@ def test_several_instruments(runs: list[Path]) -> None:
         saved = run_folder.load_result(folder)
         saved.instrument["serial"] = f"SN{i}"
         run_folder.save(saved, folder)
-    apart = run("compare", *runs)
-    assert apart.exit_code == 0
+    apart = run("compare", *runs, code=0)
     assert "MTi-28 SN0" in apart.output and "MTi-28 SN1" in apart.output
     rows = [line.split() for line in apart.output.splitlines()]
     assert [row[0] for row in rows if row[-1:] == ["yes"]] == ["gyro.bias.z"]

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
-from foucault.cli import app
+from commands import run
 from foucault.logs import master, own
 from foucault.plans.manoeuvres import Climb, Start, Straight, STurn
 from foucault.plans.transfer import TransferProfile
@@ -24,13 +23,6 @@ FLIGHT = TransferProfile(
     "short", START, (STurn(50 * DEG, 14.0), Climb(6.0, angle=8 * DEG), STurn(-40 * DEG, 14.0)),
     (Straight(1.0),),
 )  # fmt: skip
-
-
-def run(*words: object) -> Result:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
 
 
 @pytest.fixture(scope="module")

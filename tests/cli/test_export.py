@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
-from typer.testing import Result as Outcome
 
-from foucault.cli import app
+from commands import run
 from foucault.logs import read
 from foucault.logs.description import LogDescription
 from foucault.result import Level, Result
@@ -34,13 +32,6 @@ grade = "mems"
 [procedure]
 name = "hand_rotated"
 """
-
-
-def run(*words: object) -> Outcome:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
 
 
 @pytest.fixture
@@ -69,8 +60,9 @@ def test_apply_reads_as_the_campaign_of_the_run_says(
     tmp_path: Path, result: Result, truth: Any
 ) -> None:
     save(result, tmp_path / "run", CAMPAIGN.format(serial="0180-2214", file="first.csv"))
-    done = run("apply", tmp_path / "run", tmp_path / "log.csv", "-o", tmp_path / "out.parquet")
-    assert done.exit_code == 0, done.stderr
+    done = run(
+        "apply", tmp_path / "run", tmp_path / "log.csv", "-o", tmp_path / "out.parquet", code=0
+    )
     assert "Wrote 200 compensated samples" in done.stdout
     same(tmp_path / "out.parquet", truth)
 
@@ -87,8 +79,9 @@ def test_apply_reads_as_the_result_alone_remembers(
     alone.write_bytes((tmp_path / "run" / "result.json").read_bytes())
     (tmp_path / "log.csv").rename(tmp_path / "flight.csv")
     (tmp_path / "campaign.toml").unlink()
-    done = run("apply", alone, tmp_path / "flight.csv", "-o", tmp_path / "out.csv", "--json")
-    assert done.exit_code == 0, done.stderr
+    done = run(
+        "apply", alone, tmp_path / "flight.csv", "-o", tmp_path / "out.csv", "--json", code=0
+    )
     said = json.loads(done.stdout)
     assert (said["samples"], said["verdict"]) == (200, "pass")
     same(tmp_path / "out.csv", truth)
@@ -103,14 +96,12 @@ def test_apply_takes_a_campaign_and_checks_the_instrument(
     assert run("apply", tmp_path / "run", campaign, "-o", tmp_path / "out.npz").exit_code == 0
     same(tmp_path / "out.npz", truth)
     campaign.write_text(CAMPAIGN.format(serial="7", file="log.csv"))
-    wrong = run("apply", tmp_path / "run", campaign, "-o", tmp_path / "wrong.csv")
-    assert wrong.exit_code == 1
+    wrong = run("apply", tmp_path / "run", campaign, "-o", tmp_path / "wrong.csv", code=1)
     assert wrong.stderr.splitlines()[0] == (
         "error: The result is for serial number '0180-2214', the log says serial number '7'."
     )
     assert not (tmp_path / "wrong.csv").exists()
-    forced = run("apply", tmp_path / "run", campaign, "-o", tmp_path / "wrong.csv", "--force")
-    assert forced.exit_code == 0
+    run("apply", tmp_path / "run", campaign, "-o", tmp_path / "wrong.csv", "--force", code=0)
 
 
 def test_apply_to_a_log_of_our_own_needs_no_description(tmp_path: Path, result: Result) -> None:
@@ -121,11 +112,9 @@ def test_apply_to_a_log_of_our_own_needs_no_description(tmp_path: Path, result: 
     rng = np.random.default_rng(1)
     log = Log(np.arange(50) / 50, *rng.normal(size=(2, 50, 3)))
     write(log, tmp_path / "own.csv")
-    done = run("apply", tmp_path / "run", tmp_path / "own.csv", "-o", tmp_path / "out.csv")
-    assert done.exit_code == 0, done.stderr
+    run("apply", tmp_path / "run", tmp_path / "own.csv", "-o", tmp_path / "out.csv", code=0)
     same(tmp_path / "out.csv", (result.apply(log).accel, result.apply(log).gyro))
-    twice = run("apply", tmp_path / "run", tmp_path / "out.csv", "-o", tmp_path / "2.csv")
-    assert twice.exit_code == 1
+    twice = run("apply", tmp_path / "run", tmp_path / "out.csv", "-o", tmp_path / "2.csv", code=1)
     assert "is calibrated already" in twice.stderr
 
 
@@ -133,8 +122,7 @@ def test_apply_tells_what_is_outside_and_what_is_doubtful(tmp_path: Path, truth:
     doubtful = with_terms("accel.bias", "gyro.bias", level=Level.DOUBTFUL,
                           validity={"accel": [-0.1, 0.1]})  # fmt: skip
     save(doubtful, tmp_path / "run", CAMPAIGN.format(serial="", file="log.csv"))
-    done = run("apply", tmp_path / "run", tmp_path / "log.csv", "-o", tmp_path / "out.csv")
-    assert done.exit_code == 0
+    done = run("apply", tmp_path / "run", tmp_path / "log.csv", "-o", tmp_path / "out.csv", code=0)
     assert "warning: The specific force is outside -0.1 to 0.1 m/s^2 in " in done.stdout
     assert "There the result is extrapolated." in done.stdout
     assert "The result is doubtful." in done.stdout
@@ -147,8 +135,7 @@ def test_apply_without_what_it_needs(
     save(result, tmp_path / "run", CAMPAIGN.format(serial="", file="log.csv"))
     log = tmp_path / ("nope.csv" if missing == "log" else "log.csv")
     folder = tmp_path / ("nope" if missing == "result" else "run")
-    done = run("apply", folder, log, "-o", tmp_path / "out.csv")
-    assert done.exit_code == 1
+    done = run("apply", folder, log, "-o", tmp_path / "out.csv", code=1)
     words = {"log": "does not exist", "result": "There is no '"}[missing]
     assert words in done.stderr
 
@@ -160,8 +147,7 @@ def test_a_result_of_another_schema_is_refused_by_both(
     file = tmp_path / "run" / "result.json"
     file.write_text(file.read_text().replace("foucault.result/1", "foucault.result/9"))
     for words in (["apply", file, tmp_path / "log.csv"], ["export", file, "--to", "json"]):
-        done = run(*words, "-o", tmp_path / "out.csv")
-        assert done.exit_code == 1
+        done = run(*words, "-o", tmp_path / "out.csv", code=1)
         assert "has schema 'foucault.result/9'; this version of foucault reads" in done.stderr
     assert not (tmp_path / "out.csv").exists()
 
@@ -174,8 +160,7 @@ def test_export_writes_for_every_receiver(tmp_path: Path, result: Result) -> Non
             "--drop", "accel.scale", "--drop", "noise"]  # fmt: skip
     for receiver in RECEIVERS:
         out = tmp_path / receiver
-        done = run("export", tmp_path / "run", "--to", receiver, "-o", out, *drop, "--json")
-        assert done.exit_code == 0, done.stderr
+        done = run("export", tmp_path / "run", "--to", receiver, "-o", out, *drop, "--json", code=0)
         assert json.loads(done.stdout)["to"] == receiver
         assert "gyro.scale.x = " in out.read_text()
     # The noise that the campaign declares reaches the receiver that wants it.
@@ -197,8 +182,7 @@ def test_export_in_the_axes_of_the_receiver(tmp_path: Path, result: Result) -> N
 def test_export_refuses_with_the_words_to_go_on(tmp_path: Path, result: Result) -> None:
     save(result, tmp_path / "run")
     out = tmp_path / "px4.params"
-    done = run("export", tmp_path / "run", "--to", "px4", "-o", out)
-    assert done.exit_code == 1
+    done = run("export", tmp_path / "run", "--to", "px4", "-o", out, code=1)
     first, second = done.stderr.splitlines()
     assert first.startswith("error: px4 cannot express accel.misalignment.yx, ")
     assert "--drop accel.misalignment --drop gyro.scale --drop gyro.misalignment" in second
@@ -210,16 +194,13 @@ def test_export_refuses_with_the_words_to_go_on(tmp_path: Path, result: Result) 
 def test_export_of_an_unusable_result_needs_force(tmp_path: Path) -> None:
     save(with_terms("accel.bias", level=Level.UNUSABLE), tmp_path / "run")
     words = ["export", tmp_path / "run", "--to", "c", "-o", tmp_path / "c.h"]
-    done = run(*words)
-    assert done.exit_code == 1
+    done = run(*words, code=1)
     assert done.stderr.startswith("error: The result is unusable: 7 rests cannot determine")
-    forced = run(*words, "--force")
-    assert forced.exit_code == 0
+    forced = run(*words, "--force", code=0)
     assert "The result is unusable." in forced.stdout
 
 
 def test_export_to_where_nothing_can_be_written(tmp_path: Path, result: Result) -> None:
     save(result, tmp_path / "run")
-    done = run("export", tmp_path / "run", "--to", "c", "-o", tmp_path / "no" / "c.h")
-    assert done.exit_code == 1
+    done = run("export", tmp_path / "run", "--to", "c", "-o", tmp_path / "no" / "c.h", code=1)
     assert "cannot be written: No such file or directory. A file of this name" in done.stderr

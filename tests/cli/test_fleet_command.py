@@ -9,16 +9,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
-from typer.testing import CliRunner, Result
 
-from foucault.cli import app
-
-
-def run(*words: object) -> Result:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
+from commands import run
 
 
 @pytest.fixture
@@ -34,8 +26,7 @@ def bench(tmp_path: Path) -> Path:
 
 @pytest.mark.thorough
 def test_all_pass(bench: Path, tmp_path: Path) -> None:
-    result = run("fleet", bench, "-o", tmp_path / "out", "--reports")
-    assert result.exit_code == 0
+    result = run("fleet", bench, "-o", tmp_path / "out", "--reports", code=0)
     assert "10 of 10 instruments have a result, 10 solved in one batch." in result.output
     page = (tmp_path / "out" / "report.html").read_text()
     assert 'href="instruments/SN010/report.html"' in page
@@ -50,15 +41,13 @@ def test_json_with_a_tolerance_and_a_broken_instrument(bench: Path, tmp_path: Pa
     pq.write_table(pa.table(table.filter(keep)), means)
     limits = tmp_path / "limits.toml"
     limits.write_text('"accel.bias" = "500 mg"\n')
-    result = run("fleet", bench, "-o", tmp_path / "out", "--tolerance", limits, "--json")
-    assert result.exit_code == 3
+    result = run("fleet", bench, "-o", tmp_path / "out", "--tolerance", limits, "--json", code=3)
     said = json.loads(result.stdout)
     assert said["counts"] == {"pass": 9, "fail": 0, "undecided": 0, "broken": 1}
     assert said["broken"][0]["serial"] == "SN006"
     assert said["broken"][0]["code"] == "fleet.positions"
     assert Path(said["report"]).is_file() and said["tolerance"]["file"] == "limits.toml"
-    shown = run("fleet", bench, "-o", tmp_path / "out")
-    assert shown.exit_code == 3
+    shown = run("fleet", bench, "-o", tmp_path / "out", code=3)
     assert "SN006: Its readings are not in the positions" in shown.output
 
 

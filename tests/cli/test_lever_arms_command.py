@@ -7,11 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
-from typer.testing import Result as Outcome
 
+from commands import run
 from foucault import campaign, run_folder
-from foucault.cli import app
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.size_effect import LAYOUT
@@ -22,13 +20,6 @@ from make_sequence import NOISE
 
 FAR = {"arms": "3 cm", "delay": "2 ms", "rest_time": "30 s"}
 SITE = ["--latitude", "48.8462 deg", "--height", "60 m"]
-
-
-def run(*words: object) -> Outcome:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
 
 
 def template() -> str:
@@ -50,8 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("apart")
     (folder / "campaign.toml").write_text(template())
     assert run("simulate", folder / "campaign.toml", "-o", folder / "s").exit_code == 0
-    outcome = run("calibrate", folder / "s" / "campaign.toml", "-o", folder / "run")
-    assert outcome.exit_code == 0, outcome.output
+    outcome = run("calibrate", folder / "s" / "campaign.toml", "-o", folder / "run", code=0)
     for words in ("accel.lever.xy", "accel.delay", "verdict: pass"):
         assert words in outcome.output
     clean = folder / "s" / "clean.csv"
@@ -74,8 +64,7 @@ def test_calibrated_applied_and_calibrated_again(folder: Path) -> None:
     some = found.coefficients.chosen(LAYOUT.names)
     err = some.values - [truth[name] for name in some.names]
     assert (np.abs(err) < 4 * some.sd).all() and (np.abs(some.values) > 5 * some.sd).all()
-    outcome = run("calibrate", folder / "s" / "again.toml", "-o", folder / "again")
-    assert outcome.exit_code == 0, outcome.output
+    run("calibrate", folder / "s" / "again.toml", "-o", folder / "again", code=0)
     again = run_folder.load_result(folder / "again")
     # The noise is the same, and with it what it made the first calibration miss.
     assert (np.abs(again.coefficients.values) < 0.1 * again.coefficients.sd).all()
@@ -92,8 +81,7 @@ def test_what_is_exported_of_them(folder: Path, tmp_path: Path) -> None:
     }.items():  # fmt: skip
         made = run("export", folder / "run", "--to", receiver, "-o", tmp_path / "out")
         assert made.exit_code == 0 and words in (tmp_path / "out").read_text()
-    outcome = run("export", folder / "run", "--to", "imucal", "-o", tmp_path / "out")
-    assert outcome.exit_code == 1
+    outcome = run("export", folder / "run", "--to", "imucal", "-o", tmp_path / "out", code=1)
     assert "--drop accel.lever --drop accel.delay" in " ".join(outcome.output.split())
     page = (folder / "run" / "report.html").read_text(encoding="utf-8")
     assert "result.apply(log)" in page and "accel.<wbr>lever" in page

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from typer.testing import CliRunner, Result
 
+from commands import run
 from foucault import run_folder
-from foucault.cli import app
 from foucault.coefficients import CoefficientVector
 from foucault.logs import write as write_log
 from foucault.plans.manoeuvres import Rest, Rotate
@@ -23,13 +22,6 @@ from make_navigation import DRIVE, calibration, errors, logged, write_reference
 TRUE, FOUND = errors()
 SITE = ["--latitude", "47.3 deg", "--longitude", "8.5 deg", "--height", "430 m"]
 QUIET = ["--gyro-noise", "0.002 deg/sqrt(h)", "--accel-noise", "5 ug/sqrt(Hz)"]
-
-
-def run(*words: object) -> Result:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_parked_log_on_the_screen_and_nothing_written(folder: Path) -> None:
     before = sorted(p.name for p in folder.iterdir())
     result = run("navigate", folder / "parked.csv", *SITE, *QUIET, "--calibration", folder / "run",
-                 "--serial", "SN 4")  # fmt: skip
-    assert result.exit_code == 0, result.output
+                 "--serial", "SN 4", code=0)  # fmt: skip
     for words in ("63.08", "inertial frame", "off after 6.67 min", "horizontal [m]",
                   "without calibration [m]", "gyro.bias.x", "All together",
                   "the two runs differ by", "drift about east", "verdict: pass"):  # fmt: skip
@@ -161,8 +152,7 @@ def test_a_campaign_says_the_same(folder: Path) -> None:
 
 
 def test_a_folder_of_a_calibration_stays(folder: Path) -> None:
-    result = run("navigate", folder / "parked.csv", *SITE, "-o", folder / "run")
-    assert result.exit_code == 1
+    result = run("navigate", folder / "parked.csv", *SITE, "-o", folder / "run", code=1)
     assert "already holds result.json, of another kind of run." in result.output
 
 

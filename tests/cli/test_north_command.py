@@ -8,21 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
+from commands import run
 from foucault import run_folder
-from foucault.cli import app
 from foucault.coefficients import CoefficientVector
 from foucault.models.north_seeker import RATE_LEVEL, SEEKER
 from make_north import ARGUMENTS, PALINDROME, many, write_readings
 from make_result import make_result
-
-
-def run(*words: object) -> Result:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +37,7 @@ def calibration(tmp_path: Path) -> Path:
 
 
 def test_one_set_up_on_the_screen_and_nothing_written(readings: Path) -> None:
-    result = run("north", readings, *ARGUMENTS)
-    assert result.exit_code == 0
+    result = run("north", readings, *ARGUMENTS, code=0)
     for words in ("Mark 7", "Heading 123.5", "0.054"):
         assert words in result.output
     assert "noise: declared" in result.output and "None was used: bias" in result.output
@@ -57,16 +48,18 @@ def test_one_set_up_on_the_screen_and_nothing_written(readings: Path) -> None:
 
 def test_what_all_set_ups_share_is_said_once(tmp_path: Path) -> None:
     write_readings(tmp_path / "r.csv", many(12))
-    result = run("north", tmp_path / "r.csv", *ARGUMENTS, "--gyro-noise", "0.0003 deg/sqrt(h)")
-    assert result.exit_code == 3
+    result = run(
+        "north", tmp_path / "r.csv", *ARGUMENTS, "--gyro-noise", "0.0003 deg/sqrt(h)", code=3
+    )
     assert result.output.count("The residuals of the gyro over all set-ups are") == 1
 
 
 def test_many_with_a_wanted_accuracy(tmp_path: Path) -> None:
     write_readings(tmp_path / "r.csv", many(5), reference=True)
     out = tmp_path / "out"
-    result = run("north", tmp_path / "r.csv", *ARGUMENTS, "--accuracy", "0.02 deg", "-o", out)
-    assert result.exit_code == 3
+    result = run(
+        "north", tmp_path / "r.csv", *ARGUMENTS, "--accuracy", "0.02 deg", "-o", out, code=3
+    )
     assert "verdict: 0 of 5 pass" in result.output
     assert "minus reference [°]" in result.output
     assert "Dwell at least" in result.output and "The same in 2 more set-ups." in result.output
@@ -154,8 +147,9 @@ def test_a_calibration_and_its_serial_number(readings: Path, calibration: Path) 
     assert "calibration: bias" in said["setups"][0]["budget"]
     note = run("north", readings, *ARGUMENTS, "--calibration", calibration / "result.json")
     assert "The calibration is of instrument SN 4; the readings name none." in note.output
-    other = run("north", readings, *ARGUMENTS, "--calibration", calibration, "--serial", "SN 5")
-    assert other.exit_code == 1
+    other = run(
+        "north", readings, *ARGUMENTS, "--calibration", calibration, "--serial", "SN 5", code=1
+    )
     assert "of instrument SN 5, the calibration is of SN 4" in other.output
 
 
@@ -208,8 +202,7 @@ def test_a_campaign_says_the_same(readings: Path, tmp_path: Path, calibration: P
 
 def test_a_campaign_of_something_else(tmp_path: Path) -> None:
     run("init", "hand_rotated", "-o", tmp_path / "campaign.toml")
-    result = run("north", tmp_path / "campaign.toml")
-    assert result.exit_code == 1
+    result = run("north", tmp_path / "campaign.toml", code=1)
     assert "is a campaign of hand_rotated, not of a north seeker" in result.output
 
 
@@ -232,8 +225,7 @@ def test_mistakes_are_one_sentence(readings: Path, words: list[str], said: str) 
 
 def test_help_speaks_of_north_alone() -> None:
     for words in (["north", "--help"], ["north", "plan", "--help"]):
-        result = run(*words)
-        assert result.exit_code == 0
+        result = run(*words, code=0)
         assert f"foucault {' '.join(words[:-1])} " in result.output.partition("Example")[2]
     usage = run("north").output
     assert "foucault north find" not in usage

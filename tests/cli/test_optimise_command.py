@@ -8,22 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
+from commands import run
 from foucault.campaign import optimisation, reading
-from foucault.cli import app
 
 EXAMPLE = Path(__file__).parents[2] / "examples/platform_tumble.toml"
 BRIEF = "latitudes = []\ntruths = 1\n"
 FASTER = f'[optimise]\nrates = ["0.2 deg/s"]\n{BRIEF}'
 SIZE = ("--restarts", 3, "--evaluations", 60, "--round", 2, "--workers", 1)
-
-
-def run(*words: object) -> Result:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
 
 
 def write_campaign(folder: Path, optimise: str = FASTER, procedure: str = "") -> Path:
@@ -168,8 +161,7 @@ def test_an_unfinished_search_has_no_report(search, tmp_path):
     file = tmp_path / "s" / "found.json"
     for text in (None, "{", "[]", '{"procedure": "platform_tumble"}'):
         file.unlink(missing_ok=True) if text is None else file.write_text(text)
-        result = run("--json", "report", tmp_path / "s")
-        assert result.exit_code == 1
+        result = run("--json", "report", tmp_path / "s", code=1)
         assert said_of(result)["error"]["code"] == "optimise.missing"
 
 
@@ -218,8 +210,7 @@ def test_what_no_allowed_plan_shows_must_not_count(tmp_path):
     assert len(names) < 42
     nothing = ", ".join(f'"{name}" = 0.0' for name in names)
     write_campaign(tmp_path, f"{one_axis}weights = {{ {nothing} }}\n")
-    result = run("optimise", campaign, "-o", tmp_path / "s", *SIZE)
-    assert result.exit_code == 3
+    result = run("optimise", campaign, "-o", tmp_path / "s", *SIZE, code=3)
     assert f"No allowed plan shows: {', '.join(names)}." in result.output
     found = optimisation.load(tmp_path / "s")
     assert set(found.unseen) == set(names)
@@ -279,8 +270,7 @@ def test_the_folder_of_another_search_is_refused(search, tmp_path):
         ((campaign, "-o", folder, "--restarts", 3, "--evaluations", 61, "--round", 2), "evaluat"),
         ((campaign, "-o", folder, "--restarts", 3, "--evaluations", 60, "--round", 3), "round"),
     ):
-        result = run("optimise", *words)
-        assert result.exit_code == 1
+        result = run("optimise", *words, code=1)
         assert "holds another search" in result.stderr and what in result.stderr
     assert (folder / "found.json").read_bytes() == before
 

@@ -7,26 +7,18 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
+from commands import run
 from foucault import campaign
 from foucault.campaign.tables import NoiseTable
-from foucault.cli import app
 from foucault.errors import FoucaultError
 from foucault.models.parts import catalogue, noise_of
 from foucault.procedures import PROCEDURES
-
-
-def run(*words: object) -> Result:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
+from refusals import refuses
 
 
 def test_all_parts_are_listed() -> None:
-    result = run("parts")
-    assert result.exit_code == 0
+    result = run("parts", code=0)
     for name in catalogue():
         assert name in result.output
     said = json.loads(run("parts", "--json").output)
@@ -79,9 +71,8 @@ def test_noise_of_a_part_is_replaced_by_what_is_given() -> None:
 
 
 def test_what_cannot_be_noise_is_told() -> None:
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("noise.part") as caught:
         NoiseTable(part="ADIS16495-1").noise()
-    assert caught.value.code == "noise.part"
     assert caught.value.message == (
         "noise.part: what is known of ADIS16495-1 does not state the noise of accel."
     )

@@ -7,23 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
-from foucault.cli import app
+from commands import run
 from foucault.errors import FoucaultError
 from foucault.plans.directions import DIRECTIONS, named_angles, read_positions
-
-
-def run(*words: object) -> Result:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
+from refusals import refuses
 
 
 def test_all_plans_in_a_table() -> None:
-    result = run("plans")
-    assert result.exit_code == 0
+    result = run("plans", code=0)
     lines = {line.strip()[:20].strip(): line for line in result.output.splitlines()}
     for name in DIRECTIONS:
         assert name[:20].strip() in lines
@@ -48,8 +40,7 @@ def test_all_plans_as_json() -> None:
 
 def test_one_plan_and_its_file(tmp_path: Path) -> None:
     file = tmp_path / "angles.csv"
-    result = run("plans", "ico12", "-o", file)
-    assert result.exit_code == 0
+    result = run("plans", "ico12", "-o", file, code=0)
     for word in ("icosahedron 12: 12 positions, 12 equations for 9", "0.707 ppm", "211.717474",
                  "noticed from 8.3 times", str(file)):  # fmt: skip
         assert word in result.output
@@ -76,8 +67,7 @@ def test_one_plan_and_its_file(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_end_with_1_and_one_sentence(words: list[str], text: str) -> None:
-    result = run("plans", *words)
-    assert result.exit_code == 1
+    result = run("plans", *words, code=1)
     assert text in result.stderr and result.stderr.count("error:") == 1
 
 
@@ -95,9 +85,8 @@ def test_mistakes_end_with_1_and_one_sentence(words: list[str], text: str) -> No
 def test_files_that_are_no_positions(text: str, why: str, tmp_path: Path) -> None:
     file = tmp_path / "angles.csv"
     file.write_text(text)
-    with pytest.raises(FoucaultError, match=why) as caught:
+    with refuses("plan.file", match=why):
         read_positions(file)
-    assert caught.value.code == "plan.file"
 
 
 def test_a_file_that_is_no_text(tmp_path: Path) -> None:
@@ -108,8 +97,7 @@ def test_a_file_that_is_no_text(tmp_path: Path) -> None:
 
 
 def test_poses_for_deflection(tmp_path):
-    result = run("plans", "--model", "deflection")
-    assert result.exit_code == 0
+    result = run("plans", "--model", "deflection", code=0)
     assert "icosahedral 6" in result.output and "1.658" in result.output
     assert "optimised 6" in result.output and "1.438" in result.output
     file = tmp_path / "poses.csv"

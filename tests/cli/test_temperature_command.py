@@ -8,10 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
-from typer.testing import Result as Outcome
 
-from foucault.cli import app
+from commands import run
 from foucault.logs import read
 from foucault.logs import write as write_log
 from foucault.logs.description import LogDescription
@@ -21,13 +19,6 @@ from foucault.tables import Log
 from make_temperature import ZERO, sessions, truth
 
 TRUTH, _ = truth()
-
-
-def run(*words: object) -> Outcome:
-    result = CliRunner().invoke(app, [str(w) for w in words])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
 
 
 @pytest.fixture
@@ -53,8 +44,7 @@ def a_log(T: np.ndarray) -> Log:
 
 
 def test_from_results_to_a_calibrated_log(runs: list[str], tmp_path: Path) -> None:
-    done = run("temperature", *runs, "--at", "at-15=-15 degC", "-o", "model")
-    assert done.exit_code == 0, done.output
+    done = run("temperature", *runs, "--at", "at-15=-15 degC", "-o", "model", code=0)
     assert "parabola" in done.output
     assert "Valid from -15.0 °C to 65.3 °C" in done.output
     assert "verdict: pass" in done.output
@@ -78,8 +68,7 @@ def test_json_and_options(runs: list[str]) -> None:
     done = run("--json", "temperature", *runs, "--at", "at-15=258.15 K", "--order", "1", "--order",
                "gyro.bias=2", "--order", "accel.bias=2", "--scatter", "none", "--scatter",
                "gyro.bias=1 deg/h", "--reference", "20 degC", "--margin", "3 K", "--in-order",
-               "-o", "model")  # fmt: skip
-    assert done.exit_code == 0, done.output
+               "-o", "model", code=0)  # fmt: skip
     doc = json.loads(done.stdout)["result"]
     said = doc["temperature"]
     assert said["reference"] == pytest.approx(293.15)
@@ -110,8 +99,7 @@ def test_a_ramp(runs: list[str]) -> None:
     noise = 1e-3 * rng.normal(size=(n, 6))
     write_log(Log(np.arange(n) / 20.0, gyro + noise[:, :3], accel + noise[:, 3:], "rate", T),
               "warming.parquet")  # fmt: skip
-    done = run("temperature", "at25", "--ramp", "warming.parquet", "-o", "model")
-    assert done.exit_code == 3, done.output
+    done = run("temperature", "at25", "--ramp", "warming.parquet", "-o", "model", code=3)
     assert "known at one temperature, taken as constant over all" in done.output
     assert "temperature_ramps" in load_result("model").tables
 
@@ -134,8 +122,7 @@ def test_a_ramp(runs: list[str]) -> None:
     ],
 )
 def test_mistakes(words: list[str], code: str, runs: list[str]) -> None:
-    done = run("--json", "temperature", *runs, *words, "-o", "model")
-    assert done.exit_code == 1
+    done = run("--json", "temperature", *runs, *words, "-o", "model", code=1)
     assert json.loads(done.stdout)["error"]["code"] == code
     assert not Path("model").exists()
 
@@ -143,13 +130,11 @@ def test_mistakes(words: list[str], code: str, runs: list[str]) -> None:
 def test_outside_error_and_hold(runs: list[str]) -> None:
     run("temperature", *runs, "--at", "at-15=-15 degC", "-o", "model")
     write_log(a_log(ZERO + np.linspace(50, 80, 100)), "log.csv")
-    done = run("--json", "apply", "model", "log.csv", "-o", "out.csv")
-    assert done.exit_code == 1
+    done = run("--json", "apply", "model", "log.csv", "-o", "out.csv", code=1)
     said = json.loads(done.stdout)["error"]
     assert said["code"] == "temperature.outside"
     assert "--outside hold" in said["cure"]
-    done = run("apply", "model", "log.csv", "-o", "out.csv", "--outside", "hold")
-    assert done.exit_code == 0
+    done = run("apply", "model", "log.csv", "-o", "out.csv", "--outside", "hold", code=0)
     assert "are outside -15.00 to 65.30 degC" in done.output
     done = run("--json", "apply", "model", "log.csv", "-o", "out.csv", "--outside", "guess")
     assert json.loads(done.stdout)["error"]["code"] == "temperature.outside_choice"
@@ -168,8 +153,7 @@ def test_export_at_a_temperature(runs: list[str]) -> None:
     assert "foucault_at(double kelvin" in Path("calibration.h").read_text()
     done = run("--json", "export", "model", "--to", "kalibr", "-o", "imu.yaml")
     assert json.loads(done.stdout)["error"]["code"] == "temperature.receiver"
-    done = run("export", "model", "--to", "json", "--at", "25 degC", "-o", "room.json")
-    assert done.exit_code == 0
+    run("export", "model", "--to", "json", "--at", "25 degC", "-o", "room.json", code=0)
     room = json.loads(Path("room.json").read_text())
     want = load_result("model").temperature.at(298.15)["gyro.bias"].values
     np.testing.assert_array_equal(room["forward"]["gyro_bias"], want)

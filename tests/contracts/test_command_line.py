@@ -22,14 +22,14 @@ OWN_WORDS = {
     "--gyro-noise": 2,  # `north plan` takes the name of a grade
     "--seed": 2,  # `simulate` leaves it to the campaign
     "--force": 2,  # what is overruled
-    "--at": 2,
+    "--at": 3,  # a temperature, a time, a day
     "--drift": 2,
     "--level-sd": 2,  # at the start of navigation, or of a case without accelerometers
     "--method": 2,
     "--order": 2,
     "--noise": 2,  # of a run, or of a receiver's file
     "--rate": 4,  # of a plan, a session, a column, a receiver
-    "--reference": 2,
+    "--reference": 3,
     "--rest": 2,
     "--to": 2,  # what to write, or whose file it is
 }

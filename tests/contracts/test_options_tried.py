@@ -86,12 +86,18 @@ def imported(tree: ast.Module) -> Words:
     return out
 
 
+GROUPS = {name.split()[0] for name in COMMANDS if " " in name}
+
+
 def command_of(words: list[str]) -> str | None:
-    """Return the command that a call is one of."""
-    plain = [w for w in words if w in COMMANDS or w in ("north", "plan")][:2]
-    if "north" not in plain:
-        return plain[0] if plain else None
-    return "north plan" if plain[1:] == ["plan"] else "north find"
+    """Return the command that a call is one of, or the group whose command another call says."""
+    at = next((i for i, w in enumerate(words) if w in COMMANDS or w in GROUPS), None)
+    if at is None or words[at] not in GROUPS:
+        return None if at is None else words[at]
+    first = words[at]
+    both = (f"{first} {w}" for w in words[at + 1 :])
+    alone = "north find" if first == "north" else first
+    return next((name for name in both if name in COMMANDS), alone)
 
 
 @cache
@@ -102,7 +108,7 @@ def tried() -> set[tuple[str, str]]:
         if NOT_TESTS & set(path.relative_to(TESTS).parts):
             continue
         text = path.read_text(encoding="utf-8")
-        if "CliRunner" not in text:
+        if "CliRunner" not in text and "from commands import" not in text:
             continue
         tree = ast.parse(text)
         known = assigned(tree.body, imported(tree))

@@ -317,7 +317,10 @@ def test_every_procedure_of_means_is_asked_to_be_exact() -> None:
     assert asked == set(MIXED) - {"hand_rotated"}, "which has test_one_error of its own"
 
 
-@pytest.mark.parametrize("case", EXACT)
+@pytest.mark.parametrize("case", [
+    pytest.param(case, marks=pytest.mark.thorough if case.endswith("everything") else ())
+    for case in EXACT
+])  # fmt: skip
 def test_one_error_returns_exactly_that_error(case: str) -> None:
     for name in estimated(case):
         off = np.abs(beyond(case, {name: size(name)}))
@@ -410,6 +413,7 @@ def test_a_calibration_has_the_uncertainties_that_were_foretold(
         np.testing.assert_allclose(sum(found.budget.values()), found.sd**2, rtol=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["six_position", "ferraris"])
 def test_placements_that_nobody_declared_are_foreseen_as_they_are_found(name: str) -> None:
     """Stated variances scatter as those of a size that so many degrees of freedom tell."""

@@ -125,7 +125,8 @@ OTHER_KEYS = {
     "axis",  # "body axis = declared column"
     "end", "orientation", "diagnostics",  # of Python
     "limit",  # of a tolerance file
-    "brackets", "dask", "result", "action",  # TOML; an extra; lists of comparisons and sequences
+    "brackets", "dask", "records", "postgresql",  # TOML; extras
+    "result", "action",  # lists of comparisons and sequences
 }  # fmt: skip
 SPELLINGS = {s for c in COMMANDS.values() for o in options(c) for s in (*o.opts, *o.secondary_opts)}
 
@@ -137,7 +138,8 @@ def test_what_they_advise_exists() -> None:
             words = line.split()
             command = PROGRAM.commands[words[0]]
             if hasattr(command, "commands"):
-                command = command.commands["plan" if "plan" in words else "find"]
+                inner = next((w for w in words[1:] if w in command.commands), "find")
+                command = command.commands.get(inner, command)
             have = {s for o in command.params for s in o.opts}
             assert {w for w in words if w.startswith("-")} <= have, line
         assert not re.search(r"--[a-z-]+ '|install '", text), 'cmd.exe knows only "'

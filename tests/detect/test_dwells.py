@@ -9,7 +9,6 @@ import pytest
 from scipy import stats
 
 from foucault.detect.dwells import find_dwells, measured_noise
-from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -20,6 +19,8 @@ from foucault.simulate.north import (
     Stops,
     simulate_north,
 )
+from refusals import refuses
+from sessions import codes
 
 SETUPS = (Placement("A", 0.3, 0.05, -0.1), Placement("B", 6.2, 0.1, 0.02))
 FOUR = Stops(np.radians([0.0, 180.0, 90.0, 270.0]), np.array([60.0, 60.0, 45.0, 30.0]), 6.0)
@@ -31,10 +32,6 @@ def log_of(motion=FOUR, noise=QUIET, rows="samples", setups=SETUPS, **words):
     plan = NorthPlan(setups, motion)
     return simulate_north(plan, model=ImuModel(), noise=noise, site=Site.at(0.6), rows=rows,
                           **words).log  # fmt: skip
-
-
-def codes(dwells):
-    return [f.code for f in dwells.findings]
 
 
 def test_means_are_dwells():
@@ -109,18 +106,16 @@ def test_both_senses_in_one_setup():
 def test_means_that_do_not_say_how_long_they_last():
     """Rows 90 or 180 deg apart would pass for samples of a base that turns."""
     means = log_of(rows="means")
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("north.rows_apart") as caught:
         find_dwells(replace(means, averaged=None))
-    assert caught.value.code == "north.rows_apart"
     assert "In set-up 'A' the index angle steps by 180 deg" in caught.value.message
     assert "dwell (s)" in caught.value.cure
 
 
 def test_logs_without_dwells():
     short = Stops(np.radians([0.0, 90.0, 180.0]), np.full(3, 4.0), 2.0)
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("north.no_dwell") as caught:
         find_dwells(log_of(short))
-    assert caught.value.code == "north.no_dwell"
     assert "its longest stop lasts 4" in caught.value.message
     assert '[log.averaged] with column = "dwell"' in caught.value.cure
     assert len(find_dwells(log_of(short), shortest=2.0)) == 6

@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import pytest
 
 from foucault.campaign import comparison
 from foucault.diagnose.comparable import at_one_temperature
-from foucault.errors import FoucaultError
 from foucault.models.temperature import TemperatureModel
 from make_compare import make_entries, make_results
+from refusals import refuses
 
 
 def over_temperature(result, slope, scatter=0.0):
@@ -57,6 +56,5 @@ def test_what_repeats_badly_is_known_less():
 
 def test_beyond_its_range_a_function_is_refused():
     one, two = make_results(2)
-    with pytest.raises(FoucaultError) as problem:
+    with refuses("temperature.asked_outside"):
         comparison.of(make_entries([over_temperature(one, 1.0), warm(two, 330.0)]))
-    assert problem.value.code == "temperature.asked_outside"

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from foucault.diagnose.rate_table import Commanded, name_of, rate_steps
-from foucault.errors import FoucaultError
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.procedures.rate_table import Settings, from_readings
 from make_rates import ALL, LATITUDE, SPEEDS, make_readings, make_steps, up_of
+from refusals import refuses
+from sessions import codes
 
 SITE = Site(9.81, LATITUDE)
 RATES = ("10 deg/s", "-10 deg/s", "40 deg/s", "-40 deg/s", "100 deg/s", "-100 deg/s")
@@ -27,9 +28,8 @@ GIVEN = Commanded(SPEEDS)
 
 
 def refused(readings, commanded=NONE, told=True, code=""):
-    with pytest.raises(FoucaultError) as caught:
+    with refuses(f"rate_table.{code}") as caught:
         rate_steps(readings, commanded, told=told, site=SITE)
-    assert caught.value.code == f"rate_table.{code}"
     return str(caught.value)
 
 
@@ -165,10 +165,6 @@ def calibrated(steps, **settings):
     return from_readings(make_readings(steps), Settings(**settings), told=True, site=SITE)
 
 
-def codes(result):
-    return [f.code for f in result.findings]
-
-
 def noisy(seed=1, **changes):
     steps = make_steps(MODEL, sd=1e-5, **changes)
     rng = np.random.default_rng(seed)
@@ -176,9 +172,8 @@ def noisy(seed=1, **changes):
 
 
 def undetermined(steps, code="undetermined", **settings):
-    with pytest.raises(FoucaultError) as caught:
+    with refuses(f"rate_table.{code}") as caught:
         calibrated(steps, **settings)
-    assert caught.value.code == f"rate_table.{code}"
     return str(caught.value)
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from foucault.coefficients import Coefficient, Layout
 from foucault.diagnose.observability import Sensitivity
-from foucault.errors import FoucaultError
 
 NAMES = ("accel.bias.x", "accel.scale.x", "gyro.drift.x")
 LAYOUT = Layout(tuple(Coefficient(n, n, "angle", n) for n in NAMES))
@@ -22,30 +21,12 @@ def curves(k: int = 100) -> Sensitivity:
     return Sensitivity(time, LAYOUT, OUTPUTS, slopes)
 
 
-def test_pick_takes_names_groups_and_outputs() -> None:
-    c = curves()
-    part = c.pick(["gyro.drift", "accel.bias.x"], ["accel.y"])
-    assert part.layout.names == ("gyro.drift.x", "accel.bias.x")
-    assert part.outputs == ("accel.y",)
-    np.testing.assert_array_equal(part.slopes[:, 0], c.slopes[:, 1][:, [2, 0]])
-    assert c.pick(["accel"]).layout.names == NAMES[:2]
-    assert c.pick(["accel"]).outputs == OUTPUTS
-    with pytest.raises(FoucaultError, match=r"Did you mean 'gyro\.drift\.x'"):
-        c.pick(["gyro.drift.xx"])
-
-
 def test_thinning_keeps_the_ends() -> None:
     c = curves(1001)
     thin = c.thinned(11)
     np.testing.assert_array_equal(thin.time, c.time[::100])
     np.testing.assert_array_equal(thin.slopes, c.slopes[::100])
     assert c.thinned(2000) is c
-
-
-def test_other_units_scale_the_curves() -> None:
-    c = curves()
-    factors = np.array([2.0, 3.0, 4.0])
-    np.testing.assert_array_equal(c.times(factors).slopes, c.slopes * factors)
 
 
 def test_share_of_the_information_grows_as_its_analytic_sum() -> None:

@@ -13,7 +13,7 @@ from scipy import stats
 import foucault
 from foucault.campaign import read_log, save_session
 from foucault.diagnose import tumble as tumble_input
-from foucault.errors import FoucaultError, Status
+from foucault.errors import Status
 from foucault.guard import command
 from foucault.models.cluster import CONSTANTS
 from foucault.models.earth import Site
@@ -25,6 +25,7 @@ from foucault.result import Level
 from foucault.symptoms import SYMPTOMS
 from make_cluster import G
 from make_tumble import FAST, PUBLISHED, SLOW, calibrate, campaign_of, tumble
+from refusals import refuses
 
 DEG = np.radians(1.0)
 BARE = 'average = "5 s"'
@@ -37,9 +38,8 @@ LOGS = {"0.1 deg/s": PUBLISHED_LOG, "5 deg/s": UNPLANNED_FAST, "0.02 deg/s": UNP
 
 
 def refused(code, text, log, made=None, **words):
-    with pytest.raises(FoucaultError) as caught:
+    with refuses(code) as caught:
         calibrate(made or tumble()[0], log, **words)
-    assert caught.value.code == code, str(caught.value)
     assert text in str(caught.value)
     return str(caught.value)
 
@@ -137,9 +137,8 @@ def test_mistakes_in_the_campaign_file(tmp_path, old, new, code, text):
     wrong = file.read_text()
     assert old in wrong
     file.write_text(wrong.replace(old, new, 1))
-    with pytest.raises(FoucaultError) as caught:
+    with refuses(code) as caught:
         foucault.calibrate(foucault.load_campaign(file))
-    assert caught.value.code == code, str(caught.value)
     assert text in str(caught.value)
 
 

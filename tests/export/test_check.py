@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from foucault.cli import app
+from commands import run
 from foucault.errors import FoucaultError
 from foucault.export import write
 from foucault.export.check import Checked, checked, recognised
@@ -21,6 +20,7 @@ from foucault.export.table import Row, receivers
 from foucault.result import Result
 from foucault.run_folder import save
 from make_terms import LOUD, with_terms
+from refusals import refuses
 
 TABLE = receivers()
 RATE = LOUD.rate or 0.0
@@ -220,18 +220,13 @@ def test_keys_that_are_missing_or_no_numbers(tmp_path: Path) -> None:
 
 def test_a_file_of_nobody() -> None:
     for text in ("a: 1\n", "{}", '{"a": [1, 2]', ""):
-        with pytest.raises(FoucaultError) as caught:
+        with refuses("export.unknown_file"):
             recognised(text)
-        assert caught.value.code == "export.unknown_file"
     with pytest.raises(FoucaultError, match="Did you mean 'kalibr'"):
         checked("a: 1", "kalibre")
 
 
 # -- the command -------------------------------------------------------------------------------
-
-
-def run(*words: object) -> Any:
-    return CliRunner().invoke(app, [str(w) for w in words])
 
 
 def test_the_command(tmp_path: Path) -> None:
@@ -245,27 +240,23 @@ def test_the_command(tmp_path: Path) -> None:
     assert run("allan", tmp_path / "static.csv", "-o", tmp_path / "noise").exit_code == 0
     save(result, tmp_path / "run")
     file = tmp_path / "imu.yaml"
-    done = run("export", tmp_path / "run", "--to", "kalibr", "-o", file,
-               "--noise", tmp_path / "noise", "--rate", "100 Hz")  # fmt: skip
-    assert done.exit_code == 0, done.stderr
+    run("export", tmp_path / "run", "--to", "kalibr", "-o", file,
+               "--noise", tmp_path / "noise", "--rate", "100 Hz", code=0)  # fmt: skip
     words = ["--run", tmp_path / "run", "--noise", tmp_path / "noise", "--rate", "100 Hz",
              "--to", "kalibr", "--axes", "right-forward-up"]  # fmt: skip
-    done = run("check", file, *words)
-    assert done.exit_code == 0, done.stderr
+    done = run("check", file, *words, code=0)
     assert "It says what the run says." in done.stdout
     assert "Nothing in it is implausible." in run("check", file).stdout
     text = file.read_text()
     value = float(re.search(r"gyroscope_noise_density: (\S+)", text)[1])  # type: ignore[index]
     assert value == pytest.approx(1e-4, rel=0.4)
     file.write_text(text.replace(repr(value), repr(value * 10)))
-    done = run("check", file, *words, "--json")
-    assert done.exit_code == 3
+    done = run("check", file, *words, "--json", code=3)
     (told,) = json.loads(done.stdout)["findings"]
     assert "gyroscope_noise_density is a sample value, not a density." in told["message"]
     # Noise alone, from the folder of allan in the place of a run.
     other = tmp_path / "orb.yaml"
-    done = run("export", tmp_path / "noise", "--to", "orb-slam3", "-o", other)
-    assert done.exit_code == 0, done.stderr
+    run("export", tmp_path / "noise", "--to", "orb-slam3", "-o", other, code=0)
     assert "IMU.Frequency: 100.0" in other.read_text()
     assert "from the Allan run noise" in other.read_text()
     done = run("check", other, "--run", tmp_path / "noise")
@@ -275,6 +266,5 @@ def test_the_command(tmp_path: Path) -> None:
 def test_a_folder_that_is_no_allan_run(tmp_path: Path) -> None:
     save(small("kalibr"), tmp_path / "run")
     done = run("export", tmp_path / "run", "--to", "kalibr", "-o", tmp_path / "a",
-               "--noise", tmp_path)  # fmt: skip
-    assert done.exit_code == 1
+               "--noise", tmp_path, code=1)  # fmt: skip
     assert "is no run of foucault allan that tells the noise" in done.stderr

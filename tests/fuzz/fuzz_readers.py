@@ -26,12 +26,13 @@ with atheris.instrument_imports(include=["foucault"]):
     from foucault.logs import dialect, raw, reading  # noqa: F401  instrumented
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
-from make_damage import GOOD  # noqa: E402
+from make_damage import FLIGHTS, GOOD  # noqa: E402
 from test_damaged_logs import believable, described  # noqa: E402
 
 warnings.simplefilter("ignore")
 FOLDER = Path(tempfile.mkdtemp(prefix="fuzz-"))
-NAMES = list(GOOD)
+FILES = GOOD | FLIGHTS
+NAMES = list(FILES)
 
 
 def one_log(data: bytes) -> None:
@@ -77,7 +78,7 @@ def one_result(data: bytes) -> None:
 def seeds(what: str) -> list[bytes]:
     """Return what the fuzzer begins with."""
     if what == "logs":
-        return [bytes([i]) + GOOD[name] for i, name in enumerate(NAMES)]
+        return [bytes([i]) + FILES[name] for i, name in enumerate(NAMES)]
     if what == "campaign":
         from foucault.procedures import PROCEDURES
 

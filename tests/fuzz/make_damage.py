@@ -8,6 +8,8 @@ import sys
 import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pyarrow as pa
@@ -15,6 +17,10 @@ import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 from hypothesis import strategies as st
 from scipy.io import savemat
+
+from foucault.tables import Log
+from make_recordings import dataflash
+from make_vehicle import bin_file, tlog_file, ulg_file
 
 MOST = 60 << 20
 """Memory for a file of some kilobytes: the blocks of the readers, and room [bytes]."""
@@ -62,6 +68,30 @@ GOOD: dict[str, bytes] = {
     "log.bin": table().astype("<f8").tobytes(),
 }
 """File name -> its content."""
+
+
+def _flights() -> dict[str, bytes]:
+    """Return logs of vehicles, which say themselves what they hold: name -> content."""
+    logs = [Log(rows[:, 0].copy(), rows[:, 1:4].copy(), rows[:, 4:].copy()) for rows in [table()]]
+    samples = (1000 * table(64)[:, 1:4]).astype(int).T.tolist()
+    batch = {"ISBH": ("QHBBHHQf", "TimeUS,N,type,instance,mul,smp_cnt,SampleUS,smp_rate",
+                      [(1, 1, 1, 0, 938, 64, 1, 1000.0)]),
+             "ISBD": ("QHHaaa", "TimeUS,N,seqno,x,y,z", [
+                 (2 + k, 1, k, *(axis[32 * k : 32 * k + 32] for axis in samples))
+                 for k in range(2)])}  # fmt: skip
+    out = {}
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "log"
+        for name, wrote in (("imu.bin", bin_file), ("flight.ulg", ulg_file),
+                            ("flight.tlog", tlog_file)):  # fmt: skip
+            wrote(path, logs)
+            out[name] = path.read_bytes()
+        dataflash(path, batch)
+        out["batches.bin"] = path.read_bytes()
+    return out
+
+
+FLIGHTS = _flights()
 
 
 @st.composite

@@ -10,6 +10,7 @@ import pytest
 from foucault.errors import FoucaultError
 from foucault.logs import reference
 from foucault.models.earth import displaced
+from refusals import refuses
 
 HEAD = "time (s),latitude (deg),longitude (deg),height (m)"
 
@@ -118,9 +119,8 @@ def driven(
 
 
 def test_latitude_and_longitude_that_are_exchanged_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("reference.place_swapped") as caught:
         reference.read(driven(tmp_path / "r.csv", True))
-    assert caught.value.code == "reference.place_swapped"
     assert "with latitude and longitude exchanged" in caught.value.message
     assert "Exchange the titles of its columns latitude and longitude" in caught.value.cure
 

@@ -12,6 +12,7 @@ import pytest
 from foucault.errors import FoucaultError
 from foucault.logs import LogDescription, read
 from foucault.logs import text as sentences
+from refusals import refuses
 
 # The examples of the maker's manual, whose checksums are not of our making.
 SHORT = (
@@ -85,9 +86,8 @@ def test_the_log_of_a_csv_of_the_same_numbers_over_the_end_of_a_week(imu, read_t
 
 
 def test_the_size_of_a_count_is_asked_for(imu):
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("log.open_unit") as caught:
         imu([SHORT])
-    assert caught.value.code == "log.open_unit"
     assert "[log.gyro]" in caught.value.cure
     with pytest.raises(FoucaultError) as caught:
         imu([SHORT], gyro=SIZES["gyro"])
@@ -100,9 +100,8 @@ def test_the_size_of_a_count_is_asked_for(imu):
 )
 def test_a_damaged_sentence(bad, reason, imu):
     good = [novatel(2209, 491600 + k / 100, range(k, k + 6)) for k in range(5)]
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("log.sentence") as caught:
         imu([*good, bad], **SIZES)
-    assert caught.value.code == "log.sentence"
     assert "line 6" in caught.value.message
     assert reason in caught.value.message
     log = imu([*good[:3], bad, *good[3:]], missing="drop", **SIZES)
@@ -127,21 +126,17 @@ def test_vectornav_in_right_forward_up(imu, monkeypatch):
 
 
 def test_vectornav_has_no_time(imu):
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("log.no_time"):
         imu([vectornav(range(11))])
-    assert caught.value.code == "log.no_time"
 
 
 def test_no_sentence_of_ours(imu):
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("log.no_topic"):
         imu(["$GPGGA,1,2,3*00"], format="novatel")
-    assert caught.value.code == "log.no_topic"
 
 
 def test_corrected_readings_are_refused_by_name(imu):
     """Less gravity, the Earth's rate and what a filter believes the errors to be."""
     row = "%CORRIMUDATASA,1581,341553.000;1581,341552.9975,-6e-7,-1e-6,1e-6,6e-5,-1e-5,-2e-5*0"
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("log.no_topic", "CORRIMUDATA"):
         imu(50 * [row])
-    assert caught.value.code == "log.no_topic"
-    assert "CORRIMUDATA" in str(caught.value)

@@ -32,6 +32,7 @@ from make_alignment import (
     ring_log,
     with_errors,
 )
+from refusals import refuses
 
 SITE = Site.at(np.radians(47.0), 400.0)
 # Of the ring laser unit, from its own log between 300 s and 600 s: validation/alignment.py.
@@ -85,9 +86,8 @@ def test_a_window_of_the_log():
     assert (part.time - part.dt)[0] == pytest.approx(20.0) and part.time[-1] == pytest.approx(60)
     assert len(increments[window(increments)]) == len(increments)
     for start, end in ((-1.0, 50.0), (50.0, 50.0), (60.0, 20.0), (0.0, 101.0)):
-        with pytest.raises(FoucaultError, match=r"the log has 0 s to 100 s") as caught:
+        with refuses("alignment.window", r"the log has 0 s to 100 s"):
             window(increments, start, end)
-        assert caught.value.code == "alignment.window"
 
 
 def test_a_log_of_rates_is_as_good():
@@ -181,9 +181,8 @@ def test_no_negative_standard_deviation(name, value):
 
 
 def test_an_unknown_method():
-    with pytest.raises(FoucaultError, match="Did you mean 'two_vector'") as caught:
+    with refuses("alignment.method", "Did you mean 'two_vector'"):
         check_method("two_vectors")
-    assert caught.value.code == "alignment.method"
 
 
 def test_a_gap_stops_an_alignment():
@@ -191,15 +190,13 @@ def test_a_gap_stops_an_alignment():
     keep = np.r_[0:200, 220:600]
     rates = [x[keep] / 0.1 for x in (increments.dtheta_b, increments.dvel_b)]
     log = Log(increments.time[keep], *rates, sampled="increment")
-    with pytest.raises(FoucaultError, match="Samples are missing at") as caught:
+    with refuses("strapdown.gap", "Samples are missing at"):
         align(log, SITE)
-    assert caught.value.code == "strapdown.gap"
     found = align(log, SITE, gaps="bridge")
     assert [f.code for f in found.findings] == ["strapdown.bridged"]
 
 
 def test_too_few_samples():
     increments, _ = resting(SITE, 0.5, 0.1, 0.0)
-    with pytest.raises(FoucaultError, match=r"0\.5 s long; at least 1 s") as caught:
+    with refuses("alignment.too_short", match=r"0\.5 s long; at least 1 s"):
         align(increments, SITE, method="two_vector")
-    assert caught.value.code == "alignment.too_short"

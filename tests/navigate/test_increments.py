@@ -12,6 +12,7 @@ from foucault.navigate.increments import Increments, increments_of
 from foucault.navigate.strapdown import navigate
 from foucault.tables import Log
 from make_strapdown import VEHICLES, errors, gathered, standing
+from refusals import refuses
 
 STATE, W, F = VEHICLES["survey vehicle, turning"]
 
@@ -121,9 +122,8 @@ def gappy(lost: slice, make=means) -> Log:
 
 
 def test_a_gap_stops():
-    with pytest.raises(FoucaultError, match=r"missing at 0\.99 s \(1 in all, the longest") as told:
+    with refuses("strapdown.gap", match=r"missing at 0\.99 s \(1 in all, the longest"):
         increments_of(gappy(slice(100, 110)))
-    assert told.value.code == "strapdown.gap"
 
 
 @pytest.mark.parametrize("make", [rates, means])
@@ -162,9 +162,8 @@ def test_many_gaps_are_counted():
     ],
 )
 def test_logs_that_cannot_be_navigated(code, words, change):
-    with pytest.raises(FoucaultError, match=words) as told:
+    with refuses(code, match=words):
         increments_of(replace(rates(even(30, 0.01)), **change))
-    assert told.value.code == code
 
 
 def test_rows():

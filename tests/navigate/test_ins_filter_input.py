@@ -12,6 +12,7 @@ from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.navigate.ins_filter import Updates, run
 from make_ins import at_rest, still
+from refusals import refuses
 
 NOISE = ImuNoise(accel=TriadNoise(white=5e-5), gyro=TriadNoise(white=1e-6))
 NONE = Sensors.of(())
@@ -46,9 +47,8 @@ BAD = {
 def test_measurements_that_cannot_be_are_refused(what):
     log, state = at_rest(10)
     updates = BAD[what](still(np.arange(20, 200, 20), 1e-3, 0.01))
-    with pytest.raises(FoucaultError, match=what) as caught:
+    with refuses("strapdown.measurements", match=what):
         run(log, state, NONE, updates, np.eye(9), NOISE)
-    assert caught.value.code == "strapdown.measurements"
 
 
 def test_a_start_that_cannot_be_is_refused():
@@ -62,9 +62,8 @@ def test_a_start_that_cannot_be_is_refused():
     with pytest.raises(FoucaultError, match="do not rise from row 30"):
         run(log, state, NONE, updates, np.eye(9), NOISE, first=30)
     beyond = Updates.none(np.array([10, len(log)]))
-    with pytest.raises(FoucaultError, match=f"Row {len(log)}") as caught:
+    with refuses("strapdown.rows", match=f"Row {len(log)}"):
         run(log, state, NONE, beyond, np.eye(9), NOISE)
-    assert caught.value.code == "strapdown.rows"
     with pytest.raises(FoucaultError, match=r"correlation time of gyro\.bias is 0"):
         run(log, state, Sensors.of(("gyro.bias",)), updates, np.eye(12), NOISE,
             correlation_time={"gyro.bias": 0.0})  # fmt: skip
@@ -74,6 +73,5 @@ def test_a_start_that_cannot_be_is_refused():
         run(log, state, Sensors.of(("gyro.bias",)), updates, np.eye(12), NOISE,
             wander={"accel.bias": 1e-6})  # fmt: skip
     log.dvel_b[50] = np.nan
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("strapdown.not_finite"):
         run(log, state, NONE, updates, np.eye(9), NOISE)
-    assert caught.value.code == "strapdown.not_finite"

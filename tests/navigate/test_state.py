@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.errors import FoucaultError
 from foucault.models.rotation import exp
 from foucault.models.rotation import matrix_of as attitude
 from foucault.navigate.strapdown import State, matrix_of, quaternion_of, state_of, states_of
 from make_strapdown import errors
+from refusals import refuses
 
 HALF = np.pi * np.eye(3)
 
@@ -87,6 +87,5 @@ def test_angles():
     ],
 )
 def test_impossible_starts(words, change):
-    with pytest.raises(FoucaultError, match=words) as told:
+    with refuses("strapdown.state", match=words):
         replace(State.at_rest(np.eye(3), 0.5), **change).packed()
-    assert told.value.code == "strapdown.state"

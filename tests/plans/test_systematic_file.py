@@ -8,6 +8,7 @@ import pytest
 from foucault.errors import FoucaultError
 from foucault.plans.sequence import pointing
 from foucault.plans.sequence_file import ActionTable, parse_sequence, read_sequence
+from refusals import refuses
 
 DEG = np.pi / 180
 
@@ -65,9 +66,8 @@ def test_gimbal_angles_are_read() -> None:
         ("rest =", "rests =", "`gimbal.rests`.*Did you mean 'rest'"),
         ("[gimbal]", "[[action]]\nrest = '1 s'\n[gimbal]", "either"),
     ):
-        with pytest.raises(FoucaultError, match=words) as caught:
+        with refuses("sequence.entry", match=words):
             parse_sequence(GIMBAL.replace(old, new))
-        assert caught.value.code == "sequence.entry"
 
 
 @pytest.mark.parametrize(
@@ -93,18 +93,15 @@ def test_gimbal_angles_are_read() -> None:
     ],
 )  # fmt: skip
 def test_mistakes_are_named(old: str, new: str, code: str, words: str) -> None:
-    with pytest.raises(FoucaultError, match=words) as caught:
+    with refuses(code, match=words):
         parse_sequence(TEXT.replace(old, new, 1))
-    assert caught.value.code == code
 
 
 def test_files_that_cannot_be_read(tmp_path) -> None:
-    with pytest.raises(FoucaultError, match="No such file") as caught:
+    with refuses("sequence.file", "No such file"):
         read_sequence(tmp_path / "none.toml")
-    assert caught.value.code == "sequence.file"
-    with pytest.raises(FoucaultError, match=r"the file.*either") as caught:
+    with refuses("sequence.entry", match=r"the file.*either"):
         parse_sequence('name = "a"')
-    assert caught.value.code == "sequence.entry"
     with pytest.raises(FoucaultError, match="has no rest"):
         parse_sequence('[[action]]\nspin = 1\nabout = "up"')
 

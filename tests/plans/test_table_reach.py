@@ -8,10 +8,10 @@ from math import pi
 import numpy as np
 import pytest
 
-from foucault.errors import FoucaultError
 from foucault.models.turntable import up_k
 from foucault.plans.directions import spread_directions
 from foucault.plans.table import Reach, shortest_order, travel_time
+from refusals import refuses
 
 DIRECTIONS = spread_directions(50)
 
@@ -58,9 +58,8 @@ def test_steps_of_a_dividing_head():
 
 
 def test_a_range_between_two_steps_has_no_angle():
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("table.range") as caught:
         Reach(inner=(0.1, 0.2), step=np.radians(15)).checked()
-    assert caught.value.code == "table.range"
     assert "the inner axis has no angle that is a multiple of 15 deg" in caught.value.message
 
 

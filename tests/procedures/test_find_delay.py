@@ -26,6 +26,7 @@ from foucault.simulate.transfer import (
 )
 from foucault.tables import Log
 from make_transfer import ARCMIN, DEG
+from refusals import refuses
 
 START = Start(45 * DEG, 9 * DEG, 800.0, heading=20 * DEG, speed=45.0)
 FLIGHT = TransferProfile(
@@ -210,9 +211,8 @@ def test_a_delay_outside_its_bracket() -> None:
 def test_clocks_that_are_far_apart() -> None:
     run = flown()
     late = replace(run.master, time=run.master.time + 7.3)
-    with pytest.raises(FoucaultError) as problem:
+    with refuses("delay.apart") as problem:
         find_delay(run.log, replace(run.master, time=run.master.time + 1e5))
-    assert problem.value.code == "delay.apart"
     assert "--bracket any" in problem.value.cure
     for shift in (7.3, 1e5):
         late = replace(run.master, time=run.master.time + shift)

@@ -20,6 +20,7 @@ from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors, simulate
 from foucault.tables import Log
 from make_session import BLIND, SITE, model_of, plan_with, short_plan
+from sessions import codes, failed
 
 NOISE = grade("tactical").noise
 
@@ -36,17 +37,9 @@ def refused(log, **words):
     return caught.value
 
 
-def codes(result):
-    return [f.code for f in result.findings]
-
-
 def the(result, code):
     (found,) = [f for f in result.findings if f.code == code]
     return found
-
-
-def failed(result):
-    return {c.name for c in result.checks if not c.passed}
 
 
 def test_a_good_session_passes_without_warnings():

@@ -59,6 +59,7 @@ def test_spins_in_one_sense_tell_no_g_sensitivity_from_the_matrix_of_the_gyros(s
         assert np.linalg.norm(b - (a @ b) / (a @ a) * a) < 0.01 * np.linalg.norm(b), term.name
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", PROCEDURES)
 def test_with_every_term_at_its_size_the_uncertainties_are_right(name) -> None:
     made, scores = campaign(name), {None: [], "sizes": []}

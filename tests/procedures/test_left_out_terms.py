@@ -218,6 +218,7 @@ def test_a_procedure_that_does_not_count_them_says_so() -> None:
     assert "but 'hand_rotated' does not count them with such a log" in told.message
 
 
+@pytest.mark.thorough
 def test_sizes_that_are_larger_than_the_terms_make_no_half_of_a_session_suspect() -> None:
     settings = six_position.Settings(placement_sd=3 * ARCMIN)
     session, failed = six_position.Session(placement_sd=3 * ARCMIN), 0

@@ -20,6 +20,7 @@ from foucault.procedures.platform_tumble.settings import PRIOR, Session
 from foucault.result import Level
 from make_cluster import ARCSEC, DEG_H, SIZES, UG, G, one_error
 from make_tumble import FAST, PUBLISHED, calibrate, campaign_of, tumble
+from sessions import failed
 
 SITE = Site(G, np.radians(40.0), gravity_sd=0.0)
 LEVEL = Session(attitude=("0 deg",) * 3, attitude_sd=0.0)
@@ -38,10 +39,6 @@ def prior_sd():
 def nees(result, truth):
     error = result.coefficients.values - truth.values
     return float(error @ np.linalg.solve(result.coefficients.cov, error))
-
-
-def failed(result):
-    return {c.name for c in result.checks if not c.passed}
 
 
 # -- what was put in comes back --------------------------------------------------------------------

@@ -53,6 +53,8 @@ def test_means_of_poses_calibrate_accelerometers_and_gyro_bias():
     assert nees(result, truth) < chi_square_limits(len(SHOWN))[1]
     assert result.verdict.level is Level.PASS
     assert len(result.diagnostics["bound"]) == len(SHOWN)
+    assert {"gyro noise", "unknown heading"} < set(result.diagnostics["budget"])
+    assert {"noise of angular rate at rest", "held-out readings"} < {c.name for c in result.checks}
     assert any("do not hold the turns" in words for words in result.diagnostics["unseen"])
     assert not any("rate of the table" in words for words in result.diagnostics["unseen"])
 
@@ -102,6 +104,10 @@ def test_means_of_poses_without_gyros_or_latitude():
     assert "session.no_gyro" in [f.code for f in alone.findings]
     unknown = hand_rotated.calibrate(log, site=replace(SITE, latitude=None))
     assert "session.no_latitude" in [f.code for f in unknown.findings]
+    assert "unknown Earth rate" in unknown.diagnostics["budget"]
+    told = {"gyro.bias.x": (0.0, 1e-9)}
+    known = hand_rotated.calibrate(log, site=SITE, noise=NOISE, prior=told).coefficients
+    assert known.sd[known.names.index("gyro.bias.x")] < 1.01e-9
     chosen = Settings(accel_quadratic=True, g_sensitivity=True)
     more = hand_rotated.calibrate(log, site=SITE, settings=chosen).coefficients
     assert "accel.quadratic.z" in more.names and "gyro.bias.z" in more.names

@@ -72,6 +72,7 @@ def test_drifts_and_gravity_add_what_the_formulas_say():
     assert (np.diff((wide.axis >= 3).astype(int)) >= 0).all()  # those of the gyros come first
 
 
+@pytest.mark.thorough
 def test_nothing_is_named_and_the_table_says_all():
     log, truth = session()
     result = trial(log)

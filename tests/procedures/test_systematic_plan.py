@@ -32,6 +32,7 @@ from foucault.procedures.systematic.plan import HERE, bound, foreseen, shown, wi
 from foucault.procedures.systematic.quick import Quick
 from foucault.procedures.systematic.settings import Session, Settings
 from make_sequence import ARCSEC, DEG, NOISE
+from sessions import codes
 
 SITE = Site.at(40 * DEG, 100.0)
 ARCSEC_G = ARCSEC / 9.80665
@@ -61,10 +62,6 @@ FAST = BENDING + '\nrate_limit = "90 deg/s"'
 
 def planned(procedure=NINE, wanted=""):
     return campaign.parse(TEXT.format(procedure=procedure, wanted=wanted))
-
-
-def codes(found):
-    return [f.code for f in found.findings]
 
 
 # -- preflight -------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from foucault.procedures.temperature.evidence import model_of, solved, task_of
 from foucault.result import Check, Level, Result
 from foucault.result_document import document
 from make_temperature import ROOM, ZERO, sessions, truth, typical
+from sessions import codes
 
 DEGREES = (-15, 0, 15, 25, 35, 50, 65)
 ORDERS = {"accel.bias": 2, "gyro.bias": 2, "accel.scale": 1, "gyro.scale": 1, "": 0}
@@ -27,10 +28,6 @@ TRUTH, TEMPLATE = truth()
 
 def check(result: Result, name: str) -> Check:
     return next(c for c in result.checks if c.name == name)
-
-
-def codes(result: Result) -> list[str]:
-    return [f.code for f in result.findings]
 
 
 def nees(model: TemperatureModel, family: str = "") -> tuple[float, int]:

@@ -138,6 +138,7 @@ def test_nothing_is_named_in_a_clean_flight_and_no_sd_is_smaller():
     assert all(table["basis"])
 
 
+@pytest.mark.thorough
 def test_a_term_of_seven_sizes_is_named_and_counts_as_much():
     c = described()
     log, _ = flown(c)

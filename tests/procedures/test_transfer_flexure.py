@@ -9,7 +9,8 @@ import pytest
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.procedures.transfer_alignment.settings import Settings
 from foucault.result import Level
-from make_transfer_campaign import codes, failed, faultless, made, missed, trial
+from make_transfer_campaign import faultless, made, missed, trial
+from sessions import codes, failed
 
 ARCMIN = 2.9088820866572e-4
 

@@ -12,7 +12,8 @@ from foucault.procedures import transfer_alignment
 from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment.session import draw_errors
 from foucault.result import Level
-from make_transfer_campaign import codes, described, failed, faultless
+from make_transfer_campaign import described, faultless
+from sessions import codes, failed
 
 DEG_H, G = np.pi / 180 / 3600, 9.80665
 TACTICAL = {"gyro.misalignment": 1e-3, "accel.misalignment": 1e-3, "accel.scale": 5e-4,

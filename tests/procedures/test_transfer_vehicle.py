@@ -59,6 +59,7 @@ def of(coefficients):
     return {g: coefficients[g].values for g in ANGLES}, float(coefficients.value("master.delay"))
 
 
+@pytest.mark.thorough
 def test_delay_installation_and_biases(found):
     c = found.coefficients
     assert found.status is Status.CONVERGED
@@ -77,6 +78,7 @@ def test_heading_closes_without_messages(log, found):
     assert abs(heading_error(log, shipped, delay)[-1]) == pytest.approx(14.3, abs=0.3)
 
 
+@pytest.mark.thorough
 def test_biases_of_the_first_half_close_the_second(log, campaign):
     first, delay = of(calibrated(campaign, half(log, False)).coefficients)
     err = heading_error(log, first, delay, begin=50.0)

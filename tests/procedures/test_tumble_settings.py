@@ -22,6 +22,7 @@ from foucault.procedures.platform_tumble.settings import (
     draw_printed,
 )
 from make_cluster import ARCSEC, DEG_H, UG, G, make_cluster
+from refusals import refuses
 
 SITE = Site(G, np.radians(40.0))
 
@@ -69,9 +70,8 @@ def test_arms_are_lengths():
     ],
 )  # fmt: skip
 def test_settings_that_cannot_be(code, match, given):
-    with pytest.raises(FoucaultError, match=match) as caught:
+    with refuses(code, match=match):
         Settings.model_validate(given)
-    assert caught.value.code == code
 
 
 @pytest.mark.parametrize("key", ["start_sd", "azimuth_sd", "rate", "segment", "rate_limit"])
@@ -150,10 +150,9 @@ def test_a_session_does_the_plan_of_the_settings():
     np.testing.assert_allclose(made.log.gyro[0, 0], -RATE, atol=8e-5)
     assert simulated().plan.name == "published"
     assert len(simulated(Session(interval=1.0)).log) == 5401
-    with pytest.raises(FoucaultError, match=r"the limit is 0\.0572958") as caught:
+    with refuses("torquing.limit", match=r"the limit is 0\.0572958"):
         simulated(rate_limit=0.001, plan="published", rate=RATE)
     assert simulated(rate_limit=0.001).plan.duration == pytest.approx(1.5 * 2 * np.pi / 0.001)
-    assert caught.value.code == "torquing.limit"
 
 
 def test_attitude_and_delay_are_drawn():

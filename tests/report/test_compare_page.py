@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import re
-from html import unescape
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ import pytest
 from foucault.campaign import comparison, tolerance
 from foucault.report import compare, render
 from make_compare import make_entries, make_results, moved
+from pages import figures, text_of, titles
 
 LIMITS = '"gyro.bias" = { limit = "900 deg/h", change = "60 deg/h", drift_per_year = "80 deg/h" }'
 
@@ -34,21 +33,6 @@ def pages() -> dict[str, str]:
     return {
         name: render(compare.document(comparison.record(found))) for name, found in made.items()
     }
-
-
-def titles(page):
-    return [unescape(t) for t in re.findall(r"<h2 id=[^>]*>(.*?)</h2>", page)]
-
-
-def figures(page):
-    found = re.findall(r'<script type="application/json">(.*?)</script>', page)
-    return [json.loads(text) for text in found]
-
-
-def text_of(page, title):
-    part = page[page.index(f">{title}</h2>") :]
-    part = part[: part.index("</section>")]
-    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", part)))
 
 
 def test_sections(pages):

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import re
-from html import unescape
 
 import numpy as np
 import pytest
@@ -16,6 +14,7 @@ from foucault.errors import error
 from foucault.models.imu import LINEAR_LOWER
 from foucault.report import fleet, render
 from foucault.report.fleet import ratios
+from pages import figures, text_of, titles
 
 MG = 9.80665e-3
 ABOUT = {
@@ -70,21 +69,6 @@ def test_a_serial_number_makes_no_link_and_no_element():
     rows = [dataclasses.replace(row, report="javascript:evil()") for row in make_table().rows]
     page = page_of(FleetTable.of(LINEAR_LOWER, rows), ABOUT)
     assert 'href="javascript%3Aevil%28%29"' in page
-
-
-def titles(page):
-    return re.findall(r"<h2 id=[^>]*>(.*?)</h2>", page)
-
-
-def figures(page):
-    found = re.findall(r'<script type="application/json">(.*?)</script>', page)
-    return [json.loads(text) for text in found]
-
-
-def text_of(page, title):
-    part = page[page.index(f">{title}</h2>") :]
-    part = part[: part.index("</section>")]
-    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", part)))
 
 
 def test_what_is_unusable_is_no_part_of_the_distributions():

@@ -28,6 +28,7 @@ from make_navigation import (
     logged,
     reference_of,
 )
+from pages import titles
 
 TRUE, FOUND = errors()
 PLACE = {"site": SITE, "longitude": LONGITUDE, "noise": NOISE}
@@ -49,10 +50,6 @@ def drive():
     test = navigate_log(run.log, calibration=calibration(FOUND), reference=reference_of(run),
                         noise=NOISE)  # fmt: skip
     return navigation.record(test)
-
-
-def titles(page):
-    return [unescape(t) for t in re.findall(r"<h2 id=[^>]*>(.*?)</h2>", page)]
 
 
 def drawn(page):

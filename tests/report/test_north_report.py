@@ -19,6 +19,7 @@ from foucault.report.page import angle, grouped
 from foucault.run_folder import Record
 from foucault.simulate.north import Placement
 from make_north import ACCEL_WHITE, GYRO_WHITE, LATITUDE, ONE, many, write_readings
+from pages import figures, titles
 
 WHITE = {"gyro_noise": GYRO_WHITE, "accel_noise": ACCEL_WHITE}
 SAID = Said(latitude=LATITUDE, **WHITE)
@@ -41,15 +42,6 @@ def one(tmp_path_factory):
 @pytest.fixture(scope="module")
 def twelve(tmp_path_factory):
     return made(tmp_path_factory.mktemp("many"), many(12), settings={"accuracy": np.radians(0.02)})
-
-
-def titles(page):
-    return re.findall(r"<h2 id=[^>]*>(.*?)</h2>", page)
-
-
-def figures(page):
-    found = re.findall(r'<script type="application/json">(.*?)</script>', page)
-    return [json.loads(text) for text in found]
 
 
 def test_one_set_up(one):

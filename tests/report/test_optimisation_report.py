@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from dataclasses import replace
@@ -16,6 +15,7 @@ from foucault.errors import finding
 from foucault.plans.limit import Limit
 from foucault.report import optimisation as report
 from foucault.report import render, save
+from pages import figures, titles
 
 FOLDER = Path("search folder")
 NAMES = ("gyro.drift.x", "gyro.drift.y", "gyro.drift.z", "accel.bias.x")
@@ -89,11 +89,6 @@ def words_of(page: str) -> str:
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", "", page[page.index("<header>") :]))
 
 
-def figures_of(page: str) -> list[dict]:
-    found = re.findall(r'<script type="application/json">(.*?)</script>', page)
-    return [json.loads(text) for text in found]
-
-
 def rows_of(page: str, table: int) -> list[list[str]]:
     """Return the words of every row of one of the tables."""
     text = re.findall(r"<tbody>(.*?)</tbody>", page, re.DOTALL)[table]
@@ -101,10 +96,6 @@ def rows_of(page: str, table: int) -> list[list[str]]:
         [words.strip() for words in re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row, re.DOTALL)]
         for row in re.findall(r"<tr.*?</tr>", text, re.DOTALL)
     ]
-
-
-def titles_of(page: str) -> list[str]:
-    return re.findall(r"<h2 id=[^>]*>(.*?)</h2>", page)
 
 
 # -- the verdict -----------------------------------------------------------------------------------
@@ -122,7 +113,7 @@ def test_better_everywhere():
     assert f"{low:.3f} to {high:.3f} times in all 3 cases" in words
     assert "least is gained for accel.bias.x: 0.900 at most (cluster 1)" in words
     assert "It takes 900 s, as long as published" in words
-    assert titles_of(page) == [
+    assert titles(page) == [
         "Every coefficient",
         "Case by case",
         "The plan, and what it needs of the rig",
@@ -141,7 +132,7 @@ def test_a_coefficient_that_is_worse_in_one_case_is_named():
     assert "Worse in at least one case, by at most so many times: gyro.drift.y (1.40)." in words
     assert "It takes 1200 s; published takes 900 s." in words
     assert "Ochre diamond: worse in some case" in words and "Red diamond" not in words
-    traces = {t.get("name"): t for t in figures_of(page)[0]["data"]}
+    traces = {t.get("name"): t for t in figures(page)[0]["data"]}
     assert traces["worse in some case"]["y"] == ["gyro.drift.y"]
     assert traces["worse in some case"]["marker"]["symbol"] == "diamond"
     assert "icon warning" in rows_of(page, 0)[1][0] and "icon good" in rows_of(page, 0)[0][0]
@@ -151,7 +142,7 @@ def test_worse_at_the_site_is_red():
     ratio = RATIO.copy()
     ratio[:, 0] = 1.2
     page = page_of(make_found(ratio))
-    traces = {t.get("name"): t for t in figures_of(page)[0]["data"]}
+    traces = {t.get("name"): t for t in figures(page)[0]["data"]}
     assert traces["worse"]["y"] == ["gyro.drift.x"] and "Red diamond: worse." in words_of(page)
     assert "icon bad" in rows_of(page, 0)[0][0]
 
@@ -161,7 +152,7 @@ def test_nothing_better():
     page = page_of(make_found(np.ones((3, 4)), findings=(told,)))
     assert '<p class="word">Nothing better was found</p>' in page
     assert "and so in all 3 cases" in words_of(page)
-    assert "Findings" in titles_of(page) and "After 3000 plans the best is 1.000" in page
+    assert "Findings" in titles(page) and "After 3000 plans the best is 1.000" in page
 
 
 CABLE = Limit("turn of the outer and inner gimbal", "angle", math.radians(360), math.radians(300))
@@ -210,7 +201,7 @@ def test_what_has_no_weight_is_a_ring_and_never_the_worst():
     ratio[:, 3] = 3.0
     page = page_of(make_found(ratio, weights=[2, 1, 1, 0]))
     assert '<p class="word">Better</p>' in page and "Ring: of weight 0." in page
-    traces = {t.get("name"): t for t in figures_of(page)[0]["data"]}
+    traces = {t.get("name"): t for t in figures(page)[0]["data"]}
     assert traces["not counted"]["marker"]["symbol"] == "circle-open"
     assert rows_of(page, 0)[0][-1] == "2" and rows_of(page, 0)[3][-1] == "0"
     assert rows_of(page, 1)[0][4] == "<code>gyro.<wbr>drift.x</code>"
@@ -226,7 +217,7 @@ def test_one_number_is_shown_case_by_case():
     assert "The standard deviation of the heading is 0.500 times that of published" in words_of(
         page
     )
-    assert titles_of(page)[0] == "Standard deviation of the heading"
+    assert titles(page)[0] == "Standard deviation of the heading"
     assert rows_of(page, 0)[1] == ["latitude 0°", "2", "1.1", "arcmin", "0.550"]
 
 
@@ -234,7 +225,7 @@ def test_one_number_is_shown_case_by_case():
 
 
 def test_the_figure_of_ratios_shows_site_and_range():
-    ranges, dots = figures_of(page_of(make_found()))[0]["data"]
+    ranges, dots = figures(page_of(make_found()))[0]["data"]
     assert dots["y"] == list(NAMES)
     np.testing.assert_allclose(dots["x"], RATIO[0])
     ends = np.array([v for v in ranges["x"] if v is not None]).reshape(-1, 2)
@@ -245,7 +236,7 @@ def test_many_coefficients_stand_side_by_side_on_one_scale():
     names = tuple(f"{g}.{a}" for g in ("gyro.a", "gyro.b", "gyro.c", "accel.d") for a in "uvwxyz")
     ratio = np.tile(np.geomspace(0.1, 0.9, 24), (3, 1))
     found = make_found(ratio, before=np.ones(24), names=names, units=("deg/h",) * 24)
-    left, right = figures_of(page_of(found))[:2]
+    left, right = figures(page_of(found))[:2]
     assert left["data"][1]["y"] + right["data"][1]["y"] == list(names)
     assert left["data"][1]["y"][-1] == "gyro.b.z"
     assert left["layout"]["xaxis"]["range"] == right["layout"]["xaxis"]["range"]
@@ -262,7 +253,7 @@ def test_tables_say_the_numbers():
 
 def test_the_motion_of_both_plans():
     page = page_of(make_found())
-    before, after = figures_of(page)[1:3]
+    before, after = figures(page)[1:3]
     for figure, x in ((before, 90.0), (after, -30.0)):
         bars = figure["data"][0]
         assert np.dot(bars["y"], bars["width"]) == pytest.approx(x)
@@ -286,13 +277,13 @@ def test_without_rates_only_the_steps_are_shown():
             reference_steps=(headings, ("1", "0")),
         )
     )  # fmt: skip
-    assert len(figures_of(page)) == 3
+    assert len(figures(page)) == 3
     assert rows_of(page, 3) == [["found"], ["1", "−30"], ["2", "45"], ["published"], ["1", "0"]]
 
 
 def test_the_course_of_the_restarts():
     page = page_of(make_found())
-    courses, ends = figures_of(page)[-2:]
+    courses, ends = figures(page)[-2:]
     lines = {t["name"]: t for t in courses["data"]}
     assert lines["best: restart 3"]["y"][:-1] == pytest.approx(np.exp([-0.8, -0.85]), rel=1e-5)
     assert lines["random beginning"]["y"].count(None) == 3

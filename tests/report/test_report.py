@@ -23,6 +23,7 @@ from foucault.report.calibration import SECTIONS, sections
 from foucault.result import Level
 from foucault.run_folder import save
 from make_result import make_result
+from pages import figures
 
 LIBRARY = re.compile(
     r'<!-- plotly\.js.*?<script type="text/plain" id="plotly">.*?</script>', re.DOTALL
@@ -69,13 +70,6 @@ def text_of(page: str) -> str:
     reader = Reader()
     reader.feed(without_plotly(page))
     return " ".join("".join(reader.words).split())
-
-
-def figures_of(page: str) -> list[dict]:
-    return [
-        json.loads(text)
-        for text in re.findall(r'<script type="application/json">(.*?)</script>', page)
-    ]
 
 
 def test_nothing_is_fetched(page):
@@ -163,9 +157,9 @@ def test_sections_of_the_hand_rotated_procedure(page):
 def test_figures_show_the_numbers_of_the_tables(page):
     result = make_result()
     rests, gravity = result.tables["rests"], result.diagnostics["gravity"]
-    figures = figures_of(page)
-    assert len(figures) == 11
-    norms, over_time, _, over_up, over_angle, ball, _, shares, matrix = figures[:9]
+    drawn = figures(page)
+    assert len(drawn) == 11
+    norms, over_time, _, over_up, over_angle, ball, _, shares, matrix = drawn[:9]
     after = next(t for t in norms["data"] if t["name"] == "after")
     micro_g = (rests["norm_after"] - gravity) / 9.80665e-6
     np.testing.assert_allclose(after["y"], micro_g, rtol=1e-5)
@@ -190,7 +184,7 @@ def test_figures_show_the_numbers_of_the_tables(page):
 def test_the_map_keeps_area_and_halves(page):
     result = make_result()
     rests = result.tables["rests"]
-    flat = figures_of(page)[6]["data"]
+    flat = figures(page)[6]["data"]
     upper, lower = (
         next(t for t in flat if t["name"] == "visited" and t["xaxis"] == a) for a in ("x", "x2")
     )
@@ -261,7 +255,7 @@ def test_words_of_the_user_cannot_break_the_page():
         )
     )
     assert "<script>alert" not in page
-    drawn = [json.dumps(f) for f in figures_of(page)]
+    drawn = [json.dumps(f) for f in figures(page)]
     assert any("&lt;/script>&lt;script>alert(1)" in f for f in drawn)  # shown, not obeyed
     assert not any(evil in f for f in drawn)
 
@@ -275,7 +269,7 @@ def test_a_document_says_in_json_what_the_page_says(page):
     blocks = [block for section in again["sections"] for block in section["blocks"]]
     drawn = [{k: block[k] for k in ("data", "layout")} for block in blocks
              if block["kind"] == "figure"]  # fmt: skip
-    assert drawn == figures_of(page)
+    assert drawn == figures(page)
     text = text_of(page)
     cells = {c for b in blocks if b["kind"] == "table" for row in b["rows"] for c in row}
     assert all(c in text for c in cells if re.fullmatch(r"[\w ]{6,}", c) and "_" not in c)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 
 import numpy as np
@@ -13,6 +12,7 @@ from foucault.infer.gauss_newton import chi_square_density
 from foucault.models.imu import LINEAR_LOWER
 from foucault.report import render, save
 from foucault.report import study as study_report
+from pages import figures, titles
 
 ABOUT = {"procedure": "hand_rotated", "n": 80, "seed": 4, "version": "0.1.0"}
 
@@ -28,20 +28,11 @@ def make_study(factor: float = 1.0, failures: int = 0, n: int = 80, bound: bool 
     return Study(names, unit * sd, sd, limit, np.sum(unit**2, axis=1), status)
 
 
-def figures_of(page: str) -> list[dict]:
-    found = re.findall(r'<script type="application/json">(.*?)</script>', page)
-    return [json.loads(text) for text in found]
-
-
-def titles_of(page: str) -> list[str]:
-    return re.findall(r"<h2 id=[^>]*>(.*?)</h2>", page)
-
-
 def test_a_study_that_is_right_passes():
     page = render(study_report.document(make_study(), ABOUT))
     assert '<p class="word">Pass</p>' in page
     assert "Monte Carlo study of hand_rotated" in page and "80 trials" in page
-    assert titles_of(page) == [
+    assert titles(page) == [
         "Checks",
         "Error of every coefficient",
         "Errors against predicted uncertainty",
@@ -61,7 +52,7 @@ def test_a_halved_covariance_is_doubtful_and_says_why():
 def test_figures_show_the_numbers_of_the_study():
     study = make_study()
     rows = study.rows()
-    ratio, mean, nees, coverage = figures_of(render(study_report.document(study, ABOUT)))
+    ratio, mean, nees, coverage = figures(render(study_report.document(study, ABOUT)))
     np.testing.assert_allclose(ratio["data"][0]["x"], [r["ratio"] for r in rows], rtol=1e-5)
     band = ratio["layout"]["shapes"][0]
     assert (band["x0"], band["x1"]) == (rows[0]["ratio_low"], rows[0]["ratio_high"])
@@ -77,7 +68,7 @@ def test_figures_show_the_numbers_of_the_study():
 def test_coefficients_outside_their_limits_stand_out():
     study = make_study()
     study.error[:, 2] *= 3
-    ratio = figures_of(render(study_report.document(study, ABOUT)))[0]
+    ratio = figures(render(study_report.document(study, ABOUT)))[0]
     outside = next(t for t in ratio["data"] if t["name"] == "outside")
     assert outside["y"] == [study.names[2]]
     assert outside["marker"]["symbol"] != ratio["data"][0]["marker"]["symbol"]
@@ -99,7 +90,7 @@ def test_a_study_without_estimates_is_still_a_page():
     study = Study(LINEAR_LOWER, empty, empty, empty, np.empty(0), {"rests.too_few": 40})
     page = render(study_report.document(study, ABOUT))
     assert '<p class="word">Unusable</p>' in page
-    assert titles_of(page) == ["Checks", "How the trials ended", "Provenance"]
+    assert titles(page) == ["Checks", "How the trials ended", "Provenance"]
     assert "rests.too_few" in page
 
 

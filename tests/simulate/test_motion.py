@@ -32,6 +32,7 @@ from foucault.plans.manoeuvres import (
 )
 from foucault.simulate.motion import motion_of, simulate_motion
 from make_motion import DEG, START, drive, flight, integrated
+from refusals import refuses
 
 EPS = np.finfo(float).eps
 POLAR = Start(89.5 * DEG, 10 * DEG, 100.0, speed=200.0)
@@ -250,9 +251,8 @@ def test_turns_about_the_pole_close_in_frame_e() -> None:
 
 
 def test_headings_from_north_are_refused_at_the_pole() -> None:
-    with pytest.raises(FoucaultError) as caught:
+    with refuses("manoeuvre.pole") as caught:
         motion_of([Straight(900.0)], POLAR)
-    assert caught.value.code == "manoeuvre.pole"
     assert 'headings="start"' in str(caught.value) and "89.9 deg" in str(caught.value)
 
 

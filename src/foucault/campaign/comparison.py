@@ -47,6 +47,7 @@ from foucault.diagnose.comparable import (
     refuse_dependent,
 )
 from foucault.diagnose.compare import Between, History, between, history
+from foucault.diagnose.mounted import Tie
 from foucault.errors import Finding, FoucaultError, error, finding, listed, suggestion
 from foucault.files import parse_toml, read_text, sha256
 from foucault.models.layouts import EVERY
@@ -91,7 +92,7 @@ def entries(paths: Sequence[str | Path], dates: str = "", *, same: bool = False)
     if len(named) < 2:
         raise error("compare.one", count=len(named))
     labels = _labels(named)
-    read = [_entry(n, label) for n, label in zip(named, labels, strict=True)]
+    read = [named_entry(n, label) for n, label in zip(named, labels, strict=True)]
     read = _of_one(read) if same else read
     _refuse_unclear(read)
     return _sorted([replace(e, instrument=e.instrument or ONE) for e in read])
@@ -142,7 +143,8 @@ def _labels(named: Sequence[Named]) -> list[str]:
     return out
 
 
-def _entry(named: Named, label: str) -> Entry:
+def named_entry(named: Named, label: str) -> Entry:
+    """Read a result that somebody named [SI]; `label` is what it is called."""
     result = load_result(named.path, with_tables=False)
     said = (str(result.instrument.get(key) or "").strip() for key in ("name", "serial"))
     instrument = named.instrument or " ".join(word for word in said if word)
@@ -289,10 +291,13 @@ def _too_alike(name: str, past: History) -> list[Finding]:
     return [finding("compare.too_alike", name=name, given=given, dof=past.dof)]
 
 
-def record(comparison: Comparison, seconds: float = 0.0) -> Record:
+def record(
+    comparison: Comparison, seconds: float = 0.0, ties: Sequence[tuple[int, int, Tie]] = ()
+) -> Record:
     """Return what the folder of a comparison keeps.
 
-    `comparison`: what was found [SI]; `seconds`: how long it took [s].
+    `comparison`: what was found [SI]; `seconds`: how long it took [s]; `ties` (k,): numbers of
+    two results [1], and how the instrument of the second lies in the axes of the first.
     """
     c = comparison
     number = {id(e): i for i, e in enumerate(c.entries)}
@@ -305,12 +310,35 @@ def record(comparison: Comparison, seconds: float = 0.0) -> Record:
             for j in c.instruments
         ],
         "between": _between(c.between, c.shared),
+        "differences": _differences(c),
+        "ties": [_tie(*one) for one in ties],
         "tolerance": None if c.tolerance is None else c.tolerance.as_json(),
         "decisions": [asdict(d) for d in c.decisions],
         "findings": [f.as_dict() for f in c.findings],
         "provenance": {k: v for k, v in provenance({}, seconds).items() if k != "input"},
     }
     return run_folder.record("comparison", about)
+
+
+def _differences(c: Comparison) -> list[dict[str, Any]]:
+    """Return every instrument less the first: what both were given drops out."""
+    if c.shared is None:
+        return []
+    x = c.shared.series
+    own = x.cov - x.shared @ x.shared.swapaxes(1, 2)
+    change, L = x.values - x.values[0], x.shared - x.shared[0]
+    var = np.einsum("npp->np", own + own[0] + L @ L.swapaxes(1, 2))
+    return [
+        {"first": 0, "second": k, "names": x.names, "change": change[k], "sd": np.sqrt(var[k])}
+        for k in range(1, len(x))
+    ]
+
+
+def _tie(first: int, second: int, tied: Tie) -> dict[str, Any]:
+    return {
+        "first": first, "second": second, "rests": tied.rests, "C_ab": tied.C_ab,
+        "rotation": tied.rotation, "sd": tied.sd, "cov": tied.cov,
+    }  # fmt: skip
 
 
 def _result(e: Entry) -> dict[str, Any]:

@@ -38,6 +38,7 @@ class Found:
     lines: tuple[Line, ...]
     site: Mapping[str, str]  # what is known of the place, as a campaign writes it
     log: Log
+    name: str = ""  # of the instrument, where the file is that of a vehicle
 
     @property
     def head(self) -> str:
@@ -72,7 +73,8 @@ class Found:
             }
             note = "# Write latitude and height instead: gravity then follows from them.\n"
         settings = {"name": held.procedure or "hand_rotated"} | held.settings
-        tables = [table_text("site", place) + note, table_text("log", log),
+        named = [table_text("instrument", {"name": self.name})] if self.name else []
+        tables = [*named, table_text("site", place) + note, table_text("log", log),
                   table_text("procedure", settings)]  # fmt: skip
         return "\n\n".join(block.strip() for block in (self.head, *tables)) + "\n"
 

@@ -21,6 +21,7 @@ from foucault.cli import (
     parts,
     plans,
     preflight,
+    records,
     results,
     sessions,
     watch,
@@ -160,6 +161,7 @@ for _command in (
 ):  # fmt: skip
     add(app, _command)
 north.add_to(app)
+records.add_to(app)
 
 
 def _interrupted() -> typer.Exit:

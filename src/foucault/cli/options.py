@@ -233,7 +233,7 @@ def add(
 
     stub.__doc__ = function.__doc__
     epilog = function.epilog  # type: ignore[attr-defined]
-    app.command(function.__name__, cls=Late, epilog=epilog, **more)(stub)
+    app.command(function.__name__.rstrip("_"), cls=Late, epilog=epilog, **more)(stub)
 
 
 def epilog(*examples: str, notes: str = "", exits: Mapping[int, str] | None = None) -> str:

@@ -10,7 +10,7 @@ import typer
 
 from foucault.cli import options
 from foucault.cli.options import Amount, command, quantity
-from foucault.cli.screen import Found, Screen, found_in, written
+from foucault.cli.screen import Found, Screen, found_in, kept, written
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
@@ -36,9 +36,12 @@ def calibrate(
 ) -> None:
     """Calibrate an instrument from its log, and write the report.
 
-    Of a log without a campaign it says what it takes its columns for, and writes the campaign.
+    Of a log without a campaign it says what it takes its columns for, and writes the campaign. Of
+    the file of a vehicle it calibrates every IMU, compares them and tells how they are mounted.
     """
     from foucault import campaign as campaigns
+    from foucault.campaign import recognised as bare
+    from foucault.campaign import vehicle
     from foucault.diagnose.references import in_words
 
     screen: Screen = ctx.obj
@@ -46,12 +49,45 @@ def calibrate(
         options.refuse_beside(place, taken)
         result, page = _run(screen, campaigns.load(campaign[0]), output)
         raise page.tell(screen, _saved(output), *filter(None, [in_words(result)]))
+    given = bare.said_of(taken or ())
+    if topics := vehicle.several(campaign, given):
+        raise _vehicle(screen, campaign[0], topics, output, given, bare.site_of(place))
     held = recognised(screen, campaign, place, taken)
     result, page = _run(screen, held.campaign, output, held.head)
     told = [f"Campaign, to run again or to change: {output / 'campaign.toml'}"]
     said = [line.as_dict() for line in held.lines]
     raise page.tell(screen, _saved(output, recognised=said), *filter(None, [in_words(result)]),
                     *told)  # fmt: skip
+
+
+def _vehicle(
+    screen: Screen, file: Path, topics: Sequence[str], output: Path, said: dict[str, Any],
+    site: dict[str, str],
+) -> typer.Exit:  # fmt: skip
+    """Calibrate every IMU of a vehicle, and return how the program ends."""
+    from foucault.campaign import vehicle
+    from foucault.report import write
+
+    with screen.work(output, "comparison") as tell:
+        found = vehicle.run(file, topics, output, said, site, write, tell)
+        record = found.record
+        page = None if record is None else kept(record, output)
+    broken = [f"{topic}: {p.message}\n  {p.cure}" for topic, p in found.problems.items()]
+    runs = {topic: str(output / vehicle.folder_of(topic)) for topic in found.results}
+    verdicts = {topic: str(result.verdict.level) for topic, result in found.results.items()}
+    worst = (
+        4
+        if broken
+        else max(code for code, level in options.VERDICT.items() if level in verdicts.values())
+    )
+    data = {"runs": runs, "verdicts": verdicts,
+            "problems": {topic: str(p) for topic, p in found.problems.items()}}  # fmt: skip
+    told = (*broken, *(f"{topic}, {verdicts[topic]}: {where}" for topic, where in runs.items()))
+    if page is None or record is None:
+        screen.say(*told)
+        screen.data(data)
+        return typer.Exit(worst)
+    return page.tell(screen, data | dict(record.about), *told, code=worst)
 
 
 def recognised(

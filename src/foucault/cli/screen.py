@@ -261,7 +261,9 @@ KINDS = {
         "campaign.optimisation:load",
     ),
     "comparison": Kind(
-        "compare", "compare.results compare.changes compare.side_by_side findings"
+        "compare",
+        "compare.results compare.mounting compare.differences compare.changes "
+        "compare.side_by_side findings",
     ),
     "fleet": Kind(
         "fleet", "fleet.outcomes fleet.attention fleet.outlying", "campaign.fleet:load"
@@ -307,6 +309,8 @@ class Found:
             where = {"folder": str(self.folder), "report": str(self.folder / REPORT_FILE)}
             lines += (f"Report: {where['report']}",)
         keys = KINDS[self.kind].shown.split()
+        if any(one.key == "compare.differences" for one in self.document.sections):
+            keys.remove("compare.side_by_side")  # which says the same of many instruments
         return screen.tell(self.document, where | dict(data), *lines, keys=keys, code=code)
 
 

@@ -267,12 +267,17 @@ def comparable(entries: Sequence[Entry]) -> Comparable:
 
 
 def refuse_dependent(entries: Sequence[Entry]) -> None:
-    """Refuse results [SI] that share a log, or of which one was the prior of another."""
+    """Refuse results [SI] that share a log, or of which one was the prior of another.
+
+    The file of a vehicle holds logs of several instruments, told apart by their topic.
+    """
+    topics = [_topic(e.result.provenance) for e in entries]
     logs = [_hashes(e.result.provenance, ("input", "inputs")) for e in entries]
     priors = [_hashes(e.result.provenance, ("prior",)) for e in entries]
     for i, j in combinations(range(len(entries)), 2):
         one, other = entries[i], entries[j]
-        if logs[i] & logs[j] or (one.sha256 and one.sha256 == other.sha256):
+        apart = None not in (topics[i], topics[j]) and topics[i] != topics[j]
+        if (logs[i] & logs[j] and not apart) or (one.sha256 and one.sha256 == other.sha256):
             raise error("compare.same_log", one=one.label, other=other.label)
         for late, early in ((i, j), (j, i)):
             if priors[late] & (logs[early] | {entries[early].sha256}):
@@ -280,6 +285,12 @@ def refuse_dependent(entries: Sequence[Entry]) -> None:
                 raise error("compare.took_prior", **names)
         if priors[i] & priors[j]:
             raise error("compare.same_prior", one=one.label, other=other.label)
+
+
+def _topic(made: Mapping[str, Any]) -> str | None:
+    """Return which of the instruments in a file a result is of."""
+    said = (made.get("input") or {}).get("description") or {}
+    return said.get("topic") if isinstance(said, Mapping) else None
 
 
 def _hashes(value: Any, below: tuple[str, ...] | None = None) -> set[str]:

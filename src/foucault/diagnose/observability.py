@@ -41,7 +41,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import Layout
@@ -143,17 +142,6 @@ class Observability:
     def words(self) -> tuple[str, ...]:
         """What each segment adds, then what remains unseen, in words."""
         return (*(g.words for g in self.gains), *(c.words for c in self.unseen))
-
-    def table(self) -> dict[str, npt.NDArray[np.generic]]:
-        """Return label, rank, what is added and the smallest singular value that counts [1]."""
-        s = np.array([g.singular_values for g in self.gains])
-        rank = np.array([g.rank for g in self.gains])
-        return {
-            "segment": np.array([g.label for g in self.gains]),
-            "rank": rank,
-            "added": np.array([g.added for g in self.gains]),
-            "smallest": s[np.arange(len(s)), np.maximum(rank, 1) - 1],
-        }
 
 
 def observability(
@@ -382,25 +370,6 @@ class Sensitivity:
     outputs: tuple[str, ...]
     slopes: FloatArray
 
-    def pick(self, states: Iterable[str], outputs: Iterable[str] | None = None) -> Sensitivity:
-        """Return the curves of some states, or groups of states such as ``gyro.drift``.
-
-        Parameters
-        ----------
-        states : iterable of str
-            Names or groups; unknown ones raise with a suggestion.
-        outputs : iterable of str or None
-            Names of outputs; None for all.
-        """
-        columns = [i for name in states for i in self.layout.group(name).tolist()]
-        rows = [self.outputs.index(o) for o in (self.outputs if outputs is None else outputs)]
-        return Sensitivity(
-            self.time,
-            Layout(tuple(self.layout.coefficients[i] for i in columns)),
-            tuple(self.outputs[i] for i in rows),
-            self.slopes[:, rows][:, :, columns],
-        )
-
     def thinned(self, most: int = 1000) -> Sensitivity:
         """Return at most `most` samples at even steps, for figures; first and last stay.
 
@@ -413,16 +382,6 @@ class Sensitivity:
             return self
         keep = np.linspace(0, len(self.time) - 1, most).round().astype(np.intp)
         return replace(self, time=self.time[keep], slopes=self.slopes[keep])
-
-    def times(self, factors: FloatArray) -> Sensitivity:
-        """Return the curves per other units of the states, such as per prior.
-
-        Parameters
-        ----------
-        factors : ndarray, shape (n,)
-            Size of each new unit [SI unit of the state].
-        """
-        return replace(self, slopes=self.slopes * np.asarray(factors))
 
     def share(self, noise_sd: FloatArray | float = 1.0) -> FloatArray:
         """Return the part of each state's information that has come in, shape (k, n) [1].

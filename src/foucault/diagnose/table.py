@@ -178,8 +178,10 @@ def rest_slope(e: TableFit) -> Slope | None:
     """Regress the rates at rest on the direction of up; None where g-sensitivity is estimated."""
     r, state = e.model.readings, e.estimate.state
     rest = ~r.spin
-    term = "gyro.g_sensitivity.xx"
-    if r.gyro is None or rest.sum() < 9 or term in e.model.options.names or _counted(e, term):
+    term, names = "gyro.g_sensitivity.xx", e.model.options.names
+    if r.gyro is None or rest.sum() < 9 or "gyro.scale.x" not in names:
+        return None
+    if term in names or _counted(e, term):
         return None
     up = state.geometry.directions()[rest]
     # Of the Earth's rotation what is known is taken away; the rest is scatter here.
@@ -200,7 +202,7 @@ def rest_slope(e: TableFit) -> Slope | None:
 def _g_sensitivity(e: TableFit) -> list[Check]:
     found = rest_slope(e)
     c = e.estimate.coefficients
-    if found is None or "gyro.scale.x" not in c.layout:
+    if found is None:
         return []
     # It fails where it is more than chance and moves a scale factor by more than two sd.
     high = None
@@ -437,10 +439,12 @@ def _columns(
             "norm_sd": np.sqrt(np.diag(joint)),
         }  # fmt: skip
     if r.gyro is not None:
+        out |= triad_columns("gyro", r.gyro)
+    if r.gyro is not None and r.spin.any():
         w = model.compensate(r.accel, r.gyro)[1]
         assert w is not None
         spin = np.where(r.spin, 1.0, np.nan)  # the norm at rest is not calibrated by anything
-        out |= triad_columns("gyro", r.gyro) | {
+        out |= {
             "rate_before": np.linalg.norm(r.gyro, axis=1) * spin,
             "rate_after": np.linalg.norm(w, axis=1) * spin,
             "rate_true": np.abs(h) * spin,
@@ -607,7 +611,7 @@ def unseen(
         "How the body axes lie in the case: they are those of the accelerometers (see gauge).",
         *BEYOND_THE_SESSION,
     ]
-    if readings.gyro is not None:
+    if readings.gyro is not None and readings.spin.any():
         rate = believed(table_rate_sd, 1e-6, "ppm")
         out.insert(1, f"A wrong rate of the table: 1 ppm is 1 ppm in all gyro scales; {rate}.")
         spins = readings.rate[readings.spin]

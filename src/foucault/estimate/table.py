@@ -134,6 +134,11 @@ class TableModel:
         geometry = self.start.geometry
         return isinstance(geometry, Angles) and geometry.heading is not None
 
+    @property
+    def earth_unknown(self) -> bool:
+        """Whether rates at rest hold a part of the Earth's whose direction is not known."""
+        return bool((self.kind == 2).any()) and not self._heading_known
+
     @cached_property
     def kind(self) -> IntArray:
         """Index in `KINDS` of each observation, that of spins across the axis, shape (k,)."""
@@ -206,7 +211,7 @@ class TableModel:
             out.append(
                 Source("jitter of the spin rate", turning, sd=o.rate_sd, basis="rate_sd as given")
             )
-        if (self.kind == 2).any() and not self._heading_known:
+        if self.earth_unknown:
             out.append(self._earth())
         kind, basis = UNEXPLAINED_BASIS
         scatter = {
@@ -256,15 +261,20 @@ class TableModel:
 
         A vector of known size, another one in every rest: nothing tells how a table was turned of
         which nothing is believed. It gets a variance of the size squared along each axis, twice
-        that of a random direction, because the directions of several rests may be alike.
+        that of a random direction, because the directions of several rests may be alike; poses
+        that a hand held are not.
         """
-        start, j = self.start, self.rows % len(self.readings)
+        start, j, latitude = self.start, self.rows % len(self.readings), self.site.latitude
+        if latitude is None:
+            every = self._own(self.kind == 2, start.model.gyro_matrix)
+            return Source("unknown Earth rate", every, sd=EARTH_RATE / np.sqrt(3),
+                          basis="latitude not given: any direction")  # fmt: skip
         # As the gyros see it: a percent of it is more than the noise of a good gyro.
         across = start.model.gyro_matrix @ tangents(start.geometry.directions())
+        alike = 1.0 if self.readings.spin.any() else np.sqrt(0.5)  # no two poses by hand are
         return Source(
             "unknown heading", self._own(self.kind == 2, across[j]),
-            sd=EARTH_RATE * np.cos(self.site.latitude or 0.0),
-            basis="heading not given: the whole circle",
+            sd=EARTH_RATE * np.cos(latitude) * alike, basis="heading not given: the whole circle",
         )  # fmt: skip
 
     def retract(self, state: State, step: FloatArray) -> State:
@@ -588,14 +598,18 @@ def _worst(found: TableFit) -> int | None:
     from scipy.special import fdtri
 
     s, after = found.snooping, found.fit.after
-    kept = found.estimate.weights > 0.5
+    kept, noise = found.estimate.weights > 0.5, found.model.readings.noise_from
     score = np.zeros(len(s.blocks))
-    bad = [name for name, c in after.items() if c.chi_square > c.high]
+    # Poses by hand tie rates to forces by nothing but up.
+    bad = [n for n, c in after.items() if c.chi_square > c.high and found.model.readings.spin.any()]
     worst_kind = max(bad, key=lambda name: after[name].ratio) if bad else None
     for k, name in enumerate(KINDS[:4]):
         mine = np.flatnonzero((found.model.kind == k) & kept & (s.dof > 0))
         parts = {*KINDS[3:]} if k == 3 else {name}
         if not len(mine) or (worst_kind is not None and worst_kind not in parts):
+            continue
+        # While a noise is not known, rates scatter along up alone: of three components one counts.
+        if k == 2 and found.model.earth_unknown and noise == "unknown" and not found.fit.found:
             continue
         components = [after[part] for part in parts if part in after]
         # What the others say, of all their residuals and of each kind: one kind may be far worse.

@@ -20,8 +20,8 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.escape import commented
-from foucault.export.c_header import NEWTON_STEPS
-from foucault.export.request import OWN_AXES, about, inverse, nested, number, pieces
+from foucault.export.code import NEWTON_STEPS, PYTHON, C, Language, Meant
+from foucault.export.request import OWN_AXES, about, inverse, pieces
 from foucault.models import cluster, north_seeker
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import ImuModel
@@ -78,30 +78,28 @@ def _parts(result: Result) -> tuple[str, Constants]:
     return "cluster", _of_cluster(result)
 
 
+def _program(result: Result, language: Language, mark: str, before: str) -> str:
+    name, constants = _parts(result)
+    code, own = pieces(name), list[Meant]()
+    if name == "north_seeker":
+        own.append(("Rate of the Earth [rad/s].", {"earth_rate": EARTH_RATE}))
+    own += [(f"{meaning}.", {key: values}) for key, (meaning, values) in constants.items()]
+    kind = "c" if language is C else "python"
+    return "\n".join([
+        *([before] if before else []), commented(about(result, AXES[name]), mark),
+        code[f"{kind}_about"], *language.numbers(own), *([""] if before else []),
+        code[kind].replace("STEPS", NEWTON_STEPS),
+    ])  # fmt: skip
+
+
 def c(result: Result) -> str:
     """Write a C header."""
-    name, constants = _parts(result)
-    code = pieces(name)
-    parts = ["/*", commented(about(result, AXES[name]), " *"), code["c_about"]]
-    parts += [f"static const double foucault_earth_rate = {number(EARTH_RATE)};"] * (
-        name == "north_seeker"
-    )
-    for key, (meaning, values) in constants.items():
-        size = "".join(f"[{n}]" for n in values.shape)
-        numbers = nested(values, "{", "}")
-        parts += [f"/* {meaning}. */", f"static const double foucault_{key}{size} = {numbers};"]
-    return "\n".join([*parts, "", code["c"].replace("STEPS", str(NEWTON_STEPS))])
+    return _program(result, C, " *", "/*")
 
 
 def python(result: Result) -> str:
     """Write a Python module."""
-    name, constants = _parts(result)
-    code = pieces(name)
-    parts = [commented(about(result, AXES[name]), "#"), code["python_about"]]
-    parts += [f"EARTH_RATE = {number(EARTH_RATE)}"] * (name == "north_seeker")
-    for key, (meaning, values) in constants.items():
-        parts += [f"# {meaning}.", f"{key.upper()} = {nested(values, '(', ')')}"]
-    return "\n".join([*parts, code["python"].replace("STEPS", str(NEWTON_STEPS))])
+    return _program(result, PYTHON, "#", "")
 
 
 def document(result: Result) -> str:

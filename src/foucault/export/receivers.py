@@ -25,7 +25,7 @@ from foucault.units import STANDARD_GRAVITY
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
 
-_CODE = {"c": "c_header", "python": "python_module", "json": "programs", "csv": "programs"}
+_CODE = {"c": "code", "python": "code", "json": "programs", "csv": "programs"}
 """Receivers that are programs of no one in particular -> module with their writer."""
 
 RECEIVERS = (*_CODE, *receivers())

@@ -17,7 +17,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from foucault.errors import Finding, error
 from foucault.export.calibrated_log import check_fits, corrected
-from foucault.export.python_module import python_text
+from foucault.export.code import python_text
 from foucault.export.request import FAMILIES, OWN_AXES, request
 from foucault.files import atomic
 from foucault.logs import own

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray, settled
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import Layout
 from foucault.errors import error
 from foucault.infer import gauss_newton
 from foucault.result import Linearised, Problem
@@ -203,10 +203,6 @@ class Information:
             "weakest": tuple(c.words for c in self.weakest() if np.isfinite(c.factor)),
             "correlated": self.correlated(),
         }
-
-    def distance(self, estimate: CoefficientVector) -> FloatArray:
-        """Return the sd of an estimate of the same coefficients over the bound, (n,) [1]."""
-        return np.asarray(estimate.sd / self.sd)
 
 
 def proper_prior(layout: Layout, prior_sd: FloatArray, *, finite: bool = True) -> FloatArray:

@@ -5,6 +5,8 @@ letter) and their names. A record is ``A3 95``, the number of its kind, and the 
 
 ``IMU``           filtered readings at the rate of the main loop; ``I``: number of the IMU
 ``GYR``, ``ACC``  single readings of one gyro, beside the accelerometer of the same number
+``ISBH``, ``ISBD``  batches of one sensor at its own rate, a head and 32 samples of 16 bit a message
+                    (value = sample / ``mul``): ``ISBD.gyro/0``, ``ISBD.accel/0``, each alone
 
 SI units in axes forward-right-down, specific force -1 g along down at rest, as in logs of PX4. All
 of them are written after ArduPilot's own rotation, temperature calibration, offsets and scale
@@ -14,6 +16,7 @@ factors (``INS_*``, messages PARM).
 from __future__ import annotations
 
 import re
+from collections import defaultdict, deque
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,16 +50,28 @@ _OWN = re.compile(r"INS_?(?:ACC|GYR|\d_ACC|\d_GYRO?)\d?O?(OFFS|SCAL)_[XYZ]")
 
 Records = npt.NDArray[Any]
 
+_KINDS = ("IMU", "ACC", "GYR", "ISBH", "ISBD")
+
+_SENSORS = {0: "ISBD.accel", 1: "ISBD.gyro"}
+"""Type of sensor in the head of a batch -> what its samples are called here."""
+
+_BATCH = 32
+"""Samples in a message of a batch [1]."""
+
 
 def open_dataflash(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a log of ArduPilot; its columns are the fields of one IMU, in SI."""
     must_fit(path, 2.0 * path.stat().st_size)
-    kinds = _records(path.read_bytes(), ("IMU", "ACC", "GYR", "PARM"))
+    kinds = _records(path.read_bytes(), (*_KINDS, "PARM"))
     data = _by_instance(kinds)
-    topic = topic_of_messages(data, ("IMU", "GYR"), description.topic, path)
+    usual = any(name.startswith(("IMU/", "GYR/")) for name in data)
+    batches = () if usual and description.topic is None else tuple(_SENSORS.values())
+    topic = topic_of_messages(data, ("IMU", "GYR", *batches), description.topic, path)
     name, _, number = topic.partition("/")
     if name == "IMU":
         columns = _imu(data[topic])
+    elif name in _SENSORS.values():
+        columns = data[topic]
     else:
         sensors = (_sensor(data.get(f"{kind}/{number}"), kind) for kind in ("GYR", "ACC"))
         gyro, accel = sensors
@@ -73,6 +88,13 @@ def open_dataflash(path: Path, description: FileLayout, progress: Progress | Non
         names, True, blocks, findings=_told(kinds.get("PARM"), topic, path),
         declared=declared_frd(columns), sampled="rate",
     )  # fmt: skip
+
+
+def instruments(path: Path) -> list[str]:
+    """Return one topic for each instrument of a log, its filtered readings where it has them."""
+    data = _by_instance(_records(path.read_bytes(), _KINDS))
+    paired = [name for name in data if name.startswith("GYR/") and f"ACC/{name[4:]}" in data]
+    return [name for name in data if name.startswith("IMU/")] or paired
 
 
 def _records(content: bytes, wanted: Sequence[str]) -> dict[str, Records]:
@@ -105,7 +127,7 @@ def _records(content: bytes, wanted: Sequence[str]) -> dict[str, Records]:
             places.setdefault(kind, []).append(at + 3)
         at = after
     if not types:
-        raise ValueError("it describes none of the messages IMU, ACC and GYR")
+        raise ValueError("it describes none of the messages IMU, ACC, GYR and ISBD")
     raw = np.frombuffer(content, np.uint8)
     out = {}
     for kind, starts in places.items():
@@ -123,9 +145,9 @@ def _dtype(said: Any) -> np.dtype[Any]:
     return np.dtype([(label, _TYPES[letter]) for label, letter in fields])
 
 
-def _by_instance(kinds: Mapping[str, Records]) -> dict[str, Records]:
-    """Return the messages of each sensor by kind and number, such as ``IMU/0``."""
-    out = {}
+def _by_instance(kinds: Mapping[str, Records]) -> dict[str, Any]:
+    """Return the messages of each sensor by kind and number, ``IMU/0``; batches as columns."""
+    out: dict[str, Any] = {}
     for kind in ("IMU", "GYR", "ACC"):
         if kind not in kinds:
             continue
@@ -133,6 +155,35 @@ def _by_instance(kinds: Mapping[str, Records]) -> dict[str, Records]:
         number = rows["I"] if "I" in (rows.dtype.names or ()) else np.zeros(len(rows), int)
         for each in np.unique(number):
             out[f"{kind}/{each}"] = rows[number == each]
+    if "ISBH" in kinds and "ISBD" in kinds:
+        out |= _batches(kinds["ISBH"], kinds["ISBD"])
+    return out
+
+
+def _batches(heads: Records, data: Records) -> dict[str, Columns]:
+    """Return the samples of each sensor; a batch of which a message is missing is left out."""
+    # A batch has the number N of its head, which counts on and begins again at 65536.
+    cuts = np.flatnonzero(np.diff(data["N"].astype(int), prepend=-1))
+    runs: dict[int, deque[Records]] = defaultdict(deque)
+    for rows in np.split(data, cuts[1:]):
+        runs[int(rows["N"][0])].append(rows)
+    found: dict[str, list[FloatArray]] = {}
+    for head in heads:
+        left, count = runs[int(head["N"])], int(head["smp_cnt"])
+        rows = left.popleft() if left else data[:0]
+        whole = np.array_equal(rows["seqno"], np.arange(-(-count // _BATCH)))
+        if not whole or head["type"] not in _SENSORS or not (head["mul"] and head["smp_rate"] > 0):
+            continue
+        x = [np.concatenate(rows[axis])[:count] / float(head["mul"]) for axis in "xyz"]
+        time = head["SampleUS"] * 1e-6 + np.arange(count) / float(head["smp_rate"])
+        name = f"{_SENSORS[int(head['type'])]}/{head['instance']}"
+        found.setdefault(name, []).append(np.column_stack([time, *x]))
+    out = {}
+    for name in sorted(found):
+        block = name[len("ISBD.") :].partition("/")[0]
+        table = np.concatenate(found[name])
+        out[name] = {"time": table[:, 0]} | {f"{block}_{a}": table[:, k]
+                                             for k, a in enumerate("xyz", 1)}  # fmt: skip
     return out
 
 

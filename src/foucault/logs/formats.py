@@ -305,6 +305,12 @@ def opened_bag(path: Path) -> Any:
     return reader.AnyReader([path], default_typestore=usual)
 
 
+def instruments_of_bag(path: Path) -> list[str]:
+    """Return the topics of inertial readings."""
+    with opened_bag(path) as bag:
+        return sorted({c.topic for c in bag.connections if c.msgtype == IMU and c.msgcount})
+
+
 def topic_of_bag(bag: Any, kind: str, wanted: str | None, path: Path) -> str:
     """Return the topic of messages of a kind that is wanted, or the only one."""
     able = sorted({c.topic for c in bag.connections if c.msgtype == kind})
@@ -411,14 +417,7 @@ _OWN = re.compile(r"CAL_(?:ACC|GYRO)\d_[XYZ](OFF|SCALE)")
 
 def open_ulog(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a log of PX4; its columns are the fields of one message, in SI."""
-    pyulog = library("pyulog", "px4", path)
-    wanted = [*_MESSAGES, "sensor_accel"]
-    must_fit(path, path.stat().st_size)
-    with path.open("rb") as stream, redirect_stdout(StringIO()):  # it prints what it meets
-        log = pyulog.ULog(stream, message_name_filter_list=wanted)
-    if log.file_corruption:
-        raise ValueError("the log is corrupt")
-    data = {f"{d.name}/{d.multi_id}": d.data for d in log.data_list if len(d.data["timestamp"])}
+    log, data = _ulog(path)
     topic = topic_of_messages(data, tuple(_MESSAGES), description.topic, path)
     message, _, number = topic.partition("/")
     columns = _MESSAGES[message](data[topic], data.get(f"sensor_accel/{number}"), topic, path)
@@ -435,6 +434,27 @@ def open_ulog(path: Path, description: FileLayout, progress: Progress | None) ->
         names, True, blocks, findings=_told(log, topic, path), declared=declared_frd(columns),
         sampled="rate" if message == "sensor_gyro" else "increment",
     )  # fmt: skip
+
+
+def _ulog(path: Path) -> tuple[Any, dict[str, Any]]:
+    """Return a log of PX4, and its messages of sensors by name and number."""
+    pyulog = library("pyulog", "px4", path)
+    must_fit(path, path.stat().st_size)
+    with path.open("rb") as stream, redirect_stdout(StringIO()):  # it prints what it meets
+        log = pyulog.ULog(stream, message_name_filter_list=[*_MESSAGES, "sensor_accel"])
+    if log.file_corruption:
+        raise ValueError("the log is corrupt")
+    return log, {
+        f"{d.name}/{d.multi_id}": d.data for d in log.data_list if len(d.data["timestamp"])
+    }
+
+
+def instruments_of_ulog(path: Path) -> list[str]:
+    """Return one topic for each instrument: its increments, else single readings, else means."""
+    _, data = _ulog(path)
+    groups = ([name for name in data if name.startswith(f"{kind}/")]
+              for kind in ("vehicle_imu", "sensor_gyro", "sensor_combined"))  # fmt: skip
+    return next((sorted(some) for some in groups if some), [])
 
 
 def topic_of_messages(
@@ -458,7 +478,8 @@ def declared_frd(columns: Columns) -> dict[str, Any]:
     """Say what columns in SI and forward-right-down are."""
     out: dict[str, Any] = {"time": {"column": "time", "unit": "s"}}
     for block, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
-        out[block] = {"columns": [f"{block}_y", f"{block}_x", f"-{block}_z"], "unit": unit}
+        if f"{block}_x" in columns:
+            out[block] = {"columns": [f"{block}_y", f"{block}_x", f"-{block}_z"], "unit": unit}
     if "temperature" in columns:
         out["temperature"] = {"column": "temperature", "unit": "degC"}
     return out

@@ -211,13 +211,14 @@ class FileLayout(Block):
 
     file: str | None = Field(None, description="path, relative to the campaign file")
     format: Literal["auto", "csv", "text", "parquet", "npy", "npz", "mat", "binary", "ros", "ulog",
-                    "dataflash", "novatel", "vectornav"] = Field(
+                    "dataflash", "mavlink", "novatel", "vectornav"] = Field(
         "auto", description="by suffix and content if left out"
     )  # fmt: skip
     topic: str | None = Field(
         None,
         description='topic of a ROS bag, or message of a PX4 log such as "vehicle_imu/1", of one '
-        'of ArduPilot such as "IMU/1"; may be left out where there is only one',
+        'of ArduPilot such as "IMU/1", of MAVLink such as "HIGHRES_IMU/0"; may be left out where '
+        "there is only one",
     )
     delimiter: str = Field("auto", min_length=1, description='"auto", "space", ",", ";", "\\t"')
     decimal: Literal[".", ","] = Field(".", description="decimal sign of a text file")

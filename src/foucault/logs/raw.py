@@ -86,10 +86,18 @@ _READERS = {
     "ros": "formats.open_ros",
     "ulog": "formats.open_ulog",
     "dataflash": "dataflash.open_dataflash",
+    "mavlink": "mavlink.open_mavlink",
     "novatel": "text.open_sentences",
     "vectornav": "text.open_sentences",
 }
 """Format -> module and function that opens it."""
+_SEVERAL = {
+    "ros": "formats.instruments_of_bag",
+    "ulog": "formats.instruments_of_ulog",
+    "dataflash": "dataflash.instruments",
+    "mavlink": "mavlink.instruments",
+}
+"""Format of a file of a whole vehicle -> module and function that names its instruments."""
 _SUFFIXES = {
     ".csv": "csv",
     ".tsv": "csv",
@@ -108,6 +116,7 @@ _SUFFIXES = {
     ".mcap": "ros",
     ".db3": "ros",
     ".ulg": "ulog",
+    ".tlog": "mavlink",
 }
 _SENTENCES = {
     "novatel": re.compile(rb"(?m)^[#%](?:RAWIMU|CORRIMU)\w*A,"),
@@ -145,6 +154,21 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None = No
     except Exception as problem:  # each library raises its own types for a damaged file
         raise unreadable(path, name, problem) from problem
     return replace(of_own(table), blocks=_guarded(table, path, name), done=lambda: done[0])
+
+
+def instruments(path: Path) -> list[str]:
+    """Return the topics of the instruments in the file of a vehicle, one for each, else none."""
+    name = format_of(path)
+    if name not in _SEVERAL:
+        return []
+    module, _, function = _SEVERAL[name].partition(".")
+    try:
+        found: list[str] = getattr(import_module(f"foucault.logs.{module}"), function)(path)
+    except FoucaultError:
+        raise
+    except Exception as problem:  # each library raises its own types for a damaged file
+        raise unreadable(path, name, problem) from problem
+    return found
 
 
 def library(name: str, extra: str, path: Path) -> Any:

@@ -87,17 +87,20 @@ class Opened:
         return self.raw.findings
 
 
-def opened(path: Path) -> Opened:
-    """Open a file and read the columns of it that hold numbers; raises what it is instead."""
+def opened(path: Path, topic: str | None = None) -> Opened:
+    """Open a file and read the columns of it that hold numbers; raises what it is instead.
+
+    `topic` or None: of which instrument, in the file of a vehicle.
+    """
     try:
-        return _opened(path)
+        return _opened(path, topic)
     except (FoucaultError, MemoryError):
         raise
     except Exception as problem:  # each library raises its own types for a damaged file
         raise unreadable(path, "text", problem) from problem
 
 
-def _opened(path: Path) -> Opened:
+def _opened(path: Path, topic: str | None) -> Opened:
     refuse_no_log(path)
     layout: dict[str, Any] = {}
     units: tuple[str, ...] = ()
@@ -112,6 +115,8 @@ def _opened(path: Path) -> Opened:
         rate = _rate_in(seen[: layout["header"]])
     elif path.is_file() and (record := _record(path)) is not None:
         layout = {"format": "binary", "record": record}
+    elif topic is not None:
+        layout = {"topic": topic}
     raw = _open(path, layout)
     if raw is None and layout:
         raise error("recognise.no_table", file=path.name, why=_why(_lines(path)))
@@ -315,7 +320,7 @@ def _why(lines: Sequence[str]) -> str:
 
 def _open(path: Path, layout: dict[str, Any]) -> RawTable | None:
     description = LogDescription.model_validate({"file": path.name, **layout})
-    if not layout:
+    if layout.keys() <= {"topic"}:
         return open_raw(path, description)
     try:
         return open_raw(path, description)
@@ -327,8 +332,8 @@ def _needed(
     path: Path, layout: dict[str, Any], raw: RawTable, columns: tuple[int, ...]
 ) -> dict[str, Any]:
     """Return the keys of [log] that the reader would not find by itself."""
-    if not layout:
-        return {}
+    if layout.keys() <= {"topic"}:
+        return layout
     told = next(raw.blocks(columns))
     for keys in ((), ("decimal",), ("decimal", "delimiter"), ("decimal", "header")):
         some = {k: layout[k] for k in keys}

@@ -13,6 +13,7 @@ from foucault.arrays import FloatArray
 from foucault.errors import FoucaultError, error
 from foucault.guard.mistakes import Mistake, exchanges
 from foucault.logs.description import LogDescription
+from foucault.logs.raw import instruments
 from foucault.recognise import columns as tell
 from foucault.recognise import physics, units
 from foucault.recognise.opening import Opened, opened
@@ -90,7 +91,7 @@ def merged(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
 def recognise(paths: Sequence[Path], said: Mapping[str, Any] | None = None) -> Recognised:
     """Tell what files hold, which were recorded together; `said`: keys of [log] that are known."""
     said = said or {}
-    files = [opened(path) for path in paths]
+    files = [_opened(path, said.get("topic")) for path in paths]
     if len(files) == 1 and files[0].raw.described:
         return _of_itself(files[0])
     data = tell.Data.of(files)
@@ -103,11 +104,23 @@ def recognise(paths: Sequence[Path], said: Mapping[str, Any] | None = None) -> R
     return work.done()
 
 
+def _opened(path: Path, topic: str | None) -> Opened:
+    """Open a file; of messages that tell the same of one instrument take those that say most."""
+    try:
+        return opened(path, topic)
+    except FoucaultError as problem:
+        names = instruments(path) if problem.code == "log.several_topics" else []
+        if len(names) != 1:
+            raise
+        return opened(path, names[0])
+
+
 def _of_itself(file: Opened) -> Recognised:
     kind = "this program wrote it" if file.raw.marker else "its format says it"
     named = ", ".join(name for name in (file.raw.declared or {}) if name != "clock")
     line = Line("columns", named, kind, SURE)
-    return Recognised((file.path,), {"file": file.path.name}, (line,), described=True)
+    log = {"file": file.path.name} | file.layout
+    return Recognised((file.path,), log, (line,), described=True)
 
 
 def _whole_rows(data: tell.Data) -> tuple[tell.Data, int]:

@@ -85,7 +85,8 @@ def document(record: Record) -> Document:
         for one in about["instruments"]
         if one["compared"] is not None
     ]
-    between = [side_by_side(about), instruments_drawn(about)] if several else []
+    between = [mounting(about), differences(about), side_by_side(about),
+               instruments_drawn(about)] if several else []  # fmt: skip
     noticed = page.findings(about["findings"], "results")
     return Document.of(
         _heading(about),
@@ -325,6 +326,50 @@ def pairs(about: About, one: About, of: str) -> Section | None:
 
 
 # -- several instruments ---------------------------------------------------------------------
+
+
+def mounting(about: About) -> Section | None:
+    """Return how the instruments of one vehicle lie in the axes of the first."""
+    ties, degree = about.get("ties") or [], np.radians(1.0)
+    if not ties:
+        return None
+    label = [r["instrument"] for r in about["results"]]
+    turned = [
+        [plus_minus(r / degree, sd / degree)
+         for r, sd in zip(t["rotation"], t["sd"], strict=True)] for t in ties
+    ]  # fmt: skip
+    return section(
+        "compare.mounting",
+        table(
+            ("instrument: short", [label[t["second"]] for t in ties]),
+            *((f"about {a}: number", [row[k] for row in turned]) for k, a in enumerate("xyz")),
+            ("unit: short", ["°" for _ in ties]),
+            ("rests: number aside", [str(t["rests"]) for t in ties]),
+        ),
+        first=label[ties[0]["first"]],
+    )
+
+
+def differences(about: About) -> Section | None:
+    """Return the biases and scale factors of each instrument less those of the first."""
+    rows = about.get("differences") or []
+    if not about.get("ties"):
+        return None
+    label = [one["name"] for one in about["instruments"]]
+    kept = [k for k, n in enumerate(rows[0]["names"])
+            if n.partition(".")[2].startswith(("bias", "scale"))]  # fmt: skip
+    names = [rows[0]["names"][k] for k in kept]
+    unit = _units(about, names, *([r["change"][k] for k in kept] for r in rows))
+    columns = [
+        (f"{label[r['second']]}: number",
+         [plus_minus(r["change"][k] / one, r["sd"][k] / one)
+          for k, (_, one) in zip(kept, unit, strict=True)]) for r in rows
+    ]  # fmt: skip
+    return section(
+        "compare.differences",
+        table(("coefficient: name", names), *columns, ("unit: short", [name for name, _ in unit])),
+        first=label[rows[0]["first"]],
+    )
 
 
 def side_by_side(about: About) -> Section | None:

@@ -21,7 +21,7 @@ from foucault.diagnose import table as table_hints
 from foucault.diagnose import table as table_report
 from foucault.diagnose.checks import foreseen_check
 from foucault.diagnose.foresight import Foresight
-from foucault.diagnose.references import times_the_table
+from foucault.diagnose.references import no_latitude, times_the_table
 from foucault.errors import Finding, error, finding
 from foucault.estimate import table as table_likelihood
 from foucault.estimate.table import Options, TableFit, TableModel, fit
@@ -60,6 +60,7 @@ class Task:
     trust: Trust | None  # what is believed of the table; None for nothing
     # another way to the coefficients than the likelihood, which then only judges them
     variant: Variant | None = None
+    poses: bool = False  # whether a hand held it, and never turned it: of gyros the bias is seen
 
 
 def solve(log: Log | OnDisk, task: Task, given: Given[Any]) -> Result:
@@ -244,11 +245,11 @@ def options_of(
     `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
     of coefficients or groups of coefficients [SI].
     """
-    names = task.settings.estimated(gyro=readings.gyro is not None)
+    names = task.settings.estimated(gyro=readings.gyro is not None, turns=not task.poses)
     spins = bool(readings.spin.any())
     rests = int(np.sum(~readings.spin))
     free = task.trust is None
-    at_rest = readings.gyro is not None and (task.settings.g_sensitivity or not free)
+    at_rest = readings.gyro is not None and (task.settings.g_sensitivity or not free or task.poses)
     return Options(
         names,
         # With free directions and no gyros, a lever arm only turns the axis of each spin.
@@ -274,6 +275,8 @@ def _usable(readings: Readings, task: Task, site: Site) -> tuple[Readings, list[
     found: list[Finding] = []
     if readings.gyro is None:
         found.append(finding("session.no_gyro"))
+    elif task.poses:
+        found += [] if site.latitude is not None else [no_latitude()]
     elif not readings.spin.any():
         found.append(finding("readings.no_spins"))
         readings = replace(readings, gyro=None)
@@ -288,7 +291,8 @@ def _usable(readings: Readings, task: Task, site: Site) -> tuple[Readings, list[
         what = f"{' and '.join(names)} angle"
         raise error("readings.no_angles", procedure=task.procedure, what=what)
     needed = NORM_NEEDS + 3 * task.settings.accel_quadratic if task.trust is None else 4
-    spins = 0 if readings.gyro is None else (NORM_NEEDS if task.trust is None else 4)
+    turned = readings.gyro is not None and not task.poses
+    spins = (NORM_NEEDS if task.trust is None else 4) if turned else 0
     enough_readings(readings, needed, spins)
     return readings, found
 

@@ -1,0 +1,517 @@
+"""The commands of the records of a laboratory: `foucault records ...`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from foucault.cli import options
+from foucault.cli.options import add as add_command
+from foucault.cli.options import command
+from foucault.cli.screen import EXIT_CODES, Screen, kept, written
+
+if TYPE_CHECKING:
+    from foucault.records import Records
+    from foucault.records.history import Outlook, Past
+
+Where = Annotated[
+    str | None,
+    typer.Option(
+        "--database",
+        help="File of the records, or an address such as postgresql://host/name; else that of the "
+        "variable FOUCAULT_DATABASE, else records.sqlite in this folder.",
+    ),
+]
+Who = Annotated[str, typer.Option(help="Who says so; the user of this computer if left out.")]
+InstrumentName = Annotated[str, typer.Argument(help="Name of an instrument, or its serial number.")]
+OneRun = Annotated[
+    str, typer.Argument(help="A run: its number, its folder, or the beginning of its hash.")
+]
+AsOf = Annotated[str, typer.Option(help="Judge as of this day; today if left out.")]
+Words = Annotated[str, typer.Option(help="Anything else.")]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands to the program."""
+    group = typer.Typer(rich_markup_mode=None, no_args_is_help=True)
+    for one in (add, list_, show, due, review, tolerance, interval, event, reference, moved, rerun,
+                audit, rebuild, export):  # fmt: skip
+        add_command(group, one)
+    app.add_typer(group, name="records", help="Keep runs for years: history, limits, due dates.")
+
+
+@contextmanager
+def _open(where: str | None, who: str = "", *, make: bool = False) -> Iterator[Records]:
+    from foucault.records import Records
+
+    records = Records(where, make=make, who=who)
+    try:
+        yield records
+    finally:
+        records.close()
+
+
+@command(
+    "foucault records add run",
+    'foucault records add 2025/run --date 2025-03-01 --reference "table 3"',
+    "foucault records add --below archive",
+    exits={0: "all are in", 3: "some could not be taken in"},
+)
+def add(
+    ctx: typer.Context,
+    runs: Annotated[list[Path] | None, typer.Argument(help="Run folders.")] = None,
+    below: Annotated[
+        Path | None, typer.Option(help="Folder: every run folder in it, however deep.")
+    ] = None,
+    date: Annotated[
+        str, typer.Option(help="When the logs were recorded, where they do not say.")
+    ] = "",
+    instrument: Annotated[
+        str, typer.Option(help="Which instrument they are of, where they do not say.")
+    ] = "",
+    reference: Annotated[
+        list[str] | None,
+        typer.Option(help="Name of a reference that was used; may be repeated."),
+    ] = None,
+    database: Where = None,
+    who: Who = "",
+) -> None:
+    """Take runs in; those that are in already stay as they are.
+
+    A run folder stays where it lies and is only read. Interrupted, the same command goes on.
+    """
+    from dataclasses import asdict
+
+    from foucault.errors import error
+    from foucault.run_folder import RESULT_FILE
+
+    screen: Screen = ctx.obj
+    folders = list(runs or [])
+    if below is not None:
+        folders += sorted(file.parent for file in below.rglob(RESULT_FILE))
+    if not folders:
+        raise error("records.nothing", where=below or "the command line")
+    with _open(database, who, make=True) as records, screen.progress() as tell:
+        taken, failed = records.add(
+            folders, date=date, instrument=instrument, references=reference or (), progress=tell
+        )
+    for folder, problem in failed:
+        screen.say(f"{folder}: {problem.message}", style="yellow")
+        screen.say(f"  {problem.cure}")
+    there = len(folders) - len(taken) - len(failed)
+    screen.say(
+        f"{len(taken)} taken in, {there} were in already"
+        + (f", {len(failed)} could not be." if failed else ".")
+    )
+    screen.data({
+        "added": [asdict(run) for run in taken],
+        "failed": [{"folder": str(f), "code": p.code, "message": p.message} for f, p in failed],
+    })  # fmt: skip
+    raise typer.Exit(3 if failed else 0)
+
+
+@command("foucault records list", 'foucault records list "IMU 7"')
+def list_(
+    ctx: typer.Context,
+    instrument: Annotated[
+        str | None, typer.Argument(help="An instrument; all of them if left out.")
+    ] = None,
+    database: Where = None,
+) -> None:
+    """List instruments, or the runs of one."""
+    from dataclasses import asdict
+
+    screen: Screen = ctx.obj
+    with _open(database) as records:
+        name = None if instrument is None else records.instrument(instrument)
+        runs = records.runs(name or "")
+    screen.table(
+        name or "all instruments",
+        ("no.", "instrument", "recorded", "procedure", "verdict", "review", "folder"),
+        [(str(r.number), r.instrument, r.holds[:10] or "unknown", r.procedure, r.verdict,
+          r.decision or "-", r.folder) for r in runs],
+        right=(True, *[False] * 6),
+    )  # fmt: skip
+    screen.data({"runs": [asdict(r) for r in runs]})
+
+
+@command(
+    'foucault records show "IMU 7"', "foucault records show 0042 -o history",
+    exits={3: "due, too near a limit, or the last run was doubtful",
+           4: "out of its limits, out of service, or no run counts"},
+)  # fmt: skip
+def show(
+    ctx: typer.Context,
+    instrument: InstrumentName,
+    output: options.FolderIfWanted = None,
+    at: AsOf = "",
+    database: Where = None,
+) -> None:
+    """Show what an instrument was, is, and will be when it is due.
+
+    With its drift, its repeatability, its limits and when it will reach them.
+    """
+    from foucault.campaign import comparison
+    from foucault.records.history import past
+
+    screen: Screen = ctx.obj
+    with _open(database) as records, screen.work(output, "comparison"):
+        found = past(records, instrument, comparison.moment(at) if at else None)
+        if output is not None:
+            if found.compared is None:
+                from foucault.errors import error
+
+                raise error("records.one", name=found.instrument, count=len(found.counted))
+            page = kept(comparison.record(found.compared), output)
+            written(output, "comparison", *page.held)
+    _say(screen, found)
+    if output is not None:
+        screen.say(f"Report: {output / 'report.html'}")
+    screen.data(_plain(found))
+    raise typer.Exit(EXIT_CODES[str(found.level)])
+
+
+def _say(screen: Screen, found: Past) -> None:
+    """Print what there is to say of an instrument."""
+    screen.say(found.instrument, style="bold")
+    counted = {r.number for r in found.counted}
+    screen.table(
+        "", ("no.", "recorded", "procedure", "verdict", "review", "counts"),
+        [(str(r.number), r.holds[:10] or "unknown", r.procedure, r.verdict, r.decision or "-",
+          "yes" if r.number in counted else "no") for r in found.runs],
+        right=(True, *[False] * 5),
+    )  # fmt: skip
+    for event in found.events:
+        screen.say(f"{event.on[:10]}: {event.what}{f', {event.words}' if event.words else ''}")
+    if found.outlooks:
+        limited = any(math.isfinite(o.limit) for o in found.outlooks)
+        headings = ("coefficient", "now", "sd", "unit", "course", "per year", "repeats to",
+                    "when due", *(("limit", "within") if limited else ()))  # fmt: skip
+        screen.table("", headings, [_row(o)[: len(headings)] for o in found.outlooks])
+    due = "no interval is set" if math.isnan(found.due) else _day(found.due)
+    late = not math.isnan(found.due) and found.due < found.now
+    screen.say(f"Due: {due}{', which is past' if late else ''}")
+    first = found.first_reached
+    if first is not None:
+        screen.say(f"{first.name} will reach its limit about {_day(first.reaches)}.")
+    word = {"pass": "fit for use", "doubtful": "look at it", "unusable": "not to be used"}
+    screen.say(f"verdict: {word[str(found.level)]}")
+
+
+def _row(o: Outlook) -> tuple[str, ...]:
+    """Return the cells of a coefficient, in the unit that people read."""
+    from foucault.coefficients import format_value
+    from foucault.report.page import unit_of
+
+    unit, one = unit_of(o.kind, o.value, o.sd)
+
+    def shown(value: float, sd: float) -> str:
+        return "-" if math.isnan(value) else format_value(value / one, sd / one)
+
+    drift = "-" if math.isnan(o.drift_sd) else (
+        f"{shown(o.drift, o.drift_sd)} ± {shown(o.drift_sd, o.drift_sd)}"
+    )  # fmt: skip
+    due = "-" if math.isnan(o.due_value) else (
+        f"{shown(o.due_value, o.due_sd)} ± {shown(o.due_sd, o.due_sd)}"
+    )  # fmt: skip
+    within = "" if math.isnan(o.conformity) else f"{o.decision}, {100 * o.conformity:.4g} %"
+    return (
+        o.name, shown(o.value, o.sd), shown(o.sd, o.sd), unit, o.how, drift,
+        shown(o.repeatability, o.sd), due,
+        "-" if math.isinf(o.limit) else f"±{o.limit / one:.4g}", within,
+    )  # fmt: skip
+
+
+def _day(time: float) -> str:
+    import datetime
+
+    return f"{datetime.datetime.fromtimestamp(time, datetime.UTC):%Y-%m-%d}"
+
+
+def _plain(found: Past) -> dict[str, Any]:
+    """Return an instrument as JSON has it [SI]."""
+    from dataclasses import asdict
+
+    from foucault.files import plain_json
+
+    first = found.first_reached
+    said: dict[str, Any] = plain_json({
+        "instrument": found.instrument,
+        "level": str(found.level),
+        "due": "" if math.isnan(found.due) else _day(found.due),
+        "out_of_service": found.out_of_service,
+        "reaches_first": None if first is None else first.name,
+        "runs": [asdict(r) for r in found.runs],
+        "counted": [r.number for r in found.counted],
+        "events": [e.model_dump() for e in found.events],
+        "coefficients": [asdict(o) for o in found.outlooks],
+    })  # fmt: skip
+    return said
+
+
+@command("foucault records due", "foucault records due --within 90",
+         exits={3: "something is due"})  # fmt: skip
+def due(
+    ctx: typer.Context,
+    within: Annotated[float, typer.Option(help="Days ahead that are looked at.", min=0)] = 30.0,
+    at: AsOf = "",
+    database: Where = None,
+) -> None:
+    """List what is due, and which limits will be reached.
+
+    An instrument is due when its interval has passed since its last run that counts.
+    """
+    from foucault.campaign import comparison
+    from foucault.records.history import pasts
+
+    screen: Screen = ctx.obj
+    with _open(database) as records:
+        found = pasts(records, comparison.moment(at) if at else None)
+        references = records.references()
+    now = found[0].now if found else comparison.moment(at) if at else math.nan
+    end = now + within * 86400.0
+    rows = [
+        (p.instrument, "calibration", _day(p.due)) for p in found
+        if p.due <= end and not p.out_of_service
+    ]  # fmt: skip
+    rows += [
+        (p.instrument, f"{o.name} reaches its limit", _day(o.reaches))
+        for p in found for o in p.outlooks
+        if o.reaches <= end and not p.out_of_service
+    ]  # fmt: skip
+    rows += [
+        (r.name, f"certificate of the {r.what}", r.due[:10])
+        for r in references.values() if r.due and comparison.moment(r.due) <= end
+    ]  # fmt: skip
+    rows.sort(key=lambda row: row[2])
+    if rows:
+        screen.table("", ("what", "why", "when"), rows, right=(False, False, False))
+    else:
+        screen.say(f"Nothing is due within {within:.0f} days.")
+    screen.data({"due": [dict(zip(("what", "why", "when"), row, strict=True)) for row in rows]})
+    raise typer.Exit(3 if rows else 0)
+
+
+@command('foucault records review 12 accepted --reason "the log of the chamber explains it"')
+def review(
+    ctx: typer.Context,
+    run: OneRun,
+    decision: Annotated[
+        Literal["accepted", "rejected"], typer.Argument(help="One of accepted, rejected.")
+    ],
+    reason: Annotated[str, typer.Option(help="Why.")],
+    database: Where = None,
+    who: Who = "",
+) -> None:
+    """Accept a doubtful run, or reject one.
+
+    What is rejected no longer counts for its instrument.
+    """
+    with _open(database, who) as records:
+        _added(ctx.obj, records.review(run, decision, reason))
+
+
+@command('foucault records tolerance "IMU 7" tolerance.toml')
+def tolerance(
+    ctx: typer.Context,
+    instrument: InstrumentName,
+    file: Annotated[Path, typer.Argument(help="TOML file with the limits of coefficients.")],
+    database: Where = None,
+    who: Who = "",
+) -> None:
+    """Set the limits of an instrument; the file is kept whole."""
+    with _open(database, who) as records:
+        _added(ctx.obj, records.tolerate(instrument, file))
+
+
+@command('foucault records interval "IMU 7" 12')
+def interval(
+    ctx: typer.Context,
+    instrument: InstrumentName,
+    months: Annotated[float, typer.Argument(help="How long a calibration holds [month].",
+                                            min=0.1, max=600)],
+    database: Where = None,
+    who: Who = "",
+) -> None:  # fmt: skip
+    """Set how long a calibration of an instrument holds."""
+    with _open(database, who) as records:
+        _added(ctx.obj, records.recalibrate_every(instrument, months))
+
+
+@command('foucault records event "IMU 7" repaired --on 2026-04-01 --words "new z gyro"')
+def event(
+    ctx: typer.Context,
+    instrument: InstrumentName,
+    what: Annotated[
+        Literal["repaired", "adjusted", "out of service", "in service", "note"],
+        typer.Argument(help="One of repaired, adjusted, out of service, in service, note."),
+    ],
+    on: Annotated[str, typer.Option(help="The day, such as 2026-04-01.")],
+    words: Words = "",
+    database: Where = None,
+    who: Who = "",
+) -> None:
+    """Say what was done to an instrument.
+
+    After a repair or an adjustment earlier runs no longer count.
+    """
+    with _open(database, who) as records:
+        _added(ctx.obj, records.event(instrument, what, on, words))
+
+
+@command('foucault records reference "table 3" table --certificate "No. 12345" --renew 2027-01-31')
+def reference(
+    ctx: typer.Context,
+    name: Annotated[str, typer.Argument(help="What it is called.")],
+    what: Annotated[
+        Literal["gravity", "table", "clock", "thermometer", "other"],
+        typer.Argument(help="One of gravity, table, clock, thermometer, other."),
+    ],
+    certificate: Annotated[str, typer.Option(help="Its certificate.")] = "",
+    renew: Annotated[str, typer.Option(help="Day when that has to be renewed.")] = "",
+    words: Words = "",
+    database: Where = None,
+    who: Who = "",
+) -> None:
+    """Name what calibrations rest on, or renew its certificate."""
+    with _open(database, who, make=True) as records:
+        _added(ctx.obj, records.reference(name, what, certificate, renew, words))
+
+
+@command("foucault records moved archive/2025/run")
+def moved(
+    ctx: typer.Context,
+    folder: Annotated[Path, typer.Argument(help="The run folder, where it lies now.")],
+    database: Where = None,
+    who: Who = "",
+) -> None:
+    """Say that a run folder lies elsewhere now."""
+    screen: Screen = ctx.obj
+    with _open(database, who) as records:
+        run = records.moved(folder)
+    screen.say(f"Run {run.number} of {run.instrument} lies in {run.folder}.")
+    screen.data({"number": run.number, "folder": run.folder})
+
+
+@command("foucault records rerun 12", "foucault records rerun --older",
+         exits={3: "some could not be"})  # fmt: skip
+def rerun(
+    ctx: typer.Context,
+    run: Annotated[
+        list[str] | None,
+        typer.Argument(help="Runs: their numbers, folders, or the beginning of their hashes."),
+    ] = None,
+    older: Annotated[
+        bool, typer.Option("--older", help="All that another version of the program has made.")
+    ] = False,
+    database: Where = None,
+    who: Who = "",
+) -> None:
+    """Calibrate runs again from their logs, beside the old results.
+
+    What the program does otherwise is then not taken for a change of the instrument.
+    """
+    from foucault import __version__
+    from foucault.errors import FoucaultError
+    from foucault.records.again import rerun as again
+
+    screen: Screen = ctx.obj
+    done, failed = [], []
+    with _open(database, who) as records:
+        every = records.runs()
+        over = {r.again for r in every}
+        chosen = [records.run(one) for one in run or ()]
+        if older:
+            chosen += [r for r in every if r.version != __version__ and r.sha256 not in over]
+        for one in chosen:
+            with screen.progress() as tell:
+                try:
+                    new = again(records, one, progress=tell,
+                                page=lambda folder: written(folder, "result"))  # fmt: skip
+                except FoucaultError as problem:
+                    failed.append({"run": one.number, "code": problem.code,
+                                   "message": problem.message})  # fmt: skip
+                    screen.say(f"run {one.number}: {problem.message}", style="yellow")
+                    screen.say(f"  {problem.cure}")
+                    continue
+            done.append({"run": one.number, "again": new.number, "folder": new.folder})
+            screen.say(f"run {one.number} -> run {new.number}, {new.folder}: {new.verdict}")
+    screen.data({"done": done, "failed": failed})
+    raise typer.Exit(3 if failed else 0)
+
+
+@command("foucault records audit", "foucault records audit --since 3f2a...",
+         exits={4: "something is not as it was"})  # fmt: skip
+def audit(
+    ctx: typer.Context,
+    since: Annotated[
+        str, typer.Option(help="Hash of an entry, printed earlier, that has to be there still.")
+    ] = "",
+    database: Where = None,
+) -> None:
+    """Look for what was changed: entries, run folders, the index."""
+    screen: Screen = ctx.obj
+    with _open(database) as records, screen.progress() as tell:
+        faults = records.audit(tell)
+        number, head = records.head
+        cut = bool(since) and not records.has(since)
+    said = [{"where": f.where, "what": f.what} for f in faults]
+    if cut:
+        said.append({"where": f"entry with hash {since}", "what": "it is not there any more"})
+    for row in said:
+        screen.say(f"{row['where']}: {row['what']}", style="bold red")
+    screen.say(f"{number} entries; the newest has the hash", head)
+    if not said:
+        screen.say("All is as it was written.")
+    screen.data({"faults": said, "entries": number, "head": head})
+    raise typer.Exit(4 if said else 0)
+
+
+@command("foucault records rebuild", "foucault records rebuild --journal journal.jsonl")
+def rebuild(
+    ctx: typer.Context,
+    journal: Annotated[
+        Path | None, typer.Option(help="An export, whose entries fill a database without any.")
+    ] = None,
+    database: Where = None,
+) -> None:
+    """Make the index again, of the entries and the run folders."""
+    screen: Screen = ctx.obj
+    with _open(database, make=journal is not None) as records:
+        count = records.rebuild(journal)
+    screen.say(f"The index holds {count} runs.")
+    screen.data({"runs": count})
+
+
+@command("foucault records export -o journal.jsonl")
+def export(
+    ctx: typer.Context,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File to write; the screen if left out.")
+    ] = None,
+    database: Where = None,
+) -> None:
+    """Write all entries, a line of JSON for each."""
+    from foucault.files import keep_others, write_text
+
+    screen: Screen = ctx.obj
+    with _open(database) as records:
+        text = records.export()
+    if output is None:
+        print(text, end="")
+        return
+    keep_others(output, [b'"hash"'])
+    write_text(output, text)
+    screen.say(f"Wrote {output}.")
+
+
+def _added(screen: Screen, entry: Any) -> None:
+    from foucault.records.entries import plain
+
+    screen.say(f"Entry {entry.number}, by {entry.who}: {entry.hash[:12]}")
+    screen.data(plain(entry))
