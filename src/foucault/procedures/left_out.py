@@ -69,7 +69,7 @@ def fit(
     `prior` or None: what is known of the coefficients [SI]; `sizes` or None: of what is not
     estimated [SI]; `how`: of `mixed.fit`.
     """
-    sizes = whole(sizes, site, again)
+    sizes = whole(sizes, site, again.white, again.wander)
     if sizes is None:
         return mixed.fit(model, prior, **how), None
     names = model.layout.names
@@ -105,7 +105,7 @@ def planned(
 
     `sds`: source -> size of those to be found [SI].
     """
-    sizes = whole(sizes, site, again)
+    sizes = whole(sizes, site, again.white, again.wander)
     if sizes is None:
         return mixed.planned(model, sds, prior), None
     made = columns(model.layout.names, site, sizes, again)
@@ -143,13 +143,18 @@ def declared(
     return tuple(out)
 
 
-def whole(sizes: Sizes | None, site: Site, again: Again) -> Sizes | None:
-    """Return sizes as the noise tells them, and that of local gravity, which `site` gives."""
-    sizes = None if sizes is None else told(sizes, *again.white)
+def whole(
+    sizes: Sizes | None, site: Site, white: tuple[float, float], wander: tuple[float, float]
+) -> Sizes | None:
+    """Return sizes as the noise tells them, and that of local gravity, which `site` gives.
+
+    `white`, `wander`: as of `Again` [SI].
+    """
+    sizes = None if sizes is None else told(sizes, *white)
     if sizes is None:
         return None
     out = dict(sizes) | {GRAVITY: (site.gravity_sd, "standard uncertainty of local gravity")}
-    for triad, wanders in zip(("accel", "gyro"), again.wander, strict=True):
+    for triad, wanders in zip(("accel", "gyro"), wander, strict=True):
         size, basis = out.get(group := f"{triad}.bias drift", (0.0, ""))
         if size and wanders:  # the larger of both counts: what is more than the noise has
             left = float(np.sqrt(max(size**2 - wanders**2, 0.0)))

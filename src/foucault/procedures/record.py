@@ -200,6 +200,8 @@ class Procedure(Generic[S, N]):
     # does not estimate.
     again: Callable[[Any, Any, Given[S]], Again] | None = None
     counts: bool = False  # whether it counts them though it has no such `again`
+    # whether it does so too where none is declared, at the sizes of the grade that the noise tells
+    counts_by_noise: bool = False
     # Settings and session -> what a little more of a plan would be: in words, and both changed.
     additions: Callable[[S, N], Sequence[tuple[str, S, N]]] | None = None
     # What is wrong with a session that its calibration has to find: source -> size [SI].
@@ -349,8 +351,8 @@ class Procedure(Generic[S, N]):
         settings = settings or self.Settings()
         if isinstance(settings, EarthRate):
             site = settings.where(site)
-        if self.again is None:  # none declared, and no grade is told by noise here
-            sizes = sizes or None
+        if self.again is None and not self.counts_by_noise:
+            sizes = sizes or None  # none declared, and no grade is told by noise here
         return Given(site, settings, noise, prior or {}, progress, sizes)
 
     def foreseen(self, b: Beforehand[S, N], *, more: bool = True) -> Foresight | None:
@@ -362,8 +364,10 @@ class Procedure(Generic[S, N]):
         """
         if self.foresee is not None:
             own = self.foresee(b)
-            silent_of = (finding("left_out.not_counted", procedure=self.name),) * bool(b.sizes)
-            return replace(own, findings=(*own.findings, *silent_of))
+            if b.sizes and own.left_out is None:
+                told_of = finding("left_out.not_counted", procedure=self.name)
+                own = replace(own, findings=(*own.findings, told_of))
+            return own
         if self.observe is None:
             return None
         noise = b.noise or b.typical or self.noise or grade(self.grade).noise
