@@ -295,8 +295,10 @@ def _beside(
         for xs, base in (([b.accel for b in put], first.accel), ([b.gyro for b in put], first.gyro))
     )
     spin = first.spin
-    variances = [v[:1] for v in stack.variances]
-    made = FleetReadings(f[:, ~spin], f[:, spin], w[:, spin], *variances, stack.rate, stack.gravity)
+    at_rest, accel, gyro = (v[:1] for v in stack.variances)
+    made = FleetReadings(
+        f[:, ~spin], f[:, spin], w[:, spin], at_rest, accel, gyro, stack.rate, stack.gravity
+    )
     values = fleet.calibrate(made, lever_arm=settings.lever_arm).values
     B = values[1:] - values[0]
     return np.asarray(B.T @ B)
