@@ -60,6 +60,9 @@ Values and their bounds in sd, correlations and budgets in parts of one, others 
 largest number of their line. Sentences are the same to the letter.
 """
 
+NOTHING = 1e-29
+"""Numbers below it are rounding about zero: no variance in SI is as small [SI]."""
+
 VOLATILE = {
     "schema", "provenance", "campaign", "display_value", "display_sd", "display_sd_seconds",
     "sd_seconds", "created", "date", "dates", "seconds", "versions", "sha256", "folder", "report",
@@ -322,6 +325,8 @@ def _distance(key: str, a: Any, b: Any, before: Lines) -> tuple[float, str, int]
     if not numbers or x.shape != y.shape or any((x == None) != (y == None)):  # noqa: E711
         return np.inf, "", 0
     x, y = x.astype(float), y.astype(float)
+    if np.nanmax(np.abs([x, y])) < NOTHING:
+        return 0.0, "", 0
     sd = [before.get(f"coefficients.{name}.sd", 0.0) for name in before.get("covariance.names", ())]
     scale: Any = max(np.nanmax(np.abs([x, y])), 1e-300)
     unit = "of its size"

@@ -192,6 +192,7 @@ _QUICK: dict[str, dict[str, dict[str, Any]]] = {
                                 "step_time": "8 s", "rate": "10 Hz"}},
     "magnetometer": {"procedure": {"intensity": "49 uT", "gyro_bias_sd": "20 deg/h"},
                      "simulate": {"time": "20 s", "rate": "50 Hz"}},
+    "continuous_spin": {"simulate": {"rates": ["290 deg/s", "-460 deg/s"], "spin_time": "5 s"}},
     "north_seeking": {},
     "platform_tumble": {"procedure": {"plan": "-x -z -y +z", "rate": "5 deg/s",
                                       "segment": "60 s", "average": "10 s", "passes": 4}},

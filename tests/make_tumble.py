@@ -5,9 +5,10 @@ from __future__ import annotations
 from functools import cache
 
 from foucault import campaign
+from foucault.campaign.running import with_nothing_else
 from foucault.procedures import platform_tumble
 
-TEMPLATE = campaign.template("platform_tumble")
+TEMPLATE = with_nothing_else(campaign.template("platform_tumble"))
 PUBLISHED = 'average = "5 s"'
 FAST = 'plan = "-x -z -y +z"\nrate = "5 deg/s"\nsegment = "60 s"'
 SLOW = 'plan = "-x -z -y +z"\nrate = "0.02 deg/s"\nsegment = "1500 s"\naverage = "5 s"\npasses = 30'

@@ -8,6 +8,7 @@ import os
 import pickle
 import sqlite3
 import sys
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -65,15 +66,16 @@ def each(
                 kept.execute("INSERT INTO kept VALUES (?, ?)", (key, result))
                 kept.commit()
                 known[key] = result
-                print(f"\r{k} of {len(keys)}", end="", file=sys.stderr, flush=True)
+                if sys.stderr.isatty() or k % 500 == 0 or k == len(keys):
+                    print(f"\r{k} of {len(keys)}", end="", file=sys.stderr, flush=True)
         print(file=sys.stderr)
     finally:
         kept.close()
-    yield from (pickle.loads(known[key]) for key in keys)
+    yield from (pickle.loads(zlib.decompress(known[key])) for key in keys)
 
 
 def _of(one: Callable[[Any], Any], key: bytes) -> tuple[bytes, bytes]:
-    return key, pickle.dumps(one(pickle.loads(key)))
+    return key, zlib.compress(pickle.dumps(one(pickle.loads(key))))
 
 
 def _kept(one: Callable[[Any], Any]) -> sqlite3.Connection:

@@ -27,9 +27,6 @@ from foucault.infer import left_out_states
 from foucault.models.imu import ImuModel
 from foucault.models.left_out import Sizes, sizes_of
 from foucault.models.noise import grade
-from foucault.procedures.platform_tumble.counted import SIZE_EFFECT as TUMBLE
-from foucault.procedures.systematic.counted import SIZE_EFFECT as SYSTEMATIC
-from foucault.procedures.transfer_alignment import settings as of_transfer
 from foucault.result import Level
 
 DRIFT, TIMES = "accel.bias drift", 7.0
@@ -52,40 +49,6 @@ NOTHING, ALL, SEVEN, POWER = (
     "nothing", "all at their sizes", "drift of accelerometer biases x 7", "as large as needed",
 )  # fmt: skip
 CASES = (NOTHING, ALL, SEVEN)
-
-
-def rigged(
-    which: str, session: Any, settings: Any, model: Any, rng: np.random.Generator
-) -> tuple[Any, Any, Any]:
-    """Draw what else is wrong at its size: lever arms, delays, clock, mount; of a slave its matrix.
-
-    Returns the session, the settings that it is simulated with, and the instrument.
-    """
-
-    def three(sd: float) -> tuple[str, str, str]:
-        x, y, z = (f"{v:.9g} m" for v in sd * rng.standard_normal(3))
-        return x, y, z
-
-    if which == "systematic":
-        sizes = SYSTEMATIC
-        arms, delay = sizes["accel.lever"][0], sizes["accel.delay"][0] * rng.standard_normal()
-        return session.model_copy(update={"arms": arms, "delay": delay}), settings, model
-    if which == "platform_tumble":
-        sizes = TUMBLE
-        arms = tuple(three(sizes["accel.lever"][0]) for _ in range(3))
-        delay = sizes["accel.delay"][0] * rng.standard_normal()
-        session = session.model_copy(update={"delay": delay})
-        return session, settings.model_copy(update={"arms": arms}), model
-    session = session.model_copy(update={
-        "clock_drift": settings.clock_sd * rng.standard_normal(),
-        "compliance_sd": settings.load_sd,
-    })  # fmt: skip
-    vector = model.coefficients()
-    for group in ("gyro.misalignment", "accel.misalignment", "accel.scale"):
-        at = vector.layout.group(group)
-        vector.values[at] = of_transfer.PRIOR[group][1] * rng.standard_normal(len(at))
-    settings = settings.model_copy(update={"lever_arm": three(settings.lever_arm_sd)})
-    return session, settings, ImuModel.from_coefficients(vector)
 
 
 def amounts(case: str, kind: Kind, sizes: Sizes, rng: np.random.Generator) -> dict[str, np.ndarray]:
@@ -123,7 +86,8 @@ def one(job: tuple[str, str, int, bool]) -> Run:
     session, settings = c.session.model_copy(update=kind.shorter), c.settings
     model = procedure.draw_errors(procedure.grade, seed)
     if case == ALL:
-        session, settings, model = rigged(which, session, settings, model, rng)
+        assert procedure.drawn is not None
+        session, settings, model = procedure.drawn(session, settings, model, rng)
     sim = procedure.simulate(
         session, settings=settings, model=model, noise=noise, site=c.site, seed=seed
     )

@@ -293,7 +293,9 @@ def everything(s: Session) -> None:
         if group not in known and group.partition(".")[0] in triads
     }
     amounts(s, x)
-    place(s.rng.standard_normal() * 4e-4, s.rng.standard_normal() * sizes["latitude"][0])(s)
+    # Some settings say themselves how well the latitude is known.
+    north = getattr(s.case.stated, "latitude_sd", None) or sizes["latitude"][0]
+    place(s.rng.standard_normal() * 4e-4, s.rng.standard_normal() * north)(s)
     if timed(s):
         sd = CLOCK[GRADE[s.case.procedure]]
         s.log = replace(s.log, clock=Clock.of("host", sd))

@@ -288,10 +288,13 @@ def which_number() -> str:
     for tau, sigma, word, style in ((1.0, 1.0, "N at 1 s", "green"), (3.0, K, "K at 3 s", "red")):
         x, y = at(tau, sigma)
         sheet.path([(x, 285), (x, y)], "grey thin dash")
-        sheet.text((x - 8, y + 16 if style == "green" else y - 6), word, style, "end")
+        green = style == "green"
+        sheet.text(
+            (x - 8, y + 16) if green else (x + 8, y + 16), word, style, "end" if green else "start"
+        )
     sheet.text(at(9, 0.95), "N and K that bound it", "blue")
-    sheet.text((at(20, 0.12)[0], at(20, 0.12)[1] + 6), "measured")
-    x = 440.0
+    sheet.text(at(0.013, 1.5), "measured")
+    x = 430.0
     for k, (what, white, walk, who) in enumerate((
         ("sigma density", "N", "K", "Kalibr, OpenVINS, ORB-SLAM3, LIO-SAM, Basalt"),
         ("variance density", "N²", "K²", "GTSAM, ROVIO"),
@@ -301,8 +304,8 @@ def which_number() -> str:
     )):  # fmt: skip
         y = top + 12 + 58 * k
         sheet.text((x, y), what, "title")
-        sheet.text((x + 145, y), white, "green")
-        sheet.text((x + 240, y), walk, "red")
+        sheet.text((x + 160, y), white, "green")
+        sheet.text((x + 260, y), walk, "red")
         sheet.text((x, y + 19), who, "small")
     return sheet.svg()
 

@@ -134,7 +134,7 @@ def test_titles_of_increments(tmp_path: Path) -> None:
         assert made_of["rate"][key] == pytest.approx(made_of["increment"][key], abs=2e-4)
     words = ("align", tmp_path / "increment.csv", *SITE, "--until", "59 s")
     text = " ".join(run(*words).output.split())
-    assert "gyro in rad (increments), accel in m/s (increments)" in text
+    assert "[m/s] sums (sure); gyros gyro_x (rad)" in text
 
 
 @pytest.mark.thorough

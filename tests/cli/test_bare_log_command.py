@@ -62,3 +62,29 @@ def test_inspect_and_allan_say_what_a_bare_log_was_taken_for(file, tmp_path):
     assert "'untitled.csv' was taken for: time column 0 [s]" in " ".join(run("allan", bare).split())
     two = make.write("arduino_print", tmp_path, make.truth(1, 50.0, 12))
     assert "fits in two ways" in run("inspect", two, code=1)
+
+
+def test_inspect_and_allan_take_files_of_one_log_and_read_them_as_calibrate_does(tmp_path):
+    c = make.Columns.of(make.truth(1, 50.0, 12))
+    one, two = tmp_path / "acc.csv", tmp_path / "gyr.csv"
+    one.write_text(make.text("t (s),ax (g),ay (g),az (g)", [c.t, c.f / make.G], ["%.6f"] * 4))
+    wrong = "t (s),gx (rad/s),gy (rad/s),gz (rad/s)"
+    two.write_text(make.text(wrong, [c.t, c.w / make.DEGREE], ["%.6f"] * 4))
+    said = run("inspect", one, two)
+    assert "acc.csv, gyr.csv were taken for:" in said
+    assert said.count("taken for") == 1
+    assert "not rad/s as its title says" in said
+    seen = json.loads(run("inspect", one, two, "--json"))
+    np.testing.assert_allclose(seen["gyro"]["sd"], c.w.std(axis=0), rtol=1e-3)
+    assert "gx (rad/s), gy (rad/s), gz (rad/s) [deg/s]" in " ".join(run("allan", one, two).split())
+
+
+def test_init_of_a_log_that_calibrates_nothing_says_what_is_missing(tmp_path):
+    c = make.Columns.of(make.truth(1, 50.0, 12))
+    file = tmp_path / "rest.csv"
+    rest = slice(0, 400)
+    head = "t,ax,ay,az,gx,gy,gz"
+    file.write_text(make.text(head, [c.t[rest], c.f[rest], c.w[rest]], ["%.6f"] * 7))
+    said = " ".join(run("init", "--log", file, "-o", tmp_path / "campaign.toml").split())
+    assert "calibrates nothing yet. A rest tells noise" in said
+    assert "then run" not in said

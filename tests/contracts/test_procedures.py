@@ -24,6 +24,7 @@ from foucault.errors import Status
 from foucault.infer import mixed
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.infer.mixed import Linearisation
+from foucault.models.left_out import sizes_of
 from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade
 from foucault.procedures import PROCEDURES
 from foucault.procedures.record import Given
@@ -57,6 +58,7 @@ FIELD = {"intensity": 49e-6, "intensity_sd": 1e-8, "noise_sd": 3e-7, "gyro_bias_
          "gyro_scale_sd": 1e-3, "gyro_misalignment_sd": 5e-4}  # fmt: skip
 KNOWN_IMU = {"gyro_bias_sd": 1e-9, "gyro_scale_sd": 1e-9, "gyro_misalignment_sd": 1e-9,
              "accel_bias_sd": 1e-9, "intensity_sd": 1e-13, "wander": False}  # fmt: skip
+SPUN = {"rates": ["290 deg/s", "-460 deg/s"], "spin_time": 5.0}
 TRUE_TABLE = dict.fromkeys(("plumb_sd", "orthogonality_sd", "zero_sd", "position_sd"), 0.0)
 
 SESSIONS = {
@@ -77,6 +79,7 @@ SESSIONS = {
     "rate_table": Case(
         "rate_table", {"rate_sd": 5e-6, "table_rate_sd": 2e-5, "fixture_sd": 5e-5}, MEANS
     ),
+    "continuous_spin": Case("continuous_spin", {}, SPUN),
     "magnetometer": Case("magnetometer", FIELD, {"time": 12.0, "rate": 100.0}),
     "north_seeking": Case("north_seeking", {}, TILTED, noise=SEEKER),
     "platform_tumble": Case(
@@ -209,6 +212,42 @@ def test_its_budget_adds_up_to_its_variance(name: str) -> None:
     np.testing.assert_allclose(sum(rows.values())[: len(sd)], sd**2, rtol=1e-9)
 
 
+@cache
+def counted(name: str) -> Result:
+    """A session calibrated with what is not estimated at its size."""
+    case = SESSIONS[name]
+    how = case.record.calibrate if not case.record.counted else case.record.trial
+    result: Result = how(
+        session(name).log, site=case.site, settings=case.stated, prior=case.prior,
+        noise=case.sensors if told(name) == "declared" else told(name), sizes=SIZES,
+    )  # fmt: skip
+    return result
+
+
+SIZES = sizes_of("tactical MEMS")
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", PROCEDURES)
+def test_what_is_not_estimated_is_in_its_budget_and_none_is_pinned(name: str) -> None:
+    result = counted(name)
+    if not SESSIONS[name].record.counted:
+        assert "left_out.not_counted" in [f.code for f in result.findings]
+        return
+    some = result.diagnostics["left_out"]
+    groups = [g for g, row in some.items() if row["kind"] == "left out"]
+    assert groups
+    # A term of which nothing would be left is one that a reading ties by accident.
+    assert all(row["seen"][1] < 1 - 1e-9 for row in some.values() if row["kind"] != "scatter")
+    rows = {k: np.array(v) for k, v in result.diagnostics["budget"].items()}
+    sd = result.coefficients.sd
+    np.testing.assert_allclose(sum(rows.values())[: len(sd)], sd**2, rtol=1e-6)
+    assert all((v >= 0).all() for v in rows.values())
+    share = dict(zip(*(result.tables["left_out"][k] for k in ("group", "share")), strict=True))
+    large = {g for g in groups if share[g] > 0.01}
+    assert large <= set(rows) or (name == "platform_tumble" and "what is not estimated" in rows)
+
+
 @pytest.mark.parametrize("name", PROCEDURES)
 def test_no_coefficient_is_known_better_than_its_bound(name: str) -> None:
     result = fitted(name)[0]
@@ -276,6 +315,10 @@ EXACT = {
     "multi_position, everything": (1e-12, Case("multi_position", BOTH | EVERYTHING, PERFECT)),
     "turntable, everything": (2e-12, Case("turntable", BOTH | EVERYTHING, PERFECT)),
     "rate_table": (2e-12, Case("rate_table", {"g_sensitivity": True}, MEANS)),
+    # A rate that wanders is smoothed, and what is finer than a tenth of a radian averaged.
+    "continuous_spin": (1e-6, Case("continuous_spin", {}, {
+        "rates": ["750 deg/s", "-1030 deg/s"], "spin_time": 3.0, "wander": 0.0, "unbalance": 0.0},
+        site=POLE)),
     "magnetometer": (
         1e-3, Case("magnetometer", FIELD | KNOWN_IMU, {"rate": 200.0, "time": 8.0, "noise_sd": 0.0})
     ),
@@ -586,6 +629,10 @@ SCATTER = {
     **{n: (25, SESSIONS[n]) for n in ON_TABLE},
     **{f"rate_table, {g}": (70, replace(SESSIONS["rate_table"], grade=g, said={
         "repeatability": False})) for g in ("mems", "tactical")},
+    "continuous_spin": (30, SESSIONS["continuous_spin"]),
+    "continuous_spin, a drill": (
+        30, Case("continuous_spin", {}, SPUN | {"unbalance": 0.0, "wander": 0.03, "vibration": 0.5})
+    ),
     "magnetometer": (30, SESSIONS["magnetometer"]),
     "north_seeking, level": (40, seeker({})),
     "north_seeking, two on the case": (40, seeker({"accelerometers": "case"})),

@@ -18,6 +18,8 @@ from foucault.diagnose.bounding_pair import (
     pairs,
 )
 from foucault.tables import Log
+from make_alignment import real
+from make_stretches import REAL_LOGS
 
 RATE = 100.0
 N, K = 2e-4, 2e-5
@@ -125,6 +127,33 @@ def test_pairs_of_a_log_are_by_axis_and_triad() -> None:
         assert pair is not None
         holds(pair, [c for n, c in seen.channels.items() if n.startswith(name)])
     assert set(pairs(measure_log(log, kind="hadamard")).values()) == {None}
+
+
+@pytest.mark.thorough
+def test_instruments_of_every_kind_are_bounded() -> None:
+    """100 records with any mixture of white noise, flicker, walk and rounding."""
+    rng = np.random.default_rng(5)
+    for _ in range(100):
+        n = int(RATE * rng.choice([300, 600, 1800]))
+        flicker = N * 10 ** rng.uniform(-2, 0.3) * (rng.random() < 0.8)
+        x = noise(rng, n, flicker, N * 10 ** rng.uniform(-4, -1) * (rng.random() < 0.7))
+        step = N * np.sqrt(RATE) * rng.choice([0, 0, 0.5, 1, 2])
+        c = measure(np.round(x / step) * step if step else x, 1 / RATE)
+        pair = pair_of([c])
+        assert pair is not None
+        holds(pair, [c])
+
+
+@pytest.mark.parametrize("name", [n for n in REAL_LOGS if n != "19_positions"])
+def test_real_instruments_at_rest(name: str) -> None:
+    seen = measure_log(real(*REAL_LOGS[name]))
+    got = pairs(seen)
+    # Rings that are read out in steps fall by 1/tau, which no pair follows over a factor of 30.
+    steep = {"ln100": set(got), "ring_laser": {"accel.z"}}.get(name, set())
+    assert {key for key, pair in got.items() if pair is None} == steep
+    for key, pair in got.items():
+        if pair is not None:
+            holds(pair, [c for n, c in seen.channels.items() if n.startswith(key)])
 
 
 @pytest.mark.thorough

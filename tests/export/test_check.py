@@ -16,7 +16,8 @@ from foucault.errors import FoucaultError
 from foucault.export import write
 from foucault.export.check import Checked, checked, recognised
 from foucault.export.densities import Densities
-from foucault.export.table import Row, receivers
+from foucault.export.request import number
+from foucault.export.table import Row, found_in, numbers_of, receivers
 from foucault.result import Result
 from foucault.run_folder import save
 from make_terms import LOUD, with_terms
@@ -263,8 +264,80 @@ def test_the_command(tmp_path: Path) -> None:
     assert "It says what the run says." in done.stdout, done.stdout
 
 
+def test_the_command_names_any_sensor(tmp_path: Path) -> None:
+    save(small("px4"), tmp_path / "run")
+    file = tmp_path / "px4.params"
+    done = run("export", tmp_path / "run", "--to", "px4", "-o", file, "--slot", 3)
+    assert done.exit_code == 0, done.stderr
+    assert "param set CAL_ACC3_XOFF" in file.read_text()
+    assert "It says what the run says." in run("check", file, "--run", tmp_path / "run").stdout
+    done = run("export", tmp_path / "run", "--to", "px4", "-o", file, "--slot", 4)
+    assert done.exit_code == 1
+    assert "px4 has sensors 0 to 3; 4 is none of them." in done.stderr
+
+
 def test_a_folder_that_is_no_allan_run(tmp_path: Path) -> None:
     save(small("kalibr"), tmp_path / "run")
     done = run("export", tmp_path / "run", "--to", "kalibr", "-o", tmp_path / "a",
                "--noise", tmp_path, code=1)  # fmt: skip
     assert "is no run of foucault allan that tells the noise" in done.stderr
+
+
+# -- every key of every receiver with every mistake, made in the file itself --------------------
+
+STRANGE = {"accel": 9.80665, "gyro": np.pi / 180}
+"""What one unit of people is in SI: g, deg/s."""
+
+
+def mistaken(row: Row, x: Any) -> Any:
+    """Yield the words of a mistake and what a key would then hold; `x`: what is right in it."""
+    power = 2 if "variance" in row.kind else 1
+    one = row.of[0].partition(".")[0]
+    strange = {"accel": "is in g, not in m/s^2", "gyro": "is in degrees, not in radians"}[one]
+    factor = STRANGE[one] ** -power
+    if "deg" in row.unit:
+        strange, factor = "is in radians, not in degrees", STRANGE[one] ** power
+    yield strange, x * factor
+    if not row.noise:
+        return
+    if "density" in row.kind:
+        yield "is a sample value, not a density", x * RATE ** (power / 2)
+    elif "sample" in row.kind:
+        gone = row.times * RATE**0.5
+        yield "is a density, not a value per sample", x / gone**power
+    if power == 1:
+        yield "is a variance, not a sigma", x**2
+        yield "is a variance, not a sigma", (x * row.one) ** 2 / row.one
+    else:
+        yield "is a sigma, not a variance", x**0.5
+
+
+def put(text: str, numbers: Any, changed: Any) -> str:
+    """Write other numbers in the place of a key's."""
+    for was, is_ in zip(numbers, changed, strict=True):
+        forms = "|".join(re.escape(form) for form in (number(was), repr(float(was))))
+        text = re.sub(rf"(?<![\d.])(?:{forms})(?![\d.])", number(is_), text)
+    return text
+
+
+@pytest.mark.parametrize("name", list(TABLE))
+def test_every_mistake_in_every_key_is_found(name: str, tmp_path: Path) -> None:
+    right, own = small(name), TABLE[name]
+    text = write(right, name, tmp_path / "out", noise=LOUD).read_text("utf-8")
+    tried = set()
+    for row in own.rows:
+        bias = bool(row.of) and row.of[0] in ("accel.bias", "gyro.bias") and len(row.of) == 1
+        if not row.key or row.warm or not (row.noise or bias):
+            continue
+        numbers = numbers_of(row, found_in(own, text))
+        assert numbers is not None
+        for words, changed in mistaken(row, numbers):
+            if row.layout == "diagonal":
+                changed = np.where(numbers == 0, 0.0, changed)
+            got = checked(put(text, numbers, changed), name, right, noise=LOUD)
+            said = {line.key: line.said for line in got.lines if line.said}
+            assert said == {row.shown: words}, (row.key, words)
+            assert [f.code for f in got.findings] == ["export.check_run"]
+            tried.add(words)
+    if any(row.noise for row in own.rows):
+        assert len(tried) >= 3

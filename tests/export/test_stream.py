@@ -6,9 +6,12 @@ import importlib.util
 import io
 import json
 import os
+import re
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -185,6 +188,32 @@ def test_a_bag_becomes_a_bag(readings: Readings, linear: Result, tmp_path: Path)
 def messages(path: Path) -> list[Any]:
     with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
         return [(c, at, bytes(data)) for c, at, data in reader.messages()]
+
+
+def test_types_that_nobody_describes_stay_as_they_are(
+    readings: Readings, linear: Result, tmp_path: Path
+) -> None:
+    """Bags before ROS 2 Iron hold no definitions, and types of one's own are in no library."""
+    accel, gyro = readings
+    stamps = START + np.arange(len(accel)) * 10**7
+    with Bag(tmp_path / "drive") as made:
+        made.imu("/imu", stamps, gyro, accel)
+        made.odometry("/own", stamps[:3], np.tile([0, 0, 0, 1.0], (3, 1)), np.zeros((3, 3)), "map")
+    metadata = tmp_path / "drive" / "metadata.yaml"
+    said = metadata.read_text().replace("nav_msgs/msg/Odometry", "own_msgs/msg/Secret")
+    metadata.write_text(re.sub(r"RIHS01_\w+", "''", said))
+    (file,) = (tmp_path / "drive").glob("*.db3")
+    with closing(sqlite3.connect(file)) as base, base:
+        base.execute("DELETE FROM message_definitions")
+        base.execute("UPDATE topics SET type_description_hash = ''")
+        base.execute("UPDATE topics SET type = 'own_msgs/msg/Secret' WHERE name = '/own'")
+    assert calibrate_bag(linear, tmp_path / "drive", tmp_path / "out") == len(accel)
+    before, after = (
+        [(c.msgtype, at, data) for c, at, data in messages(tmp_path / name) if c.topic == "/own"]
+        for name in ("drive", "out")
+    )
+    assert before == after and len(before) == 3
+    assert "RIHS01_00" not in (tmp_path / "out" / "metadata.yaml").read_text()
 
 
 def test_the_command_writes_a_bag(readings: Readings, linear: Result, tmp_path: Path) -> None:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from foucault.errors import FoucaultError
+from foucault.errors import FoucaultError, finding
 from foucault.export import write
+from foucault.export.check import checked
 from foucault.export.densities import allan_variance, densities
 from foucault.export.receivers import knowledge
 from foucault.export.request import AXES
@@ -21,6 +22,7 @@ from foucault.models.imu import Gauge
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.result import Result
 from make_terms import LOUD, Readings, Same, with_terms
+from own_formulas import T, corrected, propagated
 from refusals import refuses
 
 TABLE = receivers()
@@ -143,64 +145,7 @@ def test_readers_that_take_an_exponent_for_text_are_known(tmp_path: Path) -> Non
     assert yaml.safe_load(wrong)["gyroscope_random_walk"] == "2e-06"
 
 
-# -- what each does with the calibration: equations from the sources that the table names -------
-
-
-def corrected(name: str, x: dict[str, Any], accel: Any, gyro: Any) -> tuple[Any, Any]:
-    """Return specific force and rate as a receiver computes them from readings."""
-    inv = np.linalg.inv
-    if name == "kalibr":
-        M_g, C, A = x["gyroscopes.M"], x["gyroscopes.C_gyro_i"], x["gyroscopes.A"]
-        f = accel @ inv(x["accelerometers.M"]).T
-        return f, (gyro - f @ (A @ C).T) @ inv(M_g @ C).T
-    if name.startswith("openvins"):
-        D_a, D_w = inv(x["imu0.Ta"]), inv(x["imu0.Tw"])
-        keep = np.tril if name == "openvins" else np.triu  # what it keeps of its own inverse
-        np.testing.assert_allclose(D_a, keep(D_a), atol=1e-15)
-        np.testing.assert_allclose(D_w, keep(D_w), atol=1e-15)
-        f = accel @ (x["imu0.R_IMUtoACC"].T @ D_a).T
-        return f, (gyro - f @ x["imu0.Tg"].T) @ (x["imu0.R_IMUtoGYRO"].T @ D_w).T
-    if name == "basalt":
-        a, g = x["value0.calib_accel_bias"], x["value0.calib_gyro_bias"]
-        S = np.array([[a[3], 0, 0], [a[4], a[6], 0], [a[5], a[7], a[8]]])
-        S_g = np.array([g[3:6], g[6:9], g[9:12]]).T
-        return accel @ (np.eye(3) + S).T - a[:3], gyro @ (np.eye(3) + S_g).T - g[:3]
-    if name == "imucal":
-        f = (accel - x["b_a"]) @ (inv(x["R_a"]) @ inv(x["K_a"])).T
-        w = np.degrees(gyro) - f @ x["K_ga"].T - x["b_g"]
-        return f, np.radians(w @ (inv(x["R_g"]) @ inv(x["K_g"])).T)
-    if name == "matlab":
-        M_a, M_g = (x[f"{t}.AxesMisalignment"] / 100 for t in ("accel", "gyro"))
-        f = (accel - x["accel.ConstantBias"]) @ inv(M_a).T
-        return f, (gyro - x["gyro.ConstantBias"]) @ inv(M_g).T
-    if name == "psins":
-        ug, hour = 9.7803267715e-6, np.radians(1) / 3600
-        return tuple(
-            (raw - b) @ inv(psins_matrix(x[f"dK{t}ii"], x[f"dK{t}ij"])).T
-            for raw, b, t in ((accel, x["db"] * ug, "A"), (gyro, x["eb"] * hour, "G"))
-        )  # type: ignore[return-value]
-    if name == "pyins":
-        return ((accel - x["accel_bias"]) @ inv(x["accel_transform"]).T,
-                (gyro - x["gyro_bias"]) @ inv(x["gyro_transform"]).T)  # fmt: skip
-    if name == "kf-gins":
-        f = (accel - x["initaccbias"] * 1e-5) / (1 + x["initaccscale"] * 1e-6)
-        w = gyro - np.radians(x["initgyrbias"]) / 3600
-        return f, w / (1 + x["initgyrscale"] * 1e-6)
-    if name == "gnss-ins-sim":
-        return accel - x["accel_b"], gyro - np.radians(x["gyro_b"]) / 3600
-    if name == "ros2":
-        return accel @ x["SM"].reshape(3, 3).T - x["bias"], gyro
-    keys = {"px4": ("CAL_ACC0_{}OFF", "CAL_ACC0_{}SCALE", "CAL_GYRO0_{}OFF"),
-            "ardupilot": ("INS_ACCOFFS_{}", "INS_ACCSCAL_{}", "INS_GYROFFS_{}")}[name]  # fmt: skip
-    off, scale, gyro_off = ([x[key.format(axis)] for axis in "XYZ"] for key in keys)
-    return (accel - off) * np.array(scale), gyro - gyro_off
-
-
-def psins_matrix(ii: Any, ij: Any) -> Any:
-    K = np.eye(3) + np.diag(ii) * 1e-6
-    for (i, j), value in zip([(1, 0), (2, 0), (2, 1), (0, 1), (0, 2), (1, 2)], ij, strict=True):
-        K[i, j] = np.radians(value / 3600)
-    return K
+# -- what each does with the calibration --------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", [n for n, r in TABLE.items() if not r.before])
@@ -257,73 +202,61 @@ def test_a_scale_beyond_the_limits_of_the_receiver_is_refused(tmp_path: Path) ->
         write(replace(result, coefficients=wild), "ardupilot", tmp_path / "a.param")
 
 
+@pytest.mark.parametrize(
+    ("name", "slot", "keys"),
+    [("px4", 2, ["CAL_ACC2_XOFF", "CAL_ACC2_ZSCALE", "CAL_GYRO2_YOFF"]),
+     ("ardupilot", 0, ["INS_ACCOFFS_X", "INS_ACCSCAL_Z", "INS_GYROFFS_Y"]),
+     ("ardupilot", 1, ["INS_ACC2OFFS_X", "INS_ACC2SCAL_Z", "INS_GYR2OFFS_Y"]),
+     ("ardupilot", 4, ["INS5_ACCOFFS_X", "INS5_ACCSCAL_Z", "INS5_GYROFFS_Y"])],
+)  # fmt: skip
+def test_each_sensor_of_a_flight_stack_has_its_keys(
+    name: str, slot: int, keys: list[str], tmp_path: Path
+) -> None:
+    _, result, first = exported(name, tmp_path / "first")
+    topic = {"description": {"topic": f"IMU/{slot}"}}  # the log tells which sensor it is
+    own = replace(result, provenance=result.provenance | {"input": topic})
+    text = write(own, name, tmp_path / "out").read_text()
+    other = found_in(TABLE[name].of_slot(slot), text)
+    assert set(keys) <= other.keys()
+    assert list(other.values()) == list(found_in(TABLE[name], first).values())
+    assert write(own, name, tmp_path / "zero", slot=0).read_text() == first
+    assert slot == 0 or not found_in(TABLE[name], text)
+    seen = checked(text, None, own)
+    assert (seen.receiver.slot, seen.findings) == (slot, ())
+    with pytest.raises(FoucaultError, match="has sensors 0 to"):
+        write(own, name, tmp_path / "none", slot=7)
+
+
+@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+def test_what_its_own_calibration_leaves_is_not_put_in_its_place(name: str, tmp_path: Path) -> None:
+    _, result, text = exported(name, tmp_path / "out")
+    for code in (f"log.{name}_calibrated", "log.telemetry"):
+        told = finding(code, file="a", topic="IMU/0", count=3, how="whole numbers")
+        left = replace(result, findings=(told,))
+        with pytest.raises(FoucaultError, match="in their place, what was found would undo them"):
+            write(left, name, tmp_path / "other")
+        assert write(left, name, tmp_path / "other", force=True).read_text() == text
+        write(left, "pyins", tmp_path / "pyins", noise=LOUD)  # nobody else minds
+
+
+def test_axes_are_those_of_the_log_where_the_receiver_has_none(tmp_path: Path) -> None:
+    result = with_terms("accel.scale", "accel.bias")
+    for columns, axes in (
+        (["-acc.y", "acc.x", "acc.z"], "forward-left-up"),
+        (["gyro_y (rad/s)", "gyro_x (rad/s)", "-gyro_z (rad/s)"], "forward-right-down"),
+        ([1, 2, 3], "right-forward-up"),
+    ):
+        made = {"input": {"description": {"accel": {"columns": columns}}}}
+        own = replace(result, provenance=result.provenance | made)
+        for name, want in (("pyins", axes), ("px4", "forward-right-down"),
+                           ("robot_localization", "forward-left-up")):  # fmt: skip
+            text = write(own, name, tmp_path / "out", drop=["noise"]).read_text()
+            assert f"Axes: {want}" in text
+        said = write(own, "pyins", tmp_path / "out", axes="right-forward-up", drop=["noise"])
+        assert "Axes: right-forward-up." in said.read_text()
+
+
 # -- what each does with the noise -------------------------------------------------------------
-
-T = 10.0
-"""How long a receiver propagates [s]."""
-
-
-def propagated(name: str, x: dict[str, Any], triad: str) -> tuple[Any, Any]:
-    """Return the variance of the integral of the readings after T, and that of the bias [SI]."""
-    t = {"accel": 0, "gyro": 1}[triad]
-    dt, n = 1 / RATE, int(T * RATE)
-
-    def of(*keys: str) -> Any:
-        return np.asarray(x[keys[t]], float)
-
-    if name in ("vins-mono", "vins-fusion"):  # 0.5 dt (n0 + n1) in each step; dt n of the bias
-        return n * 0.5 * dt**2 * of("acc_n", "gyr_n") ** 2, n * (dt * of("acc_w", "gyr_w")) ** 2
-    if name == "orb-slam3":  # B = dt I; the walk is added once a sample
-        F = np.asarray(x["IMU.Frequency"])
-        white = (of("IMU.NoiseAcc", "IMU.NoiseGyro") * np.sqrt(F)) ** 2
-        return n * dt**2 * white, n * (of("IMU.AccWalk", "IMU.GyroWalk") / np.sqrt(F)) ** 2
-    if name == "fast-lio2":  # (dt F_w) Q (dt F_w)^T
-        white = of("mapping.acc_cov", "mapping.gyr_cov")
-        return n * dt**2 * white, n * dt**2 * of("mapping.b_acc_cov", "mapping.b_gyr_cov")
-    if name.startswith("gtsam"):  # B (cov / dt) B^T; dt times that of the bias
-        white = of("setAccelerometerCovariance", "setGyroscopeCovariance")
-        walk = of("setBiasAccCovariance", "setBiasOmegaCovariance")
-        return n * dt**2 * white / dt, n * dt * walk
-    if name == "rovio":
-        axes = [x[f"Prediction.PredictionNoise.{k}_{i}"] for i in range(3) for k in of_rovio(triad)]
-        return T * np.array(axes[::2]), T * np.array(axes[1::2])
-    if name == "robot_localization":  # a measurement: the variance of one sample
-        key = ("linear_acceleration_covariance", "angular_velocity_covariance")[t]
-        return n * dt**2 * np.reshape(x[key], (3, 3)).diagonal(), None
-    if name == "kf-gins":
-        tau = float(x["imunoise.corrtime"]) * 3600
-        white = of("imunoise.vrw", "imunoise.arw") * (1 / 60, np.radians(1) / 60)[t]
-        sd = of("imunoise.abstd", "imunoise.gbstd") * (1e-5, np.radians(1) / 3600)[t]
-        return T * white**2, T * 2 * sd**2 / tau
-    if name == "gnss-ins-sim":
-        white = of("accel_vrw", "gyro_arw") * (1 / 60, np.radians(1) / 60)[t]
-        sd = of("accel_b_stability", "gyro_b_stability") * (1, np.radians(1) / 3600)[t]
-        return T * white**2, T * 2 * sd**2 / of("accel_b_corr", "gyro_b_corr")
-    if name == "psins":
-        ug = 9.7803267715e-6
-        white = of("wdb", "web") * (ug, np.radians(1) / 60)[t]
-        sd = of("sqrtR0A", "sqrtR0G") * (ug, np.radians(1) / 3600)[t]
-        return T * white**2, T * 2 * sd**2 / of("TauA", "TauG")
-    keys = {  # squared by the receiver as a density
-        "kalibr": ("accelerometer_noise_density", "accelerometer_random_walk",
-                   "gyroscope_noise_density", "gyroscope_random_walk"),
-        "basalt": ("value0.accel_noise_std", "value0.accel_bias_std", "value0.gyro_noise_std",
-                   "value0.gyro_bias_std"),
-        "msckf-vio": ("noise/acc", "noise/acc_bias", "noise/gyro", "noise/gyro_bias"),
-        "maplab": ("sigmas.acc_noise_density", "sigmas.acc_bias_random_walk_noise_density",
-                   "sigmas.gyro_noise_density", "sigmas.gyro_bias_random_walk_noise_density"),
-        "lio-sam": ("lio_sam.imuAccNoise", "lio_sam.imuAccBiasN", "lio_sam.imuGyrNoise",
-                    "lio_sam.imuGyrBiasN"),
-        "pyins": ("accel_noise", "accel_bias_walk", "gyro_noise", "gyro_bias_walk"),
-    }  # fmt: skip
-    keys["openvins"] = keys["openvins-rpng"] = tuple(f"imu0.{k}" for k in keys["kalibr"])
-    white, walk = (np.asarray(x[k], float) for k in keys[name][2 * t : 2 * t + 2])
-    return T * white**2, T * walk**2
-
-
-def of_rovio(triad: str) -> tuple[str, str]:
-    return ("vel", "acb") if triad == "accel" else ("att", "gyb")
-
 
 WITH_NOISE = [n for n, r in TABLE.items() if any(row.noise for row in r.rows)]
 
@@ -333,7 +266,7 @@ def test_its_own_formula_gives_the_noise_back(name: str, tmp_path: Path) -> None
     own, result, text = exported(name, tmp_path / "out")
     known, _ = knowledge(result, own, noise=LOUD)
     for triad in ("accel", "gyro"):
-        white, walk = propagated(name, found_in(own, text), triad)
+        white, walk = propagated(name, found_in(own, text), triad, RATE)
         for got, what in ((white, "white"), (walk, "walk")):
             if got is None:
                 continue
@@ -403,6 +336,22 @@ def test_noise_measured_by_a_procedure_is_that_of_the_worst_axis(tmp_path: Path)
     text = write(result, "kalibr", tmp_path / "imu.yaml", drop=["noise"]).read_text()
     x = found_in(TABLE["kalibr"], text)
     assert (x["accelerometer_noise_density"], x["gyroscope_noise_density"]) == (2e-3, 4e-4)
+
+
+@pytest.mark.parametrize("name", WITH_NOISE)
+@pytest.mark.parametrize("wrong", [0.0, np.nan, np.inf, -1e-3])
+def test_a_noise_that_is_none_is_not_written(name: str, wrong: float, tmp_path: Path) -> None:
+    dead = {k: x * np.array([1.0, 1.0, 0.0]) if np.ndim(x) else x for k, x in LOUD.values.items()}
+    for values in (LOUD.values | {k: x * 0 + wrong for k, x in LOUD.values.items()}, dead):
+        each = any(row.each or row.layout == "diagonal" for row in TABLE[name].rows if row.noise)
+        if values is dead and not each:
+            continue
+        noise = replace(LOUD, values=values)
+        with pytest.raises(FoucaultError, match="not known"):
+            write(with_terms(), name, tmp_path / "out", noise=noise)
+        text = write(with_terms(), name, tmp_path / "out", noise=noise, drop=["noise"]).read_text()
+        found = found_in(TABLE[name], text)
+        assert not [r.key for r in TABLE[name].rows if r.noise and r.names()[0] in found]
 
 
 def test_the_table_is_whole() -> None:

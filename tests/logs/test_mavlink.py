@@ -45,7 +45,7 @@ def test_readings_in_si(version: int, tmp_path: Path) -> None:
     np.testing.assert_allclose(log.accel, same.accel, rtol=2e-7)
     np.testing.assert_allclose(log.gyro, same.gyro, rtol=2e-7, atol=1e-9)
     np.testing.assert_allclose(log.time - log.time[0], same.time, atol=1e-6)
-    assert {f.code for f in log.findings} == {"log.declared"}
+    assert {f.code for f in log.findings} == {"log.declared", "log.telemetry"}
 
 
 def test_rounded_readings_are_told(tmp_path: Path) -> None:
@@ -54,7 +54,10 @@ def test_rounded_readings_are_told(tmp_path: Path) -> None:
     log = read(described(topic="SCALED_IMU/1"), tmp_path)
     np.testing.assert_allclose(log.accel, LOGS[1].accel, atol=0.51e-3 * 9.80665)
     np.testing.assert_allclose(log.gyro, LOGS[1].gyro, atol=0.51e-3)
-    assert "is whole numbers" in next(f for f in log.findings if f.code == "log.telemetry").message
+    assert (
+        "is whole numbers, at the rate that the link left"
+        in next(f for f in log.findings if f.code == "log.telemetry").message
+    )
 
 
 def test_raw_readings_want_a_unit(tmp_path: Path) -> None:

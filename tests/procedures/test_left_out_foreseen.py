@@ -187,14 +187,20 @@ def test_the_switch_is_written_where_there_is_no_table() -> None:
     assert with_nothing_else(bare).count("[instrument]\nleft_out = false") == 1
 
 
-@pytest.mark.parametrize("name", ["transfer_alignment", "systematic"])
+COUNTING = (
+    "hand_rotated", "turntable", "norm_observation", "multi_position", "transfer_alignment",
+    "systematic", "platform_tumble",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["north_seeking", "magnetometer"])
 def test_where_no_grade_is_told_by_noise_nothing_said_is_nothing_declared(name) -> None:
     procedure = procedures.load(name)
     for sizes, given in ((ByNoise(), None), (ByNoise(SIZES), SIZES), (None, None)):
         assert procedure._given(SITE, None, None, None, silent, sizes).sizes == given
-    for one in ("hand_rotated", "turntable", "norm_observation", "multi_position"):
-        usual = procedures.load(one)._given(SITE, None, None, None, silent, ByNoise())
-        assert usual.sizes == ByNoise()
+    for usual in map(procedures.load, COUNTING):
+        assert usual._given(SITE, None, None, None, silent, ByNoise()).sizes == ByNoise()
+        assert usual.counted
 
 
 @pytest.mark.thorough

@@ -37,6 +37,8 @@ from sessions import codes
 SITE = Site.at(40 * DEG, 100.0)
 ARCSEC_G = ARCSEC / 9.80665
 TEXT = """
+[instrument]
+left_out = false
 [site]
 latitude = "40 deg"
 height = "100 m"
@@ -74,6 +76,24 @@ def test_what_is_foretold_of_time_and_of_longer_rests(more):
     assert told.complete == ("quadratic" not in more) and told.duration == pytest.approx(481.0)
     assert [m.what for m in told.more] == ["rests 1.83 times as long"]
     assert told.more[0].ratio < 0.9
+
+
+def test_what_is_not_estimated_counts_in_preflight_and_in_the_search():
+    alone = planned()
+    whole = campaign.parse(alone.text.replace("left_out = false", ""))
+    told, less = foresee(whole), foresee(alone)
+    assert less.left_out is None and (told.sd > 0.99 * less.sd).all()
+    share = dict(zip(told.left_out["group"], told.left_out["share"], strict=True))
+    assert share["accel.cross"] > 0.3 and share["local gravity"] > 0.9
+    assert any("products of two axes" in m.what and m.ratio < 0.9 for m in told.more)
+    # Rests buy less where more than noise counts.
+    assert told.more[-1].ratio > less.more[-1].ratio
+    b = replace(optimisation.beforehand(whole)[0], wanted=systematic.PROCEDURE.Wanted())
+    space = systematic.PROCEDURE.space(b)
+    near, stated = space.bound(space.reference), space.sd(space.reference, space.cases[0])
+    # A drift is constant in each rest there, of which there are few.
+    np.testing.assert_allclose(near, stated, rtol=0.08)
+    assert (near > 0.99 * space.alone(space.reference)).all()
 
 
 def test_what_is_wanted_is_held_against_the_plan():

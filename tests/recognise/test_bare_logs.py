@@ -282,7 +282,7 @@ def test_a_session_goes_from_a_bare_file_to_the_truth(name, tmp_path):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", ["norm_observation", "rate_table"])
+@pytest.mark.parametrize("name", ["norm_observation", "rate_table", "continuous_spin"])
 def test_a_session_on_a_table_goes_from_a_bare_file_to_the_truth(name, tmp_path):
     check_session(name, tmp_path)
 

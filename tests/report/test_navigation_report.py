@@ -96,9 +96,13 @@ def test_the_terms_drawn_add_up(parked):
     for figure in found:
         names = [t["name"] for t in figure["data"]]
         assert names[:3] == ["sensor noise, ±2 sd", "error", "all terms"]
-        error, total = (np.array(figure["data"][k]["y"]) for k in (1, 2))
-        band = np.array(figure["data"][0]["y"])
-        half = (band[: len(total)] - band[::-1][: len(total)]) / 4
+        lines = [[np.array(figure["data"][k][axis], float) for axis in "xy"] for k in range(3)]
+        # The band goes out along its upper edge and back along its lower one.
+        edges, back = lines[0], int(np.argmax(lines[0][0]))
+        t = lines[1][0]
+        error, total = lines[1][1], np.interp(t, *lines[2])
+        high = np.interp(t, edges[0][: back + 1], edges[1][: back + 1])
+        half = (high - np.interp(t, edges[0][:back:-1], edges[1][:back:-1])) / 4
         assert np.all(np.abs(error - total) < 4 * half + 0.02 * np.abs(error).max())
 
 

@@ -57,7 +57,7 @@ def test_a_logarithmic_axis_gives_each_decade_the_same_room():
 def test_a_line_breaks_where_nothing_is_known():
     figure = made(line("a", np.arange(5.0), [0.0, 1.0, None, 1.0, 0.0], "var(--bad)"))
     (d,) = [d for style, d in paths(figure) if "var(--bad)" in style]
-    assert d.count("M") == 2 and d.count("L") == 2
+    assert d.count("M") == 2 and d.count("l") == 2
 
 
 def test_bars_side_by_side_and_on_top_of_one_another():

@@ -130,7 +130,8 @@ def test_every_sign_is_understood_when_copied_back():
 
 
 def test_certificate_fills_what_is_known_and_leaves_lines_for_the_rest():
-    (block,) = certificate(make_result()).blocks
+    block, told = certificate(make_result()).blocks
+    assert "were taken for nothing" in told.text
     assert isinstance(block, Facts)
     facts = dict(block.pairs)
     assert facts["instrument"] == "MTi-28" and facts["serial number"] == "0180-2214"
@@ -156,3 +157,26 @@ def test_certificate_says_when_it_is_due():
     assert facts["rates covered"] == "−115 to 115 °/s"
     slow = make_result(validity={"gyro": [-5e-5, 4.8481368e-5]})
     assert dict(certificate(slow).blocks[0].pairs)["rates covered"] == "−10.3 to 10 °/h"
+
+
+def test_the_certificate_lists_what_is_not_estimated_as_type_b():
+    some = {
+        "what": ["quadratic terms", "local gravity"], "size": ["500 ug/g^2", "0.0004 m/s^2"],
+        "basis": ["judgement", "declared"], "share": [0.2, 0.7], "times": [3.0, np.nan],
+    }  # fmt: skip
+    result = make_result()
+    left = {k: np.array(v, object if k in ("what", "size", "basis") else float)
+            for k, v in some.items()}  # fmt: skip
+    with_it = dataclasses.replace(result, tables={**result.tables, "left_out": left})
+    _, told, table = certificate(with_it).blocks
+    assert "bounded by their size" in told.text
+    heads, rows = table_of(certificate(with_it))
+    assert list(rows) == ["local gravity", "quadratic terms"]  # the costliest first
+    one = dict(zip(heads, rows["quadratic terms"], strict=True))
+    assert (one["size (1 sd)"], one["type"], one["evaluated from"]) == (
+        "500 ug/g^2", "B", "judgement",
+    )  # fmt: skip
+    assert one["largest share of a variance"] == "20.0 %"
+    assert one["readings"] == "3 times its size"
+    assert dict(zip(heads, rows["local gravity"], strict=True))["readings"] == "agree"
+    assert table in certificate(with_it).blocks

@@ -1,8 +1,9 @@
 """What a simulated instrument holds beside what its calibration estimates.
 
 Where `[instrument]` declares sizes, each term that is not estimated is drawn at its size: those of
-the model are put into the instrument, drifts into its samples, and the place is as far off as its
-latitude may be (gravity is off in every simulation). Where nothing is declared it holds the model
+the model are put into the instrument, others into its samples, and the place is as far off as its
+latitude may be (gravity is off in every simulation); lever arms, delays and clocks are the
+procedure's to draw. Where nothing is declared it holds the model
 alone, and what is written of it says so.
 """
 
@@ -27,10 +28,18 @@ class Held:
     """What is drawn of the terms that are not estimated."""
 
     sizes: Sizes | None = None  # at which they were drawn, None: the instrument holds none [SI]
-    # values: of coefficients [SI]; drifts: terms whose size is the value drawn [SI]
+    # values: of coefficients [SI]; added: to the samples, terms whose size is the value drawn [SI]
     values: dict[str, float] = field(default_factory=dict)
-    drifts: tuple[Term, ...] = ()
+    added: tuple[Term, ...] = ()
     latitude: float = 0.0  # how much further north it really is [rad]
+    rng: np.random.Generator | None = None  # of what is drawn besides
+
+    def session(self, campaign: Campaign, model: Any) -> tuple[Any, Any, Any]:
+        """Return session, settings and instrument that are simulated."""
+        drawn, model = procedures.load(campaign.procedure).drawn, self.model(model)
+        if drawn is None or self.rng is None:
+            return campaign.session, campaign.settings, model
+        return drawn(campaign.session, campaign.settings, model, self.rng)
 
     def model(self, model: Any) -> Any:
         """Return an instrument with the terms of its model."""
@@ -46,18 +55,25 @@ class Held:
         return replace(site, latitude=site.latitude + self.latitude)
 
     def simulation(self, simulation: Any) -> Any:
-        """Return a simulation with the drifts in its samples."""
-        return replace(simulation, log=self.log(simulation)) if self.drifts else simulation
+        """Return a simulation with what is added to its samples."""
+        if not self.added:
+            return simulation
+        model = simulation.model if isinstance(simulation.model, ImuModel) else ImuModel()
+        ends = simulation.log.time[[0, -1]]
+        if hasattr(simulation, "recorded"):  # it goes on after its log
+            return simulation.with_recorded(self.log(simulation.recorded, model, *ends))
+        return replace(simulation, log=self.log(simulation.log, model, *ends))
 
-    def log(self, simulation: Any) -> Log:
-        """Return the log with the drifts in its samples."""
-        log: Log = simulation.log
+    def log(self, log: Log, model: ImuModel, begin: float, end: float) -> Log:
+        """Return a log with what is added to its samples; `begin`, `end`: of the session [s]."""
         zero = np.zeros((len(log.time), 3))
         read = [zero if x is None else x for x in (log.accel, log.gyro)]
-        f_b, w_b = simulation.model.compensate(*read)
-        at = Motion(log.time, f_b, w_b, *log.time[[0, -1]])
-        for term in self.drifts:
-            (by,) = changes([term], simulation.model, at)
+        f_b, w_b = model.compensate(*read)
+        assert f_b is not None
+        assert w_b is not None
+        at = Motion(log.time, f_b, w_b, begin, end)
+        for term in self.added:
+            (by,) = changes([term], model, at)
             read = [x if more is None else x + more for x, more in zip(read, by[:2], strict=True)]
         accel, gyro = (None if x is None else r for x, r in zip((log.accel, log.gyro), read,
                                                                 strict=True))  # fmt: skip
@@ -76,10 +92,11 @@ def held(campaign: Campaign, seed: int) -> Held:
         t._replace(size=t.size * float(rng.standard_normal()))
         for t in terms(names, campaign.site, sizes)
     ]
-    values = {t.name: t.size for t in drawn if t.name in LAYOUT}
-    drifts = tuple(t for t in drawn if t.group.endswith(" drift"))
+    own = [t for t in drawn if t.name in LAYOUT and t.name in procedure.layout]
+    values = {t.name: t.size for t in own}
+    added = tuple(t for t in drawn if t not in own and t.group != LATITUDE)
     north = sum(t.size for t in drawn if t.group == LATITUDE)
-    return Held(campaign.sizes, values, drifts, float(north))
+    return Held(campaign.sizes, values, added, float(north), rng)
 
 
 def in_words(campaign: Campaign) -> str | None:
@@ -100,4 +117,4 @@ def _sizes(campaign: Campaign) -> Sizes:
     typical = grade(campaign.simulate.grade, "simulate.grade").noise
     noise = campaign.noise or procedure.noise or typical
     found = told(campaign.sizes or {}, noise.accel.white, noise.gyro.white) or {}
-    return {g: s for g, s in found.items() if g != GRAVITY}
+    return {g: s for g, s in found.items() if g not in (GRAVITY, *procedure.otherwise)}

@@ -155,7 +155,7 @@ def found(
         lines.append(Line("procedure", held.procedure, "it calibrates such sessions", held.sure))
     if log.gyro is None and (other := _beside(paths[0])):
         lines.append(Line("gyros", "none", f"{other} lies beside it: give both", TAKEN))
-    if not {"latitude", "gravity"} & where.keys():
+    if log.accel is not None and not {"latitude", "gravity"} & where.keys():
         lines.append(Line("place", "unknown", "g is 9.807 +- 0.03 m/s^2, and so is the scale of "
                           "the accelerometers: --latitude, --height", TAKEN))  # fmt: skip
     return Found(known, held, tuple(_shortened(lines)), where, log)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +23,7 @@ from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.files import make_folder, sha256, write_text
 from foucault.logs.checks import beside_another
-from foucault.logs.description import LogDescription, description_of
+from foucault.logs.description import LogDescription, describes_itself, description_of
 from foucault.logs.follow import OnDisk
 from foucault.models.earth import Site
 from foucault.models.imu import Gauge, ImuModel
@@ -218,10 +218,11 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
     # Real gravity is not what the calibration will assume, but near it.
     offset = np.random.default_rng([seed, 9]).standard_normal() * campaign.site.gravity_sd
     beside = held(campaign, seed)
+    session, settings, model = beside.session(campaign, _instrument(campaign, seed))
     simulation = procedure.simulate(
-        campaign.session,
-        settings=campaign.settings,
-        model=beside.model(_instrument(campaign, seed)),
+        session,
+        settings=settings,
+        model=model,
         noise=campaign.noise or procedure.noise or typical,
         site=beside.site(replace(campaign.site, gravity=campaign.site.gravity + float(offset))),
         seed=seed,
@@ -364,20 +365,22 @@ def calibration_of(path: Path) -> tuple[Result, dict[str, str]]:
 
 
 def read_any(
-    path: Path, progress: Progress, *, whole: bool = False, one: bool = False
+    path: Path | Sequence[Path], progress: Progress, *, whole: bool = False, one: bool = False
 ) -> tuple[Log, Campaign | None]:
-    """Read the log of a campaign file, one that foucault has written, or one titled with units.
+    """Read the log of a campaign file, or a bare one, in one file or several.
 
     A triad without a column for each axis is refused where the log has to be `whole`, files that
     were recorded one by one where it has to be `one`. Returns the campaign too, where there is one.
     """
-    if path.suffix != ".toml":
-        description, told = _described(path)
+    paths = [path] if isinstance(path, Path) else list(path)
+    if len(paths) > 1 or paths[0].suffix != ".toml":
+        description, told = _described(paths)
         if whole:
             description.whole()
-        log = logs.read(description, path.parent, lambda part: progress(part, "reading the log"))
+        folder = paths[0].parent
+        log = logs.read(description, folder, lambda part: progress(part, "reading the log"))
         return replace(log, findings=told + log.findings), None
-    campaign = load_campaign(path, calibrates=False)
+    campaign = load_campaign(paths[0], calibrates=False)
     if one:
         refuse_more(campaign, "what reads a log by itself")
     if whole and isinstance(campaign.log, LogDescription):
@@ -388,21 +391,23 @@ def read_any(
     return log, campaign
 
 
-def _described(path: Path) -> tuple[LogDescription, tuple[Finding, ...]]:
-    """Describe a log by its titles, or by these and its numbers where they do not suffice."""
+def _described(paths: Sequence[Path]) -> tuple[LogDescription, tuple[Finding, ...]]:
+    """Describe a bare log by its titles and numbers, or by titles alone where these do not tell."""
+    if len(paths) == 1 and describes_itself(paths[0]):
+        return LogDescription.model_validate({"file": paths[0].name}), ()
     try:
-        return description_of(path)
+        seen = recognise(paths)
+        if seen.questions:
+            raise question(seen)
     except FoucaultError as problem:
         try:
-            seen = recognise([path])
+            return description_of(paths[0])
         except FoucaultError as other:
-            unlike = other.code in ("recognise.no_triad", "recognise.short")
-            raise (problem if unlike else other) from None
-        if seen.questions:
-            raise question(seen) from None
-        taken = "; ".join(f"{line.what} {line.took} ({line.sure})" for line in seen.lines)
-        told = finding("recognise.taken", file=path.name, taken=taken)
-        return seen.description(), (told,)
+            unlike = problem.code in ("recognise.no_triad", "recognise.short")
+            raise (other if unlike else problem) from None
+    taken = "; ".join(f"{line.what} {line.took} ({line.sure})" for line in seen.lines)
+    told = finding("recognise.taken", file=paths[0].name, taken=taken)
+    return seen.description(), (told,)
 
 
 Reader = Callable[[Path, Progress], tuple[Any, Campaign | None]]

@@ -149,7 +149,7 @@ def _program(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    ctx.obj.quiet, ctx.obj.json = quiet, json
+    ctx.obj.quiet, ctx.obj.json, ctx.obj.command = quiet, json, ctx.invoked_subcommand or ""
 
 
 for _command in (

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 _NOISE = "Folder of `foucault allan` whose noise goes into the file; else the campaign's."
 _AXES = (
-    "Axes of the receiver's readings: right-forward-up (the default but of px4, ardupilot and "
-    "kf-gins), forward-right-down or forward-left-up."
+    "Axes of the receiver's readings: right-forward-up, forward-right-down or forward-left-up; "
+    "those of the receiver if left out, else those of the log."
 )
 _RATE = quantity(
     "frequency", 'Rate of the readings for the receiver, such as "200 Hz"; that of the log if '
@@ -146,8 +146,8 @@ def export(
         str,
         typer.Option(
             "--to",
-            help="Form: c, python, json, csv, or a receiver: kalibr, openvins, basalt, vins-mono, "
-            "orb-slam3, gtsam, lio-sam, fast-lio2, px4, ardupilot ...; a wrong name lists all.",
+            help="Form, such as c, python, json, csv, or a receiver: kalibr, openvins, basalt, "
+            "vins-mono, orb-slam3, gtsam, lio-sam, px4, ardupilot ...; a wrong name lists all.",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
@@ -160,6 +160,12 @@ def export(
     axes: Annotated[str | None, typer.Option(help=_AXES)] = None,
     noise: Annotated[Path | None, typer.Option(help=_NOISE)] = None,
     rate: Annotated[Amount | None, _RATE] = None,
+    slot: Annotated[
+        int | None,
+        typer.Option(
+            help="Which sensor of a flight stack it is, from 0; that of the log if left out.", min=0
+        ),
+    ] = None,
     force: Annotated[
         bool,
         typer.Option(
@@ -185,8 +191,8 @@ def export(
     calibrated, known, log = _to_export(result, noise)
     if at is not None:
         calibrated = calibrated.at(at)
-    write(calibrated, to, output, axes=axes, drop=drop or [], noise=known, rate=rate, log=log,
-          force=force)  # fmt: skip
+    write(calibrated, to, output, axes=axes, drop=drop or [], noise=known, rate=rate, slot=slot,
+          log=log, force=force)  # fmt: skip
     screen.say(f"Wrote {output} for {to}; what it holds and how to use it stands in the file.")
     _doubts(screen, calibrated)
     screen.data({"output": str(output), "to": to, "verdict": calibrated.verdict.level})

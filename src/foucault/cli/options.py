@@ -284,6 +284,13 @@ LogFile = Annotated[
         "or a campaign file that describes it."
     ),
 ]
+LogFiles = Annotated[
+    list[Path],
+    typer.Argument(
+        help="A log, in one file or in several with the same rows, such as one of accelerometers "
+        "and one of gyros; or a campaign file that describes it."
+    ),
+]
 ResultFile = Annotated[Path, typer.Argument(help="A run folder or its result.json.")]
 ResultFiles = Annotated[list[Path], typer.Argument(help="Run folders or their result.json.")]
 

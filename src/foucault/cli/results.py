@@ -104,7 +104,8 @@ def recognised(
 
 def say_taken(screen: Screen, held: Bare) -> None:
     """Print what a bare log was taken for, why, and how sure."""
-    screen.say(f"{', '.join(path.name for path in held.recognised.files)} was taken for:")
+    names = [path.name for path in held.recognised.files]
+    screen.say(f"{', '.join(names)} {'was' if len(names) == 1 else 'were'} taken for:")
     width = max((len(line.what) for line in held.lines), default=0)
     for line in held.lines:
         screen.say(f"  {line.what:<{width}}  {line.took}  ({line.sure}: {line.why})")
@@ -127,6 +128,7 @@ def _run(screen: Screen, campaign: Campaign, folder: Path, head: str = "") -> tu
         own = kept.exists() and kept.samefile(campaign.path)
         text = campaign.text if own else campaigns.resolved(campaign, folder, head)
         run_folder.save(result, folder, text)
+        screen.log = str(result.provenance.get("input", {}).get("sha256", ""))
         return result, written(folder, "result")
 
 
@@ -282,18 +284,22 @@ def init(
         raise error("recognise.init")
     if output is not None and output.exists():
         raise error("output.exists", path=output)
+    run = f"foucault calibrate {output} -o run"
     if procedure is not None:
         options.refuse_beside(place, taken)
-        text, next_ = campaign.template(procedure, part), "Fill it in"
+        text, next_ = campaign.template(procedure, part), f"Fill it in, then run: {run}"
     else:
         told = screen if output is not None else Screen(quiet=True)  # its campaign says it too
         held = recognised(told, log or (), place, taken)
-        text, next_ = held.beside(output), "Look through it"
+        text, next_ = held.beside(output), f"Look through it, then run: {run}"
+        if held.session.procedure is None:
+            todo = held.session.todo.format(file=held.recognised.files[0].name)
+            next_ = f"The log calibrates nothing yet. {todo}"
     if output is None:
         print(text, end="")
         return
     write_text(output, text)
-    screen.say(f"Wrote {output}. {next_}, then run: foucault calibrate {output} -o run")
+    screen.say(f"Wrote {output}. {next_}")
     screen.data({"campaign": str(output)})
 
 

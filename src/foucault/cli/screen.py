@@ -53,6 +53,9 @@ class Screen:
 
     quiet: bool = False
     json: bool = False
+    command: str = ""
+    log: str = ""  # hash of the log that is spoken of
+    everything: bool = False  # whether what was said before is said again
 
     def say(self, *lines: object, style: str | None = None) -> None:
         """Print lines for people; nothing with --quiet or --json."""
@@ -124,14 +127,25 @@ class Screen:
                 self.say(block.text.translate(SIGNS))  # type: ignore[union-attr]
             elif block.kind == "facts":
                 self.say(*(f"{k}: {v}".translate(SIGNS) for k, v in block.pairs))  # type: ignore[union-attr]
+            elif block.kind == "items" and one.key == "findings":
+                told = [words.get(state, "") + text for state, text in block.items]  # type: ignore[union-attr]
+                before = self._before(told)
+                self.say(*(text for text in told if text not in before), style="yellow")
+                for command in sorted(set(before.values())):
+                    n = list(before.values()).count(command)
+                    self.say(f"{n} finding{'s' * (n > 1)} as `foucault {command}` said before.")
             elif block.kind == "items":
-                for state, text in block.items:  # type: ignore[union-attr]
-                    if one.key == "findings":
-                        self.say(words.get(state, "") + text, style="yellow")
-                    else:
-                        self.say(text.translate(SIGNS))
+                self.say(*(text.translate(SIGNS) for _, text in block.items))  # type: ignore[union-attr]
             elif block.kind == "table":
                 self._table(block)  # type: ignore[arg-type]
+
+    def _before(self, sentences: Sequence[str]) -> dict[str, str]:
+        """Return what another command said of this log on this terminal, and which."""
+        if not self.log or self.everything or self.quiet or self.json or not _on_a_terminal():
+            return {}
+        from foucault.cli import said
+
+        return said.as_before(self.log, self.command, sentences)
 
     def _table(self, some: Table) -> None:
         """Print a table of a document; what is aside goes where there is no room, widest first."""
@@ -222,6 +236,10 @@ class Screen:
 def _stop_if_interrupted() -> None:
     if INTERRUPTED.is_set():
         raise KeyboardInterrupt
+
+
+def _on_a_terminal() -> bool:
+    return sys.stdout.isatty()
 
 
 def _console() -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,6 +15,7 @@ from foucault.cli.screen import Screen
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
+    from foucault.campaign.recognised import Found as Bare
     from foucault.diagnose.allan import LogAllan
     from foucault.diagnose.live import Inspection
     from foucault.tables import Log
@@ -94,7 +96,7 @@ def _simulate_fleet(
 @command("foucault inspect campaign.toml --plots quick.html", "foucault inspect session/log.csv")
 def inspect(
     ctx: typer.Context,
-    log: options.LogFile,
+    log: options.LogFiles,
     plots: Annotated[
         Path | None, typer.Option(help="HTML file to write quick plots to; none if left out.")
     ] = None,
@@ -111,9 +113,10 @@ def inspect(
     from foucault.report import noise, save
 
     screen: Screen = ctx.obj
-    taken = _taken(screen, log)
+    held = _taken(screen, log)
     with screen.progress() as tell:
-        table, start = from_start(read_any(log, tell)[0])
+        table, start = from_start(read_any(log, tell)[0] if held is None else held.log)
+        screen.log, screen.everything = str(table.source.get("sha256", "")), everything
         tell(0.7, "finding rests")
         seen = live.inspect(table)
         said = noise.inspected(seen, start)
@@ -123,25 +126,26 @@ def inspect(
         shown = said if everything else noise.glance(seen, start)
     where = [] if plots is None else [f"Plots are in {plots}."]
     more = [] if everything else ["--all prints every rest and every finding."]
-    raise screen.tell(shown, _document(log, seen, start) | taken, *where, *more)
+    taken = {} if held is None else {"recognised": [line.as_dict() for line in held.lines]}
+    raise screen.tell(shown, _document(log[0], seen, start) | taken, *where, *more)
 
 
-def _taken(screen: Screen, log: Path) -> dict[str, Any]:
+def _taken(screen: Screen, log: Sequence[Path]) -> Bare | None:
     """Say what a bare log was taken for; nothing of one that says itself what it holds."""
     from foucault.campaign.recognised import found
     from foucault.cli.results import say_taken
     from foucault.errors import FoucaultError
 
-    if not options.bare([log]):
-        return {}
+    if not options.bare(log):
+        return None
     try:
-        held = found([log])
+        held = found(log)
     except FoucaultError:  # whoever reads it says what is wrong
-        return {}
+        return None
     if held.recognised.described:
-        return {}
+        return None
     say_taken(screen, held)
-    return {"recognised": [line.as_dict() for line in held.lines]}
+    return None if held.recognised.questions else held
 
 
 def from_start(log: Log) -> tuple[Log, float]:
@@ -194,7 +198,7 @@ REPORT_FILE, NOISE_FILE, TABLE_FILE, DATA_FILE = (
 )
 def allan(
     ctx: typer.Context,
-    log: options.LogFile,
+    log: options.LogFiles,
     axis: Annotated[
         list[str] | None,
         typer.Option(
@@ -261,18 +265,19 @@ def allan(
             raise error("allan.alone", option=option)
     with screen.progress() as tell:
         if column:
-            read = logs.read(columns_alone(log, column, unit, rate), log.parent)
+            read = logs.read(columns_alone(log[0], column, unit, rate), log[0].parent)
         else:
             read = read_any(log, tell)[0]
         table, _ = from_start(read)
+        screen.log = str(table.source.get("sha256", ""))
         tell(0.7, "computing variances")
         seen = measure_log(table, axes=tuple(axis or ()), kind=check_kind(kind), rest=rest)
         block = _block(seen)
         told = (*table.findings, *seen.findings)
         shaken = vibration.vibration(table, seen.start, seen.end) if moving else ()
         told += vibration.findings(shaken) if moving else ()
-        said = report.document(seen, str(table.source.get("file", log.name)), block, told)
-        data = _channels_said(log, seen, [f.as_dict() for f in told])
+        said = report.document(seen, str(table.source.get("file", log[0].name)), block, told)
+        data = _channels_said(log[0], seen, [f.as_dict() for f in told])
         data |= {"vibration": [vars(v) for v in shaken]} if moving else {}
         if output is not None:
             tell(0.9, "writing")

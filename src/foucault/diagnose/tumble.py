@@ -294,11 +294,10 @@ def _neighbours(e: Solution) -> Check:
     """Test whether neighbouring residuals are related: a motion that the model lacks."""
     from scipy.special import ndtri
 
-    white = e.white.residuals / np.sqrt(np.mean(e.white.residuals**2, axis=0))
-    n = max(len(white) - 1, 1)
-    related = float(np.sum(white[1:] * white[:-1]) / np.sqrt(3.0 * n))
+    total, mean, sd = e.white.neighbours()
+    related = (total - mean) / sd
     limit = float(ndtri(1 - EACH / 2))
-    given = {"correlation": related / np.sqrt(3.0 * n)}
+    given = {"correlation": (total - mean) / e.white.residuals.size}
     return check("neighbours", "neighbours", related, -limit, limit, given)
 
 

@@ -6,6 +6,7 @@ against what it would be after one of the usual mistakes, with y the number that
     a sample sigma for a density   y rate^(p/2)        a density for a sample sigma  y rate^(-p/2)
     deg for rad                    y (180/pi)^p        g for m/s^2                   y / 9.80665^p
     a variance for a sigma         y^2                 a sigma for a variance        sqrt(y)
+                                   (in SI, or in the unit of the file)
 
 (p = 1 for a sigma, 2 for a variance; the first four also two at a time), and for a calibration
 what the table would write of the inverse model, ``M^-1`` and ``-M^-1 b``. What agrees with one of
@@ -104,7 +105,7 @@ def recognised(text: str) -> Receiver:
     shares = {}
     for own in receivers().values():
         try:
-            shares[own.name] = share(own)
+            shares[own.name] = max(share(own.of_slot(k)) for k in range(len(own.slots) + 1))
         except ValueError:  # no JSON
             shares[own.name] = 0.0
     # What our own writer says is for VINS-Fusion has the same keys as VINS-Mono.
@@ -129,6 +130,9 @@ def checked(
     there is one; `noise`, `rate`, `axes`: as for `write`, the rate [Hz].
     """
     own = recognised(text) if receiver is None else _own(known_as(receiver))
+    own = max(
+        (own.of_slot(k) for k in range(len(own.slots) + 1)), key=lambda o: len(found_in(o, text))
+    )
     found = found_in(own, text)
     if axes is not None:
         known_axes(axes)
@@ -254,6 +258,7 @@ def _mistakes(row: Row, y: FloatArray, about: Known) -> Iterator[tuple[str, Floa
         word = "is a variance, not a sigma" if power == 1 else "is a sigma, not a variance"
         exponent = 2.0 if power == 1 else 0.5
         yield word, (y * row.one) ** exponent / row.one
+        yield word, y**exponent  # squared in the unit of the file
         for more, factor in factors.items():
             yield f"{word}, and {more}", (y * factor * row.one) ** exponent / row.one
     else:

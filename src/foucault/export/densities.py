@@ -18,7 +18,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.bounding_pair import Pair, bounding_pair
+from foucault.diagnose.bounding_pair import FIRST, SPAN, Pair, bounding_pair
 from foucault.errors import Status, error
 from foucault.models.imu import FRAME, LAYOUT
 from foucault.models.noise import ImuNoise, TriadNoise
@@ -121,6 +121,7 @@ def in_words(pair: Pair) -> str:
         else "N is that of the fit"
     )
     walk = "" if pair.seen else "; no walk was seen, K is what the record leaves room for"
+    walk += "; beyond these times nothing is promised" if pair.last < FIRST * SPAN else ""
     return (
         f"N and K bound the Allan curve from {pair.first:.4g} s to {pair.last:.4g} s, "
         f"{pair.least:.2f} to {pair.most:.2f} times the deviation there; {rise}{walk}."

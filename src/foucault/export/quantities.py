@@ -100,7 +100,9 @@ def value_of(name: str, known: Known, *, each: bool) -> FloatArray | None:
     if name in FORMS:
         return FORMS[name](known.model)
     if name.endswith((".white", ".walk")):
-        return known.noise.get(name if each else f"one:{name}")
+        noise = known.noise.get(name if each else f"one:{name}")
+        # No sensor is without noise: an axis at zero was not measured.
+        return noise if noise is not None and (np.isfinite(noise) & (noise > 0)).all() else None
     if name.startswith("warm.") or ".warm_" in name:
         return known.warm.get(name)
     if name.endswith("_sd"):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -62,17 +63,19 @@ def write(
     drop: Iterable[str] = (),
     noise: ImuNoise | Densities | None = None,
     rate: float | None = None,
+    slot: int | None = None,
     log: LogDescription | None = None,
     force: bool = False,
 ) -> Path:
     """Write a result in the form of another program, whole or not at all.
 
-    `axes`: axes of the receiver's readings, None takes those usual with it; `drop`: coefficients
-    or groups that may be left out, "noise" too; `noise` or None: noise of the instrument, for
-    receivers that want it [SI]; `rate` or None: of the readings that the receiver gets, where that
-    is not the rate of the log [Hz]; `log` or None: how the calibrated log was read, for receivers
-    of raw counts; `force`: export a result that is not usable, and replace a file that is no
-    earlier export.
+    `axes`: axes of the receiver's readings, None takes those usual with it, else those of the log
+    that was calibrated; `drop`: coefficients or groups that may be left out, "noise" too; `noise`
+    or None: noise of the instrument, for receivers that want it [SI]; `rate` or None: of the
+    readings that the receiver gets, where that is not the rate of the log [Hz]; `slot` or None:
+    number of the sensor with a receiver that has several, that in the log where left out [1];
+    `log` or None: how the calibrated log was read, for receivers of raw counts; `force`: export a
+    result that is not usable, and replace a file that is no earlier export.
     """
     if not force:
         keep_others(path, [EXPORTED])
@@ -88,10 +91,39 @@ def write(
         drop = tuple(name for name in drop if name != NOISE)
         said = text(request(result, receiver, can, axes=axes, drop=drop, log=log, force=force))
     else:
-        said = _from_table(result, receivers()[receiver], axes, drop, noise, rate, force)
+        own = receivers()[receiver]
+        own = own.of_slot(number_in(result) if own.slots and slot is None else slot or 0)
+        said = _from_table(result, own, axes, drop, noise, rate, force)
     with atomic(path) as temporary:
         temporary.write_text(said, encoding="utf-8")
     return Path(path)
+
+
+def number_in(result: Result) -> int:
+    """Return which of the sensors of a vehicle a result is of, by the topic of its log [1]."""
+    told = re.search(r"\w/(\d)$", str(_described(result).get("topic") or ""))
+    return int(told[1]) if told else 0
+
+
+_LOG_AXES = {"yx-z": "forward-right-down", "-yxz": "forward-left-up"}
+"""Right, forward and up in the axes of a log -> what these are."""
+
+
+def log_axes(result: Result) -> str:
+    """Return the axes that a log had, by the columns it was read from; ours where none tell."""
+    for triad in ("accel", "gyro"):
+        block = _described(result).get(triad)
+        columns = block.get("columns") if isinstance(block, Mapping) else None
+        told = [re.fullmatch(r"(-?).*([xyz])(?:\W.*)?", str(c), re.I | re.S) for c in columns or ()]
+        name = "".join(f"{m[1]}{m[2].lower()}" for m in told if m)
+        if name in _LOG_AXES:
+            return _LOG_AXES[name]
+    return OWN_AXES
+
+
+def _described(result: Result) -> Mapping[str, Any]:
+    said = (result.provenance.get("input") or {}).get("description")
+    return said if isinstance(said, Mapping) else {}
 
 
 def _at_temperatures(module: Any, receiver: str) -> Any:
@@ -125,6 +157,8 @@ def _from_table(
 ) -> str:  # fmt: skip
     if result.temperature is not None and not (receiver.before or receiver.warms):
         raise error("temperature.receiver", receiver=receiver.name)
+    if not force and any(f.code in receiver.residual for f in result.findings):
+        raise error("export.residual", receiver=receiver.name)
     known, about = knowledge(
         result, receiver, axes=axes, drop=drop, noise=noise, rate=rate, force=force
     )
@@ -150,7 +184,7 @@ def knowledge(
 
     Arguments as those of `write`; `rate`: of the readings [Hz].
     """
-    axes = axes or receiver.axes or OWN_AXES
+    axes = axes or receiver.axes or log_axes(result)
     coefficients = tuple(name for name in drop if name != NOISE)
     wanted = request(result, receiver.name, FAMILIES if receiver.before else receiver.takes,
                      axes=axes, drop=coefficients, force=force)  # fmt: skip
@@ -195,7 +229,7 @@ def knowledge(
 
 def _along(x: np.ndarray, C_sb: np.ndarray) -> np.ndarray:
     """Return noises of three axes in the axes of the receiver, which are along the old ones."""
-    return x if np.ndim(x) == 0 else np.abs(C_sb) @ x
+    return x if np.ndim(x) == 0 else x[np.abs(C_sb).argmax(axis=1)]
 
 
 def _sds(wanted: Request, C_sb: np.ndarray) -> dict[str, np.ndarray]:

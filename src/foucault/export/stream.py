@@ -12,6 +12,7 @@ import secrets
 import shutil
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -156,10 +157,15 @@ def calibrate_bag(
         temporary = path.with_name(f".partial-{secrets.token_hex(8)}-{path.name}")
         try:
             count = _copied(reader, temporary, chosen, correct, progress)
+            _unsay(temporary)
             temporary.rename(path)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
         return count
+
+
+UNKNOWN = f"RIHS01_{64 * '0'}"
+"""What rosbags is told of a type that nobody knows; taken out again, see `_unsay`."""
 
 
 def _copied(
@@ -200,9 +206,27 @@ def _like(writer: Any, c: Any, store: Any) -> Any:
     ros2 = hasattr(c.ext, "serialization_format")
     if c.msgdef.data:
         words = {"msgdef": c.msgdef.data, "rihs01" if ros2 else "md5sum": c.digest}
+    elif ros2 and c.msgtype not in store.types:  # bags before ROS 2 Iron do not describe types
+        words = {"msgdef": "", "rihs01": UNKNOWN}
     names = ("serialization_format", "offered_qos_profiles") if ros2 else ("callerid", "latching")
     words |= {name: getattr(c.ext, name) for name in names}
     return writer.add_connection(c.topic, c.msgtype, **words)
+
+
+def _unsay(bag: Path) -> None:
+    """Take out of a bag of SQLite the descriptions that its writer wants of unknown types."""
+    import sqlite3
+
+    metadata = bag / "metadata.yaml"
+    said = metadata.read_text(encoding="utf-8")
+    if UNKNOWN not in said:
+        return
+    metadata.write_text(said.replace(UNKNOWN, "''"), encoding="utf-8")
+    for file in bag.glob("*.db3"):
+        with closing(sqlite3.connect(file)) as base, base:
+            unknown = "WHERE type_description_hash = ?"
+            base.execute(f"DELETE FROM message_definitions {unknown}", (UNKNOWN,))
+            base.execute(f"UPDATE topics SET type_description_hash = '' {unknown}", (UNKNOWN,))
 
 
 def _mark(writer: Any, stamp: int, topic: str, ros2: bool) -> None:

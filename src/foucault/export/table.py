@@ -12,9 +12,10 @@ process of correlation time T that is a random walk K over times short against T
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import FloatArray
+from foucault.errors import error
 from foucault.escape import commented, hash_comment
 from foucault.export import syntax
 from foucault.export.quantities import Known, model_of, value_of
@@ -182,6 +184,26 @@ class Receiver:
     tail: tuple[str, ...] = ()
     remark: str = "foucault"
     texts: Mapping[str, str] = field(default_factory=dict)
+    residual: tuple[str, ...] = ()  # findings of logs that it had calibrated itself
+    # for each of its sensors after the first: words of the keys -> what stands there instead
+    slots: tuple[Mapping[str, str], ...] = ()
+    slot: int = 0  # number of the sensor [1]
+
+    def of_slot(self, slot: int) -> Receiver:
+        """Return it as it names its sensor number `slot`, from 0 [1]."""
+        if not 0 <= slot <= len(self.slots):
+            raise error("export.slot", receiver=self.name, given=slot, last=len(self.slots))
+        if slot == self.slot:
+            return self
+        words = self.slots[slot - 1]
+        every = re.compile("|".join(map(re.escape, words)))
+
+        def named(text: str) -> str:
+            return every.sub(lambda found: words[found[0]], text)
+
+        rows = tuple(replace(r, key=named(r.key), line=named(r.line)) for r in self.rows)
+        notes, warm = (tuple(map(named, some)) for some in (self.notes, self.warm_notes))
+        return replace(self, rows=rows, notes=notes, warm_notes=warm, slot=slot)
 
     @property
     def warms(self) -> bool:
@@ -223,9 +245,8 @@ def _receiver(name: str, said: dict[str, Any]) -> Receiver:
         if "limits" in row:
             row["limits"] = tuple(row["limits"])
         rows.append(Row(**row))
-    lists = {
-        k: tuple(said[k]) for k in ("takes", "notes", "warm_notes", "head", "tail") if k in said
-    }
+    names = ("takes", "notes", "warm_notes", "head", "tail", "slots", "residual")
+    lists = {k: tuple(said[k]) for k in names if k in said}
     said = {key: value for key, value in said.items() if key != "like"} | lists
     return Receiver(**said | {"name": name, "rows": tuple(rows)})
 

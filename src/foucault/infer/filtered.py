@@ -300,6 +300,23 @@ class Whitened:
         absorbed = np.concatenate([np.sum(self.seen[p], axis=0) / np.sqrt(len(p)) for p in pieces])
         return np.concatenate(total), np.eye(len(absorbed)) - absorbed @ absorbed.T
 
+    def neighbours(self) -> tuple[float, float, float]:
+        """Return the sum of ``r_k r_k+1`` of all rows, its mean and its standard deviation [1].
+
+        What the fit has absorbed relates neighbours where the model is right: residuals of unit
+        variance, ``cov r = C = 1 - A A'`` with A the slopes `seen`, give ``r' B r`` the mean
+        ``tr B C`` and the variance ``2 tr (B C)^2``, B half of the shift of one row to and fro.
+        """
+        width = self.residuals.shape[1]
+        size = [value / dof for value, dof in (self.square(slice(None), k) for k in range(width))]
+        r, A, pairs = self.residuals / np.sqrt(size), self.seen, (len(self.residuals) - 1) * width
+        BA = np.zeros_like(A)
+        BA[1:] += A[:-1] / 2
+        BA[:-1] += A[1:] / 2
+        ABA = np.einsum("bqk,bql->kl", A, BA)
+        variance = pairs - 4 * float(np.sum(BA**2)) + 2 * float(np.sum(ABA**2))
+        return float(np.sum(r[1:] * r[:-1])), -float(np.trace(ABA)), float(np.sqrt(variance))
+
     def parts_out(self, pieces: Sequence[IntArray], false_alarm: float = FALSE_ALARM) -> HeldOut:
         """Predict parts of the rows from all others, without solving again.
 

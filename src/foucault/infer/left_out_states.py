@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from foucault.infer.left_out import (
     Judgement,
     Seen,
     detectable,
+    farthest,
     guilty,
     joined,
     seen_of,
@@ -86,11 +87,36 @@ def fit(
             sizes[name] = sizes.get(name, 1.0) * s.k
         order = sorted(causes, key=lambda name: -causes[name].gain)
         named.append({name: causes[name].k for name in order})
-    out = tuple(n for n, g in groups.items() if g.kind == "source" and n in first)
-    needed = {n: float(detectable(s, len(first)).min()) for n, s in first.items()}
+    return found, _judged(first, named, posterior(found).states, groups, reported)
+
+
+def planned(at: Posterior, groups: Mapping[str, Group], reported: Sequence[str]) -> Judgement:
+    """Judge what is left out in a session that is only planned: nothing is contradicted.
+
+    `at`: with the covariance that it will have; `groups`, `reported`: as of `fit`.
+    """
+    seen = tested(replace(at, states=replace(at.states, values=at.mean), innovations={}), groups)
+    return _judged(seen, [], at.states, groups, reported)
+
+
+def _judged(
+    seen: Mapping[str, Seen], named: list[dict[str, float]], last: CoefficientVector,
+    groups: Mapping[str, Group], reported: Sequence[str],
+) -> Judgement:  # fmt: skip
+    """Say what was made of every group: as `seen` first, and what it is of the `last` sd."""
+    out = tuple(n for n, g in groups.items() if g.kind == "source" and n in seen)
+    needed = {n: float(detectable(s, len(seen)).min()) for n, s in seen.items()}
     sized = {n: (groups[n].size, groups[n].basis) for n in out}
-    share = shares(posterior(found).states, groups, reported)
-    return found, Judgement(first, joined(named), needed, share, out, sized)
+    worst = {
+        n: (groups[n].names[far[0]].removeprefix(OF), far[1])
+        for n in out if (far := farthest(seen[n])) is not None
+    }  # fmt: skip
+    share = shares(last, groups, reported)
+    return Judgement(seen, joined(named), needed, share, out, sized, worst)
+
+
+OF = "left out "
+"""What the name of a state begins with that is nothing but such a term."""
 
 
 def tested(at: Posterior, groups: Mapping[str, Group], scatter: float = 1.0) -> dict[str, Seen]:
@@ -137,13 +163,44 @@ def shares(
 ) -> dict[str, float]:
     """Return the largest share of each group in a variance of what is `reported`."""
     assert states.cov is not None
-    at = [states.names.index(n) for n in reported]
-    out = {}
+    total = states.chosen(reported).sd ** 2
+    return {n: float((by / total).max()) for n, by in parts(states, groups, reported).items()}
+
+
+def parts(
+    states: CoefficientVector, groups: Mapping[str, Group], reported: Sequence[str]
+) -> dict[str, FloatArray]:
+    """Return the variance that each group makes of what is `reported`, (p,) each [SI].
+
+    A prior that is off by s moves the estimate by ``P[:, j] / s``.
+    """
+    assert states.cov is not None
+    at, out = [states.names.index(n) for n in reported], dict[str, FloatArray]()
     for name, group in groups.items():
         i = [states.names.index(n) for n in group.names]
-        by = np.sum((states.cov[np.ix_(at, i)] / states.prior_sd[i]) ** 2, axis=1)
-        out[name] = float((by / states.sd[at] ** 2).max())
+        out[name] = np.sum((states.cov[np.ix_(at, i)] / states.prior_sd[i]) ** 2, axis=1)
     return out
+
+
+def budget(
+    states: CoefficientVector, groups: Mapping[str, Group], reported: CoefficientVector
+) -> dict[str, dict[str, Any]]:
+    """Return variances of what is `reported` [SI] by source, for result.json.
+
+    What no group makes is the noise; what was added to the `reported` afterwards is in it.
+    """
+    out = parts(states, groups, reported.names)
+    out[NOISE] = np.maximum(reported.sd**2 - np.sum(list(out.values()), axis=0), 0.0)
+    known = {n: g.basis or "prior as given in the campaign, or usual" for n, g in groups.items()}
+    known[NOISE] = "noise of the readings and of what they are held against"
+    return {
+        "budget": {n: v.tolist() for n, v in out.items()},
+        "sources": {n: ["B", known[n]] for n in out},
+    }
+
+
+NOISE = "noise"
+"""Source of what no group makes."""
 
 
 def widened(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
@@ -206,14 +206,40 @@ class Record(Block):
         return (self.type,) * self.columns
 
 
+class Kind(NamedTuple):
+    """What is done with files of a format: modules of `logs` and their functions."""
+
+    opens: str
+    suffixes: str = ""  # how their names end, between blanks
+    names: str = ""  # of a whole vehicle: what names its instruments
+
+
+Format = Literal["auto", "csv", "text", "parquet", "npy", "npz", "mat", "binary", "ros", "ulog",
+                 "dataflash", "mavlink", "novatel", "vectornav"]  # fmt: skip
+"""What [log] may say; "auto" goes by suffix and content."""
+
+FORMATS = {
+    "csv": Kind("text.open_delimited", ".csv .tsv"),
+    "text": Kind("text.open_delimited", ".txt .log .dat .asc .imu"),
+    "parquet": Kind("formats.open_parquet", ".parquet .pq"),
+    "npy": Kind("formats.open_numpy", ".npy"),
+    "npz": Kind("formats.open_numpy", ".npz"),
+    "mat": Kind("formats.open_matlab", ".mat"),
+    "binary": Kind("formats.open_binary", ".bin"),
+    "ros": Kind("formats.open_ros", ".bag .mcap .db3", "formats.instruments_of_bag"),
+    "ulog": Kind("formats.open_ulog", ".ulg", "formats.instruments_of_ulog"),
+    "dataflash": Kind("dataflash.open_dataflash", "", "dataflash.instruments"),
+    "mavlink": Kind("mavlink.open_mavlink", ".tlog", "mavlink.instruments"),
+    "novatel": Kind("text.open_sentences"),
+    "vectornav": Kind("text.open_sentences"),
+}
+
+
 class FileLayout(Block):
     """Where a log is and how its file is written."""
 
     file: str | None = Field(None, description="path, relative to the campaign file")
-    format: Literal["auto", "csv", "text", "parquet", "npy", "npz", "mat", "binary", "ros", "ulog",
-                    "dataflash", "mavlink", "novatel", "vectornav"] = Field(
-        "auto", description="by suffix and content if left out"
-    )  # fmt: skip
+    format: Format = Field("auto", description="by suffix and content if left out")
     topic: str | None = Field(
         None,
         description='topic of a ROS bag, or message of a PX4 log such as "vehicle_imu/1", of one '

@@ -85,12 +85,11 @@ def open_mavlink(path: Path, description: FileLayout, progress: Progress | None)
         units=f"{units}, -1 g along down at rest, time of the autopilot",
         axes="forward-right-down", turned="x = y, y = x, z = -z",
     )  # fmt: skip
-    coarse = (
-        () if name == "HIGHRES_IMU" else (finding("log.telemetry", file=path.name, topic=topic),)
-    )
+    how = "single numbers" if name == "HIGHRES_IMU" else "whole numbers"
+    thin = finding("log.telemetry", file=path.name, topic=topic, how=how)
     return RawTable(
-        names, True, blocks, findings=(told, *coarse), declared=declared, sampled="rate"
-    )
+        names, True, blocks, findings=(told, thin), declared=declared, sampled="rate"
+    )  # fmt: skip
 
 
 def instruments(path: Path) -> list[str]:

@@ -14,16 +14,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import Any, Literal, cast
 
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, FoucaultError, error
 from foucault.files import free_memory
 from foucault.logs.dialect import is_text, open_text
+from foucault.logs.layout import FORMATS, FileLayout
 from foucault.logs.own import describe, sampled_of
-
-if TYPE_CHECKING:
-    from foucault.logs.layout import FileLayout
 
 Progress = Callable[[float], None]
 """Called with the fraction done, from 0 to 1."""
@@ -75,49 +73,7 @@ class RawTable:
         return bool(triads) and all("unit" in triad for triad in triads)
 
 
-_READERS = {
-    "csv": "text.open_delimited",
-    "text": "text.open_delimited",
-    "parquet": "formats.open_parquet",
-    "npy": "formats.open_numpy",
-    "npz": "formats.open_numpy",
-    "mat": "formats.open_matlab",
-    "binary": "formats.open_binary",
-    "ros": "formats.open_ros",
-    "ulog": "formats.open_ulog",
-    "dataflash": "dataflash.open_dataflash",
-    "mavlink": "mavlink.open_mavlink",
-    "novatel": "text.open_sentences",
-    "vectornav": "text.open_sentences",
-}
-"""Format -> module and function that opens it."""
-_SEVERAL = {
-    "ros": "formats.instruments_of_bag",
-    "ulog": "formats.instruments_of_ulog",
-    "dataflash": "dataflash.instruments",
-    "mavlink": "mavlink.instruments",
-}
-"""Format of a file of a whole vehicle -> module and function that names its instruments."""
-_SUFFIXES = {
-    ".csv": "csv",
-    ".tsv": "csv",
-    ".txt": "text",
-    ".log": "text",
-    ".dat": "text",
-    ".asc": "text",
-    ".imu": "text",
-    ".parquet": "parquet",
-    ".pq": "parquet",
-    ".npy": "npy",
-    ".npz": "npz",
-    ".mat": "mat",
-    ".bin": "binary",
-    ".bag": "ros",
-    ".mcap": "ros",
-    ".db3": "ros",
-    ".ulg": "ulog",
-    ".tlog": "mavlink",
-}
+_SUFFIXES = {suffix: name for name, kind in FORMATS.items() for suffix in kind.suffixes.split()}
 _SENTENCES = {
     "novatel": re.compile(rb"(?m)^[#%](?:RAWIMU|CORRIMU)\w*A,"),
     "vectornav": re.compile(rb"(?m)^\$VNIMU,"),
@@ -144,9 +100,7 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None = No
 
     try:
         name = _format(path, description)
-        module, _, function = _READERS[name].partition(".")
-        opened = getattr(import_module(f"foucault.logs.{module}"), function)
-        table: RawTable = opened(path, description, watched)
+        table: RawTable = _function(FORMATS[name].opens)(path, description, watched)
     except FoucaultError:
         raise
     except MemoryError as problem:
@@ -156,14 +110,19 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None = No
     return replace(of_own(table), blocks=_guarded(table, path, name), done=lambda: done[0])
 
 
+def _function(name: str) -> Callable[..., Any]:
+    module, _, function = name.partition(".")
+    found: Callable[..., Any] = getattr(import_module(f"foucault.logs.{module}"), function)
+    return found
+
+
 def instruments(path: Path) -> list[str]:
     """Return the topics of the instruments in the file of a vehicle, one for each, else none."""
     name = format_of(path)
-    if name not in _SEVERAL:
+    if not name or not FORMATS[name].names:
         return []
-    module, _, function = _SEVERAL[name].partition(".")
     try:
-        found: list[str] = getattr(import_module(f"foucault.logs.{module}"), function)(path)
+        found: list[str] = _function(FORMATS[name].names)(path)
     except FoucaultError:
         raise
     except Exception as problem:  # each library raises its own types for a damaged file
@@ -260,8 +219,6 @@ def _must_exist(path: Path) -> None:
 
 def format_of(path: Path) -> str:
     """Return the format that a file is read in where nothing is said of it, "" for none."""
-    from foucault.logs.layout import FileLayout
-
     try:
         return _format(path, FileLayout.model_validate({"file": path.name}))
     except FoucaultError:

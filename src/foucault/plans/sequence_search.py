@@ -307,6 +307,8 @@ class SystematicSpace(QuickSpace):
     accuracy: Accuracy
     # sequence -> sd of the coefficients, nearly, shape (p,) [SI]
     quick: Callable[[CalibrationSequence], FloatArray]
+    # the same where what is not estimated is nothing: what a sequence does not show even then
+    alone: Callable[[CalibrationSequence], FloatArray]
     hidden = UNSEEN
 
     @property
@@ -328,7 +330,7 @@ class SystematicSpace(QuickSpace):
         rng, least = np.random.default_rng(0), np.full(len(self.names), inf)
         plans = [p for p in (self.draw(rng) for _ in range(DRAWS // 10)) if self.fits(p)]
         for plan in plans[:SAMPLED]:
-            least = np.minimum(least, self.bound(plan))
+            least = np.minimum(least, self.alone(self.done(plan)))
         if not plans:
             least = np.zeros(len(self.names))  # the search will say that no plan fits
         blind = least > UNSEEN * self.prior_sd

@@ -432,6 +432,8 @@ class TransferSpace(QuickSpace):
 
     allowed: Flyable
     quick: Callable[[TransferProfile], FloatArray]  # motion -> sds, nearly, shape (p,) [SI]
+    # the same where what is not estimated is nothing: what a motion does not show even then
+    alone: Callable[[TransferProfile], FloatArray]
     hidden = UNSEEN
 
     @property
@@ -449,7 +451,7 @@ class TransferSpace(QuickSpace):
         rng, least = np.random.default_rng(0), np.full(len(self.names), inf)
         some = [tuple(a.some(rng, each) for _ in range(a.most)) for _ in range(40)]
         for plan in [p for p in some if a.fits(p)][:4]:
-            least = np.minimum(least, self.bound(plan))
+            least = np.minimum(least, self.alone(self.done(plan)))
         if np.isinf(least).all():
             return ()  # the search will say that no plan fits
         return require_seen(self.names, self.weights, least > UNSEEN * self.prior_sd, self.limits)

@@ -32,6 +32,7 @@ PROCEDURES = {
     "multi_position": "foucault.procedures.multi_position",
     "turntable": "foucault.procedures.turntable",
     "rate_table": "foucault.procedures.rate_table",
+    "continuous_spin": "foucault.procedures.continuous_spin",
     "magnetometer": "foucault.procedures.magnetometer",
     "north_seeking": "foucault.procedures.north_seeking",
     "platform_tumble": "foucault.procedures.platform_tumble",

@@ -18,7 +18,9 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra
 from foucault.infer import left_out, mixed
+from foucault.infer.filtered import exchanged
 from foucault.infer.left_out import Columns, Judgement, With
+from foucault.infer.left_out_states import Group, Posterior, widened
 from foucault.infer.mixed import Fit, Model, Source
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
@@ -127,19 +129,40 @@ def declared(
 
     `at`, `judged`: as `planned` returned them; `sds`: as it was given them [SI].
     """
-    if judged is None or not isinstance(at.model, With):
+    model = at.model
+    if judged is None or not isinstance(model, With):
         return ()
+
+    def known(group: str) -> FloatArray:
+        less = replace(model, sizes={group: 1 / BETTER})
+        return mixed.planned(less, sds, prior).estimate.coefficients.sd
+
+    return _bought(judged, model.layout.names, at.estimate.coefficients.sd, known)
+
+
+def declared_states(
+    at: Posterior, groups: Mapping[str, Group], judged: Judgement, reported: tuple[str, ...]
+) -> tuple[Extra, ...]:
+    """Return the same of a filter: `at` what it leaves, `judged` of it as `groups` are states."""
+
+    def known(group: str) -> FloatArray:
+        less = widened(at.states, groups, {group: 1 / BETTER})
+        used = at.mean, at.states.prior_sd
+        return exchanged(at.states, used, replace(less, values=at.mean)).chosen(reported).sd
+
+    return _bought(judged, reported, at.states.chosen(reported).sd, known)
+
+
+def _bought(
+    judged: Judgement, names: tuple[str, ...], sd: FloatArray, known: Callable[[str], FloatArray]
+) -> tuple[Extra, ...]:
+    """Return what it buys to know the largest groups better; `known`: group -> sd then [SI]."""
     large = {g: s for g in judged.groups if (s := judged.share.get(g, 0.0)) > WORTH}
-    out, layout = [], at.model.layout
+    out = []
     for group in sorted(large, key=lambda g: -large[g])[:3]:
-        less = replace(at.model, sizes={group: 1 / BETTER})
-        sd = [one.estimate.coefficients.sd for one in (mixed.planned(less, sds, prior), at)]
         size = in_words(group, judged.sizes[group][0] / BETTER)
-        out.append(
-            Extra.of(
-                f"{table().groups[group].what} known to {size}", 0.0, layout.names, sd[0] / sd[1]
-            )
-        )
+        what = f"{table().groups[group].what} known to {size}"
+        out.append(Extra.of(what, 0.0, names, known(group) / sd))
     return tuple(out)
 
 
@@ -153,13 +176,28 @@ def whole(
     sizes = None if sizes is None else told(sizes, *white)
     if sizes is None:
         return None
-    out = dict(sizes) | {GRAVITY: (site.gravity_sd, "standard uncertainty of local gravity")}
-    for triad, wanders in zip(("accel", "gyro"), wander, strict=True):
+    gravity = site.gravity_sd, "standard uncertainty of local gravity"
+    return less_wander(sizes, wander) | {GRAVITY: gravity}
+
+
+def less_wander(sizes: Sizes, wanders: tuple[float, float]) -> dict[str, tuple[float, str]]:
+    """Return sizes without what noise has of the drift of both biases: the larger of both counts.
+
+    `wanders`: sd of that drift, see `wander_of` [SI].
+    """
+    out = dict(sizes)
+    for triad, sd in zip(("accel", "gyro"), wanders, strict=True):
         size, basis = out.get(group := f"{triad}.bias drift", (0.0, ""))
-        if size and wanders:  # the larger of both counts: what is more than the noise has
-            left = float(np.sqrt(max(size**2 - wanders**2, 0.0)))
+        if size and sd:
+            left = float(np.sqrt(max(size**2 - sd**2, 0.0)))
             out[group] = left, f"{basis}; less what [noise] has of it"
     return out
+
+
+def told_beside(sizes: Sizes | None, noise: ImuNoise, span: float) -> Sizes | None:
+    """Return sizes as `noise` [SI] tells them, less what it has of drifts over a `span` [s]."""
+    sizes = None if sizes is None else told(sizes, noise.accel.white, noise.gyro.white)
+    return None if sizes is None else less_wander(sizes, wander_of(noise, span))
 
 
 def wander_of(slow: ImuNoise | None, span: float) -> tuple[float, float]:

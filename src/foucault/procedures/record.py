@@ -224,6 +224,11 @@ class Procedure(Generic[S, N]):
     grade: str = "mems"  # its class, where [simulate] names none
     noise: ImuNoise | None = None  # its noise, where not that of the class [SI]
     draw_errors: Callable[[str, int], Any] = _of_an_imu  # of a class and a seed
+    # Session, settings, instrument and generator -> the three with what is not estimated beside
+    # terms of the instrument, drawn at its size: lever arms, delays, clocks.
+    drawn: Callable[[N, S, Any, np.random.Generator], tuple[N, S, Any]] | None = None
+    # Groups of terms that it estimates by other names, or draws by itself.
+    otherwise: tuple[str, ...] = ()
 
     # The log.
     Description: type[FileLayout] = LogDescription  # [log]

@@ -50,10 +50,10 @@ class Data:
             said = ", ".join(f"'{one.path.name}' has {len(one.x)}" for one in files)
             raise error("recognise.rows", said=said)
         columns = [
-            Column(i, c, one.raw.names[c], meaning(one.raw.names[c] if one.raw.named else "",
-                                                    one.units[c]))
-            for i, one in enumerate(files) for c in one.columns
-        ]  # fmt: skip
+            Column(i, c, one.raw.names[c], _meaning(one, c))
+            for i, one in enumerate(files)
+            for c in one.columns
+        ]
         return cls(tuple(files), tuple(columns), np.hstack([one.x for one in files]))
 
     def called(self, k: int, sign: float = 1.0) -> int | str:
@@ -70,6 +70,19 @@ class Data:
     def file(self, k: int) -> Path:
         """Return the file of column `k` [1]."""
         return self.files[self.columns[k].file].path
+
+
+def _meaning(file: Opened, c: int) -> Meaning:
+    """Return what the title of column `c` [1] says, or with the file's name: "x" of "Gyroscope"."""
+    if not file.raw.named:
+        return meaning("", file.units[c])
+    title = file.raw.names[c]
+    said = meaning(title, file.units[c])
+    alone = [meaning(name).axis for name in file.raw.names].count(said.axis) == 1
+    if said.role or said.axis is None or not alone:
+        return said
+    named = meaning(f"{file.path.name.partition('.')[0]} {title}", file.units[c])
+    return named if named.role in ("accel", "gyro", "mag") else said
 
 
 @dataclass(frozen=True)
@@ -101,7 +114,7 @@ def clocks(data: Data) -> list[Clock]:
     """Return the columns that may be time, the likeliest first."""
     found: list[tuple[float, Clock]] = []
     for k, column in enumerate(data.columns):
-        t = data.x[:, k]
+        t = unwrapped(data.x[:, k])
         step = np.diff(t[np.isfinite(t)])
         if len(step) < 10 or not _onward(step):
             continue
@@ -137,6 +150,22 @@ def counters(data: Data) -> list[int]:
         ):
             out.append(k)
     return out
+
+
+def unwrapped(t: FloatArray) -> FloatArray:
+    """Return a clock without the falls of a counter that begins again at 2^16, 2^24 or 2^32 [raw].
+
+    `t` (n,) [raw]; one that does not fall, or by another number, comes back as it is.
+    """
+    step = np.diff(t)
+    down = np.flatnonzero(step < 0)
+    if not len(down) or not bool(np.all(t == np.round(t))):
+        return t
+    usual = float(np.median(step))
+    for bits in (16, 24, 32):
+        if (np.abs(step[down] + 2.0**bits - usual) < 0.5 * usual).all():
+            return t + 2.0**bits * np.concatenate([[0.0], np.cumsum(step < 0)])
+    return t
 
 
 def _even(t: FloatArray, step: FloatArray) -> bool:
@@ -203,9 +232,19 @@ def triads(data: Data, used: Sequence[int]) -> Triads:
     ]  # fmt: skip
     known = (accel, gyro)
     accel, gyro, more = _by_numbers(data, rest, accel, gyro)
+    accel, gyro = _in_order(data, accel), _in_order(data, gyro)
     why = ("titles" if titled[0] else "numbers", "titles" if titled[1] else "numbers")
     order = increments if any(known) else None
     return Triads(accel, gyro, titled, order or None, (*several, *more), why)
+
+
+def _in_order(data: Data, three: Three | None) -> Three | None:
+    """Return a triad in the order x, y, z where its titles name the axes, if not the sensor."""
+    axes = [data.columns[k].means.axis for k in three or ()]
+    if three is None or set(axes) != {0, 1, 2}:
+        return three
+    x, y, z = (three[axes.index(i)] for i in range(3))
+    return x, y, z
 
 
 def _exchanged(data: Data, accel: Three, gyro: Three) -> bool:
@@ -326,9 +365,9 @@ def _apart(ranked: list[Three]) -> list[Three]:
 
 def _rates(data: Data, cut: physics.Blocks, accel: Three | None, left: list[int]) -> list[Three]:
     """Return those threes of the columns `left` that turn gravity as the accelerometers say."""
-    if len(left) < 3:
+    if len(left) < 3 or accel is None:  # what rests near zero may be anything
         return []
-    if len(left) == 3 or accel is None:
+    if len(left) == 3:
         return [(left[0], left[1], left[2])]
     ball = physics.sphere(cut.of_rests(accel), accel)
     time = np.arange(len(data.x), dtype=float)

@@ -81,9 +81,21 @@ def blocks(x: FloatArray, active: Sequence[int]) -> Blocks:
     mean, sd = cut.mean(axis=1), cut.std(axis=1)
     level = _levels(sd, active)
     quiet = level < split(level)
+    quiet[:-1] &= (still := ~_jumps(mean, sd, active))
+    quiet[1:] &= still
     first, last = runs(quiet, 3)
     # A rest that turns steadily is quiet, and no rest: the caller sees it by the means.
     return Blocks(size, mean, sd, quiet, (first + 1, last - 1))
+
+
+def _jumps(mean: FloatArray, sd: FloatArray, active: Sequence[int]) -> BoolArray:
+    """Tell where one rest ends and another begins without a move, as where a file was cut, (b-1,).
+
+    `mean`, `sd` (b, k): of each block [raw].
+    """
+    columns = list(active)
+    least = np.maximum(6.0 * np.median(sd[:, columns], axis=0), 0.1 * np.ptp(mean[:, columns], 0))
+    return np.asarray((np.abs(np.diff(mean[:, columns], axis=0)) > least).any(axis=1))
 
 
 def _levels(sd: FloatArray, active: Sequence[int]) -> FloatArray:

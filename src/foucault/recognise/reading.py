@@ -158,7 +158,7 @@ class _Work:
         self.found, self.clock = found, clock
         time = np.arange(len(data.x)) * 1.0
         if clock is not None:
-            time = data.x[:, clock.column] - data.x[0, clock.column]
+            time = tell.unwrapped(data.x[:, clock.column]) - data.x[0, clock.column]
         self.time: FloatArray = np.ascontiguousarray(time)
         every = [*(found.accel or ()), *(found.gyro or ())]
         self.cut = physics.blocks(data.x, every)
@@ -167,6 +167,7 @@ class _Work:
             raise error("recognise.no_gravity", file=data.files[0].path.name,
                         columns=", ".join(data.shown(k) for k in self.ball.columns))  # fmt: skip
         self.turned = self._turned()
+        self._alive()
         reading = self._units()
         gyro, accel = self._axes(reading)
         log = self._log(reading, accel, gyro)
@@ -184,6 +185,11 @@ class _Work:
         }
         found = tell.triads(self.data, used)
         open_ = tuple(one for one in found.several if one[0] not in given)
+        if found.accel is None and (linear := tell.named(self.data, "linear")):
+            shown = ", ".join(self.data.shown(k) for k in linear[0][1])
+            self.lines.append(
+                Line("accelerometers", "none", f"{shown}: gravity was taken off", SURE)
+            )
         if open_:
             self._several(found, open_)
         if not given:
@@ -213,7 +219,10 @@ class _Work:
         self.questions.append(Question(what, one, "the first", other, "the next"))
 
     def _columns_line(self, kind: str, columns: Sequence[int]) -> str:
-        return f"{kind}.columns = {[self.data.columns[k].number for k in columns]}"
+        names = [self.data.called(k) for k in columns]
+        if not all(isinstance(n, str) and n.replace("_", "").isalnum() for n in names):
+            names = [self.data.columns[k].number for k in columns]
+        return f"{kind}.columns = {_listed(names)}"
 
     def _have(self) -> str:
         return ", ".join(self.data.shown(k) for k in range(len(self.data.columns)))
@@ -236,6 +245,28 @@ class _Work:
         if self.ball is None or self.found.gyro is None:
             return None
         return physics.turns(self.data.x, self.time, self.cut, self.ball, self.found.gyro)
+
+    def _alive(self) -> None:
+        """Refuse a triad one column of which never changes, or whose gyros turn otherwise."""
+        data, found, turned = self.data, self.found, self.turned
+        file = data.files[0].path.name
+        moves = self.ball is not None and self.ball.spread > 0.3 and len(self.cut.rests[0]) > 1
+        for columns in (found.accel, found.gyro):
+            dead = [k for k in columns or () if np.ptp(data.x[:, k]) == 0]
+            shown = ", ".join(data.shown(k) for k in dead)
+            if len(dead) == 3 and columns is found.gyro:
+                self.lines.append(Line("gyros", "none", f"{shown} never change", SURE))
+                self.found = replace(found, gyro=None)
+            elif dead and moves:
+                raise error("recognise.stuck", file=file, columns=shown)
+        known = self._said("gyro") or self._titled(found.gyro)
+        # What is only shaken, as in a vehicle, misses by less.
+        far = turned is not None and turned.turns > 2 and turned.miss > physics.ON_THE_WAY
+        told = self.ball is not None and self.ball.scatter < physics.NORM
+        if turned is not None and far and told and not known:
+            raise error("recognise.no_turns", file=file, turns=turned.turns,
+                        off=np.degrees(turned.miss),
+                        columns=", ".join(data.shown(k) for k in found.gyro or ()))  # fmt: skip
 
     def _titled(self, columns: Sequence[int] | None) -> str:
         """Return the unit that the titles of a triad give, "" where they give none or several."""
@@ -346,10 +377,13 @@ class _Work:
         turned, (accel_titled, gyro_titled) = self.turned, self.found.titled
         if turned is None or not turned.fits:
             why = "the titles" if gyro_titled or accel_titled else "the order of the columns"
+            tell_ = (
+                "no turns tell"
+                if turned is None or turned.turns < 3
+                else f"{turned.turns} turns do not fit: off by {np.degrees(turned.miss):.0f} deg"
+            )
             if self.found.gyro is not None and self.found.accel is not None:
-                self.lines.append(
-                    Line("axes", "x, y, z as they are", why + "; no turns tell", TAKEN)
-                )
+                self.lines.append(Line("axes", "x, y, z as they are", f"{why}; {tell_}", TAKEN))
             return same, same
         fits = any(np.array_equal(E, same) for E in turned.fitting)
         # Titles that name all axes are believed where turns do not speak against them.
@@ -410,12 +444,11 @@ class _Work:
             log["file"] = data.files[0].path.name
         log |= data.files[0].layout
         first: list[Line] = []
-        if reading.time is not None and reading.increments and _rounded(self.time):
-            # Increments are divided by the interval, which a rounded clock only has on average.
+        why = self._no_clock(reading)
+        if reading.time is not None and why:
             rate = (len(self.time) - 1) / (self.time[-1] * reading.time.si)
             log |= {"rate": f"{rate:.9g} Hz", "clock": "host"}
-            first.append(Line("rate", f"{rate:.6g} Hz", "the time column is rounded, its rows are "
-                              "even", SURE))  # fmt: skip
+            first.append(Line("rate", f"{rate:.6g} Hz", why, SURE))
         elif self.clock is not None and reading.time is not None:
             one = reading.time.text
             log["time"] = {"column": data.called(self.clock.column), "unit": one}
@@ -448,9 +481,7 @@ class _Work:
             size = unit.scale or unit.text
             first.append(Line(_KIND[name], f"{shown} [{size}]" + " sums" * reading.increments,
                               self._triad_why(name, unit),
-                              LIKELY if unit.why.startswith("not") else
-                              SURE if unit.why in ("title", "gravity, and a usual converter")
-                              else self.sure))  # fmt: skip
+                              self._how_sure(name, unit)))  # fmt: skip
         first += self._sign(log)
         warm = tell.temperature(data)
         if warm is not None:
@@ -463,6 +494,21 @@ class _Work:
             first.append(Line("rows", f"{self.dropped} left out", "a reading is missing", SURE))
         self.lines[:0] = first
         return merged(log, {key: self._final(key, value) for key, value in self.said.items()})
+
+    def _no_clock(self, reading: units.Reading) -> str:
+        """Return why the mean interval of even rows goes before the stamps of each, else ""."""
+        step = np.diff(self.time)
+        line = np.linspace(self.time[0], self.time[-1], len(self.time))
+        even = bool(np.abs(self.time - line).max() < 0.1 * step.mean())
+        falls = self.clock is not None and bool(
+            (np.diff(self.data.x[:, self.clock.column]) < 0).any()
+        )
+        if falls and even:
+            return "the counter of the time column begins again, its rows are even"
+        # Increments are divided by the interval, which a rounded clock only has on average.
+        if even and reading.increments and bool(np.ptp(step) > 2e-3 * step.mean()):
+            return "the time column is rounded, its rows are even"
+        return ""
 
     def _final(self, key: str, said: Any) -> Any:
         """Return what is said of a block; the signs of columns said without one are told."""
@@ -482,9 +528,23 @@ class _Work:
         return [Line("sign", "specific force, +1 g up",
                      'no log tells; else --set "accel.reads = gravity"', TAKEN)]  # fmt: skip
 
+    def _how_sure(self, name: str, unit: units.Unit) -> str:
+        proved = self.turned is not None and self.turned.fits
+        by_numbers = self.found.why[0 if name == "accel" else 1] == "numbers"
+        if unit.why.startswith("not") or (by_numbers and not proved):
+            return LIKELY
+        return SURE if unit.why in ("title", "gravity, and a usual converter") else self.sure
+
     def _triad_why(self, name: str, unit: units.Unit) -> str:
         where = self.found.why[0 if name == "accel" else 1]
-        numbers = "one length at rest" if name == "accel" else "rest near zero, turn gravity"
+        fits = self.turned is not None and self.turned.fits
+        numbers = (
+            "one length at rest"
+            if name == "accel"
+            else "rest near zero, turn gravity"
+            if fits
+            else "beside the accelerometers"
+        )
         columns = {"titles": "titles", "said": "given"}.get(where, numbers)
         columns = where if where.startswith("numbers:") else columns
         if name == "accel" and self.ball is not None and unit.why in ("gravity", "gravity alone"):
@@ -515,14 +575,6 @@ class _Work:
         if increments:
             block["kind"] = "increment"
         return block
-
-
-def _rounded(time: FloatArray) -> bool:
-    """Tell whether a clock is even but for the last digits of its stamps."""
-    step = np.diff(time)
-    usual = float(step.mean())
-    line = np.linspace(time[0], time[-1], len(time))
-    return bool(np.ptp(step) > 2e-3 * usual and np.abs(time - line).max() < 0.1 * usual)
 
 
 _KIND = {"accel": "accelerometers", "gyro": "gyros"}

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import FloatArray
+from foucault.detect.steady import find_spins, grouped, turning
 from foucault.detect.stretches import FEW, HAND, Rests, find_rests, means_of, runs
 from foucault.models.earth import EARTH_RATE
 from foucault.recognise.physics import sphere
@@ -36,6 +37,9 @@ TWICE_EARTH = 2.2 * EARTH_RATE
 
 STEADY = np.radians(2.0)
 """A quiet time that turns so fast or faster is a spin [rad/s]."""
+
+SPIN, FEWEST_SPINS = (2.0, np.radians(35.0)), 4
+"""Shortest [s] and slowest [rad/s] spin about a level axis, and the fewest of them [1]."""
 
 WHOLE = np.radians(25.0)
 """A turn on the spot is a whole one within this [rad]."""
@@ -63,6 +67,9 @@ def session(log: Log) -> Session:
                        "norm_observation" if _spins_of(log) else "hand_rotated")  # fmt: skip
     if log.accel is None:
         return Session("gyros alone", "no accelerometers", None, todo=_NOISE)
+    level = _level_spins(log)
+    if level is not None:
+        return level
     rests = find_rests(log.filled())
     spins = _spins(log, rests)
     if len(spins) >= 4:
@@ -212,6 +219,22 @@ def _spins(log: Log, rests: Rests) -> list[tuple[int, int, FloatArray]]:
         if np.linalg.norm(rate) > STEADY and steady and turned > np.pi:
             out.append((a, b, np.asarray(rate)))
     return out if len(rests.level) >= FEW else []
+
+
+def _level_spins(log: Log) -> Session | None:
+    """Tell spins about a level axis, in which gravity turns as fast as the gyros say."""
+    both = log.gyro, log.accel
+    if any(x is None or not np.isfinite(x).all() for x in both):
+        return None
+    spins = [s for s in find_spins(log, *SPIN) if 0.8 < turning(s) < 1.25]
+    spins, axes = grouped(spins, SAME / 2)
+    if len(spins) < FEWEST_SPINS:
+        return None
+    rates = ", ".join(f"{s.rate:.2g}" for s in spins[:6]) + " ..." * (len(spins) > 6)
+    many = f"{len(axes)} ax{'es' if len(axes) > 1 else 'is'} of the instrument"
+    return Session(f"{len(spins)} spins about {many}, level ({rates} rad/s)",
+                   "gravity turns in the accelerometers as fast as the gyros say",
+                   "continuous_spin")  # fmt: skip
 
 
 def _spun(log: Log, rests: Rests, spins: list[tuple[int, int, FloatArray]]) -> Session:

@@ -67,13 +67,16 @@ def meaning(title: str, unit: str = "") -> Meaning:
     plain = _role(_stem(tokens))
     if unit in ("s", "ms", "us", "ns", "min") and plain in ("", "temperature"):
         plain = "time"
-    for axis, left in _axes(tokens):
+    axes = _axes(tokens)
+    for axis, left in axes:
         role = _role(_stem(left))
         if role == "gyro" or (role and role not in ("time", "counter")):
             # "roll" of an attitude is none of the turn; a rate of it is.
             return Meaning(role, axis, "".join(re.findall(r"\d+", " ".join(left))), unit, gravity)
     number = "".join(re.findall(r"\d+", " ".join(tokens)))
-    return Meaning(plain, None, number if plain not in ("time", "counter") else "", unit)
+    # In words that are not known an axis is one all the same.
+    alone = axes[0][0] if axes and not plain and {"x", "y", "z"} & set(tokens) else None
+    return Meaning(plain, alone, number if plain not in ("time", "counter") else "", unit)
 
 
 def _without_unit(title: str) -> tuple[str, str]:
@@ -126,7 +129,8 @@ def _axes(tokens: list[str]) -> list[tuple[int, list[str]]]:
         found.append(("xyz".index(first[0]), [first[1:], *tokens[1:]]))
     for i, word in enumerate(tokens):
         left = tokens[:i] + tokens[i + 1 :]
-        if word in _ROLL and left and _role("".join(left)) == "gyro":
+        # "q_w" is of a quaternion.
+        if word in _ROLL and left and _role("".join(left)) == "gyro" and (i or left != ["w"]):
             found.append((_ROLL[word], left))
     return found
 

@@ -8,9 +8,10 @@ several fit, titles and the usual rates of loggers decide, and what is still ope
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite, log, pi
 
+from foucault.errors import FoucaultError
 from foucault.logs.layout import scaled_unit
 from foucault.models.earth import EARTH_RATE
 from foucault.units import STANDARD_GRAVITY
@@ -36,9 +37,9 @@ LIKELY_RATES, POSSIBLE_RATES = (15.0, 2500.0), (2.0, 20000.0)
 PEAK = 0.02, 60.0
 """Whoever turns an instrument turns it so fast at most at some time [rad/s]."""
 
-_PER_DPS = (131.072, 131.0, 65.536, 65.5, 32.768, 32.8, 16.384, 16.4, 14.375, 262.144, 262.4,
-            114.286, 57.143, 14.286, 28.571, 228.57)  # fmt: skip
-_PER_G = (16384.0, 8192.0, 4096.0, 2048.0, 1024.0, 512.0, 256.0, 128.0, 64.0, 32768.0, 65536.0)
+PER_DPS = (131.072, 131.0, 65.536, 65.5, 32.768, 32.8, 16.384, 16.4, 14.375, 262.144, 262.4,
+           114.286, 57.143, 14.286, 28.571, 228.57)  # fmt: skip
+PER_G = (16384.0, 8192.0, 4096.0, 2048.0, 1024.0, 512.0, 256.0, 128.0, 64.0, 32768.0, 65536.0)
 """Counts of usual converters for 1 deg/s, and for 1 g [count]."""
 
 GYRO = {"rad/s": 1.0, "deg/s": DEGREE, "0.001 deg/s": 1e-3 * DEGREE, "0.001 rad/s": 1e-3,
@@ -49,6 +50,28 @@ ANGLE = {"rad": 1.0, "deg": DEGREE, "arcsec": DEGREE / 3600}
 VELOCITY = {"m/s": 1.0, "0.001 m/s": 1e-3}
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "100 us": 1e-4}
 """Units that loggers use [SI]."""
+
+
+@dataclass(frozen=True)
+class Sense:
+    """What tells the unit of one kind of sensor, and how odd some units are."""
+
+    name: str
+    told: str  # what tells the size of a reading
+    rates: tuple[str, dict[str, float]]  # what it measures, and the usual units [SI]
+    sums: tuple[str, dict[str, float]]  # the same of increments
+    sum_unit: tuple[str, float]  # in which increments of no usual unit are written [SI]
+    one: float  # what the counts of converters are given for [SI]
+    of: str  # the same in words
+    per: tuple[float, ...]  # those counts [count]
+    rare: float  # how odd a unit is that few use [1]
+    alone: float  # how odd a scale is that no one uses [1]
+
+
+ACCELS = Sense("accel", "gravity", ("specific force", ACCEL), ("velocity increment", VELOCITY),
+               ("m/s", 1.0), STANDARD_GRAVITY, "g", PER_G, 0.7, 1.6)  # fmt: skip
+GYROS = Sense("gyro", "the turns", ("angular rate", GYRO), ("angle increment", ANGLE),
+              ("arcsec", DEGREE / 3600), DEGREE, "(deg/s)", PER_DPS, 1.0, 1.8)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -145,7 +168,7 @@ def _clocks(seen: Seen, titled: Titled, increments: bool) -> Iterator[Unit]:
     wanted = [scaled_unit(titled.gyro, "angular rate")] if titled.gyro and not increments \
         and titled.gyro != "count" else list(gyros.values())  # fmt: skip
     if seen.whole[1] and not titled.gyro:
-        wanted += [DEGREE / k for k in _PER_DPS]
+        wanted += [DEGREE / k for k in PER_DPS]
     for si in wanted if not increments else ():
         rate = si / seen.turn
         usual = min(USUAL_RATES, key=lambda r: abs(log(r / rate)))
@@ -163,6 +186,9 @@ def _clocks(seen: Seen, titled: Titled, increments: bool) -> Iterator[Unit]:
             yield Unit("", 1.0 / usual, cost=1.0, why="gravity in m/s")
 
 
+_EARTH = "it sees the Earth turn"
+
+
 def _with_clock(seen: Seen, titled: Titled, clock: Unit, increments: bool) -> Iterator[Reading]:
     """Yield the readings of a log with one clock."""
     step = clock.si * seen.interval
@@ -174,106 +200,64 @@ def _with_clock(seen: Seen, titled: Titled, clock: Unit, increments: bool) -> It
     accels: list[Unit | None] = [None]
     if seen.radius is not None:
         size = STANDARD_GRAVITY * (step if increments else 1.0) / seen.radius
-        accels = [*_accel(size, titled, seen.whole[0], increments)]
+        accels = [*_fitting(ACCELS, size, titled, seen.whole[0], increments)]
     gyros: list[Unit | None] = [None]
     if seen.peak > 0:
         turn = None
         if seen.turn is not None:
             turn = seen.turn * seen.interval if increments else seen.turn / clock.si
-        gyros = [*_gyro(turn, titled, seen.whole[1], increments)]
+        gyros = [*_fitting(GYROS, turn, titled, seen.whole[1], increments)]
     for accel in accels:
         for gyro in gyros:
             more = (0.0 if accel is None else accel.cost) + (0.0 if gyro is None else gyro.cost)
             if gyro is not None and seen.still > 0:
                 turns = seen.still * abs(gyro.si) * (rate if increments else 1.0)
-                more -= 1.5 * (abs(turns / EARTH_RATE - 1.0) < 0.05)
-                yield Reading(clock if seen.timed else None, rate, accel, gyro, increments,
-                              cost + more)  # fmt: skip
-                continue
-            if gyro is not None:
+                if abs(turns / EARTH_RATE - 1.0) < 0.05:
+                    more -= 1.5
+                    gyro = replace(gyro, why=gyro.why if gyro.why == "title" else _EARTH)
+            elif gyro is not None:
                 fastest = seen.peak * abs(gyro.si) * (rate if increments else 1.0)
                 more += 2.5 * (gyro.text == "deg/h" and gyro.why != "title")
                 more += 3.0 * (not PEAK[0] < fastest < PEAK[1]) + 1.0 * (fastest < 0.2)
             yield Reading(clock if seen.timed else None, rate, accel, gyro, increments, cost + more)
 
 
-def _accel(size: float, known_by: Titled, whole: bool, increments: bool) -> Iterator[Unit]:
-    """Yield units of accelerometers whose readings are of a `size` [SI]."""
-    titled = known_by.accel
-    kind = "velocity increment" if increments else "specific force"
-    if titled and titled != "count":
-        try:
-            si = scaled_unit(titled, kind)
-        except Exception:
-            si = 0.0
-        if si and (abs(log(size / si)) < FAR or "accel" in known_by.given):
-            yield Unit(titled, si, why="title")
-            return
-    wrong = f"not {titled} as its title says" if titled and titled != "count" else "gravity"
-    known = VELOCITY if increments else ACCEL
-    extra = 3.0 * (wrong != "gravity")
-    for text, si in known.items():
-        off = abs(log(size / si))
-        if off < NEAR and titled != "count":
-            yield Unit(text, si, cost=extra + 8 * off + 0.7 * (si not in (1.0, STANDARD_GRAVITY)),
-                       why=wrong)  # fmt: skip
-    if increments:
-        yield Unit(f"{size:.6g} m/s", size, cost=3.5 + extra, why="gravity")
-        return
-    per_g = STANDARD_GRAVITY / size
-    usual = min(_PER_G, key=lambda k: abs(log(k / per_g)))
-    off = abs(log(usual / per_g))
-    if whole and off < NEAR:
-        yield Unit("count", STANDARD_GRAVITY / usual, f"{usual:.10g} count/g", 0.4 + 8 * off,
-                   "gravity, and a usual converter")  # fmt: skip
-    yield Unit(
-        "count",
-        size,
-        f"{1 / size:.6g} count/(m/s^2)",
-        1.6 + extra + 1.5 * (not whole),
-        "gravity alone",
-    )
-
-
-def _gyro(turn: float | None, known_by: Titled, whole: bool, increments: bool) -> Iterator[Unit]:
-    """Yield units of gyros one reading of which is a `turn` [SI], None where nothing turned."""
-    titled = known_by.gyro
-    kind = "angle increment" if increments else "angular rate"
-    known = ANGLE if increments else GYRO
+def _fitting(
+    sense: Sense, size: float | None, known_by: Titled, whole: bool, increments: bool
+) -> Iterator[Unit]:
+    """Yield units of a triad one reading of which is of a `size` [SI], None where nothing tells."""
+    titled = getattr(known_by, sense.name)
+    kind, known = sense.sums if increments else sense.rates
     si = 0.0
     if titled and titled != "count":
+        if titled in ("rad", "deg") and not increments:
+            titled += "/s"
         try:
             si = scaled_unit(titled, kind)
-        except Exception:
-            si = {"rad": 1.0, "deg": DEGREE}.get(titled, 0.0)
-            titled = {"rad": "rad/s", "deg": "deg/s"}.get(titled, titled)
-    if si and (turn is None or abs(log(turn / si)) < FAR or "gyro" in known_by.given):
+        except FoucaultError:  # a unit of something else
+            si = 0.0
+    if si and (size is None or abs(log(size / si)) < FAR or sense.name in known_by.given):
         yield Unit(titled, si, why="title")
         return
-    if turn is None:
+    if size is None:
         for text in list(known)[:2]:
             yield Unit(text, known[text], cost=2.0, why="nothing but what is usual")
         return
-    wrong = f"not {titled} as its title says" if si else "the turns"
+    why = f"not {titled} as its title says" if si else sense.told
     extra = 3.0 * bool(si)
     for text, one in known.items():
-        off = abs(log(turn / one))
+        off = abs(log(size / one))
         if off < NEAR and titled != "count":
-            yield Unit(text, one, cost=extra + 8 * off + 1.0 * (one not in (1.0, DEGREE)),
-                       why=wrong)  # fmt: skip
+            rare = sense.rare * (one not in (1.0, sense.one))
+            yield Unit(text, one, cost=extra + 8 * off + rare, why=why)
     if increments:
-        yield Unit(f"{turn / DEGREE * 3600:.6g} arcsec", turn, cost=3.5 + extra, why="the turns")
+        unit, one = sense.sum_unit
+        yield Unit(f"{size / one:.6g} {unit}", size, cost=3.5 + extra, why=sense.told)
         return
-    per_dps = DEGREE / turn
-    usual = min(_PER_DPS, key=lambda k: abs(log(k / per_dps)))
-    off = abs(log(usual / per_dps))
+    usual = min(sense.per, key=lambda k: abs(log(k * size / sense.one)))
+    off = abs(log(usual * size / sense.one))
     if whole and off < NEAR:
-        yield Unit("count", DEGREE / usual, f"{usual:.10g} count/(deg/s)", 0.4 + 8 * off,
-                   "the turns, and a usual converter")  # fmt: skip
-    yield Unit(
-        "count",
-        turn,
-        f"{1 / turn:.6g} count/(rad/s)",
-        1.8 + extra + 1.5 * (not whole),
-        "the turns alone",
-    )
+        yield Unit("count", sense.one / usual, f"{usual:.10g} count/{sense.of}", 0.4 + 8 * off,
+                   f"{sense.told}, and a usual converter")  # fmt: skip
+    yield Unit("count", size, f"{1 / size:.6g} count/({next(iter(known))})",
+               sense.alone + extra + 1.5 * (not whole), f"{sense.told} alone")  # fmt: skip

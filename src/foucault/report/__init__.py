@@ -125,6 +125,7 @@ def _template() -> Any:
     from markupsafe import Markup, escape
 
     from foucault.report.page import GREEK
+    from foucault.report.seen import seen
     from foucault.report.still import svg
 
     def symbol(text: str) -> Markup:
@@ -167,6 +168,7 @@ def _template() -> Any:
         "script": script,
         "prose": prose,
         "equation": equation,
+        "seen": seen,
         "still": lambda figure: Markup(svg(figure)),
     }
     return environment.get_template("page.html")

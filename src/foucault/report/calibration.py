@@ -33,6 +33,7 @@ from foucault.report.page import (
     known_to,
     minus,
     place,
+    said,
     section,
     shown,
     table,
@@ -173,7 +174,28 @@ def certificate(result: Result) -> Section | None:
         ("note", of["note"]),
     ]
     pairs = [*wanted, *(pair for pair in known if pair[1]), ("signature", "")]
-    return section("calibration.certificate", Facts(pairs))
+    return section("calibration.certificate", Facts(pairs), *_type_b(result))
+
+
+def _type_b(result: Result) -> list[Any]:
+    """What is not estimated, as contributions of type B; in words where it is taken for nothing."""
+    some, key = result.tables.get("left_out"), "calibration.certificate"
+    if some is None:
+        return [said(f"{key}.nothing")] if result.coefficients.free.any() else []
+    order = np.argsort(-np.asarray(some["share"], float), kind="stable")
+    what, sizes, basis = ([str(some[k][i]) for i in order] for k in ("what", "size", "basis"))
+    share, times = ([float(some[k][i]) for i in order] for k in ("share", "times"))
+    return [
+        said(f"{key}.left_out"),
+        table(
+            ("not estimated", what),
+            ("size (1 sd): number", sizes),
+            ("type: short", ["B"] * len(what)),
+            ("evaluated from: aside", basis),
+            ("largest share of a variance: number", [f"{100 * v:.1f} %" for v in share]),
+            ("readings", [f"{t:.3g} times its size" if t > 1 else "agree" for t in times]),
+        ),
+    ]
 
 
 def _clock(result: Result) -> str:

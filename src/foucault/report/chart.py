@@ -54,13 +54,19 @@ def numbers(values: npt.ArrayLike) -> list[float | None]:
     """Return numbers for JSON, to the six digits a screen can show; None where not finite."""
     array = np.asarray(values, float).ravel()
     told = zip(array.tolist(), np.isfinite(array).tolist(), strict=True)
-    return [float(f"{v:.6g}") if finite else None for v, finite in told]
+    return [_plain(f"{v:.6g}") if finite else None for v, finite in told]
+
+
+def _plain(text: str) -> float:
+    """Return a number that JSON writes without a point where it is whole."""
+    number = float(text)
+    return int(number) if number.is_integer() and abs(number) < 1e15 else number
 
 
 def short(values: npt.ArrayLike) -> list[float | None]:
     """Return numbers for JSON to three digits."""
     return [
-        float(f"{v:.3g}") if np.isfinite(v) else None for v in np.asarray(values, float).ravel()
+        _plain(f"{v:.3g}") if np.isfinite(v) else None for v in np.asarray(values, float).ravel()
     ]
 
 

@@ -370,7 +370,9 @@ def _in_unit(x: float, kind: str) -> str:
 
 def _each_axis(measured: LogAllan) -> Section | None:
     """N, B and K of every axis, and in one line what was not seen."""
-    shown = [k for k, noise in enumerate(NOISES) if noise in MAIN]
+    seen = {NOISES[k] for c in measured.channels.values() for k in range(len(c.noises))
+            if c.noises[k].seen}  # fmt: skip
+    shown = [k for k, noise in enumerate(NOISES) if noise in MAIN or noise in seen]
     rows: list[list[str]] = []
     unseen: dict[str, list[str]] = {}
     for name, channel in measured.channels.items():
@@ -381,7 +383,7 @@ def _each_axis(measured: LogAllan) -> Section | None:
             if not noise.seen:
                 unseen.setdefault(word, []).append(name)
         rows.append([name, *(cells[k] for k in shown)])
-    heads = columns("axis", *(f"{MAIN[NOISES[k]]}: number" for k in shown))
+    heads = columns("axis", *(f"{LETTERS[NOISES[k]]}: number" for k in shown))
     of_all = [w for name in measured.channels for w in WORDS[name.split(".")[0]]]
     missed = [
         word if len(axes) == of_all.count(word) else f"{word} ({', '.join(axes)})"
@@ -392,8 +394,11 @@ def _each_axis(measured: LogAllan) -> Section | None:
     return section("noise.axes", Table(heads, rows), line_)
 
 
-MAIN = {"white": "N", "bias_instability": "B", "random_walk": "K"}
-"""The coefficients that a data sheet has, by the letters of IEEE Std 952."""
+MAIN = ("white", "bias_instability", "random_walk")
+"""The coefficients that a data sheet has."""
+
+LETTERS = dict(zip(NOISES, "QNBKR", strict=True))
+"""The letters of IEEE Std 952."""
 
 
 def _plot(measured: LogAllan, triad: str, pair: Pair | None) -> Section | None:

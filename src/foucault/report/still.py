@@ -65,8 +65,21 @@ def svg(figure: Figure) -> str:
     said = escape(figure.alt or figure.caption)
     return (
         f'<svg class="still" viewBox="0 0 {wide:.0f} {high:.0f}" role="img" aria-label="{said}" '
-        f'style="max-width:{1.25 * wide:.0f}px" font-size="{SIZE:g}">{"".join(drawn)}</svg>'
+        f'style="max-width:{1.25 * wide:.0f}px" font-size="{SIZE:g}">{_joined(drawn)}</svg>'
     )
+
+
+def _joined(drawn: Iterable[str]) -> str:
+    """Write pieces after one another; strokes of one look that follow each other become one."""
+    out: list[str] = []
+    for piece in drawn:
+        look, is_path, way = piece.partition('" d="')
+        if out and is_path and "fill:none" in look and "opacity" not in look and out[-1].startswith(
+            look + is_path):  # fmt: skip
+            out[-1] = out[-1].removesuffix('"/>') + way
+        else:
+            out.append(piece)
+    return "".join(out)
 
 
 # -- words and strokes ------------------------------------------------------------------------
@@ -126,19 +139,34 @@ def _path(d: str, colour: str, width: float = 1.0, dash: str = "solid", **more: 
 def _way(x: FloatArray, y: FloatArray, shape: str = "linear", closed: bool = False) -> str:
     """A line through points [px], broken where one is not known; what is too small is left out."""
     out: list[str] = []
-    down, last = False, (math.inf, math.inf)
+    down, last = False, (0, 0)  # [0.1 px]
     end = len(x) - 1
-    for k, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
-        if not (math.isfinite(a) and math.isfinite(b)):
+    for k, (p, q) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
+        if not (math.isfinite(p) and math.isfinite(q)):
             out += ["z"] if closed and down else []
             down = False
             continue
-        if down and k < end and abs(a - last[0]) < 0.5 and abs(b - last[1]) < 0.5:
+        a, b = round(10 * p), round(10 * q)
+        da, db = a - last[0], b - last[1]
+        if down and k < end and abs(da) < 5 and abs(db) < 5:
             continue
-        step = f"H{a:.1f}V{b:.1f}" if shape == "hv" else f"L{a:.1f} {b:.1f}"
-        out.append(step if down else f"M{a:.1f} {b:.1f}")
+        if down:
+            out.append(f"h{_tenths(da)}v{_tenths(db)}" if shape == "hv" else _step(da, db))
+        else:
+            out.append(f"M{_tenths(a)} {_tenths(b)}")
         down, last = True, (a, b)
     return "".join(out) + ("z" if closed and down else "")
+
+
+def _step(da: int, db: int) -> str:
+    """A stroke from where the pen is [0.1 px]."""
+    return f"l{_tenths(da)}{'' if db < 0 else ' '}{_tenths(db)}"
+
+
+def _tenths(a: float) -> str:
+    """A length as short as SVG can write it [0.1 px]."""
+    text = f"{a / 10:.1f}".removesuffix(".0")
+    return text.replace("0.", ".", 1) if abs(a) < 9.5 else text
 
 
 def _marks(trace: Mapping[str, Any], x: FloatArray, y: FloatArray) -> Iterable[str]:
@@ -162,7 +190,8 @@ def _marks(trace: Mapping[str, Any], x: FloatArray, y: FloatArray) -> Iterable[s
             name = symbol if symbol in _SYMBOLS else symbol.removesuffix("-open")
             r = size / 2
             shape = _SYMBOLS.get(name, _SYMBOLS["circle-open"]).format(r=f"{r:g}", d=f"{size:g}")
-        groups.setdefault((str(colour), size, symbol), []).append(f"M{a:.1f} {b:.1f}{shape}")
+        groups.setdefault((str(colour), size, symbol), []).append(
+            f"M{_tenths(10 * a)} {_tenths(10 * b)}{shape}")  # fmt: skip
     opacity = look.get("opacity", trace.get("opacity"))
     for (colour, size, symbol), pieces in groups.items():
         stroke = edge.get("color", colour)
@@ -436,10 +465,10 @@ def _heat(plot: _Plot, trace: Mapping[str, Any]) -> None:
         for z, a in zip(row, at, strict=True):
             if z is not None:
                 shade = round(SHADES * min(max(z / top, -1.0), 1.0))
-                box = f"M{a - wide / 2:.1f} {b - high / 2:.1f}h{wide:.1f}v{high:.1f}h-{wide:.1f}z"
-                shades.setdefault(shade, []).append(box)
-    for shade, boxes in shades.items():
-        plot.out.append(_path("".join(boxes), "none", 0, fill=_shade(shade)))
+                stroke = f"M{_tenths(10 * (a - wide / 2))} {_tenths(10 * b)}h{_tenths(10 * wide)}"
+                shades.setdefault(shade, []).append(stroke)
+    for shade, strokes in shades.items():
+        plot.out.append(_path("".join(strokes), _shade(shade), round(high, 1)))
     tall = (plot.bottom - plot.top) / (2 * SHADES + 1)
     for k in range(-SHADES, SHADES + 1):
         b = plot.bottom - (k + SHADES + 1) * tall

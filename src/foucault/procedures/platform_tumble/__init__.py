@@ -30,8 +30,8 @@ from foucault.guard import command
 from foucault.infer.left_out import Judgement
 from foucault.models.cluster import EQUATION, LAYOUT
 from foucault.models.earth import Site
-from foucault.models.left_out import told as told_by
 from foucault.plans.tumble import nominal
+from foucault.procedures.left_out import told_beside
 from foucault.procedures.platform_tumble import settings as chosen
 from foucault.procedures.platform_tumble.counted import counted
 from foucault.procedures.platform_tumble.foresight import (
@@ -49,6 +49,7 @@ from foucault.procedures.platform_tumble.settings import (
     Session,
     Settings,
     draw_errors,
+    drawn,
     simulated,
 )
 from foucault.procedures.record import Given, Procedure
@@ -74,9 +75,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     measured = "tumble.measured" in {f.code for f in said}
     solution = solved(tumble, beforehand, settings, site, used, moments=moments, measured=measured)
     judged = None
-    if given.sizes:
+    if sizes := told_beside(given.sizes, used, float(np.ptp(log.time))):
         given.progress(0.6, "counting with what is not estimated")
-        sizes = told_by(given.sizes, used.accel.white, used.gyro.white) or {}
         beside = counted(solution, sizes, measured=measured, moments=moments)
         solution, judged = (solution, None) if beside is None else beside
     given.progress(0.8, "judging the result")
@@ -150,12 +150,16 @@ PROCEDURE = Procedure(
     simulation=simulated,
     names=lambda *_: LAYOUT.names,
     layout=LAYOUT,
+    counts=True,
+    counts_by_noise=True,
     foresee=foresee,
     space=space,
     Wanted=Wanted,
     grade=GRADE,
     noise=NOISE,
     draw_errors=draw_errors,
+    drawn=drawn,
+    otherwise=chosen.OTHERWISE,
     Description=chosen.Description,
     read=chosen.read_log,
     log_table=chosen.log_table,

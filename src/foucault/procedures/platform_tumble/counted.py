@@ -20,6 +20,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.diagnose.foresight import Extra
 from foucault.errors import Status
 from foucault.estimate import tumble as estimation
 from foucault.estimate.tumble import Tumble
@@ -27,20 +28,25 @@ from foucault.estimate.tumble_solution import Solution, answers
 from foucault.infer.filtered import exchanged
 from foucault.infer.gauss_newton import Component
 from foucault.infer.left_out import Judgement
-from foucault.infer.left_out_states import Group, Posterior, fit, noted, of_priors, widened
+from foucault.infer.left_out_states import (
+    OF,
+    Group,
+    Posterior,
+    fit,
+    noted,
+    of_priors,
+    planned,
+    widened,
+)
 from foucault.models.cluster import CONSTANTS, normalised
 from foucault.models.imu import ImuModel
 from foucault.models.left_out import GRAVITY, LATITUDE, Motion, Sizes, changes, terms
+from foucault.procedures.left_out import declared_states
+from foucault.procedures.platform_tumble.settings import OTHERWISE, SIZE_EFFECT
 from foucault.tables import AXES
 
-LEVER, DELAY = "accel.lever", "accel.delay"
+LEVER, DELAY = SIZE_EFFECT
 """Groups of where accelerometers are, and how late."""
-
-ESTIMATED = ("gyro.g_sensitivity", GRAVITY, LATITUDE)
-"""Groups that are among the constants by other names, or sources of their own."""
-
-SIZE_EFFECT: Sizes = {LEVER: (0.005, "judgement"), DELAY: (1e-3, "judgement")}
-"""How far accelerometers are from where they are said to be [m], how late they read [s]; 1 sd."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +71,7 @@ def terms_of(t: Tumble, s: Solution, sizes: Sizes) -> Iterator[Term]:
     """Yield one size of all that is not estimated, at the readings of a log."""
     time = np.cumsum(t.dt)
     motion = Motion(time, t.reading * t.gravity, t.command, 0.0, float(time[-1]))
-    some = {g: size for g, size in sizes.items() if g not in (*ESTIMATED, *SIZE_EFFECT)}
+    some = {g: size for g, size in sizes.items() if g not in (*OTHERWISE, *SIZE_EFFECT)}
     for term in terms(CONSTANTS.names, s.site, some):
         (by,) = changes([term], ImuModel(), motion)
         reading = None if by.accel is None else by.accel / t.gravity * t.used[:, None]
@@ -129,8 +135,8 @@ class Stages:
         return Posterior(c, self.mean, {"readings": one})
 
 
-OF, ONE = "left out ", "scale factor error"
-"""What the names of terms begin with, where they are states, and their kind: a plain number."""
+ONE = "scale factor error"
+"""Kind of terms that are states: a plain number."""
 
 
 def counted(
@@ -163,15 +169,36 @@ def counted(
     found = estimation.linearised(tumble, prior, found, moments=moments)
     beside = both.A @ last.cov[p:, p:] @ both.A.T
     out = replace(s, tumble=tumble, prior=prior, fit=found, more={NOT_ESTIMATED: beside})
-    total = out.coefficients.sd**2
+    return out, _with_references(judged, out)
+
+
+def beforehand(s: Solution, sizes: Sizes) -> tuple[Solution, Judgement, tuple[Extra, ...]]:
+    """Count with what is not estimated in a tumble that is only planned; `sizes`: of it [SI].
+
+    Returns the solution with it, what is made of it, and what it would buy to know it better.
+    """
+    sizes = {**SIZE_EFFECT, **sizes}
+    both = Stages.of(s, sizes)
+    at = both.posterior(both.states)
+    judged = planned(at, both.groups, CONSTANTS.names)
+    bought = declared_states(at, both.groups, judged, CONSTANTS.names)
+    assert both.states.cov is not None
+    C = both.states.cov[len(CONSTANTS) :, len(CONSTANTS) :]
+    out = replace(s, more={NOT_ESTIMATED: both.A @ C @ both.A.T})
+    return out, _with_references(judged, out), bought
+
+
+def _with_references(judged: Judgement, s: Solution) -> Judgement:
+    """Note what is known of the place, which has parts of its own in the budget."""
+    total = s.coefficients.sd**2
     for name, size, basis in (
         (LATITUDE, s.latitude_sd, "latitude_sd"),
         (GRAVITY, s.site.gravity_sd, "standard uncertainty of local gravity"),
     ):
-        if name in out.parts:
-            share = float((np.diag(out.parts[name]) / total).max())
+        if name in s.parts:
+            share = float((np.diag(s.parts[name]) / total).max())
             judged = noted(judged, name, Group("source", (), size, basis), share)
-    return out, judged
+    return judged
 
 
 NOT_ESTIMATED = "what is not estimated"

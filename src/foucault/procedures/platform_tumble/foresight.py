@@ -28,12 +28,14 @@ from foucault.diagnose import tumble as tumble_input
 from foucault.diagnose import tumble as tumble_report
 from foucault.diagnose.checks import hardly
 from foucault.diagnose.foresight import Extra, Foresight, Leg
+from foucault.diagnose.left_out import foretold
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate import tumble as estimation
 from foucault.estimate import tumble_solution as published
 from foucault.estimate.tumble import Fit, Prior, State, Tumble
 from foucault.estimate.tumble_solution import Solution, is_slow
 from foucault.guard import command
+from foucault.infer.left_out import Judgement
 from foucault.models import cluster
 from foucault.models.cluster import CONSTANTS, LAYOUT, SOURCE_SYMBOLS, ClusterModel, attitude_of
 from foucault.models.earth import Site, earth_rate_n
@@ -41,6 +43,8 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import exp
 from foucault.plans.optimise import weights_of
 from foucault.plans.tumble import Allowed, Conditions, Step, TorquingPlan, TorquingSpace, needs
+from foucault.procedures.left_out import told_beside
+from foucault.procedures.platform_tumble.counted import beforehand
 from foucault.procedures.platform_tumble.settings import (
     GRADE,
     NOISE,
@@ -70,6 +74,8 @@ class Planned:
     solution: Solution  # the bound about what was simulated
     at: str  # where that is, in words
     told: tuple[Finding, ...]  # what was noticed on the way
+    judged: Judgement | None = None  # what is made of what is not estimated
+    bought: tuple[Extra, ...] = ()  # what it would buy to know that better
 
     @property
     def sd(self) -> FloatArray:
@@ -110,7 +116,12 @@ def planned(b: Beforehand[Settings, Session], errors: ClusterModel | None = None
     usual = "means in [prior], usual errors elsewhere" if prior else "usual errors"
     at = f"{usual}, and an attitude ({away}) from `start`"
     solution = Solution(tumble, known, fit, site, used, settings.latitude_sd, settings.angles)
-    return Planned(b, made, solution, at, (*told, *said, *more))
+    out = Planned(b, made, solution, at, (*told, *said, *more))
+    sizes = told_beside(b.sizes, used, float(np.ptp(made.log.time)))
+    if not sizes or settings.filter != "gauss-newton":
+        return out
+    solution, judged, bought = beforehand(solution, sizes)
+    return replace(out, solution=solution, judged=judged, bought=bought)
 
 
 def _simulated(
@@ -154,7 +165,8 @@ def seen(p: Planned, extras: tuple[Extra, ...] = ()) -> Foresight:
         smallest=shown["smallest"],
         legs=legs,
         limits=needs(plan, settings.limits),
-        more=extras,
+        more=(*p.bought, *extras),
+        left_out=None if p.judged is None else foretold(p.judged),
         hardly=tuple(names),
         unseen=tuple(shown["unseen"]),
         remaining=tuple(shown["remaining"]),

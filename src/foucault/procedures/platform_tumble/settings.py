@@ -24,6 +24,7 @@ from foucault.logs.description import OWN_LOG, LogDescription, log_head
 from foucault.logs.reading import limits_si
 from foucault.models.cluster import CONSTANTS, SOURCE_SYMBOLS, ClusterModel
 from foucault.models.earth import Site
+from foucault.models.left_out import GRAVITY, LATITUDE, Sizes
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.plans import tumble as torquing
 from foucault.plans.tumble import Limits, TorquingPlan
@@ -68,6 +69,12 @@ NOISE = ImuNoise(
     TriadNoise(white=units.parse(WHITE[1], "angle random walk")),
 )
 """Noise that is simulated where [noise] says nothing."""
+
+OTHERWISE = ("gyro.g_sensitivity", GRAVITY, LATITUDE)
+"""Groups that are among the constants by other names, or sources of their own."""
+
+SIZE_EFFECT: Sizes = {"accel.lever": (0.005, "judgement"), "accel.delay": (1e-3, "judgement")}
+"""How far accelerometers are from where they are said to be [m], how late they read [s]; 1 sd."""
 
 Three = tuple[str, str, str]
 
@@ -294,6 +301,19 @@ def simulated(
         plan, model=model, noise=noise, site=site, start=plan.start + away, acquisition=how,
         integrator=session.integrator, seed=seed,
     )  # fmt: skip
+
+
+def drawn(
+    session: Session, settings: Settings, model: ClusterModel, rng: np.random.Generator
+) -> tuple[Session, Settings, ClusterModel]:
+    """Draw what else is not estimated, at its size: places and delay of the accelerometers."""
+    (arm, _), (delay, _) = SIZE_EFFECT.values()
+    away = settings.lever_arms + arm * rng.standard_normal((3, 3))
+    arms = tuple(tuple(f"{x:.9g} m" for x in row) for row in away.tolist())
+    late = delay * float(rng.standard_normal())
+    if not (session.delay or settings.delay_sd):
+        session = session.model_copy(update={"delay": late})
+    return session, settings.model_copy(update={"arms": arms}), model
 
 
 def draw_errors(grade: str, seed: int) -> ClusterModel:

@@ -29,12 +29,12 @@ from foucault.diagnose import systematic as systematic_report
 from foucault.diagnose import systematic_sequence as recordings
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.systematic import legs_of
-from foucault.errors import error
+from foucault.errors import Finding, error, finding
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.layouts import gravity_error, with_references
-from foucault.models.left_out import told as told_by
 from foucault.navigate.increments import Increments
 from foucault.navigate.ins_filter import EarthSeen, FilterRun, earth_seen
+from foucault.procedures.left_out import told_beside
 from foucault.procedures.record import Given, Procedure
 from foucault.procedures.systematic.choice import Decided, decided, left_out, resumed
 from foucault.procedures.systematic.counted import counted
@@ -56,6 +56,7 @@ from foucault.procedures.systematic.settings import (
     Session,
     Settings,
     draw_errors,
+    drawn,
     log_table,
     simulated,
 )
@@ -95,13 +96,16 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     problem, settings, solution, choice = (
         decision.problem, decision.settings, decision.solution, decision.choice
     )  # fmt: skip
-    base, judged = solution, None
-    if given.sizes and settings.steps != "published":
+    base, judged, crowded = solution, None, tuple[Finding, ...]()
+    parts = dict[str, Any]()
+    sizes = told_beside(given.sizes, problem.noise, float(np.ptp(log.time)))
+    if sizes and settings.steps != "published":
         progress(0.4, "counting with what is not estimated")
-        white = problem.noise.accel.white, problem.noise.gyro.white
-        beside = counted(decision, told_by(given.sizes, *white) or {}, prior)
-        if beside is not None:
-            decision, states, judged = beside
+        beside = counted(decision, sizes, prior)
+        if beside is None:
+            crowded = (finding("left_out.crowded", count=problem.recordings),)
+        else:
+            decision, states, judged, parts = beside
             solution = replace(solution, run=decision.solution.run, states=states,
                                status=decision.solution.status)  # fmt: skip
     progress(0.6, "navigating from rest to rest")
@@ -122,7 +126,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     tables: dict[str, TableData] = {}
     if judged is not None:
         checks = (*checks, *not_estimated.checks(judged))
-    findings = [*log.findings, *problem.findings, *decision.findings, *judge.findings(e)]
+    findings = [*log.findings, *problem.findings, *decision.findings, *crowded,
+                *judge.findings(e)]  # fmt: skip
     findings += [recordings.told(apart)] if apart else []
     diagnostics = _diagnostics(problem, solution, settings) | of_site(
         site.as_dict(), found.names, gravity_error(found, site))  # fmt: skip
@@ -143,6 +148,10 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     if judged is not None:
         tables = {**tables, "left_out": not_estimated.table(judged)}
         diagnostics |= not_estimated.judgement_json(judged)
+        if settings.model is None:  # else the coefficients follow from the states
+            at = [solution.states.names.index(name) for name in found.names]
+            rows = {n: [v[k] for k in at] for n, v in parts["budget"].items()}
+            diagnostics |= {"budget": rows, "sources": parts["sources"]}
     return Result(
         procedure="systematic",
         # Where gravity is a state the covariance knows it already.
@@ -221,12 +230,15 @@ PROCEDURE = Procedure(
     names=lambda settings, _: names_of(settings),
     every_name=every_name,
     layout=LAYOUT,
+    counts=True,
+    counts_by_noise=True,
     foresee=foresee,
     space=space,
     Wanted=Wanted,
     assumes_noise=True,
     grade=GRADE,
     draw_errors=draw_errors,
+    drawn=drawn,
     more="recordings",
     log_table=log_table,
     prior_lines=PRIOR_LINES,

@@ -3,61 +3,89 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose.foresight import Extra
 from foucault.infer.filtered import component
 from foucault.infer.gauss_newton import FALSE_ALARM
 from foucault.infer.left_out import Judgement
-from foucault.infer.left_out_states import Group, Posterior, fit, noted, of_priors, widened
+from foucault.infer.left_out_states import (
+    NOISE,
+    Group,
+    Posterior,
+    budget,
+    fit,
+    noted,
+    of_priors,
+    planned,
+    widened,
+)
 from foucault.kernels.ins_transition import HALF
 from foucault.models.imu import LAYOUT
 from foucault.models.ins_errors import Sensors
 from foucault.models.left_out import GRAVITY, LATITUDE, Sizes
 from foucault.models.size_effect import with_size_effect
+from foucault.procedures.left_out import declared_states
 from foucault.procedures.systematic.choice import Decided, resumed
 from foucault.procedures.systematic.problem import Solution, SystematicProblem, prior_of
-from foucault.procedures.systematic.settings import Settings
+from foucault.procedures.systematic.settings import SIZE_EFFECT, Settings
 
 Given = Mapping[str, tuple[float, float]]
 
-LEVER, DELAY = "accel.lever", "accel.delay"
 
-SIZE_EFFECT: Sizes = {LEVER: (0.02, "judgement"), DELAY: (1e-3, "judgement")}
-"""How far accelerometers are from one point [m], and how late after the gyros [s], 1 sd."""
+Found = tuple[SystematicProblem, Solution]
 
 
-def counted(
-    decision: Decided, sizes: Sizes, given: Given
-) -> tuple[Decided, CoefficientVector, Judgement] | None:
-    """Filter again with what is not estimated, and enlarge what the readings contradict.
+@dataclass(frozen=True)
+class Beside:
+    """The filter of a calibration with states for what is not estimated."""
 
-    `sizes`: of what is not estimated [SI]; `given`: mean and standard deviation of coefficients or
-    groups of coefficients [SI]. Returns the decision with these states, those of the result, and
-    what was made of the others; None where there are so many recordings that the filter cannot have
-    states for all of it.
-    """
-    p, settings, base = decision.problem, decision.settings, decision.solution
-    names = base.states.names
-    sensors, groups = _widened(p, settings, names, sizes)
-    of_size = {n: (0.0, g.size) for g in groups.values() for n in g.names}
-    if max(3 + sensors.gyros, 6 + len(sensors) - sensors.gyros) > HALF:
-        return None
-    every = sensors.layout.names
-    known = {k: v for k, v in given.items() if any(n == k or n.startswith(f"{k}.") for n in every)}
-    prior = prior_of(sensors, of_size | known, p.noise, settings.turn_on)
-    at = [every.index(n) for n in names]
-    prior.values[at], prior.prior_sd[at] = _of(p.prior, names)
-    groups = {k: g._replace(size=float(_of(prior, g.names)[1].max())) for k, g in groups.items()}
-    wide = replace(p, sensors=sensors, prior=prior)
+    base: Solution  # without them
+    wide: SystematicProblem
+    groups: Mapping[str, Group]  # what is judged: what is not estimated, and the priors
+    names: tuple[str, ...]  # states of the result
+    passes: int  # at most [1]
+    latitude: tuple[float, str]  # how well it is known [rad], and what that rests on
 
-    def solve(times: Mapping[str, float]) -> tuple[SystematicProblem, Solution]:
-        more = replace(wide, prior=widened(prior, groups | priors, times))
-        return more, resumed(more, base, names, passes=settings.passes)
+    @classmethod
+    def of(cls, decision: Decided, sizes: Sizes, given: Given) -> Beside | None:
+        """Return it; None where so many recordings leave the filter no states for it.
 
-    def posterior(found: tuple[SystematicProblem, Solution]) -> Posterior:
+        `sizes`: of what is not estimated [SI]; `given`: mean and standard deviation of coefficients
+        or groups of coefficients [SI].
+        """
+        p, settings, base = decision.problem, decision.settings, decision.solution
+        names = base.states.names
+        sensors, groups = _widened(p, settings, names, sizes)
+        of_size = {n: (0.0, g.size) for g in groups.values() for n in g.names}
+        if max(3 + sensors.gyros, 6 + len(sensors) - sensors.gyros) > HALF:
+            return None
+        every = sensors.layout.names
+        known = {
+            k: v for k, v in given.items() if any(n == k or n.startswith(f"{k}.") for n in every)
+        }
+        prior = prior_of(sensors, of_size | known, p.noise, settings.turn_on)
+        at = [every.index(n) for n in names]
+        prior.values[at], prior.prior_sd[at] = _of(p.prior, names)
+        groups = {
+            k: g._replace(size=float(_of(prior, g.names)[1].max())) for k, g in groups.items()
+        }
+        groups |= of_priors(base.states, [n for n in names if n in LAYOUT])
+        wide = replace(p, sensors=sensors, prior=prior)
+        latitude = sizes.get(LATITUDE, (0.0, ""))
+        return cls(base, wide, groups, names, settings.passes, latitude)
+
+    def solve(self, times: Mapping[str, float]) -> Found:
+        """Filter with groups so many `times` as large [1]."""
+        more = replace(self.wide, prior=widened(self.wide.prior, self.groups, times))
+        return more, resumed(more, self.base, self.names, passes=self.passes)
+
+    def posterior(self, found: Found) -> Posterior:
+        """Return what is judged of a solution."""
         problem, s = found
         white = s.run.innovation / np.sqrt(s.run.variance)
         kinds = {"velocity": white[:, :3], "position": white[:, 3:]}
@@ -65,19 +93,58 @@ def counted(
         mean, _ = _of(problem.prior, s.states.names)
         return Posterior(s.states, mean, {k: c for k, c in told.items() if c is not None})
 
-    priors = of_priors(base.states, [n for n in names if n in LAYOUT])
-    (problem, found), judged = fit(solve, posterior, groups | priors, names)
-    states = found.states.chosen(names)
-    size, basis = sizes.get(LATITUDE, (0.0, ""))
-    if size > 0 and p.site.latitude is not None:
-        there = replace(problem, site=replace(p.site, latitude=p.site.latitude + size))
-        off = resumed(there, found, found.states.names).states.chosen(names)
-        one = Group("source", (), size, basis)
+    def beforehand(self) -> tuple[CoefficientVector, Judgement, tuple[Extra, ...]]:
+        """Return states and judgement of a session that is only planned, and what more would buy.
+
+        That is what it buys to know sizes better.
+        """
+        found = self.solve({})
+        at = self.posterior(found)
+        judged = planned(at, self.groups, self.names)
+        bought = declared_states(at, self.groups, judged, self.names)
+        return *self.placed(found, judged), bought
+
+    def budget(self, found: Found, states: CoefficientVector) -> dict[str, dict[str, Any]]:
+        """Return the variances of `states` by source, the latitude's among them [SI]."""
+        out = budget(found[1].states, self.groups, states)
+        moved = states.sd**2 - found[1].states.chosen(states.names).sd ** 2
+        if moved.any():
+            out["budget"][LATITUDE] = moved.tolist()
+            out["budget"][NOISE] = (np.array(out["budget"][NOISE]) - moved).tolist()
+            out["sources"][LATITUDE] = ["B", self.latitude[1]]
+        return out
+
+    def placed(self, found: Found, judged: Judgement) -> tuple[CoefficientVector, Judgement]:
+        """Return the states of the result with what the latitude does, and note it."""
+        problem, s = found
+        states, site = s.states.chosen(self.names), problem.site
+        size, basis = self.latitude
+        if not size or site.latitude is None:
+            return states, judged
+        there = replace(problem, site=replace(site, latitude=site.latitude + size))
+        off = resumed(there, s, s.states.names).states.chosen(self.names)
         moved = off.values - states.values
         assert states.cov is not None
         states = replace(states, cov=states.cov + np.outer(moved, moved))
-        judged = noted(judged, LATITUDE, one, float(np.max((moved / states.sd) ** 2)))
-    return replace(decision, problem=problem, solution=found), states, judged
+        share = float(np.max((moved / states.sd) ** 2))
+        return states, noted(judged, LATITUDE, Group("source", (), size, basis), share)
+
+
+def counted(
+    decision: Decided, sizes: Sizes, given: Given
+) -> tuple[Decided, CoefficientVector, Judgement, dict[str, dict[str, Any]]] | None:
+    """Filter again with what is not estimated, and enlarge what the readings contradict.
+
+    Arguments as of `Beside.of`. Returns the decision with these states, those of the result, what
+    was made of the others, and the budget; None where there are no states for it.
+    """
+    beside = Beside.of(decision, sizes, given)
+    if beside is None:
+        return None
+    found, judged = fit(beside.solve, beside.posterior, beside.groups, beside.names)
+    states, judged = beside.placed(found, judged)
+    now = replace(decision, problem=found[0], solution=found[1])
+    return now, states, judged, beside.budget(found, states)
 
 
 def _of(prior: CoefficientVector, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:

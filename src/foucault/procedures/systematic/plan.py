@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 from typing import Annotated, Any
 
@@ -21,6 +22,7 @@ from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose import systematic as judge
 from foucault.diagnose.checks import HARDLY, hardly
 from foucault.diagnose.foresight import Extra, Foresight
+from foucault.diagnose.left_out import foretold
 from foucault.diagnose.systematic_sequence import lasting
 from foucault.errors import Finding, error, finding
 from foucault.estimate.systematic import AtRest
@@ -45,8 +47,10 @@ from foucault.plans.sequence_search import (
     sd_limits,
     table_needs,
 )
+from foucault.procedures.left_out import told_beside
 from foucault.procedures.record import Beforehand, Shortest, Stated, located
-from foucault.procedures.systematic.choice import foreseen_of
+from foucault.procedures.systematic.choice import Decided, foreseen_of
+from foucault.procedures.systematic.counted import Beside
 from foucault.procedures.systematic.problem import (
     Solution,
     SystematicProblem,
@@ -318,7 +322,9 @@ def in_case(b: Plan, sequence: CalibrationSequence, case: str = HERE) -> Foresee
 
 def _stated(b: Plan, sequence: CalibrationSequence, case: str) -> FloatArray:
     """Return the sd of every state that is a coefficient, shape (p,) [SI]."""
-    return in_case(b, sequence, case).states.sd
+    found = in_case(b, sequence, case)
+    beside = _beside(found, b, sequence.duration)
+    return found.states.sd if beside is None else beside.beforehand()[0].sd
 
 
 def space(b: Plan) -> SystematicSpace:
@@ -327,8 +333,10 @@ def space(b: Plan) -> SystematicSpace:
         raise error("systematic.search_published")
     b, wanted = settled(b), b.wanted
     settings, reference = b.settings, planned(b.settings, b.session)
-    layout, p = settings.sensors.layout, steady(in_case(b, reference).problem)
-    quick = Quick(b.site, settings.sensors, reckoned(b.noise), p.at_rest, p.start_cov())
+    layout, found = settings.sensors.layout, in_case(b, reference)
+    p = steady(found.problem)
+    beside = _beside(found, b, reference.duration)
+    quick = partial(_quick_sd, quick_of(found, beside), layout.names)
     return SystematicSpace(
         allowed=_allowed(settings, wanted, reference),
         names=layout.names,
@@ -339,9 +347,32 @@ def space(b: Plan) -> SystematicSpace:
         reference=reference,
         reference_name=reference.name,
         cases=(HERE, *OTHERS),
-        quick=quick.sd,
+        quick=quick,
+        alone=quick_of(found, None).sd,
         stated=Stated(b, _stated),
     )
+
+
+def quick_of(found: Foreseen, beside: Beside | None) -> Quick:
+    """Return the quick uncertainty, with states for what is not estimated where that counts."""
+    p = steady(found.problem if beside is None else beside.wide)
+    return Quick(p.site, p.sensors, p.noise, p.at_rest, p.start_cov())
+
+
+def _quick_sd(quick: Quick, names: tuple[str, ...], sequence: CalibrationSequence) -> FloatArray:
+    every = quick.sensors.layout.names
+    return quick.sd(sequence)[[every.index(n) for n in names]]
+
+
+def _beside(found: Foreseen, b: Plan, span: float) -> Beside | None:
+    """Return the filter with what is not estimated, None where that is taken for nothing.
+
+    `span`: of the session [s].
+    """
+    p, sizes = found.problem, told_beside(b.sizes, found.problem.noise, span)
+    if not sizes or b.settings.steps == "published":
+        return None
+    return Beside.of(Decided(p, b.settings, found.solution, None, []), sizes, b.prior)
 
 
 def _allowed(settings: Settings, wanted: Wanted, reference: CalibrationSequence) -> Allowed:
@@ -392,13 +423,20 @@ LONGER = 300.0
 def foresee(b: Plan) -> Foresight:
     """Return what the planned session will show."""
     b = settled(b)
-    settings, site, prior = b.settings, b.site, as_parameters(b.prior, b.settings)
+    settings, prior = b.settings, as_parameters(b.prior, b.settings)
     sequence = planned(settings, b.session)
     found = in_case(replace(b, prior=prior), sequence)
     states = found.states
     alone, blind = without_prior(states), _blind(states)
+    beside = _beside(found, replace(b, prior=prior), sequence.duration)
+    judged, bought = None, tuple[Extra, ...]()
+    if beside is None:
+        result = with_references(public(found.solution, settings), b.site)
+    else:
+        whole, judged, bought = beside.beforehand()
+        result = public(replace(found.solution, states=whole), settings)
     return Foresight(
-        coefficients=with_references(public(found.solution, settings), site),
+        coefficients=result,
         linearised_at=("means in [prior], " if prior else "") + "no errors, a perfect table",
         plan=sequence.name,
         duration=sequence.duration,
@@ -414,7 +452,8 @@ def foresee(b: Plan) -> Foresight:
             *table_needs(sequence, settings.rate_limit, settings.angle_step),
             *wanted_limits(b.wanted, states, sequence.duration),
         ),
-        more=_more(sequence, found),
+        more=(*bought, *_more(sequence, found, beside)),
+        left_out=None if judged is None else foretold(judged),
         findings=(*found.problem.findings, *_warned(found, settings, prior)),
     )
 
@@ -451,16 +490,18 @@ def _warned(
 # -- what more would buy -------------------------------------------------------------------------
 
 
-def _more(sequence: CalibrationSequence, found: Foreseen) -> tuple[Extra, ...]:
+def _more(
+    sequence: CalibrationSequence, found: Foreseen, beside: Beside | None
+) -> tuple[Extra, ...]:
     """Return what five more minutes would buy: of rest, and of spins."""
-    p = steady(found.problem)
-    quick = Quick(p.site, p.sensors, p.noise, p.at_rest, p.start_cov())
-    before, out = quick.sd(sequence), []
+    names = steady(found.problem).sensors.layout.names
+    quick = partial(_quick_sd, quick_of(found, beside), names)
+    before, out = quick(sequence), []
     for what, longer in (_rested(sequence), _spun(sequence)):
         if longer is not None:
-            ratio = quick.sd(longer) / before
+            ratio = quick(longer) / before
             more = longer.duration - sequence.duration
-            out.append(Extra.of(what, more, p.sensors.layout.names, ratio))
+            out.append(Extra.of(what, more, names, ratio))
     return tuple(out)
 
 

@@ -11,13 +11,15 @@ can be kept and used again:
   second, kept for every turn from every attitude.
 
 Approximations: turns are sampled every `STEP` or less often than `SLOW`, rests begin and end on an
-update, and the uncertainty at the start is that of the plan to beat. `procedures.systematic.plan`
+update, a drift over the session is constant in each rest and turn, and the uncertainty at the start
+is that of the plan to beat. `procedures.systematic.plan`
 has none of them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import ceil
 
 import numpy as np
@@ -90,24 +92,37 @@ class Quick:
 
         `sequence`: rests, turns and spins, the first of them a rest.
         """
-        P = self.start
+        P, begins = self.start, np.cumsum([0.0, *(a.time for a in sequence.actions)])
         for k, action in enumerate(sequence.actions):
+            ramp = (begins[k] + begins[k + 1]) / 2 / begins[-1] - 0.5
             # What is kept is that of the rounded attitude, whichever way first led there.
             C_nb = sequence.attitudes[k].round(12) + 0.0
             if isinstance(action, Rotate):
                 if abs(action.angle) > 0:
-                    P = self._turned(P, action, C_nb)
+                    P = self._turned(P, action, C_nb, ramp)
             else:
-                P = self._rested(P, action, C_nb, first=k == 0)
+                P = self._rested(P, action, C_nb, ramp, first=k == 0)
         return P[9:, 9:]
 
     def sd(self, sequence: CalibrationSequence) -> FloatArray:
         """Return standard deviations of the coefficients, shape (p,) [SI]; see `cov`."""
         return np.sqrt(np.diag(self.cov(sequence)))
 
+    @cached_property
+    def _drifts(self) -> tuple[list[int], list[int]]:
+        """Coefficients that are drifts, and those that they are drifts of [1]."""
+        names = self.sensors.layout.names
+        drifts = [n for n in names if n.startswith("drift.")]
+        return (
+            [names.index(n) for n in drifts],
+            [names.index(n.removeprefix("drift.")) for n in drifts],
+        )
+
     # -- rests
 
-    def _rested(self, P: FloatArray, rest: Rest, C_nb: FloatArray, *, first: bool) -> FloatArray:
+    def _rested(
+        self, P: FloatArray, rest: Rest, C_nb: FloatArray, ramp: float, *, first: bool
+    ) -> FloatArray:
         still = self._still(rest.time, 9 if first else 3 if self.at_rest.decorrelate else 6)
         B = np.zeros((15, len(P)))
         B[:9, :9] = np.eye(9)
@@ -117,6 +132,8 @@ class Quick:
                 self._felt.clear()
             self._felt[key] = self._errors(C_nb)
         B[9:, 9:] = self._felt[key]
+        drifts, of = self._drifts
+        B[9:, [9 + k for k in drifts]] = ramp * B[9:, [9 + k for k in of]]
         for h in still.root @ B:  # one by one: together they may be 1e8 times what was known
             Ph = P @ h
             P = P - np.outer(Ph, Ph / (1.0 + h @ Ph))
@@ -183,7 +200,7 @@ class Quick:
 
     # -- turns
 
-    def _turned(self, P: FloatArray, turn: Rotate, C_nb: FloatArray) -> FloatArray:
+    def _turned(self, P: FloatArray, turn: Rotate, C_nb: FloatArray, ramp: float) -> FloatArray:
         said = np.array([turn.angle, turn.rate, turn.ramp]).round(9)
         key = C_nb.tobytes() + said.tobytes() + turn.axis.encode()
         if key not in self._turns:
@@ -191,7 +208,10 @@ class Quick:
                 self._turns.clear()
             self._turns[key] = self._turn(turn, C_nb)
         sd = self.at_rest.turning_sd
-        for through, noise in self._turns[key]:
+        drifts, of = self._drifts
+        for steady, noise in self._turns[key]:
+            through = steady.copy()
+            through[:, [9 + k for k in drifts]] = ramp * steady[:, [9 + k for k in of]]
             P = _carried(P, through, noise)
             for row in range(3, 6):
                 if sd is not None:

@@ -22,6 +22,7 @@ from foucault.models.deflection import MODELS, DeflectionModel, deflection_model
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
+from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import LEVER, OFFSET, with_size_effect
 from foucault.navigate.inertial_frame import EPOCH, FEWEST
@@ -67,6 +68,10 @@ USUAL = {
 DRAWN = {"accel.asymmetry": 2e-5, "deflection": units.parse("3 arcsec/g", "deflection")}
 """Standard deviations of what is drawn for a simulation besides the class of the instrument [SI].
 """
+
+SIZE_EFFECT: Sizes = {"accel.lever": (0.02, "judgement"), "accel.delay": (1e-3, "judgement")}
+"""How far accelerometers are from one point [m], and how late after the gyros [s], 1 sd, where that
+is not estimated."""
 
 AS_PARAMETERS = Layout(
     tuple({
@@ -334,6 +339,17 @@ def simulated(
         table=TableErrors(session.angle_sd, (east, north, up)), arms=arms, delay=session.delay,
         seed=seed,
     )  # fmt: skip
+
+
+def drawn(
+    session: Session, settings: Settings, model: ImuModel, rng: np.random.Generator
+) -> tuple[Session, Settings, ImuModel]:
+    """Draw what else is not estimated, at its size: lever arms and delay of the accelerometers."""
+    (arms, _), (delay, _) = SIZE_EFFECT.values()
+    late = delay * float(rng.standard_normal())
+    update = {} if session.arms or settings.lever_arms else {"arms": arms}
+    update |= {} if session.delay or settings.delay else {"delay": late}
+    return session.model_copy(update=update), settings, model
 
 
 LOG_TABLE = log_head() + Path(__file__).with_name("log.toml").read_text(encoding="utf-8")

@@ -42,9 +42,9 @@ from foucault.diagnose import transfer_motion as findings
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.references import stretched
 from foucault.errors import Finding, FoucaultError, error
+from foucault.infer.left_out_states import budget
 from foucault.logs.master import MasterDescription
 from foucault.models.imu import EQUATION
-from foucault.models.left_out import told as told_by
 from foucault.procedures import silent
 from foucault.procedures.record import Given, Procedure
 from foucault.procedures.transfer_alignment import settings as chosen
@@ -63,6 +63,7 @@ from foucault.procedures.transfer_alignment.session import (
     Session,
     Wanted,
     draw_errors,
+    drawn,
     foresee,
     simulated,
     space,
@@ -109,8 +110,7 @@ def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, SlaveLog, list[
     given.progress(0.1, "matching what both turned")
     settings, silence = heard(log.messages, given.settings)
     site, elsewhere = there(given.site, log.messages)
-    white = (noise := given.noise or chosen.NOISE).accel.white, noise.gyro.white
-    sizes = told_by(given.sizes, *white) if given.sizes else None
+    sizes = chosen.sized(settings, given.sizes, given.noise, float(np.ptp(log.time)))
     problem = problem_of(log, site, settings, given.noise, given.prior, sizes=sizes)
     given.progress(0.3, "filtering")
     problem = bent(problem) if settings.estimate_flexure else problem
@@ -138,6 +138,9 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         checks = (*checks, *left_out.checks(s.judged))
         tables = {**tables, "left_out": left_out.table(s.judged)}
         more = left_out.judgement_json(s.judged)
+        if s.fit.nominal:
+            found = s.states.chosen(settings.reported)
+            more |= budget(s.states, s.problem.groups, found)
     return Result(
         procedure="transfer_alignment",
         coefficients=replace(s.states, cov=all_cov).chosen(settings.reported),
@@ -235,6 +238,8 @@ PROCEDURE = Procedure(
     simulation=simulated,
     names=lambda settings, _: settings.reported,
     layout=chosen.LAYOUT,
+    counts=True,
+    counts_by_noise=True,
     foresee=foresee,
     space=space,
     Wanted=Wanted,
@@ -242,6 +247,7 @@ PROCEDURE = Procedure(
     grade=GRADE,
     noise=chosen.NOISE,
     draw_errors=draw_errors,
+    drawn=drawn,
     write=chosen.write_log,
     Master=MasterDescription,
     with_master=chosen.with_master,

@@ -8,6 +8,7 @@ the noise that is expected, is then that of the result, whatever the errors will
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -20,12 +21,14 @@ from foucault import logs
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra, Foresight
+from foucault.diagnose.left_out import foretold
 from foucault.diagnose.transfer import HARDLY, unknown
 from foucault.diagnose.transfer_motion import unseen
 from foucault.errors import Finding, error
 from foucault.estimate.transfer import after_outage
 from foucault.infer import filtered
 from foucault.infer.information import Remaining, correlated, largest_shares
+from foucault.infer.left_out_states import Group, Posterior, planned
 from foucault.logs import master as masters
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
@@ -41,13 +44,22 @@ from foucault.plans.transfer import (
     TransferSpace,
     transfer_profile,
 )
+from foucault.procedures.left_out import declared_states
 from foucault.procedures.record import Beforehand, SampleRate, Stated
 from foucault.procedures.transfer_alignment.problem import (
     TransferProblem,
     assumed_noise,
     problem_of,
 )
-from foucault.procedures.transfer_alignment.settings import LEFT_OUT, NOISE, Settings, SlaveLog
+from foucault.procedures.transfer_alignment.settings import (
+    ASIDE,
+    LEFT_OUT,
+    NOISE,
+    PRIOR,
+    Settings,
+    SlaveLog,
+    sized,
+)
 from foucault.simulate.transfer import (
     INSTALLATION,
     Flexure,
@@ -156,6 +168,15 @@ class TransferSession:
         end = int(np.searchsorted(log.time, self.made.hand_over + LONGER, "right"))
         return SlaveLog.of(log[:end], self.made.master)
 
+    @property
+    def recorded(self) -> Log:
+        """What the slave said, the outage included [SI]."""
+        return self.made.log
+
+    def with_recorded(self, log: Log) -> TransferSession:
+        """Return it with another such `log` [SI]."""
+        return TransferSession(replace(self.made, log=log))
+
     @cached_property
     def outage(self) -> Log:
         """What the slave said from shortly before the hand-over on [SI]."""
@@ -232,6 +253,31 @@ def draw_errors(grade_name: str, seed: int) -> ImuModel:
         at = layout.group(group)
         vector.values[at] = spread[group] * rng.standard_normal(len(at))
     return ImuModel.from_coefficients(vector)
+
+
+def drawn(
+    session: Session, settings: Settings, model: ImuModel, rng: np.random.Generator
+) -> tuple[Session, Settings, ImuModel]:
+    """Draw what else is not estimated, at its size: the matrix of the slave, and the rig.
+
+    That are misalignments, scale factors of the accelerometers, lever arm, mount and clocks.
+    """
+    vector, asked = model.coefficients(), settings.asked.layout.names
+    for group in ASIDE if settings.left_out else ():
+        for name in (LAYOUT.names[k] for k in LAYOUT.group(group)):
+            value = PRIOR[group][1] * float(rng.standard_normal())
+            if name not in asked and not vector.value(name):
+                vector = vector.with_values({name: value})
+    lever = settings.mount.lever_m + settings.lever_arm_sd * rng.standard_normal(3)
+    fast = settings.clock_sd * float(rng.standard_normal())
+    rigid = not settings.load and settings.matching != "velocity"
+    update = {} if session.clock_drift else {"clock_drift": fast}
+    update |= {"compliance_sd": settings.load_sd} if rigid and not session.compliance_sd else {}
+    arms = tuple(f"{x:.9g} m" for x in lever.tolist())
+    return (
+        session.model_copy(update=update), settings.model_copy(update={"lever_arm": arms}),
+        ImuModel.from_coefficients(vector),
+    )  # fmt: skip
 
 
 def simulated(
@@ -335,6 +381,8 @@ class Foreseen:
     # what all errors will make of the horizontal position after the outage of the settings: root
     # mean square over the headings of `AHEAD` [m]
     position: float
+    posterior: Posterior  # of all states that are constant
+    groups: Mapping[str, Group]  # what of them is counted with; empty: nothing else is
 
 
 def foresee(b: Beforehand[Settings, Session]) -> Foresight:
@@ -383,7 +431,8 @@ def problem_on(
     made = simulate_motion(plan, session, b.settings, ImuModel(), ImuNoise(), 0)
     about = b.settings.model_copy(update={"delay_method": "state"})
     zero = {name: (0.0, sd) for name, (_, sd) in b.prior.items()}
-    p = problem_of(made.log, b.site, about, b.noise or NOISE, zero, match=False)
+    sizes = sized(b.settings, b.sizes, b.noise, plan.hand_over)
+    p = problem_of(made.log, b.site, about, b.noise or NOISE, zero, sizes=sizes, match=False)
     return p.with_delay(made.delay)
 
 
@@ -402,7 +451,7 @@ def foreseen(
     vector = states.chosen(b.settings.reported)
     cov = vector.cov
     assert cov is not None
-    if gravity:
+    if gravity and "site.gravity" not in p.model.counted:
         of_gravity = filtered.response(fit, p.model.heavier(p.site.gravity_sd))
         of_gravity = of_gravity[[names.index(name) for name in vector.names]]
         cov = cov + np.outer(of_gravity, of_gravity)
@@ -415,7 +464,8 @@ def foreseen(
     squares = np.einsum("tij,jk,tik->t", ahead, fit.run.cov, ahead)
     zero = replace(vector, values=np.zeros(len(vector)), cov=cov)
     return Foreseen(plan.name, plan.hand_over, zero, unknown(states, LEFT_OUT, motion=True),
-                    float(np.sqrt(squares.mean())))  # fmt: skip
+                    float(np.sqrt(squares.mean())), Posterior(states, p.prior.values, {}),
+                    p.groups if p.counted.judged else {})  # fmt: skip
 
 
 def _judged(now: Foreseen, more: tuple[Extra, ...], told: list[Finding]) -> Foresight:
@@ -428,6 +478,10 @@ def _judged(now: Foreseen, more: tuple[Extra, ...], told: list[Finding]) -> Fore
              for a, w in zip(left[::-1].tolist(), ways.T[::-1], strict=True)]  # fmt: skip
     lost = int(np.sum(left > HARDLY))
     rho = vector.cov / np.outer(vector.sd, vector.sd)
+    judged, bought = None, tuple[Extra, ...]()
+    if now.groups:
+        judged = planned(now.posterior, now.groups, vector.names)
+        bought = declared_states(now.posterior, now.groups, judged, vector.names)
     return Foresight(
         coefficients=vector,
         linearised_at="a slave without errors",
@@ -440,7 +494,8 @@ def _judged(now: Foreseen, more: tuple[Extra, ...], told: list[Finding]) -> Fore
         unseen=tuple(words[:lost]),
         remaining=tuple(words[lost : lost + MOST]),
         correlated=correlated(vector.names, rho, TIED)[:MOST],
-        more=more,
+        more=(*bought, *more),
+        left_out=None if judged is None else foretold(judged),
         findings=(*told, *unseen(now.hardly)),
     )
 
@@ -536,6 +591,7 @@ def space(b: Beforehand[Settings, Session]) -> TransferSpace:
         reference_name=reference.name,
         cases=(HERE, *OTHERS),
         quick=partial(_quick, b),
+        alone=partial(_quick, replace(b, sizes=None)),
         stated=Stated(b, _stated),
     )
 

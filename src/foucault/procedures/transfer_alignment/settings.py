@@ -26,10 +26,12 @@ from foucault.models import imu
 from foucault.models.earth import SEMI_MAJOR_AXIS, Site
 from foucault.models.ins_errors import Sensors
 from foucault.models.layouts import BESIDE
+from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import matrix_of
 from foucault.models.transfer import LOAD, MasterTable, Matching, Mount
 from foucault.navigate.increments import Increments, increments_of
+from foucault.procedures.left_out import told_beside
 from foucault.strict import Strict
 from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Quantity, RatioSd, Seconds, parse, plain, span
@@ -146,15 +148,15 @@ class Settings(Strict):
     the result: twelve coefficients, most of which a motion does not show."""
     left_out: bool = True
     """Count with errors of the slave that are not in the result, of the size that [prior] says:
-    misalignments, scale factors of the accelerometers, g-sensitivity of the gyros. false takes them
-    as none, for a slave that is calibrated otherwise. With sizes in [instrument] all else that is
-    not estimated counts too."""
+    misalignments, scale factors of the accelerometers, g-sensitivity of the gyros; beside them all
+    else that is not estimated, unless [instrument] has left_out = false. false takes them as none,
+    for a slave that is calibrated otherwise, and all else too where [instrument] says nothing."""
     lever_arm_sd: Annotated[float, Quantity("length")] = Field(default=0.01, ge=0)
-    """How well the lever arm is known, each component. It counts with sizes in [instrument]."""
+    """How well the lever arm is known, each component. It counts as what is not estimated does."""
     clock_sd: RatioSd = Field(default=20e-6, ge=0)
-    """How well the clocks of slave and master keep the same rate. It counts with those too."""
+    """How well the clocks of slave and master keep the same rate. It counts likewise."""
     load_sd: AngleSd = Field(default=float(np.radians(3 / 3600)), ge=0)
-    """How far a mount that is taken as rigid gives way per g of load. It counts with those too."""
+    """How far a mount that is taken as rigid gives way per g of load. It counts likewise."""
     load: bool = False
     """The mount gives way under load: three states."""
     estimate_flexure: bool = False
@@ -258,6 +260,18 @@ class Settings(Strict):
         left_out = {*(() if self.load else LOAD.names),
                     *(() if self.estimates_delay else ("master.delay",))}  # fmt: skip
         return tuple(name for name in BESIDE.names if name not in left_out)
+
+
+def sized(
+    settings: Settings, sizes: Sizes | None, noise: ImuNoise | None, span: float
+) -> Sizes | None:
+    """Return the sizes of what is not estimated, None where it is taken for nothing [SI].
+
+    `sizes` or None: as declared [SI]; `noise` or None: of the slave [SI]; `span`: of the log [s].
+    """
+    if not (sizes or settings.left_out):
+        return None
+    return told_beside(sizes, noise or NOISE, span)
 
 
 MASTER_FILE = "master.csv"

@@ -1,0 +1,663 @@
+"""What an IMU says that turns steadily about a roughly level axis, and what follows from it.
+
+The motion is that of `models.spin`. Phase, rate and acceleration of every sample are states, the
+acceleration a random walk. They are eliminated exactly: with A the information of the states (a
+band), X and S what coefficients and states do to white readings y, the information of a spin is
+``X'X - X'S A^-1 S'X``. A spin is then a handful of white rows, and its session a linear model for
+`infer.mixed`.
+
+References
+----------
+.. [1] Y. V. Bolotin, V. A. Savin, "Turntable IMU Calibration Algorithm Based on the Fourier
+   Transform Technique", Sensors 23(2), 1045, 2023: the idea, by another estimator.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.coefficients import Layout
+from foucault.detect.steady import Spin
+from foucault.errors import error
+from foucault.infer.mixed import NOISE_BASIS, UNEXPLAINED_BASIS, Linearisation, Source
+from foucault.models.earth import Site
+from foucault.models.imu import LAYOUT, ImuModel
+from foucault.models.left_out import Change
+from foucault.models.noise import ImuNoise, wander
+from foucault.models.spin import GRIP, Grip, across, moved
+from foucault.units import plain
+
+RATE_WALKS = 4.0 ** np.arange(-3, 5)
+"""Densities of the random walk of the angular acceleration that are tried [rad/s^2/sqrt(s)]."""
+
+LITTLE = 1e-3, 1e-11
+"""Least information of a row: of the usual size of what it says, and of the largest row [1]."""
+
+USUAL = {"accel.bias": 0.5, "gyro.bias": 0.02, "accel.quadratic": 1e-4, "gyro.g_sensitivity": 1e-4}
+"""Usual sizes of coefficients, 0.01 where nothing is said [SI]."""
+
+PROBES = 4
+"""Draws of noise that tell how many numbers the phase takes up [1]."""
+
+SWAY_TURNS = 4
+"""The sway is told by means over a quarter of a turn [1 / turn]."""
+
+
+# -- a spin without its phase ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Noise of one spin."""
+
+    sd: FloatArray  # (6,) of a reading: accelerometers [m/s^2], gyros [rad/s]
+    walk: float  # density of the random walk of the acceleration [rad/s^2/sqrt(s)]
+
+
+@dataclass(frozen=True)
+class Passed:
+    """A spin linearised at a point, its phase eliminated."""
+
+    information: FloatArray  # (u, u) of its own unknowns [1 / SI^2]
+    gradient: FloatArray  # (u,) [1 / SI]
+    left: FloatArray  # (n, 6) white residuals, the phase smoothed [1]
+    free: FloatArray  # (6,) readings less what the phase takes up of each [1]
+    path: FloatArray  # (n, 3) the phase where no unknown moves [SI]
+    unit: FloatArray  # (3,) of the states, as they are scaled [1 / SI]
+    X: FloatArray  # (n, 6, u) what unknowns do to white readings [1 / SI]
+    S: FloatArray  # (n, 6, 3) what scaled states do to them [1]
+    moves: FloatArray  # (n, 3, u) minus the derivative of the scaled states by the unknowns
+
+    @cached_property
+    def pull(self) -> FloatArray:
+        """What a reading of one sd does to the gradient, shape (n, 6, u) [1 / SI]."""
+        return np.asarray(self.X - self.S @ self.moves)
+
+
+def _prior(spin: Spin, walk: float, path: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return information of the states as blocks on and below the diagonal, and its gradient.
+
+    In units ``(1, 1/h, 1/h^2)`` of phase, rate and acceleration, h the step: well conditioned.
+    """
+    n, h = len(path), spin.step
+    ratio = np.diff(spin.time) / h
+    one = np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
+    size = ratio[:, None] ** np.array([2.5, 1.5, 0.5]) * walk * h**2.5
+    W = np.linalg.inv(one) / (size[:, :, None] * size[:, None, :])
+    Phi = np.zeros((n - 1, 3, 3))
+    Phi[:, [0, 1, 2], [0, 1, 2]] = 1.0
+    Phi[:, 0, 1] = Phi[:, 1, 2] = ratio
+    Phi[:, 0, 2] = ratio**2 / 2
+    x = path * np.array([1.0, h, h**2])
+    u = x[1:] - np.einsum("nij,nj->ni", Phi, x[:-1])
+    Wu, WPhi = np.einsum("nij,nj->ni", W, u), W @ Phi
+    on, below, slope = np.zeros((n, 3, 3)), -WPhi, np.zeros((n, 3))
+    on[1:] += W
+    on[:-1] += np.swapaxes(Phi, 1, 2) @ WPhi
+    slope[1:] += Wu
+    slope[:-1] -= np.einsum("nji,nj->ni", Phi, Wu)
+    return on, below, slope
+
+
+def _band(on: FloatArray, below: FloatArray) -> FloatArray:
+    """Return blocks (n, 3, 3) and (n - 1, 3, 3) as the lower band of a matrix, shape (6, 3 n)."""
+    n = len(on)
+    out = np.zeros((6, n, 3))
+    for a in range(3):
+        for d in range(6):
+            if a + d < 3:
+                out[d, :, a] = on[:, a + d, a]
+            elif a + d < 6:
+                out[d, :-1, a] = below[:, a + d - 3, a]
+    return out.reshape(6, 3 * n)
+
+
+def passed(
+    spin: Spin, grip: Grip, path: FloatArray, model: ImuModel, names: tuple[str, ...],
+    sizes: Sizes, site: Site,
+) -> Passed:  # fmt: skip
+    """Linearise a spin about a `path` (n, 3) [SI] and eliminate the states."""
+    from scipy.linalg import cho_solve_banded, cholesky_banded
+
+    miss, X, S = _white(spin, grip, path, model, names, sizes, site)
+    n, p = len(miss), len(names)
+    unit = np.array([1.0, spin.step, spin.step**2])
+    on, below, slope = _prior(spin, sizes.walk, path)
+    on = on + np.swapaxes(S, 1, 2) @ S
+    probes = np.random.default_rng(n).standard_normal((n, 6, PROBES))
+    right = np.swapaxes(S, 1, 2) @ np.concatenate([X, miss[:, :, None], probes], axis=2)
+    right[:, :, -PROBES - 1] -= slope
+    band = cholesky_banded(_band(on, below), lower=True, check_finite=False)
+    moves = cho_solve_banded((band, True), right.reshape(3 * n, -1), check_finite=False)
+    moves = moves.reshape(n, 3, -1)
+    u = p + GRIP
+    taken = S @ moves[:, :, u:]
+    flat, left = X.reshape(6 * n, u), miss - taken[:, :, 0]
+    by_states = right[:, :, :u].reshape(3 * n, u).T @ moves[:, :, :u].reshape(3 * n, u)
+    free = np.einsum("nkj,nkj->k", probes, probes - taken[:, :, 1:]) / PROBES
+    return Passed(flat.T @ flat - by_states, flat.T @ left.ravel(), left, free,
+                  path + moves[:, :, u] / unit, unit, X, S, moves[:, :, :u])  # fmt: skip
+
+
+def _white(
+    spin: Spin, grip: Grip, path: FloatArray, model: ImuModel, names: tuple[str, ...],
+    sizes: Sizes, site: Site,
+) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """Return white residuals (n, 6), what unknowns (n, 6, u) and scaled states (n, 6, 3) do."""
+    at, p = moved(grip, path, site, spin.shrunk(path[:, 1])), len(names)
+    # Slopes by the unknowns take the rate as constant: along its own wander a scale factor would be
+    # told by the walk of the phase, which has no scale.
+    steadily = np.column_stack([path[:, 0], np.full((len(path), 2), [path[:, 1].mean(), 0.0])])
+    mean = moved(grip, steadily, site, spin.shrunk(steadily[:, 1]))
+    slopes, by = model.slopes(mean.f, mean.w, names), model.slopes(at.f, at.w, ())
+    X = np.empty((len(path), 6, p + GRIP))
+    X[:, :3, :p], X[:, 3:, :p] = slopes.accel, slopes.gyro
+    X[:, :3, p:] = slopes.accel_by_force @ mean.f_by_grip
+    X[:, 3:, p:] = slopes.gyro_by_force @ mean.f_by_grip + slopes.gyro_by_rate @ mean.w_by_grip
+    S = np.empty((len(path), 6, 3))
+    S[:, :3] = by.accel_by_force @ at.f_by_path
+    S[:, 3:] = by.gyro_by_force @ at.f_by_path + by.gyro_by_rate @ at.w_by_path
+    miss = spin.readings - np.column_stack(model.measure(at.f, at.w))
+    X /= sizes.sd[:, None]
+    S /= sizes.sd[:, None] * np.array([1.0, spin.step, spin.step**2])
+    return miss / sizes.sd, X, S
+
+
+def _likeliest_walk(
+    spin: Spin, grip: Grip, path: FloatArray, model: ImuModel, sizes: Sizes, site: Site
+) -> float:
+    """Return the density of the random walk that is most likely, the coefficients as they are."""
+    from scipy.linalg import cho_solve_banded, cholesky_banded
+
+    miss, _, S = _white(spin, grip, path, model, (), sizes, site)
+    x = path * np.array([1.0, spin.step, spin.step**2])
+    right, gram = np.einsum("nki,nk->ni", S, miss), np.swapaxes(S, 1, 2) @ S
+    unlikely = []
+    for walk in RATE_WALKS:
+        on, below, slope = _prior(spin, float(walk), path)
+        band = cholesky_banded(_band(on + gram, below), lower=True, check_finite=False)
+        b = (right - slope).ravel()
+        gained = b @ cho_solve_banded((band, True), b, check_finite=False)
+        walked = np.einsum("ni,ni", x, slope)  # the prior is quadratic: its gradient times x
+        det = 2 * np.sum(np.log(band[0])) + 6 * (len(x) - 1) * np.log(walk)
+        unlikely.append(float(walked - gained + det))
+    k = int(np.argmin(unlikely))
+    log = np.log(RATE_WALKS)
+    if 0 < k < len(log) - 1:
+        a, b, c = unlikely[k - 1 : k + 2]
+        return float(np.exp(log[k] + (log[1] - log[0]) / 2 * (a - c) / max(a - 2 * b + c, 1e-9)))
+    return float(RATE_WALKS[k])
+
+
+# -- where to start --------------------------------------------------------------------------------
+
+
+def first_phase(spin: Spin, C_bm: FloatArray) -> tuple[FloatArray, float, float]:
+    """Return a path (n, 3) [SI], the size of gravity that turns [m/s^2], and the slope of phases.
+
+    `C_bm` (3, 3): axes of the mounting [1]. The slope is of the phase by the accelerometers over
+    that by the gyros: minus one where they turn unlike.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    x = (spin.readings[:, :3] - spin.readings[:, :3].mean(axis=0)) @ C_bm
+    y = uniform_filter1d(x, max(round(0.3 / (abs(spin.rate) * spin.step)), 1), axis=0)
+    w = spin.readings[:, 3:] @ C_bm[:, 2]
+    turned = np.concatenate([[0.0], np.cumsum((w[1:] + w[:-1]) / 2 * np.diff(spin.time))])
+    seen = np.unwrap(np.arctan2(-y[:, 1], y[:, 0]))
+    slope = float((seen[-1] - seen[0]) / (turned[-1] - turned[0]))
+    width = max(round(np.pi / (abs(spin.rate) * spin.step)), 3)
+    off = np.unwrap(np.angle(np.exp(1j * (seen - turned))))
+    off = uniform_filter1d(off, width, mode="nearest")
+    smooth = uniform_filter1d(w, max(width // 6, 1), mode="nearest")
+    slow = uniform_filter1d(np.gradient(smooth, spin.time), max(width // 3, 1), mode="nearest")
+    size = float(np.sqrt(2 * np.mean(x[:, 0] ** 2 + x[:, 1] ** 2) / 2))
+    return np.column_stack([turned + off, smooth, slow]), size, slope
+
+
+# -- a session -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where an estimate is."""
+
+    model: ImuModel
+    grips: tuple[Grip, ...]
+    paths: tuple[FloatArray, ...]  # (n, 3) of every spin [SI]
+    sizes: tuple[Sizes, ...]
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A session solved by itself: its point, and every spin about it."""
+
+    spins: tuple[Spin, ...]
+    names: tuple[str, ...]
+    site: Site
+    point: Point
+    each: tuple[Passed, ...]
+    converged: bool
+
+    @property
+    def unknowns(self) -> int:
+        """How many there are, grips and all."""
+        return len(self.names) + GRIP * len(self.point.grips)
+
+    @property
+    def level_sd(self) -> float:
+        """Sd of the level Earth rate along and across an axis of unknown azimuth [1]."""
+        latitude = self.site.latitude
+        return max(np.cos(latitude) / np.sqrt(2.0), 1e-3) if latitude is not None else 1.0
+
+    def own(self, k: int) -> IntArray:
+        """Return which of all unknowns are those of spin `k` [1]."""
+        p, m = len(self.names), self.spins[k].mounting
+        return np.append(np.arange(p), p + GRIP * m + np.arange(GRIP))
+
+
+def solve(
+    spins: tuple[Spin, ...], axes: list[FloatArray], names: tuple[str, ...], site: Site,
+    declared: ImuNoise | None, most: int = 12,
+) -> Solved:  # fmt: skip
+    """Find coefficients, grips, phases and the noise of every spin, from no start.
+
+    `axes`: of the mountings, (3,) each [1]; `declared` or None: noise of the sensors [SI]; `most`:
+    passes [1].
+    """
+    grips = tuple(Grip(across(axis)) for axis in axes)
+    paths = tuple(first_phase(s, grips[s.mounting].C_bm)[0] for s in spins)
+    sizes = tuple(Sizes(np.maximum(_rough(s), floor(s, declared)), 1.0) for s in spins)
+    at = Solved(spins, names, site, Point(ImuModel(), grips, paths, sizes), (), False)
+    last, size = np.inf, np.inf
+    for count in range(most):
+        at = replace(at, each=_every(at))
+        N, g = _sums(at)
+        unit = np.sqrt(np.maximum(np.diag(N), 1e-300))
+        step = np.linalg.lstsq(N / np.outer(unit, unit), g / unit, rcond=1e-15)[0] / unit
+        size = float(np.sqrt(max(step @ N @ step, 0.0)))
+        if count > FIRST and (size < SETTLED or size > 0.5 * last):
+            break
+        at = replace(at, point=_stepped(at, step))
+        last = size
+        if count in (FIRST - 1, FIRST):
+            at, last = replace(at, point=replace(at.point, sizes=_noise(at, declared))), np.inf
+    return replace(at, converged=size < UNSETTLED)
+
+
+FIRST = 2
+"""Steps before and after which noise is found [1]."""
+
+SETTLED, UNSETTLED = 1e-3, 0.1
+"""Steps shorter than the first are none; what ends with a longer one than the second has not
+converged [sd]."""
+
+
+def _rough(spin: Spin) -> FloatArray:
+    """Return the noise of readings by their third differences, (6,) [SI]."""
+    return np.asarray(np.std(np.diff(spin.readings, 3, axis=0), axis=0) / np.sqrt(20.0))
+
+
+def floor(spin: Spin, declared: ImuNoise | None) -> FloatArray:
+    """Return the noise of a reading that the sensors have at least, (6,) [SI]."""
+    if declared is None:
+        return np.repeat([1e-9, 1e-11], 3)
+    white = np.repeat([declared.accel.white, declared.gyro.white], 3)
+    step = np.repeat([declared.accel.quantisation, declared.gyro.quantisation], 3)
+    return np.asarray(
+        np.maximum(np.sqrt(white**2 / spin.step + step**2 / 12), [1e-9] * 3 + [1e-11] * 3)
+    )
+
+
+def _every(at: Solved) -> tuple[Passed, ...]:
+    p = at.point
+    return tuple(
+        passed(s, p.grips[s.mounting], path, p.model, at.names, sizes, at.site)
+        for s, path, sizes in zip(at.spins, p.paths, p.sizes, strict=True)
+    )
+
+
+def _sums(at: Solved) -> tuple[FloatArray, FloatArray]:
+    N, g = np.zeros((at.unknowns, at.unknowns)), np.zeros(at.unknowns)
+    for k, one in enumerate(at.each):
+        own = at.own(k)
+        N[np.ix_(own, own)] += one.information
+        g[own] += one.gradient
+    for m, grip in enumerate(at.point.grips):
+        mine = len(at.names) + GRIP * m + np.array([5, 6])
+        N[mine, mine] += at.level_sd**-2
+        g[mine] -= grip.level / at.level_sd**2
+    return N, g
+
+
+def _stepped(at: Solved, step: FloatArray) -> Point:
+    p, n = at.point, len(at.names)
+    grips = tuple(g.moved(step[n + GRIP * m : n + GRIP * (m + 1)]) for m, g in enumerate(p.grips))
+    paths = tuple(
+        one.path - one.moves @ step[at.own(k)] / one.unit for k, one in enumerate(at.each)
+    )
+    return Point(p.model.moved(at.names, step[:n]), grips, paths, p.sizes)
+
+
+def _noise(at: Solved, declared: ImuNoise | None) -> tuple[Sizes, ...]:
+    """Return the noise of every spin by what is left, each over what the phase left of it.
+
+    Declared noise stands where what is left does not clearly exceed it; what exceeds is vibration.
+    """
+    out = []
+    for spin, path, old, one in zip(at.spins, at.point.paths, at.point.sizes, at.each, strict=True):
+        sd = old.sd * np.sqrt(np.sum(one.left**2, axis=0) / np.maximum(one.free, 1.0))
+        least = floor(spin, declared)
+        chance = 1 + CHANCE / np.sqrt(2 * np.maximum(one.free, 1.0))
+        sd = np.where(sd > least * chance, sd, least)
+        grip, now = at.point.grips[spin.mounting], replace(old, sd=sd)
+        walk = _likeliest_walk(spin, grip, path, at.point.model, now, at.site)
+        out.append(replace(now, walk=walk))
+    return tuple(out)
+
+
+CHANCE = 4.0
+"""By so many sd what is left has to exceed noise to be vibration, or sway [1]."""
+
+
+# -- rows for the engine ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Rows:
+    """White rows that hold all that a spin says."""
+
+    spin: int  # its number [1]
+    jacobian: FloatArray  # (d, u) of its own unknowns [1 / SI]
+    residuals: FloatArray  # (d,) [1]
+    # accel, gyro: (d,) shares of the noise of both triads in the variance of each, the phase's the
+    # rest [1]
+    accel: FloatArray
+    gyro: FloatArray
+    by_gradient: FloatArray  # (d, u) rows by the gradient [SI]
+
+
+def rows_of(at: Solved) -> tuple[Rows, ...]:
+    """Return the rows of every spin: directions of its unknowns that it shows, one by one.
+
+    They are turned so that each is of the accelerometers or of the gyros as far as may be.
+    """
+    sizes = np.array([USUAL.get(n.rpartition(".")[0], 0.01) for n in at.names] + [0.01] * GRIP)
+    out = []
+    for k, one in enumerate(at.each):
+        N = one.information * np.outer(sizes, sizes)
+        value, axes = np.linalg.eigh((N + N.T) / 2)
+        kept = value > max(LITTLE[0], LITTLE[1] * value[-1])
+        half = axes[:, kept] / np.sqrt(value[kept])
+        shares = []
+        for triad in (slice(0, 3), slice(3, 6)):
+            flat = one.pull[:, triad].reshape(-1, len(sizes)) * sizes
+            shares.append(half.T @ (flat.T @ flat) @ half)
+        turn = np.linalg.eigh(shares[0])[1]
+        accel, gyro = (np.einsum("ij,ik,kj->j", turn, s, turn) for s in shares)
+        accel = np.clip(accel, 0.0, 1.0)
+        back = (half @ turn).T * sizes
+        J = (axes[:, kept] * np.sqrt(value[kept]) @ turn).T / sizes
+        out.append(Rows(k, J, back @ one.gradient, accel, np.clip(gyro, 0.0, 1 - accel), back))
+    return tuple(out)
+
+
+@dataclass(frozen=True)
+class SpinModel:
+    """The linear model that a session states: a state is all unknowns, about the point found."""
+
+    solved: Solved
+    rows: tuple[Rows, ...]
+    noise: ImuNoise | None  # as declared [SI]
+    repeatability: bool
+
+    @property
+    def layout(self) -> Layout:
+        """The coefficients."""
+        return LAYOUT.subset(self.solved.names)
+
+    @cached_property
+    def start(self) -> FloatArray:
+        """All unknowns at the point, shape (m,): coefficients, and what is added to grips."""
+        at = self.solved
+        values = at.point.model.coefficients(at.names).values
+        return np.append(values, np.zeros(GRIP * len(at.point.grips)))
+
+    @cached_property
+    def spin(self) -> IntArray:
+        """Number of the spin of every row, shape (n,)."""
+        return np.repeat([r.spin for r in self.rows], [len(r.residuals) for r in self.rows])
+
+    @cached_property
+    def kinds(self) -> dict[str, BoolArray]:
+        """Rows by what is the most of their noise, shape (n, 1)."""
+        first = np.concatenate([r.accel > 0.5 for r in self.rows])[:, None]
+        return {"accelerometers": first, "gyros": ~first}
+
+    def retract(self, state: FloatArray, step: FloatArray) -> FloatArray:
+        """Add `step` (m,) to a `state` (m,) [SI]."""
+        return state + step
+
+    def values(self, state: FloatArray) -> FloatArray:
+        """Return the coefficients (p,) of a `state` (m,) [SI]."""
+        return state[: len(self.solved.names)]
+
+    @cached_property
+    def _at_start(self) -> tuple[FloatArray, FloatArray, tuple[Source, ...]]:
+        at = self.solved
+        J = np.zeros((len(self.spin), 1, at.unknowns))
+        for r in self.rows:
+            J[np.flatnonzero(self.spin == r.spin)[:, None], 0, at.own(r.spin)] = r.jacobian
+        z = np.concatenate([r.residuals for r in self.rows])
+        return z, J, self._sources(J)
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        """Compare the rows with those at `state` (m,) [SI]."""
+        z, J, sources = self._at_start
+        at, p = self.solved, len(self.solved.names)
+        away = state - self.start
+        count = len(at.point.grips)
+        known = np.zeros((2 * count, at.unknowns))
+        value = np.empty(2 * count)
+        for m, grip in enumerate(at.point.grips):
+            for k in range(2):
+                column = p + GRIP * m + 5 + k
+                known[2 * m + k, column] = 1 / at.level_sd
+                value[2 * m + k] = -(grip.level[k] + away[column]) / at.level_sd
+        left = z - J[:, 0] @ away
+        named = ("azimuth of the axis",) * len(value)
+        return Linearisation(left[:, None], J, sources, (value, known), named)
+
+    def changed(self, by: Change) -> FloatArray:
+        """Return what something put into the readings of all spins adds to the rows, (n, 1) [1]."""
+        at, out, first = self.solved, [], 0
+        for r, one in zip(self.rows, at.each, strict=True):
+            n, sd = len(one.left), at.point.sizes[r.spin].sd
+            both = np.zeros((n, 6))
+            if by.accel is not None:
+                both[:, :3] = by.accel[first : first + n]
+            if by.gyro is not None:
+                both[:, 3:] = by.gyro[first : first + n]
+            if by.gravity or by.latitude:
+                both -= self._elsewhere(r.spin, by)
+            out.append(r.by_gradient @ np.einsum("nku,nk->u", one.pull, both / sd))
+            first += n
+        return np.concatenate(out)[:, None]
+
+    def _elsewhere(self, k: int, by: Change) -> FloatArray:
+        """Return what readings of spin `k` would be at another place less what they are, (n, 6)."""
+        at, site = self.solved, self.solved.site
+        latitude = None if site.latitude is None else site.latitude + by.latitude
+        there = replace(site, gravity=site.gravity + by.gravity, latitude=latitude)
+        spin, point = at.spins[k], at.point
+        said = []
+        for place in (there, site):
+            one = moved(
+                point.grips[spin.mounting], point.paths[k], place, spin.shrunk(point.paths[k][:, 1])
+            )
+            said.append(np.column_stack(point.model.measure(one.f, one.w)))
+        return np.asarray(said[0] - said[1])
+
+    @cached_property
+    def motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Time (n,) [s], true specific force and rate (n, 3) [SI] of all readings."""
+        at = self.solved
+        each = [moved(at.point.grips[s.mounting], path, at.site, s.shrunk(path[:, 1]))
+                for s, path in zip(at.spins, at.point.paths, strict=True)]  # fmt: skip
+        return (np.concatenate([s.time for s in at.spins]), np.concatenate([m.f for m in each]),
+                np.concatenate([m.w for m in each]))  # fmt: skip
+
+    @cached_property
+    def vibration(self) -> FloatArray:
+        """Share of the variance of the triads that no declared noise is, (spins, 2) [1]."""
+        at = self.solved
+        if self.noise is None:
+            return np.zeros((len(at.spins), 2))
+        parts = [
+            1 - (floor(s, self.noise) / z.sd) ** 2
+            for s, z in zip(at.spins, at.point.sizes, strict=True)
+        ]
+        return np.asarray(np.clip(np.array(parts).reshape(-1, 2, 3).mean(axis=2), 0.0, 1.0))
+
+    def _sources(self, J: FloatArray) -> tuple[Source, ...]:
+        accel = np.concatenate([r.accel for r in self.rows])
+        gyro = np.concatenate([r.gyro for r in self.rows])
+        shaken = self.vibration[self.spin]
+        how = NOISE_BASIS["measured" if self.noise is None else "declared"]
+        words = "scatter of the samples of a spin beyond the noise"
+        parts = {
+            "accelerometer noise": (accel * (1 - shaken[:, 0]), True, *how),
+            "gyro noise": (gyro * (1 - shaken[:, 1]), True, *how),
+            "vibration": (accel * shaken[:, 0] + gyro * shaken[:, 1], False, "A", words),
+            "wander of the rate": (1 - accel - gyro, False, "A", "most likely for the readings"),
+        }
+        out = [
+            Source(name, np.sqrt(np.maximum(share, 0.0))[:, None, None], noise=noise, type=kind,
+                   basis=basis)
+            for name, (share, noise, kind, basis) in parts.items()
+        ]  # fmt: skip
+        if self.repeatability:
+            out += [
+                Source(name, np.sqrt(share)[:, None, None], sd=None, unexplained=True,
+                       type=UNEXPLAINED_BASIS[0], basis=UNEXPLAINED_BASIS[1])
+                for name, share in zip(SCATTER, (accel, gyro), strict=True)
+            ]  # fmt: skip
+        return (*out, *self._slow(J))
+
+    def _slow(self, J: FloatArray) -> tuple[Source, ...]:
+        """Return the drift of the biases from spin to spin, as the declared noise has it."""
+        if self.noise is None:
+            return ()
+        spins, out = self.solved.spins, []
+        middle = np.array([s.time.mean() for s in spins])
+        length = np.array([float(np.ptp(s.time)) for s in spins])
+        for family, what, triad in (("accel", "accelerometer", self.noise.accel),
+                                    ("gyro", "gyro", self.noise.gyro)):  # fmt: skip
+            if not (triad.bias_instability or triad.random_walk):
+                continue
+            root = np.linalg.cholesky(
+                (C := wander(triad, middle, length)) + 1e-12 * np.trace(C) * np.eye(len(C))
+            )
+            bias = [LAYOUT.subset(self.solved.names).index(f"{family}.bias.{a}") for a in "xyz"]
+            shared = np.einsum("nk,na->nak", root[self.spin], J[:, 0, bias])
+            out.append(Source(f"{what} bias instability", shared=shared.reshape(len(J), 1, -1),
+                              noise=True, basis="noise as declared in the campaign"))  # fmt: skip
+        return tuple(out)
+
+
+SCATTER = (
+    "scatter of the accelerometers beyond a spin's samples",
+    "scatter of the gyros beyond a spin's samples",
+)
+"""Sources that are found where the samples of a spin say too little."""
+
+
+# -- what is judged --------------------------------------------------------------------------------
+
+
+def leaning(at: Solved) -> tuple[FloatArray, FloatArray]:
+    """Return how the spin axis tilts within every spin, beyond noise.
+
+    By what is left of the accelerometers along the axis over gravity, in quarters of a turn.
+    Returns its sd (k,) [rad], and its slope with the noise of that, (k, 2) [rad/s].
+    """
+    sway, slope = np.zeros(len(at.spins)), np.zeros((len(at.spins), 2))
+    for k, spin in enumerate(at.spins):
+        own, e = at.point.sizes[k].sd[:3], at.point.grips[spin.mounting].C_bm[:, 2]
+        many = max(round(2 * np.pi / SWAY_TURNS / abs(spin.rate) / spin.step), 1)
+        n = len(spin.time) // many
+        tilt = ((at.each[k].left[: n * many, :3] * own) @ e / at.site.gravity).reshape(n, many)
+        tilt = tilt.mean(axis=1)
+        noise = float(np.sqrt((e**2) @ own**2 / many)) / at.site.gravity
+        chance = noise**2 * (1 + CHANCE * np.sqrt(2 / n))
+        sway[k] = np.sqrt(max(float(np.mean(tilt**2)) - chance, 0.0))
+        t = spin.time[: n * many].reshape(n, many).mean(axis=1)
+        t = t - t.mean()
+        slope[k] = (t @ tilt) / (t @ t), noise / np.sqrt(t @ t)
+    return sway, slope
+
+
+@dataclass(frozen=True)
+class Slip:
+    """How far one spin is from its mounting."""
+
+    spin: int  # its number [1]
+    ratio: float  # of the shift over its sd [1]
+    arm: float  # by how much the lever arm differs [m]
+    axis: float  # by how much the axis does [rad]
+
+
+def slips(model: SpinModel) -> list[Slip]:
+    """Return how far the grip of every spin is from that of its mounting.
+
+    By what it would explain of what is left, were its grip free, against what then is left: an
+    axis that sways is another one in every spin, and none of them slipped.
+    """
+    from scipy.special import fdtrc, ndtri
+
+    out, p, size = [], len(model.solved.names), np.array([1e-3, 1e-3, 1e-3, 1e-4, 1e-4])
+    at = model.linearise(model.start)
+    assert at.known is not None
+    Q = np.linalg.qr(np.concatenate([at.jacobian[:, 0], at.known[1]]))[0]
+    rest = np.append(at.residuals[:, 0], at.known[0])
+    rest = rest - Q @ (Q.T @ rest)
+    dof = len(model.spin) - model.solved.unknowns
+    for r in model.rows:
+        free = np.zeros((len(rest), 5))
+        free[: len(model.spin)][model.spin == r.spin] = r.jacobian[:, p : p + 5] * size
+        x, _, rank, _ = np.linalg.lstsq(free - Q @ (Q.T @ free), rest, rcond=1e-3)
+        gained = float(rest @ (free - Q @ (Q.T @ free)) @ x)
+        F = gained / rank / max((float(rest @ rest) - gained) / (dof - rank), 1e-300)
+        ratio = float(-ndtri(max(fdtrc(rank, dof - rank, F) / 2, 1e-300)))
+        x = x * size
+        out.append(Slip(r.spin, ratio, float(np.hypot(*x[3:5])), float(np.hypot(*x[:2]))))
+    return out
+
+
+# -- what people do wrong --------------------------------------------------------------------------
+
+
+def require_spread(spins: tuple[Spin, ...], axes: list[FloatArray]) -> None:
+    """Refuse what leaves something unknown; `axes`: of the mountings, (3,) each [1]."""
+    spread = np.linalg.svd(np.array(axes), compute_uv=False)
+    if len(axes) < 3 or spread[2] < LEAN:
+        raise error("spun.mountings", count=len(axes), spins=len(spins))
+    speeds = np.abs([s.rate for s in spins])
+    if speeds.max() < SPAN * speeds.min():
+        raise error(
+            "spun.one_speed", slowest=plain(speeds.min(), 3), fastest=plain(speeds.max(), 3)
+        )
+    for m in range(len(axes)):
+        if len({s.rate > 0 for s in spins if s.mounting == m}) < 2:
+            raise error("spun.one_sense", mounting=m + 1)
+
+
+LEAN = 0.3
+"""Least singular value of the axes of the mountings: about 17 deg out of one plane [1]."""
+
+SPAN = 1.25
+"""Fastest over slowest spin from which on lever arms are told from biases [1]."""

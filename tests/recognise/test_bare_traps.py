@@ -1,0 +1,176 @@
+"""Bare logs with a trap: nothing is read wrong without a word."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import make_bare as make
+from foucault.campaign.recognised import found
+from foucault.errors import FoucaultError
+from foucault.recognise.columns import unwrapped
+from foucault.recognise.reading import recognise
+from foucault.recognise.titles import meaning
+
+REAL = Path(os.environ.get("FOUCAULT_DATA", Path(__file__).parents[3] / "shared" / "data"))
+HEAD, FORM = "t,ax,ay,az,gx,gy,gz", ["%.6f"] * 7
+
+
+@pytest.fixture(scope="module")
+def log():
+    return make.truth(1, 50.0, 12)
+
+
+@pytest.fixture
+def c(log):
+    return make.Columns.of(log)
+
+
+def taken(seen, what: str) -> list[str]:
+    return [f"{line.took} ({line.why})" for line in seen.lines if line.what == what]
+
+
+def right(seen, log, folder: Path) -> None:
+    assert not seen.questions
+    force, rate, clock, axes = make.off(seen, log, folder)
+    assert max(force, rate) < 2e-3
+    assert clock < 1e-6
+    np.testing.assert_array_equal(axes, np.eye(3))
+
+
+# -- clocks ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("unit", "bits"), [(1e3, 16), (1e6, 32)])
+def test_a_counter_that_begins_again_is_a_rate(log, c, tmp_path, unit, bits):
+    ticks = np.mod(np.round(unit * c.t) + 2**bits - unit * 20, 2**bits)
+    file = tmp_path / "wraps.csv"
+    file.write_text(make.text(HEAD, [ticks, c.f, c.w], ["%.0f", *FORM[1:]]))
+    seen = recognise([file])
+    assert "begins again" in taken(seen, "rate")[0]
+    right(seen, log, tmp_path)
+
+
+def test_only_a_counter_is_unwrapped():
+    t = np.arange(0.0, 3000.0, 20.0)
+    wrapped = np.mod(t + 65000.0, 65536.0)
+    np.testing.assert_array_equal(unwrapped(wrapped) - 65000.0, t)
+    restarted = np.concatenate([t, t])
+    assert unwrapped(restarted) is restarted
+    halves = wrapped + 0.5
+    assert unwrapped(halves) is halves
+
+
+def test_a_clock_that_wraps_and_jitters_is_refused(c, tmp_path):
+    t = np.cumsum(np.random.default_rng(3).integers(15, 26, len(c.t)))
+    file = tmp_path / "jitters.csv"
+    file.write_text(make.text(HEAD, [np.mod(t + 60000, 65536), c.f, c.w], ["%.0f", *FORM[1:]]))
+    with pytest.raises(FoucaultError, match="runs backward"):
+        found([file])
+
+
+def test_a_date_that_cannot_be_read_is_named(c, tmp_path):
+    rows = make.numbers(np.column_stack([c.f, c.w]), FORM[1:], ";").splitlines()
+    file = tmp_path / "dates.csv"
+    stamps = [f"04.05.2026 10:00:{s:06.3f}" for s in c.t]
+    lines = ["Datum;ax;ay;az;gx;gy;gz", *map(";".join, zip(stamps, rows, strict=True))]
+    file.write_text("\n".join(lines))
+    assert "'Datum' cannot be read" in taken(recognise([file]), "rate")[0]
+
+
+# -- titles ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("title", "role", "axis"), [
+    ("x", "", 0), ("Z (m/s^2)", "", 2), ("q_w", "", None), ("p_x_m", "", 0), ("t", "time", None),
+    ("Prędkość kątowa Y [rad/s]", "gyro", 1), ("Blorp Y", "", 1),
+])  # fmt: skip
+def test_an_axis_is_read_where_the_sensor_is_not(title, role, axis):
+    said = meaning(title)
+    assert (said.role, said.axis) == (role, axis)
+
+
+def test_files_named_after_a_sensor_say_what_their_axes_are(log, c, tmp_path):
+    head = "time,seconds_elapsed,z,y,x"
+    files = [tmp_path / "Accelerometer.csv", tmp_path / "Gyroscope.csv"]
+    for file, x in zip(files, (c.f, c.w), strict=True):
+        file.write_text(make.text(head, [1.7e9 + c.t, c.t, x[:, ::-1]], ["%.3f", *FORM[1:5]]))
+    right(recognise(files), log, tmp_path)
+    assert recognise(files[:1]).log["accel"]["columns"] == ["x", "y", "z"]
+
+
+def test_axes_in_words_that_no_one_knows_keep_their_order(log, c, tmp_path):
+    head = "t,Fu Z,Fu Y,Fu X,Ba Z,Ba Y,Ba X"
+    file = tmp_path / "words.csv"
+    file.write_text(make.text(head, [c.t, c.f[:, ::-1], c.w[:, ::-1]], FORM))
+    seen = recognise([file])
+    assert seen.log["accel"]["columns"] == ["Fu X", "Fu Y", "Fu Z"]
+    right(seen, log, tmp_path)
+
+
+# -- triads ------------------------------------------------------------------------------------
+
+
+def test_columns_are_no_gyros_without_accelerometers(c, tmp_path):
+    file = tmp_path / "pose.csv"
+    move = np.cumsum(c.w, axis=0) * 0.02
+    for head, parts in (
+        ("t,p_x,p_y,p_z,q_w", [c.t, move, c.f[:, :1] / 9.8]),
+        ("", [c.w]),
+        ("", [c.t, c.w]),
+    ):
+        file.write_text(make.text(head, parts, FORM[: np.column_stack(parts).shape[1]]))
+        with pytest.raises(FoucaultError) as problem:
+            recognise([file])
+        assert problem.value.code == "recognise.no_triad"
+
+
+def test_a_dead_axis_is_refused_and_dead_gyros_are_left_out(c, tmp_path):
+    file = tmp_path / "dead.csv"
+    for f, w in ((c.f * [1, 1, 0], c.w), (c.f, c.w * [0, 1, 1])):
+        file.write_text(make.text(HEAD, [c.t, f, w], FORM))
+        with pytest.raises(FoucaultError, match="never changes, though the instrument was turned"):
+            recognise([file])
+    file.write_text(make.text(HEAD, [c.t, c.f, 0 * c.w], FORM))
+    seen = recognise([file])
+    assert "gyro" not in seen.log
+    assert taken(seen, "gyros") == ["none (gx, gy, gz never change)"]
+
+
+def test_gyros_of_another_instrument_are_told(c, tmp_path):
+    file = tmp_path / "other.csv"
+    other = np.roll(c.w, len(c.w) // 3, axis=0)
+    file.write_text(make.text(HEAD, [c.t, c.f, other], FORM))
+    with pytest.raises(FoucaultError, match="do not turn gravity as its accelerometers say"):
+        recognise([file])
+    units = "t,ax (m/s^2),ay (m/s^2),az (m/s^2),gx (rad/s),gy (rad/s),gz (rad/s)"
+    file.write_text(make.text(units, [c.t, c.f, other], FORM))
+    assert "turns do not fit" in taken(recognise([file]), "axes")[0]
+
+
+def test_gravity_taken_off_is_said_where_gyros_are_left(c, tmp_path):
+    file = tmp_path / "linear.csv"
+    rng = np.random.default_rng(1)
+    head = "t,linear_acc_x,linear_acc_y,linear_acc_z,gx,gy,gz"
+    file.write_text(make.text(head, [c.t, rng.normal(0, 0.1, c.f.shape), c.w], FORM))
+    seen = recognise([file])
+    assert "gravity was taken off" in taken(seen, "accelerometers")[0]
+
+
+def test_numbers_alone_are_not_sure_without_turns(c, tmp_path):
+    file = tmp_path / "three.csv"
+    file.write_text(make.text("", [c.f], FORM[:3]))
+    line = next(line for line in recognise([file]).lines if line.what == "accelerometers")
+    assert line.sure == "likely"
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="real logs are not here: set FOUCAULT_DATA")
+def test_real_files_that_are_cut_together_or_hold_poses_are_told():
+    for file, code in (("ferraris_session/annotated_session.csv", "recognise.no_turns"),
+                       ("broad_hand_motion/03_pose.parquet", "recognise.no_triad")):  # fmt: skip
+        with pytest.raises(FoucaultError) as problem:
+            recognise([REAL / file])
+        assert problem.value.code == code
