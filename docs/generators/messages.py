@@ -18,7 +18,7 @@ GROUPS: dict[str, tuple[str, str]] = {
         "Calibrating on a table",
         "table spin positions position plan poses readings solution unification rate_table",
     ),
-    "north": ("Seeking north", "north north_plan north_search"),
+    "north": ("Seeking north", "north norths north_plan north_search"),
     "continuous_spin": ("Calibrating on a spin axis", "spun"),
     "magnetometer": ("Calibrating a magnetometer", "mag"),
     "tumble": ("Tumbling a platform", "tumble torquing"),

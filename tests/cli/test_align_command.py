@@ -168,6 +168,23 @@ def test_no_latitude(log: Path) -> None:
     assert "latitude" in result.stderr
 
 
+def test_headings_from_three_norths_each_under_its_name(log: Path) -> None:
+    words = ("align", log, *SITE, "--longitude", "2.3464 deg", "--until", "120 s", "--method",
+             "inertial_frame", "--gyro-bias-sd", "0.2 deg/h", "--date", "2026-05-04", "--grid",
+             "EPSG:32631")  # fmt: skip
+    row = json.loads(run(*words, "--json").output)["alignments"][0]
+    assert set(row["headings"]) == {"true", "magnetic", "grid"}
+    assert row["headings"]["true"] == [row["heading"] % (2 * np.pi), row["heading_sd"]]
+    off = np.degrees(row["headings"]["true"][0] - row["headings"]["grid"][0])
+    assert (off + 180) % 360 - 180 == pytest.approx(-0.4780, abs=1e-4)
+    assert row["headings"]["magnetic"][1] > row["heading_sd"]
+    shown = run(*words).output
+    assert "Headings from other norths" in shown
+    assert "EPSG:32631" in shown
+    plain = run("align", log, *SITE, "--until", "120 s", "--gyro-bias-sd", "0.2 deg/h").output
+    assert "Headings from other norths" not in plain
+
+
 def test_no_rest_leads_to_options_that_align_has(tmp_path: Path) -> None:
     made = simulate_motion([Rotate("x", 0.4, 0.05), Rotate("x", -0.4, 0.05)], START, rate=20.0)
     own.write(made.log, tmp_path / "moving.csv")

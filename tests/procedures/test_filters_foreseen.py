@@ -105,6 +105,13 @@ def test_a_declared_instrument_holds_what_is_not_estimated(name):
     assert np.abs(ends[0] - ends[1]).max() > 0
 
 
+def test_what_a_motion_shows_is_a_matter_of_the_motion():
+    told = optimisation.foresee(planned("transfer_alignment", declared=False))
+    assert told.complete and not told.hardly and told.rank == told.states
+    # The g-sensitivity hides the biases all the same: their sd says so.
+    assert told.share[told.names.index("gyro.bias.x")] > 0.8
+
+
 def test_one_setting_takes_a_slave_back_to_the_published_states():
     c = planned("transfer_alignment", declared=False)
     source = replace(c, settings=c.settings.model_copy(update={"left_out": False}))

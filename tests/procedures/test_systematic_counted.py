@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -131,3 +132,11 @@ def test_with_everything_at_its_size_the_uncertainties_are_right():
     low, high = chi_square_limits(count, 0.01)
     assert low < total < high
     assert np.median(before) > 10
+
+
+def test_where_the_filter_has_no_states_for_it_that_is_said(monkeypatch):
+    monkeypatch.setattr(import_module("foucault.procedures.systematic.counted"), "HALF", 40)
+    result = trial(session()[0])
+    (told,) = [f for f in result.findings if f.code == "left_out.crowded"]
+    assert "leave the filter no states for terms that are not estimated" in told.message
+    assert "left_out" not in result.tables and "budget" not in result.diagnostics

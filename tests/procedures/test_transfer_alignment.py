@@ -8,10 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import sessions
 from foucault.diagnose.comparable import gravity_errors
 from foucault.errors import FoucaultError
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import angles_of, matrix_of
 from foucault.models.rotation import log as rotation_vector
 from foucault.plans.manoeuvres import Straight
@@ -23,7 +25,7 @@ from foucault.result import Level
 from make_transfer_campaign import calibrated, made, missed, trial
 from make_transfer_campaign import faultless as described
 from refusals import refuses
-from sessions import codes, failed
+from sessions import SITE, SLAVE, Case, codes, failed, solved
 
 ARCMIN = np.pi / 10800
 LEVER = '["1 m", "2 m", "-0.5 m"]'
@@ -220,11 +222,48 @@ def test_h_infinity(flight, found, wanted):
     bound = np.array(result.diagnostics["bound"])
     np.testing.assert_allclose(bound, found.diagnostics["bound"], rtol=1e-9)
     assert (result.coefficients.sd >= bound * (1 - 1e-9)).all()
+    assert "budget" not in result.diagnostics  # its covariance is not that of its error
     few = settings(c, filter="h_infinity", wanted=wanted, gamma=0.5 * said["least_gamma"])
     with refuses("transfer.gamma") as caught:
         trial(c, session.simulation.log, settings=few)
     assert re.search(r"ceases to exist at [\d.]+ s; the least gamma of this run is [\d.e+]+\.",
                      caught.value.message)  # fmt: skip
+
+
+# -- where its uncertainty is from -----------------------------------------------------------------
+
+ALWAYS = {"state at the start", "prior", "white noise of gyros", "white noise of accelerometers",
+          "velocity of the messages"}  # fmt: skip
+ATTITUDE = {"attitude of the messages"}
+ASIDE = {"gyro.misalignment", "accel.misalignment", "accel.scale", "gyro.g_sensitivity"}
+BUDGETS = {
+    "alone": ({"left_out": False}, {}, ALWAYS | ATTITUDE),
+    "velocity": ({"matching": "velocity"}, {}, ALWAYS | ASIDE),
+    "bending": ({"flexure_sd": 3e-4}, {}, ALWAYS | ATTITUDE | ASIDE | {"slow noise and bending"}),
+    "gravity": (
+        {}, {"site": replace(SITE, gravity_sd=1e-4)}, ALWAYS | ATTITUDE | ASIDE | {"local gravity"}
+    ),
+    "one noise": (
+        {"left_out": False}, {"noise": ImuNoise(SLAVE.accel, TriadNoise(white=1e-12))},
+        ALWAYS | ATTITUDE,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", BUDGETS)
+def test_the_budget_has_every_source_and_adds_up(name):
+    said, more, sources = BUDGETS[name]
+    flight = {"rate": 50.0, "message_rate": 2.0, "with_outage": False}
+    case = Case("transfer_alignment", said, flight, **{"noise": SLAVE} | more)
+    result = solved(case, sessions.made(case, 1).log, whole=True)
+    budget = {k: np.array(v) for k, v in result.diagnostics["budget"].items()}
+    assert budget.keys() == sources
+    variance = result.coefficients.sd**2
+    np.testing.assert_allclose(sum(budget.values()), variance, rtol=1e-9)
+    share = {k: float((v / variance).max()) for k, v in budget.items()}
+    assert share["white noise of accelerometers"] > 1e-3
+    assert (share["white noise of gyros"] < 1e-9) == (name == "one noise")
 
 
 # -- what it says ----------------------------------------------------------------------------------

@@ -22,6 +22,7 @@ from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.files import make_folder, sha256, write_text
+from foucault.kernels import ahead
 from foucault.logs.checks import beside_another
 from foucault.logs.description import LogDescription, describes_itself, description_of
 from foucault.logs.follow import OnDisk
@@ -98,7 +99,8 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress | None = None)
     if procedure.streams:
         on_disk = OnDisk(campaign.log, campaign.folder, _told(campaign))
         log = on_disk if on_disk.size > STREAMED else None
-    given = read_log(campaign, tell) if log is None else log
+    with ahead.compiling(campaign.procedure, tell):
+        given = read_log(campaign, tell) if log is None else log
 
     def run(prior: earlier.Priors) -> Result:
         with _stuck_named(given):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,13 +13,15 @@ from foucault.cli.options import Amount, Of, Several, command
 from foucault.cli.screen import Screen, kept
 
 if TYPE_CHECKING:
+    from foucault.models.norths import North
+    from foucault.navigate.align import Alignment
     from foucault.procedures.alignment import Comparison
     from foucault.procedures.delay import FoundDelay
 
 
 _SITE = ("latitude", "height", "gravity", "gyro_noise", "accel_noise")
 _SAID = Of(options.SAID, only=("longitude", *_SITE, "serial"))
-_STILL = Of(options.SAID, only=_SITE)
+_STILL = Of(options.SAID, only=("longitude", *_SITE))
 _VELOCITY = Several("velocity", "east, north and up", "12.1 m/s, -3.4 m/s, 0 m/s")
 _SETTINGS = Of(
     "foucault.procedures.navigation.start:Settings",
@@ -119,6 +122,16 @@ def align(
             "that fit if left out.",
         ),
     ] = None,
+    date: Annotated[
+        str | None,
+        typer.Option(help='Day, such as "2026-05-04": headings from magnetic north too.'),
+    ] = None,
+    grid: Annotated[
+        str | None,
+        typer.Option(
+            help='Projection, such as "EPSG:32631" (UTM zone 31 north): headings from that north.'
+        ),
+    ] = None,
 ) -> None:
     """Find heading, pitch and roll of a log at rest, and their sd.
 
@@ -127,6 +140,7 @@ def align(
     from foucault.campaign import navigation
     from foucault.campaign.navigation import Window
     from foucault.campaign.tables import Said
+    from foucault.models.norths import norths
     from foucault.report import alignment as report
 
     screen: Screen = ctx.obj
@@ -135,10 +149,11 @@ def align(
     )  # fmt: skip
     with screen.progress() as tell:
         found = navigation.align(log, Said(**said), chosen, calibration=calibration, progress=tell)
-    raise screen.tell(report.document(found, log.name), _document(log, found))
+    asked = norths(found.site, date, grid)
+    raise screen.tell(report.document(found, log.name, asked), _document(log, found, asked))
 
 
-def _document(path: Path, found: Comparison) -> dict[str, Any]:
+def _document(path: Path, found: Comparison, asked: Sequence[North]) -> dict[str, Any]:
     """What `align` found, in SI."""
     return {
         "log": str(path),
@@ -159,6 +174,7 @@ def _document(path: Path, found: Comparison) -> dict[str, Any]:
                 "C_nb": one.C_nb.tolist(),
                 "phi_cov": one.cov.tolist(),
                 "azimuth_bias_sd": one.azimuth_bias_sd,
+                **_headings(one, asked),
             }
             for one in found.found
         ],
@@ -167,6 +183,13 @@ def _document(path: Path, found: Comparison) -> dict[str, Any]:
 
 
 # -- The command that finds the time offset of two logs: delay -----------------------------------
+
+
+def _headings(one: Alignment, asked: Sequence[North]) -> dict[str, Any]:
+    """Return heading and sd from each north, where another than true north is asked for [rad]."""
+    heading, sd = float(one.angles[0]), float(one.angles_sd[0])
+    return {"headings": {n.name: n.heading(heading, sd) for n in asked}} if asked[1:] else {}
+
 
 _MOUNTING = Several("angle", "heading, pitch and roll", "90 deg, 0 deg, 0 deg")
 _BRACKET = Several("time", "between which offsets to look, or any", "-0.5 s to 0.5 s")

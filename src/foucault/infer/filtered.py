@@ -10,9 +10,8 @@ Everything else follows from that system::
     fit         Kalman filter; the point moves to the smoothed start; again until nothing moves
     bound       of a linear system the covariance of the Kalman filter is the posterior bound
     components  innovations of each kind of measurement, by how many of them are independent
-    held_out    measurements of infinite variance, predicted from all others
-    parts_out   the same part by part, all measurements of a part together
-    budget      each source of error alone, through the gains of the filter
+    parts_out   parts of the run, each predicted from all others
+    budget      what each source of error does to the end, from the end backwards
     foreseen    the covariance of a planned run: a filter needs no measurement for that
     robust      the same system with a bound: `infer.linear_filter`
 
@@ -35,11 +34,11 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import FoucaultError
 from foucault.infer.gauss_newton import FALSE_ALARM, Component, chi_square_limits
-from foucault.infer.linear_filter import LinearRun, LinearSystem, kalman, smoothed, smoothed_start
+from foucault.infer.linear_filter import LinearRun, LinearSystem, kalman, smoothed_start
 
 LAGS, FEW = 50, 5
 """Autocorrelations that count for how many innovations there are in effect, and for whether they
@@ -182,20 +181,6 @@ def exchanged(
     )  # fmt: skip
 
 
-def held_out(at: Fit[P, S], rows: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Predict epochs that the filter does not see from those before and after.
-
-    `rows` (m,): which they are, true or false [1]. Returns measured less predicted, (k, q), and
-    its standard deviation, infinite where nothing was measured [SI].
-    """
-    system = replace(at.system, R=np.where(rows[:, None], np.inf, at.system.R))
-    seen = smoothed(system, kalman(system, keep=True))
-    H = system.H[rows]
-    off = system.z[rows] - np.einsum("kqn,kn->kq", H, seen.states[rows])
-    variance = np.einsum("kqn,knm,kqm->kq", H, seen.cov[rows], H) + at.system.R[rows]
-    return off, np.sqrt(variance)
-
-
 @dataclass(frozen=True)
 class HeldOut:
     """Parts of a session, each predicted from all others: the worst is judged.
@@ -335,40 +320,39 @@ class Whitened:
         return HeldOut(np.array(scores), np.array(counts), false_alarm)
 
 
-def sources(at: Fit[P, S]) -> dict[str, LinearSystem]:
-    """Return the system with the noise of what was known, of the states, of each kind alone."""
-    s = at.system
-    none = replace(s, half=0.0 * s.half, R=np.zeros_like(s.R), P0=0.0 * s.P0)
-    out: dict[str, LinearSystem] = {
-        "prior": replace(none, P0=s.P0), "process": replace(none, half=s.half),
-    }  # fmt: skip
-    for kind, columns in at.model.kinds.items():
-        out[kind] = replace(none, R=np.zeros_like(s.R))
-        out[kind].R[:, columns] = s.R[:, columns]
-    return out
-
-
-def budget(at: Fit[P, S], parts: Mapping[str, LinearSystem]) -> dict[str, FloatArray]:
+def budget(
+    at: Fit[P, S], known: Mapping[str, IntArray], driven: Mapping[str, IntArray]
+) -> dict[str, FloatArray]:
     """Return the variance of every value by source of error; they add up.
 
-    `parts`: the system with the noise of one source alone, see `sources`. Returns source ->
-    variances (n - first,) [SI]::
+    `known`: source -> states whose prior it is, not correlated with those of another; `driven`:
+    source -> states that its noise acts on. Each kind of measurement is a source too. Returns
+    source -> variances (n - first,) [SI].
 
-        P_s- = Phi (P_s + N_s) Phi' + N_s,    P_s = (I - K H) P_s- (I - K H)' + K R_s K'
+    The error at the end is linear in every noise before. L, what an error of the state makes of it,
+    is known from the end backwards::
+
+        L (I - K H) Phi -> L,    (L K)^2 R and L^2 N are the variances of each noise
     """
     s, run, first = at.system, kalman(at.system, keep=True), at.model.first
-    Phi, one = np.eye(len(s.x0)), np.eye(len(s.x0))
-    cov = np.array([part.P0 for part in parts.values()])
-    for k, before in enumerate(run.before):
+    L, b = np.eye(len(s.x0))[first:], s.Phi.shape[1]
+    measured, moved = np.zeros((len(L), s.R.shape[1])), np.zeros(L.shape)
+    for k in range(len(s.R) - 1, -1, -1):
         taken = np.isfinite(run.innovation[k])
-        H = s.H[k][taken]
-        S_k = H @ before @ H.T + np.diag(s.R[k][taken])
-        K = np.linalg.solve(S_k, H @ before).T
-        A, Phi[: s.Phi.shape[1]] = one - K @ H, s.Phi[k]
-        for part, P_s in zip(parts.values(), cov, strict=True):
-            N = np.diag(part.half[k])
-            P_s[:] = A @ (Phi @ (P_s + N) @ Phi.T + N) @ A.T + K * part.R[k][taken] @ K.T
-    return {name: np.diag(P_s)[first:] for name, P_s in zip(parts, cov, strict=True)}
+        H, R = s.H[k][taken], s.R[k][taken]
+        H_P = H @ run.before[k]
+        LK = L @ np.linalg.solve(H_P @ H.T + np.diag(R), H_P).T
+        measured[:, taken] += LK**2 * R
+        L = L - LK @ H
+        moved += L**2 * s.half[k]
+        onto = L[:, :b] @ s.Phi[k]
+        onto[:, b:] += L[:, b:]
+        L = onto
+        moved += L**2 * s.half[k]
+    start = {n: np.einsum("pi,ij,pj->p", L[:, i], s.P0[np.ix_(i, i)], L[:, i])
+             for n, i in known.items()}  # fmt: skip
+    noise = {n: moved[:, i].sum(axis=1) for n, i in driven.items()}
+    return start | noise | {n: measured[:, c].sum(axis=1) for n, c in at.model.kinds.items()}
 
 
 # -- are the innovations what they should be? ------------------------------------------------------

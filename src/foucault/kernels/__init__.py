@@ -6,7 +6,9 @@ folder keyed by a hash of all kernel sources, because numba's own cache does not
 another file.
 
 What takes long to compile: an array assigned to a slice (``a[i] = b`` brings in the text of its
-error, two seconds), `np.eye`, and every function that is not `inlined`. Loops cost nothing.
+error, two seconds), `np.eye`, a number written as an argument of a kernel (it is compiled for that
+number, and again for the others), and every function that is not `inlined`. Loops cost nothing.
+What a procedure needs is compiled on two cores: see `ahead`.
 """
 
 from __future__ import annotations
@@ -27,6 +29,11 @@ def _cache_folder() -> str:
 
 
 _FOLDER = _cache_folder()
+
+
+def cache_folder() -> Path:
+    """Return where compiled code is kept."""
+    return Path(numba.config.CACHE_DIR or _FOLDER)
 
 
 def kernel(function: Any) -> Any:
@@ -54,6 +61,8 @@ def _compiled(function: Any, **more: Any) -> Any:
     previous = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = previous or _FOLDER  # numba reads it while decorating
     try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy", **more)(function)
+        return numba.njit(
+            cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, **more
+        )(function)
     finally:
         numba.config.CACHE_DIR = previous

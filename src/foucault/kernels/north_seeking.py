@@ -158,12 +158,12 @@ def likelihood_batch(y, cov, start, A, b, g, earth_rate, latitude, latitude_sd, 
         for p in range(4):
             for q in range(4):
                 L[p, q] = cov[i, p, q]
-        if not (cholesky(L, 4) and math.isfinite(y[i].sum() + start[i].sum())):
+        if not (cholesky(L, len(L)) and math.isfinite(y[i].sum() + start[i].sum())):
             status[i] = NOT_FINITE
             angles[i, :], P[i, :, :], gain[i, :, :] = np.nan, np.nan, np.nan
             square[i], predicted[i, :] = np.nan, np.nan
             continue
-        invert(L, W, 4)
+        invert(L, W, len(L))
         _attitude(start[i, 0], start[i, 1], start[i, 2], C)
         lat, known = start[i, 3], 0.0
         if math.isfinite(latitude_sd[i]):
@@ -307,9 +307,9 @@ def _scaled_cholesky(H, s):
         s[p] *= d[p]
         for q in range(4):
             H[p, q] *= d[p] * d[q]
-    if not cholesky(H, 4):
+    if not cholesky(H, len(H)):
         return 0.0
-    substitute(H, s, 4)
+    substitute(H, s, len(H))
     for p in range(4):
         s[p] *= d[p]
     return 1.0
@@ -342,7 +342,7 @@ def _uncertainty(C, lat, A, g, earth_rate, W, known, J, H, Hinv, E, WJ, s, P, ga
     if _scaled_cholesky(H, s) == 0.0:
         P[:, :], gain[:, :] = np.inf, np.nan
         return
-    invert(H, Hinv, 4)
+    invert(H, Hinv, len(H))
     for p in range(4):
         for q in range(4):
             Hinv[p, q] /= d[p] * d[q]

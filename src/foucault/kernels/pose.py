@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from foucault.kernels import kernel
-from foucault.kernels.small_matrices import cholesky, substitute
+from foucault.kernels.small_matrices import cholesky, copy, substitute
 
 
 @kernel
@@ -53,7 +53,7 @@ def preintegrate(node, dt, theta, force, middle, K_g, K_a, raw_g, raw_a, late, q
     Q (m, 9, 9) noise. Entry k leads from node k - 1 to node k.
     """
     m = node.shape[0]
-    C, E, X = np.eye(3), np.eye(3), np.eye(3)
+    C, E, X = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     v, p = np.zeros(3), np.zeros(3)
     A, T9, T22 = np.zeros((9, 22)), np.zeros((3, 9)), np.zeros((3, 22))
     I_g, I_a, S = np.zeros((3, 22)), np.zeros((3, 22)), np.zeros((9, 9))
@@ -129,15 +129,15 @@ def preintegrate(node, dt, theta, force, middle, K_g, K_a, raw_g, raw_a, late, q
             for i in range(3):
                 for j in range(3):
                     X[i, j] = C[i, 0] * E[0, j] + C[i, 1] * E[1, j] + C[i, 2] * E[2, j]
-            C[:] = X
+            copy(X, C)
         for i in range(3):
             for j in range(3):
                 out[k, 3 * i + j] = C[i, j]
             out[k, 9 + i] = v[i]
             out[k, 12 + i] = p[i]
         out[k, 15] = total
-        J[k] = A
-        Q[k] = S
+        copy(A, J[k])
+        copy(S, Q[k])
 
 
 @kernel
@@ -219,7 +219,7 @@ def forward(C, moved, J, Q, u, G, z, H, D, R, P0, nu, M, x_f, U_f, P_f):
         if k:
             _step(k, C[k - 1], moved, J, G, Phi, B)
             _predicted(C[k - 1], Q[k], Phi, P, W, N)
-            P[:] = N
+            copy(N, P)
             for i in range(9):
                 s = u[k, i]
                 for n in range(9):
@@ -231,8 +231,9 @@ def forward(C, moved, J, Q, u, G, z, H, D, R, P0, nu, M, x_f, U_f, P_f):
                     if Phi[i, n] != 0.0:
                         for c in range(p):
                             V[i, c] += Phi[i, n] * U[n, c]
-            x[:] = h
-            U[:] = V
+            for i in range(9):
+                x[i] = h[i]
+            copy(V, U)
         # The numbers of a pose are independent of one another: one after the other.
         for q in range(6):
             nu[k, q] = 0.0
@@ -270,9 +271,10 @@ def forward(C, moved, J, Q, u, G, z, H, D, R, P0, nu, M, x_f, U_f, P_f):
         for i in range(9):
             for n in range(i):
                 P[i, n] = P[n, i] = 0.5 * (P[i, n] + P[n, i])
-        x_f[k] = x
-        U_f[k] = U
-        P_f[k] = P
+        for i in range(9):
+            x_f[k, i] = x[i]
+        copy(U, U_f[k])
+        copy(P, P_f[k])
     return True
 
 
@@ -292,8 +294,8 @@ def backward(C, moved, J, Q, u, G, delta, x_f, U_f, P_f):
     for k in range(m - 2, -1, -1):
         _step(k + 1, C[k], moved, J, G, Phi, B)
         _predicted(C[k], Q[k + 1], Phi, P_f[k], W, N)
-        L[:] = N
-        if not cholesky(L, 9):
+        copy(N, L)
+        if not cholesky(L, g.size):
             return False
         for i in range(9):
             s = x_f[k + 1, i] - u[k + 1, i]
@@ -305,7 +307,7 @@ def backward(C, moved, J, Q, u, G, delta, x_f, U_f, P_f):
         for j in range(9):  # W holds Phi P_f; a row of the gain is N^-1 of its column
             for i in range(9):
                 g[i] = W[i, j]
-            substitute(L, g, 9)
+            substitute(L, g, g.size)
             for i in range(9):
                 gain[j, i] = g[i]
         for i in range(9):

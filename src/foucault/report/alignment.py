@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from foucault.coefficients import format_value
 from foucault.models.ins_errors import azimuth_from_gyro_bias
+from foucault.models.norths import North
 from foucault.models.rotation import angles_of, turned
 from foucault.procedures.alignment import Comparison
 from foucault.procedures.delay import FoundDelay
@@ -31,14 +34,19 @@ METHODS = {
 }
 
 
-def document(found: Comparison, name: str) -> Document:
-    """Return the attitude by every method, side by side, and what limits it."""
+def document(found: Comparison, name: str, norths: Sequence[North] = ()) -> Document:
+    """Return the attitude by every method, side by side, and what limits it.
+
+    `norths`: those that headings are given from, beside true north.
+    """
     doubtful = any(item.severity == "warning" for item in found.findings)
     state, word = ("warning", "Something is doubtful") if doubtful else ("good", "North is seen")
     head = Heading(f"Alignment of {name}", [], state, word, [])
     limits = section("alignment.limits", _seen(found), _bias(found), _undeclared(found),
                      _sway(found))  # fmt: skip
-    return Document.of(head, _methods(found), limits, page.findings(found.findings, "log"))
+    return Document.of(
+        head, _methods(found), _norths(found, norths), limits, page.findings(found.findings, "log")
+    )
 
 
 def _methods(found: Comparison) -> Section | None:
@@ -50,6 +58,22 @@ def _methods(found: Comparison) -> Section | None:
     angles = [f"{angle} (deg): number | sd: number" for angle in ("heading", "pitch", "roll")]
     heads = columns("method", *angles, "window (s): number")
     return section("alignment.methods", Table(heads, rows))
+
+
+def _norths(found: Comparison, norths: Sequence[North]) -> Section | None:
+    """Return the headings of every method from each north."""
+    if len(norths) < 2:
+        return None
+    rows = []
+    for one in found.found:
+        for north in norths:
+            x, sd = np.degrees(north.heading(float(one.angles[0]), float(one.angles_sd[0])))
+            about = format_value(np.degrees(north.offset), np.degrees(north.sd) or 1e-4)
+            rows.append([METHODS[one.method], north.name, format_value(x, sd), f"{sd:.2g}", about,
+                         north.basis])  # fmt: skip
+    heads = columns("method", "north", "heading (deg): number", "sd: number",
+                    "this north, from true north (deg): number", "by")  # fmt: skip
+    return section("alignment.norths", Table(heads, rows))
 
 
 def _seen(found: Comparison) -> str:

@@ -42,11 +42,11 @@ from foucault.diagnose import transfer_motion as findings
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.references import stretched
 from foucault.errors import Finding, FoucaultError, error
-from foucault.infer.left_out_states import budget
 from foucault.logs.master import MasterDescription
 from foucault.models.imu import EQUATION
 from foucault.procedures import silent
 from foucault.procedures.record import Given, Procedure
+from foucault.procedures.transfer_alignment import counted
 from foucault.procedures.transfer_alignment import settings as chosen
 from foucault.procedures.transfer_alignment.problem import (
     Solution,
@@ -129,18 +129,16 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     at = [s.states.layout.index(name) for name in settings.reported]
     told += findings.findings(s, s.problem.findings, s.findings)
     tables: dict[str, TableData] = {}
+    more: dict[str, Any] = {}
     if given.shown:
         given.progress(0.7, "looking at what was found")
         undelayed = ignoring_delay(s) if settings.delay != "none" else None
         tables = report.tables(s, settings.reported, s.backward, undelayed)
-    more: dict[str, Any] = {}
+        more = _budget(s, beside, at)
     if s.judged is not None:
         checks = (*checks, *left_out.checks(s.judged))
         tables = {**tables, "left_out": left_out.table(s.judged)}
-        more = left_out.judgement_json(s.judged)
-        if s.fit.nominal:
-            found = s.states.chosen(settings.reported)
-            more |= budget(s.states, s.problem.groups, found)
+        more |= left_out.judgement_json(s.judged)
     return Result(
         procedure="transfer_alignment",
         coefficients=replace(s.states, cov=all_cov).chosen(settings.reported),
@@ -201,6 +199,21 @@ def _filter(s: Solution) -> dict[str, Any]:
         "left_out": [r for r in s.states.rows() if r["name"] not in settings.reported],
         "states": len(s.model.names),
     }
+
+
+def _budget(s: Solution, gravity: FloatArray, at: list[int]) -> dict[str, Any]:
+    """Return where the variance of the coefficients `at` is from; a bounded filter has none.
+
+    `gravity` (n,): what is added for an error of local gravity [SI].
+    """
+    if not s.fit.nominal:
+        return {}
+    rows = [s.model.names.index(s.states.names[i]) - s.model.first for i in at]
+    parts = {n: v[rows] for n, v in counted.budget(s.fit, s.problem.groups).items()}
+    parts["local gravity"] = gravity[at] ** 2 + parts.get("local gravity", 0.0)
+    parts = {n: v.tolist() for n, v in parts.items() if v.any()}
+    basis = counted.BASIS | {n: g.basis for n, g in s.problem.groups.items()}
+    return {"budget": parts, "sources": {n: ["B", basis[n]] for n in parts if n in basis}}
 
 
 def _delay(s: Solution) -> dict[str, Any]:

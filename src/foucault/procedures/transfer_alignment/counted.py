@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.estimate.transfer import TransferFit, TransferModel
+from foucault.infer import filtered
 from foucault.infer.filtered import components
 from foucault.infer.left_out import Judgement
 from foucault.infer.left_out_states import Group, Posterior, fit, of_priors, widened
@@ -170,3 +172,27 @@ def judged(
 
     (found, wide), told = fit(solve, posterior, groups, reported)
     return found, wide, told
+
+
+WHITE = {"white noise of gyros": np.arange(3), "white noise of accelerometers": np.arange(3, 6)}
+"""White noise of the slave, and the states that it acts on: its attitude, its velocity."""
+BASIS = {
+    "state at the start": "attitude, velocity and place at the start, from the messages",
+    "prior": "prior as given, or usual of a tactical instrument",
+    "slow noise and bending": "slow noise as given, flexure_sd and flexure_time",
+    "velocity of the messages": "velocity_sd",
+    "attitude of the messages": "attitude_sd",
+}
+
+
+def budget(at: TransferFit, groups: Mapping[str, Group]) -> dict[str, FloatArray]:
+    """Return the variance of every state after those of navigation by source, (n - first,) [SI]."""
+    assert isinstance(at.model, TransferModel)
+    names, first = at.model.names, at.model.first
+    aside = {group: g.names for group, g in groups.items() if g.kind == "source"}
+    taken = {n for some in aside.values() for n in some}
+    known = {"prior": tuple(n for n in names[first:] if n not in taken), **aside}
+    of = {source: np.array([names.index(n) for n in some], int) for source, some in known.items()}
+    driven = {**WHITE, "slow noise and bending": np.arange(first, len(names))}
+    parts = filtered.budget(at, {"state at the start": np.arange(first), **of}, driven)
+    return {f"{n} of the messages" if n in at.model.kinds else n: v for n, v in parts.items()}

@@ -398,7 +398,9 @@ def foresee(b: Beforehand[Settings, Session]) -> Foresight:
         then = foreseen(longer, later, gravity=True)
         more.append(Extra.of(name, then.time - now.time, now.vector.names,
                              then.vector.sd / now.vector.sd))  # fmt: skip
-    return _judged(now, tuple(more), [] if b.noise else [assumed_noise()])
+    # What a motion does not show is a matter of the motion, whatever else may hide it.
+    alone = now if not now.groups else foreseen(plan, replace(b, sizes=None), gravity=True)
+    return _judged(now, alone, tuple(more), [] if b.noise else [assumed_noise()])
 
 
 def _at_hand_over(
@@ -468,11 +470,15 @@ def foreseen(
                     p.groups if p.counted.judged else {})  # fmt: skip
 
 
-def _judged(now: Foreseen, more: tuple[Extra, ...], told: list[Finding]) -> Foresight:
-    vector = now.vector
+def _judged(
+    now: Foreseen, alone: Foreseen, more: tuple[Extra, ...], told: list[Finding]
+) -> Foresight:
+    """Say what a motion shows; `alone`: where what is not estimated is nothing."""
+    vector, shown = now.vector, alone.vector
     assert vector.cov is not None
+    assert shown.cov is not None
     # Combinations of the coefficients, their priors as units.
-    left, ways = np.linalg.eigh(vector.cov / np.outer(vector.prior_sd, vector.prior_sd))
+    left, ways = np.linalg.eigh(shown.cov / np.outer(shown.prior_sd, shown.prior_sd))
     left = np.sqrt(np.maximum(left, 0.0))
     words = [Remaining(a, largest_shares(vector.layout, w)).words
              for a, w in zip(left[::-1].tolist(), ways.T[::-1], strict=True)]  # fmt: skip
@@ -490,13 +496,13 @@ def _judged(now: Foreseen, more: tuple[Extra, ...], told: list[Finding]) -> Fore
         states=len(vector),
         rank=len(vector) - lost,
         smallest=float(left.min()),
-        hardly=now.hardly,
+        hardly=alone.hardly,
         unseen=tuple(words[:lost]),
         remaining=tuple(words[lost : lost + MOST]),
         correlated=correlated(vector.names, rho, TIED)[:MOST],
         more=(*bought, *more),
         left_out=None if judged is None else foretold(judged),
-        findings=(*told, *unseen(now.hardly)),
+        findings=(*told, *unseen(alone.hardly)),
     )
 
 

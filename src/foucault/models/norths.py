@@ -1,0 +1,80 @@
+"""The three norths of a place: true, magnetic and of a grid, and headings from each.
+
+A heading is clockwise from its north. With D the declination, the direction of magnetic north
+clockwise from true north, and gamma the convergence of the grid's meridians, the direction of grid
+north clockwise from true north::
+
+    magnetic = true - D        grid = true - gamma
+
+References
+----------
+.. [1] J. P. Snyder, *Map Projections: A Working Manual*, USGS Professional Paper 1395, 1987.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from foucault.errors import error
+from foucault.models.earth import Site
+from foucault.models.world_field import world_field
+
+
+@dataclass(frozen=True)
+class North:
+    """One of them."""
+
+    name: str  # true, magnetic or grid
+    offset: float  # its direction clockwise from true north [rad]
+    sd: float  # standard uncertainty of that [rad]
+    basis: str  # what it rests on, for people
+
+    def heading(self, true: float, sd: float = 0.0) -> tuple[float, float]:
+        """Return a heading from this north, 0 to 2 pi, and its sd.
+
+        `true`, `sd`: the heading from true north, and its standard deviation [rad].
+        """
+        turn = 2 * np.pi
+        off = float((true - self.offset) % turn)
+        return off if off < turn else 0.0, float(np.hypot(sd, self.sd))
+
+
+def convergence(site: Site, grid: str) -> float:
+    """Return gamma, the direction of north of a `grid`, clockwise from true north [rad].
+
+    `grid`: its projection by a name that PROJ knows, such as "EPSG:32631" for UTM zone 31 north.
+    """
+    if site.latitude is None or site.longitude is None:
+        raise error("norths.no_place", what=f'grid "{grid}"')
+    try:
+        from pyproj import CRS, Proj
+        from pyproj.exceptions import CRSError, ProjError
+    except ModuleNotFoundError:
+        raise error("norths.no_library", extra="grid") from None
+    try:
+        system = CRS.from_user_input(grid)
+        if not system.is_projected:
+            raise error("norths.grid", grid=grid)
+        place = np.degrees(site.longitude), np.degrees(site.latitude)
+        found = Proj(system).get_factors(*place, errcheck=True)
+    except (CRSError, ProjError):
+        raise error("norths.grid", grid=grid) from None
+    return float(np.radians(found.meridian_convergence))
+
+
+def norths(site: Site, date: str | None = None, grid: str | None = None) -> list[North]:
+    """Return the norths that are asked for, true north first.
+
+    `date`: day for the world magnetic model, None without magnetic north; `grid`: projection, None
+    without grid north.
+    """
+    out = [North("true", 0.0, 0.0, "the Earth's axis")]
+    field = world_field(date, site)
+    if field is not None:
+        basis = f"world magnetic model, {date}"
+        out.append(North("magnetic", field.declination, field.declination_sd, basis))
+    if grid is not None:
+        out.append(North("grid", convergence(site, grid), 0.0, grid))
+    return out

@@ -1,0 +1,89 @@
+"""Kernels compiled before they are called: the table fits them, and is all that is needed."""
+
+import importlib
+import os
+import subprocess
+import sys
+
+import pytest
+from numba.core.sigutils import normalize_signature
+
+from foucault.kernels import ahead
+from foucault.procedures import PROCEDURES
+
+TABLE = ahead.table()
+
+
+def test_the_table_names_what_there_is():
+    assert set(TABLE["lanes"]) <= set(PROCEDURES)
+    names = {name for lanes in TABLE["lanes"].values() for lane in lanes for name in lane}
+    assert names == set(TABLE["signatures"])
+    for name in names:
+        module, function = name.split(".")
+        kernel = getattr(importlib.import_module(f"foucault.kernels.{module}"), function)
+        arguments = kernel.py_func.__code__.co_argcount
+        for signature in TABLE["signatures"][name]:
+            assert len(normalize_signature(signature)[0]) == arguments
+
+
+def test_only_what_is_missing_is_compiled(tmp_path):
+    version = f"{sys.version_info[0]}{sys.version_info[1]}"
+    assert ahead.missing(["pose.forward"], tmp_path)
+    (tmp_path / "kernels_1").mkdir()
+    (tmp_path / "kernels_1" / "pose.forward-7.py27.nbi").touch()
+    assert ahead.missing(["pose.forward"], tmp_path)  # that of another Python
+    (tmp_path / "kernels_1" / f"pose.forward-7.py{version}.nbi").touch()
+    assert not ahead.missing(["pose.forward"], tmp_path)
+    assert ahead.missing(["pose.forward", "pose.backward"], tmp_path)
+
+
+def test_a_log_that_cannot_be_read_stops_the_compiling(tmp_path, monkeypatch):
+    started = []
+    real = subprocess.Popen
+    monkeypatch.setattr(ahead, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(ahead.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(
+        ahead.subprocess, "Popen", lambda *a, **k: started.append(real(*a, **k)) or started[-1]
+    )
+    with (
+        pytest.raises(OSError, match="no such log"),
+        ahead.compiling("north_seeking", lambda *_: None),
+    ):
+        raise OSError("no such log")
+    assert len(started) == 2
+    assert all(process.poll() is not None for process in started)
+    with ahead.compiling("norm_observation", lambda *_: None):
+        pass
+    assert len(started) == 2
+
+
+CALIBRATE = """
+import sys
+from foucault.campaign import calibrate
+calibrate(sys.argv[1])
+compiled = set()
+for module in list(sys.modules.values()):
+    if module.__name__.startswith("foucault.kernels."):
+        for f in vars(module).values():
+            if hasattr(f, "stats") and f.stats.cache_misses:
+                compiled.add(f.py_func.__module__.split(".")[-1] + "." + f.py_func.__name__)
+print(*sorted(compiled))
+"""
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="compiles ahead on two cores only")
+@pytest.mark.parametrize("procedure", TABLE["lanes"])
+def test_a_calibration_compiles_nothing_of_the_table_itself(procedure, tmp_path):
+    campaign = tmp_path / "campaign.toml"
+    foucault = [sys.executable, "-m", "foucault", "-q"]
+    subprocess.run([*foucault, "init", procedure, "-o", campaign], check=True)
+    subprocess.run([*foucault, "simulate", campaign, "-o", tmp_path / "session"], check=True)
+    out = subprocess.run(
+        [sys.executable, "-c", CALIBRATE, tmp_path / "session" / "campaign.toml"],
+        check=True,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+    ).stdout
+    assert not set(out.split()) & set(TABLE["signatures"])

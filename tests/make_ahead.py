@@ -1,0 +1,138 @@
+"""Write ``kernels/ahead.toml``: which kernels each procedure compiles, in two lanes.
+
+A session of each procedure is simulated and calibrated with an empty cache. A lane takes the next
+kernel when it is free: that from which the longest way of compiling leads to what is called, and
+whose own parts are begun.
+
+Run: python tests/make_ahead.py
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections import defaultdict
+from pathlib import Path
+
+WORTH = 2.5
+"""A procedure that compiles for less is not worth two processes [s]."""
+
+SPY = """
+import json, sys, time
+from numba.core import event
+stack, out = [], []
+class Spy(event.Listener):
+    def on_start(self, e):
+        stack.append([time.process_time(), 0.0, []])
+    def on_end(self, e):
+        began, inner, parts = stack.pop()
+        took = time.process_time() - began
+        f = e.data["dispatcher"].py_func
+        name = f.__module__.removeprefix("foucault.kernels.") + "." + f.__name__
+        ours = f.__module__.startswith("foucault.")
+        if stack:
+            stack[-1][1] += took if ours else 0.0
+            stack[-1][2] += [name] if ours else parts
+        if ours:
+            out.append([name, took - inner, parts])
+event.register("numba:compile", Spy())
+from foucault.campaign import calibrate
+from foucault.kernels import ahead
+ahead.table = lambda: {"lanes": {}}
+calibrate(sys.argv[1])
+signatures = {}
+for module in list(sys.modules.values()):
+    where = getattr(module, "__name__", "")
+    if where.startswith("foucault.kernels."):
+        for f in vars(module).values():
+            if hasattr(f, "signatures") and f.py_func.__module__ == where:
+                name = where.removeprefix("foucault.kernels.") + "." + f.py_func.__name__
+                signatures[name] = [", ".join(map(short, s)) for s in f.signatures if plain(s)]
+print(json.dumps([out, {k: v for k, v in signatures.items() if v}]))
+"""
+
+TYPES = '''
+from numba import types
+SHORT = {"float64": "f8", "int64": "i8", "bool": "b1"}
+def short(t):
+    if not isinstance(t, types.Array):
+        return SHORT[str(t)]
+    return SHORT[str(t.dtype)] + "[" + ":," * (t.ndim - 1) + "::1]"
+def plain(s):
+    """Numbers written as arguments, and views whose rows are apart, are left to the call."""
+    return all(t.layout == "C" if isinstance(t, types.Array) else str(t) in SHORT for t in s)
+'''
+
+
+def compiled(procedure: str) -> tuple[list[tuple[str, float, list[str]]], dict[str, list[str]]]:
+    """Return what a session compiles (name, seconds, parts) in the order of ending; signatures."""
+    with tempfile.TemporaryDirectory() as folder:
+        foucault = [sys.executable, "-m", "foucault", "-q"]
+        campaign = f"{folder}/campaign.toml"
+        subprocess.run([*foucault, "init", procedure, "-o", campaign], check=True)
+        subprocess.run([*foucault, "simulate", campaign, "-o", folder + "/s"], check=True)
+        cold = os.environ | {"NUMBA_CACHE_DIR": folder + "/cache"}
+        command = [sys.executable, "-c", TYPES + SPY, folder + "/s/campaign.toml"]
+        out = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, env=cold)
+    found = json.loads(out.stdout.splitlines()[-1])
+    return [(name, took, parts) for name, took, parts in found[0]], found[1]
+
+
+def lanes(work: list[tuple[str, float, list[str]]]) -> list[list[str]]:
+    """Share work between two lanes."""
+    seconds: dict[str, float] = defaultdict(float)
+    parts: dict[str, set[str]] = defaultdict(set)
+    for name, took, inner in work:
+        seconds[name] += took
+        parts[name] |= set(inner) - {name}
+    after = {name: [other for other in seconds if name in parts[other]] for name in seconds}
+
+    def way(name: str) -> float:
+        return seconds[name] + max((way(other) for other in after[name]), default=0.0)
+
+    out: list[list[str]] = [[], []]
+    free, begun = [0.0, 0.0], set()
+    while len(begun) < len(seconds):
+        ready = [n for n in seconds if n not in begun and parts[n] <= begun]
+        name = max(ready, key=way)
+        lane = free.index(min(free))
+        out[lane].append(name)
+        free[lane] += seconds[name]
+        begun.add(name)
+    return out
+
+
+def main() -> None:
+    """Write the table."""
+    from foucault.kernels.ahead import TABLE
+    from foucault.procedures import PROCEDURES
+
+    shared: dict[str, list[list[str]]] = {}
+    signatures: dict[str, list[str]] = {}
+    for procedure in PROCEDURES:
+        work, found = compiled(procedure)
+        work = [(n, t, [p for p in parts if p in found]) for n, t, parts in work if n in found]
+        print(procedure, f"{sum(t for _, t, _ in work):.1f} s in {len(work)} kernels")
+        if sum(t for _, t, _ in work) > WORTH:
+            shared[procedure] = lanes(work)
+            for name in {n for lane in shared[procedure] for n in lane}:
+                signatures[name] = sorted({*signatures.get(name, []), *found[name]})
+    lines = ["# Written by tests/make_ahead.py.", "[lanes]"]
+    for procedure, both in shared.items():
+        lines += [f"{procedure} = ["]
+        for lane in both:
+            lines += ["  [", *[f'    "{name}",' for name in lane], "  ],"]
+        lines += ["]"]
+    lines += ["", "[signatures]"]
+    lines += [
+        f'"{name}" = [{", ".join(json.dumps(f"({s},)") for s in signatures[name])}]'
+        for name in sorted(signatures)
+    ]
+    Path(TABLE).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
