@@ -88,3 +88,14 @@ def test_init_of_a_log_that_calibrates_nothing_says_what_is_missing(tmp_path):
     said = " ".join(run("init", "--log", file, "-o", tmp_path / "campaign.toml").split())
     assert "calibrates nothing yet. A rest tells noise" in said
     assert "then run" not in said
+
+
+def test_inspect_and_allan_take_the_answer_to_a_question(tmp_path):
+    two = make.write("arduino_print", tmp_path, make.truth(1, 50.0, 12))
+    assert "fits in two ways" in run("allan", two, code=1)
+    assert "50 Hz" in run("inspect", two, "--set", "rate = 50 Hz")
+    assert "50 Hz" in run("allan", two, "--set", "rate = 50 Hz")
+    campaign = tmp_path / "campaign.toml"
+    campaign.write_text("[log]\n")
+    said = run("inspect", campaign, "--set", "rate = 50 Hz", code=1)
+    assert "--set is for a log without a campaign" in said

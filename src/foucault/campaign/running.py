@@ -367,16 +367,18 @@ def calibration_of(path: Path) -> tuple[Result, dict[str, str]]:
 
 
 def read_any(
-    path: Path | Sequence[Path], progress: Progress, *, whole: bool = False, one: bool = False
-) -> tuple[Log, Campaign | None]:
+    path: Path | Sequence[Path], progress: Progress, *, whole: bool = False, one: bool = False,
+    said: Mapping[str, Any] | None = None,
+) -> tuple[Log, Campaign | None]:  # fmt: skip
     """Read the log of a campaign file, or a bare one, in one file or several.
 
+    `said`: keys of [log] that are known of a bare one.
     A triad without a column for each axis is refused where the log has to be `whole`, files that
     were recorded one by one where it has to be `one`. Returns the campaign too, where there is one.
     """
     paths = [path] if isinstance(path, Path) else list(path)
     if len(paths) > 1 or paths[0].suffix != ".toml":
-        description, told = _described(paths)
+        description, told = _described(paths, said)
         if whole:
             description.whole()
         folder = paths[0].parent
@@ -393,15 +395,19 @@ def read_any(
     return log, campaign
 
 
-def _described(paths: Sequence[Path]) -> tuple[LogDescription, tuple[Finding, ...]]:
+def _described(
+    paths: Sequence[Path], said: Mapping[str, Any] | None
+) -> tuple[LogDescription, tuple[Finding, ...]]:
     """Describe a bare log by its titles and numbers, or by titles alone where these do not tell."""
     if len(paths) == 1 and describes_itself(paths[0]):
         return LogDescription.model_validate({"file": paths[0].name}), ()
     try:
-        seen = recognise(paths)
+        seen = recognise(paths, said)
         if seen.questions:
             raise question(seen)
     except FoucaultError as problem:
+        if len(paths) > 1 or said:
+            raise
         try:
             return description_of(paths[0])
         except FoucaultError as other:

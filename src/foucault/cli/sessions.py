@@ -103,6 +103,7 @@ def inspect(
     everything: Annotated[
         bool, typer.Option("--all", help="Print every rest and every finding.")
     ] = False,
+    taken: options.Taken = None,
 ) -> None:
     """Look at a log: axes, when it was at rest, what looks wrong.
 
@@ -113,9 +114,9 @@ def inspect(
     from foucault.report import noise, save
 
     screen: Screen = ctx.obj
-    held = _taken(screen, log)
+    held = _taken(screen, log, known := _known(log, taken))
     with screen.progress() as tell:
-        table, start = from_start(read_any(log, tell)[0] if held is None else held.log)
+        table, start = from_start(read_any(log, tell, said=known)[0] if held is None else held.log)
         screen.log, screen.everything = str(table.source.get("sha256", "")), everything
         tell(0.7, "finding rests")
         seen = live.inspect(table)
@@ -126,11 +127,20 @@ def inspect(
         shown = said if everything else noise.glance(seen, start)
     where = [] if plots is None else [f"Plots are in {plots}."]
     more = [] if everything else ["--all prints every rest and every finding."]
-    taken = {} if held is None else {"recognised": [line.as_dict() for line in held.lines]}
-    raise screen.tell(shown, _document(log[0], seen, start) | taken, *where, *more)
+    said_of = {} if held is None else {"recognised": [line.as_dict() for line in held.lines]}
+    raise screen.tell(shown, _document(log[0], seen, start) | said_of, *where, *more)
 
 
-def _taken(screen: Screen, log: Sequence[Path]) -> Bare | None:
+def _known(log: Sequence[Path], taken: Sequence[str] | None) -> dict[str, Any]:
+    """Return the keys of [log] that were said of a bare log."""
+    from foucault.campaign.recognised import said_of
+
+    if not options.bare(log):
+        options.refuse_beside({}, taken)
+    return said_of(taken or ())
+
+
+def _taken(screen: Screen, log: Sequence[Path], known: dict[str, Any]) -> Bare | None:
     """Say what a bare log was taken for; nothing of one that says itself what it holds."""
     from foucault.campaign.recognised import found
     from foucault.cli.results import say_taken
@@ -139,7 +149,7 @@ def _taken(screen: Screen, log: Sequence[Path]) -> Bare | None:
     if not options.bare(log):
         return None
     try:
-        held = found(log)
+        held = found(log, known)
     except FoucaultError:  # whoever reads it says what is wrong
         return None
     if held.recognised.described:
@@ -240,6 +250,7 @@ def allan(
             "--moving", help="Tell the vibration of a log that moves from its noise at rest."
         ),
     ] = False,
+    taken: options.Taken = None,
     output: options.FolderIfWanted = None,
 ) -> None:
     """Find the noise of an instrument at rest.
@@ -267,7 +278,7 @@ def allan(
         if column:
             read = logs.read(columns_alone(log[0], column, unit, rate), log[0].parent)
         else:
-            read = read_any(log, tell)[0]
+            read = read_any(log, tell, said=_known(log, taken))[0]
         table, _ = from_start(read)
         screen.log = str(table.source.get("sha256", ""))
         tell(0.7, "computing variances")

@@ -59,7 +59,7 @@ class Sense:
     name: str
     told: str  # what tells the size of a reading
     rates: tuple[str, dict[str, float]]  # what it measures, and the usual units [SI]
-    sums: tuple[str, dict[str, float]]  # the same of increments
+    sums: tuple[str, dict[str, float]]  # the same of increments [SI]
     sum_unit: tuple[str, float]  # in which increments of no usual unit are written [SI]
     one: float  # what the counts of converters are given for [SI]
     of: str  # the same in words

@@ -67,6 +67,7 @@ SECTIONS = {
     "evidence.norms_of_readings": "readings",
     "evidence.rate_steps": "rate_steps",
     "evidence.field": "magnetometer field cells heading",
+    "evidence.spins": "spins mountings",
     "evidence.headings": "headings",
     "evidence.residuals": "rests",
     "evidence.residuals_of_readings": "readings",

@@ -685,6 +685,35 @@ def field(result: Result) -> Section | None:
     return section(key, rows, draw(key, data, lines=[size]), lead=lead)
 
 
+def spins(result: Result) -> Section | None:
+    """What the tool did in every spin, and how the instrument sat in each mounting."""
+    some, grips = result.tables["spins"], result.tables["mountings"]
+
+    def shown(values: Any, unit: float = 1.0, digits: int = 3) -> list[str]:
+        return [f"{x / unit:.{digits}g}" for x in np.asarray(values, float)]
+
+    degree = np.radians(1.0)
+    each = table(
+        ("start [s]: number", [f"{x:.1f}" for x in some["time"]]),
+        ("length [s]: number", [f"{x:.1f}" for x in some["length"]]),
+        ("mounting: number", shown(some["mounting"])),
+        ("rate [°/s]: number", shown(some["rate"], degree, 4)),
+        ("turns: number", shown(some["turns"])),
+        ("wander [%]: number", shown(some["wander"], 0.01, 2)),
+        ("sway [°]: number", shown(some["sway"], degree, 2)),
+        ("noise of a reading [mg]: number", shown(some["accel_sd"], 9.80665e-3, 2)),
+        ("and of a gyro [°/s]: number", shown(some["gyro_sd"], degree, 2)),
+        ("shift [mm]: number", shown(some["slip"], 1e-3, 2)),
+    )
+    sat = table(
+        ("mounting: number", shown(grips["mounting"])),
+        *((f"axis {a}: number", [f"{x:.4f}" for x in grips[f"axis_{a}"]]) for a in "xyz"),
+        ("tilt [°]: number", shown(grips["tilt"], degree)),
+        ("lever arm [mm]: number", shown(grips["arm"], 1e-3)),
+    )
+    return section("evidence.spins", each, sat, lead=said("evidence.spins.lead"))
+
+
 def _steps_figure(some: Any) -> Figure:
     """One panel per column, one trace per axis of the instrument."""
     speed, up = (np.asarray(some[k], float) for k in ("rate_true", "up"))
