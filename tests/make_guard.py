@@ -200,6 +200,7 @@ _QUICK: dict[str, dict[str, dict[str, Any]]] = {
     "transfer_alignment": {"simulate": {"rate": "25 Hz", "message_rate": "2 Hz",
                                         "with_outage": False}},
     "imu_pose": {"simulate": {"time": "20 s", "rate": "100 Hz", "pose_rate": "50 Hz"}},
+    "two_imus": {"simulate": {"time": "20 s", "rate": "100 Hz"}},
 }  # fmt: skip
 """Shorter than the templates: as much as each procedure needs to pass."""
 
@@ -211,8 +212,16 @@ def _simulated(name: str, folder: Path, words: dict[str, dict[str, Any]]) -> Ses
     marked = file.read_text().startswith("#")
     columns = _arrays(pacsv.read_csv(file, pacsv.ReadOptions(skip_rows=int(marked))))
     beside = folder / tomllib.loads(path.read_text()).get("master", {}).get("file", "")
-    master = _arrays(pacsv.read_csv(beside)) if beside.is_file() else {}
+    own = beside.is_file() and beside.read_text().startswith("#")
+    options = pacsv.ReadOptions(skip_rows=int(own))
+    master = _arrays(pacsv.read_csv(beside, options)) if beside.is_file() else {}
     made = Session(path.read_text(), columns, _calibrate, master)
+    if own:  # an IMU beside
+        made = made.with_keys(master={
+            "time": {"column": "time", "unit": "s"},
+            "gyro": {"columns": list(GYRO), **RATES["gyro"]},
+            "accel": {"columns": list(ACCEL), **RATES["accel"]},
+        })  # fmt: skip
     if not marked:
         return replace(made, columns={k.partition(" (")[0]: v for k, v in columns.items()})
     made = _described(made, "sampled=increment" in file.read_text()[:80])

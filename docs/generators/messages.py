@@ -25,7 +25,7 @@ GROUPS: dict[str, tuple[str, str]] = {
     "systematic": ("Systematic calibration", "systematic sequence deflection"),
     "transfer": (
         "Transfer alignment, and two logs of one body",
-        "transfer transfer_plan master delay manoeuvre h_infinity pose",
+        "transfer transfer_plan master delay manoeuvre h_infinity pose imus",
     ),
     "plans": ("Planning a session", "preflight optimise observability"),
     "navigate": ("Aligning and navigating", "alignment navigate reference strapdown"),

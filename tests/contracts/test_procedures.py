@@ -95,12 +95,13 @@ SESSIONS = {
         noise=SLAVE,
     ),
     "imu_pose": Case("imu_pose", {}, {"time": 20.0}, grade="mems"),
+    "two_imus": Case("two_imus", {}, {"time": 20.0}, grade="mems"),
 }  # fmt: skip
 ON_TABLE = ("norm_observation", "multi_position", "turntable")
 MIXED = tuple(
     n for n in PROCEDURES
     if n not in ("hand_rotated_published", "platform_tumble", "systematic", "transfer_alignment",
-                 "imu_pose")
+                 "imu_pose", "two_imus")
 )  # fmt: skip
 
 
@@ -650,6 +651,8 @@ SCATTER = {
     "systematic": (10, SESSIONS["systematic"]),
     "transfer_alignment": (12, SESSIONS["transfer_alignment"]),
     "imu_pose": (20, SESSIONS["imu_pose"]),
+    "two_imus": (20, SESSIONS["two_imus"]),
+    "two_imus, three": (10, Case("two_imus", {}, {"time": 20.0, "imus": 3}, grade="mems")),
     "imu_pose, positions alone": (
         15, Case("imu_pose", {}, {"time": 30.0, "with_attitude": False}, grade="mems")
     ),

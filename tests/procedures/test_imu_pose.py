@@ -9,16 +9,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import make_pose
+from foucault.estimate.imu_pose import NAMES
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
+from foucault.models.imu import Gauge
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.pose import READINGS, PoseTable
+from foucault.models.rotation import matrix_of
 from foucault.procedures import imu_pose
 from foucault.procedures.imu_pose import PoseLog, Settings
-from foucault.procedures.imu_pose.model import NAMES
 from foucault.result import Level
 from foucault.tables import Log
 from refusals import refuses
@@ -82,8 +85,8 @@ def test_two_percent_of_outliers_and_lost_seconds_do_no_harm():
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("how", "rms"), [
-    ({"duration": 60.0, "vigour": 1.0}, (0.046, 10.0)),
-    ({"duration": 15.0, "vigour": 1.0}, (0.12, 16.0)),
+    ({"duration": 60.0, "vigour": 1.0}, (0.39, 0.046, 10.0)),
+    ({"duration": 15.0, "vigour": 1.0}, (0.92, 0.12, 16.0)),
 ])  # fmt: skip
 def test_errors_are_those_that_are_promised(how, rms):
     """NEES inside two-sided limits over 20 sessions, and the accuracy that was asked for."""
@@ -94,24 +97,67 @@ def test_errors_are_those_that_are_promised(how, rms):
         e, cov = off(result, truth)
         total += e @ np.linalg.solve(cov, e)
         at = {n: k for k, n in enumerate(result.coefficients.names)}
-        found.append([e[[at[f"pose.lever.{a}"] for a in "xyz"]], np.repeat(e[at["pose.delay"]], 3)])
+        found.append([*(e[[at[f"pose.{what}.{a}"] for a in "xyz"]] for what in
+                        ("rotation", "lever")), np.repeat(e[at["pose.delay"]], 3)])  # fmt: skip
     low, high = chi_square_limits(n * len(e), tests=2)
     assert low < total < high
     assert not low < 1.5 * total < high
-    size = np.sqrt(np.mean(np.square(found), axis=(0, 2))) * [1e3, 1e6]
+    size = np.sqrt(np.mean(np.square(found), axis=(0, 2))) * [60 * np.degrees(1), 1e3, 1e6]
     assert (size < 1.1 * np.array(rms)).all()
 
 
-def test_what_the_motion_does_not_show_is_said():
+def of_motion(motion, seed, time=20.0):
+    """Return the result of a session that the program simulates, errors, and what is not seen."""
     from sessions import Case, made
     from sessions import solved as calibrated
 
+    case = Case("imu_pose", {}, {"time": time, "motion": motion}, grade="mems")
+    session = made(case, seed)
+    result = calibrated(case, session.log)
+    c = result.coefficients
+    imu = session.model.in_gauge(Gauge.LOWER)[0]
+    own = imu.coefficients([n for n in c.names if n.startswith(("gyro.", "accel.")) and n != LATE])
+    truth = dict(zip(own.names, own.values, strict=True)) | {LATE: 0.0}
+    truth |= dict(zip(session.beside.names, session.beside.values, strict=True))
+    return result, c.values - np.array([truth[n] for n in c.names])
+
+
+LATE = "accel.delay"
+NOT_SEEN = {
+    # Turned about the accelerometers themselves, the angle about the axis is not seen either.
+    "one axis": {"pose.lever.x", "pose.lever.y", "pose.lever.z", "pose.rotation.z"},
+    "planar": {"pose.lever.z", "gyro.scale.x", "gyro.misalignment.xz"},
+}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("motion", NOT_SEEN)
+def test_what_the_motion_does_not_show_is_said_and_the_rest_is_honest(motion):
+    """Noise that looks like information would make both of it wrong by thousands of sd."""
+    sure, seen, n = 0.0, 0.0, 3
+    for seed in range(n):
+        result, e = of_motion(motion, seed)
+        c, unseen = result.coefficients, result.diagnostics["unseen"]
+        assert set(unseen) >= NOT_SEEN[motion]
+        assert result.verdict.level is not Level.PASS
+        assert np.abs(e / c.sd).max() < 5.0
+        k = [i for i, name in enumerate(c.names) if name not in unseen]
+        seen += e[k] @ np.linalg.solve(c.cov[np.ix_(k, k)], e[k]) / len(k)
+        # What a prior has no part in.
+        k = [i for i, name in enumerate(c.names) if name.startswith(SURELY)]
+        sure += e[k] @ np.linalg.solve(c.cov[np.ix_(k, k)], e[k])
+    low, high = chi_square_limits(n * len(k), tests=4)
+    assert low < sure < high
+    assert seen / n < chi_square_limits(n * 11, tests=4)[1] / (n * 11)
+
+
+SURELY = ("gyro.bias", "pose.delay", "pose.clock", "pose.level")
+
+
+def test_preflight_says_the_motion_to_make():
+    from sessions import Case
+
     case = Case("imu_pose", {}, {"time": 20.0, "motion": "one axis"}, grade="mems")
-    result = calibrated(case, made(case, 1).log)
-    assert "pose.lever.z" in result.diagnostics["unseen"]
-    assert result.verdict.level is not Level.PASS
-    assert result.coefficients["pose.lever"].sd[2] > 0.25
-    assert result.coefficients["pose.lever"].sd[:2].max() < 0.1
     told = case.record.foreseen(case.beforehand).findings[0]
     assert "turn about at least two axes, with starts and stops" in told.message
 
@@ -193,19 +239,32 @@ def test_a_log_needs_poses_and_both_triads():
         solved(replace(log, accel=None), table)
 
 
+def coloured(seed, rho):
+    """Return a session whose poses have noise like the last one's, with the same size as ever."""
+    log, table, truth = session(200 + seed, sd=(2e-4, 1e-4))
+    rng = np.random.default_rng(seed)
+
+    def slow(sd):
+        white = rng.standard_normal((len(table) + 500, 3))
+        return sd * np.sqrt(1 - rho**2) * lfilter([1.0], [1.0, -rho], white, axis=0)[500:]
+
+    C = Rotation.from_quat(table.quaternion[:, [1, 2, 3, 0]]) * Rotation.from_rotvec(slow(1.7e-3))
+    position, q = table.position + slow(5e-4), C.as_quat()[:, [3, 0, 1, 2]]
+    return log, replace(table, position=position, quaternion=q), truth
+
+
+@pytest.mark.thorough
 def test_coloured_noise_widens_what_is_stated():
-    log, table, truth = session(6)
-    rng, n = np.random.default_rng(3), len(table)
-    slow = np.zeros((n, 3))
-    for k in range(1, n):
-        slow[k] = 0.98 * slow[k - 1] + 2e-4 * rng.standard_normal(3)
-    result = solved(log, replace(table, position=table.position + slow))
-    white = solved(log, table)
-    assert result.diagnostics["pose"]["lag_one"][1] > 0.1
-    wider = result.coefficients["pose.lever"].sd / white.coefficients["pose.lever"].sd
-    assert wider.min() > 1.5
-    e, cov = off(result, truth)
-    assert np.abs(e / np.sqrt(np.diag(cov))).max() < 5.0
+    total, n = 0.0, 10
+    for seed in range(n):
+        log, table, truth = coloured(seed, 0.9)
+        result = solved(log, table)
+        assert min(result.diagnostics["pose"]["lag_one"]) > 0.7
+        e, cov = off(result, truth)
+        total += e @ np.linalg.solve(cov, e)
+    low, high = chi_square_limits(n * len(e), tests=2)
+    assert low < total < high
+    assert not low < 2.0 * total < high
 
 
 # -- real runs -------------------------------------------------------------------------------------
@@ -230,11 +289,39 @@ def broad(run):
 def test_five_runs_of_one_mounting_agree():
     found = [solved(*broad(run)).coefficients for run in ("32", "33", "34", "35", "36")]
     lever = 1e3 * np.array([c["pose.lever"].values for c in found])
-    late = 1e3 * np.array([c.value("accel.delay") for c in found])
-    assert lever.std(axis=0, ddof=1).max() < 0.15
+    late = 1e3 * np.array([c.value(LATE) for c in found])
+    # 0.1 mm is asked for and 0.09, 0.13, 0.12 are found: as much as is stated, by chi-square.
+    sd = 1e3 * np.array([c["pose.lever"].sd for c in found])
+    assert sd.max() < 0.2
+    low, high = chi_square_limits(12)
+    assert low < np.sum(((lever - lever.mean(axis=0)) / sd) ** 2) < high
     assert np.abs(lever.mean(axis=0) - [1.9, -0.6, -7.4]).max() < 0.15
-    assert late.std(ddof=1) < 0.11
-    assert late.mean() == pytest.approx(-1.45, abs=0.12)
-    sd = np.array([c["pose.lever"].sd for c in found])
-    z = (lever - lever.mean(axis=0)) / (1e3 * sd)
-    assert np.sum(z**2) < chi_square_limits(12)[1]
+    assert late.mean() == pytest.approx(-1.45, abs=0.1)
+
+
+@THERE
+@pytest.mark.thorough
+def test_the_delay_of_accelerometers_is_the_same_in_all_runs():
+    runs = ("03", "05", "07", "09", "21", "32", "33", "34", "35", "36")
+    late = [1e3 * solved(*broad(run)).coefficients.value(LATE) for run in runs]
+    assert np.std(late, ddof=1) < 0.1
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(not VEHICLE.is_dir(), reason=f"real logs are not here: {VEHICLE}")
+def test_an_imu_beside_another_solution_on_a_vehicle():
+    """Delay by rate matching, drift by heading closure: 15.5 ms and 75.4 deg/h."""
+    from scipy.io import loadmat
+
+    told = loadmat(VEHICLE / "transfer_align_fog_mems.mat")
+    imu, (pitch, roll, yaw, _, _, _, lat, lon, h, t) = told["mimu"], told["fogavp"].T
+    place = 6.378e6 * np.column_stack([(lon - lon[0]) * np.cos(lat[0]), lat - lat[0]])
+    C = matrix_of(-yaw, pitch, roll)
+    table = PoseTable(t, np.column_stack([place, h - h[0]]), make_pose.quaternion(C))
+    log = Log(imu[:, 6], 100 * imu[:, :3], 100 * imu[:, 3:6], sampled="increment")
+    site = Site.at(lat[0])
+    c = imu_pose.calibrate(PoseLog.of(log, table), site=site).coefficients
+    assert 1e3 * c.value("pose.delay") == pytest.approx(-15.5, abs=0.5)
+    vertical = np.degrees(7.292e-5) * 3600 * np.sin(lat[0])
+    drift = np.degrees(c["gyro.bias"].values) * 3600 - [0, 0, vertical]
+    assert drift == pytest.approx([-214.0, 170.0, 75.4], abs=4.0)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from foucault.errors import error, suggestion
+from foucault.export import ties
 from foucault.export.densities import Densities, densities
 from foucault.export.over_temperature import over_temperature
 from foucault.export.quantities import Known, in_gauge
@@ -48,9 +49,10 @@ NOISE = "noise"
 def known_as(name: str) -> str:
     """Return the name of a receiver, by whichever of its names it is called."""
     name = ALIASES.get(name, name)
-    if name not in RECEIVERS:
-        hint = suggestion(name, RECEIVERS)
-        raise error("export.receiver", given=name, hint=hint, allowed=", ".join(RECEIVERS))
+    every = (*RECEIVERS, *ties.FORMS)
+    if name not in every:
+        hint = suggestion(name, every)
+        raise error("export.receiver", given=name, hint=hint, allowed=", ".join(every))
     return name
 
 
@@ -80,7 +82,9 @@ def write(
     if not force:
         keep_others(path, [EXPORTED])
     receiver, drop = known_as(receiver), tuple(drop)
-    if is_cluster(result.coefficients) or result.procedure == "north_seeking":
+    if receiver in ties.FORMS:
+        said = ties.text(result, receiver, force)
+    elif is_cluster(result.coefficients) or result.procedure == "north_seeking":
         said = _whole(result, receiver, axes, drop, force)
     elif receiver in _CODE:
         module: Any = import_module(f"foucault.export.{_CODE[receiver]}")

@@ -57,7 +57,7 @@ def preintegrate(node, dt, theta, force, middle, K_g, K_a, raw_g, raw_a, late, q
     v, p = np.zeros(3), np.zeros(3)
     A, T9, T22 = np.zeros((9, 22)), np.zeros((3, 9)), np.zeros((3, 22))
     I_g, I_a, S = np.zeros((3, 22)), np.zeros((3, 22)), np.zeros((9, 9))
-    new = np.zeros((3, 22))
+    new, D_a = np.zeros((3, 22)), np.zeros((3, 22))
     for k in range(1, m):
         for i in range(3):
             v[i] = 0.0
@@ -82,6 +82,16 @@ def preintegrate(node, dt, theta, force, middle, K_g, K_a, raw_g, raw_a, late, q
                     for c in range(j + 1):
                         I_a[i, column] = -K_a[i, j] * raw_a[r, c]
                         column += 1
+            # The force in axes of the beginning, u + theta x u / 2: both change. Columns cancel
+            # where a motion does not show them, and must not be less exact than that.
+            u0, u1, u2 = force[r, 0], force[r, 1], force[r, 2]
+            t0, t1, t2 = 0.5 * theta[r, 0], 0.5 * theta[r, 1], 0.5 * theta[r, 2]
+            for c in range(22):
+                a, b, d = 0.5 * I_g[0, c], 0.5 * I_g[1, c], 0.5 * I_g[2, c]
+                x, y, z = I_a[0, c], I_a[1, c], I_a[2, c]
+                D_a[0, c] = x + b * u2 - d * u1 + t1 * z - t2 * y
+                D_a[1, c] = y + d * u0 - a * u2 + t2 * x - t0 * z
+                D_a[2, c] = z + a * u1 - b * u0 + t0 * y - t1 * x
             # The position first, with velocity and attitude of the beginning.
             _turned(C, force[r], A[:3], T22)
             for i in range(3):
@@ -91,7 +101,7 @@ def preintegrate(node, dt, theta, force, middle, K_g, K_a, raw_g, raw_a, late, q
                 for c in range(22):
                     s = T22[i, c]
                     for j in range(3):
-                        s += C[i, j] * I_a[j, c]
+                        s += C[i, j] * D_a[j, c]
                     A[6 + i, c] += A[3 + i, c] * h + 0.5 * h * s
                     new[i, c] = s
             for i in range(3):
@@ -122,7 +132,6 @@ def preintegrate(node, dt, theta, force, middle, K_g, K_a, raw_g, raw_a, late, q
             for c in range(22):
                 a, b, d = A[0, c], A[1, c], A[2, c]
                 x, y, z = I_g[0, c], I_g[1, c], I_g[2, c]
-                t0, t1, t2 = 0.5 * theta[r, 0], 0.5 * theta[r, 1], 0.5 * theta[r, 2]
                 A[0, c] = E[0, 0] * a + E[1, 0] * b + E[2, 0] * d + x - (t1 * z - t2 * y)
                 A[1, c] = E[0, 1] * a + E[1, 1] * b + E[2, 1] * d + y - (t2 * x - t0 * z)
                 A[2, c] = E[0, 2] * a + E[1, 2] * b + E[2, 2] * d + z - (t0 * y - t1 * x)

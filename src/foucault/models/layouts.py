@@ -19,7 +19,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.models import cluster, imu, magnetometer, pose, size_effect, transfer
+from foucault.models import cluster, imu, magnetometer, pose, size_effect, transfer, two_imus
 from foucault.models.cluster import ClusterModel
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel, coefficient_slot
@@ -33,7 +33,10 @@ BESIDE = Layout(
 )  # fmt: skip
 """What is found of a slave on its master besides the errors of its sensors."""
 
-TIES = Layout((*BESIDE.coefficients, *pose.LAYOUT.coefficients))
+TIES = Layout((
+    *BESIDE.coefficients, *pose.LAYOUT.coefficients,
+    *(c for c in two_imus.LAYOUT.coefficients if c.name.startswith(two_imus.ORDINALS)),
+))  # fmt: skip
 """What ties an instrument to another one, and is no error of its readings."""
 
 EVERY = Layout(

@@ -39,6 +39,7 @@ PROCEDURES = {
     "systematic": "foucault.procedures.systematic",
     "transfer_alignment": "foucault.procedures.transfer_alignment",
     "imu_pose": "foucault.procedures.imu_pose",
+    "two_imus": "foucault.procedures.two_imus",
 }
 """Name in a campaign file -> module."""
 

@@ -14,7 +14,7 @@ Tables of the result
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -26,6 +26,8 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import check, plausible_scales, status_check
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, Status, error, finding
+from foucault.estimate import imu_pose as engine
+from foucault.estimate.imu_pose import LAYOUT, NAMES, Readings, Solution
 from foucault.guard.mistakes import exchange_words, exchanges
 from foucault.infer.filtered import component
 from foucault.infer.gauss_newton import FALSE_ALARM
@@ -38,8 +40,6 @@ from foucault.models.pose import LAYOUT as OF_POSE
 from foucault.models.pose import PoseTable
 from foucault.models.rotation import log as vector_of
 from foucault.models.size_effect import SizeEffect
-from foucault.procedures.imu_pose import model as engine
-from foucault.procedures.imu_pose.model import LAYOUT, NAMES, Readings, Solution
 from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
 from foucault.procedures.record import Beforehand, Given, Procedure, Robust, SampleRate
 from foucault.result import Check, Result, TableData, Verdict
@@ -96,7 +96,7 @@ class Settings(Robust):
     """Estimate the rate of the two clocks."""
     longest_offset: Seconds = Field(default=1.0, gt=0)
     """Where the offset is looked for by positions alone; with attitudes it is found anywhere."""
-    passes: int = Field(default=12, ge=6, le=40)
+    passes: int = Field(default=20, ge=6, le=40)
     """At most so many passes; fewer where nothing moves any more."""
 
     def held(self, attitude: bool) -> list[int]:
@@ -161,7 +161,10 @@ class PoseLog(Log):
         """Return the log of an IMU beside poses; `log`: its readings [SI]."""
         told = (*on_a_shared_clock(log.findings), *table.findings)
         source = log.source | ({"master": table.source} if table.source else {})
-        return cls(**vars(log) | {"findings": told, "source": source, "poses": table})
+        return cls(
+            **{f.name: getattr(log, f.name) for f in fields(Log)}
+            | {"findings": told, "source": source, "poses": table}
+        )
 
 
 def _with_poses(log: Log, description: PoseDescription, folder: str | Path) -> PoseLog:
@@ -368,7 +371,7 @@ def _told(s: Solution, clock_sd: float) -> list[Finding]:
     if abs(kappa) > SURE * max(clock_sd, sd):
         told.append(finding("pose.clock", kappa=plain(1e6 * kappa, 3), sd=plain(1e6 * sd, 2),
                             usual=plain(1e6 * clock_sd, 2)))  # fmt: skip
-    if s.halves > engine.COLOURED:
+    if s.halves > engine.MOVED:
         told.append(finding("pose.moved", factor=plain(s.halves, 2)))
     if s.spread > engine.COLOURED:
         attitude, position = (plain(x, 2) for x in s.lag_one)

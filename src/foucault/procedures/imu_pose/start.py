@@ -18,12 +18,13 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
 from foucault.estimate.delay_matching import SlaveAttitude
+from foucault.estimate.imu_pose import Point, Readings, corrected, solve
+from foucault.estimate.two_bodies import SMOOTH, clocks, even, gaps, one_axis, smooth, wahba
 from foucault.guard.mistakes import exchanges
 from foucault.models.pose import READINGS, PoseTable
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.rotation import log as vector_of
 from foucault.navigate.increments import Increments
-from foucault.procedures.imu_pose.model import Point, Readings, corrected, solve
 from foucault.tables import Log
 
 
@@ -100,22 +101,6 @@ class Start:
     step: float  # between two of these forces [s]
 
 
-FASTEST = 0.02
-"""No clock is faster by so much than another [1]."""
-
-GRID, SMOOTH = 0.005, 0.1
-"""Grid of the correlation, and window of the derivatives [s]."""
-
-
-def _smooth(x: FloatArray, step: float, order: int = 0) -> FloatArray:
-    """Return `x` (n, q) or its derivative by the parabola through a window, `step` [s]."""
-    from scipy.signal import savgol_filter
-
-    window = max(5, 2 * round(SMOOTH / step / 2) + 1)
-    degree = 2 if order < 2 else 3
-    return np.asarray(savgol_filter(x, window, degree, deriv=order, delta=step, axis=0))
-
-
 def _without_jumps(x: FloatArray) -> FloatArray:
     """Return `x` (n, q) with what is far from both neighbours' median put onto that median."""
     from scipy.ndimage import median_filter
@@ -126,66 +111,6 @@ def _without_jumps(x: FloatArray) -> FloatArray:
     return np.where(far[:, None], middle, x)
 
 
-def _even(time: FloatArray, x: FloatArray, grid: FloatArray) -> FloatArray:
-    return np.column_stack([np.interp(grid, time, c) for c in x.T])
-
-
-def gaps(time: FloatArray, grid: FloatArray, widest: float) -> BoolArray:
-    """Return which times of a `grid` lie in gaps of `time` that are longer than `widest` [s]."""
-    after = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
-    near = time[after] - time[after - 1] > widest
-    return np.asarray(near | (grid < time[0]) | (grid > time[-1]))
-
-
-def _offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, float]:
-    """Return by how much `b` (m,) is later than `a` (n,) [s], the peak and the second peak."""
-    from scipy.signal import correlate, correlation_lags, find_peaks
-
-    x, y = a - a.mean(), b - b.mean()
-    lags = correlation_lags(len(x), len(y))
-    total = correlate(x, y, method="fft")
-    one = correlate(x**2, np.ones_like(y), method="fft") * correlate(
-        np.ones_like(x), y**2, method="fft"
-    )
-    overlap = correlate(np.ones_like(x), np.ones_like(y), method="fft")
-    enough = overlap > 0.5 * min(len(x), len(y))
-    r = np.where(enough, total / np.sqrt(np.maximum(one, 1e-12 * one.max() + 1e-300)), -1.0)
-    k = int(np.argmax(r))
-    peaks = find_peaks(r)[0]
-    others = [r[j] for j in peaks if abs(lags[j] - lags[k]) * step > 0.2]
-    part = 0.0
-    if 0 < k < len(r) - 1:
-        bend = r[k - 1] - 2 * r[k] + r[k + 1]
-        part = float(0.5 * (r[k - 1] - r[k + 1]) / bend) if bend < 0 else 0.0
-    return (lags[k] + part) * step, float(r[k]), float(max(others, default=-1.0))
-
-
-def _drift(a: FloatArray, b: FloatArray, step: float, window: float = 10.0) -> tuple[float, float]:
-    """Return offset in the middle of `b` and its drift, from windows of it; see `_offset`."""
-    n = round(window / step)
-    found = []
-    for first in range(0, len(b) - n + 1, n):
-        part = b[first : first + n]
-        if part.std() < 0.2 * b.std():
-            continue
-        lag, peak, _ = _offset(a, part, step)
-        found.append((first + n / 2, lag - first * step, peak))
-    good = np.array([f for f in found if f[2] > 0.9])
-    if len(good) < 3:
-        return 0.0, np.nan
-    t = (good[:, 0] - len(b) / 2) * step
-    slopes = [(good[j, 1] - good[i, 1]) / (t[j] - t[i])
-              for i in range(len(good)) for j in range(i)]  # fmt: skip
-    slope = float(np.median(slopes))
-    return slope, float(np.median(good[:, 1] - slope * t))
-
-
-def wahba(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the rotation C, shape (3, 3), with ``a = C b`` best; `a`, `b` (n, 3) [any unit]."""
-    U, _, V = np.linalg.svd(a.T @ b)
-    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V)
-
-
 def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
     """Find offset, clock rate, rotation, lever arm and level in closed form, from rates and forces.
 
@@ -194,19 +119,19 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
     assert log.gyro is not None
     assert log.accel is not None
     step = float(np.median(np.diff(log.time)))
-    w_imu, f_imu = _smooth(log.gyro, step), _smooth(log.accel, step)
+    w_imu, f_imu = smooth(log.gyro, step), smooth(log.accel, step)
     usual = float(np.median(np.diff(q.time)))
     own = np.arange(q.time[0], q.time[-1], usual)
     assert q.quaternion is not None
     numbers = q.quaternion / np.linalg.norm(q.quaternion, axis=1)[:, None]
     flips = np.cumprod(np.where(np.sum(numbers[1:] * numbers[:-1], axis=1) < 0, -1.0, 1.0))
-    even = _even(q.time, _without_jumps(numbers * np.append(1.0, flips)[:, None]), own)
+    numbers = even(q.time, _without_jumps(numbers * np.append(1.0, flips)[:, None]), own)
     bad = gaps(q.time, own, max(4 * usual, SMOOTH))
     found: list[Start] = []
     for reading, (order, sign) in READINGS.items():
         if q.reading not in (None, reading):
             continue
-        w = _body_rate(even[:, order] * [1.0, sign, sign, sign], usual)
+        w = _body_rate(numbers[:, order] * [1.0, sign, sign, sign], usual)
         w[bad] = 0.0
         found.append(_with_rates(log, r, q, reading, (own, w, bad), (w_imu, f_imu, step)))
     # Rates do not tell all readings apart, forces do; a mirror image, another unit or sign is no
@@ -220,7 +145,7 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
 
 def _body_rate(q: FloatArray, step: float) -> FloatArray:
     """Return the rate in body axes, (n, 3) [rad/s], of quaternions (n, 4), scalar first."""
-    s, d = _smooth(q, step), _smooth(q, step, 1)
+    s, d = smooth(q, step), smooth(q, step, 1)
     v, dv = s[:, 1:], d[:, 1:]
     square = np.sum(s**2, axis=1)[:, None]
     return np.asarray(2 * (s[:, :1] * dv - d[:, :1] * v - np.cross(v, dv)) / square)
@@ -232,22 +157,12 @@ def _with_rates(
 ) -> Start:  # fmt: skip
     (own, w_m, bad), (w_imu, f_imu, _) = body, sensed
     usual = float(own[1] - own[0])
-    fine = np.arange(log.time[0], log.time[-1], GRID)
-    a = np.linalg.norm(_even(log.time, w_imu, fine), axis=1)
-    later = np.arange(own[0], own[-1], GRID)
-    b = np.interp(later, own, np.linalg.norm(w_m, axis=1))
-    lag, peak, second = _offset(a, b, GRID)
-    tau, kappa = lag + fine[0] - later[0], 0.0
-    drift, middle = _drift(a, b, GRID)
-    far = abs(drift) * (later[-1] - later[0]) > 2 * GRID or peak < 0.9
-    if far and np.isfinite(middle) and abs(drift) < FASTEST:
-        kappa, tau = drift, middle + fine[0] - later[0]
-        there = later + kappa * (later - r.middle)
-        _, peak, second = _offset(np.interp(there + tau, fine, a), b, GRID)
+    c = clocks((log.time, w_imu), (own, w_m), r.middle)
+    tau, kappa = c.tau, c.kappa
     t = own + tau + kappa * (own - r.middle)
     inside = ~bad & (t > log.time[0] + SMOOTH) & (t < log.time[-1] - SMOOTH)
     inside[:5] = inside[-5:] = False
-    w_b = _even(log.time, w_imu, t[inside])
+    w_b = even(log.time, w_imu, t[inside])
     w = w_m[inside]
     # Hardly turned, rates are noise: what is centred is what the turning says.
     x, y = w_b - w_b.mean(axis=0), w - w.mean(axis=0)
@@ -256,16 +171,22 @@ def _with_rates(
     left = float(np.sqrt(np.sum((x - y @ C_bm.T) ** 2) / np.sum(x**2)))
     loose = float(np.sqrt(np.sum((x - y @ free.T) ** 2) / np.sum(x**2)))
     bias = w_b.mean(axis=0) - C_bm @ w.mean(axis=0)
-    C_vb = q.attitude(reading) @ C_bm.T
-    C_own = _attitudes(q.time, C_vb, own)
+    C_mv = np.swapaxes(_attitudes(q.time, q.attitude(reading), own)[inside], 1, 2)
     # Forces: accel = C_bv p'' - Om l - C_bv g_v + b_a, all smoothed alike.
-    position = _even(q.time, _without_jumps(q.position), own)
-    pull = _smooth(position, usual, 2)[inside]
+    position = even(q.time, _without_jumps(q.position), own)
+    pull = smooth(position, usual, 2)[inside]
     wb = w_b - bias
-    alpha = np.gradient(_even(log.time, w_imu, t), t, axis=0)[inside]
+    alpha = np.gradient(even(log.time, w_imu, t), t, axis=0)[inside]
     Om = cross_matrix(alpha) + cross_matrix(wb) @ cross_matrix(wb)
-    C_bv = np.swapaxes(C_own[inside], 1, 2)
-    forces = Forces(_even(log.time, f_imu, t[inside]), C_bv, pull, Om)
+    forces = Forces(even(log.time, f_imu, t[inside]), C_bm @ C_mv, pull, Om)
+    if (axis := one_axis(x)) is not None:
+        # Turns about one axis leave the angle about it to the forces.
+        some = forces.some(700)
+        angles = np.arange(-18, 18) * np.pi / 18
+        left_over = [replace(some, C_bv=exp(a * axis) @ some.C_bv).fit()[1] for a in angles]
+        about = exp(angles[int(np.argmin(left_over))] * axis)
+        C_bm, forces = about @ C_bm, replace(forces, C_bv=about @ forces.C_bv)
+    C_vb = q.attitude(reading) @ C_bm.T
     x9, off = forces.fit()
     size = float(np.linalg.norm(x9[3:6]))
     node = r.nodes(tau, kappa)
@@ -274,7 +195,7 @@ def _with_rates(
         (bias, np.zeros((3, 3))), (x9[6:], np.zeros((3, 3))), 0.0, node,
         *_motion(r, C_vb, x9[:3]),
     )  # fmt: skip
-    return Start(at, reading, peak, second, drift, np.linalg.svd(free)[1],
+    return Start(at, reading, c.peak, c.second, c.drift, np.linalg.svd(free)[1],
                  float(np.sign(np.linalg.det(free))), loose, left, off, size, forces,
                  usual)  # fmt: skip
 
@@ -312,9 +233,9 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
     assert log.accel is not None
     step = float(np.median(np.diff(log.time)))
     usual = float(np.median(np.diff(r.stamp)))
-    w, f = _smooth(log.gyro, step), _smooth(log.accel, step)
+    w, f = smooth(log.gyro, step), smooth(log.accel, step)
     own = np.arange(r.stamp[0], r.stamp[-1], usual)
-    pull = _smooth(_even(r.stamp, _without_jumps(r.position), own), usual, 2)
+    pull = smooth(even(r.stamp, _without_jumps(r.position), own), usual, 2)
     bad = gaps(r.stamp, own, max(4 * usual, SMOOTH))
     bad[:5] = bad[-5:] = True
     first = _liveliest(own, pull * ~bad[:, None], SPAN)
@@ -330,9 +251,9 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
             return np.inf, np.zeros(15), Forces(*np.zeros((4, 1, 3, 3)))
         t = t[inside]
         C = turns.at(t)[0]
-        wb = cross_matrix(_even(log.time, w, t))
-        Om = cross_matrix(_even(log.time, alpha, t)) + wb @ wb
-        force = _even(log.time, f, t)
+        wb = cross_matrix(even(log.time, w, t))
+        Om = cross_matrix(even(log.time, alpha, t)) + wb @ wb
+        force = even(log.time, f, t)
         y = np.einsum("kij,kj->ki", C, force)
         one = np.eye(3)
         X = np.einsum("ij,kl->kijl", one, pull[inside]).reshape(-1, 3, 9)

@@ -23,6 +23,8 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
+from foucault.infer.gauss_newton import student
+from foucault.infer.shown import shares, shown
 from foucault.kernels import pose as kernels
 from foucault.models import imu, pose, size_effect
 from foucault.models.rotation import cross_matrix, exp, right_jacobian_inverse
@@ -46,7 +48,7 @@ LAYOUT = Layout(
 """What a campaign may name."""
 
 USUAL = {
-    "pose.rotation": 1.0, "pose.lever": 0.5, "pose.delay": 0.2, "pose.clock": 0.01,
+    "pose.rotation": np.pi / np.sqrt(3), "pose.lever": 0.5, "pose.delay": 0.2, "pose.clock": 0.01,
     "pose.level": 0.5, "gyro.bias": 0.2, "accel.bias": 2.0, "gyro.scale": 0.03,
     "gyro.misalignment": 0.03, "accel.scale": 0.03, "accel.misalignment": 0.03,
     "accel.delay": 0.01,
@@ -65,14 +67,22 @@ SETTLED = 0.02
 BLOCK = 2.0
 """Errors of poses farther apart are taken as independent [s]."""
 
-COLOURED = 1.3
-"""Scatter of scores beyond that of white rows by so much is more than chance, as an sd [1]."""
+COLOURED, MOVED = 1.1, 1.3
+"""More than chance, as sds: scatter of scores beyond that of white rows, and difference of the
+halves beyond what noise makes [1]."""
+
+NOISY, ALONE = (1, 3), (8,)
+"""Passes in which what the motion shows is told from what its noise does, before all has settled;
+positions alone start too far off to tell [1]."""
 
 DECIDED = 5
 """Passes after which the noise of the poses, and which are left out, is decided [1]."""
 
 SLOWEST = 0.9
 """Correlation of a pose's error with the next that is counted with at most [1]."""
+
+ROUND = 0.1
+"""A rotation that is less certain is none [rad]."""
 
 LAGGED = 3.0
 """Correlation of a pose's error with the next beyond so many standard deviations counts [1]."""
@@ -166,6 +176,7 @@ class Readings:
     broken: IntArray  # (n,) how many gaps of the log lie before each sample [1]
     white: tuple[float, float]  # of gyros and accelerometers [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
     gravity: float  # [m/s^2]
+    log: Log
 
     @classmethod
     def of(
@@ -185,7 +196,19 @@ class Readings:
             rise = np.diff(log.accel, axis=0, prepend=log.accel[:1])
         broken = np.cumsum(np.asarray(x.dt > GAP * np.median(x.dt), int))
         return cls(x.time, x.dt, x.dtheta_b, x.dvel_b, rise, stamp, float(stamp[0] + stamp[-1]) / 2,
-                   position, C_vm, broken, white, gravity)  # fmt: skip
+                   position, C_vm, broken, white, gravity, log)  # fmt: skip
+
+    def noisy(self, noise: Noise, rng: np.random.Generator) -> Readings:
+        """Return the same readings with their noise once more."""
+        g, a = (w / np.sqrt(self.log.interval) * rng.standard_normal((len(self.log), 3))
+                for w in self.white)  # fmt: skip
+        assert self.log.gyro is not None and self.log.accel is not None
+        log = replace(self.log, gyro=self.log.gyro + g, accel=self.log.accel + a)
+        turn, move = (sd * slow * rng.standard_normal((len(self.stamp), 3)) for sd, slow in
+                      zip((noise.attitude, noise.position), noise.slow, strict=True))  # fmt: skip
+        C = None if self.C_vm is None else self.C_vm @ exp(turn)
+        made = Readings.of(log, self.stamp, self.position + move, C, self.white, self.gravity)
+        return replace(made, middle=self.middle)
 
     def __getitem__(self, rows: BoolArray | slice) -> Readings:
         """Return the readings with some of the poses."""
@@ -248,22 +271,33 @@ class Noise:
 
 @dataclass(frozen=True)
 class Pass:
-    """One linearisation, filtered and smoothed."""
+    """One linearisation: the motion filtered, and eliminated."""
 
     nu: FloatArray  # (m, 6) white, NaN-free; zero where nothing was measured [1]
     M: FloatArray  # (m, 6, 32) their derivative by the parameters [1 / SI]
     used: BoolArray  # (m, 6)
-    information: FloatArray  # (32, 32), with what was known beforehand
-    delta: FloatArray  # (32,) the step [SI]
-    x: FloatArray  # (m, 9) that of the motion
-    P: FloatArray  # (m, 9, 9) covariance of the smoothed motion
-    H: FloatArray  # (m, 6, 9)
+    H: FloatArray  # (m, 6, 9) derivative of the poses by the motion
+    motion: tuple[FloatArray, ...]  # C (m, 3, 3) and what `kernels.backward` takes beside [SI]
+    filtered: tuple[FloatArray, FloatArray, FloatArray]  # x (m, 9), U, P of it [SI]
 
     @property
-    def cost(self) -> float:
-        """Sum of squares after the step [1]."""
-        left = self.nu - self.M @ self.delta
-        return float(np.sum(left[self.used] ** 2))
+    def rows(self) -> FloatArray:
+        """Derivatives of all white rows, (6 m, 32) [1 / SI]."""
+        return self.M.reshape(-1, 32)
+
+    def left(self, delta: FloatArray) -> FloatArray:
+        """Return the white rows after a step `delta` (32,) [SI], (m, 6) [1]."""
+        return np.asarray(self.nu - self.M @ delta)
+
+    def smoothed(self, delta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the step of the motion for that of the parameters, (m, 9), and its covariance.
+
+        `delta` (32,): that of the parameters [SI].
+        """
+        x, U, P = (a.copy() for a in self.filtered)
+        if not kernels.backward(*self.motion, delta, x, U, P):
+            raise np.linalg.LinAlgError("the motion between two poses has no covariance")
+        return x, P
 
 
 def _between(
@@ -303,21 +337,25 @@ def misses(r: Readings, at: Point) -> tuple[FloatArray, FloatArray, FloatArray]:
     H[:, 3:, 3:6] = np.eye(3) * d[:, :, None]
     H[:, 3:, 6:] = np.eye(3)
     D[:, 3:, 3:6], D[:, 3:, 6], D[:, 3:, 7] = CE, fast, fast * since
+    # What was turned since the node hangs on the errors of the gyros.
+    turned = np.zeros((m, 3, 32))
+    turned[:, :, 10:13] = -c.K_g * d[:, :, None]
+    raw = c.raw_g[at.node + 1] / r.dt[at.node + 1, None] * d
+    turned[:, :, 16:25] = -np.einsum("ij,kc->kijc", c.K_g, raw).reshape(m, 3, 9)
+    D[:, 3:] -= CE @ cross_matrix(at.lever_b) @ turned
     if r.C_vm is not None:
         z[:, :3] = vector_of(np.swapaxes(CE @ at.C_bm, 1, 2) @ r.C_vm)
         H[:, :3, :3] = at.C_bm.T @ np.swapaxes(E, 1, 2)
+        D[:, :3] = at.C_bm.T @ turned
         D[:, :3, :3], D[:, :3, 6] = np.eye(3), w @ at.C_bm
         D[:, :3, 7] = D[:, :3, 6] * since
     return z, H, D
 
 
-def one_pass(
-    r: Readings, at: Point, noise: Noise, known: tuple[FloatArray, FloatArray], hold: IntArray
-) -> Pass:
-    """Linearise about a point, eliminate the motion, and solve.
+def one_pass(r: Readings, at: Point, noise: Noise, hold: IntArray) -> Pass:
+    """Linearise about a point and eliminate the motion.
 
-    `known`: mean and sd of every parameter beforehand, (32,) each [SI]; `hold`
-    (k,): numbers of parameters that are not estimated [1].
+    `hold` (k,): numbers of parameters that are not estimated [1].
     """
     m, c = len(r.stamp), corrected(r, at)
     moved, J, Q = np.zeros((m, 16)), np.zeros((m, 9, 22)), np.zeros((m, 9, 9))
@@ -352,15 +390,18 @@ def one_pass(
     )
     if not fine or not np.isfinite(nu).all():
         raise np.linalg.LinAlgError("the motion between two poses has no covariance")
-    mean, prior_sd = known
-    off = np.linalg.solve(at.of_values(), mean - at.values) / prior_sd**2
-    rows = M.reshape(-1, 32)
-    N = rows.T @ rows + np.diag(1 / prior_sd**2)
-    delta = np.asarray(np.linalg.solve(N, rows.T @ nu.ravel() + off), float)
-    delta[hold] = 0.0
-    if not kernels.backward(at.C, moved, J, Q, u, G, delta, x, U, P):
-        raise np.linalg.LinAlgError("the motion between two poses has no covariance")
-    return Pass(nu, M, used, N, delta, x, P, H)
+    return Pass(nu, M, used, H, (at.C, moved, J, Q, u, G), (x, U, P))
+
+
+def of_noise(r: Readings, at: Point, p: Pass, noise: Noise, hold: IntArray) -> FloatArray:
+    """Return the information that noise makes by itself, (32, 32): see `infer.shown` [1 / SI^2].
+
+    `hold` (k,): numbers of parameters that are not estimated [1].
+    """
+    again = r.noisy(noise, np.random.default_rng(0))
+    x, _ = one_pass(again, at, noise, hold).smoothed(np.zeros(32))
+    off = one_pass(again, at.moved(np.zeros(32), x), noise, hold).rows - p.rows
+    return np.asarray(off.T @ off)
 
 
 @dataclass(frozen=True)
@@ -370,6 +411,7 @@ class Solution:
     readings: Readings
     point: Point
     last: Pass
+    made: FloatArray  # (32, 32) information that noise makes by itself [1 / SI^2]
     noise: Noise
     cov: FloatArray  # (32, 32) as it is stated [SI]
     formal: FloatArray  # (32, 32) as if the noise of the poses were white [SI]
@@ -384,8 +426,7 @@ class Solution:
     @property
     def rows(self) -> FloatArray:
         """White rows after the last step, (m, 6), NaN where nothing is used [1]."""
-        left = self.last.nu - self.last.M @ self.last.delta
-        return np.where(self.last.used, left, np.nan)
+        return np.where(self.last.used, self.last.nu, np.nan)
 
     @property
     def residuals(self) -> FloatArray:
@@ -405,7 +446,7 @@ def solve(
     sd: tuple[float | None, float | None],
     *,
     robust: bool = True,
-    most: int = 12,
+    most: int = 20,
     hold: IntArray | None = None,
 ) -> Solution:
     """Pass by pass, from a start.
@@ -414,35 +455,47 @@ def solve(
     position [m] of the poses, None where it is found; `most`: passes [1]; `hold` (k,): numbers of
     parameters that are not estimated [1].
     """
-    prior = _prior(start, known)
+    mean, prior_sd = _prior(start, known)
     hold = np.zeros(0, int) if hold is None else hold
     m = len(r.stamp)
     noise = Noise(sd[0] or np.radians(0.3), sd[1] or 2e-3, np.ones((m, 2)))
-    at, cost, settled, passes = start, np.inf, 0, 0
+    at, cost, settled, passes, told = start, np.inf, False, 0, False
+    made = np.zeros((32, 32))
     for passes in range(1, most + 1):
-        p = one_pass(r, at, noise, prior, hold)
+        p = one_pass(r, at, noise, hold)
+        if passes in (ALONE if r.C_vm is None else NOISY) or told:
+            made = of_noise(r, at, p, noise, hold)
+        seen = shown(p.rows.T @ p.rows, made, prior_sd)
+        off = np.asarray(np.linalg.solve(at.of_values(), mean - at.values), float)
+        delta = seen.step(p.rows.T @ p.nu.ravel(), off, prior_sd)
+        delta[hold] = 0.0
+        x, P = p.smoothed(delta)
         # Terms of second order make a start that is far off overshoot: as far as can be linear.
-        size = max(1.0, float(np.abs(p.delta[:3]).max()) / 0.5, float(np.abs(p.delta[6])) / 0.05)
-        at = _on_nodes(r, at.moved(p.delta / size, p.x / size))
-        moved = float(np.max(np.abs(p.delta) / np.sqrt(np.diag(np.linalg.inv(p.information)))))
-        fallen = abs(cost - p.cost) / max(p.cost, 1e-12)
-        cost = p.cost
+        size = max(1.0, float(np.abs(delta[:3]).max()) / 0.5, float(np.abs(delta[6])) / 0.05)
+        at = _on_nodes(r, at.moved(delta / size, x / size))
+        moved = float(np.max(np.abs(delta) / np.sqrt(np.diag(seen.covariance(prior_sd)))))
+        last, cost = cost, float(np.sum(p.left(delta)[p.used] ** 2))
         before = noise
         if passes <= DECIDED:  # a pose at the edge of the cut would come and go for ever
-            noise = _weighed(r, at, p, noise, sd, student=passes <= 2, robust=robust)
+            noise = _weighed(r, at, p.H, P, noise, sd, student=passes <= 2, robust=robust)
         same = bool(((noise.weights > 0.5) == (before.weights > 0.5)).all())
-        if passes > 3 and moved < SETTLED and fallen < 1e-3 and same:
-            settled = 1
+        fallen = abs(last - cost) / max(cost, 1e-12)
+        settled = passes > 3 and moved < SETTLED and fallen < 1e-3 and same
+        if settled and told:
             break
-    p = one_pass(r, at, noise, prior, hold)
-    return _stated(r, at, p, noise, prior[1], hold, passes, bool(settled))
+        if settled and passes > DECIDED + 2:  # the noise was decided when all was still far off
+            noise = replace(noise, slow=(1.0, 1.0))
+            noise = _weighed(r, at, p.H, P, noise, sd, student=False, robust=robust)
+        told = told or settled  # what the motion shows is asked once more where all has settled
+    p = one_pass(r, at, noise, hold)
+    return _stated(r, at, p, made, noise, prior_sd, hold, passes, settled)
 
 
 def _prior(start: Point, known: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
     mean, sd = start.values.copy(), np.zeros(32)
     for i, name in enumerate(NAMES):
         sd[i] = USUAL[name.rpartition(".")[0] if name.rpartition(".")[0] in USUAL else name]
-        if name.startswith(("gyro.", "accel.")):
+        if name.startswith(("gyro.", "accel.", "pose.lever")):
             mean[i] = 0.0
         for given, (value, spread) in known.items():
             if name == given or name.startswith(given + "."):
@@ -465,12 +518,12 @@ def _on_nodes(r: Readings, at: Point) -> Point:
 
 
 def _weighed(
-    r: Readings, at: Point, p: Pass, noise: Noise, sd: tuple[float | None, float | None], *,
-    student: bool, robust: bool,
+    r: Readings, at: Point, H: FloatArray, P: FloatArray, noise: Noise,
+    sd: tuple[float | None, float | None], *, student: bool, robust: bool,
 ) -> Noise:  # fmt: skip
     """Find the noise of the poses from what is left, and what each of them counts."""
     z = misses(r, at)[0]
-    absorbed = np.einsum("kqi,kij,kqj->kq", p.H, p.P, p.H)
+    absorbed = np.einsum("kqi,kij,kqj->kq", H, P, H)
     sds, weights = [noise.attitude, noise.position], np.ones_like(noise.weights)
     slow = list(noise.slow)
     for k in range(2):
@@ -503,47 +556,62 @@ def _weighed(
 
 
 def _stated(
-    r: Readings,
-    at: Point,
-    p: Pass,
-    noise: Noise,
-    prior_sd: FloatArray,
-    hold: IntArray,
-    passes: int,
-    settled: bool,
-) -> Solution:
-    formal = np.linalg.inv(p.information)
-    left = p.nu - p.M @ p.delta
+    r: Readings, at: Point, p: Pass, made: FloatArray, noise: Noise, prior_sd: FloatArray,
+    hold: IntArray, passes: int, settled: bool,
+) -> Solution:  # fmt: skip
+    seen = shown(p.rows.T @ p.rows, made, prior_sd)
+    formal = seen.covariance(prior_sd)
+    left, M = p.nu, p.M @ seen.onto.T
     block = ((r.stamp - r.stamp[0]) / BLOCK).astype(int)
     scores = np.zeros((block.max() + 1, 32))
-    np.add.at(scores, block, np.einsum("kqp,kq->kp", p.M, left))
-    sand = formal @ (scores.T @ scores) @ formal
+    np.add.at(scores, block, np.einsum("kqp,kq->kp", M, left))
+    gain = np.linalg.inv(seen.information + np.diag(prior_sd**-2.0))
+    sand = gain @ (scores.T @ scores) @ gain
     share = 1 - np.diag(formal) / prior_sd**2  # what the prior adds scatters in no score
-    ratio = np.sqrt(np.diag(sand) / (np.diag(formal) * np.maximum(share, 1e-3)))
-    seen = share > 0.5
-    spread = float(np.sqrt(np.mean(ratio[seen] ** 2))) if seen.any() else 1.0
-    wide = np.where(seen, np.maximum(ratio, 1.0), 1.0) if spread > COLOURED else np.ones(32)
+    ratio = np.sqrt(np.maximum(np.diag(sand), 0.0) / (np.diag(formal) * np.maximum(share, 1e-3)))
+    told = share > 0.5
+    spread = float(np.sqrt(np.mean(ratio[told] ** 2))) if told.any() else 1.0
+    wide = np.ones(32)
+    if spread > COLOURED:
+        wide[told] = np.maximum(ratio * student(block.max()), 1.0)[told]
     # The halves: what each of them says alone, all rows being independent of one another.
     found, covs = [], []
     for rows in (block < (block.max() + 1) / 2, block >= (block.max() + 1) / 2):
-        M = p.M[rows].reshape(-1, 32)
-        half = np.linalg.inv(M.T @ M + np.diag(1 / prior_sd**2))
-        found.append(half @ (M.T @ left[rows].ravel()))
-        covs.append(half @ (M.T @ M) @ half)
-    own = np.flatnonzero(seen & (np.diag(covs[0] + covs[1]) < prior_sd**2 / 4))
+        own = M[rows].reshape(-1, 32)
+        half = np.linalg.inv(own.T @ own + np.diag(1 / prior_sd**2))
+        found.append(half @ (own.T @ left[rows].ravel()))
+        covs.append(half @ (own.T @ own) @ half)
+    own = np.flatnonzero(told & (np.diag(covs[0] + covs[1]) < prior_sd**2 / 4))
     halves = 1.0
     if len(own):
         off = (found[0] - found[1])[own] / wide[own]
         both = (covs[0] + covs[1])[np.ix_(own, own)]
         halves = float(np.sqrt(off @ np.linalg.solve(both, off) / len(own)))
-    factor = halves if halves > COLOURED else 1.0
+    factor = halves if halves > MOVED else 1.0
     J = at.of_values()
     scaled = formal * np.outer(wide, wide) * factor**2
     held = np.minimum(1.0, prior_sd / np.sqrt(np.diag(scaled)))  # no more than was known before
     cov = J @ (scaled * np.outer(held, held)) @ J.T
+    cov = _without_circles(cov, at.lever_b, prior_sd)
     lag = tuple(_lag_one(left[:, k : k + 3], p.used[:, k]) for k in (0, 3))
-    return Solution(r, at, p, noise, cov, J @ formal @ J.T, spread, halves, (lag[0], lag[1]),
+    return Solution(r, at, p, made, noise, cov, J @ formal @ J.T, spread, halves, (lag[0], lag[1]),
                     passes, settled, prior_sd, hold)  # fmt: skip
+
+
+def _without_circles(cov: FloatArray, lever: FloatArray, prior_sd: FloatArray) -> FloatArray:
+    """Return the covariance (32, 32) with what a rotation that is hardly known takes round with it.
+
+    A `lever` arm (3,) [m] goes round a circle, not along its tangent: that adds its sagitta. Where
+    the rotation may be anything nothing is known of both but what was, `prior_sd` (32,) [SI].
+    """
+    out, square = cov.copy(), float(np.linalg.eigvalsh(cov[:3, :3])[-1])
+    if square < ROUND**2:
+        out[range(3, 6), range(3, 6)] += float(lever @ lever) * square**2 / 4
+        return out
+    lost = np.flatnonzero(np.diag(cov)[:6] > (0.1 * ROUND * prior_sd[:6]) ** 2)
+    out[lost] = out[:, lost] = 0.0
+    out[lost, lost] = prior_sd[lost] ** 2
+    return out
 
 
 def _lag_one(rows: FloatArray, used: BoolArray) -> float:
@@ -553,13 +621,8 @@ def _lag_one(rows: FloatArray, used: BoolArray) -> float:
 
 
 def budget(s: Solution) -> dict[str, FloatArray]:
-    """Return the variance of every parameter by source, (32,) each [SI]; they add up to `cov`.
-
-    The estimate is best for the noise that is counted with, so that its gain does not change with
-    a small change of that: the part of a source is the derivative by the logarithm of its variance.
-    """
+    """Return the variance of every parameter by source, (32,) each [SI]; they add up to `cov`."""
     r, n = s.readings, s.noise
-    prior = _prior(s.point, {})[0], s.prior_sd
     hold = s.hold
 
     def cov(of: str, by: float) -> FloatArray:
@@ -568,9 +631,10 @@ def budget(s: Solution) -> dict[str, FloatArray]:
         noise = replace(n, attitude=n.attitude * (by if of == "attitude of the poses" else 1.0),
                         position=n.position * (by if of == "position of the poses" else 1.0)
                         )  # fmt: skip
-        at = one_pass(replace(r, white=(g, a)), s.point, noise, prior, hold)
+        at = one_pass(replace(r, white=(g, a)), s.point, noise, hold)
         J = s.point.of_values()
-        return np.asarray(np.diag(J @ np.linalg.inv(at.information) @ J.T))
+        seen = shown(at.rows.T @ at.rows, s.made, s.prior_sd)
+        return np.asarray(np.diag(J @ seen.covariance(s.prior_sd) @ J.T))
 
     names = ["gyros", "accelerometers", "position of the poses"]
     names += ["attitude of the poses"] * (r.C_vm is not None)
@@ -578,16 +642,7 @@ def budget(s: Solution) -> dict[str, FloatArray]:
         name: np.maximum(cov(name, 1 + STEP) - cov(name, 1 - STEP), 0.0) / (4 * STEP)
         for name in names
     }
-    formal, total = np.diag(s.formal), np.diag(s.cov)
-    known = np.sum(list(parts.values()), axis=0)
-    parts = {
-        name: v * np.minimum(1.0, formal / np.maximum(known, 1e-300)) for name, v in parts.items()
-    }
-    parts["prior"] = np.maximum(formal - np.sum(list(parts.values()), axis=0), 0.0)
-    if (total > formal * (1 + 1e-9)).any():
-        parts["colour of the poses' noise"] = np.maximum(total - formal, 0.0)
-    size = total / np.maximum(np.sum(list(parts.values()), axis=0), 1e-300)
-    return {name: v * size for name, v in parts.items()}
+    return shares(parts, np.diag(s.formal), np.diag(s.cov), "colour of the poses' noise")
 
 
 STEP = 0.02

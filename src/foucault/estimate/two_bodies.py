@@ -1,0 +1,149 @@
+"""Where to start with two bodies that are one: what their rates say before anything is known.
+
+Norms of rates do not know how two instruments are turned against each other: their correlation
+tells the offset of the clocks, window by window their rate. A rotation then brings the rates
+together [1].
+
+References
+----------
+.. [1] G. Wahba, "A least squares estimate of satellite attitude", SIAM Review 7(3), 1965.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from foucault.arrays import BoolArray, FloatArray
+
+FASTEST = 0.02
+"""No clock is faster by so much than another [1]."""
+
+ONE_AXIS = 0.05
+"""Rates that are smaller in all other directions by such a factor are about one axis [1]."""
+
+GRID, SMOOTH = 0.005, 0.1
+"""Grid of the correlation, and window of the derivatives [s]."""
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """How two clocks stand to each other: ``t_first = t + tau + kappa (t - middle)``."""
+
+    tau: float  # [s]
+    kappa: float  # [1]
+    peak: float  # correlation of the norms there [1]
+    second: float  # the next highest beside it [1]
+    drift: float  # of the offset, window by window [1]
+    jumps: float  # what windows leave of a line (rms) [s]
+
+
+def clocks(
+    first: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray], middle: float
+) -> Clocks:
+    """Find offset and rate of two clocks by the norms of the rates that both bodies had.
+
+    `first`, `other`: time (n,) [s] and rate (n, 3) [rad/s] of each; `middle`: of the other's stamps
+    [s].
+    """
+    fine, later = (np.arange(t[0], t[-1], GRID) for t, _ in (first, other))
+    a, b = (np.interp(grid, t, np.linalg.norm(w, axis=1))
+            for grid, (t, w) in ((fine, first), (later, other)))  # fmt: skip
+    lag, peak, second = offset(a, b, GRID)
+    tau, kappa = lag + fine[0] - later[0], 0.0
+    slope, at, jumps = drift(a, b, GRID)
+    far = abs(slope) * (later[-1] - later[0]) > 2 * GRID or peak < 0.9
+    if far and np.isfinite(at) and abs(slope) < FASTEST:
+        kappa, tau = slope, at + fine[0] - later[0]
+        there = later + kappa * (later - middle)
+        _, peak, second = offset(np.interp(there + tau, fine, a), b, GRID)
+    return Clocks(tau, kappa, peak, second, slope, jumps)
+
+
+def smooth(x: FloatArray, step: float, order: int = 0) -> FloatArray:
+    """Return `x` (n, q) or its derivative of `order` [1] by parabolas over windows, `step` [s]."""
+    from scipy.signal import savgol_filter
+
+    window = max(5, 2 * round(SMOOTH / step / 2) + 1)
+    degree = 2 if order < 2 else 3
+    return np.asarray(savgol_filter(x, window, degree, deriv=order, delta=step, axis=0))
+
+
+def even(time: FloatArray, x: FloatArray, grid: FloatArray) -> FloatArray:
+    """Return `x` (n, q) at `time` (n,) at the times of a `grid` (m,) [s], shape (m, q)."""
+    return np.column_stack([np.interp(grid, time, c) for c in x.T])
+
+
+def gaps(time: FloatArray, grid: FloatArray, widest: float) -> BoolArray:
+    """Return which times of a `grid` (m,) lie in gaps of `time` (n,) longer than `widest` [s]."""
+    after = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
+    near = time[after] - time[after - 1] > widest
+    return np.asarray(near | (grid < time[0]) | (grid > time[-1]))
+
+
+def offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, float]:
+    """Return by how much `b` (m,) is later than `a` (n,) [s], the peak and the second peak.
+
+    `step`: between two of their values [s].
+    """
+    from scipy.signal import correlate, correlation_lags, find_peaks
+
+    x, y = a - a.mean(), b - b.mean()
+    lags = correlation_lags(len(x), len(y))
+    total = correlate(x, y, method="fft")
+    one = correlate(x**2, np.ones_like(y), method="fft") * correlate(
+        np.ones_like(x), y**2, method="fft"
+    )
+    overlap = correlate(np.ones_like(x), np.ones_like(y), method="fft")
+    enough = overlap > 0.5 * min(len(x), len(y))
+    r = np.where(enough, total / np.sqrt(np.maximum(one, 1e-12 * one.max() + 1e-300)), -1.0)
+    k = int(np.argmax(r))
+    peaks = find_peaks(r)[0]
+    others = [r[j] for j in peaks if abs(lags[j] - lags[k]) * step > 0.2]
+    part = 0.0
+    if 0 < k < len(r) - 1:
+        bend = r[k - 1] - 2 * r[k] + r[k + 1]
+        part = float(0.5 * (r[k - 1] - r[k + 1]) / bend) if bend < 0 else 0.0
+    return (lags[k] + part) * step, float(r[k]), float(max(others, default=-1.0))
+
+
+def drift(
+    a: FloatArray, b: FloatArray, step: float, window: float = 10.0
+) -> tuple[float, float, float]:
+    """Return drift, offset in the middle of `b`, and what windows leave of that line (rms) [s].
+
+    `a` (n,), `b` (m,): as of `offset` [any unit]; `step`: between two [s]; `window`: length [s].
+    """
+    n = round(window / step)
+    found = []
+    for first in range(0, len(b) - n + 1, n):
+        part = b[first : first + n]
+        if part.std() < 0.2 * b.std():
+            continue
+        lag, peak, _ = offset(a, part, step)
+        found.append((first + n / 2, lag - first * step, peak))
+    good = np.array([f for f in found if f[2] > 0.9])
+    if len(good) < 3:
+        return 0.0, np.nan, 0.0
+    t = (good[:, 0] - len(b) / 2) * step
+    slopes = [(good[j, 1] - good[i, 1]) / (t[j] - t[i])
+              for i in range(len(good)) for j in range(i)]  # fmt: skip
+    slope = float(np.median(slopes))
+    off = good[:, 1] - slope * t
+    return slope, float(np.median(off)), float(off.std())
+
+
+def wahba(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the rotation C, shape (3, 3), with ``a = C b`` best; `a`, `b` (n, 3) [any unit]."""
+    U, _, V = np.linalg.svd(a.T @ b)
+    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V)
+
+
+def one_axis(rates: FloatArray) -> FloatArray | None:
+    """Return the axis about which all turns are, (3,) [1], None where there is none.
+
+    `rates` (n, 3): without their mean [rad/s].
+    """
+    size, axes = np.linalg.eigh(rates.T @ rates)
+    return np.asarray(axes[:, 2]) if size[1] < ONE_AXIS**2 * size[2] else None

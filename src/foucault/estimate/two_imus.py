@@ -1,0 +1,441 @@
+"""Several IMUs on one rigid body: what ties them together, and their errors against the first.
+
+The motion of the body is a cubic B-spline of rate and specific force at the accelerometers of the
+first IMU, the master; all readings, its own too, are of that motion with noise, as in
+`kernels.two_imus`. Pairwise regression would pull lever arms to zero, for the master's noise is in
+its regressors.
+
+A pass is linear about spline and parameters. The spline is eliminated from the normal equations, a
+band with a border; what is left is the information of the parameters, less what noise makes by
+itself (`infer.shown`). Several slaves share one spline, so that what they have in common through
+the master's noise is in the covariance.
+
+Errors are those against the master: a bias of both is not seen, nor a scale factor of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.infer.gauss_newton import student
+from foucault.infer.shown import Shown, shown
+from foucault.kernels import two_imus as kernels
+from foucault.models.rotation import exp, right_jacobian_inverse
+from foucault.models.rotation import log as vector_of
+from foucault.models.two_imus import ORDINALS, layout_of
+from foucault.tables import Log
+
+USUAL = {
+    "rotation": np.pi / np.sqrt(3), "lever": 0.3, "delay": 0.2, "clock": 0.01, "gyro.bias": 0.2,
+    "accel.bias": 2.0, "gyro.scale": 0.03, "gyro.misalignment": 0.03, "accel.scale": 0.03,
+    "accel.misalignment": 0.03, "accel.delay": 0.01, "gyro.g_sensitivity": 1e-3,
+}  # fmt: skip
+"""Standard deviations where nothing else is said, of offset and rotation about the start [SI]."""
+
+SETTLED = 0.02
+"""A step that moves nothing by more of its sd is the last [1]."""
+
+NOISY = (2, 4)
+"""Passes in which what the motion shows is told from what its noise does, before all settles."""
+
+BLOCK = 2.0
+"""What is left of readings farther apart is independent [s]."""
+
+COLOURED, MOVED = 1.1, 1.3
+"""More than chance, as sds: scatter of scores beyond that of white rows, and difference of the
+halves beyond what noise makes [1]."""
+
+ROUND = 0.1
+"""A rotation that is less certain is none [rad]."""
+
+FEWEST = 1e-9
+"""Information of a knot that no reading tells of, as a part of that of the others [1]."""
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What one IMU read."""
+
+    time: FloatArray  # (n,) by its own clock [s]
+    middle: float  # of all its stamps [s]
+    read: FloatArray  # (n, 6) rate [rad/s], specific force [m/s^2]
+
+    @classmethod
+    def of(cls, log: Log) -> Readings:
+        """Take a log; means over intervals hold in their middle."""
+        assert log.gyro is not None and log.accel is not None
+        back = 0.5 * log.interval if log.sampled == "increment" else 0.0
+        time, read = log.time - back, np.ascontiguousarray(np.column_stack([log.gyro, log.accel]))
+        return cls(time, float(log.time[0] + log.time[-1]) / 2, read)
+
+
+@dataclass(frozen=True)
+class Slave:
+    """Parameters of one slave."""
+
+    C_cb: FloatArray  # (3, 3) axes of the master to its own [1]
+    lever_b: FloatArray  # (3,) from the master's accelerometers to its own [m]
+    tau: float  # what is added to its stamps [s]
+    kappa: float  # by how much the master's clock is faster [1]
+    # gyro, accel: bias (3,) [rad/s], [m/s^2] and I + S + M (3, 3), that of accel lower [1]
+    gyro: tuple[FloatArray, FloatArray]
+    accel: tuple[FloatArray, FloatArray]
+    late: float  # its accelerometers, after its gyros [s]
+    by_force: FloatArray  # (3, 3) g-sensitivity of its gyros [rad/s per m/s^2]
+
+    @classmethod
+    def started(cls, C_cb: FloatArray, lever_b: FloatArray, tau: float, kappa: float) -> Slave:
+        """Return one without errors of its own.
+
+        `C_cb` (3, 3) [1], `lever_b` (3,) [m], `tau` [s], `kappa` [1]: as its attributes.
+        """
+        zero, one = np.zeros(3), np.eye(3)
+        return cls(C_cb, lever_b, tau, kappa, (zero, one), (zero, one), 0.0, np.zeros((3, 3)))
+
+    @property
+    def flat(self) -> FloatArray:
+        """As `kernels.two_imus` takes them, shape (46,)."""
+        return np.concatenate([
+            self.C_cb.ravel(), self.gyro[1].ravel(), self.by_force.ravel(), self.accel[1].ravel(),
+            self.lever_b, self.gyro[0], self.accel[0], [self.late],
+        ])  # fmt: skip
+
+    @property
+    def values(self) -> FloatArray:
+        """In the order of the columns, shape (39,) [SI]."""
+        one = np.eye(3)
+        return np.concatenate([
+            vector_of(self.C_cb), self.lever_b, [self.tau, self.kappa], self.gyro[0], self.accel[0],
+            (self.gyro[1] - one).ravel(), (self.accel[1] - one)[np.tril_indices(3)], [self.late],
+            self.by_force.ravel(),
+        ])  # fmt: skip
+
+    def moved(self, d: FloatArray) -> Slave:
+        """Return the slave a step `d` (39,) away [SI]."""
+        lower = np.zeros((3, 3))
+        lower[np.tril_indices(3)] = d[23:29]
+        return Slave(
+            exp(d[:3]) @ self.C_cb, self.lever_b + d[3:6], self.tau + d[6], self.kappa + d[7],
+            (self.gyro[0] + d[8:11], self.gyro[1] + d[14:23].reshape(3, 3)),
+            (self.accel[0] + d[11:14], self.accel[1] + lower), self.late + d[29],
+            self.by_force + d[30:39].reshape(3, 3),
+        )  # fmt: skip
+
+    def at(self, r: Readings) -> FloatArray:
+        """Return the stamps of a slave by the clock of the master, shape (n,) [s]."""
+        return np.asarray(r.time + self.tau + self.kappa * (r.time - r.middle))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Readings of all, and what is known of their noise."""
+
+    readings: tuple[Readings, ...]  # the master first
+    knot: float  # between two knots [s]
+    first: float  # time of the first knot's interval, clock of the master [s]
+    knots: int  # [1]
+    given: tuple[tuple[float, float] | None, ...]  # sd of a gyro and accelerometer reading [SI]
+    prior_sd: FloatArray  # (p,) [SI]
+    mean: FloatArray  # (p,) known beforehand, or the start [SI]
+    hold: IntArray  # (k,) numbers of columns that are not estimated [1]
+
+    def noisy(self, var: FloatArray, rng: np.random.Generator) -> Problem:
+        """Return the same with its noise once more, `var` (i, 2) [SI]."""
+        made = [
+            replace(r, read=r.read + np.repeat(np.sqrt(v), 3) * rng.standard_normal(r.read.shape))
+            for r, v in zip(self.readings, var, strict=True)
+        ]
+        return replace(self, readings=tuple(made))
+
+
+@dataclass(frozen=True)
+class Normal:
+    """The normal equations of a pass, the spline eliminated."""
+
+    Z: FloatArray  # (6 m, p + 1) what the spline does with the parameters, and by itself
+    information: FloatArray  # (p, p) [1 / SI^2]
+    gradient: FloatArray  # (p,) before the spline is eliminated [1 / SI]
+    score: FloatArray  # (p,) [1 / SI]
+    left: tuple[FloatArray, ...]  # (n, 6) readings less what they should be, NaN beyond [SI]
+
+
+def normal(
+    problem: Problem, slaves: Sequence[Slave], spline: FloatArray, var: FloatArray,
+    other: FloatArray | None = None,
+) -> Normal:  # fmt: skip
+    """Linearise about slaves and `spline` (m, 6) [SI]; `var` (i, 2): of readings [SI].
+
+    `other` (m, 6) or None: columns are those at this spline less those here [SI].
+    """
+    from scipy.linalg import cho_solve_banded, cholesky_banded
+
+    n, p = 6 * problem.knots, kernels.COLUMNS * len(slaves)
+    band, border = np.zeros((n, 24)), np.zeros((n, p + 1))
+    corner, rhs, left = np.zeros((p, p)), np.zeros(p), []
+    grad = np.zeros(n)
+    if other is None:
+        other = np.zeros((0, 6))
+    for k, r in enumerate(problem.readings):
+        one = None if k == 0 else slaves[k - 1]
+        time, x = (r.time, np.zeros(46)) if one is None else (one.at(r), one.flat)
+        off = np.empty_like(r.read)
+        own = kernels.COLUMNS * (k - 1) if k else -1
+        kernels.normal(
+            time, r.time - r.middle, r.read, var[k], x, own, spline, other, problem.first,
+            problem.knot, band, border, corner, grad, rhs, off,
+        )  # fmt: skip
+        left.append(off)
+    border[:, p] = grad
+    band[:, 0] += FEWEST * band[:, 0].max()
+    border[:, problem.hold] = 0.0
+    corner[problem.hold] = corner[:, problem.hold] = rhs[problem.hold] = 0.0
+    L = cholesky_banded(np.ascontiguousarray(band.T), lower=True, check_finite=False)
+    Z = np.asarray(cho_solve_banded((L, True), border, check_finite=False))
+    corner = np.tril(corner) + np.tril(corner, -1).T
+    pull = border[:, :p].T @ Z
+    return Normal(Z, corner - pull[:, :p], rhs, rhs - pull[:, p], tuple(left))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What was found."""
+
+    problem: Problem
+    slaves: tuple[Slave, ...]
+    spline: FloatArray  # (m, 6) [rad/s], [m/s^2]
+    made: FloatArray  # (p, p) information that noise makes by itself [1 / SI^2]
+    var: FloatArray  # (i, 2) variance of a reading of gyros and accelerometers [SI]
+    ratio: FloatArray  # (i, 2) mean square of what is left over that, each reading counted once [1]
+    cov: FloatArray  # (p, p) as it is stated [SI]
+    formal: FloatArray  # (p, p) as if what is left were white [SI]
+    spread: float  # by how much scores scatter more than white rows, as an sd [1]
+    halves: float  # rms of the difference of the halves over its sd [1]
+    lag_one: FloatArray  # (i, 2) correlation of what is left with the next [1]
+    left: tuple[FloatArray, ...]  # (n, 6) of each [SI]
+    passes: int  # [1]
+    converged: bool
+
+    @property
+    def values(self) -> FloatArray:
+        """Parameters, shape (p,) [SI]."""
+        return np.concatenate([s.values for s in self.slaves])
+
+    @property
+    def unseen(self) -> BoolArray:
+        """Parameters that the motion does not show: as uncertain as they were, (p,)."""
+        lost = np.sqrt(np.diag(self.cov)) > 0.5 * self.problem.prior_sd
+        lost[self.problem.hold] = False
+        return np.asarray(lost)
+
+
+def problem_of(
+    readings: Sequence[Readings], start: Sequence[Slave], known: Mapping[str, tuple[float, float]],
+    given: Sequence[tuple[float, float] | None], knot: float, held: Sequence[str],
+) -> Problem:  # fmt: skip
+    """State a problem.
+
+    `known`: mean and sd of parameters beforehand, by name [SI]; `given`: sd of a gyro and an
+    accelerometer reading of each, None where it is found [SI]; `knot`: between two [s]; `held`:
+    endings and groups of names that are not estimated.
+    """
+    layout = layout_of(len(start))
+    mean = np.concatenate([s.values for s in start])
+    sd = np.zeros(len(mean))
+    for i, name in enumerate(layout.names):
+        bare = name.split(".", 1)[1] if name.startswith(ORDINALS) else name
+        group = bare.rpartition(".")[0] if bare not in USUAL else bare
+        sd[i] = USUAL[group]
+        if group not in ("rotation", "delay", "clock"):
+            mean[i] = 0.0
+        for key, (value, spread) in known.items():
+            if name == key or name.startswith(key + "."):
+                mean[i], sd[i] = value, spread
+    hold = np.array([i for i, n in enumerate(layout.names) if n.endswith(tuple(held))], int)
+    hold = np.union1d(hold, [i for i, n in enumerate(layout.names)
+                             if any(f"{key}." in n for key in held)]).astype(int)  # fmt: skip
+    first = float(readings[0].time[0])
+    knots = int(np.ceil((readings[0].time[-1] - first) / knot)) + 4
+    return Problem(tuple(readings), knot, first, knots, tuple(given), sd, mean, hold)
+
+
+def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
+    """Pass by pass, from a start; at `most` so many [1]."""
+    slaves, p = tuple(start), kernels.COLUMNS * len(start)
+    var = np.array([_quiet(r) ** 2 if g is None else np.square(g)
+                    for r, g in zip(problem.readings, problem.given, strict=True)])  # fmt: skip
+    spline = np.zeros((problem.knots, 6))
+    spline += normal(_master(problem), (), spline, var).Z.reshape(-1, 6)
+    made, converged, passes, told = np.zeros((p, p)), False, 0, False
+    for passes in range(1, most + 1):
+        at = normal(problem, slaves, spline, var)
+        if passes in NOISY or told:
+            made = of_noise(problem, slaves, spline, var)
+        seen = shown(at.information, made, problem.prior_sd)
+        values = np.concatenate([s.values for s in slaves])
+        J = _of_values(slaves)
+        delta = seen.step(at.score, np.linalg.solve(J, problem.mean - values), problem.prior_sd)
+        delta[problem.hold] = 0.0
+        size = max(1.0, float(np.abs(delta).max(initial=0.0, where=_is_offset(p))) / 0.05)
+        spline = spline + ((at.Z[:, p] - at.Z[:, :p] @ delta) / size).reshape(-1, 6)
+        parts = (delta / size).reshape(len(slaves), -1)
+        slaves = tuple(s.moved(d) for s, d in zip(slaves, parts, strict=True))
+        sd = np.sqrt(np.diag(seen.covariance(problem.prior_sd)))
+        var = _found(problem, at, var)
+        converged = passes > 2 and float(np.max(np.abs(delta) / sd)) < SETTLED
+        if converged and told:
+            break
+        told = converged  # what the motion shows is asked once more where all has settled
+    return _stated(problem, slaves, spline, made, var, passes, converged)
+
+
+def _is_offset(p: int) -> BoolArray:
+    out = np.zeros(p, bool)
+    out[6 :: kernels.COLUMNS] = True
+    return out
+
+
+def _master(problem: Problem) -> Problem:
+    return replace(problem, readings=problem.readings[:1], hold=np.zeros(0, int))
+
+
+def _quiet(r: Readings) -> FloatArray:
+    """Return the noise of a reading of gyros and accelerometers, by its second differences [SI]."""
+    bend = r.read[2:] - 2 * r.read[1:-1] + r.read[:-2]
+    square = np.median(bend.reshape(-1, 2, 3) ** 2, axis=(0, 2)) / 0.4549 / 6
+    return np.asarray(np.sqrt(square + 1e-18))
+
+
+def _found(problem: Problem, at: Normal, var: FloatArray) -> FloatArray:
+    """Return the variances that explain what is left, of those that nobody declared."""
+    return np.where([[g is None] * 2 for g in problem.given], var * _ratio(problem, at.left, var),
+                    var)  # fmt: skip
+
+
+def _ratio(problem: Problem, left: Sequence[FloatArray], var: FloatArray) -> FloatArray:
+    """Return the mean square of what is left over its variance, without the spline's (i, 2)."""
+    square = np.array([np.nansum(x.reshape(-1, 2, 3) ** 2, axis=(0, 2)) for x in left])
+    count = np.array([3.0 * np.isfinite(x[:, ::3]).sum(axis=0) for x in left])
+    weight = count / var
+    taken = 3.0 * problem.knots * weight / weight.sum(axis=0)
+    return np.asarray(square / var / np.maximum(count - taken, 1.0))
+
+
+def _of_values(slaves: Sequence[Slave]) -> FloatArray:
+    """Return the derivative of values by a step, (p, p): rotations are moved on the left."""
+    out = np.eye(kernels.COLUMNS * len(slaves))
+    for k, s in enumerate(slaves):
+        own = slice(kernels.COLUMNS * k, kernels.COLUMNS * k + 3)
+        out[own, own] = right_jacobian_inverse(-vector_of(s.C_cb))
+    return out
+
+
+def of_noise(
+    problem: Problem, slaves: Sequence[Slave], spline: FloatArray, var: FloatArray
+) -> FloatArray:
+    """Return the information that noise makes by itself, (p, p): see `infer.shown` [1 / SI^2].
+
+    `spline` (m, 6), `var` (i, 2): as of `normal` [SI].
+    """
+    again = problem.noisy(var, np.random.default_rng(0))
+    p = kernels.COLUMNS * len(slaves)
+    other = spline + normal(again, slaves, spline, var).Z[:, p].reshape(-1, 6)
+    found = normal(problem, slaves, spline, var, other).information
+    # Not negative but for rounding.
+    size, Q = np.linalg.eigh(found * np.outer(problem.prior_sd, problem.prior_sd))
+    scale = np.outer(problem.prior_sd, problem.prior_sd)
+    return np.asarray((Q * np.maximum(size, 0.0)) @ Q.T / scale)
+
+
+def _stated(
+    problem: Problem, slaves: tuple[Slave, ...], spline: FloatArray, made: FloatArray,
+    var: FloatArray, passes: int, converged: bool,
+) -> Solution:  # fmt: skip
+    at = normal(problem, slaves, spline, var)
+    seen = shown(at.information, made, problem.prior_sd)
+    scores = _scores(problem, slaves, spline, var, at)
+    cov, spread, halves = _widened(seen, scores, problem.prior_sd)
+    J = _of_values(slaves)
+    lag = np.array([_lag_one(x) for x in at.left])
+    cov = _without_circles(J @ cov @ J.T, slaves, problem.prior_sd)
+    formal = J @ seen.covariance(problem.prior_sd) @ J.T
+    ratio = _ratio(problem, at.left, var)
+    return Solution(problem, slaves, spline, made, var, ratio, cov, formal, spread, halves, lag,
+                    at.left, passes, converged)  # fmt: skip
+
+
+def formal(s: Solution, var: FloatArray) -> FloatArray:
+    """Return what the covariance would be, were `var` (i, 2) the noise and white [SI]."""
+    at = normal(s.problem, s.slaves, s.spline, var)
+    J = _of_values(s.slaves)
+    P = shown(at.information, s.made, s.problem.prior_sd).covariance(s.problem.prior_sd)
+    return np.asarray(J @ P @ J.T)
+
+
+def _scores(
+    problem: Problem, slaves: Sequence[Slave], spline: FloatArray, var: FloatArray, at: Normal
+) -> FloatArray:
+    """Return what blocks of time say of the parameters, shape (blocks, p) [1 / SI]."""
+    p = len(problem.prior_sd)
+    last = problem.first + problem.knot * problem.knots
+    out = np.zeros((int((last - problem.first) / BLOCK) + 2, p))
+    Z = np.ascontiguousarray(at.Z[:, :p])
+    for k, (r, left) in enumerate(zip(problem.readings, at.left, strict=True)):
+        one = None if k == 0 else slaves[k - 1]
+        time, x = (r.time, np.zeros(46)) if one is None else (one.at(r), one.flat)
+        block = np.clip((time - problem.first) / BLOCK, 0, len(out) - 1).astype(int)
+        own = kernels.COLUMNS * (k - 1) if k else -1
+        kernels.scores(time, r.time - r.middle, left, var[k], x, own, spline, Z, problem.first,
+                       problem.knot, block, out)  # fmt: skip
+    out[:, problem.hold] = 0.0
+    return np.asarray(out[np.abs(out).sum(axis=1) > 0])
+
+
+def _widened(
+    seen: Shown, scores: FloatArray, prior_sd: FloatArray
+) -> tuple[FloatArray, float, float]:
+    """Return the covariance as scores (blocks, p) have it, their spread, and that of the halves."""
+    formal, n = seen.covariance(prior_sd), len(scores)
+    gain = np.linalg.inv(seen.information + np.diag(prior_sd**-2.0))
+    found = (scores - scores.mean(axis=0)) @ seen.onto.T @ gain.T
+    share = 1 - np.diag(formal) / prior_sd**2  # what the prior adds scatters in no score
+    told = share > 0.5
+    ratio = np.sqrt(np.sum(found**2, axis=0) / (np.diag(formal) * np.maximum(share, 1e-3)))
+    spread = float(np.sqrt(np.mean(ratio[told] ** 2))) if told.any() else 1.0
+    wide = np.ones(len(prior_sd))
+    if spread > COLOURED:
+        wide[told] = np.maximum(ratio * student(n - 1), 1.0)[told]
+    off = (found[: n // 2].sum(axis=0) - found[n // 2 :].sum(axis=0)) / wide
+    own = np.flatnonzero(told)
+    halves = 1.0
+    if len(own):
+        halves = float(np.sqrt(
+            off[own] @ np.linalg.solve(formal[np.ix_(own, own)], off[own]) / len(own)
+        ))  # fmt: skip
+    wide *= halves if halves > MOVED else 1.0
+    scaled = formal * np.outer(wide, wide)
+    held = np.minimum(1.0, prior_sd / np.sqrt(np.diag(scaled)))  # no more than was known before
+    return scaled * np.outer(held, held), spread, halves
+
+
+def _without_circles(cov: FloatArray, slaves: Sequence[Slave], prior_sd: FloatArray) -> FloatArray:
+    """Return the covariance (p, p) with nothing said of a rotation that may be anything."""
+    out = cov.copy()
+    for k in range(len(slaves)):
+        own = slice(kernels.COLUMNS * k, kernels.COLUMNS * k + 3)
+        if np.linalg.eigvalsh(cov[own, own])[-1] < ROUND**2:
+            continue
+        lost = np.arange(own.start, own.stop)[np.sqrt(np.diag(cov[own, own])) > 0.1 * ROUND]
+        out[lost] = out[:, lost] = 0.0
+        out[lost, lost] = prior_sd[lost] ** 2
+    return out
+
+
+def _lag_one(left: FloatArray) -> FloatArray:
+    """Return the correlation of what is left with the next, gyros and accelerometers (2,) [1]."""
+    x = np.nan_to_num(left).reshape(-1, 2, 3)
+    total = np.sum(x**2, axis=(0, 2))
+    return np.asarray(np.sum(x[1:] * x[:-1], axis=(0, 2)) / np.maximum(total, 1e-300))

@@ -1,0 +1,218 @@
+"""IMUs on one plate: by a simulator of its own, and mistakes that people make."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation
+
+import make_pose
+import make_two
+from foucault.estimate import two_imus as engine
+from foucault.infer.gauss_newton import chi_square_limits
+from foucault.models.earth import Site
+from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.two_imus import LAYOUT, layout_of
+from foucault.procedures import two_imus
+from foucault.procedures.two_imus import ImuLogs, Settings
+from foucault.result import Level
+from foucault.tables import Log
+from refusals import refuses
+
+SITE = replace(Site.at(np.radians(48.0)), gravity=9.80665, gravity_sd=0.0)
+NOISE = ImuNoise(TriadNoise(white=2e-3), TriadNoise(white=1.6e-4))
+
+
+@cache
+def session(seed=1, **how):
+    made, truths = make_two.session(seed, **({"duration": 20.0} | how))
+    master, *slaves = (Log(*one) for one in made)
+    return ImuLogs.of(slaves[0], master, slaves[1:]), truths
+
+
+def solved(log, *, noise=None, **settings):
+    return two_imus.trial(log, site=SITE, settings=Settings(**settings), noise=noise)
+
+
+def off(result, truths):
+    names = layout_of(len(truths)).names
+    true = dict(zip(names, np.concatenate([make_two.values(t) for t in truths]), strict=True))
+    c = result.coefficients
+    return c.values - np.array([true[n] for n in c.names]), c.cov
+
+
+@pytest.mark.parametrize("how", [{}, {"late": 1.5e-3}, {"slaves": 2}, {"master": (1.6e-4, 2e-3)}])
+def test_it_finds_what_another_simulator_put_in(how):
+    log, truths = session(3, **how)
+    result = solved(log)
+    e, cov = off(result, truths)
+    low, high = chi_square_limits(len(e), tests=4)
+    assert low < e @ np.linalg.solve(cov, e) < high
+    assert result.verdict.level is Level.PASS
+    assert result.coefficients["second.lever"].sd.max() < 1e-4
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("how", "rms"), [  # 3.3 rad/s about each axis
+    ({"duration": 60.0, "vigour": 1.0}, (0.28, 0.025, 2.0, 0.12)),
+    ({"duration": 15.0, "vigour": 1.0}, (0.64, 0.055, 3.3, 0.89)),
+])  # fmt: skip
+def test_errors_are_those_that_are_promised(how, rms):
+    """NEES inside two-sided limits over 20 sessions, and the accuracy that was asked for."""
+    total, found, n = 0.0, [], 20
+    for seed in range(n):
+        log, truths = session.__wrapped__(seed, **how)
+        result = solved(log)
+        e, cov = off(result, truths)
+        total += e @ np.linalg.solve(cov, e)
+        at = {n: k for k, n in enumerate(result.coefficients.names)}
+        found.append([np.mean(e[[at[f"second.{what}{a}"] for a in axes]] ** 2) for what, axes in (
+            ("rotation.", "xyz"), ("lever.", "xyz"), ("delay", [""]), ("clock", [""]))
+        ])  # fmt: skip
+    low, high = chi_square_limits(n * len(e), tests=2)
+    assert low < total < high
+    assert not low < 1.5 * total < high
+    size = np.sqrt(np.mean(found, axis=0)) * [60 * np.degrees(1), 1e3, 1e6, 1e6]
+    assert (size < 1.1 * np.array(rms)).all()
+
+
+def test_any_of_them_may_be_the_first():
+    """Where none has errors: those of the first are taken for none."""
+    log, _ = session(5, errors=0.0)
+    one, other = (solved(x).coefficients for x in (log, ImuLogs.of(log.master, log)))
+    C = Rotation.from_rotvec(one["second.rotation"].values)
+    lever = -C.apply(one["second.lever"].values)
+    sd = one["second.lever"].sd.max()
+    assert np.abs(other["second.lever"].values - lever).max() < 0.2 * sd + 1e-5
+    back = C * Rotation.from_rotvec(other["second.rotation"].values)
+    assert back.magnitude() < 3 * one["second.rotation"].sd.max()
+    twice = one.value("second.clock") + other.value("second.clock")
+    assert abs(twice) < 0.2 * np.sqrt(one.cov[-1, -1])
+
+
+def test_derivatives_are_those_of_the_readings():
+    """Columns cancel where a motion does not show them: nearly exact would be wrong."""
+    log, truths = session(3, late=1.5e-3)
+    t = truths[0]
+    readings = [engine.Readings.of(one) for one in log.all]
+    slave = engine.Slave(
+        t["C_cb"], t["lever"], t["tau"], t["kappa"], (t["b_g"], np.eye(3) + t["M_g"]),
+        (t["b_a"], np.eye(3) + t["M_a"]), 1.5e-3, t["G"],
+    )  # fmt: skip
+    problem = engine.problem_of(readings, [slave], {}, [None, None], 0.02, ())
+    rng = np.random.default_rng(1)
+    spline = np.cumsum(rng.standard_normal((problem.knots, 6)), axis=0) * 0.05
+    var = np.array([[1e12, 1e12], [1.0, 1.0]])
+    at = engine.normal(problem, [slave], spline, var)
+    for k in range(engine.kernels.COLUMNS):
+        step = np.zeros(engine.kernels.COLUMNS)
+        step[k] = 1e-6
+        a, b = (engine.normal(problem, [slave.moved(x * step)], spline, var).left[1]
+                for x in (1, -1))  # fmt: skip
+        column = -(a - b) / 2e-6
+        used = np.isfinite(column) & np.isfinite(at.left[1])
+        score = np.sum(column[used] * at.left[1][used])
+        assert at.gradient[k] == pytest.approx(
+            score, rel=1e-4, abs=1e-4 * np.linalg.norm(column[used])
+        )
+
+
+def of_motion(name):
+    """Return logs of a motion that does not show all."""
+    rng = np.random.default_rng(4)
+    k = np.arange(-2.0, 24.0, 0.31)
+    angle = make_interp_spline(k, 0.8 * rng.standard_normal(len(k)), k=5)
+    place = make_interp_spline(k, 0.055 * rng.standard_normal((len(k), 3)), k=5)
+    still = name == "translation only"
+
+    def attitude(x):
+        return make_pose._about(2, (0.0 if still else 1.0) * angle(x))
+
+    def rate(x):
+        return np.outer((0.0 if still else 1.0) * angle(x, 1), [0.0, 0.0, 1.0])
+
+    made, truths = make_two.session(4, 20.0, motion=(attitude, rate, None, lambda x: place(x, 2)))
+    master, slave = (Log(*one) for one in made)
+    return ImuLogs.of(slave, master), truths
+
+
+def test_what_the_motion_does_not_show_is_said():
+    log, truths = of_motion("one axis")
+    result = solved(log)
+    unseen = result.diagnostics["unseen"]
+    assert "second.lever.z" in unseen
+    assert "second.lever.x" not in unseen
+    assert sum(n.startswith(("gyro.scale", "gyro.misalignment")) for n in unseen) >= 5
+    assert result.verdict.level is not Level.PASS
+    e, cov = off(result, truths)
+    assert np.abs(e / np.sqrt(np.diag(cov))).max() < 5.0
+    with refuses("imus.apart"):
+        solved(of_motion("translation only")[0])
+
+
+def test_lost_samples_and_drifting_clocks_are_told():
+    log, _ = session(6, duration=60.0, kappa=2.4e-3)
+    result = solved(log)
+    assert result.coefficients.value("second.clock") == pytest.approx(2.4e-3, abs=1e-6)
+    assert "imus.clock" in {f.code for f in result.findings}
+    # A hundred samples lost one by one, where the time is only counted.
+    kept = np.sort(np.random.default_rng(1).permutation(len(log))[100:])
+    t = log.time[: len(kept)]
+    spoilt = replace(log, time=t, gyro=log.gyro[kept], accel=log.accel[kept])
+    result = solved(spoilt)
+    assert result.verdict.level is not Level.PASS
+    assert {"imus.stamps", "imus.coloured"} & {f.code for f in result.findings}
+
+
+def gyros(change):
+    return lambda log: replace(log, gyro=log.gyro @ np.array(change, float).T)
+
+
+def forces(change):
+    return lambda log: replace(log, accel=log.accel @ np.array(change, float).T)
+
+
+CYCLIC = np.roll(np.eye(3), 1, axis=0)
+MISTAKES = {
+    "left-handed": ("imus.mirror", gyros(np.diag([1, 1, -1]))),
+    "gyro cyclic": ("imus.force_axes", gyros(CYCLIC)),
+    "accel cyclic": ("imus.force_axes", forces(CYCLIC)),
+    "deg": ("imus.gyro_unit", gyros(np.degrees(np.eye(3)))),
+    "g": ("imus.accel_unit", forces(np.eye(3) / 9.80665)),
+    "gravity": ("imus.force_axes", forces(-np.eye(3))),
+    "other plate": ("imus.apart", lambda log: replace(log, master=session(9)[0].master)),
+    "short": ("imus.short", lambda log: replace(log, time=1e-3 * log.time)),
+    "no master": ("imus.no_master", lambda log: replace(log, master=None)),
+    "no gyros": ("imus.no_triad", lambda log: replace(log, gyro=None)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_named(name):
+    code, spoil = MISTAKES[name]
+    with refuses(code):
+        solved(spoil(session()[0]))
+
+
+def test_a_swing_tells_no_offset():
+    t = np.arange(0.0, 30.0, 0.005)
+    rate = 2.0 * np.sin(2 * np.pi * t)[:, None] * [0.3, 0.5, 0.8]
+    one = Log(t, rate, np.broadcast_to([0.0, 0.0, 9.80665], rate.shape).copy())
+    with refuses("imus.periodic"):
+        solved(ImuLogs.of(one, one))
+
+
+def test_declared_noise_is_judged():
+    log, _ = session(3)
+    assert solved(log, noise=NOISE).verdict.level is Level.PASS
+    much = ImuNoise(TriadNoise(white=4e-3), TriadNoise(white=3.2e-4))
+    assert solved(log, noise=much).verdict.level is not Level.PASS
+
+
+def test_names_are_known_once():
+    assert len(set(LAYOUT.names)) == len(LAYOUT.names)
+    assert set(layout_of(3).names) == set(LAYOUT.names)
