@@ -436,7 +436,9 @@ def main(sessions: int = 20, *only: str) -> tuple[bool, dict[str, object]]:
     count = {which: max(sessions // 5, 1) if which in SLOW else sessions for which in CASES}
     cells = [
         (which, what) for which in CASES for what in VIOLATIONS
-        if can(which, what) and (not only or which in only or what in only)
+        if can(which, what)
+        and all(not set(every) & set(only) or name in only
+                for name, every in ((which, CASES), (what, VIOLATIONS)))
     ]  # fmt: skip
     jobs = [(which, what, seed) for which, what in cells for seed in range(count[which])]
     runs = dict(zip(jobs, each(one, jobs), strict=True))

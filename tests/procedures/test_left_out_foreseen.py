@@ -18,6 +18,7 @@ from foucault.models.noise import grade
 from foucault.procedures import ferraris, hand_rotated, rate_table, silent, six_position
 from foucault.procedures.record import Beforehand
 from refusals import refuses
+from sessions import Case, made
 
 SITE = Site.at(np.radians(48.8462), 60.0)
 NOISE = grade("mems").noise
@@ -186,10 +187,13 @@ def test_the_switch_is_written_where_there_is_no_table() -> None:
     assert with_nothing_else(bare).count("[instrument]\nleft_out = false") == 1
 
 
-COUNTING = ("hand_rotated", "transfer_alignment", "systematic", "platform_tumble")
+COUNTING = (
+    "hand_rotated", "turntable", "norm_observation", "multi_position", "transfer_alignment",
+    "systematic", "platform_tumble",
+)  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["turntable", "north_seeking"])
+@pytest.mark.parametrize("name", ["north_seeking", "magnetometer"])
 def test_where_no_grade_is_told_by_noise_nothing_said_is_nothing_declared(name) -> None:
     procedure = procedures.load(name)
     for sizes, given in ((ByNoise(), None), (ByNoise(SIZES), SIZES), (None, None)):
@@ -197,3 +201,20 @@ def test_where_no_grade_is_told_by_noise_nothing_said_is_nothing_declared(name) 
     for usual in map(procedures.load, COUNTING):
         assert usual._given(SITE, None, None, None, silent, ByNoise()).sizes == ByNoise()
         assert usual.counted
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("sizes", [ByNoise(), SIZES], ids=["told by noise", "declared"])
+def test_preflight_of_a_table_says_what_a_calibration_states(sizes) -> None:
+    case = Case("norm_observation", {}, {"rows": "samples", "rest_time": 10.0})
+    site = replace(case.site, gravity_sd=4e-4)
+    plan = replace(case.beforehand, sizes=sizes, noise=None, typical=case.sensors, site=site)
+    seen = case.record.foreseen(plan)
+    log = made(case, 3).log
+    found = case.record.calibrate(log, site=site, settings=case.stated, sizes=sizes)
+    # The noise of a session is that of its own 36 readings, and terms act at its own errors.
+    np.testing.assert_allclose(seen.sd, found.coefficients.sd, rtol=0.05)
+    nothing = case.record.foreseen(replace(plan, sizes=None))
+    assert (seen.sd > 1.5 * nothing.sd).any()
+    assert set(seen.left_out["group"]) == set(found.tables["left_out"]["group"])
+    assert not seen.findings

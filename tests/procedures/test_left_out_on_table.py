@@ -15,7 +15,7 @@ from foucault.diagnose.study import nees
 from foucault.estimate.table import TableModel
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.left_out import sizes_of, terms
-from foucault.procedures import left_out, norm_observation, on_table
+from foucault.procedures import fleet, left_out, norm_observation, on_table
 from foucault.result import Level
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -49,7 +49,9 @@ def test_spins_in_one_sense_tell_no_g_sensitivity_from_the_matrix_of_the_gyros(s
     start = on_table._start(readings, task, made.site, options)
     model = TableModel(readings, made.site, start, options)
     sizes = {"gyro.g_sensitivity": made.sizes["gyro.g_sensitivity"]}
-    (source,) = left_out.columns(options.names, made.site, sizes, on_table._again(model))(start)
+    (source,) = left_out.columns(options.names, made.site, sizes, on_table.reduced_again(model))(
+        start
+    )
     at, spins = model.linearise(start), model.kind == 3
     for k, term in enumerate(terms(options.names, made.site, sizes)):
         axes = term.name[-2:]
@@ -89,3 +91,27 @@ def test_what_is_far_beyond_its_size_is_named() -> None:
 def test_undeclared_they_are_taken_for_nothing_there() -> None:
     log = session("multi_position", 3002).simulation.log
     assert "left_out" not in solved("multi_position", log, None).tables
+
+
+@pytest.mark.thorough
+def test_a_batch_counts_what_it_does_not_estimate() -> None:
+    """Its covariance grows by what terms do to the linear equations, so that NEES is honest."""
+    made, scores = campaign("norm_observation"), {None: [], "sizes": []}
+    settings = made.settings.model_copy(update={"solution": "linear"})
+    task, site = norm_observation.task_of(settings), made.site
+    sessions = [session("norm_observation", seed) for seed in range(3001, 3009)]
+    read = [
+        fleet.arranged(on_table.read_positions(s.simulation.log, task, None),
+                       fleet.plan_of(settings)) for s in sessions
+    ]  # fmt: skip
+    for key, sizes in ((None, None), ("sizes", made.sizes)):
+        batch = fleet.solve(read, settings, site, sizes)
+        for i, one in enumerate(sessions):
+            result = batch.result(i)
+            c = result.coefficients
+            off = c.values - np.array([one.truth.value(n) for n in c.names])
+            scores[key].append(float(nees(off[None], c.cov[None])[0]))
+            told = [f.code for f in result.findings]
+            assert ("left_out.untested" in told) is (sizes is not None)
+    high = chi_square_limits(len(sessions) * len(off), 1e-3)[1]
+    assert sum(scores["sizes"]) < high < sum(scores[None]) / 10

@@ -447,8 +447,9 @@ def _rows(
         return
     progress(0.5, f"solving {len(reduced)} instruments")
     solved = of_fleet.solve(
-        [r.readings for r in reduced], work.campaign.settings, work.campaign.site
-    )
+        [r.readings for r in reduced], work.campaign.settings, work.campaign.site,
+        work.campaign.sizes,
+    )  # fmt: skip
     numbered = list(enumerate(reduced))
     rows = over(lambda n: _from_batch(work, solved, *n), numbered)
     for done, row in enumerate(rows, 1):
@@ -520,10 +521,8 @@ def _reduced(work: _Work, serial: str, log: Log | FoucaultError) -> _Reduced | R
     except FoucaultError as problem:
         return Row.broken(serial, problem)
     validity = table_report.validity(readings, log, c.site)
-    found = c.findings + log.findings
-    if c.sizes:
-        found = (*found, finding("left_out.not_counted", procedure=c.procedure))
     timed = log.clock, times_the_table(log), log.sampled == "increment"
+    found = c.findings + log.findings
     return _Reduced(serial, readings, found, validity, provenance(log.source, 0.0), timed)
 
 
@@ -531,9 +530,11 @@ def _from_batch(work: _Work, batch: of_fleet.Batch, i: int, own: _Reduced) -> Ro
     problem = batch.problem(i)
     if problem is not None:
         return Row.broken(own.serial, problem)
-    result = batch.result(i)
+    result, c = batch.result(i), work.campaign
+    silent = bool(c.sizes) and batch.beside is None
+    told_of = (finding("left_out.not_counted", procedure=c.procedure),) * silent
     result = replace(
-        result, findings=own.findings + result.findings, validity=own.validity,
+        result, findings=own.findings + result.findings + told_of, validity=own.validity,
         provenance=own.provenance,
     )  # fmt: skip
     clock, turned, summed = own.timed

@@ -72,6 +72,8 @@ def run(
         instrument=case.instrument, progress=case.progress,
     )  # fmt: skip
     findings = survey.findings
+    if campaign is not None and campaign.sizes:
+        findings += (finding("left_out.not_counted", procedure="north"),)
     if survey.compensation.serial and not case.instrument.get("serial"):
         findings += (finding("north.whose", serial=survey.compensation.serial),)
     made = survey.provenance | {"settings": chosen.model_dump(), "calibration": case.known}

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -22,18 +23,21 @@ from foucault.diagnose import table as batch
 from foucault.diagnose import table as table_report
 from foucault.diagnose.checks import plausible_scales, status_check
 from foucault.diagnose.table import UNKNOWN_NOISE
-from foucault.errors import FoucaultError, Status, error
+from foucault.errors import FoucaultError, Status, error, finding
 from foucault.estimate import fleet
 from foucault.estimate.fleet import FleetEstimate, FleetReadings
+from foucault.estimate.table import TableModel, free_start
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.models import turntable
 from foucault.models.earth import Site
-from foucault.models.imu import EQUATION, FRAME, Gauge
+from foucault.models.imu import EQUATION, FRAME, LINEAR_LOWER, Gauge
 from foucault.models.layouts import with_references
+from foucault.models.left_out import Sizes, changes, terms
 from foucault.models.noise import Readings
 from foucault.models.turntable import TablePlan, up_k
 from foucault.plans.directions import table_plan
 from foucault.plans.efficiency import refuse_singular
+from foucault.procedures import left_out, on_table
 from foucault.procedures.norm_observation import Settings, task_of
 from foucault.result import Check, Result, Verdict
 
@@ -119,6 +123,8 @@ class Batch:
     # (N, 2) another factor for an instrument whose residuals are larger than those of the fleet [1]
     own: FloatArray
     solves: int  # batches that were needed [1]
+    # (p, p) covariance that what is not estimated adds; None where it is taken for nothing [SI]
+    beside: FloatArray | None = None
 
     @cached_property
     def high(self) -> tuple[float, ...]:
@@ -151,6 +157,11 @@ class Batch:
         """Return the result of instrument `i`, shape () [1], which must have been solved."""
         readings, rate_sd = self._with_noise(i), self.settings.table_rate_sd
         coefficients = with_references(self.estimate.coefficients(i), self.site, rate_sd)
+        told = tuple(f for f in readings.findings if f.code != UNKNOWN_NOISE)
+        if self.beside is not None:
+            assert coefficients.cov is not None
+            coefficients = replace(coefficients, cov=coefficients.cov + self.beside)
+            told = (*told, finding("left_out.untested"))
         checks = (
             status_check(Status.CONVERGED, ()),
             *plausible_scales(coefficients),
@@ -165,7 +176,7 @@ class Batch:
             gauge=Gauge.LOWER.value,
             verdict=Verdict.of(checks),
             checks=checks,
-            findings=tuple(f for f in readings.findings if f.code != UNKNOWN_NOISE),
+            findings=told,
             status=Status.CONVERGED,
             site=site.as_dict(),
             diagnostics=self._diagnostics(i),
@@ -223,11 +234,14 @@ class Batch:
         return "declared" if self.readings[i].declared else "measured in the readings"
 
 
-def solve(readings: Sequence[Readings], settings: Settings, site: Site) -> Batch:
+def solve(
+    readings: Sequence[Readings], settings: Settings, site: Site, sizes: Sizes | None = None
+) -> Batch:
     """Solve all instruments.
 
-    `readings`: of each instrument, all in the order of the plan (`arranged`) [SI]. Raises
-    ``plan.singular``: no instrument could be solved with this plan.
+    `readings`: of each instrument, all in the order of the plan (`arranged`) [SI]; `sizes` or
+    None: of what is not estimated [SI]. Raises ``plan.singular``: no instrument could be solved
+    with this plan.
     """
     plan = plan_of(settings)
     refuse_singular(plan.name, up_k(plan.angles[plan.rate == 0.0]), "accel")
@@ -249,7 +263,45 @@ def solve(readings: Sequence[Readings], settings: Settings, site: Site) -> Batch
         for s, g in zip(stacks, groups, strict=True)
     ]
     estimate = _joined(again, groups)
-    return Batch(readings, settings, site, estimate, chi_square, common, own, len(groups))
+    beside = _beside(readings[0], stacks[0], settings, site, sizes)
+    return Batch(readings, settings, site, estimate, chi_square, common, own, len(groups), beside)
+
+
+def _beside(
+    first: Readings, stack: FleetReadings, settings: Settings, site: Site, sizes: Sizes | None
+) -> FloatArray | None:
+    """Return the covariance that what is not estimated adds to each of the coefficients, (p, p).
+
+    One size of each term is put into the readings of an instrument of its own, the `first` but for
+    that: what it does to the linear solution is hardly another for others. Gravity counts
+    elsewhere, and an angle of latitude does nothing to the rate of a spin.
+    """
+    task = task_of(settings)
+    start = free_start(first, site, settings.lever_arm)
+    if sizes is None or start is None:
+        return None
+    again = on_table.reduced_again(
+        TableModel(first, site, start, on_table.options_of(first, task, None))
+    )
+    whole = left_out.whole(sizes, site, again.white, again.wander)
+    if whole is None:
+        return None
+    model, motion = again.motion(start)
+    groups = groupby(terms(LINEAR_LOWER, site, whole), lambda term: term.group)
+    put = [by for _, some in groups for by in changes([*some], model, motion)]
+    none = np.zeros((len(first), 3))
+    f, w = (
+        np.stack([none, *(none if x is None else x for x in xs)]) + base
+        for xs, base in (([b.accel for b in put], first.accel), ([b.gyro for b in put], first.gyro))
+    )
+    spin = first.spin
+    at_rest, accel, gyro = (v[:1] for v in stack.variances)
+    made = FleetReadings(
+        f[:, ~spin], f[:, spin], w[:, spin], at_rest, accel, gyro, stack.rate, stack.gravity
+    )
+    values = fleet.calibrate(made, lever_arm=settings.lever_arm).values
+    B = values[1:] - values[0]
+    return np.asarray(B.T @ B)
 
 
 def _factors(factor: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -71,7 +71,7 @@ def fit(
     `prior` or None: what is known of the coefficients [SI]; `sizes` or None: of what is not
     estimated [SI]; `how`: of `mixed.fit`.
     """
-    sizes = whole(sizes, site, again)
+    sizes = whole(sizes, site, again.white, again.wander)
     if sizes is None:
         return mixed.fit(model, prior, **how), None
     names = model.layout.names
@@ -107,7 +107,7 @@ def planned(
 
     `sds`: source -> size of those to be found [SI].
     """
-    sizes = whole(sizes, site, again)
+    sizes = whole(sizes, site, again.white, again.wander)
     if sizes is None:
         return mixed.planned(model, sds, prior), None
     made = columns(model.layout.names, site, sizes, again)
@@ -166,13 +166,18 @@ def _bought(
     return tuple(out)
 
 
-def whole(sizes: Sizes | None, site: Site, again: Again) -> Sizes | None:
-    """Return sizes as the noise tells them, and that of local gravity, which `site` gives."""
-    sizes = None if sizes is None else told(sizes, *again.white)
+def whole(
+    sizes: Sizes | None, site: Site, white: tuple[float, float], wander: tuple[float, float]
+) -> Sizes | None:
+    """Return sizes as the noise tells them, and that of local gravity, which `site` gives.
+
+    `white`, `wander`: as of `Again` [SI].
+    """
+    sizes = None if sizes is None else told(sizes, *white)
     if sizes is None:
         return None
     gravity = site.gravity_sd, "standard uncertainty of local gravity"
-    return less_wander(sizes, again.wander) | {GRAVITY: gravity}
+    return less_wander(sizes, wander) | {GRAVITY: gravity}
 
 
 def less_wander(sizes: Sizes, wanders: tuple[float, float]) -> dict[str, tuple[float, str]]:

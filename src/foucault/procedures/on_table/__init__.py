@@ -172,8 +172,8 @@ def from_readings(
     readings, found = _usable(readings, task, site)
     options = options_of(readings, task, prior)
     start = _start(readings, task, site, options)
-    again = _again(TableModel(readings, site, start, options))
-    whole = left_out.whole(sizes, site, again)
+    again = reduced_again(TableModel(readings, site, start, options))
+    whole = left_out.whole(sizes, site, again.white, again.wander)
     if whole is None:
         solution = fit(readings, site, start, options)
     else:
@@ -191,7 +191,7 @@ def from_readings(
     return _result(readings, task, site, solution, found, likelihood)
 
 
-def _again(model: TableModel) -> Again:
+def reduced_again(model: TableModel) -> Again:
     """Return the readings with something put into them; their motion is what they are fitted to."""
     r = model.readings
 
@@ -412,6 +412,7 @@ def table_procedure(
         names=lambda settings, _: settings.estimated(),
         foresee=foresee,
         counts=True,
+        counts_by_noise=True,
         space=space,
         Wanted=Wanted,
         assumes_noise=True,

@@ -26,13 +26,17 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose.foresight import Extra, Foresight
+from foucault.diagnose.left_out import foretold
 from foucault.errors import error, finding
 from foucault.estimate.table import Options, TableModel
+from foucault.infer import left_out as left_out_terms
 from foucault.infer import mixed
 from foucault.infer.information import Information, information
+from foucault.infer.left_out import Judgement
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, Gauge, ImuModel
 from foucault.models.layouts import with_references
+from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise, Readings, grade, mean_variance, slow_part
 from foucault.models.turntable import Angles, Free, Geometry, State, TablePlan, chain, up_k
 from foucault.plans.directions import positions, spread_directions, spread_outer, table_plan
@@ -48,8 +52,8 @@ from foucault.plans.table import (
     half_covariance,
     without,
 )
-from foucault.procedures import on_table
-from foucault.procedures.on_table import Task, common_rate_sd, options_of
+from foucault.procedures import left_out, on_table
+from foucault.procedures.on_table import Task, common_rate_sd, options_of, reduced_again
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.procedures.record import Beforehand
 from foucault.result import Linearised
@@ -78,6 +82,7 @@ class Bench:
     declared: bool  # whether the calibration will be told that noise; else it will measure it
     # mean and standard deviation of coefficients or groups of coefficients [SI]
     prior: Mapping[str, tuple[float, float]]
+    sizes: Sizes | None = None  # of what is not estimated, None: it is taken for nothing [SI]
 
     @property
     def settings(self) -> TableSettings:
@@ -177,17 +182,24 @@ class Bench:
         read = self.readings(plan, self.state(plan, ImuModel()))
         return options_of(read, self.task, None)
 
+    def stated(self, plan: TablePlan, model: ImuModel, *, whole: bool) -> TableModel:
+        """Return the likelihood of a plan; `model`, `whole`: as of `linearised`."""
+        state = self.state(plan, model)
+        read = self.readings(plan, state)
+        if whole and self.declared:
+            read = replace(read, slow=slow_part(self.noise))
+        return TableModel(read, self.site, state, replace(self.options, repeatability=False))
+
     def linearised(self, plan: TablePlan, model: ImuModel, whole: bool = False) -> Linearised:
         """Return white residuals, which are zero, and their derivatives, without the prior.
 
         `whole`: whether the plan is a whole session, whose slow biases tie its readings together,
         else they are taken as independent, so that its parts add up.
         """
-        state = self.state(plan, model)
-        read = self.readings(plan, state)
-        if whole and self.declared:
-            read = replace(read, slow=slow_part(self.noise))
-        stated = TableModel(read, self.site, state, replace(self.options, repeatability=False))
+        stated = self.stated(plan, model, whole=whole)
+        if whole and self.sizes is not None:
+            made = left_out.columns(self.layout.names, self.site, self.sizes, reduced_again(stated))
+            stated = replace(stated, more=made(stated.start))
         at = mixed.foreseen(stated)
         return replace(at, blocks=np.where(at.blocks < 0, -1, stated.rows[at.blocks]))
 
@@ -209,7 +221,22 @@ class Bench:
         info = self.information(plan, model).with_prior(self.known.prior_sd)
         values = model.in_gauge(Gauge.LOWER)[0].coefficients(self.layout.names).values
         found = replace(self.known, values=values, cov=info.cov)
-        return with_references(found, self.site, self.rate_sd)
+        return with_references(found, self.beside, self.rate_sd)
+
+    @property
+    def beside(self) -> Site:
+        """The site, without the uncertainty of its gravity where that counts already."""
+        return self.site if self.sizes is None else replace(self.site, gravity_sd=0.0)
+
+    def judged(self, plan: TablePlan) -> Judgement | None:
+        """Return what a session will make of what is not estimated; None where nothing counts."""
+        if self.sizes is None:
+            return None
+        stated = self.stated(plan, self.usual, whole=True)
+        made = left_out.columns(self.layout.names, self.site, self.sizes, reduced_again(stated))
+        known = self.known if self.prior else None
+        _, found = left_out_terms.planned(stated, made, known)
+        return replace(found, sizes={g: self.sizes[g] for g in found.groups})
 
     @property
     def rate_sd(self) -> float:
@@ -309,7 +336,7 @@ class Bench:
         values = self.usual.in_gauge(Gauge.LOWER)[0].coefficients(self.layout.names).values
         n = len(self.layout)
         sure = CoefficientVector(self.layout, values, np.zeros((n, n)))
-        cov = with_references(sure, self.site, self.rate_sd).cov
+        cov = with_references(sure, self.beside, self.rate_sd).cov
         assert cov is not None
         return cov
 
@@ -333,7 +360,12 @@ LONGER = 300.0
 def bench(task: Task, b: Beforehand[Any, Any]) -> Bench:
     """Return the session of a campaign without its positions."""
     known = b.noise or b.typical or grade(CLASS).noise
-    return Bench(task, b.session, task.settings.where(b.site), known, b.noise is not None, b.prior)
+    site = task.settings.where(b.site)
+    made = Bench(task, b.session, site, known, b.noise is not None, b.prior)
+    span = timetable(made.plan(positions(task.settings.chosen)[1]))[0]
+    slow = left_out.wander_of(slow_part(known) if made.declared else None, span)
+    white = known.accel.white, known.gyro.white
+    return replace(made, sizes=left_out.whole(b.sizes, site, white, slow))
 
 
 def reach_of(settings: TableSettings) -> Reach:
@@ -461,7 +493,7 @@ def foresee(task: Task, beforehand: Beforehand[Any, Any]) -> Foresight:
     info = b.information(plan).with_prior(b.known.prior_sd)
     found = _stated(b, angles)
     seen = bool(np.isfinite(found.sd).all())
-    told = []
+    told, judged = [], b.judged(plan) if seen else None
     if not seen:
         names = [n for n, s in zip(found.names, found.sd, strict=True) if not np.isfinite(s)]
         told.append(finding("table.unseen", plan=name, names=", ".join(names)))
@@ -473,6 +505,7 @@ def foresee(task: Task, beforehand: Beforehand[Any, Any]) -> Foresight:
         duration=timetable(plan)[0],
         limits=limits(b, angles),
         more=_more(b, angles, found) if seen else (),
+        left_out=None if judged is None else foretold(judged),
         findings=tuple(told),
     )
 
@@ -484,7 +517,9 @@ def _stated(b: Bench, angles: FloatArray) -> CoefficientVector:
     if b.task.variant is None or not np.isfinite(found.sd).all():
         return found
     read = b.readings(plan, b.state(plan, b.usual))
-    return on_table.from_readings(read, b.task, site=b.site, prior=b.prior).coefficients
+    return on_table.from_readings(
+        read, b.task, site=b.site, prior=b.prior, sizes=b.sizes
+    ).coefficients
 
 
 def limits(b: Bench, angles: FloatArray) -> tuple[Limit, ...]:
