@@ -586,7 +586,8 @@ def _stated(
     if len(own):
         off = (found[0] - found[1])[own] / wide[own]
         both = (covs[0] + covs[1])[np.ix_(own, own)]
-        halves = float(np.sqrt(off @ np.linalg.solve(both, off) / len(own)))
+        # Rounding leaves no sign where halves hardly tell what the whole does.
+        halves = float(np.sqrt(abs(off @ np.linalg.solve(both, off)) / len(own)))
     factor = halves if halves > MOVED else 1.0
     J = at.of_values()
     scaled = formal * np.outer(wide, wide) * factor**2
