@@ -184,8 +184,8 @@ def test_inspect_reads_the_units_that_titles_give(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "log.csv", np.delete(table, slice(1000, 1003), axis=0), "%.9f", ",",
                header=titles, comments="")  # fmt: skip
     out = run("inspect", tmp_path / "log.csv").stdout
-    assert "note: Nothing describes 'log.csv', so its units were taken from the titles" in out
-    assert "gyro in deg/s, accel in g." in out
+    assert "accelerometers  ax (g), ay (g), az (g) [g]  (sure: titles; unit: title)" in out
+    assert "gyros           wx (deg/s), wy (deg/s), wz (deg/s) [deg/s]" in out
     assert "10 ms to 40 ms" in out
     assert "The longest is 40 ms, 9.99 s from the start" in out
     assert out.count("17171717") == 1, "the time of day is said once, and all else from there"

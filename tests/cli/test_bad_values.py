@@ -102,5 +102,6 @@ def test_a_bad_value_is_refused(
 
 
 def test_every_command_is_tried() -> None:
-    silent = {"schema", "messages", "report", "parts"}  # no option of theirs takes a value
-    assert set(LINES) | silent == set(PROGRAM.commands) | {"north plan"}
+    # No option of theirs takes a value; those of the records are tried beside their database.
+    silent = {"schema", "messages", "report", "parts"}
+    assert set(LINES) | silent | {"records"} == set(PROGRAM.commands) | {"north plan"}

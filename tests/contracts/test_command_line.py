@@ -22,6 +22,7 @@ OWN_WORDS = {
     "--gyro-noise": 2,  # `north plan` takes the name of a grade
     "--seed": 2,  # `simulate` leaves it to the campaign
     "--force": 2,  # what is overruled
+    "--date": 2,  # of a field that changes, or of a log
     "--at": 3,  # a temperature, a time, a day
     "--drift": 2,
     "--level-sd": 2,  # at the start of navigation, or of a case without accelerometers

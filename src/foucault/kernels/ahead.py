@@ -77,7 +77,7 @@ def compiling(procedure: str, tell: Callable[[float, str], None]) -> Iterator[No
 
 
 def compile_lane(procedure: str, at: int) -> None:
-    """Compile one lane of kernels for `procedure`."""
+    """Compile one lane of kernels for `procedure`; `at`: number of the lane [1]."""
     found = table()
     for name in found["lanes"][procedure][at]:
         module, function = name.split(".")
