@@ -325,9 +325,9 @@ def budget(
 ) -> dict[str, FloatArray]:
     """Return the variance of every value by source of error; they add up.
 
-    `known`: source -> states (k,) whose prior it is, not correlated with those of another; `driven`:
-    source -> states (k,) that its noise acts on. Each kind of measurement is a source too. Returns
-    source -> variances (n - first,) [SI].
+    `known`: source -> numbers of the states whose prior it is, not correlated with those of
+    another [1]; `driven`: source -> numbers of the states that its noise acts on [1]. Each kind of
+    measurement is a source too. Returns source -> variances (n - first,) [SI].
 
     The error at the end is linear in every noise before. L, what an error of the state makes of it,
     is known from the end backwards::
