@@ -14,7 +14,7 @@ BUDGET = {
     "campaign": 5_420,
     "cli": 4_700,
     "detect": 4_608,
-    "diagnose": 11_886,
+    "diagnose": 11_900,
     "estimate": 8_060,
     "export": 3_290,
     "guard": 1_941,

@@ -58,6 +58,12 @@ KINDS = {
 }  # fmt: skip
 """Kinds of reading, of the calibration and within the set-ups, and what people call them."""
 
+SURE = 3.3
+"""A drift of the offset is there where it is so many times its standard deviation [1]."""
+
+MATTERS = 0.5
+"""What it moves a bias by counts from this part of its standard deviation on [1]."""
+
 LEAN, BIASED = 2e-3, 2e-2
 """A table leaned on purpose where its set-ups depart from one axis by the first, or where the
 accelerometers would have biases of the second [g]."""
@@ -178,16 +184,38 @@ def checks(
         own = zip(fit.after.items(), pairs.dof.sum(axis=0), strict=False)
         fit = replace(fit, dof={kind: c.redundancy + n for (kind, c), n in own})
         inside, found_in = {}, {kind: (kind,) for kind in fit.dof}
-    middle = np.bincount(dwells.setup, dwells.start + dwells.time / 2)
+    middle = np.bincount(dwells.setup, dwells.start + dwells.time / 2) / np.bincount(dwells.setup)
     cause = "the noise is larger than said, or a heading, index angle or reading is wrong"
     e = Judged(
-        fit, KINDS, NOISE[source], middle / np.bincount(dwells.setup), found_in,
+        fit, KINDS, NOISE[source], middle, found_in,
         readings="headings", cure="Add headings.", cause=dict.fromkeys(KINDS, cause),
         named=lambda i: f"'{dwells.names[i]}'",
     )  # fmt: skip
     readings = replace(e, fit=replace(fit, before=inside, after=inside))
     out = general_checks(e) + [explained(readings, kind) for kind in inside]
-    return (*out, *_fitting(apart, fit.estimate, source), *_level(fit, rig))
+    out += _fitting(apart, fit.estimate, source) + _level(fit, rig)
+    return (*out, *_offset_drift(pairs, fit.estimate.coefficients, middle))
+
+
+def _offset_drift(pairs: Pairs, c: CoefficientVector, middle: FloatArray) -> list[Check]:
+    """Test what the drift of the offset from set-up to set-up does within one, where it counts.
+
+    Alike in every set-up, it leaves no residual: it moves the biases. `middle` (m,): when each
+    set-up was [s].
+    """
+    names = [n for n in ("gyro.bias.x", "gyro.bias.y") if n in c.layout]
+    if pairs.drift.any() or len(middle) < 4 or np.ptp(middle) <= 0 or not names:
+        return []
+    t = middle - middle.mean()
+    slope = float(t @ pairs.offset / (t @ t))
+    left = pairs.offset - pairs.offset.mean() - slope * t
+    slope_sd = float(np.sqrt(left @ left / (len(t) - 2) / (t @ t)))
+    moved = np.abs(slope * pairs.drift_slope[:, : len(names)].mean(axis=0))
+    sds = float(np.max(moved / [c.sd[c.layout.index(n)] for n in names]))
+    seen = abs(slope) > SURE * slope_sd
+    rate, size = np.degrees(slope) * 3600**2, np.degrees(moved.max()) * 3600
+    given = {"rate": rate, "size": size, "sds": sds}
+    return [check("offset drift", "offset drift", sds if seen else 0.0, None, MATTERS, given)]
 
 
 def each_apart(fit: Fit) -> HeldOut:
