@@ -25,7 +25,7 @@ BUDGET = {
     "navigate": 2_110,
     "plans": 6_028,
     "procedures": 18_441,
-    "recognise": 2_574,
+    "recognise": 2_590,
     "report": 10_411,
     "records": 1_390,
     "simulate": 3_645,

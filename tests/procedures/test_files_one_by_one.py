@@ -26,7 +26,7 @@ def campaign_of(name, log, folder):
     position, rate = log.table.position, log.table.rate
     logs.write(picked(log, (position >= 0) & (rate == 0)), folder / "rests.csv")
     logs.write(picked(log, (position >= 0) & (rate != 0)), folder / "spins.csv")
-    text = campaign.template(name)
+    text = campaign.template(name).replace("[instrument]", "[instrument]\nleft_out = false")
     own = '[log]\nfile = "rests.csv"\nmore = ["spins.csv"]\n'
     text = text[: text.index("[log]")] + own + text[text.index("[procedure]") :]
     (folder / "campaign.toml").write_text(text, encoding="utf-8")

@@ -160,7 +160,9 @@ def written(folder, made, text):
     files = [f"{k}.npz" for k in range(len(made))]
     for file, log in zip(files, made, strict=True):
         logs.write(log, folder / file)
-    template = campaign.template("systematic")
+    template = campaign.template("systematic").replace(
+        "[instrument]", "[instrument]\nleft_out = false"
+    )
     about = f'[log]\nfile = "{files[0]}"\nmore = {files[1:]}\n'.replace("'", '"')
     (folder / "campaign.toml").write_text(
         template[: template.index("[log]")] + about + f'[procedure]\nname = "systematic"\n{text}\n'

@@ -11,7 +11,8 @@ from __future__ import annotations
 import codecs
 import gzip
 import re
-from collections.abc import Iterator
+import zlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BufferedReader, IncrementalNewlineDecoder, RawIOBase
 from itertools import chain, islice
@@ -102,16 +103,23 @@ class _Unpacked(gzip.GzipFile):
     def read(self, size: int | None = -1) -> bytes:
         left = float("inf") if size is None or size < 0 else size
         pieces: list[bytes] = []
-        while left > 0 and (piece := super().read(int(min(left, _PIECE << 4)))):
+        while left > 0 and (piece := self._piece(super().read, int(min(left, _PIECE << 4)))):
             pieces.append(piece)
             left -= len(piece)
             self._watch()
         return b"".join(pieces)
 
     def readline(self, size: int | None = -1) -> bytes:
-        line = super().readline(LONGEST if size is None or size < 0 else size)
+        line = self._piece(super().readline, LONGEST if size is None or size < 0 else size)
         self._watch()
         return line
+
+    @staticmethod
+    def _piece(read: Callable[[int], bytes], size: int) -> bytes:
+        try:
+            return read(size)
+        except zlib.error as problem:  # damaged inside; the rest of its faults are of the system
+            raise gzip.BadGzipFile(str(problem)) from problem
 
     def _watch(self) -> None:
         not_a_bomb(self.tell(), position(self))

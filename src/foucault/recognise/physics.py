@@ -45,6 +45,9 @@ SURELY = np.radians(1.0)
 SHAKEN, ON_THE_WAY = np.radians(2.0), np.radians(25.0)
 """While it is turned, gravity is told so badly by accelerometers at least, and at most [rad]."""
 
+SPUN = 0.02
+"""Part of the way that is turned by which gyros before their calibration may miss it [1]."""
+
 MOST_TURNS = 60
 """Turns that are looked at [1]."""
 

@@ -260,13 +260,22 @@ class _Work:
             elif dead and moves:
                 raise error("recognise.stuck", file=file, columns=shown)
         known = self._said("gyro") or self._titled(found.gyro)
-        # What is only shaken, as in a vehicle, misses by less.
-        far = turned is not None and turned.turns > 2 and turned.miss > physics.ON_THE_WAY
+        # What is only shaken, as in a vehicle, misses by less; spins by errors of their scale.
+        may = physics.ON_THE_WAY + physics.SPUN * self._way_turned()
+        far = turned is not None and turned.turns > 2 and turned.miss > may
         told = self.ball is not None and self.ball.scatter < physics.NORM
         if turned is not None and far and told and not known:
             raise error("recognise.no_turns", file=file, turns=turned.turns,
                         off=np.degrees(turned.miss),
                         columns=", ".join(data.shown(k) for k in found.gyro or ()))  # fmt: skip
+
+    def _way_turned(self) -> float:
+        """Return the angle turned on the way from a rest to the next, on average [rad]."""
+        turned, gyro = self.turned, self.found.gyro
+        if turned is None or gyro is None:
+            return 0.0
+        w = turned.scale * np.linalg.norm(self.data.x[:, list(gyro)] - turned.bias, axis=1)
+        return float(np.nansum(w[1:] * np.diff(self.time))) / max(turned.turns, 1)
 
     def _titled(self, columns: Sequence[int] | None) -> str:
         """Return the unit that the titles of a triad give, "" where they give none or several."""
