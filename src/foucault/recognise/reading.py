@@ -270,12 +270,18 @@ class _Work:
                         columns=", ".join(data.shown(k) for k in found.gyro or ()))  # fmt: skip
 
     def _way_turned(self) -> float:
-        """Return the angle turned on the way from a rest to the next, on average [rad]."""
+        """Return the angle turned on the way from a rest to the next, on average [rad].
+
+        0 where the fit would turn by half a turn and more from one reading to the next: no log
+        shows such turns, so that it is the fit which is wrong.
+        """
         turned, gyro = self.turned, self.found.gyro
         if turned is None or gyro is None:
             return 0.0
         w = turned.scale * np.linalg.norm(self.data.x[:, list(gyro)] - turned.bias, axis=1)
-        return float(np.nansum(w[1:] * np.diff(self.time))) / max(turned.turns, 1)
+        steps = w[1:] * np.diff(self.time)
+        slow = np.nanmax(steps, initial=0.0) < np.pi
+        return float(np.nansum(steps)) / max(turned.turns, 1) if slow else 0.0
 
     def _titled(self, columns: Sequence[int] | None) -> str:
         """Return the unit that the titles of a triad give, "" where they give none or several."""
