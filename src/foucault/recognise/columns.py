@@ -6,6 +6,7 @@ of what they name cannot be, the numbers tell.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -50,7 +51,7 @@ class Data:
             said = ", ".join(f"'{one.path.name}' has {len(one.x)}" for one in files)
             raise error("recognise.rows", said=said)
         columns = [
-            Column(i, c, one.raw.names[c], _meaning(one, c))
+            Column(i, c, one.raw.names[c], meaning_of(one, c))
             for i, one in enumerate(files)
             for c in one.columns
         ]
@@ -72,7 +73,7 @@ class Data:
         return self.files[self.columns[k].file].path
 
 
-def _meaning(file: Opened, c: int) -> Meaning:
+def meaning_of(file: Opened, c: int) -> Meaning:
     """Return what the title of column `c` [1] says, or with the file's name: "x" of "Gyroscope"."""
     if not file.raw.named:
         return meaning("", file.units[c])
@@ -166,6 +167,37 @@ def unwrapped(t: FloatArray) -> FloatArray:
         if (np.abs(step[down] + 2.0**bits - usual) < 0.5 * usual).all():
             return t + 2.0**bits * np.concatenate([[0.0], np.cumsum(step < 0)])
     return t
+
+
+OF_DAY = re.compile(r"(?:^|[T ,])(\d{1,2}):(\d\d):(\d\d(?:[.,:]\d+)?)(?:Z| ?([AP])M)?$", re.I)
+"""How a time of day ends a cell, whatever date stands before it."""
+
+
+def rate_of_day(file: Opened, column: int) -> float | None:
+    """Return the mean rate of rows with times of day [Hz]; None where they are not even."""
+    cells = [word.strip() for part in file.raw.words(column) for word in part] \
+        if file.raw.words else []  # fmt: skip
+    found = [OF_DAY.search(cell) for cell in cells]
+    if len(found) < 10 or not all(found):
+        return None
+    parts = [m.groups() for m in found if m is not None]
+    t = np.array([3600.0 * (int(h) % 12 + 12 * (half in "Pp") if half else int(h)) + 60 * int(m)
+                  + float(re.sub("[,:]", ".", s)) for h, m, s, half in parts])  # fmt: skip
+    t += 86400.0 * np.concatenate([[0], np.cumsum(np.diff(t) < -43200.0)])
+    step = np.diff(t)
+    if not _onward(step) and not (step >= 0).all() or t[-1] == t[0]:
+        return None
+    rounded = float(np.min(step[step > 0]))
+    off = np.abs(t - np.linspace(t[0], t[-1], len(t))).max()
+    return float((len(t) - 1) / (t[-1] - t[0])) if off < 2.0 * rounded else None
+
+
+def wrapped(x: FloatArray) -> bool:
+    """Tell whether signed counts of 16 bits are written without a sign; `x` (n, 3) [raw]."""
+    if not (x.min() >= 0 and 60_000 < x.max() < 65_536 and bool(np.all(x == np.round(x)))):
+        return False
+    jumps = np.abs(np.diff(x, axis=0)) > 49_152
+    return bool(jumps.sum() > 4)
 
 
 def _even(t: FloatArray, step: FloatArray) -> bool:
@@ -383,16 +415,25 @@ def _rates(data: Data, cut: physics.Blocks, accel: Three | None, left: list[int]
     return _apart([one for off, one in found if off < found[0][0] + physics.PROVED])
 
 
-def temperature(data: Data) -> tuple[int, str] | None:
-    """Return the column of temperature and its unit, where titles and numbers agree."""
+CLIMATE = {"degC": (-80.0, 150.0), "K": (190.0, 430.0), "degF": (-110.0, 300.0)}
+"""What instruments are as warm as [as named]."""
+
+
+def temperature(data: Data) -> tuple[int, str, bool] | None:
+    """Return the column of temperature, its unit and whether its title gives that.
+
+    None where titles and numbers do not agree.
+    """
     for k, column in enumerate(data.columns):
         if column.means.role != "temperature":
             continue
         middle = float(np.median(data.x[:, k]))
-        unit = column.means.unit if column.means.unit in ("degC", "K") else ""
-        if not unit:
-            unit = "degC" if -60 < middle < 130 else "K" if 210 < middle < 400 else ""
-        fine = -80 < middle < 150 if unit == "degC" else 190 < middle < 430
-        if unit and fine:
-            return k, unit
+        unit = column.means.unit
+        if told := unit in CLIMATE:
+            fine = CLIMATE[unit][0] < middle < CLIMATE[unit][1]
+        else:
+            unit = "degC" if -60 < middle < 130 else "K"
+            fine = unit == "degC" or 210 < middle < 400
+        if fine:
+            return k, unit, told
     return None
