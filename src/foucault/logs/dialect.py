@@ -43,7 +43,7 @@ _PIECE = 1 << 16
 def decoder(start: bytes) -> IncrementalNewlineDecoder | None:
     """Return what decodes a text, None where its bytes can be read as they are."""
     if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        inner = codecs.getincrementaldecoder("utf-16")("replace")
+        inner: codecs.IncrementalDecoder = codecs.getincrementaldecoder("utf-16")("replace")
     elif wide := _unmarked(start):
         inner = codecs.getincrementaldecoder(wide)("replace")
     elif b"\r" in start and b"\n" not in start:  # lines as spreadsheets end them for old Macs

@@ -16,6 +16,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.errors import error
+from foucault.logs.merged import means_at, within
 from foucault.recognise import physics
 from foucault.recognise.opening import Opened
 from foucault.recognise.titles import Meaning, meaning
@@ -42,20 +43,20 @@ class Data:
     files: tuple[Opened, ...]
     columns: tuple[Column, ...]
     x: FloatArray  # (n, k) rows without holes in what is used [raw]
+    joined: bool = False  # whether rows of several files belong together by their times
 
     @classmethod
     def of(cls, files: Sequence[Opened]) -> Data:
-        """Put the columns of files with the same rows beside one another."""
-        rows = {len(one.x) for one in files}
-        if len(rows) > 1:
-            said = ", ".join(f"'{one.path.name}' has {len(one.x)}" for one in files)
-            raise error("recognise.rows", said=said)
-        columns = [
-            Column(i, c, one.raw.names[c], meaning_of(one, c))
+        """Put the columns of files beside one another, by their rows or else by their times."""
+        each = [
+            cls(tuple(files), tuple(Column(i, c, one.raw.names[c], meaning_of(one, c))
+                              for c in one.columns), one.x)
             for i, one in enumerate(files)
-            for c in one.columns
-        ]
-        return cls(tuple(files), tuple(columns), np.hstack([one.x for one in files]))
+        ]  # fmt: skip
+        columns = tuple(column for one in each for column in one.columns)
+        by_times = _by_times(each)
+        x = np.hstack([one.x for one in each]) if by_times is None else by_times
+        return cls(tuple(files), columns, x, by_times is not None)
 
     def called(self, k: int, sign: float = 1.0) -> int | str:
         """Return what [log] calls column `k` [1]; `sign`: -1 turns it round [1]."""
@@ -71,6 +72,41 @@ class Data:
     def file(self, k: int) -> Path:
         """Return the file of column `k` [1]."""
         return self.files[self.columns[k].file].path
+
+
+def _by_times(each: Sequence[Data]) -> FloatArray | None:
+    """Return the rows of files at the instants of the slowest; None where they are rows of one."""
+    if len(each) < 2:
+        return None
+    known = [{one.columns[c.column].title.strip(): c for c in clocks(one)} for one in each]
+    common = [title for title in known[0] if all(title in k for k in known[1:])]
+    same = len({len(one.x) for one in each}) == 1
+    if not common:
+        if same:
+            return None
+        said = ", ".join(f"'{one.file(0).name}' has {len(one.x)}" for one in each)
+        raise error("recognise.rows", said=said)
+    spots = [k[common[0]].column for k in known]
+    # A reading that is missing in one file is no reason to leave out rows of the others.
+    tables = [one.x[np.isfinite(one.x[:, k])] for one, k in zip(each, spots, strict=True)]
+    tables = [x[np.diff(x[:, k], prepend=-np.inf) > 0] for x, k in zip(tables, spots, strict=True)]
+    times = [x[:, k] for x, k in zip(tables, spots, strict=True)]
+    steps = [float(np.median(np.diff(t))) for t in times]
+    slow = int(np.argmax(steps))
+    h = steps[slow]
+    if same and max(np.abs(one.x[:, k] - each[0].x[:, spots[0]]).max()
+                    for one, k in zip(each, spots, strict=True)) <= h / 2:  # fmt: skip
+        return None
+    keep = np.all([within(times[slow], h, t) for t in times if t is not times[slow]], axis=0)
+    grid = times[slow][keep]
+    if len(grid) < 2:
+        raise error("log.join_apart", files=", ".join(one.file(0).name for one in each))
+    out = []
+    for x, t, k in zip(tables, times, spots, strict=True):
+        at = x[keep] if t is times[slow] else means_at(grid, h, t, x)
+        at[:, k] = grid
+        out.append(at)
+    return np.hstack(out)
 
 
 def meaning_of(file: Opened, c: int) -> Meaning:
@@ -174,7 +210,10 @@ OF_DAY = re.compile(r"(?:^|[T ,])(\d{1,2}):(\d\d):(\d\d(?:[.,:]\d+)?)(?:Z| ?([AP
 
 
 def rate_of_day(file: Opened, column: int) -> float | None:
-    """Return the mean rate of rows with times of day [Hz]; None where they are not even."""
+    """Return the mean rate of rows with times of day [Hz]; None where they are not even.
+
+    `column`: its number [1].
+    """
     cells = [word.strip() for part in file.raw.words(column) for word in part] \
         if file.raw.words else []  # fmt: skip
     found = [OF_DAY.search(cell) for cell in cells]
@@ -185,7 +224,7 @@ def rate_of_day(file: Opened, column: int) -> float | None:
                   + float(re.sub("[,:]", ".", s)) for h, m, s, half in parts])  # fmt: skip
     t += 86400.0 * np.concatenate([[0], np.cumsum(np.diff(t) < -43200.0)])
     step = np.diff(t)
-    if not _onward(step) and not (step >= 0).all() or t[-1] == t[0]:
+    if (not _onward(step) and not (step >= 0).all()) or t[-1] == t[0]:
         return None
     rounded = float(np.min(step[step > 0]))
     off = np.abs(t - np.linspace(t[0], t[-1], len(t))).max()

@@ -17,7 +17,6 @@ from foucault.logs.raw import instruments
 from foucault.recognise import columns as tell
 from foucault.recognise import physics, units
 from foucault.recognise.opening import Opened, opened
-from foucault.recognise.titles import meaning
 from foucault.tables import AXES
 
 ALIKE = 1.0
@@ -133,7 +132,8 @@ def _whole_rows(data: tell.Data) -> tuple[tell.Data, int]:
     if rows.mean() < 0.3:
         raise error("recognise.holes", file=data.files[0].path.name)
     columns = tuple(data.columns[k] for k in kept)
-    return tell.Data(data.files, columns, data.x[np.ix_(rows, kept)]), int((~rows).sum())
+    x = data.x[np.ix_(rows, kept)]
+    return tell.Data(data.files, columns, x, data.joined), int((~rows).sum())
 
 
 @dataclass
@@ -516,8 +516,13 @@ class _Work:
             told = self.turned is not None and self.turned.fits
             lost = self._lost("time")
             stood = [data.shown(k) for k, c in enumerate(data.columns) if c.means.role == "time"]
-            none = f"'{lost[0][0].raw.names[lost[0][1]]}' cannot be read" if lost else \
-                f"{stood[0]} stands still or runs backward" if stood else "no time column"
+            none = (
+                f"'{lost[0][0].raw.names[lost[0][1]]}' cannot be read"
+                if lost
+                else f"{stood[0]} stands still or runs backward"
+                if stood
+                else "no time column"
+            )
             why = f"{none}; the gyros' turns fit it, and their scale hangs on it" if told \
                 else f"{none}, and nothing tells it"  # fmt: skip
             first.append(Line("rate", f"{reading.rate:.6g} Hz",
@@ -546,6 +551,10 @@ class _Work:
             why = "title" if warm[2] else "title; unit: what instruments are as warm as"
             first.append(Line("temperature", f"{data.shown(warm[0])} [{warm[1]}]", why,
                               SURE if warm[2] else LIKELY))  # fmt: skip
+        if data.joined:
+            log["join"] = "times"
+            why = "stamps of both are taken for those of one clock"
+            first.append(Line("files", "joined by their times, the faster averaged", why, TAKEN))
         if self.dropped:
             log["missing"] = "drop"
             first.append(Line("rows", f"{self.dropped} left out", "a reading is missing", SURE))

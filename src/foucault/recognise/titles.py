@@ -93,7 +93,11 @@ def _without_unit(title: str) -> tuple[str, str]:
     for end in sorted(_words()["units"], key=len, reverse=True):
         # "time_ms", "gyro_rad[0]": an ending apart; "timestamp" does not end in a unit.
         for mark in ("_", " ", "."):
-            if low.endswith(mark + end) and len(low) > len(end) + 1 and end not in ("g's", "c", "f"):
+            if (
+                low.endswith(mark + end)
+                and len(low) > len(end) + 1
+                and end not in ("g's", "c", "f")
+            ):
                 return body[: -len(end) - 1] + index, _words()["units"][end]
     return title, ""
 
