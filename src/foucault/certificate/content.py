@@ -13,6 +13,7 @@ import datetime
 import math
 import re
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -310,7 +311,7 @@ def _refuse_out_of_order(words: Said) -> None:
     days = [("received", words.received), ("performed", words.performed),
             ("performed_until", words.performed_until or words.performed),
             ("issued", words.issued)]  # fmt: skip
-    for (first, day), (then, later) in zip(days, days[1:], strict=False):
+    for (first, day), (then, later) in pairwise(days):
         if later < day:
             raise error("certificate.order", first=first, day=day, then=then, later=later)
     if words.adjustment.done != "none" and not words.adjustment.words:
@@ -358,10 +359,10 @@ def _rows(result: Result, words: Said) -> tuple[list[Row], FloatArray]:
         unit, one = unit_of(c.kind, groups[c.name.rpartition(".")[0]])
         x, u = float(vector.values[i]), float(sd[i])
         text, expanded = rounded(x / one, K * u / one)
-        row: dict[str, Any] = dict(
-            name=c.name, symbol=c.symbol, meaning=c.meaning, kind=c.kind, value=x, sd=u,
-            unit=unit, shown=text, expanded=expanded,
-        )  # fmt: skip
+        row: dict[str, Any] = {
+            "name": c.name, "symbol": c.symbol, "meaning": c.meaning, "kind": c.kind, "value": x,
+            "sd": u, "unit": unit, "shown": text, "expanded": expanded,
+        }  # fmt: skip
         if c.name in earlier:
             y, v = earlier[c.name]
             row |= {"before": y, "before_sd": v,
@@ -396,5 +397,3 @@ def _before(words: Said) -> dict[str, tuple[float, float]]:
         for n, x, s, free in zip(vector.names, vector.values, vector.sd, vector.free, strict=True)
         if free and math.isfinite(x) and s > 0
     }
-
-

@@ -1,12 +1,13 @@
-"""The Digital Calibration Certificate: what a certificate says as XML, and what checks such files.
+r"""The Digital Calibration Certificate: what a certificate says as XML, and what checks it.
 
 The version is that of the schemas beside this file, `VERSION` and `SI_VERSION`; a later one is a
 file more and these two names. Units are written by D-SI from the dimensions of our own kinds: a
-ratio and a count are ``\\one``, an angle is ``\\radian``.
+ratio and a count are ``\one``, an angle is ``\radian``.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -32,11 +33,26 @@ UNITS = {
 }  # fmt: skip
 """Dimension of our units -> its SI unit as D-SI writes it."""
 
-CONFORMITY = {"pass": "pass", "fail": "fail", "undecided": "conditionalPass"}
+
+def conformity(row: Row) -> str:
+    """Return a decision in the words of the DCC, which tell on which side an open one lies."""
+    if row.decision != "undecided":
+        return str(row.decision)
+    inside = abs(row.value) <= (row.limit or 0.0)
+    return "conditionalPass" if inside else "conditionalFail"
+
+
+UNPRINTABLE = dict.fromkeys(
+    (*range(9), 11, *range(12, 32), *range(0xD800, 0xE000), 0xFFFE, 0xFFFF),
+    "\N{REPLACEMENT CHARACTER}",
+)
+"""What XML cannot hold."""
+
+WORST = ("fail", "conditionalFail", "conditionalPass", "pass")
 
 
 def unit(*kinds: str) -> str:
-    """Return the SI unit of a product of quantities as D-SI writes it, such as `\\radian\\second..`.
+    r"""Return the SI unit of a product of quantities as D-SI writes it, such as ``\radian``.
 
     `kinds`: what each factor measures, keys of `units.KINDS`.
     """
@@ -79,9 +95,9 @@ class _Writer:
         )
         for one in inside:
             if isinstance(one, str):
-                out.text = one
-            elif one is not None:
-                out.extend(one) if isinstance(one, list) else out.append(one)
+                out.text = one.translate(UNPRINTABLE)
+            else:
+                out.append(one)
         return out
 
     def text(self, name: str, texts: str | Sequence[str]) -> Any:
@@ -182,15 +198,15 @@ class _Writer:
 
     def statements(self) -> Iterable[Any]:
         of = self.of
-        said = [("text.only", {}), ("text.whole", {})]
-        for key, values in said:
-            yield self.e("statement", self.said("declaration", key, **values))
+        for key in ("text.only", "text.whole"):
+            yield self.e("statement", self.said("declaration", key))
         if of.conformity is not None and of.decision is not None:
+            each = {conformity(r) for r in of.rows if r.decision is not None}
             yield self.e(
                 "statement", self.text("name", of.conformity.specification),
                 self.e("norm", "ISO/IEC Guide 98-4"),
                 self.said("declaration", f"text.{of.conformity.rule}", risk=f"{of.risk:.3g}"),
-                self.e("conformity", CONFORMITY[of.decision]),
+                self.e("conformity", next(w for w in WORST if w in each)),
             )  # fmt: skip
         else:
             yield self.e("statement", self.said("declaration", "text.no_conformity"))
@@ -224,9 +240,9 @@ class _Writer:
         self, rows: Sequence[Row], status: str, cov: Sequence[Sequence[float]] | None
     ) -> Any:
         of, e = self.of, self.e
+        document = [e("reference", of.method.document)] if of.method.document else []
         method = e("usedMethod", self.text("name", of.method.name),
-                   self.text("description", of.run.equation),
-                   *([e("reference", of.method.document)] if of.method.document else []))  # fmt: skip
+                   self.text("description", of.run.equation), *document)  # fmt: skip
         before = cov is None
         values = [(r.before or 0.0, r.before_sd or 0.0) if before else (r.value, r.sd)
                   for r in rows]  # fmt: skip
@@ -325,7 +341,7 @@ class _Writer:
             more = [e("measurementMetaData", *(
                 e("metaData", self.text("name", r.name),
                   self.text("description", f"|x| <= {_number(r.limit or 0.0)} {unit(r.kind)}"),
-                  e("conformity", CONFORMITY[r.decision or "fail"]))
+                  e("conformity", conformity(r)))
                 for r in limited))]  # fmt: skip
         return e("quantity", self.said("name", "column.coefficient"), known, *more)
 
@@ -342,7 +358,7 @@ def _joint(n: int) -> float:
     """Return the factor by which an ellipsoid of `n` coefficients covers as k = 2 does of one."""
     from scipy.stats import chi2
 
-    return float(chi2.ppf(COVERAGE, n)) ** 0.5
+    return math.sqrt(chi2.ppf(COVERAGE, n))
 
 
 # -- reading -------------------------------------------------------------------------------
@@ -393,5 +409,3 @@ def identity(root: Any) -> Mapping[str, str]:
             f"{core}{{{DCC}}}reportAmendedSubstituted/{{{DCC}}}replacedUniqueIdentifier"
         ) or "",
     }  # fmt: skip
-
-

@@ -64,7 +64,9 @@ def issue(
     of = gathered(run, raw, issued=datetime.datetime.now(datetime.UTC).date(), **more)
     xml, pdf = made(of, key)
     out = make_folder(folder)
-    where = {out / f"{of.number}.pdf": pdf, out / f"{of.number}.xml": xml}
+    on_paper, as_data = out / f"{of.number}.pdf", out / f"{of.number}.xml"
+    where = {on_paper: pdf, as_data: xml}
+    digests = {k: hashlib.sha256(v).hexdigest() for k, v in (("page", pdf), ("dcc", xml))}
     entry = None
     if records is None:
         _written(where)
@@ -74,13 +76,13 @@ def issue(
         words = " ".join(filter(None, (change, reason)))
         body = Certified(
             sha256=of.run.sha256, certificate=of.number, issued=of.issued.isoformat(),
-            page=hashlib.sha256(pdf).hexdigest(), dcc=hashlib.sha256(xml).hexdigest(),
+            **digests,
             signer="" if key is None else key.holder, words=words,
             replaces="" if of.replaces is None else of.replaces.number,
         )  # fmt: skip
         entry = records.certify(body, lambda: _written(where)).number
     return Issued(
-        of.number, *where, hashlib.sha256(pdf).hexdigest(), hashlib.sha256(xml).hexdigest(),
+        of.number, on_paper, as_data, digests["page"], digests["dcc"],
         "" if key is None else key.holder, "" if of.replaces is None else of.replaces.number,
         of.decision or "", entry,
     )  # fmt: skip

@@ -76,7 +76,7 @@ def _own(file: str) -> dict[str, Any]:
 def _flat(table: Any, before: str = "") -> dict[str, str]:
     """Return a table of tables as dotted key -> text."""
     out: dict[str, str] = {}
-    for key, value in (table.items() if isinstance(table, Mapping) else ()):
+    for key, value in table.items() if isinstance(table, Mapping) else ():
         if isinstance(value, Mapping):
             out |= _flat(value, f"{before}{key}.")
         else:

@@ -9,14 +9,16 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from foucault.certificate.content import Certificate
 from foucault.certificate.labels import Labels
 from foucault.certificate.said import WHATS, Party
+from foucault.coefficients import format_value
 from foucault.errors import error
+from foucault.report.page import shown
 
 DCC_FILE = "dcc.xml"
 """Name of the Digital Calibration Certificate within the PDF."""
@@ -27,7 +29,7 @@ Block = dict[str, Any]
 
 
 def made(of: Certificate, dcc: bytes, *, signed: bool) -> bytes:
-    """Return the PDF, with the DCC in it; `signed`: whether it will be. Raises ``certificate.*``."""
+    """Return the PDF, with the DCC in it; `signed`: whether it will be."""
     try:
         import typst
     except ImportError:
@@ -111,7 +113,7 @@ def blocks(of: Certificate, labels: Labels, dcc: bytes, *, signed: bool) -> list
         facts("dates", ("received", of.received.isoformat()), ("performed", days),
               ("issued", of.issued.isoformat()), ("next_due", of.next_due)),
         facts("method", ("method", of.method.name), ("document", of.method.document),
-              ("deviations", of.method.deviations), ("equation", run.equation),
+              ("deviations", of.method.deviations), ("equation", run.equation.replace(";  ", "\n")),
               ("frame", run.frame), ("gauge", run.gauge), ("software", run.software),
               *(("log", one) for one in log), ("result", f"result.json, SHA-256 {run.sha256}"),
               ("entry", run.entry)),
@@ -159,8 +161,9 @@ def _place(of: Certificate, labels: Labels) -> list[str]:
 def _gravity(of: Certificate, labels: Labels) -> str:
     if of.run.gravity is None:
         return ""
-    sd = f" ± {of.run.gravity_sd:.6f}".rstrip("0") if of.run.gravity_sd else ""
-    return labels.number(f"{of.run.gravity:.6f}{sd}") + " m/s²"
+    g, sd = of.run.gravity, of.run.gravity_sd
+    texts = [format_value(x, sd) for x in (g, sd)] if sd else [f"{g:.5f}"]
+    return labels.number(" ± ".join(texts)) + " m/s²"
 
 
 def _clock(of: Certificate, labels: Labels) -> list[str]:
@@ -170,7 +173,7 @@ def _clock(of: Certificate, labels: Labels) -> list[str]:
 
 
 def _table(labels: Labels, section: str, columns: str, rows: list[list[Any]], **more: Any) -> Block:
-    """Return a table; a column is "key", or "key:number"."""
+    """Return a table; a column is "key" or "key:look", of which a wide one takes what is left."""
     heads = [
         {"label": labels.said(f"column.{key}"), "look": look}
         for key, _, look in (c.partition(":") for c in columns.split())
@@ -190,15 +193,16 @@ def _traceability(of: Certificate, labels: Labels) -> Block:
          "", "", ""]
         for what in WHATS if what in of.unused
     ]  # fmt: skip
-    return _table(labels, "traceability", "what reference certificate issuer due", rows)
+    return _table(labels, "traceability", "what reference:wide certificate issuer due", rows)
 
 
 def _results(of: Certificate, labels: Labels) -> Block:
     before = any(r.shown_before for r in of.rows)
     limited = any(r.decision is not None for r in of.rows)
-    columns = ["coefficient", "symbol:symbol", *(["before:number"] if before else []),
-               "value:number", "expanded:number", "unit",
-               *(["limit:number", "decision", "probability:number"] if limited else [])]  # fmt: skip
+    columns = ["coefficient:wide", "symbol:symbol"]
+    columns += ["before:number"] if before else []
+    columns += ["value:number", "expanded:number", "unit"]
+    columns += ["limit:number", "decision", "probability:number"] if limited else []
     rows = []
     for r in of.rows:
         cells: list[Any] = [{"name": r.name, "text": labels.meaning(r.name, r.meaning)}, r.symbol]
@@ -210,42 +214,38 @@ def _results(of: Certificate, labels: Labels) -> Block:
                       labels.said(f"word.{r.decision}") if r.decision else "", sure]  # fmt: skip
         rows.append(cells)
     held = [labels.said("text.held", names=", ".join(of.held))] if of.held else []
-    return _table(labels, "results", " ".join(columns), rows, lead=[labels.said("text.results")],
-                  after=held)  # fmt: skip
+    keys = ["results"] if of.adjustment.done == "none" else ["results", "after"]
+    lead = [labels.said(f"text.{key}") for key in keys]
+    return _table(labels, "results", " ".join(columns), rows, lead=lead, after=held)
 
 
 def _percent(part: float, digits: int) -> str:
-    """Write a probability in percent, neither 0 nor 1 where it is not."""
-    least = 10.0**-digits
-    shown = 100.0 * part
-    if 0 < shown < least:
+    """Write a probability in percent; nothing is certain."""
+    least, percent = 10.0**-digits, 100.0 * part
+    if percent < least:
         return f"< {least:.{digits}f} %"
-    if 100.0 - least < shown < 100.0:
+    if percent > 100.0 - least:
         return f"> {100.0 - least:.{digits}f} %"
-    return f"{shown:.{digits}f} %"
+    return f"{percent:.{digits}f} %"
 
 
 def _left_out(of: Certificate, labels: Labels) -> Block:
     if of.left_out is None:
         return {"kind": "facts", "title": labels.said("section.left_out"), "rows": [],
                 "lead": [labels.said("text.left_out_none")]}  # fmt: skip
-    rows = [[one.what, labels.number(one.size), one.basis,
-             labels.number(_percent(one.share, 1))] for one in of.left_out]  # fmt: skip
-    return _table(labels, "left_out", "term size:number basis share:number", rows,
+    rows = [[one.what, labels.number(shown(one.size)), one.basis,
+             labels.number(f"{100 * one.share:.1f} %")] for one in of.left_out]  # fmt: skip
+    return _table(labels, "left_out", "term:wide size:number basis share:number", rows,
                   lead=[labels.said("text.left_out")])  # fmt: skip
 
 
-def _conformity(of: Certificate, labels: Labels, facts: Any) -> Block:
+def _conformity(of: Certificate, labels: Labels, facts: Callable[..., Block]) -> Block:
     if of.conformity is None or of.decision is None:
-        block: Block = facts("conformity", lead=[labels.said("text.no_conformity")])
-        return block
+        return facts("conformity", lead=[labels.said("text.no_conformity")])
     key = {"pass": "conforms", "fail": "conforms_not", "undecided": "conforms_undecided"}
     risk = labels.number(_percent(of.risk, 2))
-    block = facts(
+    return facts(
         "conformity", ("specification", of.conformity.specification),
         lead=[labels.said(f"text.{key[of.decision]}"),
               labels.said(f"text.{of.conformity.rule}", risk=risk)],
     )  # fmt: skip
-    return block
-
-

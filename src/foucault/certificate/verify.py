@@ -283,7 +283,8 @@ def _page(
                 faults.append("the page has more than one signature")
             for one in signatures[:1]:
                 certificate = x509.load_der_x509_certificate(one.signer_cert.dump())
-                others = [x509.load_der_x509_certificate(c.dump()) for c in one.other_embedded_certs]
+                above = one.other_embedded_certs
+                others = [x509.load_der_x509_certificate(c.dump()) for c in above]
                 seals.append(_seal("page", certificate, others, one.self_reported_timestamp, roots))
                 faults += _changes(one, data)
         except (PdfError, ValueError, KeyError, TypeError, AttributeError, IndexError) as problem:

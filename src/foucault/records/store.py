@@ -222,8 +222,8 @@ class Records:
         """
         with self.database.writing() as connection:
             rows = connection.execute(sa.select(db.entry).where(db.entry.c.kind == body.kind))
-            earlier: list[Certified] = [Entry(**row).says() for row in rows.mappings()]
-            for one in earlier:
+            for row in rows.mappings():
+                one = Certified.model_validate_json(row["body"])
                 if one.certificate == body.certificate:
                     raise error("certificate.issued", number=one.certificate, day=one.issued)
                 if body.replaces and one.replaces == body.replaces:
