@@ -11,10 +11,14 @@ from typing import Any
 import numpy as np
 
 from foucault import run_folder
+from foucault.certificate import said
+from foucault.certificate.content import Certificate, Replaced, Review, gathered
 from foucault.result import TimeBase
 from make_result import make_result
 
 PASSWORD = "geheim"
+DAY = datetime.date(2025, 3, 20)
+REVIEW = Review(reviewer="A. Noether", reason="the bump is left out")
 
 LABORATORY = """
 [certificate]
@@ -146,3 +150,55 @@ def make_key(
     (home / "laboratory.p12").write_bytes(p12)
     (home / "laboratory.pem").write_bytes(pem)
     return home / "laboratory.p12", home / "laboratory.pem"
+
+
+def make_certificate(home: Path, more: str = "", **about: Any) -> Certificate:
+    """Gather a certificate in `home`, with one more file laid over the others."""
+    run, *files = make_laboratory(home)
+    (home / "more.toml").write_text(more or "[certificate]\n")
+    raw = said.read([*files, home / "more.toml"])
+    return gathered(run, raw, issued=DAY, **about)
+
+
+TOLERANCE = '"accel.bias" = "60 mg"\n"accel.scale" = "6000 ppm"\n'
+
+
+def make_conforming(home: Path, rule: str, text: str = TOLERANCE) -> Certificate:
+    (home / "limits.toml").write_text(text)
+    return make_certificate(home, "[certificate.conformity]\nspecification = 'data sheet'\n"
+              f"tolerance = 'limits.toml'\nrule = '{rule}'\n")  # fmt: skip
+
+
+def make_full(home: Path) -> Certificate:
+    """Return a certificate with all that one can have."""
+    make_run(home / "before", seed=8)
+    (home / "limits.toml").write_text('"accel.bias" = "60 mg"\n"accel.scale" = "6000 ppm"\n')
+    more = """
+[certificate]
+performed_until = 2025-03-15
+opinions = "steady"
+from_customer = "rates of the table"
+external = "temperature of the hall"
+next_due = "2026-03, as agreed"
+[certificate.laboratory]
+accreditation = "K-0042"
+phone = "+33 1"
+[certificate.item]
+customer_id = "AW-7"
+[certificate.place]
+kind = "customer"
+words = "hangar 4"
+[certificate.conditions]
+pressure = "1013 hPa"
+more = "no traffic"
+[certificate.adjustment]
+done = "adjusted"
+words = "trimmed"
+before = "before"
+[certificate.conformity]
+specification = "data sheet"
+tolerance = "limits.toml"
+"""
+    replaced = Replaced(number="2025-0042-r1", sha256="0" * 64, change="the customer's name")
+    made = make_certificate(home, more, replaces=replaced, entry="1" * 64)
+    return made.model_copy(update={"review": REVIEW})

@@ -38,6 +38,13 @@ K = 2.0
 COVERAGE = 0.9545
 """Probability that k = 2 covers of a normal distribution [1]."""
 
+FORMS = {
+    "number": "letters, digits, points and dashes are allowed, 64 at most",
+    "country": "it should be two capital letters, such as DE",
+    "colour": "it should be # and six hexadecimal digits, such as #1f3a5f",
+}
+"""Key -> how what it says has to look."""
+
 Decision = Literal["pass", "undecided", "fail"]
 
 
@@ -270,8 +277,11 @@ def _validated(said: Mapping[str, Any]) -> Said:
         if other["type"] == "extra_forbidden":
             hint = suggestion(str(other["loc"][-1]), _keys())
             raise error("certificate.key", key=key, hint=hint) from None
+        reason = other["msg"].removeprefix("Value error, ")
+        if other["type"] == "string_pattern_mismatch":
+            reason = FORMS.get(str(other["loc"][-1]), "it has another form")
         raise error("certificate.value", key=key, given=str(other["input"])[:80],
-                    reason=other["msg"].removeprefix("Value error, ")) from None  # fmt: skip
+                    reason=reason) from None  # fmt: skip
     if unnamed := _unnamed(said):
         raise error("certificate.missing", names=listed(unnamed, 12))
     return words

@@ -71,6 +71,7 @@ def verify(
     `trusted`: file with the certificate (PEM or DER) of the laboratory's key, or of who vouches for
     it; `now`: the time, that of the computer if left. Raises ``certificate.*``: it is neither.
     """
+    roots = None if trusted is None else _roots(trusted)
     file = Path(path)
     try:
         if file.stat().st_size > LARGEST:
@@ -78,7 +79,6 @@ def verify(
         data = file.read_bytes()
     except OSError as problem:
         raise error("certificate.neither", path=path, reason=problem.strerror) from None
-    roots = None if trusted is None else _roots(trusted)
     at = now or datetime.datetime.now(datetime.UTC)
     seals: list[Seal] = []
     faults: list[str] = []

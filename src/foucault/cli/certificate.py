@@ -157,13 +157,10 @@ def verify(
     from foucault.certificate.verify import verify as look
 
     screen: Screen = ctx.obj
-    found = look(file, trust)
-    known = ""
-    faults = list(found.faults)
-    if records is not None:
-        with _opened(records, "") as kept:
-            known, wrong = _kept(kept, found)
-        faults += wrong
+    with _opened(records, "") as kept:
+        found = look(file, trust)
+        known, wrong = ("", []) if kept is None else _kept(kept, found)
+    faults = [*found.faults, *wrong]
     level = "unusable" if faults else str(found.level)
     word = {"pass": "valid", "doubtful": "valid, but look at it", "unusable": "not valid"}[level]
     issued = f", issued on {found.issued}" if found.issued else ""
