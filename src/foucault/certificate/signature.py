@@ -110,6 +110,11 @@ def sign_page(data: bytes, key: Key, *, reason: str, place: str) -> bytes:
         PrivateFormat,
     )
 
+    class Writer(IncrementalPdfFileWriter):
+        """Leaves the metadata of PDF/A as they are; pyHanko would write them anew."""
+
+        def _update_meta(self) -> None: ...
+
     def plain(certificate: Any) -> Any:
         return x509.Certificate.load(certificate.public_bytes(Encoding.DER))
 
@@ -128,6 +133,6 @@ def sign_page(data: bytes, key: Key, *, reason: str, place: str) -> bytes:
     )  # fmt: skip
     out = io.BytesIO()
     signers.PdfSigner(said, signer).sign_pdf(
-        IncrementalPdfFileWriter(io.BytesIO(data)), output=out, bytes_reserved=ROOM
+        Writer(io.BytesIO(data)), output=out, bytes_reserved=ROOM
     )
     return out.getvalue()

@@ -221,7 +221,10 @@ def _dcc(root: Any, roots: list[Any] | None) -> tuple[list[Seal], list[str]]:
     if not chain:
         return [], ["the signature of the DCC was changed: it names no key"]
     at = found[0].findtext(".//{*}SigningTime")
-    config = SignatureConfiguration(location="./", expect_references=3)
+    # Whether the key had expired is told apart from whether anything was changed.
+    config = SignatureConfiguration(
+        location="./", expect_references=3, verification_time=chain[0].not_valid_before_utc
+    )
     seal = _seal("DCC", chain[0], chain[1:], _moment(at), roots)
     try:
         with _quiet("signxml"):
@@ -266,7 +269,6 @@ def _page(
 ) -> tuple[bytes | None, list[Seal], list[str]]:
     """Return the DCC in a PDF, the signature of the page, and what is wrong with it."""
     try:
-        from pyhanko.pdf_utils.misc import PdfError
         from pyhanko.pdf_utils.reader import PdfFileReader
     except ImportError:
         raise error("certificate.library", name="pyHanko") from None
@@ -287,7 +289,7 @@ def _page(
                 others = [x509.load_der_x509_certificate(c.dump()) for c in above]
                 seals.append(_seal("page", certificate, others, one.self_reported_timestamp, roots))
                 faults += _changes(one, data)
-        except (PdfError, ValueError, KeyError, TypeError, AttributeError, IndexError) as problem:
+        except Exception as problem:  # a damaged file breaks a reader in any way
             return None, seals, [f"the page was changed: it cannot be read ({problem})"]
     if inner is None:
         faults.append(f"there is no {DCC_FILE} in it")
@@ -322,10 +324,14 @@ def _changes(one: Any, data: bytes) -> list[str]:
 
 def attached(reader: Any) -> bytes | None:
     """Return the DCC that a PDF has in it, None without one."""
-    names = reader.root.get("/Names", {}).get("/EmbeddedFiles", {}).get("/Names", [])
-    for i in range(0, len(names) - 1, 2):
-        entry = names[i + 1]
-        if entry.get("/UF", entry.get("/F")) == DCC_FILE:
+    at = reader.root
+    for key in ("/Names", "/EmbeddedFiles", "/Names"):
+        if key not in at:
+            return None
+        at = at[key]
+    for i in range(1, len(at), 2):
+        entry = at[i]
+        if "/UF" in entry and entry["/UF"] == DCC_FILE:
             return bytes(entry["/EF"]["/F"].data)
     return None
 
