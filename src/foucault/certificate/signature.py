@@ -110,7 +110,7 @@ def sign_page(data: bytes, key: Key, *, reason: str, place: str) -> bytes:
         PrivateFormat,
     )
 
-    class Writer(IncrementalPdfFileWriter):
+    class Writer(IncrementalPdfFileWriter):  # type: ignore[misc]
         """Leaves the metadata of PDF/A as they are; pyHanko would write them anew."""
 
         def _update_meta(self) -> None: ...
