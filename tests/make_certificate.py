@@ -107,10 +107,15 @@ def make_run(folder: Path, **changes: Any) -> Path:
     return folder
 
 
-def make_laboratory(home: Path, **changes: Any) -> tuple[Path, Path, Path]:
-    """Return run folder, file of the laboratory and file of the job, in `home`."""
+def write_files(home: Path) -> None:
+    """Write the files of the laboratory and of the job."""
     (home / "laboratory.toml").write_text(LABORATORY)
     (home / "job.toml").write_text(JOB)
+
+
+def make_laboratory(home: Path, **changes: Any) -> tuple[Path, Path, Path]:
+    """Return run folder, file of the laboratory and file of the job, in `home`."""
+    write_files(home)
     return make_run(home / "run", **changes), home / "laboratory.toml", home / "job.toml"
 
 
