@@ -135,18 +135,10 @@ def test_records_give_day_references_and_review_and_keep_what_was_issued(kept: P
     (kept / "job.toml").write_text(f"{job}\n[certificate.unused]\n{unused}")
     refused = run("certify", "late", *SAID[1:], "--records", "records.sqlite", code=1)
     assert "The run is doubtful" in refused.output
-    run(
-        "records",
-        "review",
-        "run",
-        "accepted",
-        "--reason",
-        "the chamber explains it",
-        "--who",
-        "ann",
-    )
+    words = "the chamber explains it"
+    run("records", "review", "late", "accepted", "--reason", words, "--who", "ann")
     said = run("certify", "late", *SAID[1:], "--records", "records.sqlite", "--who", "ann", code=0)
-    assert "Kept in the records as entry 4." in said.output
+    assert "Kept in the records as entry 5." in said.output
     text = (kept / "out" / "2025-0042.xml").read_text()
     for one in ("R-7", "2026-01-31", words, "ann", ">2025-03-14<"):
         assert one in text, one
