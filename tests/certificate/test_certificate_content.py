@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
-import tomllib
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -24,13 +24,12 @@ from foucault.certificate.content import (
     revision,
     rounded,
 )
+from foucault.certificate.labels import Labels
 from foucault.certificate.said import Said
 from foucault.errors import FoucaultError
 from foucault.result import Level
 from make_certificate import (
     DAY,
-    JOB,
-    LABORATORY,
     REVIEW,
     make_certificate,
     make_conforming,
@@ -288,9 +287,17 @@ def test_a_revision_is_one_of_the_same_certificate(tmp_path: Path) -> None:
     assert make_certificate(tmp_path, replaces=mine).number == "2025-0042-r1"
 
 
-def test_the_files_of_the_tests_are_what_the_page_of_the_documentation_shows() -> None:
+def test_a_certificate_is_made_of_the_files_that_the_documentation_shows(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "certificate.md").read_text()
-    shown = [tomllib.loads(part.partition("```")[0]) for part in page.split("```toml\n")[1:]]
-    keys = {k for one in shown for k in one.get("certificate", {})}
-    for text in (LABORATORY, JOB):
-        assert set(tomllib.loads(text)["certificate"]) <= keys
+    for name, text in re.findall(r":caption: (\w+\.toml)\n\n(.*?)```", page, re.S):
+        (tmp_path / name).write_text(text)
+    files = [tmp_path / "laboratory.toml", tmp_path / "job.toml"]
+    made = gathered(make_run(tmp_path / "run"), said.read(files), issued=DAY)
+    assert made.number == "2025-0042" and len(made.traced) == 3
+    own = Labels(made.languages, str(tmp_path / "labels.toml"))
+    assert own.first("label.condition") == "State on arrival"
+    text = " ".join(re.findall(r"`([a-z_.]+)`", page))
+    assert {"performed_until", "place.kind", "from_customer", "next_due"} <= set(text.split())
+    every = {k.rpartition(".")[2] for k in Said.model_fields}
+    shown = set(re.findall(r"[a-z_]+", page))
+    assert every <= shown, "every key has its place on the page"

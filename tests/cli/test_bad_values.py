@@ -21,7 +21,7 @@ from make_result import make_result
 
 PROGRAM: Any = typer.main.get_command(app)
 
-ANY_WORDS = {"--serial"}
+ANY_WORDS = {"--serial", "--who"}
 """Options that take any text."""
 
 LINES = {

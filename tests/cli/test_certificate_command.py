@@ -126,20 +126,21 @@ def test_a_revision_replaces_and_says_so(home: Path) -> None:
     assert "is neither a PDF nor" in gone.output
 
 
-def test_records_give_day_references_and_review_and_keep_what_was_issued(kept: Path) -> None:
-    make_run(kept / "late", level=Level.DOUBTFUL, seed=8)
+def test_records_give_day_references_and_review_and_keep_what_was_issued(home: Path) -> None:
+    make_run(home / "run", level=Level.DOUBTFUL)
     run("records", "reference", "table 3", "table", "--certificate", "R-7", "--renew", "2026-01-31")
-    run("records", "add", "late", "--date", "2025-03-14", "--reference", "table 3")
-    job = re.sub(r"used = .*|\[certificate.unused\]\n.*\n", "", (kept / "job.toml").read_text())
+    run("records", "add", "run", "--date", "2025-03-14", "--reference", "table 3")
+    job = (home / "job.toml").read_text()
+    job = re.sub(r"used = .*|performed = .*|\[certificate.unused\]\n.*\n", "", job)
     unused = "".join(f'{w} = "x"\n' for w in ("gravity", "clock", "thermometer"))
-    (kept / "job.toml").write_text(f"{job}\n[certificate.unused]\n{unused}")
-    refused = run("certify", "late", *SAID[1:], "--records", "records.sqlite", code=1)
+    (home / "job.toml").write_text(f"{job}\n[certificate.unused]\n{unused}")
+    refused = run("certify", "run", *SAID[1:], "--records", "records.sqlite", code=1)
     assert "The run is doubtful" in refused.output
     words = "the chamber explains it"
-    run("records", "review", "late", "accepted", "--reason", words, "--who", "ann")
-    said = run("certify", "late", *SAID[1:], "--records", "records.sqlite", "--who", "ann", code=0)
-    assert "Kept in the records as entry 5." in said.output
-    text = (kept / "out" / "2025-0042.xml").read_text()
+    run("records", "review", "run", "accepted", "--reason", words, "--who", "ann")
+    said = run("certify", "run", *SAID[1:], "--records", "records.sqlite", "--who", "ann", code=0)
+    assert "Kept in the records as entry 4." in said.output
+    text = (home / "out" / "2025-0042.xml").read_text()
     for one in ("R-7", "2026-01-31", words, "ann", ">2025-03-14<"):
         assert one in text, one
     shown = run("records", "show", "0180-2214", "--at", "2025-04-01")

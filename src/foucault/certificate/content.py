@@ -334,7 +334,10 @@ def _refuse_out_of_order(words: Said) -> None:
 
 
 def rounded(value: float, expanded: float) -> tuple[str, str]:
-    """Write a value and its expanded uncertainty, which is rounded up to two digits."""
+    """Write a value and its expanded uncertainty, which is rounded up to two digits.
+
+    `value`, `expanded`: both in one unit [any].
+    """
     place = math.floor(math.log10(expanded)) - 1
     up = math.ceil(expanded / 10.0**place - 1e-6)
     if up == 100:

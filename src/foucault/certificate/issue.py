@@ -39,7 +39,7 @@ class Issued:
     signer: str  # empty: not signed
     replaces: str
     decision: str  # on conformity; empty without a statement
-    entry: int | None  # its number in the records
+    entry: int | None  # its number in the records [1]
 
 
 def issue(

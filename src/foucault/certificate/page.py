@@ -243,7 +243,7 @@ def _conformity(of: Certificate, labels: Labels, facts: Callable[..., Block]) ->
     if of.conformity is None or of.decision is None:
         return facts("conformity", lead=[labels.said("text.no_conformity")])
     key = {"pass": "conforms", "fail": "conforms_not", "undecided": "conforms_undecided"}
-    risk = labels.number(_percent(of.risk, 2))
+    risk = labels.number(_percent(of.risk, 2).lstrip("< "))
     return facts(
         "conformity", ("specification", of.conformity.specification),
         lead=[labels.said(f"text.{key[of.decision]}"),
