@@ -714,12 +714,8 @@ class FieldSeen:
         """
         c, (level, tangent) = self.fit.estimate.coefficients, self.level
         assert c.cov is not None
-        psi = np.arange(24)[:, None] * (2 * np.pi / 24)
-        # b is right, forward, up: north is (-sin, cos, 0) at heading psi, east (cos, sin, 0).
-        north = np.concatenate([-np.sin(psi), np.cos(psi), 0 * psi], axis=1)
-        east = np.concatenate([np.cos(psi), np.sin(psi), 0 * psi], axis=1)
-        m_b = level * (north - tangent * np.array([0.0, 0.0, 1.0]))
-        by = sensor.slopes(m_b)[:, :, [LAYOUT.index(n) for n in c.names]]
+        m_b, _, east = sensor.level_fields(float(np.arctan(tangent)))
+        by = sensor.slopes(level * m_b)[:, :, [LAYOUT.index(n) for n in c.names]]
         slope = (
             np.einsum("ni,ij,njp->np", east, np.linalg.inv(self.fit.state.mag.matrix), by) / level
         )
