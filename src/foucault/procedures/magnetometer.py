@@ -45,6 +45,7 @@ from foucault.models import magnetometer as sensor
 from foucault.models.earth import Site
 from foucault.models.magnetometer import LAYOUT, Magnetometer
 from foucault.models.noise import ImuNoise, grade
+from foucault.models.norths import norths
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.turning import Cells, Chain, Turning
@@ -98,13 +99,10 @@ class Settings(record.Robust):
     matrix_sd: RatioSd = Field(default=0.03, gt=0)
     """How well scale factors and axes are known beforehand, where the hard iron alone is found."""
     intensity: Tesla | None = Field(default=None, gt=0, examples=["48.2 uT"])
-    """Intensity of the field. Left out: that of the world model where `date` is given, else what
-    the readings say themselves, to 5 percent. No heading depends on it."""
+    """Intensity of the field. Left out: that of the world model where [site] has a `date`, else
+    what the readings say themselves, to 5 percent. No heading depends on it."""
     intensity_sd: Tesla | None = Field(default=None, gt=0, examples=["0.5 uT"])
     """Its standard uncertainty. Left out: 0.3 percent, outdoors; indoors 1 to 10 are usual."""
-    date: str | None = Field(default=None, examples=["2026-05-04"])
-    """Day of the session: the world magnetic model then says intensity, dip and declination at the
-    latitude and longitude of [site]. It needs the extra `world`."""
     noise_sd: Tesla | None = Field(default=None, gt=0, examples=["0.3 uT"])
     """Noise of a single reading. Left out: from the readings."""
     wander: bool = True
@@ -535,7 +533,7 @@ def observe(log: Log, given: Given[Settings]) -> FieldModel:
 
 def _model(o: Observed, given: Given[Settings]) -> tuple[FieldModel, list[Finding]]:
     """Return the model, and what was noticed on the way."""
-    s, world = given.settings, world_field(given.settings.date, given.site)
+    s, world = given.settings, world_field(given.site)
     said = s.intensity or (world.intensity if world else None)
     state, size = start(o, s, said)
     told = _unit(size, said)
@@ -595,10 +593,12 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         told.append(finding("mag.hard_iron", percent=f"{100 * s.matrix_sd:.3g}"))
         model = again
     given.progress(0.7, "judging")
-    o, world = model.observed, world_field(s.date, given.site)
+    o, world = model.observed, world_field(given.site)
     field = FieldSeen(fit, model, world)
     told += field.findings(given.site)
     tables = {"heading": field.budget(), "cells": field.cells()} if given.shown else {}
+    if tables and world is not None:
+        tables["norths"] = field.norths(given.site)
     return result_of(
         "magnetometer", fit, (*checks(_judged(fit, model)), *field.checks()), site=given.site,
         findings=(*log.findings, *o.findings, *told), tables=tables,
@@ -734,6 +734,18 @@ class FieldSeen:
         if self.world is not None:
             rows["declination of the world model"] = self.world.declination_sd
         return {"cause": np.array([*rows]), "heading_sd": np.array([*rows.values()], float)}
+
+    def norths(self, site: Site) -> TableData:
+        """Return what a magnetic heading lacks of one from other norths, as a table."""
+        known = {n.name: n for n in norths(site)}
+        magnetic = known.pop("magnetic")
+        return {
+            "north": np.array([*known]),
+            "added": np.array([magnetic.offset - n.offset for n in known.values()]),
+            "sd": np.array([np.hypot(magnetic.sd, n.sd) for n in known.values()]),
+            "by": np.array([magnetic.basis + f", {n.basis}" * (n.name != "true")
+                            for n in known.values()]),
+        }  # fmt: skip
 
     def cells(self) -> TableData:
         """Return the cells, as read and corrected, as a table."""
