@@ -66,7 +66,7 @@ EARTH = (22e-6, 67e-6)
 TURN, WAIT = 0.5, 2.0
 """A cell ends after so much turning [rad], or so much time [s], or a part of each."""
 
-MOST = 240
+MOST = 160
 """Cells that are used, evenly chosen where there are more: the work grows with their cube [1]."""
 
 STILL = 0.05
@@ -182,13 +182,23 @@ def reduce(log: Log) -> Observed:
     clock = path / TURN + (log.time - log.time[0]) / WAIT
     number = np.floor(clock[rows] * np.clip(MOST / clock[-1], 0.5, 1.0)).astype(int)
     cells = Cells(rows, np.flatnonzero(np.diff(number, prepend=-1)))
-    quiet = cells.mean(np.linalg.norm(w[rows], axis=1)) < STILL
-    quiet &= cells.mean(log.time[rows] ** 2) - cells.mean(log.time[rows]) ** 2 > BRIEF**2 / 12
-    still = cells.chosen(quiet & (log.accel is not None))
+    still = _rests(log, w)
     every = np.zeros(len(cells), bool)
     every[np.unique(np.linspace(0, len(cells) - 1, MOST).astype(int))] = True
     turning = Turning(log.time, log.gyro, log.sampled)
     return Observed(log, turning, cells.chosen(every), still, tuple(told))
+
+
+def _rests(log: Log, w: FloatArray) -> Cells:
+    """Return the specific force at rest in cells; `w` (n, 3): rates, bias apart [rad/s]."""
+    t, quiet = log.time, np.linalg.norm(w, axis=1) < STILL
+    quiet &= (t > t[0] + LATEST) & (t < t[-1] - LATEST) & (log.accel is not None)
+    begins = np.flatnonzero(np.diff(quiet, prepend=~quiet[0]))
+    run = np.cumsum(np.isin(np.arange(len(t)), begins)) - 1
+    part = (t - t[begins][run]) // max(WAIT, 2 * quiet.sum() * log.interval / MOST)
+    rows = np.flatnonzero(quiet)
+    cells = Cells(rows, np.flatnonzero(np.diff(run[rows] * len(t) + part[rows], prepend=-1)))
+    return cells.chosen(cells.count * log.interval > BRIEF)
 
 
 BRIEF = 0.3
