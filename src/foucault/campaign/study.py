@@ -320,18 +320,17 @@ def run(
     """
     earlier.refuse(campaign, "a Monte Carlo study")
     names = names_of(campaign)
-    kept = begun(campaign, folder, seed, PART if n <= LARGE else LARGE_PART)
+    kept = begun(campaign, folder, seed, PART if n <= LARGE else LARGE_PART, batched=False)
     spread = map or monte_carlo.threads(workers)
     columns = kept.run(Trial(campaign), n, seed, spread, progress)
     write_table(Path(folder) / TRIALS_FILE, columns)
     return Study.of(names, columns)
 
 
-def begun(campaign: Campaign, folder: str | Path, seed: int, size: int, **beside: Any) -> Parts:
+def begun(campaign: Campaign, folder: str | Path, seed: int, size: int, *, batched: bool) -> Parts:
     """Begin the folder of a study, or make sure that it is that of the same.
 
-    `seed`: of the study [1]; `size`: trials in one part [1]; `beside`: what else its numbers depend
-    on.
+    `seed`: of the study [1]; `size`: trials in one part [1]; `batched`: whether means are drawn.
     """
     text = resolved(campaign, campaign.folder)
     asked = {
@@ -339,7 +338,7 @@ def begun(campaign: Campaign, folder: str | Path, seed: int, size: int, **beside
         "campaign_sha256": hashlib.sha256(text.encode()).hexdigest(),
         "seed": seed,
         "names": names_of(campaign),
-        **beside,
+        "batched": batched,
     }
     if (drawn := in_words(campaign)) is not None:
         asked["left_out"] = drawn
@@ -350,10 +349,17 @@ def load(folder: str | Path) -> tuple[Study, dict[str, Any]]:
     """Read a finished study and what was asked of it."""
     import pyarrow.parquet as pq
 
-    folder = Path(folder)
-    asked = asked_of(folder, "study")
-    if asked is None or not (folder / TRIALS_FILE).exists():
-        raise error("study.missing", folder=folder)
-    table = pq.read_table(folder / TRIALS_FILE)
+    asked = about(folder)
+    table = pq.read_table(Path(folder) / TRIALS_FILE)
     columns = {name: of_arrow(table[name]) for name in table.column_names if name != "trial"}
-    return Study.of(asked["names"], columns), asked | {"n": len(table)}
+    return Study.of(asked["names"], columns), asked
+
+
+def about(folder: str | Path) -> dict[str, Any]:
+    """Return what was asked of a finished study, and the number of its trials."""
+    import pyarrow.parquet as pq
+
+    asked, file = asked_of(folder, "study"), Path(folder) / TRIALS_FILE
+    if asked is None or not file.exists():
+        raise error("study.missing", folder=folder)
+    return asked | {"n": pq.read_metadata(file).num_rows}

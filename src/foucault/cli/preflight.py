@@ -188,7 +188,7 @@ def montecarlo(
             map=map_,
             progress=lambda done, total: tell(done / total, f"trial {done} of {total}"),
         )
-    about = study.load(output)[1]
+    about = study.about(output)
     checks = result.checks()
     keys = ("name", "value", "low", "high", "passed", "sentence")
     said = {

@@ -3,7 +3,8 @@
 The model of a planned session is followed to second order from where it was planned, white by all
 sources whose sizes are known::
 
-    y = h(x0 + d) + e,    h(x0 + d) = h(x0) + (J + (H d) / 2) d,    J(x0 + d) = J + H d,    e ~ N(0, I)
+    y = h(x0 + d) + e,  e ~ N(0, I)      h(x0 + d) = h(x0) + (J + (H d) / 2) d
+                                         J(x0 + d) = J + H d
 
 A trial draws d of the instrument and e of the readings, sources that nobody declared at their true
 sizes among them, and is solved as `mixed.fit` solves it: Gauss-Newton, sizes by restricted maximum
@@ -52,7 +53,7 @@ class Jet(NamedTuple):
     H: FloatArray  # (m, N m) second derivative, the second direction in front [1]
 
     def at(self, d: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return Jacobians (b, N, m) at `d` (b, m), and predictions less that of the plan, (b, N)."""
+        """Return Jacobians (b, N, m) and changes of the prediction (b, N), at `d` (b, m) [1]."""
         more = (d @ self.H).reshape(len(d), *self.J.shape)
         return self.J + more, np.einsum("bnm,bm->bn", self.J + more / 2, d)
 
@@ -125,11 +126,10 @@ class Plan:
     prior: FloatArray  # (k,) what the last rows say, less where it was planned [1]
     errors: FloatArray  # (N, N) root of the true covariance of the rows [1]
     contrasts: FloatArray  # (q, N) rows that no unknown explains, without the prior [1]
-    # Of every source whose size is to be found: causes (N, k) in the rows, how they show in the
-    # contrasts, and what each has to gain, twice the log-likelihood [1].
-    free: Mapping[str, FloatArray]
-    spectra: Mapping[str, Spectrum]
-    prices: Mapping[str, float]
+    # Of every source whose size is to be found:
+    free: Mapping[str, FloatArray]  # its causes in the rows, (N, k) each [1]
+    spectra: Mapping[str, Spectrum]  # how it shows in the contrasts
+    prices: Mapping[str, float]  # what it has to gain, twice the log-likelihood [1]
 
     @property
     def size(self) -> int:

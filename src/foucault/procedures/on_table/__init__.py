@@ -197,7 +197,11 @@ def from_readings(
 def stated(
     readings: Readings, task: Task, site: Site, prior: Mapping[str, tuple[float, float]] | None
 ) -> tuple[TableModel, list[Finding]]:
-    """State the model of readings [SI], and what is to be said of them; arguments as above."""
+    """State the model of readings, and what is to be said of them.
+
+    `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
+    of coefficients or groups of coefficients [SI].
+    """
     readings, found = _usable(readings, task, site)
     options = options_of(readings, task, prior)
     return TableModel(readings, site, _start(readings, task, site, options), options), found
