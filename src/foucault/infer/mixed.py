@@ -232,6 +232,16 @@ def size_of(source: Source, sds: Mapping[str, float]) -> float:
     return sds.get(source.name, source.sd or 0.0)
 
 
+def columns(source: Source) -> Iterable[FloatArray]:
+    """Yield what the causes of a source do to all readings, (n, d, k) each."""
+    if source.shared is not None:
+        yield source.shared
+    if source.each is not None:
+        n, d, _ = source.each.shape
+        one = np.einsum("iac,ij->iajc", source.each, np.eye(n)).reshape(n, d, -1)
+        yield one[:, :, one.any(axis=(0, 1))]
+
+
 class _Once:
     """A model that remembers its last linearisation: weights and sizes change more often."""
 
@@ -530,9 +540,19 @@ def _sizes(
     if not free:
         return none, none, 0.0
     z, V = _contrasts(at, free, weights)
-    if not len(z):
-        return none, none, 0.0
-    kept, (var, now) = dict(free), _most_likely(z, V)
+    return priced(z, V, free) if len(z) else (none, none, 0.0)
+
+
+def priced(
+    z: FloatArray, V: Mapping[str, FloatArray], prices: Mapping[str, float]
+) -> tuple[dict[str, float], dict[str, float], float]:
+    """Return sizes, their degrees of freedom, and how unlikely the contrasts are with them.
+
+    `z` (q,): contrasts that no unknown explains, white by what is known [1]; `V` (q, q): their
+    covariance by each source whose size is to be found [1]; `prices`: what each has to gain [1].
+    """
+    none = dict.fromkeys(prices, 0.0)
+    kept, (var, now) = dict(prices), _most_likely(z, V)
     while True:  # one that does not gain its price gives what it explained back to the others
         kept = {name: price for name, price in kept.items() if var[name] or not price}
         best = {
