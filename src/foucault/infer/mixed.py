@@ -687,7 +687,7 @@ def _most_likely(
 
 
 HOPELESS = 5.0
-"""A step gains half of score times step, of which the rest of the way gains no such multiple [1]."""
+"""A step gains half of score times step; all that follow gain no such multiple of that [1]."""
 
 
 # -- what follows from a fit, for every procedure alike --------------------------------------

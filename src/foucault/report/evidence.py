@@ -39,6 +39,7 @@ from foucault.report.page import (
     Items,
     Section,
     Table,
+    Text,
     chi_square,
     columns,
     known_to,
@@ -683,7 +684,7 @@ def field(result: Result) -> Section | None:
     )
     blocks: list[Block] = [rows]
     if other := result.tables.get("norths"):
-        blocks += [said(f"{key}.norths"), table(
+        blocks += [Text(said(f"{key}.norths")), table(
             ("heading from: short", other["north"].tolist()),
             ("add [°]: number", [format_value(*np.degrees([x, s]))
                                  for x, s in zip(other["added"], other["sd"], strict=True)]),
