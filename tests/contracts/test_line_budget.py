@@ -11,8 +11,9 @@ ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
     ".": 3_437,
-    "campaign": 5_625,
-    "cli": 4_707,
+    "campaign": 5_637,
+    "certificate": 2_100,
+    "cli": 4_925,
     "detect": 4_608,
     "diagnose": 11_900,
     "estimate": 8_060,
@@ -27,7 +28,7 @@ BUDGET = {
     "procedures": 18_560,
     "recognise": 2_660,
     "report": 10_480,
-    "records": 1_390,
+    "records": 1_430,
     "simulate": 3_645,
     "symptoms": 87,
 }
