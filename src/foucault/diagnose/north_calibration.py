@@ -181,7 +181,7 @@ def checks(
     """Return every test; `apart`: set-ups [SI] predicted from the others, noise by `source`."""
     inside, found_in = within(pairs), {}
     if INDEXING in rig.assumed:  # a size that nobody declared may be too large, and is no fault
-        inside = {kind: c._replace(low=0.0) for kind, c in inside.items()}
+        inside = {kind: replace(c, low=0.0) for kind, c in inside.items()}
     if source == UNKNOWN:  # by residuals of the set-ups and of what is within
         own = zip(fit.after.items(), pairs.dof.sum(axis=0), strict=False)
         fit = replace(fit, dof={kind: c.redundancy + n for (kind, c), n in own})

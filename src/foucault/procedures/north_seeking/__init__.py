@@ -30,7 +30,7 @@ from foucault.logs.indexed_own import IndexedDescription
 from foucault.models.earth import Site
 from foucault.models.noise import noise_json
 from foucault.models.north_seeker import EQUATION, Compensation, Dwells
-from foucault.procedures.north_seeking.counted import completed
+from foucault.procedures.north_seeking.counted import completed, drawn
 from foucault.procedures.north_seeking.fix import Solution, require_latitude, solved
 from foucault.procedures.north_seeking.foresight import Wanted, foresee, space
 from foucault.procedures.north_seeking.settings import Session, Settings, draw_errors, simulated
@@ -163,6 +163,7 @@ PROCEDURE = Procedure(
     counts=True,
     counts_by_noise=True,
     draw_errors=draw_errors,
+    drawn=drawn,
     Description=IndexedDescription,
     read=indexed.read,
     write=indexed_own.write,

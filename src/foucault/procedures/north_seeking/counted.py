@@ -28,7 +28,7 @@ from foucault.models.left_out import Change, Motion, Sizes, sizes_of, table
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Dwells
 from foucault.procedures.left_out import Again, changed, wander_of
-from foucault.procedures.north_seeking.settings import Settings
+from foucault.procedures.north_seeking.settings import Session, Settings
 
 ARCSEC = float(np.radians(1 / 3600))
 
@@ -61,9 +61,20 @@ def completed(settings: Settings, sizes: Sizes | None) -> tuple[Settings, dict[s
     place = sizes.get(LATITUDE) or sizes_of(table().grades[0])[LATITUDE]
     usual = {key: (name, size, JUDGED) for key, (name, size) in RIG.items()}
     usual |= {"latitude_sd": (LATITUDE, *place), "index_lag_sd": (INDEXING, LAG, JUDGED)}
-    more = {key: one for key, one in usual.items() if key not in settings.model_fields_set}
+    more = {key: one for key, one in usual.items() if not getattr(settings, key)}
     basis = {name: words for name, _, words in more.values()}
     return settings.model_copy(update={key: sd for key, (_, sd, _) in more.items()}), basis
+
+
+def drawn(
+    session: Session, settings: Settings, model: ImuModel, rng: np.random.Generator
+) -> tuple[Session, Settings, ImuModel]:
+    """Draw base, table and headings as far off as they are taken to be where nobody says it."""
+    del rng  # of their own seed, as what is declared of them
+    more = {key: size for key, (_, size) in RIG.items() if not getattr(settings, key)}
+    if settings.level_sd is None and len(set(session.tilts)) > 1:
+        more["level_sd"] = LEAN
+    return session, settings.model_copy(update=more), model
 
 
 def stood(rig: Rig, settings: Settings, sizes: Sizes | None) -> Rig:
