@@ -83,6 +83,8 @@ class Pairs:
     # chi_square, dof: (m, 2) sum of squares of the white residuals of gyro and accelerometers [1]
     chi_square: FloatArray
     dof: IntArray
+    # (n, q) white residuals of the q accelerometers, independent but for what the fit took [1]
+    accel_white: FloatArray = field(default_factory=lambda: np.zeros((0, 1)))
 
     def __len__(self) -> int:
         return len(self.values)
@@ -123,6 +125,7 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
     offset, drift = np.zeros(m), np.zeros(m)
     fit, residuals = np.zeros(n), np.full((2, n), np.nan)
     chi_square, dof = np.zeros((m, 2)), np.zeros((m, 2), np.int64)
+    accel_white = np.zeros((n, 1) if dwells.accel is None else dwells.accel.shape)
     # Wrong index angles act by the slope of each set-up's own curve: then none share weights.
     for setups, rows in _alike(dwells, apart=nuisance.index_sd > 0):
         first = dwells.rows(rows[0])
@@ -151,14 +154,17 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
             found = A @ accel.weights.T
             values[setups, 2:] = found[:, :2]
             left = A - found @ accel.design.T
+            each = left.reshape(*rows.shape, -1)
+            accel_white[rows] = np.moveaxis(
+                np.linalg.solve(accel.root, np.moveaxis(each, 0, 1).reshape(rows.shape[1], -1))
+                .reshape(rows.shape[1], len(rows), -1), 0, 1,
+            )  # fmt: skip
             if dwells.accel.shape[1] == 1:
                 _judge(accel, left, setups, rows, 1, residuals, chi_square, dof)
                 all_weights[1, 2:] = accel.weights[:2]
             else:  # two a row: of the scatter alone
-                both = left.reshape(len(rows), -1, 2)
-                white = np.linalg.solve(accel.root, both.transpose(1, 0, 2).reshape(len(first), -1))
-                square = np.sum(white**2, axis=0).reshape(len(rows), 2)
-                chi_square[setups, 1], dof[setups, 1] = square.sum(axis=1), 2 * accel.dof
+                chi_square[setups, 1] = np.sum(accel_white[rows] ** 2, axis=(1, 2))
+                dof[setups, 1] = 2 * accel.dof
             V = accel.weights[:2]
             unseen = _unseen(accel, GRAVITY)
             parts[TILT_NOISE][setups, 2:, 2:] = (V * accel.white) @ V.T + unseen
@@ -169,7 +175,7 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
             parts[INDEXING][setups] = _indexing(first, all_weights, values[setups], nuisance)
     used = {k: v for k, v in parts.items() if v.any()}
     return Pairs(values, used, offset, drift, slope, fit, residuals[0], residuals[1],
-                 chi_square, dof)  # fmt: skip
+                 chi_square, dof, accel_white)  # fmt: skip
 
 
 def _alike(dwells: Dwells, *, apart: bool) -> list[tuple[IntArray, IntArray]]:

@@ -15,16 +15,18 @@ nothing. Accelerometers on the case have terms in the axes of the case, which ca
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.estimate.north import COMMON_HEADING, HEADINGS, LATITUDE, LEVEL, OnTurntable, Rig
-from foucault.estimate.north_reduction import INDEXING, Nuisance, reduce
+from foucault.estimate.north_reduction import INDEXING, Nuisance, Pairs, reduce
 from foucault.infer.left_out import Judgement
+from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
-from foucault.models.left_out import Change, Motion, Sizes, sizes_of, table
+from foucault.models.left_out import Change, Motion, Sizes, changes, sizes_of, table, terms
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Dwells
 from foucault.procedures.left_out import Again, changed, wander_of
@@ -95,12 +97,22 @@ def beside(sizes: Sizes | None, settings: Settings) -> Sizes | None:
     return type(sizes)({g: s for g, s in sizes.items() if g not in again})  # type: ignore[call-arg]
 
 
-def again(model: OnTurntable, dwells: Dwells, noise: ImuNoise, nuisance: Nuisance) -> Again:
-    """Return the calibration reduced again.
+@dataclass(frozen=True)
+class Reduced:
+    """How readings become the four numbers of every set-up."""
 
-    `dwells`: readings that `model` was made of [SI]; `noise`: as they were weighed [SI].
-    """
-    begin, end = float(dwells.start.min()), float((dwells.start + dwells.time).max())
+    dwells: Dwells  # readings [SI]
+    noise: ImuNoise  # as they are weighed [SI]
+    nuisance: Nuisance
+
+    def pairs(self, dwells: Dwells) -> Pairs:
+        """Reduce readings [SI] in the same way."""
+        return reduce(dwells, self.noise, self.nuisance)
+
+
+def again(model: OnTurntable, reduced: Reduced) -> Again:
+    """Return the calibration reduced again."""
+    dwells, noise = reduced.dwells, reduced.noise
 
     def motion(state: FloatArray) -> tuple[ImuModel, Motion]:
         w, f, _, _ = model.truth(state)
@@ -108,12 +120,13 @@ def again(model: OnTurntable, dwells: Dwells, noise: ImuNoise, nuisance: Nuisanc
 
     def residuals(state: FloatArray, by: Change) -> FloatArray:
         read = put(dwells, by)
-        pairs = model.pairs if read is dwells else reduce(read, noise, nuisance)
+        pairs = model.pairs if read is dwells else reduced.pairs(read)
         rig = replace(model.rig, site=changed(model.rig.site, by))
         return replace(model, pairs=pairs, rig=rig).residuals(state)
 
     white = noise.accel.white or np.nan, noise.gyro.white or np.nan
-    return Again(motion, residuals, white, wander_of(noise, end - begin))
+    span = float((dwells.start + dwells.time).max() - dwells.start.min())
+    return Again(motion, residuals, white, wander_of(noise, span))
 
 
 def moved(dwells: Dwells, f_b: FloatArray, w_b: FloatArray) -> Motion:
@@ -149,6 +162,37 @@ def put(dwells: Dwells, by: Change) -> Dwells:
         if added.any():
             more["accel"] = dwells.accel + added
     return replace(dwells, **more) if more else dwells
+
+
+def accounted(
+    pairs: Pairs, names: tuple[str, ...], reduced: Reduced, motion: Motion, site: Site,
+    judged: Judgement,
+) -> Pairs:  # fmt: skip
+    """Return set-ups without what terms of the accelerometers explain of their residuals.
+
+    What goes twice per turn is in no rate and no tilt, but in what four stops leave of one another:
+    there ``r' (I + B B')^-1 r`` has the degrees of freedom that r'r has without it.
+
+    `names`: of the coefficients that are estimated; `motion`: of the readings [SI].
+    """
+    named = {g: k for one in judged.named for g, k in one.items()}
+    some = {g: size for g, size in judged.sizes.items() if g.startswith("accel.")}
+    r, columns = pairs.accel_white.ravel(), []
+    for group, of in groupby(terms(names, site, some), lambda term: term.group):
+        for by in changes([*of], ImuModel(), motion):
+            read = put(reduced.dwells, by)
+            if read is not reduced.dwells:
+                moved = reduced.pairs(read).accel_white.ravel() - r
+                columns.append(named.get(group, 1.0) * moved)
+    total = float(r @ r)
+    if not columns or not total:
+        return pairs
+    B = np.stack(columns, 1)
+    u = B.T @ r
+    left = total - float(u @ np.linalg.solve(np.eye(len(u)) + B.T @ B, u))
+    chi_square = pairs.chi_square.copy()
+    chi_square[:, 1] *= left / total
+    return replace(pairs, chi_square=chi_square)
 
 
 def with_rig(judged: Judgement, rig: Rig, index_sd: float) -> Judgement:

@@ -57,7 +57,16 @@ from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise, noise_of
 from foucault.models.north_seeker import SEEKER, Compensation, Dwells
 from foucault.procedures import Progress, left_out, silent
-from foucault.procedures.north_seeking.counted import again, beside, completed, stood, with_rig
+from foucault.procedures.north_seeking.counted import (
+    Reduced,
+    accounted,
+    again,
+    beside,
+    completed,
+    moved,
+    stood,
+    with_rig,
+)
 from foucault.procedures.north_seeking.settings import MOST_LATITUDE, Settings
 from foucault.result import Check, Level, Result, Verdict, provenance
 from foucault.tables import IndexedLog
@@ -382,14 +391,14 @@ def solved(
         noise, source = _noise_solution(dwells, pairs, rig, known, given), calibrating.UNKNOWN
         pairs = spent(reduce(dwells, noise, nuisance), used)
     basis = NOISE_BASIS[calibrating.NOISE[source]]
+    reduced = Reduced(dwells, noise, nuisance)
 
     def fitted(
         z_coupling: bool, given: Mapping[str, tuple[float, float]]
     ) -> tuple[Fit, Judgement | None]:
         names = estimation.names_of(rig.tilt, rig.accelerometers, z_coupling)
         model = estimation.OnTurntable(pairs, rig, SEEKER.subset(names), known, basis)
-        reduced = again(model, dwells, noise, nuisance)
-        return left_out.fit(model, _prior(names, given), sizes, site, reduced)
+        return left_out.fit(model, _prior(names, given), sizes, site, again(model, reduced))
 
     fit, judged = fitted(settings.z_coupling != "no", given)
     calibrating.require_sound(fit.estimate)
@@ -402,6 +411,9 @@ def solved(
         z_test = calibrating.z_significance(free.estimate)
         told += tuple(calibrating.z_findings(z_test, settings.z_coupling))
     if judged is not None:
+        w, f, _, _ = fit.model.model.truth(fit.state)
+        names = fit.model.layout.names
+        pairs = accounted(pairs, names, reduced, moved(dwells, f, w), site, judged)
         judged = with_rig(judged, rig, settings.index_sd)
     return Solution(pairs, rig, noise, source, nuisance, fit, z_test, told, offsets, gains, judged)
 
