@@ -15,14 +15,15 @@ nothing. Accelerometers on the case have terms in the axes of the case, which ca
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.estimate.north import COMMON_HEADING, HEADINGS, LATITUDE, LEVEL, OnTurntable, Rig
-from foucault.estimate.north_reduction import INDEXING, Nuisance, Pairs, reduce
+from foucault.estimate.north_reduction import INDEXING, Pairs
 from foucault.infer.left_out import Judgement
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
@@ -97,30 +98,26 @@ def beside(sizes: Sizes | None, settings: Settings) -> Sizes | None:
     return type(sizes)({g: s for g, s in sizes.items() if g not in again})  # type: ignore[call-arg]
 
 
-@dataclass(frozen=True)
-class Reduced:
-    """How readings become the four numbers of every set-up."""
+def again(model: OnTurntable, dwells: Dwells, noise: ImuNoise) -> Again:
+    """Return the calibration with something put into it, its readings weighed as they were.
 
-    dwells: Dwells  # readings [SI]
-    noise: ImuNoise  # as they are weighed [SI]
-    nuisance: Nuisance
-
-    def pairs(self, dwells: Dwells) -> Pairs:
-        """Reduce readings [SI] in the same way."""
-        return reduce(dwells, self.noise, self.nuisance)
-
-
-def again(model: OnTurntable, reduced: Reduced) -> Again:
-    """Return the calibration reduced again."""
-    dwells, noise = reduced.dwells, reduced.noise
+    `dwells`: readings that `model` was made of [SI]; `noise`: as they were weighed [SI].
+    """
 
     def motion(state: FloatArray) -> tuple[ImuModel, Motion]:
         w, f, _, _ = model.truth(state)
         return ImuModel(), moved(dwells, f, w)
 
     def residuals(state: FloatArray, by: Change) -> FloatArray:
-        read = put(dwells, by)
-        pairs = model.pairs if read is dwells else reduced.pairs(read)
+        pairs = model.pairs
+        read, values = put(dwells, by), pairs.values.copy()
+        if read.gyro is not dwells.gyro:
+            more = pairs.gyro_weights * (read.gyro - dwells.gyro)[:, None]
+            np.add.at(values[:, :2], dwells.setup, more)
+        if read.accel is not None and read.accel is not dwells.accel:
+            more = np.einsum("nqi,nq->ni", pairs.accel_weights, read.accel - dwells.accel)
+            np.add.at(values[:, 2:], dwells.setup, more)
+        pairs = replace(pairs, values=values)
         rig = replace(model.rig, site=changed(model.rig.site, by))
         return replace(model, pairs=pairs, rig=rig).residuals(state)
 
@@ -165,7 +162,7 @@ def put(dwells: Dwells, by: Change) -> Dwells:
 
 
 def accounted(
-    pairs: Pairs, names: tuple[str, ...], reduced: Reduced, motion: Motion, site: Site,
+    pairs: Pairs, site: Site, again: Callable[[Dwells], Pairs], dwells: Dwells, motion: Motion,
     judged: Judgement,
 ) -> Pairs:  # fmt: skip
     """Return set-ups without what terms of the accelerometers explain of their residuals.
@@ -173,16 +170,16 @@ def accounted(
     What goes twice per turn is in no rate and no tilt, but in what four stops leave of one another:
     there ``r' (I + B B')^-1 r`` has the degrees of freedom that r'r has without it.
 
-    `names`: of the coefficients that are estimated; `motion`: of the readings [SI].
+    `again`: reduces readings as `dwells` were; `motion`: of these [SI].
     """
     named = {g: k for one in judged.named for g, k in one.items()}
     some = {g: size for g, size in judged.sizes.items() if g.startswith("accel.")}
     r, columns = pairs.accel_white.ravel(), []
-    for group, of in groupby(terms(names, site, some), lambda term: term.group):
+    for group, of in groupby(terms((), site, some), lambda term: term.group):
         for by in changes([*of], ImuModel(), motion):
-            read = put(reduced.dwells, by)
-            if read is not reduced.dwells:
-                moved = reduced.pairs(read).accel_white.ravel() - r
+            read = put(dwells, by)
+            if read is not dwells:
+                moved = again(read).accel_white.ravel() - r
                 columns.append(named.get(group, 1.0) * moved)
     total = float(r @ r)
     if not columns or not total:

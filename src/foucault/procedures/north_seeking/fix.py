@@ -12,6 +12,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -50,7 +51,7 @@ from foucault.estimate.north import Fixes, Known, Rig, level_square, solve
 from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
 from foucault.guard.north import causes
 from foucault.infer import mixed
-from foucault.infer.left_out import Judgement
+from foucault.infer.left_out import Judgement, With
 from foucault.infer.mixed import NOISE_BASIS, Fit
 from foucault.models.earth import Site
 from foucault.models.left_out import Sizes
@@ -58,7 +59,6 @@ from foucault.models.noise import ImuNoise, noise_of
 from foucault.models.north_seeker import SEEKER, Compensation, Dwells
 from foucault.procedures import Progress, left_out, silent
 from foucault.procedures.north_seeking.counted import (
-    Reduced,
     accounted,
     again,
     beside,
@@ -391,14 +391,14 @@ def solved(
         noise, source = _noise_solution(dwells, pairs, rig, known, given), calibrating.UNKNOWN
         pairs = spent(reduce(dwells, noise, nuisance), used)
     basis = NOISE_BASIS[calibrating.NOISE[source]]
-    reduced = Reduced(dwells, noise, nuisance)
 
     def fitted(
         z_coupling: bool, given: Mapping[str, tuple[float, float]]
     ) -> tuple[Fit, Judgement | None]:
         names = estimation.names_of(rig.tilt, rig.accelerometers, z_coupling)
         model = estimation.OnTurntable(pairs, rig, SEEKER.subset(names), known, basis)
-        return left_out.fit(model, _prior(names, given), sizes, site, again(model, reduced))
+        of = again(model, dwells, noise)
+        return left_out.fit(model, _prior(names, given), sizes, site, of)
 
     fit, judged = fitted(settings.z_coupling != "no", given)
     calibrating.require_sound(fit.estimate)
@@ -411,9 +411,12 @@ def solved(
         z_test = calibrating.z_significance(free.estimate)
         told += tuple(calibrating.z_findings(z_test, settings.z_coupling))
     if judged is not None:
-        w, f, _, _ = fit.model.model.truth(fit.state)
-        names = fit.model.layout.names
-        pairs = accounted(pairs, names, reduced, moved(dwells, f, w), site, judged)
+        misfit = any(c.chi_square > c.high for c in calibrating.within(pairs).values())
+        if misfit and isinstance(fit.model, With):
+            w, f, _, _ = fit.model.model.truth(fit.state)
+            reduced = partial(reduce, noise=noise, nuisance=nuisance)
+            motion = moved(dwells, f, w)
+            pairs = accounted(pairs, site, reduced, dwells, motion, judged)
         judged = with_rig(judged, rig, settings.index_sd)
     return Solution(pairs, rig, noise, source, nuisance, fit, z_test, told, offsets, gains, judged)
 
