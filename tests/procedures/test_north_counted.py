@@ -8,18 +8,14 @@ import numpy as np
 import pytest
 
 from foucault.detect.dwells import find_dwells
-from foucault.diagnose.study import nees
 from foucault.estimate.north import OnTurntable, Rig, names_of
 from foucault.estimate.north_reduction import Nuisance, reduce
-from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.left_out import changes, sizes_of, terms
 from foucault.models.north_seeker import SEEKER, Dwells
-from foucault.procedures.north_seeking import PROCEDURE
 from foucault.procedures.north_seeking.counted import again
-from foucault.result import Level
-from sessions import QUIET, SEEKER as NOISE
-from sessions import SITE, Case, instrument, made, truth
+from sessions import QUIET, SITE, Case, instrument, made
+from sessions import SEEKER as NOISE
 
 SIZES = sizes_of("consumer MEMS")
 TILTED = {"tilts": ["8 deg", "-8 deg", "0 deg"]}

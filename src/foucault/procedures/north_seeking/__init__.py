@@ -76,9 +76,7 @@ def _solve(log: IndexedLog, given: Given[Settings]) -> Result:
     declared = given.noise is not None
     noise = given.noise or measured_noise(log, dwells)
     with units_first(log.findings):
-        solution = solved(
-            dwells, site, given.settings, noise, declared, given.prior, given.sizes
-        )
+        solution = solved(dwells, site, given.settings, noise, declared, given.prior, given.sizes)
     result = _result(solution, dwells, settings, site)
     return replace(
         result,
