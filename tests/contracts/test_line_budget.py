@@ -11,12 +11,12 @@ ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
     ".": 3_437,
-    "campaign": 5_637,
+    "campaign": 5_660,
     "certificate": 2_100,
     "cli": 4_925,
     "detect": 4_608,
     "diagnose": 11_900,
-    "estimate": 8_060,
+    "estimate": 8_066,
     "export": 3_525,
     "guard": 1_941,
     "infer": 3_580,
@@ -25,11 +25,11 @@ BUDGET = {
     "models": 6_310,
     "navigate": 2_110,
     "plans": 6_028,
-    "procedures": 18_560,
+    "procedures": 18_830,
     "recognise": 2_660,
     "report": 10_480,
     "records": 1_430,
-    "simulate": 3_645,
+    "simulate": 3_656,
     "symptoms": 87,
 }
 

@@ -77,11 +77,12 @@ class Held:
         for term in self.added:
             (by,) = changes([term], model, at)
             read = [x if more is None else x + more for x, more in zip(read, by[:2], strict=True)]
-        accel, gyro = (
-            None if x is None else _as_read(r, x)
-            for x, r in zip((log.accel, log.gyro), read, strict=True)
-        )
-        return replace(log, accel=accel, gyro=gyro)
+        more: dict[str, Any] = {
+            name: _as_read(r, x)
+            for name, x, r in zip(("accel", "gyro"), (log.accel, log.gyro), read, strict=True)
+            if x is not None
+        }
+        return replace(log, **more)
 
 
 def _on_axes(x: FloatArray | None, n: int) -> FloatArray:

@@ -65,7 +65,7 @@ def completed(settings: Settings, sizes: Sizes | None) -> tuple[Settings, dict[s
     usual = {key: (name, size, JUDGED) for key, (name, size) in RIG.items()}
     usual |= {"latitude_sd": (LATITUDE, *place), "index_lag_sd": (INDEXING, LAG, JUDGED)}
     more = {key: one for key, one in usual.items() if not getattr(settings, key)}
-    basis = {name: words for name, _, words in more.values()}
+    basis = {name: words for key, (name, _, words) in more.items() if key != "index_lag_sd"}
     return settings.model_copy(update={key: sd for key, (_, sd, _) in more.items()}), basis
 
 
@@ -114,7 +114,7 @@ def again(model: OnTurntable, dwells: Dwells, noise: ImuNoise) -> Again:
         if read.gyro is not dwells.gyro:
             more = pairs.gyro_weights * (read.gyro - dwells.gyro)[:, None]
             np.add.at(values[:, :2], dwells.setup, more)
-        if read.accel is not None and read.accel is not dwells.accel:
+        if read.accel is not None and dwells.accel is not None and read.accel is not dwells.accel:
             more = np.einsum("nqi,nq->ni", pairs.accel_weights, read.accel - dwells.accel)
             np.add.at(values[:, 2:], dwells.setup, more)
         pairs = replace(pairs, values=values)
@@ -151,14 +151,14 @@ def on_case(dwells: Dwells) -> bool:
 
 def put(dwells: Dwells, by: Change) -> Dwells:
     """Return readings [SI] with what a term does to them, the same where that is nothing."""
-    n, more = len(dwells), {}
+    n = len(dwells)
     if by.gyro is not None and by.gyro[:n, 1].any():
-        more["gyro"] = dwells.gyro + by.gyro[:n, 1]
+        dwells = replace(dwells, gyro=dwells.gyro + by.gyro[:n, 1])
     if by.accel is not None and dwells.accel is not None:
-        added = by.accel[n:, :2] if on_case(dwells) else by.accel[:, 1:2]
-        if added.any():
-            more["accel"] = dwells.accel + added
-    return replace(dwells, **more) if more else dwells
+        more = by.accel[n:, :2] if on_case(dwells) else by.accel[:, 1:2]
+        if more.any():
+            dwells = replace(dwells, accel=dwells.accel + more)
+    return dwells
 
 
 def accounted(

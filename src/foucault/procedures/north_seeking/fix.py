@@ -399,11 +399,14 @@ def solved(
     ) -> tuple[Fit, Judgement | None]:
         names = estimation.names_of(rig.tilt, rig.accelerometers, z_coupling)
         model = estimation.OnTurntable(pairs, rig, SEEKER.subset(names), known, basis)
-        of = again(model, dwells, noise)
-        return left_out.fit(model, _prior(names, given), sizes, site, of)
+        prior, of = _prior(names, given), again(model, dwells, noise)
+        if sizes is not None:  # what is enlarged later says nothing of what the headings show
+            calibrating.require_sound(mixed.fit(model, prior).estimate)
+        return left_out.fit(model, prior, sizes, site, of)
 
     fit, judged = fitted(settings.z_coupling != "no", given)
-    calibrating.require_sound(fit.estimate)
+    if judged is None:
+        calibrating.require_sound(fit.estimate)
     z_test: tuple[float, float] | None = None
     if rig.tilt == "each":
         free = fit
@@ -414,8 +417,10 @@ def solved(
         told += tuple(calibrating.z_findings(z_test, settings.z_coupling))
     if judged is not None:
         misfit = any(c.chi_square > c.high for c in calibrating.within(pairs).values())
-        if misfit and isinstance(fit.model, With):
-            w, f, _, _ = fit.model.model.truth(fit.state)
+        if misfit:
+            model = fit.model.model if isinstance(fit.model, With) else fit.model
+            assert isinstance(model, estimation.OnTurntable)
+            w, f, _, _ = model.truth(fit.state)
             reduced = partial(reduce, noise=noise, nuisance=nuisance)
             motion = moved(dwells, f, w)
             pairs = accounted(pairs, site, reduced, dwells, motion, judged)
