@@ -48,6 +48,7 @@ from foucault.models.left_out import GRAVITY, Sizes
 from foucault.models.noise import ImuNoise, grade
 from foucault.procedures import Progress, silent, solvable
 from foucault.procedures import left_out as beside
+from foucault.procedures.chosen import Chosen, decided
 from foucault.procedures.left_out import Again
 from foucault.result import Check, Result, TableData, Verdict, provenance
 from foucault.strict import Strict
@@ -310,7 +311,7 @@ class Procedure(Generic[S, N]):
         started = clock.monotonic()
         given = self._given(site, settings, noise, prior, progress, sizes)
         with solvable():
-            result = self.solve(log, given)
+            result, given = decided(lambda g: self.solve(log, g), given)
             slope = self.clock_slope(log, given, result) if self.clock_slope else None
         progress(1.0, "done")
         if sizes and "left_out" not in result.tables:
@@ -342,7 +343,8 @@ class Procedure(Generic[S, N]):
         """
         with solvable():
             given = self._given(site, settings, noise, prior, silent, sizes)
-            return self.solve(log, replace(given, shown=False))
+            given = replace(given, shown=False)
+            return decided(lambda g: self.solve(log, g), given)[0]
 
     def _given(
         self,
@@ -367,6 +369,9 @@ class Procedure(Generic[S, N]):
         quiet; the model that it states says the rest, hardly by what was read. `more`: whether to
         say what more of a plan would buy.
         """
+        return decided(lambda b: self._foreseen(b, more=more), b)[0]
+
+    def _foreseen(self, b: Beforehand[S, N], *, more: bool) -> Foresight | None:
         if self.foresee is not None:
             own = self.foresee(b)
             if b.sizes and own.left_out is None:
@@ -433,11 +438,8 @@ class Procedure(Generic[S, N]):
     ) -> tuple[Extra, ...]:
         """Foretell more of a plan, and settings that estimate more; `length`: of the plan [s]."""
         tried = list(self.additions(b.settings, b.session)) if self.additions else []
-        for key in ("accel_quadratic", "g_sensitivity"):
-            if getattr(b.settings, key, True) is False:
-                tried.append(
-                    (f"{key} = true", b.settings.model_copy(update={key: True}), b.session)
-                )
+        for key in getattr(b.settings, "optional", ()):
+            tried.append((f"{key} = true", b.settings.model_copy(update={key: True}), b.session))
         out = []
         for words, settings, session in tried:
             try:
@@ -557,7 +559,7 @@ class EarthRate(Strict):
         return site if self.earth_rate else replace(site, latitude=None)
 
 
-class Terms(Strict):
+class Terms(Chosen):
     """Which terms of the model of an IMU are estimated beside the linear ones."""
 
     accel_quadratic: Quadratic = False

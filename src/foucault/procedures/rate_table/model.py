@@ -276,7 +276,7 @@ class _Rates(Strict):
         return rates
 
 
-class Settings(_Rates, record.Robust, record.EarthRate):
+class Settings(_Rates, record.Robust, record.EarthRate, record.Chosen):
     """What can be chosen; the defaults suit most tables."""
 
     rates: tuple[str, ...] = ()
