@@ -318,6 +318,16 @@ Taken = Annotated[
 ]
 
 
+TermsChosen = Annotated[
+    str | None,
+    typer.Option(
+        "--terms",
+        help="auto: estimate the optional terms too that the log tells better than their size; "
+        "instead of what the file says, where its procedure has them.",
+    ),
+]
+
+
 def bare(paths: Sequence[Path]) -> bool:
     """Tell whether what is given is a log, and no campaign file."""
     return len(paths) > 1 or (paths[0].suffix.lower() != ".toml" and paths[0].exists())

@@ -377,7 +377,9 @@ def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check |
     each, cov = unit * coefficients.values[at], unit**2 * coefficients.cov[np.ix_(at, at)]
     value, sd = float(each.mean()), float(np.sqrt(cov.mean()))
     made = float(-2 * np.degrees(EARTH_RATE) * 3600 * np.sin(site.latitude))
-    if not 0 < VISIBLE * sd <= abs(made):
+    # One that may be as large as that by what was known of it says nothing of the sign.
+    known = unit * float(np.sqrt(np.mean(coefficients.prior_sd[at] ** 2) / len(at)))
+    if not 0 < VISIBLE * sd <= abs(made) or (VISIBLE * known > abs(made) and np.isfinite(known)):
         return None
     away = abs(value - made) / sd
     alike = np.ptp(each) < abs(made) + VISIBLE * float(np.sqrt(np.diag(cov).max()))

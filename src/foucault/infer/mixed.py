@@ -896,13 +896,43 @@ def planned(
         S = _inverse(z, V, var)
         dof |= {name: v * float(np.sum(S * V[name])) for name, v in var.items()}
     wide = {name: float(np.sqrt(v)) * student(dof[name]) for name, v in var.items()}
+    wide = by_chance(once) | wide
     problem = stated(once, dict.fromkeys(free, 0.0) | wide, prior)
     estimate = gauss_newton.solve(problem, loss=partial(gauss_newton.held, every), weights=every)
     return replace(_fit_of(once, problem, estimate, wide), model=model, dof=dof)
 
 
-def foreseen(model: Model, prior: CoefficientVector | None = None) -> Linearised:
-    """Return a plan linearised at its start, with a `prior` [SI]: covariance and bound follow."""
-    problem = stated(model, {}, prior)
+DRAWS = 40
+"""Sessions without scatter that are drawn, to see how much of it is found by chance [1]."""
+
+
+def by_chance(model: Model) -> dict[str, float]:
+    """Return the sizes that scatter is stated with where there is none, rms over sessions.
+
+    One that costs nothing is found by chance in about half of them, and few degrees of freedom
+    tell it: see `student`. Returns source -> size [SI].
+    """
+    at = model.linearise(model.start)
+    names = {s.name: 0.0 for s in at.sources if s.sd is None and s.unexplained and not s.price}
+    if not names or _silent(at, names).any():
+        return {}
+    of, V = _contrasts(at, names, np.ones(len(at.residuals)))
+    mean = dict.fromkeys(names, 0.0)
+    for z in np.random.default_rng(0).standard_normal((DRAWS, len(of))):
+        var = _most_likely(z, V)
+        S = _inverse(z, V, var)
+        for name, v in var.items():
+            mean[name] += v * student(v * float(np.sum(S * V[name]))) ** 2 / DRAWS
+    return {name: float(np.sqrt(v)) for name, v in mean.items()}
+
+
+def foreseen(
+    model: Model, prior: CoefficientVector | None = None, sds: Mapping[str, float] | None = None
+) -> Linearised:
+    """Return a plan linearised at its start, with a `prior` [SI]: covariance and bound follow.
+
+    `sds` or None: source -> size of those to be found, nothing where it is not given [SI].
+    """
+    problem = stated(model, sds or {}, prior)
     at = problem.linearise(model.start, np.ones(problem.n_blocks))
     return gauss_newton.with_prior(problem, model.start, at)

@@ -1,10 +1,10 @@
 """Which optional terms are estimated: as set, or what a log tells better than its size.
 
-A term that is not estimated counts at its size: a state with the prior 0 +- size. Estimated with that
-prior it is the same state, so that nothing else changes by it, neither value nor uncertainty; its own
-value is told besides, and compensated. A choice that the log itself makes therefore spoils no
-uncertainty, and plan, bound, hold-out and Monte Carlo are those of the settings that it comes to.
-Only what the readings contradict, and nothing that looks like it, is estimated without its size.
+A term that is not estimated counts at its size: a state with the prior 0 +- size. Estimated with
+that prior it is the same state, so that nothing else changes by it, neither value nor uncertainty;
+its own value is told besides, and compensated. A choice that the log itself makes therefore spoils
+no uncertainty, and plan, bound, hold-out and Monte Carlo are those of the settings that it comes
+to. Only what readings contradict, where nothing looks like it, is estimated without its size.
 """
 
 from __future__ import annotations
@@ -96,6 +96,12 @@ def decided(solve: Callable[[G], F], given: G) -> tuple[F, G]:
         return found, given
     told = ", ".join(one.what for one in taken.values())
     keys = " and ".join(f"{key} = true" for key in taken)
+    if isinstance(found, Result):
+        said = dict(found.diagnostics) | {"taken": {k: one.what for k, one in taken.items()}}
+        if "prior" in said.get("sources", {}):
+            basis = "size of what was taken into the estimate; prior as given in the campaign"
+            said["sources"] = said["sources"] | {"prior": ["B", basis]}
+        found = replace(found, diagnostics=said)
     return _noticed(found, finding("left_out.taken", terms=told, keys=keys)), given
 
 
@@ -134,4 +140,3 @@ def _clearest(
         what = f"{table().groups[min(wrong)].what} (contradicted)" if wrong else ", ".join(words)
         out.append(Taken(key, what, seen, bool(wrong), {} if wrong else prior))
     return max(out, key=lambda one: (one.contradicted, one.seen), default=None)
-
