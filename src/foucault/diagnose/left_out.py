@@ -51,7 +51,8 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
         tested = [s for n, s in judged.seen.items() if n in judged.groups and s.dof]
         count = {"count": len(tested)}
         least = min((s.p for s in tested), default=1.0)
-        out.append(check("left out", "terms not estimated", least, None, None, count))
+        chance = min(1.0, least * len(tested))
+        out.append(check("left out", "terms not estimated", least, None, None, count, p=chance))
     clear = [
         n for n in judged.groups
         if n in LAYOUT_GROUPS and n in judged.seen and _most(judged.seen[n]) > CLEARER

@@ -759,6 +759,18 @@ def noise_alone(at: Fit) -> Problem:
     return stated(once, at.sds, at.problem.prior, noise_alone=True)
 
 
+def without_scatter(at: Fit) -> Problem | None:
+    """Return the problem as a plan states it: all that was declared, and no unexplained scatter.
+
+    None where nothing but scatter says how noisy some readings are.
+    """
+    none = {s.name: 0.0 for s in at.at.sources if s.unexplained}
+    if _silent(at.at, none).any():
+        return None
+    once = cast("Model", _Once(at.model, at.state, at.at))
+    return stated(once, {**at.sds, **none})
+
+
 @dataclass(frozen=True)
 class HeldOut:
     """Readings predicted from the others."""

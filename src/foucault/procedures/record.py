@@ -31,7 +31,7 @@ from pydantic import BaseModel, Field, ValidationInfo
 from foucault import logs
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose import left_out
-from foucault.diagnose.fit_checks import budget_json, chi_square_json
+from foucault.diagnose.fit_checks import against_the_plan, budget_json, chi_square_json
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.references import with_clock
 from foucault.errors import Finding, FoucaultError, finding
@@ -104,6 +104,8 @@ def result_of(
     """
     found = fit.estimate.coefficients
     shared: dict[str, tuple[FloatArray, str, str]] = {}
+    if bounded and checks:
+        checks = (*checks, *against_the_plan(fit))
     if judged is not None:
         checks = (*checks, *left_out.checks(judged))
         tables = {**tables, "left_out": left_out.table(judged)}

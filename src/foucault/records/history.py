@@ -40,9 +40,9 @@ from foucault.arrays import FloatArray
 from foucault.campaign import comparison
 from foucault.campaign.tolerance import DECISIONS, GUARD, Tolerance, decided
 from foucault.diagnose.comparable import DAY
-from foucault.infer.gauss_newton import student
 from foucault.diagnose.comparable import Entry as Compared
 from foucault.diagnose.compare import YEAR
+from foucault.infer.gauss_newton import student
 from foucault.records.entries import Event, Interval
 from foucault.records.store import Records, Run
 from foucault.result import Level
