@@ -112,6 +112,9 @@ class CheckRow(BaseModel):
     passed: Flag
     sentence: str
     fails: Level = Field(description="Level the verdict falls to when the check fails")
+    p: Number | None = Field(
+        None, description="Probability that chance makes so much; null where the limits say all"
+    )
 
 
 class FindingRow(BaseModel):

@@ -968,10 +968,9 @@ def by_chance(model: Model) -> dict[str, float]:
     of, V = _contrasts(at, names, np.ones(len(at.residuals)))
     mean = dict.fromkeys(names, 0.0)
     for z in np.random.default_rng(0).standard_normal((DRAWS, len(of))):
-        var = _most_likely(z, V)
-        S = _inverse(z, V, var)
-        for name, v in var.items():
-            mean[name] += v * student(v * float(np.sum(S * V[name]))) ** 2 / DRAWS
+        found, dof, _ = priced(z, V, names)
+        for name, sd in found.items():
+            mean[name] += (sd * student(dof[name])) ** 2 / DRAWS
     return {name: float(np.sqrt(v)) for name, v in mean.items()}
 
 
