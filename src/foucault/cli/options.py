@@ -322,8 +322,8 @@ TermsChosen = Annotated[
     str | None,
     typer.Option(
         "--terms",
-        help="auto: estimate the optional terms too that the log tells better than their size; "
-        "instead of what the file says, where its procedure has them.",
+        help="Optional terms: auto estimates those that the log tells better than their size, "
+        "as set what [procedure] says.",
     ),
 ]
 
