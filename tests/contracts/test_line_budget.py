@@ -12,8 +12,8 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_437,
     "campaign": 5_637,
-    "certificate": 2_100,
-    "cli": 4_925,
+    "certificate": 2_015,
+    "cli": 4_915,
     "detect": 4_608,
     "diagnose": 11_900,
     "estimate": 8_060,
