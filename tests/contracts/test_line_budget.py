@@ -12,7 +12,8 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_437,
     "campaign": 5_605,
-    "cli": 4_707,
+    "capture": 950,
+    "cli": 4_830,
     "detect": 4_608,
     "diagnose": 11_900,
     "estimate": 8_060,

@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from foucault.cli import (
+    capture,
     compare,
     export,
     navigate,
@@ -157,7 +158,7 @@ for _command in (
     preflight.optimise, sessions.inspect, sessions.simulate, results.calibrate, results.report,
     results.demo, results.merge, compare.compare, compare.fleet, navigate.align, navigate.navigate,
     navigate.delay, sessions.allan, preflight.montecarlo, results.temperature, export.apply,
-    export.export, export.check, watch.watch,
+    export.export, export.check, watch.watch, capture.capture,
 ):  # fmt: skip
     add(app, _command)
 north.add_to(app)
