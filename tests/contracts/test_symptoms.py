@@ -126,6 +126,7 @@ OTHER_KEYS = {
     "end", "orientation", "diagnostics",  # of Python
     "limit",  # of a tolerance file
     "brackets", "dask", "records", "postgresql", "capture",  # TOML; extras
+    "certificate", "references", "labels",  # of a certificate
     "result", "action",  # lists of comparisons and sequences
 }  # fmt: skip
 SPELLINGS = {s for c in COMMANDS.values() for o in options(c) for s in (*o.opts, *o.secondary_opts)}

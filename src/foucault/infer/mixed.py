@@ -552,22 +552,25 @@ def priced(
     covariance by each source whose size is to be found [1]; `prices`: what each has to gain [1].
     """
     none = dict.fromkeys(prices, 0.0)
-    kept, var = dict(prices), _most_likely(z, V)
+    kept, (var, now) = dict(prices), _most_likely(z, V)
     while True:  # one that does not gain its price gives what it explained back to the others
         kept = {name: price for name, price in kept.items() if var[name] or not price}
-        dear = [name for name, price in kept.items() if price]
-        best = {name: _most_likely(z, {n: V[n] for n in kept if n != name}) for name in dear}
-        lost = {name: _unlikely(z, V, best[name]) - kept[name] for name in dear}
-        worst = min(lost, key=lambda name: lost[name], default=None)
-        if worst is None or lost[worst] >= _unlikely(z, V, var):
+        best = {
+            name: _most_likely(z, {n: V[n] for n in kept if n != name}, now + price)
+            for name, price in kept.items()
+            if price
+        }
+        worst = min(best, key=lambda name: best[name][1] - kept[name], default=None)
+        if worst is None or best[worst][1] - kept[worst] >= now:
             break
-        var = best[worst]
+        var, now = best[worst]
         del kept[worst]
     var = {name: var[name] for name in kept}
-    S = _inverse(z, V, var)
+    root = _root(z, V, var)
+    S = _inverse(root)
     dof = {n: v * float(np.sum(S * V[n])) for n, v in var.items()}
     found = none | {n: float(np.sqrt(v)) for n, v in var.items()}
-    return found, none | dof, _unlikely(z, V, var) + sum(kept.values())
+    return found, none | dof, _unlikely(z, root) + sum(kept.values())
 
 
 def _contrasts(
@@ -617,39 +620,45 @@ def _root(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) 
     return np.asarray(np.linalg.cholesky(total + least * np.eye(len(z))))
 
 
-def _inverse(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> FloatArray:
+def _inverse(root: FloatArray) -> FloatArray:
+    """Return the inverse of ``root root'``, shape (k, k)."""
     from scipy.linalg.lapack import dpotri
 
-    lower = np.tril(dpotri(_root(z, V, var), lower=1)[0])
+    lower = np.tril(dpotri(root, lower=1)[0])
     return np.asarray(lower + np.tril(lower, -1).T)
 
 
-def _unlikely(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> float:
+def _unlikely(z: FloatArray, root: FloatArray) -> float:
     """Twice the negative restricted log-likelihood, but for a constant."""
     from scipy.linalg import solve_triangular
 
-    root = _root(z, V, var)
     white = solve_triangular(root, z, lower=True, check_finite=False)
     return float(white @ white + 2 * np.sum(np.log(np.diag(root))))
 
 
-def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]:
+def _most_likely(
+    z: FloatArray, V: Mapping[str, FloatArray], below: float = np.inf
+) -> tuple[dict[str, float], float]:
     """Return the variances that are most likely: z' S V S z = tr(S V) for each, or none at all.
 
     Fisher scoring, held above zero; each step is halved until the likelihood does not fall. The
     mean of observed and expected information is found faster, and stops far from the end where
     variances are to fall by orders of magnitude.
+
+    `below`: what only counts if it is more likely than that; where the steps that are left cannot
+    make it so, they are not gone [1]. Returns how unlikely it is, too.
     """
     if not V:
-        return {}
+        return {}, _unlikely(z, _root(z, V, {}))
     unit = {n: len(z) / max(float(np.trace(v)), 1e-300) for n, v in V.items()}
     # Each begins as large as what it reaches; where the known noise nearly explains that, nothing
     # is the better start.
     size = {n: float(z @ V[n] @ z) * u / len(z) for n, u in unit.items()}
     var = {n: size[n] * u if size[n] > NEARLY else 0.0 for n, u in unit.items()}
-    now = _unlikely(z, V, var)
+    root = _root(z, V, var)
+    now = _unlikely(z, root)
     for _ in range(100):
-        S = _inverse(z, V, var)
+        S = _inverse(root)
         q = S @ z
         score = np.array([q @ v @ q - np.sum(S * v) for v in V.values()])
         # What is at its bound, and would go below, stays there.
@@ -659,10 +668,13 @@ def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]
             SV = [S @ v for v, stays in zip(V.values(), held, strict=True) if not stays]
             info = np.array([[np.sum(a * b.T) for b in SV] for a in SV])
             step[~held] = np.linalg.lstsq(info, score[~held], rcond=None)[0]
+        if now - HOPELESS * float(score @ step) > below:
+            break
         share = 1.0
         for _ in range(12):
             new = {n: max(v + share * s, 0.0) for (n, v), s in zip(var.items(), step, strict=True)}
-            there = _unlikely(z, V, new)
+            root = _root(z, V, new)
+            there = _unlikely(z, root)
             if there <= now + 1e-9:
                 break
             share /= 2
@@ -670,7 +682,12 @@ def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]
         var, now = new, there
         if moved < SETTLED:
             break
-    return {n: v if v > 1e-6 * unit[n] else 0.0 for n, v in var.items()}
+    var = {n: v if v > 1e-6 * unit[n] else 0.0 for n, v in var.items()}
+    return var, _unlikely(z, _root(z, V, var))
+
+
+HOPELESS = 5.0
+"""A step gains half of score times step; all that follow gain no such multiple of that [1]."""
 
 
 # -- what follows from a fit, for every procedure alike --------------------------------------
@@ -913,7 +930,7 @@ def planned(
     z, V = _contrasts(at, free, every)
     dof = dict.fromkeys(free, 0.0)
     if var and len(z):
-        S = _inverse(z, V, var)
+        S = _inverse(_root(z, V, var))
         dof |= {name: v * float(np.sum(S * V[name])) for name, v in var.items()}
     wide = {name: float(np.sqrt(v)) * student(dof[name]) for name, v in var.items()}
     problem = stated(once, dict.fromkeys(free, 0.0) | wide, prior)
