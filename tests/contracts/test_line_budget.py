@@ -12,8 +12,9 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_437,
     "campaign": 5_637,
+    "capture": 950,
     "certificate": 2_100,
-    "cli": 4_925,
+    "cli": 5_030,
     "detect": 4_608,
     "diagnose": 11_900,
     "estimate": 8_060,
