@@ -20,6 +20,7 @@ from make_certificate import (
     make_certificate,
     make_conforming,
     make_full,
+    make_run,
 )
 
 SPACES = {"dcc": dcc.DCC, "si": dcc.SI}
