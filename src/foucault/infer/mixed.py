@@ -967,6 +967,8 @@ def by_chance(model: Model) -> dict[str, float]:
         return {}
     of, V = _contrasts(at, names, np.ones(len(at.residuals)))
     mean = dict.fromkeys(names, 0.0)
+    if not len(of):  # no reading is redundant
+        return mean
     for z in np.random.default_rng(0).standard_normal((DRAWS, len(of))):
         found, dof, _ = priced(z, V, names)
         for name, sd in found.items():
