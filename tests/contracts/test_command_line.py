@@ -30,6 +30,7 @@ OWN_WORDS = {
     "--order": 2,
     "--noise": 2,  # of a run, or of a receiver's file
     "--rate": 4,  # of a plan, a session, a column, a receiver
+    "--reason": 2,  # of a review, or of a run that is released
     "--reference": 3,
     "--rest": 2,
     "--to": 2,  # what to write, or whose file it is
