@@ -26,11 +26,11 @@ BUDGET = {
     "models": 6_310,
     "navigate": 2_110,
     "plans": 6_028,
-    "procedures": 18_560,
-    "recognise": 2_734,
+    "procedures": 18_720,
+    "recognise": 2_790,
     "report": 10_480,
     "records": 1_430,
-    "simulate": 3_645,
+    "simulate": 3_650,
     "symptoms": 87,
 }
 
