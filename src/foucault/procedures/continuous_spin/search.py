@@ -30,7 +30,7 @@ Plan = tuple[float, tuple[str, ...], tuple[float, ...]]
 
 HERE = "the session in [simulate]"
 
-EVALUATIONS = 30
+EVALUATIONS = 12
 """Plans that a restart judges: each is a simulated session [1]."""
 
 MOUNTINGS = tuple(get_args(Mounting))
