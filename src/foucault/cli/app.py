@@ -23,6 +23,7 @@ from foucault.cli import (
     preflight,
     records,
     results,
+    serve,
     sessions,
     watch,
 )
@@ -157,7 +158,7 @@ for _command in (
     preflight.optimise, sessions.inspect, sessions.simulate, results.calibrate, results.report,
     results.demo, results.merge, compare.compare, compare.fleet, navigate.align, navigate.navigate,
     navigate.delay, sessions.allan, preflight.montecarlo, results.temperature, export.apply,
-    export.export, export.check, watch.watch,
+    export.export, export.check, watch.watch, serve.serve,
 ):  # fmt: skip
     add(app, _command)
 north.add_to(app)
