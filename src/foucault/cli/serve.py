@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 
 import typer
 
@@ -117,12 +117,21 @@ def options_of(name: str) -> list[Option]:
     for one in found.params:
         if one.param_type_name != "option" or one.name in ("help", "output") or one.hidden:
             continue
-        kind = type(one.type).__name__
-        default = "" if one.default in (None, False) or callable(one.default) else one.default
-        choices = tuple(map(str, getattr(one.type, "choices", ())))
-        text = str(default) if isinstance(default, str | int | float) else ""
+        choices, path = _kind_of(one)
+        text = str(one.default) if type(one.default) in (str, int, float) else ""
         out.append(Option(
             one.opts[-1] if one.opts[-1].startswith("--") else one.opts[0], one.help or "",
-            choices, text, bool(one.is_flag), bool(one.multiple), "Path" in kind, one.required,
+            choices, text, bool(one.is_flag), bool(one.multiple), path, one.required,
         ))  # fmt: skip
     return out
+
+
+def _kind_of(option: Any) -> tuple[tuple[str, ...], bool]:
+    """Return the choices of an option, and whether it names a file."""
+    described = getattr(option, "type_descriptor", None)
+    if described is None:  # of an older typer
+        choices = tuple(map(str, getattr(option.type, "choices", ())))
+        return choices, "Path" in type(option.type).__name__
+    kinds = (described.annotation, *get_args(described.annotation))
+    words = get_args(described.annotation) if get_origin(described.annotation) is Literal else ()
+    return tuple(map(str, words)), any(one is Path for one in kinds)

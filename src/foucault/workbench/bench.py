@@ -127,7 +127,7 @@ async def form_of(request: Request) -> Any:
     return said
 
 
-def page(request: Request, name: str, status: int = 200, **said: Any) -> HTMLResponse:
+def page(request: Request, template: str, status: int = 200, /, **said: Any) -> HTMLResponse:
     """Return a page; it gets a cookie where it has none, by which its forms are known."""
     bench = bench_of(request)
     cookie = request.cookies.get(COOKIE, "")
@@ -136,7 +136,7 @@ def page(request: Request, name: str, status: int = 200, **said: Any) -> HTMLRes
         who: Person | None = person(request)
     except (LoginNeeded, FoucaultError):
         who = None
-    text = templates().get_template(name).render(
+    text = templates().get_template(template).render(
         mark=bench.people.mark(cookie or fresh), who=who, here=request.url.path,
         accounts=bench.people.any(), version=__version__, **said,
     )  # fmt: skip

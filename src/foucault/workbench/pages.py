@@ -47,7 +47,8 @@ def log_page(request: Request, log: str) -> Response:
     look = looks[0] if looks else None
     seen: dict[str, Any] | None = None
     if look is not None and look.state == "done":
-        seen = _json(bench.folder / "runs" / str(look.number) / LOOK_FILE)
+        found = _json(bench.folder / "runs" / str(look.number) / LOOK_FILE)
+        seen = None if found is None else _UNSEEN | found
     said = [] if look is None else [w[6:] for w in look.words if w.startswith("--set=")]
     return page(
         request, "log.html", log=log, files=files, look=look, seen=seen, said=said,
@@ -57,6 +58,13 @@ def log_page(request: Request, log: str) -> Response:
                     "-o", "run"]),
         failed="" if look is None or look.state != "failed" else bench.said(look),
     )  # fmt: skip
+
+
+_UNSEEN: dict[str, Any] = {
+    "problem": None, "questions": [], "lines": [], "described": False, "procedure": None,
+    "todo": "", "titles": [], "findings": None, "log": None,
+}  # fmt: skip
+"""What a look may leave open."""
 
 
 def _keys(seen: dict[str, Any]) -> list[tuple[str, str]]:

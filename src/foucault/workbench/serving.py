@@ -56,7 +56,7 @@ class Crew:
 
     def _begun(self) -> subprocess.Popen[bytes]:
         # A worker ends when its standard input does, which the system closes with this process.
-        return subprocess.Popen(self.command, stdin=subprocess.PIPE)
+        return subprocess.Popen(self.command, stdin=subprocess.PIPE, start_new_session=True)
 
     def _look_after(self) -> None:
         while not self.ending.wait(OFTEN):

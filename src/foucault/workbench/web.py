@@ -159,6 +159,13 @@ def application(bench: Bench) -> Any:
             return JSONResponse(as_json(problem), status)
         return page(request, "problem.html", status, message=problem.message, cure=problem.cure)
 
+    @app.exception_handler(Exception)
+    def fault(request: Request, problem: Exception) -> Response:
+        code = error("workbench.fault", kind=type(problem).__name__)
+        if request.url.path.startswith("/api/"):
+            return JSONResponse(as_json(code), 500)
+        return page(request, "problem.html", 500, message=code.message, cure=code.cure)
+
     @app.exception_handler(LoginNeeded)
     def log_in(request: Request, _: LoginNeeded) -> Response:
         back = request.url.path if request.method == "GET" else "/"

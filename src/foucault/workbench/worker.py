@@ -47,6 +47,8 @@ _FIRST = (
 
 def work(folder: Path, run: Run, look: Run) -> None:
     """Work until whoever started this is gone, which ends its standard input."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
     store = Store(folder)
     name = secrets.token_hex(8)
     lock = hold(folder, name)
