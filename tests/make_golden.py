@@ -51,6 +51,10 @@ TOLERANCE: tuple[tuple[str, str, float], ...] = (
     ("systematic", "tables.navigation.velocity_up", np.inf),
     ("systematic", "*", 1e-5),
     ("transfer_alignment", "*", 1e-5),
+    ("continuous_spin", "*", 1e-5),  # hundreds of samples on a band: other BLAS, other digits
+    ("preflight", "*.seen", 1e-2),  # what nothing shows is rounding
+    ("preflight", "*.budget.prior", 2e-2),  # what is left of the others
+    ("preflight", "*.budget.*", 2e-6),
     ("temperature", "diagnostics.families.*", 1e-4),  # tests of small differences
     ("*", "*", 1e-7),
 )

@@ -94,7 +94,7 @@ MISTAKES = [
         MINIMAL.replace("latitude", "latitud"),
         "campaign.key",
         "site.latitud is not a key of a campaign file. Did you mean 'latitude'?",
-        "Allowed in [site] are: gravity, gravity_sd, height, latitude, longitude.",
+        "Allowed in [site] are: date, gravity, gravity_sd, grid, height, latitude, longitude.",
     ),
     (
         MINIMAL.replace("[site]", "[sites]"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from foucault.export.table import KINDS, Row, receivers
+from foucault.export.table import KINDS, TABLES, Row, receivers
 
 FACTORS = {"rate": " rate^½", "correlation": " (T/2)^½"}
 
@@ -20,10 +20,11 @@ def formula(row: Row) -> str:
 def page() -> str:
     """Return the table as Markdown."""
     lines: list[str] = []
-    for own in receivers().values():
+    for own in (one for table in TABLES for one in receivers(table).values()):
         has = "corrected before" if own.before else ", ".join(own.takes)
         axes = f" Axes: {own.axes}." if own.axes else ""
-        lines += [f"### {own.name}\n", f"{own.title}. Calibration: {has}.{axes}\n"]
+        more = " for a magnetometer" if own.of_magnetometer else ""
+        lines += [f"### {own.name}{more}\n", f"{own.title}. Calibration: {has}.{axes}\n"]
         lines += ["| key | what | kind | unit |", "|---|---|---|---|"]
         for row in own.rows:
             if row.key:

@@ -219,6 +219,14 @@ def size(unit: str) -> float:
     return _factor_and_dimension(unit)[0]
 
 
+def powers(unit: str) -> dict[str, float]:
+    """Give the power of each dimension in one `unit`, such as {"[length]": 1, "[time]": -2} [1]."""
+    said = _factor_and_dimension(unit)[1]
+    if said == "dimensionless":
+        return {}
+    return {name: float(power) for name, _, power in (p.partition("^") for p in said.split())}
+
+
 def parse(text: object, kind: str, key: str = "value") -> float:
     """Turn text with a unit into an SI float.
 

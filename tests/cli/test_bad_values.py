@@ -15,12 +15,13 @@ from foucault.cli import app
 from foucault.logs import own
 from foucault.plans.manoeuvres import Rest
 from foucault.simulate.motion import simulate_motion
+from make_certificate import write_files
 from make_navigation import START
 from make_result import make_result
 
 PROGRAM: Any = typer.main.get_command(app)
 
-ANY_WORDS = {"--serial"}
+ANY_WORDS = {"--serial", "--who"}
 """Options that take any text."""
 
 LINES = {
@@ -45,6 +46,8 @@ LINES = {
     "export": "run --to json -o new.json",
     "check": "imu.yaml",
     "watch": "log.csv",
+    "certify": "run laboratory.toml job.toml -o new",
+    "verify": "hand_rotated.toml",
     "north": "log.csv",
     "north plan": '--latitude "47 deg" --gyro-noise navigation --time "10 min"',
 }
@@ -81,6 +84,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     kalibr = "\n".join(["rostopic: /imu0", "update_rate: 100.0", *noises, ""])
     (folder / "imu.yaml").write_text(kalibr)
     shutil.copytree(folder / "run", folder / "other")
+    write_files(folder)
     return folder
 
 

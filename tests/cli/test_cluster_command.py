@@ -144,6 +144,15 @@ def test_the_seed_of_a_study_decides_what_is_simulated(quick: Path, tmp_path: Pa
     assert made[0] == made[1] != made[2]
 
 
+def test_a_study_of_means_goes_to_processes_too(tmp_path: Path) -> None:
+    made = []
+    for name, way in (("threads", ("--workers", 2)), ("processes", ("--local-cluster", 2))):
+        words = ("six_position", "-n", 5000, "-o", tmp_path / name, "--batched", *way)
+        assert run("montecarlo", *words).exit_code in (0, 3)
+        made.append((tmp_path / name / study.TRIALS_FILE).read_bytes())
+    assert made[0] == made[1]
+
+
 # -- what is killed --------------------------------------------------------------------------
 
 

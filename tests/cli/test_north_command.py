@@ -90,6 +90,31 @@ def test_json_says_all(readings: Path, tmp_path: Path) -> None:
     assert file == {k: v for k, v in said.items() if k not in ("folder", "report")}
 
 
+def test_headings_from_three_norths_each_under_its_name(readings: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pygeomag")
+    pytest.importorskip("pyproj")
+    words = (*ARGUMENTS, "--longitude", "2.3464 deg", "--date", "2026-05-04", "--grid",
+             "EPSG:32631")  # fmt: skip
+    out = run("north", readings, *words, "-o", tmp_path / "out").output
+    assert "Headings from other norths" in out and "EPSG:32631" in out
+    file = json.loads((tmp_path / "out" / "north.json").read_text())
+    assert [n["name"] for n in file["norths"]] == ["true", "magnetic", "grid"]
+    setup = file["setups"][0]
+    for north in file["norths"]:
+        heading, sd = setup["headings"][north["name"]]
+        off = heading - setup["heading"]["value"] + north["offset"]
+        assert abs((off + np.pi) % (2 * np.pi) - np.pi) < 1e-12
+        assert sd == pytest.approx(np.hypot(setup["heading"]["sd"], north["sd"]))
+    titles, row = (tmp_path / "out" / "fixes.csv").read_text().splitlines()
+    told = dict(zip(titles.split(","), row.split(","), strict=True))
+    for name in ("magnetic", "grid"):
+        want = np.degrees(setup["headings"][name][0])
+        assert float(told[f"heading from {name} north (deg)"]) == pytest.approx(want, abs=1e-6)
+    assert "other norths" in (tmp_path / "out" / "report.html").read_text()
+    plain = run("north", readings, *ARGUMENTS).output
+    assert "other norths" not in plain
+
+
 def test_the_latitude_can_be_unknown(readings: Path) -> None:
     words = [w for w in ARGUMENTS if w not in ("--latitude", "47.3 deg")]
     result = run("north", readings, *words, "--unknown-latitude", "--gravity", "9.80828 m/s^2")

@@ -25,6 +25,7 @@ from foucault.cli import app
 from foucault.logs import own
 from foucault.plans.manoeuvres import Rest
 from foucault.simulate.motion import simulate_motion
+from make_certificate import write_files
 from make_navigation import START
 from make_result import make_result
 
@@ -68,6 +69,7 @@ def prepared(folder: Path) -> None:
     (folder / "hand_rotated.toml").write_text(campaign.template("hand_rotated"))
     run_folder.save(make_result(), folder / "run")
     shutil.copytree(folder / "run", folder / "other")
+    write_files(folder)
     bad = folder / "bad"
     (bad / "folder").mkdir(parents=True)
     for name in ("empty.csv", "empty.toml"):

@@ -374,7 +374,7 @@ def test_sizes_are_those_of_the_largest_likelihood_however_far_from_the_noise(si
             V[name] = root @ root.T * 10.0 ** rng.uniform(-3, 3)
         z = rng.standard_normal(40)
         z += size * np.linalg.cholesky(V["b"] + 1e-9 * np.eye(40)) @ rng.standard_normal(40)
-        var = mixed._most_likely(z, V)
+        var, _ = mixed._most_likely(z, V)
         S = np.linalg.inv(np.eye(40) + sum(var[n] * V[n] for n in V))
         for name, v in V.items():
             score = z @ S @ v @ S @ z - np.sum(S * v)

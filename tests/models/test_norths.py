@@ -27,14 +27,14 @@ def test_convergence_of_utm(latitude, longitude, zone, middle) -> None:
     # Of the sphere; the ellipsoid adds cos^2(latitude) e'^2 (longitude - middle)^2 of it.
     away, phi = np.radians(longitude - middle), np.radians(latitude)
     sphere = np.arctan(np.tan(away) * np.sin(phi))
-    found = convergence(at(latitude, longitude), zone)
+    found = convergence(replace(at(latitude, longitude), grid=zone))
     assert abs(found - sphere) < 1.1 * 0.00674 * away**2 * abs(sphere) + 1e-12
     assert abs(found) > 1e-4
 
 
 def test_convergence_of_lambert_is_the_cone_times_the_longitude() -> None:
     # Lambert-93: IGN gives n = 0.7256077650 and 3 deg for the middle.
-    found = convergence(at(45.0, 5.0), "EPSG:2154")
+    found = convergence(replace(at(45.0, 5.0), grid="EPSG:2154"))
     assert np.degrees(found) == pytest.approx(0.7256077650 * 2.0, abs=1e-6)
 
 
@@ -43,13 +43,13 @@ def test_convergence_of_lambert_is_the_cone_times_the_longitude() -> None:
 ])  # fmt: skip
 def test_declination_of_the_world_model(date, height, latitude, longitude, declination) -> None:
     """Test values that NOAA publishes with WMM2025."""
-    found = norths(at(latitude, longitude, height), date)[1]
+    found = norths(replace(at(latitude, longitude, height), date=date))[1]
     assert np.degrees(found.offset) == pytest.approx(declination, abs=0.06)
     assert found.sd > np.radians(0.2)
 
 
 def test_headings_from_three_norths() -> None:
-    true, magnetic, grid = norths(PARIS, "2026-05-04", "EPSG:32631")
+    true, magnetic, grid = norths(replace(PARIS, date="2026-05-04", grid="EPSG:32631"))
     assert [n.name for n in (true, magnetic, grid)] == ["true", "magnetic", "grid"]
     assert true.heading(1.0, 0.1) == (1.0, 0.1)
     # Magnetic north is east of true north in Paris, grid north west of it.
@@ -65,26 +65,31 @@ def test_headings_from_three_norths() -> None:
 def test_what_is_no_grid_is_refused() -> None:
     for grid in ("EPSG:4326", "EPSG:99999", "nowhere"):
         with pytest.raises(FoucaultError) as problem:
-            norths(PARIS, grid=grid)
+            norths(replace(PARIS, grid=grid))
         assert problem.value.code == "norths.grid"
         assert f'"{grid}" is no projected grid' in problem.value.message
     with pytest.raises(FoucaultError) as problem:
-        norths(Site.at(0.5), grid="EPSG:32631")
+        norths(replace(Site.at(0.5), grid="EPSG:32631"))
     assert problem.value.code == "norths.no_place"
     assert "latitude or longitude is missing" in problem.value.message
 
 
-def test_a_library_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("library", "extra", "asked"), [
+    ("pyproj", "grid", {"grid": "EPSG:32631"}), ("pygeomag", "world", {"date": "2026-05-04"}),
+])  # fmt: skip
+def test_a_library_that_is_not_there_is_named(
+    library: str, extra: str, asked: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     real = builtins.__import__
 
     def without(name: str, *rest: object, **more: object):
-        if name.startswith("pyproj"):
+        if name.startswith(library):
             raise ModuleNotFoundError(name)
         return real(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(FoucaultError) as problem:
-        norths(PARIS, grid="EPSG:32631")
+        norths(replace(PARIS, **asked))
     assert problem.value.code == "norths.no_library"
-    assert "which pyproj brings" in problem.value.message
-    assert "foucault[grid]" in problem.value.cure
+    assert f"and {library}, which brings it, is not installed" in problem.value.message
+    assert f"foucault[{extra}]" in problem.value.cure

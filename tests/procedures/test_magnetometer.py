@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from dataclasses import replace
 from functools import cache
 from itertools import permutations, product
@@ -21,9 +20,11 @@ from foucault.logs.description import description_of
 from foucault.models.earth import Site
 from foucault.models.magnetometer import LAYOUT, REFERENCE, Magnetometer
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.norths import norths
 from foucault.models.world_field import world_field
 from foucault.procedures import magnetometer
 from foucault.procedures.magnetometer import Settings, ellipsoid
+from foucault.report import evidence
 from foucault.result import Level, Result
 from foucault.tables import Log
 from make_magnetometer import DEG, G, Truth, draw, free, level_headings, rests, session
@@ -302,23 +303,37 @@ def test_a_motion_about_one_axis_leaves_the_hard_iron_alone() -> None:
 
 def test_the_world_model_says_the_field_of_a_place_and_a_day() -> None:
     pytest.importorskip("pygeomag")
-    at = world_field("2026-05-08", replace(Site.at(47.4 * DEG), longitude=8.5 * DEG))
+    zurich = replace(Site.at(47.4 * DEG), longitude=8.5 * DEG, date="2026-05-08")
+    at = world_field(zurich)
     assert abs(at.intensity - 48.38e-6) < 0.05e-6  # NOAA's calculator, WMM2025
     assert abs(at.dip - 63.53 * DEG) < 0.05 * DEG
     assert abs(at.declination - 3.58 * DEG) < 0.05 * DEG
     assert 0.2 * DEG < at.declination_sd < 0.6 * DEG
     for date in ("2031-01-01", "yesterday"):
         with pytest.raises(FoucaultError, match="as the world magnetic model wants it"):
-            world_field(date, replace(Site.at(0.8), longitude=0.1))
-    with pytest.raises(FoucaultError, match="no latitude and longitude"):
-        world_field("2026-05-08", SITE)
+            world_field(replace(zurich, date=date))
+    with pytest.raises(FoucaultError, match="asks for a place"):
+        world_field(replace(SITE, date="2026-05-08"))
 
 
-def test_the_world_model_that_is_not_installed_is_named(monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "pygeomag", None)
-    with pytest.raises(FoucaultError) as caught:
-        world_field("2026-05-08", replace(Site.at(0.8), longitude=0.1))
-    assert caught.value.code == "mag.world" and "foucault[world]" in caught.value.cure
+def test_a_heading_by_this_magnetometer_is_told_from_every_north() -> None:
+    pytest.importorskip("pygeomag")
+    pytest.importorskip("pyproj")
+    site = replace(SITE, latitude=48.8462 * DEG, longitude=2.3464 * DEG, date="2026-05-04",
+                   grid="EPSG:32631")  # fmt: skip
+    settings = CALM.model_copy(update={"intensity": None, "intensity_sd": None})
+    result = calibrated(short()[0], settings, site)
+    told = result.tables["norths"]
+    added = dict(zip(told["north"], told["added"], strict=True))
+    _, magnetic, grid = norths(site)
+    heading = 1.0
+    from_magnetic, _ = magnetic.heading(heading)
+    assert [*added] == ["true", "grid"]
+    assert from_magnetic + added["true"] == pytest.approx(heading)
+    assert from_magnetic + added["grid"] == pytest.approx(grid.heading(heading)[0])
+    assert (told["sd"] == magnetic.sd).all()
+    shown = evidence.field(result)
+    assert [row[0] for row in shown.blocks[2].rows] == ["true", "grid"]
 
 
 # -- real logs -------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ import pytest
 from scipy.stats import chi2, norm
 
 from foucault import run_folder
+from foucault.campaign import tolerance
 from foucault.campaign.comparison import moment
 from foucault.diagnose.compare import YEAR
 from foucault.records import Records
@@ -67,8 +68,8 @@ def test_a_prediction_is_as_far_off_as_it_says() -> None:
 @pytest.mark.parametrize(("value", "sd"), [(0.9, 0.2), (-1.3, 0.5), (0.0, 2.0)])
 def test_conformity_is_the_probability_between_the_limits(value: float, sd: float) -> None:
     wanted = norm.cdf((1 - value) / sd) - norm.cdf((-1 - value) / sd)
-    assert h._within(value, sd, 1.0) == pytest.approx(wanted)
-    assert math.isnan(h._within(value, sd, math.inf))
+    assert tolerance.conformity(value, sd, 1.0) == pytest.approx(wanted)
+    assert math.isnan(tolerance.conformity(value, sd, math.inf))
 
 
 def test_a_drift_is_told_with_the_day_it_reaches_its_limit() -> None:

@@ -100,7 +100,7 @@ def document(test: NavigationTest) -> dict[str, Any]:
         "verdict": str(test.verdict.level),
         "reasons": list(test.verdict.reasons),
         "instrument": test.instrument,
-        "site": asdict(test.site) | {"longitude": test.longitude},
+        "site": test.site.said | {"longitude": test.longitude},
         "opening": {k: getattr(test.opening, k) for k in ("start", "end", "still", "found")},
         "settings": test.settings.model_dump(),
         "noise": {"source": test.noise_source} | asdict(test.noise),

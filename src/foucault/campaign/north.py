@@ -154,7 +154,7 @@ def record(survey: Survey) -> Record:
 def _document(survey: Survey) -> dict[str, Any]:
     return {
         "instrument": survey.instrument,
-        "site": asdict(survey.site),
+        "site": survey.site.said,
         "known": asdict(survey.known),
         "noise": {"source": survey.noise_source} | asdict(survey.noise),
         "calibration": survey.calibration,
@@ -164,6 +164,7 @@ def _document(survey: Survey) -> dict[str, Any]:
         },
         "drift_sd": "free" if np.isinf(survey.drift_sd) else survey.drift_sd,
         "findings": [f.as_dict() for f in survey.findings],
+        **({"norths": [asdict(n) for n in survey.norths]} if survey.norths[1:] else {}),
         "setups": [_setup(survey, i) for i in range(len(survey.fixes))],
         "provenance": survey.provenance,
     }
@@ -179,6 +180,8 @@ def _setup(survey: Survey, i: int) -> dict[str, Any]:
         value = {"value": fixes.angles[i, k], "sd": sd[k], "bound": survey.bound[i, k]}
         out[angle] = value
     other = dict(zip(ANGLES, fixes.other[i], strict=True))
+    if survey.norths[1:]:
+        out["headings"] = {n.name: n.heading(fixes.angles[i, 0], sd[0]) for n in survey.norths}
     return out | {
         "verdict": str(verdict.level),
         "reasons": list(verdict.reasons),
@@ -310,6 +313,8 @@ def _csv(about: Mapping[str, Any]) -> str:
     titles = ["set-up"]
     for angle in ANGLES:
         titles += [f"{angle} (deg)", f"{angle} sd (deg)"]
+    other_norths = [n["name"] for n in about.get("norths", ())[1:]]
+    titles += [f"heading from {name} north (deg)" for name in other_norths]
     titles += ["bound of the heading sd (deg)", "reference heading (deg)", "other heading (deg)",
                "gyro offset (deg/h)", "dwells", "measured (s)", "verdict", "warnings"]  # fmt: skip
     stream = io.StringIO()
@@ -321,6 +326,7 @@ def _csv(about: Mapping[str, Any]) -> str:
             value = _degrees(r[angle]["value"])
             turned = angle == "heading" and value == _degrees(2 * np.pi)  # rounded up to north
             cells += [_degrees(0.0) if turned else value, _degrees(r[angle]["sd"])]
+        cells += [_degrees(r["headings"][name][0]) for name in other_norths]
         other = r["other"]["heading"] if r["ambiguous"] else None
         cells += [_degrees(v) for v in (r["heading"]["bound"], r["reference_heading"], other)]
         offset = "" if r["gyro_offset"] is None else f"{3600 * np.degrees(r['gyro_offset']):.6f}"

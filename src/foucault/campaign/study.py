@@ -135,6 +135,45 @@ class Parts:
             rows.close()
         return self.merge(n)
 
+    def fill(
+        self,
+        block: Callable[[range], Columns],
+        n: int,
+        map: monte_carlo.Map,
+        progress: Progress = silent,
+    ) -> None:
+        """Compute the parts that are missing, each at once.
+
+        `block`: numbers of the trials of a part -> their columns; `n`: number of trials [1];
+        `map`: where to compute; `progress`: called with the number of trials done and wanted.
+        """
+        missing = self.missing(n)
+        done = n - sum(len(part) for part in missing)
+        progress(done, n)
+        found = map(block, missing)
+        try:
+            for part, columns in zip(missing, found, strict=True):
+                write_table(self.folder / FOLDER / _name(part), columns)
+                done += len(part)
+                progress(done, n)
+        finally:
+            getattr(found, "close", lambda: None)()
+
+    def join(self, path: Path, n: int) -> None:
+        """Write the trials of all parts as one table, part by part: it is never held as a whole.
+
+        `n`: number of trials [1].
+        """
+        import pyarrow.parquet as pq
+
+        parts = [self.folder / FOLDER / _name(part) for part in self.of(n)]
+        with (
+            atomic(path) as temporary,
+            pq.ParquetWriter(temporary, pq.read_schema(parts[0]), compression="zstd") as writer,
+        ):
+            for part in parts:
+                writer.write_table(pq.read_table(part))
+
 
 def opened(
     folder: str | Path, asked: Mapping[str, Any], kind: str, size: int, texts: Mapping[str, str]
@@ -280,32 +319,47 @@ def run(
     all trials [SI].
     """
     earlier.refuse(campaign, "a Monte Carlo study")
-    folder, names = Path(folder), names_of(campaign)
+    names = names_of(campaign)
+    kept = begun(campaign, folder, seed, PART if n <= LARGE else LARGE_PART, batched=False)
+    spread = map or monte_carlo.threads(workers)
+    columns = kept.run(Trial(campaign), n, seed, spread, progress)
+    write_table(Path(folder) / TRIALS_FILE, columns)
+    return Study.of(names, columns)
+
+
+def begun(campaign: Campaign, folder: str | Path, seed: int, size: int, *, batched: bool) -> Parts:
+    """Begin the folder of a study, or make sure that it is that of the same.
+
+    `seed`: of the study [1]; `size`: trials in one part [1]; `batched`: whether means are drawn.
+    """
     text = resolved(campaign, campaign.folder)
     asked = {
         "procedure": campaign.procedure,
         "campaign_sha256": hashlib.sha256(text.encode()).hexdigest(),
         "seed": seed,
-        "names": names,
+        "names": names_of(campaign),
+        "batched": batched,
     }
     if (drawn := in_words(campaign)) is not None:
         asked["left_out"] = drawn
-    size = PART if n <= LARGE else LARGE_PART
-    kept = opened(folder, asked, "study", size, {"campaign.toml": text})
-    spread = map or monte_carlo.threads(workers)
-    columns = kept.run(Trial(campaign), n, seed, spread, progress)
-    write_table(folder / TRIALS_FILE, columns)
-    return Study.of(names, columns)
+    return opened(folder, asked, "study", size, {"campaign.toml": text})
 
 
 def load(folder: str | Path) -> tuple[Study, dict[str, Any]]:
     """Read a finished study and what was asked of it."""
     import pyarrow.parquet as pq
 
-    folder = Path(folder)
-    asked = asked_of(folder, "study")
-    if asked is None or not (folder / TRIALS_FILE).exists():
+    asked = about(folder)
+    table = pq.read_table(Path(folder) / TRIALS_FILE)
+    columns = {name: of_arrow(table[name]) for name in table.column_names if name != "trial"}
+    return Study.of(asked["names"], columns), asked
+
+
+def about(folder: str | Path) -> dict[str, Any]:
+    """Return what was asked of a finished study, and the number of its trials."""
+    import pyarrow.parquet as pq
+
+    asked, file = asked_of(folder, "study"), Path(folder) / TRIALS_FILE
+    if asked is None or not file.exists():
         raise error("study.missing", folder=folder)
-    table = pq.read_table(folder / TRIALS_FILE)
-    columns = {name: of_arrow(table[name]) for name in table.column_names}
-    return Study.of(asked["names"], columns), asked | {"n": len(table)}
+    return asked | {"n": pq.read_metadata(file).num_rows}

@@ -135,7 +135,7 @@ class SiteTable(Strict):
     latitude: Annotated[float, Quantity("angle")] | None = None
     """Geodetic latitude, positive north. Without it Earth rate is not modelled."""
     longitude: Annotated[float, Quantity("angle")] | None = None
-    """Longitude, positive east; kept for the record."""
+    """Longitude, positive east."""
     height: Annotated[float, Quantity("length")] = 0.0
     """Height above the ellipsoid."""
     gravity: Annotated[float, Quantity("gravity")] | None = None
@@ -145,6 +145,12 @@ class SiteTable(Strict):
     )
     """Its standard uncertainty. Left out: that of the gravity model of the place, 40 mGal; a value
     of a gravimeter has its own, such as 0.00001 m/s^2."""
+    date: str | None = Field(default=None, examples=["2026-05-04"])
+    """Day of the session: the world magnetic model then says where magnetic north is, and the field
+    itself. It needs the longitude too, and the extra `world`."""
+    grid: str | None = Field(default=None, examples=["EPSG:32631"])
+    """Projection, by a name that PROJ knows: where the north of its grid is. It needs the longitude
+    too, and the extra `grid`."""
 
     @property
     def said(self) -> bool:
@@ -165,7 +171,7 @@ class SiteTable(Strict):
             site = earth.Site(self.gravity, self.latitude, self.height)
         else:
             raise error("site.gravity", given=self.gravity)
-        site = replace(site, longitude=self.longitude)
+        site = replace(site, longitude=self.longitude, date=self.date, grid=self.grid)
         return site if self.gravity_sd is None else replace(site, gravity_sd=self.gravity_sd)
 
     def findings(self) -> tuple[Finding, ...]:
@@ -196,6 +202,10 @@ class Said(Strict):
     """Height of the site, such as "430 m"."""
     gravity: Annotated[float, Quantity("gravity")] | None = None
     """Local gravity, such as "9.8072 m/s^2"."""
+    date: str | None = None
+    """Day, such as "2026-05-04": headings from magnetic north too."""
+    grid: str | None = None
+    """Projection, such as "EPSG:32631" (UTM zone 31 north): headings from that north too."""
     gyro_noise: Annotated[float, Quantity("angle random walk")] | None = Field(default=None, gt=0)
     """Angle random walk of the gyros, such as "0.003 deg/sqrt(h)"."""
     accel_noise: Annotated[float, Quantity("velocity random walk")] | None = Field(
@@ -208,11 +218,9 @@ class Said(Strict):
     """Serial number of the instrument, compared with the calibration."""
 
     @property
-    def site(self) -> dict[str, float]:
+    def site(self) -> dict[str, Any]:
         """The keys of [site] that are given [SI]."""
-        return self.model_dump(
-            include={"latitude", "longitude", "height", "gravity"}, exclude_none=True
-        )
+        return self.model_dump(include={*SiteTable.model_fields}, exclude_none=True)
 
     def over(self, declared: noise.ImuNoise | None) -> noise.ImuNoise | None:
         """Return the noise that a file declares, with what is said of it instead."""

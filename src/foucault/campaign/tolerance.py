@@ -18,6 +18,7 @@ References
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -143,6 +144,17 @@ def decided(
         good = (size + guard <= limit) & (sd <= largest_sd)
         out = np.where(good, PASS, np.where(size - guard > limit, FAIL, UNDECIDED))
     return np.where(np.isinf(limit), PASS, out)
+
+
+def conformity(value: float, sd: float, limit: float) -> float:
+    """Return the probability that a normal number is no larger than a limit, NaN if unknown [1].
+
+    `value`, `sd`, `limit`: the number, its standard deviation and its largest size [SI].
+    """
+    if not (math.isfinite(limit) and math.isfinite(value) and sd > 0):
+        return math.nan
+    root = sd * math.sqrt(2)
+    return 0.5 * (math.erf((limit - value) / root) - math.erf((-limit - value) / root))
 
 
 def load(path: str | Path) -> Tolerance:

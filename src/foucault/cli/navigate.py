@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _SITE = ("latitude", "height", "gravity", "gyro_noise", "accel_noise")
 _SAID = Of(options.SAID, only=("longitude", *_SITE, "serial"))
-_STILL = Of(options.SAID, only=("longitude", *_SITE))
+_STILL = Of(options.SAID, only=("longitude", *_SITE, "date", "grid"))
 _VELOCITY = Several("velocity", "east, north and up", "12.1 m/s, -3.4 m/s, 0 m/s")
 _SETTINGS = Of(
     "foucault.procedures.navigation.start:Settings",
@@ -122,16 +122,6 @@ def align(
             "that fit if left out.",
         ),
     ] = None,
-    date: Annotated[
-        str | None,
-        typer.Option(help='Day, such as "2026-05-04": headings from magnetic north too.'),
-    ] = None,
-    grid: Annotated[
-        str | None,
-        typer.Option(
-            help='Projection, such as "EPSG:32631" (UTM zone 31 north): headings from that north.'
-        ),
-    ] = None,
 ) -> None:
     """Find heading, pitch and roll of a log at rest, and their sd.
 
@@ -149,7 +139,7 @@ def align(
     )  # fmt: skip
     with screen.progress() as tell:
         found = navigation.align(log, Said(**said), chosen, calibration=calibration, progress=tell)
-    asked = norths(found.site, date, grid)
+    asked = norths(found.site)
     raise screen.tell(report.document(found, log.name, asked), _document(log, found, asked))
 
 

@@ -32,8 +32,9 @@ SETTINGS = "foucault.procedures.north_seeking.settings:Settings"
 
 _SAID = Of(
     options.SAID,
-    only=("latitude", "height", "gravity", "gyro_noise", "accel_noise", "accel_reads", "serial"),
-)
+    only=("latitude", "longitude", "height", "gravity", "gyro_noise", "accel_noise", "accel_reads",
+          "date", "grid", "serial"),
+)  # fmt: skip
 _SETTINGS = Of(
     SETTINGS,
     only=("latitude_sd", "unknown_latitude", "hemisphere", "near", "level_sd", "index_sd", "drift",

@@ -148,6 +148,7 @@ def optimise(
 @command(
     "foucault montecarlo campaign.toml -n 500 -o study",
     "foucault montecarlo hand_rotated -n 100 -o study --local-cluster 8",
+    "foucault montecarlo six_position -n 1000000 -o study --batched",
     notes="The same command again continues an interrupted study.",
     exits={0: "every check passed", 3: "one did not"},
 )
@@ -162,12 +163,16 @@ def montecarlo(
     workers: cluster.Workers = None,
     scheduler: cluster.Scheduler = None,
     local_cluster: cluster.LocalCluster = None,
+    batched: Annotated[
+        bool,
+        typer.Option("--batched", help="Draw means instead of samples, and solve many at once."),
+    ] = False,
 ) -> None:
     """Calibrate many simulated instruments: are the sd right?
 
     Errors against their standard deviations and against the bound.
     """
-    from foucault.campaign import study
+    from foucault.campaign import many, study
 
     screen: Screen = ctx.obj
     described = load_or_template(what)
@@ -175,7 +180,7 @@ def montecarlo(
         cluster.spread(screen, workers, scheduler, local_cluster) as map_,
         screen.work(output, "study") as tell,
     ):
-        result = study.run(
+        result = (many if batched else study).run(
             described,
             trials,
             output,
@@ -183,7 +188,7 @@ def montecarlo(
             map=map_,
             progress=lambda done, total: tell(done / total, f"trial {done} of {total}"),
         )
-    about = study.load(output)[1]
+    about = study.about(output)
     checks = result.checks()
     keys = ("name", "value", "low", "high", "passed", "sentence")
     said = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -17,6 +17,7 @@ from foucault.cli.screen import EXIT_CODES, Screen, kept, written
 
 if TYPE_CHECKING:
     from foucault.records import Records
+    from foucault.records.entries import Certified
     from foucault.records.history import Past
 
 Where = Annotated[
@@ -162,6 +163,7 @@ def show(
     screen: Screen = ctx.obj
     with _open(database) as records, screen.work(output, "comparison"):
         found = past(records, instrument, comparison.moment(at) if at else None)
+        issued = [c for run in found.runs for c in records.certificates(run)]
         if output is not None:
             if found.compared is None:
                 from foucault.errors import error
@@ -169,14 +171,14 @@ def show(
                 raise error("records.one", name=found.instrument, count=len(found.counted))
             page = kept(comparison.record(found.compared), output)
             written(output, "comparison", *page.held)
-    _say(screen, found)
+    _say(screen, found, issued)
     if output is not None:
         screen.say(f"Report: {output / 'report.html'}")
-    screen.data(_plain(found))
+    screen.data(_plain(found) | {"certificates": [one.model_dump() for one in issued]})
     raise typer.Exit(EXIT_CODES[str(found.level)])
 
 
-def _say(screen: Screen, found: Past) -> None:
+def _say(screen: Screen, found: Past, issued: Sequence[Certified]) -> None:
     """Print what there is to say of an instrument."""
     from foucault.records import shown
 
@@ -190,6 +192,9 @@ def _say(screen: Screen, found: Past) -> None:
     )  # fmt: skip
     for event in found.events:
         screen.say(f"{event.on[:10]}: {event.what}{f', {event.words}' if event.words else ''}")
+    for one in issued:
+        also = f", replaces {one.replaces}" if one.replaces else ""
+        screen.say(f"{one.issued[:10]}: certificate {one.certificate}{also}")
     if found.outlooks:
         limited = any(math.isfinite(o.limit) for o in found.outlooks)
         headings = shown.HEADINGS if limited else shown.HEADINGS[:-2]

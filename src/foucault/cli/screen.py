@@ -276,7 +276,9 @@ KINDS = {
         "run_folder:load_result",
     ),
     "north": Kind(
-        "north", "north.where north.headings north.budget north.known north.calibration findings"
+        "north",
+        "north.where north.headings headings.norths north.budget north.known north.calibration "
+        "findings",
     ),
     "navigation": Kind(
         "navigation",

@@ -52,7 +52,7 @@ def serve(
     ] = "operator",
     work: Annotated[bool, typer.Option("--work", hidden=True, help="Be a worker.")] = False,
 ) -> None:
-    """Open a workbench: drop a log on a page, see its verdict, keep it."""
+    """Open a workbench: drop a log, see its verdict, keep it."""
     from foucault.errors import error
 
     screen: Screen = ctx.obj

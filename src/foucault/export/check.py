@@ -24,16 +24,25 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, error, finding, suggestion
+from foucault.export import magnetometer
 from foucault.export.densities import Densities
 from foucault.export.quantities import Known
-from foucault.export.receivers import knowledge, known_as
+from foucault.export.receivers import knowledge, known_as, log_axes
 from foucault.export.request import inverse, known_axes
 from foucault.export.syntax import Found
-from foucault.export.table import KINDS, Receiver, Row, found_in, numbers_of, receivers
+from foucault.export.table import (
+    KINDS,
+    TABLES,
+    Receiver,
+    Row,
+    found_in,
+    numbers_of,
+    receivers,
+)
 from foucault.models.imu import ImuModel
 from foucault.models.noise import GRADES, ImuNoise, grade
 from foucault.result import Result
-from foucault.units import STANDARD_GRAVITY, convert, display_unit, plain
+from foucault.units import STANDARD_GRAVITY, convert, display_unit, plain, size
 
 CLOSE = 0.01
 """Numbers that agree to this part of themselves are the same; people write two or three digits."""
@@ -47,6 +56,8 @@ POSSIBLE = {
     "gyro.bias": (-1.75, 1.75),
     "gravity": (9.7, 9.9),
     "rate": (0.5, 1e5),
+    "mag.bias": (-2e-3, 2e-3),
+    "mag.intensity": (2e-5, 7e-5),
 }
 """Quantity -> the least and the most that any sensor has, or that there is on the Earth [SI]."""
 
@@ -70,6 +81,8 @@ _SHOWN = {
     "gravity": "gravity",
     "rate": "frequency",
     "correlation": "time",
+    "mag.bias": "magnetic field",
+    "mag.intensity": "magnetic field",
 }
 """Quantity -> the kind of unit that it is shown in; others are ratios as they are."""
 
@@ -102,17 +115,17 @@ def recognised(text: str) -> Receiver:
         found = found_in(own, text)
         return sum(row.names()[0] in found for row in wanted) / len(wanted)
 
-    shares = {}
-    for own in receivers().values():
+    shares, every = {}, [own for table in TABLES for own in receivers(table).values()]
+    for own in every:
         try:
-            shares[own.name] = max(share(own.of_slot(k)) for k in range(len(own.slots) + 1))
+            shares[own.title] = max(share(own.of_slot(k)) for k in range(len(own.slots) + 1))
         except ValueError:  # no JSON
-            shares[own.name] = 0.0
+            shares[own.title] = 0.0
     # What our own writer says is for VINS-Fusion has the same keys as VINS-Mono.
-    best = max(shares, key=lambda name: (shares[name], receivers()[name].title in text))
-    if shares[best] < 0.5:
+    best = max(every, key=lambda own: (shares[own.title], own.title in text))
+    if shares[best.title] < 0.5:
         raise error("export.unknown_file", allowed=", ".join(receivers()))
-    return receivers()[best]
+    return best
 
 
 def checked(
@@ -129,18 +142,26 @@ def checked(
     `text`: the file; `receiver`: whose it is, None finds out; `result`: the run it came from, where
     there is one; `noise`, `rate`, `axes`: as for `write`, the rate [Hz].
     """
-    own = recognised(text) if receiver is None else _own(known_as(receiver))
+    some = [recognised(text)] if receiver is None else _own(known_as(receiver))
     own = max(
-        (own.of_slot(k) for k in range(len(own.slots) + 1)), key=lambda o: len(found_in(o, text))
+        (one.of_slot(k) for one in some for k in range(len(one.slots) + 1)),
+        key=lambda o: len(found_in(o, text)),
     )
     found = found_in(own, text)
     if axes is not None:
         known_axes(axes)
     about: Known | None = None
     if result is not None:
-        drop = tuple(n for n in result.coefficients.names if n.rpartition(".")[0] not in own.takes)
-        about, _ = knowledge(result, own, axes=axes, noise=noise, rate=rate, force=True,
-                             drop=() if own.before else drop)  # fmt: skip
+        if (result.procedure == "magnetometer") != own.of_magnetometer:
+            raise error("export.check_other", procedure=result.procedure, title=own.title)
+        if own.of_magnetometer:
+            at = axes or own.axes or log_axes(result)
+            about, _ = magnetometer.knowledge(result, own, axes=at, drop=(), force=True)
+        else:
+            names = result.coefficients.names
+            drop = tuple(n for n in names if n.rpartition(".")[0] not in own.takes)
+            about, _ = knowledge(result, own, axes=axes, noise=noise, rate=rate, force=True,
+                                 drop=() if own.before else drop)  # fmt: skip
     rate = rate or _rate_in(own, found) or (about.rate if about else None)
     reading = Known(ImuModel(), rate=rate, correlation=_single(own, found, "correlation"))
     if about is not None:
@@ -177,11 +198,12 @@ def _line(
     return Line(row.shown, value, run, like, "; ".join(said)), seen
 
 
-def _own(name: str) -> Receiver:
+def _own(name: str) -> list[Receiver]:
+    """Return the receivers of one name: of an IMU's calibration, of a magnetometer's."""
     if name not in receivers():
         hint = suggestion(name, receivers())
         raise error("export.receiver", given=name, hint=hint, allowed=", ".join(receivers()))
-    return receivers()[name]
+    return [receivers(table)[name] for table in TABLES if name in receivers(table)]
 
 
 def _single(own: Receiver, found: Found, of: str) -> float | None:
@@ -232,6 +254,9 @@ def _agree(row: Row, given: FloatArray, y: FloatArray) -> bool:
 
 def _mistakes(row: Row, y: FloatArray, about: Known) -> Iterator[tuple[str, FloatArray]]:
     """Yield what a key would be after each of the usual mistakes."""
+    if row.of[0].startswith("mag."):
+        yield from _mag_mistakes(row, y, about)
+        return
     accel = row.of[0].startswith("accel")
     power, needs = KINDS[row.kind] if row.noise else (1, "")
     factors: dict[str, float] = {}
@@ -263,6 +288,20 @@ def _mistakes(row: Row, y: FloatArray, about: Known) -> Iterator[tuple[str, Floa
             yield f"{word}, and {more}", (y * factor * row.one) ** exponent / row.one
     else:
         yield from _inverse_direction(row, about)
+
+
+def _mag_mistakes(row: Row, y: FloatArray, about: Known) -> Iterator[tuple[str, FloatArray]]:
+    """Yield what a key of a magnetometer would be in another unit, and in the other direction."""
+    m = about.mag.model
+    if row.unit:
+        for unit in ("T", "uT", "nT", "G", "mG"):
+            if unit != row.unit:
+                yield f"is in {unit}, not in {row.unit}", y * row.one / size(unit)
+    inverse_m = inverse(m.matrix)
+    for other in (replace(m, bias=-m.bias), replace(m, matrix=inverse_m, bias=-inverse_m @ m.bias)):
+        turned = row.told(replace(about, mag=replace(about.mag, model=other)))
+        if turned is not None:
+            yield "is the correction in the inverse direction", turned
 
 
 def _inverse_direction(row: Row, about: Known) -> Iterator[tuple[str, FloatArray]]:
@@ -310,9 +349,11 @@ def _lengths(name: str, x: FloatArray) -> FloatArray | None:
         return np.asarray(np.linalg.svd(x, compute_uv=False))
     if form == "correction":
         return np.asarray(np.linalg.svd(x + np.eye(3), compute_uv=False))
+    if form == "of_rows":
+        return np.asarray(np.linalg.svd(x, compute_uv=False))
     if form == "scale":
         return np.asarray(1 + x)
-    return x if form == "diagonal_inverse" else None
+    return x if form in ("diagonal_inverse", "inner_diagonal", "outer_diagonal") else None
 
 
 # -- In our units --------------------------------------------------------------------------------

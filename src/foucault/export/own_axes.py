@@ -1,4 +1,4 @@
-"""Results that are no IMU's in C, Python and JSON, in their own axes: a cluster, a north seeker.
+"""Results that are no IMU's in C, Python and JSON, in their own axes: cluster, north seeker, mag.
 
 Receiver's convention: ours, in rad/s and m/s^2.
 
@@ -22,7 +22,7 @@ from foucault.arrays import FloatArray
 from foucault.escape import commented
 from foucault.export.code import NEWTON_STEPS, PYTHON, C, Language, Meant
 from foucault.export.request import OWN_AXES, about, inverse, pieces
-from foucault.models import cluster, north_seeker
+from foucault.models import cluster, magnetometer, north_seeker
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import ImuModel
 from foucault.result import Result
@@ -33,6 +33,7 @@ Constants = dict[str, tuple[str, FloatArray]]
 AXES = {
     "cluster": "Axes: those of the cluster, p",
     "north_seeker": f"Axes: those of the case, {OWN_AXES}",
+    "magnetometer": f"Axes: those of the IMU, {OWN_AXES}",
 }
 
 INVERSE = (
@@ -72,7 +73,18 @@ def _of_north_seeker(result: Result) -> Constants:
     }  # fmt: skip
 
 
+def _of_magnetometer(result: Result) -> Constants:
+    model = magnetometer.Magnetometer.from_coefficients(result.coefficients)
+    return {
+        "mag_inverse": ("Inverse of A [1]", inverse(model.matrix)),
+        "mag_bias": ("Hard iron h [T]", model.bias),
+        "mag_bias_temperature": ("Its change h_T [T/K]", model.bias_temperature),
+    }
+
+
 def _parts(result: Result) -> tuple[str, Constants]:
+    if result.procedure == "magnetometer":
+        return "magnetometer", _of_magnetometer(result)
     if result.procedure == "north_seeking":
         return "north_seeker", _of_north_seeker(result)
     return "cluster", _of_cluster(result)
@@ -83,6 +95,10 @@ def _program(result: Result, language: Language, mark: str, before: str) -> str:
     code, own = pieces(name), list[Meant]()
     if name == "north_seeker":
         own.append(("Rate of the Earth [rad/s].", {"earth_rate": EARTH_RATE}))
+    if name == "magnetometer":
+        told = "Readings are of the field so long before their time [s]; temperature of h [K]."
+        delay = result.coefficients.value("mag.delay")
+        own.append((told, {"mag_delay": delay, "mag_reference": magnetometer.REFERENCE}))
     own += [(f"{meaning}.", {key: values}) for key, (meaning, values) in constants.items()]
     kind = "c" if language is C else "python"
     return "\n".join([
@@ -118,6 +134,13 @@ def document(result: Result) -> str:
             "equation": north_seeker.EQUATION,
             "inverse": INVERSE,
             "earth_rate": EARTH_RATE,
+        },
+        "magnetometer": {
+            "axes": OWN_AXES,
+            "units": {"mag": "T", "gyro": "rad/s", "temperature": "K"},
+            "equation": magnetometer.EQUATION,
+            "inverse": magnetometer.INVERSE,
+            "reference": magnetometer.REFERENCE,
         },
     }
     out = {

@@ -14,9 +14,20 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.models.imu import Gauge, ImuModel
+from foucault.models.magnetometer import Magnetometer, halves
 
 OFF_DIAGONAL = ([1, 2, 2, 0, 0, 1], [0, 0, 1, 1, 2, 2])
 """Rows and columns of what is not on the diagonal, in the order of PSINS."""
+
+
+@dataclass(frozen=True)
+class MagKnown:
+    """The same of a magnetometer, in the axes of the receiver [SI]."""
+
+    model: Magnetometer = field(default_factory=Magnetometer)
+    intensity: float = 0.0  # of the field [T]
+    # (3, 3) covariance of one corrected reading [T^2]
+    cov: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 @dataclass(frozen=True)
@@ -33,6 +44,7 @@ class Known:
     correlation: float | None = None  # correlation time of a Markov process like the walk [s]
     # biases over temperature, where they change: by name, temperatures [degC], others [SI]
     warm: Mapping[str, FloatArray] = field(default_factory=dict)
+    mag: MagKnown = field(default_factory=MagKnown)
 
 
 def in_gauge(model: ImuModel, gauge: str) -> tuple[ImuModel, FloatArray]:
@@ -92,6 +104,23 @@ FORMS: dict[str, Callable[[ImuModel], FloatArray]] = {
 """Name -> what it is of a model [SI]: the parts of the calibration that receivers have."""
 
 
+BESIDE = ([0, 0, 1], [1, 2, 2])
+"""Rows and columns of what stands beside the diagonal of a symmetric matrix: xy, xz, yz."""
+
+
+MAG_FORMS: dict[str, Callable[[MagKnown], FloatArray]] = {
+    "mag.bias": lambda m: m.model.bias,
+    "mag.inner_diagonal": lambda m: np.diag(halves(m.model.matrix)[0]),
+    "mag.inner_beside": lambda m: halves(m.model.matrix)[0][BESIDE],
+    "mag.outer_diagonal": lambda m: np.diag(halves(m.model.matrix)[1]),
+    "mag.outer_beside": lambda m: halves(m.model.matrix)[1][BESIDE],
+    "mag.of_rows": lambda m: np.asarray(np.linalg.inv(m.model.matrix).T),
+    "mag.intensity": lambda m: np.asarray(m.intensity),
+    "mag.covariance": lambda m: m.cov,
+}
+"""Name -> what it is of a magnetometer [SI]."""
+
+
 def value_of(name: str, known: Known, *, each: bool) -> FloatArray | None:
     """Return what a receiver asks for [SI], None where it is not known.
 
@@ -99,6 +128,8 @@ def value_of(name: str, known: Known, *, each: bool) -> FloatArray | None:
     """
     if name in FORMS:
         return FORMS[name](known.model)
+    if name in MAG_FORMS:
+        return MAG_FORMS[name](known.mag)
     if name.endswith((".white", ".walk")):
         noise = known.noise.get(name if each else f"one:{name}")
         # No sensor is without noise: an axis at zero was not measured.

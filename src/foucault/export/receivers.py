@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from foucault.errors import error, suggestion
-from foucault.export import ties
+from foucault.export import magnetometer, ties
 from foucault.export.densities import Densities, densities
 from foucault.export.over_temperature import over_temperature
 from foucault.export.quantities import Known, in_gauge
@@ -86,6 +86,8 @@ def write(
         said = ties.text(result, receiver, force)
     elif is_cluster(result.coefficients) or result.procedure == "north_seeking":
         said = _whole(result, receiver, axes, drop, force)
+    elif result.procedure == "magnetometer":
+        said = _of_magnetometer(result, receiver, axes, drop, slot, force)
     elif receiver in _CODE:
         module: Any = import_module(f"foucault.export.{_CODE[receiver]}")
         can, text = module.WRITERS[receiver]
@@ -143,13 +145,32 @@ def _whole(
     from foucault.export import own_axes
 
     if receiver not in own_axes.WRITERS:
+        more = receivers("magnetometers") if result.procedure == "magnetometer" else ()
         raise error("export.cluster", procedure=result.procedure, receiver=receiver,
-                    allowed=", ".join(own_axes.WRITERS))  # fmt: skip
+                    allowed=", ".join((*own_axes.WRITERS, *more)))  # fmt: skip
     if drop or axes is not None:
         raise error("export.whole", procedure=result.procedure,
                     option="--drop" if drop else "--axes")  # fmt: skip
     usable(result, force)
     return own_axes.WRITERS[receiver](result)
+
+
+def _of_magnetometer(
+    result: Result, receiver: str, axes: str | None, drop: tuple[str, ...], slot: int | None,
+    force: bool,
+) -> str:  # fmt: skip
+    """Return a magnetometer's calibration for a receiver of that."""
+    own = receivers("magnetometers").get(receiver)
+    if own is None:
+        return _whole(result, receiver, axes, drop, force)
+    own = own.of_slot(number_in(result) if own.slots and slot is None else slot or 0)
+    if not force and any(f.code in own.residual for f in result.findings):
+        raise error("export.residual", receiver=own.name)
+    axes = axes or own.axes or log_axes(result)
+    known, about = magnetometer.knowledge(result, own, axes=axes, drop=drop, force=force)
+    for row in own.rows:
+        _within_limits(own, row, known)
+    return text_for(own, known, about)
 
 
 # -- The receivers of the table ------------------------------------------------------------------

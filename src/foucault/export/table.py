@@ -211,6 +211,11 @@ class Receiver:
         return any(row.warm for row in self.rows)
 
     @property
+    def of_magnetometer(self) -> bool:
+        """Whether it takes the calibration of a magnetometer, and not of an IMU."""
+        return any(of.startswith("mag.") for row in self.rows for of in row.of)
+
+    @property
     def before(self) -> bool:
         """Whether readings have to be corrected before this receiver gets them."""
         return self.calibration == "before"
@@ -226,13 +231,17 @@ class Receiver:
         return any("rate" in (KINDS[r.kind][1], *r.of) for r in self.rows)
 
 
+TABLES = ("receivers", "magnetometers")
+"""Tables: of an IMU's calibration, of a magnetometer's."""
+
+
 @cache
-def receivers() -> Mapping[str, Receiver]:
-    """Return the table by name."""
-    text = (Path(__file__).parent / "receivers.toml").read_text(encoding="utf-8")
-    table = tomllib.loads(text)
-    return {name: _receiver(name, table[said.get("like", name)] | said)
-            for name, said in table.items()}  # fmt: skip
+def receivers(table: str = "receivers") -> Mapping[str, Receiver]:
+    """Return a table by name: `receivers` of IMUs, or `magnetometers`."""
+    text = (Path(__file__).parent / f"{table}.toml").read_text(encoding="utf-8")
+    every = tomllib.loads(text)
+    return {name: _receiver(name, every[said.get("like", name)] | said)
+            for name, said in every.items()}  # fmt: skip
 
 
 def _receiver(name: str, said: dict[str, Any]) -> Receiver:

@@ -118,6 +118,10 @@ PATIENCE = 8
 SETTLED = 0.05
 """A last step shorter than this is of no account, in units of its standard deviation [1]."""
 
+STILL = 0.05
+"""A step that is shorter is taken, whatever the sum of squares does: whitening moves by as much
+with the state [sd]."""
+
 CREEPS = 100
 """Steps allowed where residuals may be large, as they are with a prior that is wrong [1]."""
 
@@ -271,7 +275,7 @@ def _descend(
         cost = float(there.residuals @ there.residuals)
         if np.isfinite(cost) and cost <= now * (1 + 1e-9) + 1e-9:
             return trial, there, moved * share
-        if moved * share < 1e-3:  # the whitening moves with the state: settle here
+        if moved * share < STILL:  # the whitening moves with the state: settle here
             return trial, there, moved * share
         share *= 0.5
     return state, at, moved

@@ -23,7 +23,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
@@ -163,7 +163,7 @@ def tested(at: Fit) -> dict[str, Seen]:
             "scatter" if found else "prior" if source in priors else "source"
         )
         sd = 1.0 if found else mixed.size_of(source, at.sds)
-        groups.setdefault(source.name, (kind, []))[1].extend(sd * B for B in _columns(source))
+        groups.setdefault(source.name, (kind, []))[1].extend(sd * B for B in mixed.columns(source))
     out = {}
     for name, (kind, parts) in groups.items():
         B = np.concatenate(parts, axis=2) if parts else np.zeros((n, d, 0))
@@ -171,16 +171,6 @@ def tested(at: Fit) -> dict[str, Seen]:
             B = left.T @ covariance.whiten(B)
             out[name] = seen_of(kind, B.T @ z, B.T @ B)
     return out
-
-
-def _columns(source: Source) -> Iterable[FloatArray]:
-    """Yield what the causes of a source do to all readings, (n, d, k) each."""
-    if source.shared is not None:
-        yield source.shared
-    if source.each is not None:
-        n, d, _ = source.each.shape
-        one = np.einsum("iac,ij->iajc", source.each, np.eye(n)).reshape(n, d, -1)
-        yield one[:, :, one.any(axis=(0, 1))]
 
 
 def seen_of(kind: Literal["source", "prior", "scatter"], u: FloatArray, V: FloatArray) -> Seen:

@@ -232,6 +232,16 @@ def size_of(source: Source, sds: Mapping[str, float]) -> float:
     return sds.get(source.name, source.sd or 0.0)
 
 
+def columns(source: Source) -> Iterable[FloatArray]:
+    """Yield what the causes of a source do to all readings, (n, d, k) each."""
+    if source.shared is not None:
+        yield source.shared
+    if source.each is not None:
+        n, d, _ = source.each.shape
+        one = np.einsum("iac,ij->iajc", source.each, np.eye(n)).reshape(n, d, -1)
+        yield one[:, :, one.any(axis=(0, 1))]
+
+
 class _Once:
     """A model that remembers its last linearisation: weights and sizes change more often."""
 
@@ -530,24 +540,37 @@ def _sizes(
     if not free:
         return none, none, 0.0
     z, V = _contrasts(at, free, weights)
-    if not len(z):
-        return none, none, 0.0
-    kept, var = dict(free), _most_likely(z, V)
+    return priced(z, V, free) if len(z) else (none, none, 0.0)
+
+
+def priced(
+    z: FloatArray, V: Mapping[str, FloatArray], prices: Mapping[str, float]
+) -> tuple[dict[str, float], dict[str, float], float]:
+    """Return sizes, their degrees of freedom, and how unlikely the contrasts are with them.
+
+    `z` (q,): contrasts that no unknown explains, white by what is known [1]; `V` (q, q): their
+    covariance by each source whose size is to be found [1]; `prices`: what each has to gain [1].
+    """
+    none = dict.fromkeys(prices, 0.0)
+    kept, (var, now) = dict(prices), _most_likely(z, V)
     while True:  # one that does not gain its price gives what it explained back to the others
         kept = {name: price for name, price in kept.items() if var[name] or not price}
-        priced = [name for name, price in kept.items() if price]
-        best = {name: _most_likely(z, {n: V[n] for n in kept if n != name}) for name in priced}
-        lost = {name: _unlikely(z, V, best[name]) - kept[name] for name in priced}
-        worst = min(lost, key=lambda name: lost[name], default=None)
-        if worst is None or lost[worst] >= _unlikely(z, V, var):
+        best = {
+            name: _most_likely(z, {n: V[n] for n in kept if n != name}, now + price)
+            for name, price in kept.items()
+            if price
+        }
+        worst = min(best, key=lambda name: best[name][1] - kept[name], default=None)
+        if worst is None or best[worst][1] - kept[worst] >= now:
             break
-        var = best[worst]
+        var, now = best[worst]
         del kept[worst]
     var = {name: var[name] for name in kept}
-    S = _inverse(z, V, var)
+    root = _root(z, V, var)
+    S = _inverse(root)
     dof = {n: v * float(np.sum(S * V[n])) for n, v in var.items()}
     found = none | {n: float(np.sqrt(v)) for n, v in var.items()}
-    return found, none | dof, _unlikely(z, V, var) + sum(kept.values())
+    return found, none | dof, _unlikely(z, root) + sum(kept.values())
 
 
 def _contrasts(
@@ -597,39 +620,45 @@ def _root(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) 
     return np.asarray(np.linalg.cholesky(total + least * np.eye(len(z))))
 
 
-def _inverse(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> FloatArray:
+def _inverse(root: FloatArray) -> FloatArray:
+    """Return the inverse of ``root root'``, shape (k, k)."""
     from scipy.linalg.lapack import dpotri
 
-    lower = np.tril(dpotri(_root(z, V, var), lower=1)[0])
+    lower = np.tril(dpotri(root, lower=1)[0])
     return np.asarray(lower + np.tril(lower, -1).T)
 
 
-def _unlikely(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> float:
+def _unlikely(z: FloatArray, root: FloatArray) -> float:
     """Twice the negative restricted log-likelihood, but for a constant."""
     from scipy.linalg import solve_triangular
 
-    root = _root(z, V, var)
     white = solve_triangular(root, z, lower=True, check_finite=False)
     return float(white @ white + 2 * np.sum(np.log(np.diag(root))))
 
 
-def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]:
+def _most_likely(
+    z: FloatArray, V: Mapping[str, FloatArray], below: float = np.inf
+) -> tuple[dict[str, float], float]:
     """Return the variances that are most likely: z' S V S z = tr(S V) for each, or none at all.
 
     Fisher scoring, held above zero; each step is halved until the likelihood does not fall. The
     mean of observed and expected information is found faster, and stops far from the end where
     variances are to fall by orders of magnitude.
+
+    `below`: what only counts if it is more likely than that; where the steps that are left cannot
+    make it so, they are not gone [1]. Returns how unlikely it is, too.
     """
     if not V:
-        return {}
+        return {}, _unlikely(z, _root(z, V, {}))
     unit = {n: len(z) / max(float(np.trace(v)), 1e-300) for n, v in V.items()}
     # Each begins as large as what it reaches; where the known noise nearly explains that, nothing
     # is the better start.
     size = {n: float(z @ V[n] @ z) * u / len(z) for n, u in unit.items()}
     var = {n: size[n] * u if size[n] > NEARLY else 0.0 for n, u in unit.items()}
-    now = _unlikely(z, V, var)
+    root = _root(z, V, var)
+    now = _unlikely(z, root)
     for _ in range(100):
-        S = _inverse(z, V, var)
+        S = _inverse(root)
         q = S @ z
         score = np.array([q @ v @ q - np.sum(S * v) for v in V.values()])
         # What is at its bound, and would go below, stays there.
@@ -639,10 +668,13 @@ def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]
             SV = [S @ v for v, stays in zip(V.values(), held, strict=True) if not stays]
             info = np.array([[np.sum(a * b.T) for b in SV] for a in SV])
             step[~held] = np.linalg.lstsq(info, score[~held], rcond=None)[0]
+        if now - HOPELESS * float(score @ step) > below:
+            break
         share = 1.0
         for _ in range(12):
             new = {n: max(v + share * s, 0.0) for (n, v), s in zip(var.items(), step, strict=True)}
-            there = _unlikely(z, V, new)
+            root = _root(z, V, new)
+            there = _unlikely(z, root)
             if there <= now + 1e-9:
                 break
             share /= 2
@@ -650,7 +682,12 @@ def _most_likely(z: FloatArray, V: Mapping[str, FloatArray]) -> dict[str, float]
         var, now = new, there
         if moved < SETTLED:
             break
-    return {n: v if v > 1e-6 * unit[n] else 0.0 for n, v in var.items()}
+    var = {n: v if v > 1e-6 * unit[n] else 0.0 for n, v in var.items()}
+    return var, _unlikely(z, _root(z, V, var))
+
+
+HOPELESS = 5.0
+"""A step gains half of score times step; all that follow gain no such multiple of that [1]."""
 
 
 # -- what follows from a fit, for every procedure alike --------------------------------------
@@ -893,7 +930,7 @@ def planned(
     z, V = _contrasts(at, free, every)
     dof = dict.fromkeys(free, 0.0)
     if var and len(z):
-        S = _inverse(z, V, var)
+        S = _inverse(_root(z, V, var))
         dof |= {name: v * float(np.sum(S * V[name])) for name, v in var.items()}
     wide = {name: float(np.sqrt(v)) * student(dof[name]) for name, v in var.items()}
     problem = stated(once, dict.fromkeys(free, 0.0) | wide, prior)

@@ -16,8 +16,8 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import overload
+from dataclasses import asdict, dataclass
+from typing import Any, overload
 
 import numpy as np
 
@@ -154,6 +154,9 @@ class Site:
         given too, since a number alone may be from a map or another town [m/s^2].
     longitude : float or None
         Longitude, positive east, where it is known [rad].
+    date, grid : str or None
+        Day, such as "2026-05-04", for magnetic north, and projection, such as "EPSG:32631", for
+        the north of a grid; see `models.norths`.
     """
 
     gravity: float
@@ -162,6 +165,8 @@ class Site:
     gravity_source: str = "given"
     gravity_sd: float = NORMAL_GRAVITY_SD
     longitude: float | None = None
+    date: str | None = None
+    grid: str | None = None
 
     @classmethod
     def at(cls, latitude: float, height: float = 0.0) -> Site:
@@ -173,6 +178,12 @@ class Site:
         """Local minus normal gravity; the latitude must be known [m/s^2]."""
         assert self.latitude is not None
         return self.gravity - float(gravity(self.latitude, self.height))
+
+    @property
+    def said(self) -> dict[str, Any]:
+        """All of it as plain values; of date and grid what there is."""
+        asked = ("date", "grid")
+        return {k: v for k, v in asdict(self).items() if v is not None or k not in asked}
 
     def as_dict(self) -> dict[str, float | str | None]:
         """Return the site as plain values for result.json."""

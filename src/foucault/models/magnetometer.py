@@ -39,6 +39,9 @@ EQUATION = (
 )
 """The model equation in words, as stored in results."""
 
+INVERSE = "m_b = m - delay (w x m), m = A^-1 (mag - h - h_T (T - T_0)); w: rate in body axes"
+"""The equation the other way round, to first order in the turn within the delay."""
+
 FRAME = "body axes x right, y forward, z up, those of the IMU"
 
 OFF = tuple((o, i) for o in range(3) for i in range(3) if o != i)
@@ -157,3 +160,36 @@ def slopes(m_b: FloatArray, warm: FloatArray | None = None) -> FloatArray:
     if warm is not None:
         out[:, :, 13:] = warm[:, None, None] * np.eye(3)
     return out
+
+
+def halves(matrix: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return P, P' and R of the inverse of `matrix` (3, 3) [1], ``A^-1 = R P = P' R``."""
+    U, s, V = np.linalg.svd(np.linalg.inv(matrix))
+    return V.T @ np.diag(s) @ V, U @ np.diag(s) @ U.T, U @ V
+
+
+LEVEL_HEADINGS = 24
+"""Headings, evenly spread, that errors of a level heading are reckoned over [1]."""
+
+
+def level_fields(dip: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return fields in a level body at even headings, of level part 1, with north and east there.
+
+    `dip`: positive where the field points down [rad]. Returns (24, 3) each, in b [1].
+    """
+    psi = np.arange(LEVEL_HEADINGS)[:, None] * (2 * np.pi / LEVEL_HEADINGS)
+    # b is right, forward, up: north is (-sin, cos, 0) at heading psi, east (cos, sin, 0).
+    north = np.concatenate([-np.sin(psi), np.cos(psi), 0 * psi], axis=1)
+    east = np.concatenate([np.cos(psi), np.sin(psi), 0 * psi], axis=1)
+    return north - np.tan(dip) * np.array([0.0, 0.0, 1.0]), north, east
+
+
+def heading_error(matrix: FloatArray, dip: float) -> float:
+    """Return the rms error of a level heading from ``matrix m_b`` in the place of m_b [rad].
+
+    `matrix` (3, 3): what a correction leaves [1]; `dip`: of the field [rad].
+    """
+    m_b, north, east = level_fields(dip)
+    seen = m_b @ matrix.T
+    off = np.arctan2(np.sum(seen * east, axis=1), np.sum(seen * north, axis=1))
+    return float(np.sqrt(np.mean(off**2)))

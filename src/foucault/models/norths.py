@@ -41,18 +41,20 @@ class North:
         return off if off < turn else 0.0, float(np.hypot(sd, self.sd))
 
 
-def convergence(site: Site, grid: str) -> float:
-    """Return gamma, the direction of north of a `grid`, clockwise from true north [rad].
+def convergence(site: Site) -> float:
+    """Return gamma, the direction of north of the grid of a site, clockwise from true north [rad].
 
-    `grid`: its projection by a name that PROJ knows, such as "EPSG:32631" for UTM zone 31 north.
+    Its projection has a name that PROJ knows, such as "EPSG:32631" for UTM zone 31 north.
     """
+    grid = site.grid
     if site.latitude is None or site.longitude is None:
-        raise error("norths.no_place", what=f'grid "{grid}"')
+        raise error("norths.no_place", what=f'grid = "{grid}"')
     try:
         from pyproj import CRS, Proj
         from pyproj.exceptions import CRSError, ProjError
     except ModuleNotFoundError:
-        raise error("norths.no_library", extra="grid") from None
+        raise error("norths.no_library", what="A grid's north", package="pyproj", extra="grid",
+                    key="grid") from None  # fmt: skip
     try:
         system = CRS.from_user_input(grid)
         if not system.is_projected:
@@ -64,17 +66,13 @@ def convergence(site: Site, grid: str) -> float:
     return float(np.radians(found.meridian_convergence))
 
 
-def norths(site: Site, date: str | None = None, grid: str | None = None) -> list[North]:
-    """Return the norths that are asked for, true north first.
-
-    `date`: day for the world magnetic model, None without magnetic north; `grid`: projection, None
-    without grid north.
-    """
+def norths(site: Site) -> list[North]:
+    """Return the norths that a site tells, true north first: by its date and by its grid."""
     out = [North("true", 0.0, 0.0, "the Earth's axis")]
-    field = world_field(date, site)
+    field = world_field(site)
     if field is not None:
-        basis = f"world magnetic model, {date}"
+        basis = f"world magnetic model, {site.date}"
         out.append(North("magnetic", field.declination, field.declination_sd, basis))
-    if grid is not None:
-        out.append(North("grid", convergence(site, grid), 0.0, grid))
+    if site.grid is not None:
+        out.append(North("grid", convergence(site), 0.0, site.grid))
     return out

@@ -33,22 +33,24 @@ FIRST, LAST = 2010.0, 2030.0
 """Years that the models in pygeomag are for, five each."""
 
 
-def world_field(date: str | None, site: Site) -> WorldField | None:
-    """Return the field at a site on a `date`, such as "2026-05-04"; None where none is given."""
+def world_field(site: Site) -> WorldField | None:
+    """Return the field at a site on its day; None where none is given."""
+    date = site.date
     if date is None:
         return None
     if site.latitude is None or site.longitude is None:
-        raise error("mag.no_place", date=date)
+        raise error("norths.no_place", what=f'date = "{date}"')
     try:
         day = datetime.date.fromisoformat(date)
         from pygeomag import GeoMag
     except ValueError:
-        raise error("mag.date", given=date) from None
+        raise error("norths.date", given=date) from None
     except ModuleNotFoundError:
-        raise error("mag.world", extra="world") from None
+        raise error("norths.no_library", what="The world magnetic model", package="pygeomag",
+                    extra="world", key="date") from None  # fmt: skip
     when = day.year + (day.timetuple().tm_yday - 0.5) / 365.25
     if not FIRST <= when < LAST:
-        raise error("mag.date", given=date)
+        raise error("norths.date", given=date)
     model = GeoMag(coefficients_file=f"wmm/WMM_{int(when // 5) * 5}.COF")
     place = np.degrees(site.latitude), np.degrees(site.longitude)
     at = model.calculate(*place, site.height / 1e3, when)

@@ -45,6 +45,7 @@ from foucault.models import magnetometer as sensor
 from foucault.models.earth import Site
 from foucault.models.magnetometer import LAYOUT, Magnetometer
 from foucault.models.noise import ImuNoise, grade
+from foucault.models.norths import norths
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.turning import Cells, Chain, Turning
@@ -65,7 +66,7 @@ EARTH = (22e-6, 67e-6)
 TURN, WAIT = 0.5, 2.0
 """A cell ends after so much turning [rad], or so much time [s], or a part of each."""
 
-MOST = 240
+MOST = 160
 """Cells that are used, evenly chosen where there are more: the work grows with their cube [1]."""
 
 STILL = 0.05
@@ -98,13 +99,10 @@ class Settings(record.Robust):
     matrix_sd: RatioSd = Field(default=0.03, gt=0)
     """How well scale factors and axes are known beforehand, where the hard iron alone is found."""
     intensity: Tesla | None = Field(default=None, gt=0, examples=["48.2 uT"])
-    """Intensity of the field. Left out: that of the world model where `date` is given, else what
-    the readings say themselves, to 5 percent. No heading depends on it."""
+    """Intensity of the field. Left out: that of the world model where [site] has a `date`, else
+    what the readings say themselves, to 5 percent. No heading depends on it."""
     intensity_sd: Tesla | None = Field(default=None, gt=0, examples=["0.5 uT"])
     """Its standard uncertainty. Left out: 0.3 percent, outdoors; indoors 1 to 10 are usual."""
-    date: str | None = Field(default=None, examples=["2026-05-04"])
-    """Day of the session: the world magnetic model then says intensity, dip and declination at the
-    latitude and longitude of [site]. It needs the extra `world`."""
     noise_sd: Tesla | None = Field(default=None, gt=0, examples=["0.3 uT"])
     """Noise of a single reading. Left out: from the readings."""
     wander: bool = True
@@ -184,13 +182,23 @@ def reduce(log: Log) -> Observed:
     clock = path / TURN + (log.time - log.time[0]) / WAIT
     number = np.floor(clock[rows] * np.clip(MOST / clock[-1], 0.5, 1.0)).astype(int)
     cells = Cells(rows, np.flatnonzero(np.diff(number, prepend=-1)))
-    quiet = cells.mean(np.linalg.norm(w[rows], axis=1)) < STILL
-    quiet &= cells.mean(log.time[rows] ** 2) - cells.mean(log.time[rows]) ** 2 > BRIEF**2 / 12
-    still = cells.chosen(quiet & (log.accel is not None))
+    still = _rests(log, w)
     every = np.zeros(len(cells), bool)
     every[np.unique(np.linspace(0, len(cells) - 1, MOST).astype(int))] = True
     turning = Turning(log.time, log.gyro, log.sampled)
     return Observed(log, turning, cells.chosen(every), still, tuple(told))
+
+
+def _rests(log: Log, w: FloatArray) -> Cells:
+    """Return the specific force at rest in cells; `w` (n, 3): rates, bias apart [rad/s]."""
+    t, quiet = log.time, np.linalg.norm(w, axis=1) < STILL
+    quiet &= (t > t[0] + LATEST) & (t < t[-1] - LATEST) & (log.accel is not None)
+    begins = np.flatnonzero(np.diff(quiet, prepend=~quiet[0]))
+    run = np.cumsum(np.isin(np.arange(len(t)), begins)) - 1
+    part = (t - t[begins][run]) // max(WAIT, 2 * quiet.sum() * log.interval / MOST)
+    rows = np.flatnonzero(quiet)
+    cells = Cells(rows, np.flatnonzero(np.diff(run[rows] * len(t) + part[rows], prepend=-1)))
+    return cells.chosen(cells.count * log.interval > BRIEF)
 
 
 BRIEF = 0.3
@@ -535,7 +543,7 @@ def observe(log: Log, given: Given[Settings]) -> FieldModel:
 
 def _model(o: Observed, given: Given[Settings]) -> tuple[FieldModel, list[Finding]]:
     """Return the model, and what was noticed on the way."""
-    s, world = given.settings, world_field(given.settings.date, given.site)
+    s, world = given.settings, world_field(given.site)
     said = s.intensity or (world.intensity if world else None)
     state, size = start(o, s, said)
     told = _unit(size, said)
@@ -595,10 +603,12 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         told.append(finding("mag.hard_iron", percent=f"{100 * s.matrix_sd:.3g}"))
         model = again
     given.progress(0.7, "judging")
-    o, world = model.observed, world_field(s.date, given.site)
+    o, world = model.observed, world_field(given.site)
     field = FieldSeen(fit, model, world)
     told += field.findings(given.site)
     tables = {"heading": field.budget(), "cells": field.cells()} if given.shown else {}
+    if tables and world is not None:
+        tables["norths"] = field.norths(given.site)
     return result_of(
         "magnetometer", fit, (*checks(_judged(fit, model)), *field.checks()), site=given.site,
         findings=(*log.findings, *o.findings, *told), tables=tables,
@@ -714,12 +724,8 @@ class FieldSeen:
         """
         c, (level, tangent) = self.fit.estimate.coefficients, self.level
         assert c.cov is not None
-        psi = np.arange(24)[:, None] * (2 * np.pi / 24)
-        # b is right, forward, up: north is (-sin, cos, 0) at heading psi, east (cos, sin, 0).
-        north = np.concatenate([-np.sin(psi), np.cos(psi), 0 * psi], axis=1)
-        east = np.concatenate([np.cos(psi), np.sin(psi), 0 * psi], axis=1)
-        m_b = level * (north - tangent * np.array([0.0, 0.0, 1.0]))
-        by = sensor.slopes(m_b)[:, :, [LAYOUT.index(n) for n in c.names]]
+        m_b, _, east = sensor.level_fields(float(np.arctan(tangent)))
+        by = sensor.slopes(level * m_b)[:, :, [LAYOUT.index(n) for n in c.names]]
         slope = (
             np.einsum("ni,ij,njp->np", east, np.linalg.inv(self.fit.state.mag.matrix), by) / level
         )
@@ -738,6 +744,18 @@ class FieldSeen:
         if self.world is not None:
             rows["declination of the world model"] = self.world.declination_sd
         return {"cause": np.array([*rows]), "heading_sd": np.array([*rows.values()], float)}
+
+    def norths(self, site: Site) -> TableData:
+        """Return what a magnetic heading lacks of one from other norths, as a table."""
+        known = {n.name: n for n in norths(site)}
+        magnetic = known.pop("magnetic")
+        return {
+            "north": np.array([*known]),
+            "added": np.array([magnetic.offset - n.offset for n in known.values()]),
+            "sd": np.array([np.hypot(magnetic.sd, n.sd) for n in known.values()]),
+            "by": np.array([magnetic.basis + f", {n.basis}" * (n.name != "true")
+                            for n in known.values()]),
+        }  # fmt: skip
 
     def cells(self) -> TableData:
         """Return the cells, as read and corrected, as a table."""

@@ -148,6 +148,20 @@ class Beforehand(Generic[S, N]):
     wanted: Any = None  # [optimise], where the procedure has it
 
 
+@dataclass(frozen=True)
+class Planned:
+    """A session that was only planned: the model that it states, solved."""
+
+    model: mixed.Model
+    fit: mixed.Fit  # with what is not estimated among its sources
+    true: Mapping[str, float]  # source -> its true size, of those that the readings tell [SI]
+    prior: CoefficientVector  # [SI]
+    log: Any  # simulated
+    found: Result  # what a calibration would state
+    judged: Judgement | None
+    bought: tuple[Extra, ...]
+
+
 @dataclass
 class Stated(Generic[S, N]):
     """What a calibration would state of plans in some circumstances, each asked for once."""
@@ -373,31 +387,12 @@ class Procedure(Generic[S, N]):
                 told_of = finding("left_out.not_counted", procedure=self.name)
                 own = replace(own, findings=(*own.findings, told_of))
             return own
-        if self.observe is None:
-            return None
-        noise = b.noise or b.typical or self.noise or grade(self.grade).noise
-        given = self._given(b.site, b.settings, noise, b.prior, silent)
-        usual = model_of(CoefficientVector.prior(self.layout, b.prior))
-        log = self.simulate(
-            b.session, settings=b.settings, model=usual, noise=noise, site=b.site, seed=b.seed
-        ).log
         with solvable():
-            model = self.observe(log, given)
-            if model is None:
-                return None
-            prior = CoefficientVector.prior(model.layout, b.prior)
-            sizes = self.sizes(b.session, b.settings) if self.sizes else {}
-            judged, bought = None, tuple[Extra, ...]()
-            if self.again is None:
-                fit = mixed.planned(model, sizes, prior)
-            else:
-                again = self.again(model, log, given)
-                fit, judged = beside.planned(model, prior, b.sizes, given.site, again, sizes)
-                bought = beside.declared(fit, judged, prior, sizes) if more else ()
-        found = result_of(
-            self.name, fit, (), site=given.site, findings=(), tables={}, diagnostics={},
-            table_rate_sd=self.table_rate_sd, judged=judged,
-        )  # fmt: skip
+            planned = self.planned(b, more=more)
+        if planned is None:
+            return None
+        model, fit, judged, log = planned.model, planned.fit, planned.judged, planned.log
+        prior, found, bought = planned.prior, planned.found, planned.bought
         at = fit.problem.linearise(fit.state, fit.estimate.weights)
         info = information(at, model.layout).with_prior(prior.prior_sd)
         lost = {n for c in info.weakest(len(prior), BLURRED) for n in c.shares}
@@ -427,6 +422,41 @@ class Procedure(Generic[S, N]):
             more=tuple(one for one in bought if one.gains),
             findings=tuple(told),
         )
+
+    def planned(
+        self, b: Beforehand[S, N], *, more: bool = False, measured: bool = False
+    ) -> Planned | None:
+        """Return the model that a planned session states, solved; None where it states none.
+
+        `more`: whether to say what it would buy to know a size better; `measured`: whether a noise
+        that is not declared is measured in the session, and not known.
+        """
+        if self.observe is None:
+            return None
+        noise = b.noise or b.typical or self.noise or grade(self.grade).noise
+        told = b.noise if measured else noise
+        given = self._given(b.site, b.settings, told, b.prior, silent)
+        usual = model_of(CoefficientVector.prior(self.layout, b.prior))
+        log = self.simulate(
+            b.session, settings=b.settings, model=usual, noise=noise, site=b.site, seed=b.seed
+        ).log
+        model = self.observe(log, given)
+        if model is None:
+            return None
+        prior = CoefficientVector.prior(model.layout, b.prior)
+        sizes = self.sizes(b.session, b.settings) if self.sizes else {}
+        judged, bought = None, tuple[Extra, ...]()
+        if self.again is None:
+            fit = mixed.planned(model, sizes, prior)
+        else:
+            again = self.again(model, log, given)
+            fit, judged = beside.planned(model, prior, b.sizes, given.site, again, sizes)
+            bought = beside.declared(fit, judged, prior, sizes) if more else ()
+        found = result_of(
+            self.name, fit, (), site=given.site, findings=(), tables={}, diagnostics={},
+            table_rate_sd=self.table_rate_sd, judged=judged,
+        )  # fmt: skip
+        return Planned(model, fit, sizes, prior, log, found, judged, bought)
 
     def _added(
         self, b: Beforehand[S, N], found: CoefficientVector, length: float

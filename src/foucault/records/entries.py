@@ -110,8 +110,23 @@ class Reference(Body):
     words: Words = ""
 
 
+class Certified(Body):
+    """A certificate was issued; one that replaces another says which."""
+
+    kind = "certificate"
+    sha256: Annotated[Sha256, Field(description="of the run's result.json")]
+    certificate: Annotated[Name, Field(description="its number")]
+    issued: Annotated[str, Field(description="date, ISO 8601")]
+    page: Annotated[Sha256, Field(description="of the PDF")]
+    dcc: Annotated[Sha256, Field(description="of the XML")]
+    signer: Words = ""
+    replaces: Words = ""
+    words: Annotated[Words, Field(description="what changed, or why it was released")] = ""
+
+
 KINDS: dict[str, type[Body]] = {
-    one.kind: one for one in (RunAdded, RunMoved, Reviewed, Limits, Interval, Event, Reference)
+    one.kind: one
+    for one in (RunAdded, RunMoved, Reviewed, Limits, Interval, Event, Reference, Certified)
 }
 """Kind of an entry -> what it says."""
 

@@ -36,7 +36,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.campaign import comparison
-from foucault.campaign.tolerance import DECISIONS, GUARD, Tolerance, decided
+from foucault.campaign.tolerance import DECISIONS, GUARD, Tolerance, conformity, decided
 from foucault.diagnose.comparable import DAY
 from foucault.diagnose.comparable import Entry as Compared
 from foucault.diagnose.compare import YEAR
@@ -225,7 +225,7 @@ class _Line:
         return Outlook(
             name, kind, self.runs, self.how, value, sd, float(self.x[1]) * YEAR,
             slope_sd if slope_sd > 0 else math.nan, self.repeatability, later, later_sd, limit,
-            _within(value, sd, limit), _within(later, later_sd, limit),
+            conformity(value, sd, limit), conformity(later, later_sd, limit),
             _decided(value, sd, limit), _decided(later, later_sd, limit), self._reaches(limit),
         )  # fmt: skip
 
@@ -285,14 +285,6 @@ def _repeatability(design: FloatArray, x: FloatArray, sd: FloatArray) -> float:
     while excess(high) > 0:
         high *= 2
     return float(brentq(excess, 0.0, high))
-
-
-def _within(value: float, sd: float, limit: float) -> float:
-    """Return the probability that a normal number is no larger than a limit [1]."""
-    if not (math.isfinite(limit) and math.isfinite(value) and sd > 0):
-        return math.nan
-    root = sd * math.sqrt(2)
-    return 0.5 * (math.erf((limit - value) / root) - math.erf((-limit - value) / root))
 
 
 def _decided(value: float, sd: float, limit: float) -> str:

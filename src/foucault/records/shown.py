@@ -38,5 +38,5 @@ def row(o: Outlook) -> tuple[str, ...]:
 
 
 def day(time: float) -> str:
-    """Return the day of a time since 1970 [s]."""
+    """Return the day of a `time`: since 1970 [s]."""
     return f"{datetime.datetime.fromtimestamp(time, datetime.UTC):%Y-%m-%d}"

@@ -28,6 +28,7 @@ from foucault.records.database import Database
 from foucault.records.entries import (
     FIRST,
     Body,
+    Certified,
     Entry,
     Event,
     Interval,
@@ -213,6 +214,29 @@ class Records:
             raise error("records.not_in", folder=folder)
         self.say(RunMoved(sha256=digest, folder=self._seen(result_file(folder).parent)))
         return self.run(digest)
+
+    def certify(self, body: Certified, write: Callable[[], object]) -> Entry:
+        """Add that a certificate was issued, and `write` its files; both or neither.
+
+        Raises ``certificate.*``: its number was given, or what it replaces is not what was issued.
+        """
+        with self.database.writing() as connection:
+            rows = connection.execute(sa.select(db.entry).where(db.entry.c.kind == body.kind))
+            for row in rows.mappings():
+                one = Certified.model_validate_json(row["body"])
+                if one.certificate == body.certificate:
+                    raise error("certificate.issued", number=one.certificate, day=one.issued)
+                if body.replaces and one.replaces == body.replaces:
+                    raise error("certificate.replaced", before=body.replaces,
+                                number=one.certificate)  # fmt: skip
+            entry = self._append(connection, _last(connection), body)
+            write()
+            return entry
+
+    def certificates(self, run: Run | None = None) -> list[Certified]:
+        """Return the certificates that were issued, or those of a run, in order."""
+        every = [body for _, body in self.said(Certified)]
+        return [b for b in every if run is None or b.sha256 == run.sha256]
 
     # -- looking up ------------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ from foucault.models.rotation import angles_of, turned
 from foucault.procedures.alignment import Comparison
 from foucault.procedures.delay import FoundDelay
 from foucault.report import page
+from foucault.report.headings import from_each_north
 from foucault.report.page import (
     STATES,
     WORDS,
@@ -44,8 +45,14 @@ def document(found: Comparison, name: str, norths: Sequence[North] = ()) -> Docu
     head = Heading(f"Alignment of {name}", [], state, word, [])
     limits = section("alignment.limits", _seen(found), _bias(found), _undeclared(found),
                      _sway(found))  # fmt: skip
+    each = [(METHODS[one.method], float(one.angles[0]), float(one.angles_sd[0]))
+            for one in found.found]  # fmt: skip
     return Document.of(
-        head, _methods(found), _norths(found, norths), limits, page.findings(found.findings, "log")
+        head,
+        _methods(found),
+        from_each_north("method", each, norths),
+        limits,
+        page.findings(found.findings, "log"),
     )
 
 
@@ -58,22 +65,6 @@ def _methods(found: Comparison) -> Section | None:
     angles = [f"{angle} (deg): number | sd: number" for angle in ("heading", "pitch", "roll")]
     heads = columns("method", *angles, "window (s): number")
     return section("alignment.methods", Table(heads, rows))
-
-
-def _norths(found: Comparison, norths: Sequence[North]) -> Section | None:
-    """Return the headings of every method from each north."""
-    if len(norths) < 2:
-        return None
-    rows = []
-    for one in found.found:
-        for north in norths:
-            x, sd = np.degrees(north.heading(float(one.angles[0]), float(one.angles_sd[0])))
-            about = format_value(np.degrees(north.offset), np.degrees(north.sd) or 1e-4)
-            rows.append([METHODS[one.method], north.name, format_value(x, sd), f"{sd:.2g}", about,
-                         north.basis])  # fmt: skip
-    heads = columns("method", "north", "heading (deg): number", "sd: number",
-                    "this north, from true north (deg): number", "by")  # fmt: skip
-    return section("alignment.norths", Table(heads, rows))
 
 
 def _seen(found: Comparison) -> str:

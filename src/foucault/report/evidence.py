@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.coefficients import format_value
 from foucault.report import chart, orientation
 from foucault.report.chart import (
     BAD,
@@ -38,6 +39,7 @@ from foucault.report.page import (
     Items,
     Section,
     Table,
+    Text,
     chi_square,
     columns,
     known_to,
@@ -680,9 +682,18 @@ def field(result: Result) -> Section | None:
         ("cause: short", budget["cause"].tolist()),
         ("level heading [°]: number", [f"{np.degrees(x):.3g}" for x in budget["heading_sd"]]),
     )
+    blocks: list[Block] = [rows]
+    if other := result.tables.get("norths"):
+        blocks += [Text(said(f"{key}.norths")), table(
+            ("heading from: short", other["north"].tolist()),
+            ("add [°]: number", [format_value(*np.degrees([x, s]))
+                                 for x, s in zip(other["added"], other["sd"], strict=True)]),
+            ("± sd [°]: number", [f"{np.degrees(s):.2g}" for s in other["sd"]]),
+            ("by", other["by"].tolist()),
+        )]  # fmt: skip
     size = facts["intensity"] * 1e6
     lead = said(*keys, intensity=size, basis=facts["intensity_basis"], **degrees)
-    return section(key, rows, draw(key, data, lines=[size]), lead=lead)
+    return section(key, *blocks, draw(key, data, lines=[size]), lead=lead)
 
 
 def spins(result: Result) -> Section | None:

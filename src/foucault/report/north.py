@@ -13,6 +13,7 @@ import numpy as np
 from foucault.coefficients import format_value
 from foucault.errors import listed
 from foucault.models.imu import LAYOUT
+from foucault.models.norths import North
 from foucault.report import chart, page
 from foucault.report.chart import (
     BAD,
@@ -34,6 +35,7 @@ from foucault.report.chart import (
     whiskers,
 )
 from foucault.report.evidence import RESIDUAL_LIMIT
+from foucault.report.headings import from_each_north
 from foucault.report.page import (
     STATES,
     WORDS,
@@ -235,7 +237,8 @@ def document(record: Record) -> Document:
     if len(setups) == 1:
         one = setups[0]
         parts = _parts(one)
-        head, made = _one_heading(one), [where(one), *parts[:-1], noticed, parts[-1]]
+        first = [where(one), _norths(setups)]
+        head, made = _one_heading(one), [*first, *parts[:-1], noticed, parts[-1]]
     else:
         rank = {level: k for k, level in enumerate(LEVELS)}
         order = sorted(
@@ -245,7 +248,7 @@ def document(record: Record) -> Document:
                 -np.nan_to_num(s.degrees("heading", "sd"), nan=np.inf),
             ),
         )
-        made = [_table(setups, order), _roses(setups), _budgets(order), noticed]
+        made = [_table(setups, order), _norths(setups), _roses(setups), _budgets(order), noticed]
         head, made = _many_heading(record, setups), [*made, *map(_detail, order[:DETAILED])]
     files = {"input": "readings", "calibration": ""}
     return Document.of(head, made, _known(about), _calibration(about), made_from(about, files))
@@ -304,6 +307,14 @@ def where(setup: Setup) -> Section | None:
         if setup.degrees("heading", "sd") < 30:
             drawn.append(_strip(setup))
     return section("north.where", drawn, angles(setup))
+
+
+def _norths(setups: Sequence[Setup]) -> Section | None:
+    """Return the heading of every set-up from every north that [site] names."""
+    known = [North(**north) for north in setups[0].about.get("norths", ())]
+    some = [s for s in setups if s.sure][:LISTED]
+    each = [(s.name, s.said["heading"]["value"], s.said["heading"]["sd"]) for s in some]
+    return from_each_north("set-up", each, known)
 
 
 # -- many set-ups ----------------------------------------------------------------------------

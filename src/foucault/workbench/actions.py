@@ -15,7 +15,7 @@ from foucault.errors import error
 from foucault.workbench.asked import OFFERS, files_of, given_log, stays, words_of
 from foucault.workbench.bench import COOKIE, Bench, bench_of, form_of, give_cookie, needs, to
 from foucault.workbench.people import Person
-from foucault.workbench.store import Job
+from foucault.workbench.store import Job, Number
 from foucault.workbench.uploads import take_in
 
 router = APIRouter()
@@ -90,7 +90,7 @@ async def do(request: Request, command: str) -> Response:
 
 
 @router.post("/jobs/{number}/stop")
-async def stop(request: Request, number: int) -> Response:
+async def stop(request: Request, number: Number) -> Response:
     """Stop a job; that of somebody else is a reviewer's to stop."""
     await form_of(request)
     bench = bench_of(request)
@@ -101,7 +101,7 @@ async def stop(request: Request, number: int) -> Response:
 
 
 @router.post("/jobs/{number}/keep")
-async def keep(request: Request, number: int) -> Response:
+async def keep(request: Request, number: Number) -> Response:
     """Take a run into the records."""
     who = needs(request, "operator")
     said = await form_of(request)

@@ -15,7 +15,7 @@ from foucault.errors import error
 from foucault.workbench import actions
 from foucault.workbench.bench import Bench, bench_of
 from foucault.workbench.people import Person, user
-from foucault.workbench.store import Job
+from foucault.workbench.store import Job, Number
 from foucault.workbench.uploads import take_in
 
 router = APIRouter(prefix="/api", tags=["workbench"])
@@ -69,7 +69,7 @@ def ask(
         dict[str, str | list[str]] | None, Body(examples=[{"latitude": "47.3 deg"}])
     ] = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Ask for a job, as the command line would be called."""
+    """Ask for a job, as the command line would be called; `runs`: numbers of jobs [1]."""
     given = {
         f"--{key.lstrip('-').replace('_', '-')}": [v] if isinstance(v, str) else v
         for key, v in (options or {}).items()
@@ -79,13 +79,13 @@ def ask(
 
 
 @router.get("/jobs/{number}")
-def job(bench: At, who: Who, number: int) -> dict[str, Any]:
+def job(bench: At, who: Who, number: Number) -> dict[str, Any]:
     """Follow a job: its state, how far it is, and when it is done what it has left."""
     return told(bench, bench.store.job(number))
 
 
 @router.get("/jobs/{number}/files/{name}")
-def file(bench: At, who: Who, number: int, name: str) -> FileResponse:
+def file(bench: At, who: Who, number: Number, name: str) -> FileResponse:
     """Fetch what a job has left, such as result.json or report.html."""
     from foucault.workbench.pages import file_left
 
@@ -95,7 +95,7 @@ def file(bench: At, who: Who, number: int, name: str) -> FileResponse:
 
 @router.post("/jobs/{number}/keep", status_code=201)
 def keep(
-    bench: At, who: Who, number: int, instrument: Annotated[str, Body()] = "",
+    bench: At, who: Who, number: Number, instrument: Annotated[str, Body()] = "",
     date: Annotated[str, Body()] = "",
 ) -> dict[str, Any]:  # fmt: skip
     """Take a run into the records."""

@@ -17,7 +17,7 @@ from foucault import __version__
 from foucault.errors import FoucaultError, error
 from foucault.workbench.asked import Option
 from foucault.workbench.people import LASTS, People, Person, user
-from foucault.workbench.store import Job, Store
+from foucault.workbench.store import Job, Number, Store
 from foucault.workbench.worker import said
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class Bench:
         finally:
             held.close()
 
-    def run_of(self, number: int) -> tuple[Job, Path]:
+    def run_of(self, number: Number) -> tuple[Job, Path]:
         """Return a job that is done, and the folder that it has written."""
         job = self.store.job(number)
         if job.state != "done":
@@ -128,7 +128,7 @@ async def form_of(request: Request) -> Any:
 
 
 def page(request: Request, template: str, status: int = 200, /, **said: Any) -> HTMLResponse:
-    """Return a page; it gets a cookie where it has none, by which its forms are known."""
+    """Return a page; one without a cookie gets it, by which forms are known; `status`: of HTTP [1]."""
     bench = bench_of(request)
     cookie = request.cookies.get(COOKIE, "")
     fresh = "" if cookie else secrets.token_urlsafe(32)

@@ -15,7 +15,7 @@ from foucault.errors import FoucaultError, error
 from foucault.workbench.asked import OFFERS, PLACE, files_of, given_log, shown
 from foucault.workbench.bench import Bench, bench_of, needs, page, person, to
 from foucault.workbench.look import FILE as LOOK_FILE
-from foucault.workbench.store import Job
+from foucault.workbench.store import Job, Number
 
 router = APIRouter()
 
@@ -131,14 +131,14 @@ def logs(request: Request) -> Response:
 
 @router.get("/jobs")
 def jobs(request: Request, before: int = 1 << 62) -> Response:
-    """What was asked for, newest first."""
+    """What was asked for, newest first; `before`: number of a job [1]."""
     person(request)
     return page(request, "jobs.html", jobs=bench_of(request).store.jobs(MANY, before=before),
                 most=MANY)  # fmt: skip
 
 
 @router.get("/jobs/{number}")
-def job_page(request: Request, number: int) -> Response:
+def job_page(request: Request, number: Number) -> Response:
     """A job: how far it is; when it is done its verdict, its report, and what to do with it."""
     person(request)
     bench = bench_of(request)
@@ -204,7 +204,7 @@ def _row(row: dict[str, Any], last: dict[str, float]) -> tuple[str, ...]:
 
 
 @router.get("/jobs/{number}/state")
-def state(request: Request, number: int) -> Response:
+def state(request: Request, number: Number) -> Response:
     """The part of a page that changes while a job runs; when it is over the page is loaded."""
     person(request)
     job = bench_of(request).store.job(number)
@@ -222,7 +222,7 @@ def files_left(bench: Bench, job: Job) -> list[str]:
     return sorted(n for n in found if not n.startswith(".") and n not in (LOOK_FILE, "tables"))
 
 
-def file_left(bench: Bench, number: int, name: str) -> Path:
+def file_left(bench: Bench, number: Number, name: str) -> Path:
     """Return a file that a job has left; raises ``workbench.no_name``."""
     job, folder = bench.run_of(number)
     if name not in files_left(bench, job):
@@ -235,7 +235,7 @@ def file_left(bench: Bench, number: int, name: str) -> Path:
 
 
 @router.get("/jobs/{number}/files/{name}")
-def download(request: Request, number: int, name: str) -> Response:
+def download(request: Request, number: Number, name: str) -> Response:
     """A file to keep; no browser opens it."""
     person(request)
     return FileResponse(file_left(bench_of(request), number, name), filename=name,
@@ -243,7 +243,7 @@ def download(request: Request, number: int, name: str) -> Response:
 
 
 @router.get("/jobs/{number}/report")
-def report(request: Request, number: int) -> Response:
+def report(request: Request, number: Number) -> Response:
     """The report, for a frame that reaches nothing."""
     person(request)
     file = file_left(bench_of(request), number, run_folder.REPORT_FILE)
@@ -259,7 +259,7 @@ def _framed() -> dict[str, str]:
 
 @router.get("/instruments")
 def instruments(request: Request, find: str = "", page_of: int = 1) -> Response:
-    """All instruments: how many runs, the last one, when it is due."""
+    """All instruments: runs, the last one, when it is due; `page_of`: from 1 [1]."""
     person(request)
     from foucault.records.history import fleet
     from foucault.records.shown import day
@@ -413,5 +413,3 @@ async def token(request: Request) -> Response:
     made = await aside(people.token, who.name, str(said.get("label", "")))
     every = people.all() if who.may("administrator") else []
     return page(request, "accounts.html", every=every, tokens=people.tokens(who.name), token=made)
-
-

@@ -48,7 +48,7 @@ class Crew:
     """Workers that are started again when they die, and end with this process."""
 
     def __init__(self, command: Sequence[str], count: int) -> None:
-        """Start `count` processes by a command."""
+        """Start `count`: so many [1] processes by a command."""
         self.command, self.ending = list(command), threading.Event()
         self.there = [self._begun() for _ in range(count)]
         self.watch = threading.Thread(target=self._look_after, daemon=True)
@@ -81,7 +81,10 @@ def serve(
     worker: Sequence[str], options: Callable[[str], list[Option]],
     say: Callable[[str], None],
 ) -> None:  # fmt: skip
-    """Serve a workbench until it is interrupted; raises ``workbench.accounts``."""
+    """Serve a workbench until it is interrupted; `port`: to listen at [1]; `workers`: jobs at a time [1].
+
+    Raises ``workbench.accounts``, ``workbench.port``.
+    """
     store = Store(folder)
     open_to_others = not loopback(host)
     if open_to_others and not People(store).any():

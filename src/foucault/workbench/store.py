@@ -50,6 +50,9 @@ CREATE TABLE attempt (of TEXT NOT NULL, at REAL NOT NULL);
 CREATE TABLE setting (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 """
 
+Number = int
+"""Of a job: they count from 1 [1]."""
+
 ENDED = ("done", "failed", "stopped")
 
 
@@ -57,7 +60,7 @@ ENDED = ("done", "failed", "stopped")
 class Job:
     """A command line that is to be run, is running, or was."""
 
-    number: int
+    number: int  # from 1 [1]
     made: str  # date and time, ISO 8601
     who: str
     command: str
@@ -65,9 +68,9 @@ class Job:
     log: str  # folder of the log in `logs`; empty: none
     state: str
     worker: str
-    tries: int
+    tries: int  # so far [1]
     ended: str
-    code: int | None  # how the program ended
+    code: int | None  # how the program ended [1]
     part: float  # that is done [1]
     doing: str
 
@@ -154,7 +157,7 @@ class Store:
             db.execute("UPDATE job SET words = ? WHERE number = ?", (said, row[0]))
         return self.job(row[0])
 
-    def job(self, number: int) -> Job:
+    def job(self, number: Number) -> Job:
         """Return a job; raises ``workbench.no_job``."""
         with self.reading() as db:
             row = db.execute("SELECT * FROM job WHERE number = ?", (number,)).fetchone()
@@ -163,7 +166,7 @@ class Store:
         return _job(row)
 
     def jobs(self, most: int = 50, log: str = "", before: int = 1 << 62) -> list[Job]:
-        """Return the newest jobs, of one log if it is named."""
+        """Return the newest jobs, of one log if it is named; `most`: so many [1]; `before`: a number [1]."""
         with self.reading() as db:
             rows = db.execute(
                 "SELECT * FROM job WHERE (? = '' OR log = ?) AND number < ? "
@@ -185,13 +188,13 @@ class Store:
         return None if row is None else _job(row)
 
     def tell(self, job: Job, part: float, doing: str) -> None:
-        """Keep how far a job is."""
+        """Keep how far a job is; `part`: that is done [1]."""
         with suppress(FoucaultError), self.writing() as db:
             db.execute("UPDATE job SET part = ?, doing = ? WHERE number = ? AND state = 'running' "
                        "AND worker = ?", (part, doing, job.number, job.worker))  # fmt: skip
 
     def end(self, job: Job, state: str, code: int | None) -> bool:
-        """Say how a job ended; False where it is no longer this worker's."""
+        """Say how a job ended, `code`: exit code [1]; False where it is no longer this worker's."""
         with self.writing() as db:
             return db.execute(
                 "UPDATE job SET state = ?, code = ?, ended = ?, part = 1 "
@@ -209,7 +212,7 @@ class Store:
                 (state, now() if state == "failed" else "", job.number, job.worker),
             )  # fmt: skip
 
-    def stop(self, number: int) -> None:
+    def stop(self, number: Number) -> None:
         """Stop a job that is not over; a worker that runs it sees that and ends it."""
         with self.writing() as db:
             db.execute("UPDATE job SET state = 'stopped', ended = ? WHERE number = ? AND state "

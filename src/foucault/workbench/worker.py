@@ -18,7 +18,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
-from foucault.workbench.store import Job, Store, hold
+from foucault.workbench.store import Job, Number, Store, hold
 
 Tell = Callable[[float, str], None]
 Run = Callable[[Sequence[str], Tell], int]
@@ -129,7 +129,7 @@ def _in_the_fork(store: Store, job: Job, run: Run) -> int:
     return code
 
 
-def said(folder: Path, number: int) -> str:
+def said(folder: Path, number: Number) -> str:
     """Return what a job has said."""
     try:
         with (folder / "runs" / f"{number}.txt").open("rb") as stream:

@@ -43,6 +43,9 @@ USUAL = {"accel.bias": 0.5, "gyro.bias": 0.02, "accel.quadratic": 1e-4, "gyro.g_
 PROBES = 4
 """Draws of noise that tell how many numbers the phase takes up [1]."""
 
+WALK_TURNS = 12
+"""The walk of the acceleration is told by means over a twelfth of a turn [1 / turn]."""
+
 SWAY_TURNS = 4
 """The sway is told by means over a quarter of a turn [1 / turn]."""
 
@@ -65,7 +68,7 @@ class Passed:
     information: FloatArray  # (u, u) of its own unknowns [1 / SI^2]
     gradient: FloatArray  # (u,) [1 / SI]
     left: FloatArray  # (n, 6) white residuals, the phase smoothed [1]
-    free: FloatArray  # (6,) readings less what the phase takes up of each [1]
+    free: FloatArray  # (6,) readings less what the phase takes up of each; 0 without draws [1]
     path: FloatArray  # (n, 3) the phase where no unknown moves [SI]
     unit: FloatArray  # (3,) of the states, as they are scaled [1 / SI]
     X: FloatArray  # (n, 6, u) what unknowns do to white readings [1 / SI]
@@ -118,9 +121,12 @@ def _band(on: FloatArray, below: FloatArray) -> FloatArray:
 
 def passed(
     spin: Spin, grip: Grip, path: FloatArray, model: ImuModel, names: tuple[str, ...],
-    sizes: Sizes, site: Site,
+    sizes: Sizes, site: Site, draws: int = 0,
 ) -> Passed:  # fmt: skip
-    """Linearise a spin about a `path` (n, 3) [SI] and eliminate the states."""
+    """Linearise a spin about a `path` (n, 3) [SI] and eliminate the states.
+
+    `draws`: of noise, to tell how much of it the phase takes up [1].
+    """
     from scipy.linalg import cho_solve_banded, cholesky_banded
 
     miss, X, S = _white(spin, grip, path, model, names, sizes, site)
@@ -128,17 +134,17 @@ def passed(
     unit = np.array([1.0, spin.step, spin.step**2])
     on, below, slope = _prior(spin, sizes.walk, path)
     on = on + np.swapaxes(S, 1, 2) @ S
-    probes = np.random.default_rng(n).standard_normal((n, 6, PROBES))
+    probes = np.random.default_rng(n).standard_normal((n, 6, draws))
     right = np.swapaxes(S, 1, 2) @ np.concatenate([X, miss[:, :, None], probes], axis=2)
-    right[:, :, -PROBES - 1] -= slope
+    u = p + GRIP
+    right[:, :, u] -= slope
     band = cholesky_banded(_band(on, below), lower=True, check_finite=False)
     moves = cho_solve_banded((band, True), right.reshape(3 * n, -1), check_finite=False)
     moves = moves.reshape(n, 3, -1)
-    u = p + GRIP
     taken = S @ moves[:, :, u:]
     flat, left = X.reshape(6 * n, u), miss - taken[:, :, 0]
     by_states = right[:, :, :u].reshape(3 * n, u).T @ moves[:, :, :u].reshape(3 * n, u)
-    free = np.einsum("nkj,nkj->k", probes, probes - taken[:, :, 1:]) / PROBES
+    free = np.einsum("nkj,nkj->k", probes, probes - taken[:, :, 1:]) / max(draws, 1)
     return Passed(flat.T @ flat - by_states, flat.T @ left.ravel(), left, free,
                   path + moves[:, :, u] / unit, unit, X, S, moves[:, :, :u])  # fmt: skip
 
@@ -167,12 +173,29 @@ def _white(
     return miss / sizes.sd, X, S
 
 
+def _averaged(spin: Spin, path: FloatArray, sizes: Sizes) -> tuple[Spin, FloatArray, Sizes]:
+    """Return a spin, its path and its noise, averaged over parts of a turn."""
+    k = max(round(2 * np.pi / WALK_TURNS / abs(spin.rate) / spin.step), 1)
+    n = len(spin.time) // k
+
+    def mean(x: FloatArray) -> FloatArray:
+        return np.asarray(x[: n * k].reshape(n, k, *x.shape[1:]).mean(axis=1))
+
+    few = replace(spin, time=mean(spin.time), readings=mean(spin.readings), many=spin.many * k)
+    return few, mean(path), replace(sizes, sd=sizes.sd / np.sqrt(k))
+
+
 def _likeliest_walk(
     spin: Spin, grip: Grip, path: FloatArray, model: ImuModel, sizes: Sizes, site: Site
 ) -> float:
-    """Return the density of the random walk that is most likely, the coefficients as they are."""
+    """Return the density of the random walk that is most likely, the coefficients as they are.
+
+    By means over parts of a turn: a tool's rate is no random walk of its acceleration, and what
+    quiet gyros tell of it from sample to sample is not how it varies while gravity turns.
+    """
     from scipy.linalg import cho_solve_banded, cholesky_banded
 
+    spin, path, sizes = _averaged(spin, path, sizes)
     miss, _, S = _white(spin, grip, path, model, (), sizes, site)
     x = path * np.array([1.0, spin.step, spin.step**2])
     right, gram = np.einsum("nki,nk->ni", S, miss), np.swapaxes(S, 1, 2) @ S
@@ -275,7 +298,8 @@ def solve(
     at = Solved(spins, names, site, Point(ImuModel(), grips, paths, sizes), (), False)
     last, size = np.inf, np.inf
     for count in range(most):
-        at = replace(at, each=_every(at))
+        finds = count in (FIRST - 1, FIRST)
+        at = replace(at, each=_every(at, PROBES if finds else 0))
         N, g = _sums(at)
         unit = np.sqrt(np.maximum(np.diag(N), 1e-300))
         step = np.linalg.lstsq(N / np.outer(unit, unit), g / unit, rcond=1e-15)[0] / unit
@@ -284,7 +308,7 @@ def solve(
             break
         at = replace(at, point=_stepped(at, step))
         last = size
-        if count in (FIRST - 1, FIRST):
+        if finds:
             at, last = replace(at, point=replace(at.point, sizes=_noise(at, declared))), np.inf
     return replace(at, converged=size < UNSETTLED)
 
@@ -313,10 +337,10 @@ def floor(spin: Spin, declared: ImuNoise | None) -> FloatArray:
     )
 
 
-def _every(at: Solved) -> tuple[Passed, ...]:
+def _every(at: Solved, draws: int) -> tuple[Passed, ...]:
     p = at.point
     return tuple(
-        passed(s, p.grips[s.mounting], path, p.model, at.names, sizes, at.site)
+        passed(s, p.grips[s.mounting], path, p.model, at.names, sizes, at.site, draws)
         for s, path, sizes in zip(at.spins, p.paths, p.sizes, strict=True)
     )
 

@@ -10,7 +10,7 @@ The calibration of a north seeker solved: from dwells to coefficients, with what
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -54,6 +54,7 @@ from foucault.infer.mixed import NOISE_BASIS, Fit
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise, noise_of
 from foucault.models.north_seeker import SEEKER, Compensation, Dwells
+from foucault.models.norths import North, norths
 from foucault.procedures import Progress, silent
 from foucault.procedures.north_seeking.settings import MOST_LATITUDE, Settings
 from foucault.result import Check, Level, Result, Verdict, provenance
@@ -89,6 +90,7 @@ class Survey:
     instrument: dict[str, Any]  # name, serial and so on
     site: Site
     provenance: dict[str, Any]  # versions, input, date, duration
+    norths: Sequence[North]  # those that headings are given from, true north first
 
     def __len__(self) -> int:
         return len(self.fixes)
@@ -168,7 +170,7 @@ def find_north(
         dwells, pairs, fixes, known, noise, source, compensation, _about(calibration), free,
         checks, tuple(Verdict.of(c).doubted(told) for c in checks), noticed, told, alone.sd,
         judge.drift_effect(pairs, fixes, known, compensation, DRIFT_UNIT), about, site,
-        provenance(log.source, clock.monotonic() - started),
+        provenance(log.source, clock.monotonic() - started), norths(site),
     )  # fmt: skip
 
 

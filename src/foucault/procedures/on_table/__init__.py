@@ -169,10 +169,13 @@ def from_readings(
     `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
     of coefficients or groups of coefficients [SI]; `sizes` or None: of what is not estimated [SI].
     """
-    readings, found = _usable(readings, task, site)
-    options = options_of(readings, task, prior)
-    start = _start(readings, task, site, options)
-    again = reduced_again(TableModel(readings, site, start, options))
+    model, found = stated(readings, task, site, prior)
+    readings, options, start, again = (
+        model.readings,
+        model.options,
+        model.start,
+        reduced_again(model),
+    )
     whole = left_out.whole(sizes, site, again.white, again.wander)
     if whole is None:
         solution = fit(readings, site, start, options)
@@ -189,6 +192,19 @@ def from_readings(
         estimate = replace(solution.estimate, coefficients=coefficients, state=state)
         solution = replace(solution, fit=replace(solution.fit, estimate=estimate), gain=gain)
     return _result(readings, task, site, solution, found, likelihood)
+
+
+def stated(
+    readings: Readings, task: Task, site: Site, prior: Mapping[str, tuple[float, float]] | None
+) -> tuple[TableModel, list[Finding]]:
+    """State the model of readings, and what is to be said of them.
+
+    `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
+    of coefficients or groups of coefficients [SI].
+    """
+    readings, found = _usable(readings, task, site)
+    options = options_of(readings, task, prior)
+    return TableModel(readings, site, _start(readings, task, site, options), options), found
 
 
 def reduced_again(model: TableModel) -> Again:
@@ -397,6 +413,10 @@ def table_procedure(
 
         return plan.foresee(task_of(b.settings, b.site), b)
 
+    def observe(log: Log, given: Given[S]) -> TableModel:
+        task = task_of(given.settings, given.site)
+        return stated(read_positions(log, task, given.noise), task, given.site, given.prior)[0]
+
     def space(b: Beforehand[S, N]) -> PositionSpace:
         from foucault.procedures.on_table import plan
 
@@ -410,6 +430,8 @@ def table_procedure(
         solve=lambda log, given: solve(log, task_of(given.settings, given.site), given),
         simulation=simulate,
         names=lambda settings, _: settings.estimated(),
+        observe=observe,
+        again=lambda model, log, _: reduced_again(model),
         foresee=foresee,
         counts=True,
         counts_by_noise=True,

@@ -1,0 +1,204 @@
+"""The commands `foucault certify` and `foucault verify`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foucault.cli import options
+from foucault.cli.options import command
+from foucault.cli.screen import EXIT_CODES, Screen
+
+if TYPE_CHECKING:
+    from foucault.certificate.issue import Issued
+    from foucault.certificate.signature import Key
+    from foucault.certificate.verify import Found
+    from foucault.records import Records
+
+PASSWORD = "FOUCAULT_KEY_PASSWORD"
+"""Environment variable with the password of a key."""
+
+Kept = Annotated[
+    str | None,
+    typer.Option(
+        "--records",
+        help="Records that know the run and its references and keep what was issued: a file or an "
+        "address; none if left out.",
+    ),
+]
+
+
+@command(
+    "foucault certify run laboratory.toml job.toml -o certificates --key laboratory.p12",
+    "foucault certify run laboratory.toml job.toml -o certificates --records records.sqlite",
+    'foucault certify run laboratory.toml job.toml -o certificates --reviewer "A. Noether" '
+    '--reason "one rest was bumped, and left out"',
+    "foucault certify run laboratory.toml job.toml -o certificates "
+    '--replaces certificates/2026-7.pdf --change "name of the customer"',
+    notes="The password of the key is asked for, or taken from FOUCAULT_KEY_PASSWORD.",
+)
+def certify(
+    ctx: typer.Context,
+    result: options.ResultFile,
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="TOML files with [certificate]; a later one goes before earlier ones."),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder to write NUMBER.pdf and NUMBER.xml to.")
+    ],
+    key: Annotated[
+        Path | None,
+        typer.Option(help="PKCS#12 file of the key that signs; not signed if left out."),
+    ] = None,
+    issued: Annotated[
+        str, typer.Option(help="Day of issue, such as 2026-11-26; today if the files do not say.")
+    ] = "",
+    reviewer: Annotated[
+        str, typer.Option(help="Who releases a run that did not pass; printed.")
+    ] = "",
+    reason: Annotated[str, typer.Option(help="Why it is released; printed.")] = "",
+    replaces: Annotated[
+        Path | None, typer.Option(help="The certificate that this one replaces, PDF or XML.")
+    ] = None,
+    change: Annotated[str, typer.Option(help="What is changed from that; printed.")] = "",
+    records: Kept = None,
+    who: Annotated[
+        str, typer.Option(help="Who says so; the user of this computer if left out.")
+    ] = "",
+) -> None:
+    """Write the certificate of a run: a page and a DCC, signed.
+
+    By ISO/IEC 17025; one that lacks an item is refused.
+    """
+    from foucault.certificate import issue
+
+    screen: Screen = ctx.obj
+    for given, other, both in (
+        ("--reviewer", "--reason", (reviewer, reason)),
+        ("--replaces", "--change", (replaces, change)),
+    ):
+        if bool(both[0]) != bool(both[1]):
+            from foucault.errors import error
+
+            names = (given, other) if both[0] else (other, given)
+            raise error("certificate.together", given=names[0], other=names[1])
+    signer = None if key is None else _key(key)
+    with _opened(records, who) as kept, screen.progress() as tell:
+        tell(0.1, "gathering what it says")
+        done = issue.issue(
+            result, files, output, key=signer, issued=issued, reviewer=reviewer, reason=reason,
+            replaces=replaces, change=change, records=kept,
+        )  # fmt: skip
+    _told(screen, done)
+
+
+def _opened(where: str | None, who: str) -> Any:
+    """Return the records, closed at the end of a block; None without any."""
+    if where is None:
+        return nullcontext()
+    from contextlib import closing
+
+    from foucault.records import Records
+
+    records: Records = Records(where, who=who)
+    return closing(records)
+
+
+def _key(path: Path) -> Key:
+    from foucault.certificate import signature
+
+    password = os.environ.get(PASSWORD)
+    if password is None and sys.stdin.isatty():
+        password = typer.prompt(f"Password of {path}", hide_input=True, default="", err=True,
+                                show_default=False)  # fmt: skip
+    return signature.load(path, password or "")
+
+
+def _told(screen: Screen, done: Issued) -> None:
+    screen.say(f"Certificate {done.number}: {done.page} and {done.dcc}")
+    if done.replaces:
+        screen.say(f"It replaces {done.replaces}.")
+    screen.say(f"Signed by {done.signer}." if done.signer else "Not signed: give a key with --key.")
+    if done.entry:
+        screen.say(f"Kept in the records as entry {done.entry}.")
+    screen.data({
+        "number": done.number, "page": str(done.page), "dcc": str(done.dcc),
+        "page_sha256": done.page_sha256, "dcc_sha256": done.dcc_sha256, "signer": done.signer,
+        "replaces": done.replaces, "decision": done.decision, "entry": done.entry,
+    })  # fmt: skip
+
+
+@command(
+    "foucault verify 2026-7.pdf --trust laboratory.pem",
+    "foucault verify 2026-7.xml --trust laboratory.pem --records records.sqlite",
+    exits={
+        0: "as it was signed, by a key that is trusted and valid",
+        3: "as it was signed; by whom is open, or the key has expired",
+        4: "changed, not signed, or replaced",
+    },
+)
+def verify(
+    ctx: typer.Context,
+    file: Annotated[Path, typer.Argument(help="A certificate, PDF or XML.")],
+    trust: Annotated[
+        Path | None,
+        typer.Option(help="Certificate of the laboratory's key, or of who vouches for it, got "
+                     "from the laboratory itself: PEM or DER."),
+    ] = None,
+    records: Kept = None,
+) -> None:  # fmt: skip
+    """Tell whether a certificate is as it was signed, and by whom."""
+    from foucault.certificate.verify import verify as look
+
+    screen: Screen = ctx.obj
+    with _opened(records, "") as kept:
+        found = look(file, trust)
+        known, wrong = ("", []) if kept is None else _kept(kept, found)
+    faults = [*found.faults, *wrong]
+    level = "unusable" if faults else str(found.level)
+    word = {"pass": "valid", "doubtful": "valid, but look at it", "unusable": "not valid"}[level]
+    issued = f", issued on {found.issued}" if found.issued else ""
+    screen.say(f"Certificate {found.number or 'without a number'}{issued}", style="bold")
+    for seal in found.seals:
+        at = "at an unknown time" if seal.at is None else f"on {seal.at:%Y-%m-%d %H:%M:%S %Z}"
+        screen.say(f"{seal.what}: signed by {seal.signer} {at}; key {seal.fingerprint[:16]}")
+    for line in (*faults, *found.doubts, *filter(None, (known,))):
+        screen.say(f"  {line}")
+    screen.say(f"verdict: {word}")
+    screen.data(_plain(found, level, faults, known))
+    raise typer.Exit(EXIT_CODES[level])
+
+
+def _kept(records: Records, found: Found) -> tuple[str, list[str]]:
+    """Return what the records say of a certificate, and what is wrong by them."""
+    every = records.certificates()
+    mine = next((c for c in every if c.certificate == found.number), None)
+    if mine is None:
+        return "", [f"the records know no certificate {found.number}"]
+    if found.sha256 not in (mine.page, mine.dcc):
+        return "", ["it is not the file that was issued, byte for byte"]
+    later = next((c for c in every if c.replaces == mine.certificate), None)
+    if later is not None:
+        return "", [f"it was replaced by {later.certificate} on {later.issued}"]
+    return "the records know it, and nothing has replaced it", []
+
+
+def _plain(found: Found, level: str, faults: list[str], known: str) -> dict[str, Any]:
+    return {
+        "number": found.number, "issued": found.issued, "replaces": found.replaces,
+        "sha256": found.sha256, "level": level, "faults": faults, "doubts": list(found.doubts),
+        "records": known,
+        "signatures": [
+            {"what": s.what, "signer": s.signer, "issuer": s.issuer, "key": s.fingerprint,
+             "at": None if s.at is None else s.at.isoformat(),
+             "key_valid_until": s.valid_until.isoformat(), "key_expired_then": s.expired_then,
+             "trusted": s.trusted}
+            for s in found.seals
+        ],
+    }  # fmt: skip
