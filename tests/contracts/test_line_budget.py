@@ -32,6 +32,7 @@ BUDGET = {
     "records": 1_430,
     "simulate": 3_645,
     "symptoms": 87,
+    "workbench": 1_950,
 }
 
 SLACK = 100

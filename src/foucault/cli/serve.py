@@ -6,6 +6,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 
@@ -56,6 +57,7 @@ def serve(
     from foucault.errors import error
 
     screen: Screen = ctx.obj
+    program = ctx.find_root().command
     try:
         from foucault.workbench import serving
     except ImportError:
@@ -65,14 +67,16 @@ def serve(
         from foucault.workbench.look import look
         from foucault.workbench.worker import work as begin
 
-        begin(where, run, look)
+        begin(where, partial(run, program), look)
     elif account is not None:
         serving.add_account(where, account, role, _password())
         screen.say(f"{account.strip()} is {role}. From now on everybody needs an account.")
     else:
         # Workers are this program, as it was started.
         worker = [sys.executable, "-m", "foucault", "serve", str(where), "--work"]
-        serving.serve(where, host, port, database, workers, worker, options_of, screen.say)
+        serving.serve(
+            where, host, port, database, workers, worker, partial(options_of, program), screen.say
+        )
 
 
 def _password() -> str:
@@ -84,14 +88,12 @@ def _password() -> str:
     return sys.stdin.readline().rstrip("\r\n")
 
 
-def run(words: Sequence[str], tell: Callable[[float, str], None]) -> int:
+def run(program: Any, words: Sequence[str], tell: Callable[[float, str], None]) -> int:
     """Run the program in this process with these words; return how it ends."""
-    from foucault.cli.app import app
-
     screens.ALSO.append(tell)
     os.environ["COLUMNS"] = "120"
     try:
-        app(list(words), prog_name="foucault")
+        program.main(list(words), prog_name="foucault")
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 1
     finally:
@@ -102,14 +104,10 @@ def run(words: Sequence[str], tell: Callable[[float, str], None]) -> int:
     return 0
 
 
-def options_of(name: str) -> list[Option]:
-    """Return the options of a command, as a form has them."""
-    import typer.main
-
-    from foucault.cli.app import app
+def options_of(program: Any, name: str) -> list[Option]:
+    """Return the options of a command of the program, as a form has them."""
     from foucault.workbench.asked import Option
 
-    program: Any = typer.main.get_command(app)
     found = program.commands[name]
     if hasattr(found, "commands"):  # `north` alone is its first command
         found = found.commands["find"]

@@ -38,7 +38,7 @@ STATUS = {
 """Code of an error -> status of HTTP; 400 of all others."""
 
 
-class LoginNeeded(Exception):
+class LoginNeededError(Exception):
     """Whoever asks has to say first who it is."""
 
 
@@ -93,7 +93,7 @@ def bench_of(request: Request) -> Bench:
 
 
 def person(request: Request) -> Person:
-    """Return who asks, by the cookie; raises `LoginNeeded`."""
+    """Return who asks, by the cookie; raises `LoginNeededError`."""
     known = getattr(request.state, "person", None)
     if known is None:
         bench = bench_of(request)
@@ -102,7 +102,7 @@ def person(request: Request) -> Person:
         else:
             known = bench.people.who(request.cookies.get(COOKIE, ""), "browser")
         if known is None:
-            raise LoginNeeded
+            raise LoginNeededError
         request.state.person = known
     found: Person = known
     return found
@@ -128,13 +128,13 @@ async def form_of(request: Request) -> Any:
 
 
 def page(request: Request, template: str, status: int = 200, /, **said: Any) -> HTMLResponse:
-    """Return a page; one without a cookie gets it, by which forms are known; `status`: of HTTP [1]."""
+    """Return a page with the cookie by which its forms are known; `status`: of HTTP [1]."""
     bench = bench_of(request)
     cookie = request.cookies.get(COOKIE, "")
     fresh = "" if cookie else secrets.token_urlsafe(32)
     try:
         who: Person | None = person(request)
-    except (LoginNeeded, FoucaultError):
+    except (LoginNeededError, FoucaultError):
         who = None
     text = templates().get_template(template).render(
         mark=bench.people.mark(cookie or fresh), who=who, here=request.url.path,

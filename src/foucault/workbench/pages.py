@@ -154,8 +154,8 @@ def job_page(request: Request, number: Number) -> Response:
 def _left(bench: Bench, job: Job) -> dict[str, Any]:
     """Return what there is to say of what a job has left."""
     folder = bench.folder / "runs" / str(job.number)
-    out: dict[str, Any] = {"files": files_left(bench, job), "rows": [], "reasons": [],
-                           "kept": None, "problem": None, "before": None, "references": []}  # fmt: skip
+    out: dict[str, Any] = {"rows": [], "reasons": [], "references": []}
+    out |= {"files": files_left(bench, job), "kept": None, "problem": None, "before": None}
     if job.command != "calibrate":
         return out
     try:

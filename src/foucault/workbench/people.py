@@ -147,7 +147,7 @@ class People:
         return self._session(row["name"], "browser", time.time() + LASTS)
 
     def token(self, name: str, label: str, days: float = 365.0) -> str:
-        """Return a token by which a program is this person; it is shown once; `days`: that it lasts [day]."""
+        """Return a token by which a program is this person; shown once; `days`: it lasts [day]."""
         return self._session(name, "token", time.time() + days * 86400.0, label[:80])
 
     def _session(self, name: str, kind: str, until: float, label: str = "") -> str:

@@ -81,9 +81,9 @@ def serve(
     worker: Sequence[str], options: Callable[[str], list[Option]],
     say: Callable[[str], None],
 ) -> None:  # fmt: skip
-    """Serve a workbench until it is interrupted; `port`: to listen at [1]; `workers`: jobs at a time [1].
+    """Serve a workbench until it is interrupted.
 
-    Raises ``workbench.accounts``, ``workbench.port``.
+    `port`: to listen at [1]; `workers`: jobs at a time [1]. Raises ``workbench.accounts``, ``workbench.port``.
     """
     store = Store(folder)
     open_to_others = not loopback(host)

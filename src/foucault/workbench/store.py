@@ -17,7 +17,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from foucault.errors import FoucaultError, error
 
@@ -166,7 +165,10 @@ class Store:
         return _job(row)
 
     def jobs(self, most: int = 50, log: str = "", before: int = 1 << 62) -> list[Job]:
-        """Return the newest jobs, of one log if it is named; `most`: so many [1]; `before`: a number [1]."""
+        """Return the newest jobs, of one log if it is named.
+
+        `most`: so many [1]; `before`: number of a later one [1].
+        """
         with self.reading() as db:
             rows = db.execute(
                 "SELECT * FROM job WHERE (? = '' OR log = ?) AND number < ? "

@@ -7,7 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO, Protocol
+from typing import IO, Any, Protocol
 
 from foucault.errors import error
 from foucault.workbench.asked import check_campaign, safe_name
@@ -27,8 +27,12 @@ _PIECE = 1 << 20
 class Sent(Protocol):
     """A file as a form brings it."""
 
-    filename: str | None
-    file: IO[bytes]
+    file: Any
+
+    @property
+    def filename(self) -> str | None:
+        """What its sender calls it."""
+        ...
 
 
 def take_in(folder: Path, sent: Sequence[Sent]) -> str:

@@ -14,7 +14,7 @@ from starlette.exceptions import HTTPException
 from foucault import __version__
 from foucault.errors import FoucaultError, error
 from foucault.workbench import actions, api, pages
-from foucault.workbench.bench import HERE, STATUS, Bench, LoginNeeded, page
+from foucault.workbench.bench import HERE, STATUS, Bench, LoginNeededError, page
 from foucault.workbench.uploads import LARGEST
 
 __all__ = ["Bench", "application"]
@@ -43,7 +43,7 @@ HEADERS = {
 }
 
 
-class TooLarge(Exception):
+class TooLargeError(Exception):
     """More was sent than is taken."""
 
 
@@ -84,12 +84,12 @@ class Guard:
             message = await receive()
             size += len(message.get("body", b""))
             if size > most:
-                raise TooLarge
+                raise TooLargeError
             return message
 
         try:
             await self.app(scope, received, sent)
-        except TooLarge:
+        except TooLargeError:
             if not begun:
                 await _plain(_large(most), scope)(scope, receive, sent)
 
@@ -166,8 +166,8 @@ def application(bench: Bench) -> Any:
             return JSONResponse(as_json(code), 500)
         return page(request, "problem.html", 500, message=code.message, cure=code.cure)
 
-    @app.exception_handler(LoginNeeded)
-    def log_in(request: Request, _: LoginNeeded) -> Response:
+    @app.exception_handler(LoginNeededError)
+    def log_in(request: Request, _: LoginNeededError) -> Response:
         back = request.url.path if request.method == "GET" else "/"
         return RedirectResponse(f"/login?to={back}", 303)
 
