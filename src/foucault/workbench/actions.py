@@ -13,7 +13,7 @@ from fastapi.responses import Response
 
 from foucault.errors import error
 from foucault.workbench.asked import OFFERS, files_of, given_log, stays, words_of
-from foucault.workbench.bench import COOKIE, Bench, bench_of, form_of, give_cookie, needs, to
+from foucault.workbench.bench import COOKIE, Bench, Form, bench_of, give_cookie, needs, to
 from foucault.workbench.people import Person
 from foucault.workbench.store import Job, Number
 from foucault.workbench.uploads import take_in
@@ -43,10 +43,9 @@ def ask(
 
 
 @router.post("/logs")
-async def send_log(request: Request) -> Response:
+async def send_log(request: Request, said: Form) -> Response:
     """Take a log in, and look at it."""
     who = needs(request, "operator")
-    said = await form_of(request)
     sent = [one for one in said.getlist("file") if not isinstance(one, str)]
     bench = bench_of(request)
     log = await aside(take_in, bench.folder, sent)
@@ -66,19 +65,17 @@ def corrected(said: Any) -> list[str]:
 
 
 @router.post("/logs/{log}/look")
-async def look_again(request: Request, log: str) -> Response:
+async def look_again(request: Request, said: Form, log: str) -> Response:
     """Look at a log with other words."""
     who = needs(request, "operator")
-    said = await form_of(request)
     await aside(ask_look, bench_of(request), who, log, corrected(said))
     return to(f"/logs/{log}")
 
 
 @router.post("/do/{command}")
-async def do(request: Request, command: str) -> Response:
+async def do(request: Request, said: Form, command: str) -> Response:
     """Ask for a job."""
     who = needs(request, "operator")
-    said = await form_of(request)
     given: dict[str, list[str]] = {}
     for key, value in said.multi_items():
         if key.startswith("--") and isinstance(value, str):
@@ -90,9 +87,8 @@ async def do(request: Request, command: str) -> Response:
 
 
 @router.post("/jobs/{number}/stop")
-async def stop(request: Request, number: Number) -> Response:
+async def stop(request: Request, said: Form, number: Number) -> Response:
     """Stop a job; that of somebody else is a reviewer's to stop."""
-    await form_of(request)
     bench = bench_of(request)
     job = await aside(bench.store.job, number)
     needs(request, "operator" if job.who == needs(request, "operator").name else "reviewer")
@@ -101,10 +97,9 @@ async def stop(request: Request, number: Number) -> Response:
 
 
 @router.post("/jobs/{number}/keep")
-async def keep(request: Request, number: Number) -> Response:
+async def keep(request: Request, said: Form, number: Number) -> Response:
     """Take a run into the records."""
     who = needs(request, "operator")
-    said = await form_of(request)
     bench = bench_of(request)
 
     def kept() -> str:
@@ -124,10 +119,9 @@ async def keep(request: Request, number: Number) -> Response:
 
 
 @router.post("/records/{what}")
-async def record(request: Request, what: str) -> Response:
+async def record(request: Request, said: Form, what: str) -> Response:
     """Add an entry to the records; that is a reviewer's work."""
     who = needs(request, "reviewer")
-    said = await form_of(request)
     bench = bench_of(request)
     name = str(said.get("instrument", ""))
 
@@ -171,9 +165,8 @@ def _number(text: str) -> bool:
 
 
 @router.post("/login")
-async def log_in(request: Request) -> Response:
+async def log_in(request: Request, said: Form) -> Response:
     """Begin a session."""
-    said = await form_of(request)
     address = request.client.host if request.client else ""
     bench = bench_of(request)
     token = await aside(bench.people.log_in, str(said.get("name", "")),
@@ -185,10 +178,9 @@ async def log_in(request: Request) -> Response:
 
 
 @router.post("/logout")
-async def log_out(request: Request) -> Response:
+async def log_out(request: Request, said: Form) -> Response:
     """End the session."""
     who = needs(request, "operator")
-    await form_of(request)
     await aside(bench_of(request).people.log_out, who.session, who.name)
     out = to("/login")
     out.delete_cookie(COOKIE)
@@ -196,10 +188,9 @@ async def log_out(request: Request) -> Response:
 
 
 @router.post("/accounts")
-async def account(request: Request) -> Response:
+async def account(request: Request, said: Form) -> Response:
     """Make an account, or give one another role and password."""
     needs(request, "administrator")
-    said = await form_of(request)
     people = bench_of(request).people
     await aside(people.add, str(said.get("name", "")), str(said.get("role", "")),
                 str(said.get("password", "")))  # fmt: skip
@@ -207,18 +198,16 @@ async def account(request: Request) -> Response:
 
 
 @router.post("/accounts/close")
-async def close(request: Request) -> Response:
+async def close(request: Request, said: Form) -> Response:
     """Close an account."""
     needs(request, "administrator")
-    said = await form_of(request)
     await aside(bench_of(request).people.close, str(said.get("name", "")))
     return to("/accounts")
 
 
 @router.post("/tokens/end")
-async def end_token(request: Request) -> Response:
+async def end_token(request: Request, said: Form) -> Response:
     """End a token of one's own."""
     who = needs(request, "operator")
-    said = await form_of(request)
     await aside(bench_of(request).people.log_out, str(said.get("digest", "")), who.name)
     return to("/accounts")

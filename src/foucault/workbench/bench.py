@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hmac
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from fastapi import Request
+from fastapi import Depends, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from foucault import __version__
@@ -116,15 +116,21 @@ def needs(request: Request, role: str) -> Person:
     return who
 
 
-async def form_of(request: Request) -> Any:
-    """Return what a form says, which has to be one of our pages; raises ``workbench.form``."""
+async def form_of(request: Request) -> AsyncIterator[Any]:
+    """Yield what a form says, which has to be one of our pages; raises ``workbench.form``."""
+    if request.url.path != "/login":  # nothing is read of whoever is not known
+        person(request)
     cookie = request.cookies.get(COOKIE, "")
-    said = await request.form(max_files=24, max_fields=200)
-    mark = str(said.get("mark", ""))
-    wanted = bench_of(request).people.mark(cookie)
-    if not cookie or not hmac.compare_digest(mark.encode(), wanted.encode()):
-        raise error("workbench.form")
-    return said
+    async with request.form(max_files=24, max_fields=200) as said:
+        mark = str(said.get("mark", ""))
+        wanted = bench_of(request).people.mark(cookie)
+        if not cookie or not hmac.compare_digest(mark.encode(), wanted.encode()):
+            raise error("workbench.form")
+        yield said
+
+
+Form = Annotated[Any, Depends(form_of)]
+"""What a form says."""
 
 
 def page(request: Request, template: str, status: int = 200, /, **said: Any) -> HTMLResponse:

@@ -13,7 +13,7 @@ from fastapi.responses import FileResponse, Response
 from foucault import run_folder
 from foucault.errors import FoucaultError, error
 from foucault.workbench.asked import OFFERS, PLACE, files_of, given_log, shown
-from foucault.workbench.bench import Bench, bench_of, needs, page, person, to
+from foucault.workbench.bench import Bench, Form, bench_of, needs, page, person, to
 from foucault.workbench.look import FILE as LOOK_FILE
 from foucault.workbench.store import Job, Number
 
@@ -399,14 +399,11 @@ def accounts(request: Request) -> Response:
 
 
 @router.post("/tokens")
-async def token(request: Request) -> Response:
+async def token(request: Request, said: Form) -> Response:
     """Make a token, which is shown this once."""
     from fastapi.concurrency import run_in_threadpool as aside
 
-    from foucault.workbench.bench import form_of
-
     who = needs(request, "operator")
-    said = await form_of(request)
     people = bench_of(request).people
     if not people.any():
         raise error("workbench.token")

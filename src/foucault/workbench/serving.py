@@ -83,7 +83,8 @@ def serve(
 ) -> None:  # fmt: skip
     """Serve a workbench until it is interrupted.
 
-    `port`: to listen at [1]; `workers`: jobs at a time [1]. Raises ``workbench.accounts``, ``workbench.port``.
+    `port`: to listen at [1]; `workers`: jobs at a time [1]. Raises ``workbench.accounts``
+    and ``workbench.port``.
     """
     store = Store(folder)
     open_to_others = not loopback(host)

@@ -103,6 +103,12 @@ class Guard:
         alone = not self.bench.people.any()
         if alone and (host not in OWN or through):
             return error("workbench.foreign")
+        if scope["path"].startswith("/api/") and scope["path"] != "/api/openapi.json":
+            kind, _, token = headers.get("authorization", "").partition(" ")
+            if not alone or self.bench.open_to_others:  # before anything is read
+                who = self.bench.people.who(token.strip(), "token")
+                if kind.lower() != "bearer" or who is None:
+                    return error("workbench.token")
         if scope["method"] not in ("GET", "HEAD", "OPTIONS"):
             # A page of another site may send a form here, but not hide where it is from.
             origin = headers.get("origin", "")

@@ -112,6 +112,10 @@ def _in_the_fork(store: Store, job: Job, run: Run) -> int:
     nothing = os.open(os.devnull, os.O_RDONLY)
     for number, to in ((0, nothing), (1, out), (2, out)):
         os.dup2(to, number)
+    sys.stdout = os.fdopen(1, "w", encoding="utf-8", errors="replace", closefd=False)
+    sys.stderr = os.fdopen(2, "w", encoding="utf-8", errors="replace", closefd=False)
+    if "-o" in job.words:
+        Path(job.words[job.words.index("-o") + 1]).parent.mkdir(parents=True, exist_ok=True)
     with suppress(ImportError, OSError, ValueError):
         import resource
 
