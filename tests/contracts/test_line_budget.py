@@ -14,7 +14,7 @@ BUDGET = {
     "campaign": 5_637,
     "capture": 950,
     "certificate": 2_100,
-    "cli": 5_030,
+    "cli": 5_160,
     "detect": 4_608,
     "diagnose": 11_900,
     "estimate": 8_060,
@@ -29,10 +29,10 @@ BUDGET = {
     "procedures": 18_560,
     "recognise": 2_660,
     "report": 10_480,
-    "records": 1_430,
+    "records": 1_500,
     "simulate": 3_645,
     "symptoms": 87,
-    "workbench": 1_950,
+    "workbench": 2_240,
 }
 
 SLACK = 100

@@ -113,8 +113,8 @@ def test_a_run_is_kept_with_the_name_of_who_kept_it(bench: Bench, browser: Any) 
                                                   "text": '"accel.bias" = "1 g"'})  # fmt: skip
     assert "within" in limits.text
     assert "Kept as run 1" in browser.get("/jobs/2").text
-    judged = post(browser, "/records/review", {"run": "1", "decision": "rejected",
-                                               "reason": "dropped", "instrument": "IMU <7>"})  # fmt: skip
+    judgement = {"run": "1", "decision": "rejected", "reason": "dropped"}
+    judged = post(browser, "/records/review", {**judgement, "instrument": "IMU <7>"})
     assert "Not to be used" in judged.text
     assert "2027-0" in browser.get("/due").text or "interval" in browser.get("/due").text
     named = post(browser, "/records/reference", {"name": "table 3", "what": "table",
@@ -135,7 +135,9 @@ def test_what_a_run_leaves_is_downloaded_and_never_opened(bench: Bench, browser:
 
 def test_a_result_is_exported_applied_and_compared(bench: Bench, browser: Any) -> None:
     log = log_of(bench)
-    post(browser, "/do/calibrate", {"log": log, "--latitude": "47.3 deg", "--height": "430 m"})
+    sent = post(browser, "/logs", files={"file": ("later.csv", log_text(2))})
+    other = sent.url.path.split("/")[-1]
+    post(browser, "/do/calibrate", {"log": other, "--latitude": "47.3 deg"})
     second = work_off(bench)[-1].number
     for command, said in (
         ("export", {"run": "runs/2", "--to": "c", "name": "../cal.h"}),

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from foucault.workbench.asked import Option
 
 
+WORKER = "FOUCAULT_WORKER"
+"""Environment variable by which this program is a worker of the workbench that began it."""
+
+
 @command(
     "foucault serve",
     "foucault serve laboratory --port 8400",
@@ -51,7 +55,6 @@ def serve(
         Literal["operator", "reviewer", "administrator"],
         typer.Option(help="Role of --account: operator, reviewer or administrator."),
     ] = "operator",
-    work: Annotated[bool, typer.Option("--work", hidden=True, help="Be a worker.")] = False,
 ) -> None:
     """Open a workbench: drop a log, see its verdict, keep it."""
     from foucault.errors import error
@@ -63,7 +66,7 @@ def serve(
     except ImportError:
         raise error("workbench.library") from None
     where = serving.made(folder)
-    if work:
+    if os.environ.get(WORKER):
         from foucault.workbench.look import look
         from foucault.workbench.worker import work as begin
 
@@ -72,8 +75,7 @@ def serve(
         serving.add_account(where, account, role, _password())
         screen.say(f"{account.strip()} is {role}. From now on everybody needs an account.")
     else:
-        # Workers are this program, as it was started.
-        worker = [sys.executable, "-m", "foucault", "serve", str(where), "--work"]
+        worker = [sys.executable, "-m", "foucault", "serve", str(where)]
         serving.serve(
             where, host, port, database, workers, worker, partial(options_of, program), screen.say
         )

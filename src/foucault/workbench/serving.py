@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import os
 import socket
 import subprocess
 import threading
@@ -56,7 +57,10 @@ class Crew:
 
     def _begun(self) -> subprocess.Popen[bytes]:
         # A worker ends when its standard input does, which the system closes with this process.
-        return subprocess.Popen(self.command, stdin=subprocess.PIPE, start_new_session=True)
+        return subprocess.Popen(
+            self.command, stdin=subprocess.PIPE, start_new_session=True,
+            env={**os.environ, "FOUCAULT_WORKER": "yes"},
+        )  # fmt: skip
 
     def _look_after(self) -> None:
         while not self.ending.wait(OFTEN):

@@ -43,10 +43,6 @@ HEADERS = {
 }
 
 
-class TooLargeError(Exception):
-    """More was sent than is taken."""
-
-
 class Guard:
     """Refuses what comes from elsewhere or is too large; gives every answer its headers."""
 
@@ -60,12 +56,9 @@ class Guard:
             await self.app(scope, receive, send)
             return
         headers = {k.decode("latin-1"): v.decode("latin-1") for k, v in scope["headers"]}
-        begun = False
 
         async def sent(message: MutableMapping[str, Any]) -> None:
-            nonlocal begun
             if message["type"] == "http.response.start":
-                begun = True
                 there = {k for k, _ in message["headers"]}
                 message["headers"] = [*message["headers"], *(
                     (k.encode(), v.encode()) for k, v in HEADERS.items() if k.encode() not in there
@@ -84,14 +77,10 @@ class Guard:
             message = await receive()
             size += len(message.get("body", b""))
             if size > most:
-                raise TooLargeError
+                raise _large(most)
             return message
 
-        try:
-            await self.app(scope, received, sent)
-        except TooLargeError:
-            if not begun:
-                await _plain(_large(most), scope)(scope, receive, sent)
+        await self.app(scope, received, sent)
 
     def _refused(self, scope: Scope, headers: dict[str, str], most: int) -> FoucaultError | None:
         length = headers.get("content-length", "0")
