@@ -131,6 +131,7 @@ def test_what_a_run_leaves_is_downloaded_and_never_opened(bench: Bench, browser:
     assert json.loads(got.text)["procedure"] == "hand_rotated"
     for name in ("look.json", "..%2F2.txt", "%2e%2e", "nothing.html"):
         assert browser.get(f"/jobs/2/files/{name}").status_code == 404
+    assert "has left no file" in browser.get("/jobs/2/files/look.json").text
 
 
 def test_a_result_is_exported_applied_and_compared(bench: Bench, browser: Any) -> None:
