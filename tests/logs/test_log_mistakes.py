@@ -131,9 +131,9 @@ def test_cell_that_is_not_a_number(read_text):
     refused(read_text, rows, "log.not_numeric", 'write decimal = ","', head=HEAD.replace(",", ";"))
 
 
-def test_text_in_utf_16_without_its_mark(tmp_path):
-    (tmp_path / "log.csv").write_text("\n".join([HEAD, *lines()]), encoding="utf-16-le")
-    with pytest.raises(FoucaultError, match=r"UTF-16 without its mark. Save it as UTF-8"):
+def test_zero_bytes_in_the_first_lines_are_no_text(tmp_path):
+    (tmp_path / "log.csv").write_text("\0\n".join([HEAD, *lines()]))
+    with pytest.raises(FoucaultError, match=r"zero bytes in its first lines.* Save it as UTF-8"):
         read(LogDescription.model_validate({"file": "log.csv", **WORDS}), tmp_path)
 
 

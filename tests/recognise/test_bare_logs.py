@@ -229,7 +229,7 @@ def test_columns_and_files_that_do_not_go_together(log, tmp_path):
     held = found([one, two])
     assert held.session.procedure == "hand_rotated"
     assert held.log.gyro is not None
-    two.write_text(make.text("t,gx,gy,gz", [c.t[1:], c.w[1:]], ["%.5f"] * 4))
+    two.write_text(make.text("s,gx,gy,gz", [c.t[1:], c.w[1:]], ["%.5f"] * 4))
     assert refused(one, two).code == "recognise.rows"
     (tmp_path / "other").mkdir()
     assert refused(one, two.rename(tmp_path / "other" / "gyr.csv")).code == "recognise.folders"

@@ -75,7 +75,7 @@ def test_a_clock_that_wraps_and_jitters_is_refused(c, tmp_path):
 def test_a_date_that_cannot_be_read_is_named(c, tmp_path):
     rows = make.numbers(np.column_stack([c.f, c.w]), FORM[1:], ";").splitlines()
     file = tmp_path / "dates.csv"
-    stamps = [f"04.05.2026 10:00:{s:06.3f}" for s in c.t]
+    stamps = [f"4 May 10h 0m {s:06.3f}s" for s in c.t]
     lines = ["Datum;ax;ay;az;gx;gy;gz", *map(";".join, zip(stamps, rows, strict=True))]
     file.write_text("\n".join(lines))
     assert "'Datum' cannot be read" in taken(recognise([file]), "rate")[0]
@@ -174,3 +174,118 @@ def test_real_files_that_are_cut_together_or_hold_poses_are_told():
         with pytest.raises(FoucaultError) as problem:
             recognise([REAL / file])
         assert problem.value.code == code
+
+
+# -- as strangers write them ---------------------------------------------------------------------
+
+
+def of_day(t: float, form: str) -> str:
+    return form.format(h=int(t // 3600), m=int(t % 3600 // 60), s=t % 60, half=int(t // 3600) % 12)
+
+
+@pytest.mark.parametrize("form", [
+    "{h:02d}:{m:02d}:{s:06.3f}", "2026/05/04 {h:02d}:{m:02d}:{s:06.3f}",
+    "5/4/2026 {half}:{m:02d}:{s:06.3f} PM", "04.05.2026 {h}:{m:02d}:{s:06.3f}",
+])  # fmt: skip
+def test_times_of_day_give_the_rate(log, c, tmp_path, form):
+    file = tmp_path / "clock.csv"
+    rows = make.numbers(np.column_stack([c.f, c.w]), FORM[1:]).splitlines()
+    start = 13 * 3600.0 if "PM" in form else 86400.0 - 20.0  # it is midnight on the way
+    cells = [of_day((start + t) % 86400.0, form) for t in c.t]
+    file.write_text("\n".join([HEAD, *map(",".join, zip(cells, rows, strict=True))]) + "\n")
+    seen = recognise([file])
+    assert "whose times of day are even" in taken(seen, "rate")[0]
+    assert float(seen.log["rate"].split()[0]) == pytest.approx(50.0, rel=2e-5)
+    cells[1000:] = [of_day((start + 9.0 + t) % 86400.0, form) for t in c.t[1000:]]  # a gap
+    file.write_text("\n".join([HEAD, *map(",".join, zip(cells, rows, strict=True))]) + "\n")
+    assert "'t' cannot be read" in taken(recognise([file]), "rate")[0]
+
+
+def test_quotes_groups_of_titles_and_days_are_read(log, c, tmp_path):
+    file = tmp_path / "odd.csv"
+    body = make.text("", [c.t, c.f, c.w], FORM)
+    quoted = [",".join(f'"{x.replace(".", ",")}"' for x in row.split(",")) for row in
+              body.splitlines()]  # fmt: skip
+    groups = ",Accelerometer,,,Gyroscope,,\nTime,X,Y,Z,X,Y,Z\ns,m/s^2,m/s^2,m/s^2,rad/s,rad/s,rad/s"
+    days = make.text(HEAD, [46146.25 + c.t / 86400, c.f, c.w], ["%.12f", *FORM[1:]])
+    for text in ("\n".join([HEAD, *quoted]), f"{groups}\n{body}", days):
+        file.write_text(text)
+        seen = recognise([file])
+        assert not seen.questions
+        force, rate, clock, axes = make.off(seen, log, tmp_path)
+        assert max(force, rate) < 2e-3
+        assert clock < 1e-4
+        np.testing.assert_array_equal(axes, np.eye(3))
+    assert seen.log["time"]["unit"] == "day"
+
+
+def test_counts_about_the_middle_of_a_converter_are_read(log, c, tmp_path):
+    file = tmp_path / "middle.csv"
+    counts = [np.round(c.f / make.G * 8192) + 32768, np.round(c.w / make.DEGREE * 65.5) + 32768]
+    file.write_text(make.text(HEAD, [np.round(1e3 * c.t), *counts], ["%.0f"] * 7))
+    seen = recognise([file])
+    assert max(make.off(seen, log, tmp_path)[:2]) < 0.05  # the zero is told by a dozen rests
+    file.write_text(
+        make.text(
+            HEAD, [np.round(1e3 * c.t), *(np.mod(x - 32768, 65536) for x in counts)], ["%.0f"] * 7
+        )
+    )
+    with pytest.raises(FoucaultError, match="signed 16-bit counts, written without a sign"):
+        recognise([file])
+
+
+def test_a_temperature_in_fahrenheit_is_one(log, c, tmp_path):
+    file = tmp_path / "warm.csv"
+    degrees = 32.0 + 1.8 * c.warm
+    file.write_text(make.text(f"{HEAD},temp (°F)", [c.t, c.f, c.w, degrees], [*FORM, "%.4f"]))
+    read = found([file]).log.temperature
+    np.testing.assert_allclose(read, c.warm + 273.15, atol=1e-4)
+    file.write_text(make.text(f"{HEAD},temp", [c.t, c.f, c.w, c.warm], [*FORM, "%.4f"]))
+    line = next(line for line in recognise([file]).lines if line.what == "temperature")
+    assert line.sure == "likely"
+
+
+def test_a_triad_that_cannot_be_taken_as_it_is_written_is_named(c, tmp_path):
+    file = tmp_path / "broken.csv"
+    rows = make.text("", [c.t, c.f, c.w], FORM).splitlines()
+
+    def refused(lines: list[str], head: str = HEAD) -> str:
+        file.write_text("\n".join([head, *lines]))
+        with pytest.raises(FoucaultError) as problem:
+            recognise([file])
+        return problem.value.message
+
+    cells = [row.split(",") for row in rows]
+    assert "az of 'broken.csv'" in refused([",".join([*r[:3], "nan", *r[4:]]) for r in cells])
+    words = [",".join([r[0], "ERR", *r[2:]]) if i == 7 else ",".join(r)
+             for i, r in enumerate(cells)]  # fmt: skip
+    assert "line 9, column 'ax': 'ERR' is not a number" in refused(words)
+    units = "t,ax (g),ay (m/s^2),az (mg),gx,gy,gz"
+    assert "several units: ax (g), ay (m/s^2), az (mg)" in refused(rows, units)
+    file.write_text("\n".join([HEAD, *(",".join([*r[:4], "", "", ""]) for r in cells)]))
+    assert "gx, gy, gz are empty" in taken(recognise([file]), "gyros")[0]
+
+
+def test_a_clock_that_does_not_run_on_is_named(log, c, tmp_path):
+    file = tmp_path / "back.csv"
+    file.write_text(make.text(HEAD, [-c.t, c.f, c.w], FORM))
+    assert "t stands still or runs backward" in taken(recognise([file]), "rate")[0]
+
+
+def test_accelerometers_of_two_ranges_are_asked_about(c, tmp_path):
+    file = tmp_path / "ranges.csv"
+    head = "t,ax_low,ay_low,az_low,ax_high,ay_high,az_high,gx,gy,gz"
+    other = 1.02 * c.f + 0.1 * np.sin(c.t)[:, None]
+    file.write_text(make.text(head, [c.t, c.f, other, c.w], ["%.5f"] * 10))
+    seen = recognise([file])
+    assert seen.log["accel"]["columns"] == ["ax_low", "ay_low", "az_low"]
+    assert seen.questions[0].other == "accel.columns = [ax_high, ay_high, az_high]"
+
+
+def test_hexadecimal_numbers_are_named(c, tmp_path):
+    file = tmp_path / "hex.csv"
+    rows = np.column_stack([c.t * 1e3, c.f / make.G * 8192, c.w / make.DEGREE * 65.5]).astype(int)
+    file.write_text("\n".join([HEAD, *(",".join(f"0x{v & 0xffff:04X}" for v in r) for r in
+                                       rows.tolist())]))  # fmt: skip
+    with pytest.raises(FoucaultError, match="its numbers are hexadecimal"):
+        recognise([file])

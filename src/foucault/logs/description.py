@@ -395,6 +395,11 @@ class LogDescription(FileLayout):
         description="further files with the same columns, recorded one by one, such as the rests "
         "in one and the spins in another; what is between them was not logged",
     )
+    join: Literal["rows", "times"] = Field(
+        "rows",
+        description='what puts the rows of several files together: "rows", their number, as of one '
+        'sampler; "times", their stamps: the faster are averaged over the intervals of the slowest',
+    )
     time: TimeColumn | None = None
     gyro: GyroColumns | None = None
     accel: AccelColumns | None = None
@@ -424,6 +429,11 @@ class LogDescription(FileLayout):
             raise error("log.kinds_differ", gyro=self.gyro.kind, accel=self.accel.kind)
         if self.file is None and not self.files():
             raise error("log.no_file")
+        triads = [block for block in (self.gyro, self.accel) if block is not None]
+        if self.join == "times" and (
+            self.rate is not None or self.more or any(b.kind == "increment" for b in triads)
+        ):
+            raise error("log.join_rates")
         if self.more and (self.serial is not None or set(self._files()) != {self.file}):
             raise error("log.more_alone")
         return self

@@ -43,12 +43,25 @@ _PIECE = 1 << 16
 def decoder(start: bytes) -> IncrementalNewlineDecoder | None:
     """Return what decodes a text, None where its bytes can be read as they are."""
     if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        inner = codecs.getincrementaldecoder("utf-16")("replace")
+        inner: codecs.IncrementalDecoder = codecs.getincrementaldecoder("utf-16")("replace")
+    elif wide := _unmarked(start):
+        inner = codecs.getincrementaldecoder(wide)("replace")
     elif b"\r" in start and b"\n" not in start:  # lines as spreadsheets end them for old Macs
         inner = codecs.getincrementaldecoder("utf-8")("surrogateescape")
     else:
         return None
     return IncrementalNewlineDecoder(inner, translate=True)
+
+
+def _unmarked(start: bytes) -> str:
+    """Return which UTF-16 the first bytes of a text are where no mark says so, "" for none."""
+    letters = len(start) // 2
+    for name, one, other in (("utf-16-le", 0, 1), ("utf-16-be", 1, 0)):
+        said = start[one::2]
+        zeros = start[other::2].count(0)
+        if letters > 8 and zeros > 0.9 * letters and 0 not in said and is_text(said):
+            return name
+    return ""
 
 
 def encoded(decoding: IncrementalNewlineDecoder, chunk: bytes, final: bool = False) -> bytes:
@@ -308,14 +321,15 @@ def _is_head(content: str, seen: int, description: FileLayout) -> bool:
 def _names(
     heads: list[str], remark: str, delimiter: str, count: int, comment: tuple[str, ...]
 ) -> tuple[str, ...] | None:
-    # The first title line that fits; "# t gx gy gz" counts as one where there is no other.
+    # Of the lines that fit the one that tells most columns apart, the first of several: groups
+    # stand above titles. "# t gx gy gz" counts as one where there is no other.
     for mark in comment:
         remark = remark.removeprefix(mark)
-    for line in [*heads, remark]:
-        cells = split(line, delimiter)
-        if len(cells) == count and not _any_number(cells):
-            return tuple(cells)
-    return None
+    rows = [split(line, delimiter) for line in heads]
+    fit = [row for row in rows if len(row) == count and not _any_number(row)]
+    last = split(remark, delimiter)
+    fit = fit or [last] * (len(last) == count and not _any_number(last))
+    return tuple(max(fit, key=lambda row: len(set(row)))) if fit else None
 
 
 def _delimiter(content: str, description: FileLayout) -> str:
@@ -331,7 +345,24 @@ def split(line: str, delimiter: str) -> list[str]:
     """Split one line at its delimiter; quotes around a cell are taken off."""
     if delimiter == SPACE:
         return line.split()
-    return [cell.strip().strip('"') for cell in line.rstrip("\r\n").split(delimiter)]
+    cells = line.rstrip("\r\n").split(delimiter)
+    if '"' in line:
+        cells = _quoted(cells, delimiter)
+    return [cell.strip().strip('"') for cell in cells]
+
+
+def _quoted(cells: list[str], delimiter: str) -> list[str]:
+    """Join the pieces of cells whose quotes hold a delimiter, as in "9,81"."""
+    out: list[list[str]] = []
+    inside = False
+    for cell in cells:
+        if inside:
+            out[-1].append(cell)
+        else:
+            out.append([cell])
+        if inside or cell.startswith('"'):
+            inside ^= cell.count('"') % 2 == 1
+    return [delimiter.join(pieces) for pieces in out]
 
 
 def _is_comment(text: str, comment: tuple[str, ...]) -> bool:

@@ -131,7 +131,7 @@ class Temperature(Block):
     """The temperature column."""
 
     column: ColumnName | None = Field(None, description="name, or number from 0")
-    unit: str = Field(description='"degC" or "K"')
+    unit: str = Field(description='"degC", "K" or "degF"')
 
     @model_validator(mode="after")
     def _unit(self) -> Temperature:
@@ -142,6 +142,8 @@ class Temperature(Block):
         """Return zero and factor, each shape (1,): kelvin = (raw - zero) * factor."""
         if self.unit in CELSIUS:  # an offset is no factor
             return np.array([-ZERO_CELSIUS]), np.ones(1)
+        if self.unit == "degF":
+            return np.array([32.0 - 1.8 * ZERO_CELSIUS]), np.array([1 / 1.8])
         return np.zeros(1), np.array([factor(self.unit, "temperature")])
 
 

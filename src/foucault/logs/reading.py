@@ -16,6 +16,7 @@ from foucault.logs import checks
 from foucault.logs import checks as axes
 from foucault.logs import description as columns
 from foucault.logs.description import complete
+from foucault.logs.merged import on_one_clock
 from foucault.logs.own import (
     ANGLES,
     angles_at_times,
@@ -84,8 +85,14 @@ def read(
         names.append(path.name)
         prints.append(sha256(path))
     sampled = raw.sampled if used is not description else None
-    data = _joined(parts, names, used)
-    data, left_out = usable(data, used, names[0])
+    if description.join == "times" and len(parts) > 1:
+        for i, name in enumerate(names):
+            parts[i], left_out = usable(parts[i], used, name)
+            told += left_out
+        data, left_out = on_one_clock(parts, names)
+    else:
+        data = _joined(parts, names, used)
+        data, left_out = usable(data, used, names[0])
     told += left_out
     source = {
         "file": " + ".join(names),

@@ -6,6 +6,7 @@ of what they name cannot be, the numbers tell.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -15,6 +16,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.errors import error
+from foucault.logs.merged import means_at, within
 from foucault.recognise import physics
 from foucault.recognise.opening import Opened
 from foucault.recognise.titles import Meaning, meaning
@@ -41,20 +43,20 @@ class Data:
     files: tuple[Opened, ...]
     columns: tuple[Column, ...]
     x: FloatArray  # (n, k) rows without holes in what is used [raw]
+    joined: bool = False  # whether rows of several files belong together by their times
 
     @classmethod
     def of(cls, files: Sequence[Opened]) -> Data:
-        """Put the columns of files with the same rows beside one another."""
-        rows = {len(one.x) for one in files}
-        if len(rows) > 1:
-            said = ", ".join(f"'{one.path.name}' has {len(one.x)}" for one in files)
-            raise error("recognise.rows", said=said)
-        columns = [
-            Column(i, c, one.raw.names[c], _meaning(one, c))
+        """Put the columns of files beside one another, by their rows or else by their times."""
+        each = [
+            cls(tuple(files), tuple(Column(i, c, one.raw.names[c], meaning_of(one, c))
+                              for c in one.columns), one.x)
             for i, one in enumerate(files)
-            for c in one.columns
-        ]
-        return cls(tuple(files), tuple(columns), np.hstack([one.x for one in files]))
+        ]  # fmt: skip
+        columns = tuple(column for one in each for column in one.columns)
+        by_times = _by_times(each)
+        x = np.hstack([one.x for one in each]) if by_times is None else by_times
+        return cls(tuple(files), columns, x, by_times is not None)
 
     def called(self, k: int, sign: float = 1.0) -> int | str:
         """Return what [log] calls column `k` [1]; `sign`: -1 turns it round [1]."""
@@ -72,7 +74,42 @@ class Data:
         return self.files[self.columns[k].file].path
 
 
-def _meaning(file: Opened, c: int) -> Meaning:
+def _by_times(each: Sequence[Data]) -> FloatArray | None:
+    """Return the rows of files at the instants of the slowest; None where they are rows of one."""
+    if len(each) < 2:
+        return None
+    known = [{one.columns[c.column].title.strip(): c for c in clocks(one)} for one in each]
+    common = [title for title in known[0] if all(title in k for k in known[1:])]
+    same = len({len(one.x) for one in each}) == 1
+    if not common:
+        if same:
+            return None
+        said = ", ".join(f"'{one.file(0).name}' has {len(one.x)}" for one in each)
+        raise error("recognise.rows", said=said)
+    spots = [k[common[0]].column for k in known]
+    # A reading that is missing in one file is no reason to leave out rows of the others.
+    tables = [one.x[np.isfinite(one.x[:, k])] for one, k in zip(each, spots, strict=True)]
+    tables = [x[np.diff(x[:, k], prepend=-np.inf) > 0] for x, k in zip(tables, spots, strict=True)]
+    times = [x[:, k] for x, k in zip(tables, spots, strict=True)]
+    steps = [float(np.median(np.diff(t))) for t in times]
+    slow = int(np.argmax(steps))
+    h = steps[slow]
+    if same and max(np.abs(one.x[:, k] - each[0].x[:, spots[0]]).max()
+                    for one, k in zip(each, spots, strict=True)) <= h / 2:  # fmt: skip
+        return None
+    keep = np.all([within(times[slow], h, t) for t in times if t is not times[slow]], axis=0)
+    grid = times[slow][keep]
+    if len(grid) < 2:
+        raise error("log.join_apart", files=", ".join(one.file(0).name for one in each))
+    out = []
+    for x, t, k in zip(tables, times, spots, strict=True):
+        at = x[keep] if t is times[slow] else means_at(grid, h, t, x)
+        at[:, k] = grid
+        out.append(at)
+    return np.hstack(out)
+
+
+def meaning_of(file: Opened, c: int) -> Meaning:
     """Return what the title of column `c` [1] says, or with the file's name: "x" of "Gyroscope"."""
     if not file.raw.named:
         return meaning("", file.units[c])
@@ -166,6 +203,40 @@ def unwrapped(t: FloatArray) -> FloatArray:
         if (np.abs(step[down] + 2.0**bits - usual) < 0.5 * usual).all():
             return t + 2.0**bits * np.concatenate([[0.0], np.cumsum(step < 0)])
     return t
+
+
+OF_DAY = re.compile(r"(?:^|[T ,])(\d{1,2}):(\d\d):(\d\d(?:[.,:]\d+)?)(?:Z| ?([AP])M)?$", re.I)
+"""How a time of day ends a cell, whatever date stands before it."""
+
+
+def rate_of_day(file: Opened, column: int) -> float | None:
+    """Return the mean rate of rows with times of day [Hz]; None where they are not even.
+
+    `column`: its number [1].
+    """
+    cells = [word.strip() for part in file.raw.words(column) for word in part] \
+        if file.raw.words else []  # fmt: skip
+    found = [OF_DAY.search(cell) for cell in cells]
+    if len(found) < 10 or not all(found):
+        return None
+    parts = [m.groups() for m in found if m is not None]
+    t = np.array([3600.0 * (int(h) % 12 + 12 * (half in "Pp") if half else int(h)) + 60 * int(m)
+                  + float(re.sub("[,:]", ".", s)) for h, m, s, half in parts])  # fmt: skip
+    t += 86400.0 * np.concatenate([[0], np.cumsum(np.diff(t) < -43200.0)])
+    step = np.diff(t)
+    if (not _onward(step) and not (step >= 0).all()) or t[-1] == t[0]:
+        return None
+    rounded = float(np.min(step[step > 0]))
+    off = np.abs(t - np.linspace(t[0], t[-1], len(t))).max()
+    return float((len(t) - 1) / (t[-1] - t[0])) if off < 2.0 * rounded else None
+
+
+def wrapped(x: FloatArray) -> bool:
+    """Tell whether signed counts of 16 bits are written without a sign; `x` (n, 3) [raw]."""
+    if not (x.min() >= 0 and 60_000 < x.max() < 65_536 and bool(np.all(x == np.round(x)))):
+        return False
+    jumps = np.abs(np.diff(x, axis=0)) > 49_152
+    return bool(jumps.sum() > 4)
 
 
 def _even(t: FloatArray, step: FloatArray) -> bool:
@@ -383,16 +454,25 @@ def _rates(data: Data, cut: physics.Blocks, accel: Three | None, left: list[int]
     return _apart([one for off, one in found if off < found[0][0] + physics.PROVED])
 
 
-def temperature(data: Data) -> tuple[int, str] | None:
-    """Return the column of temperature and its unit, where titles and numbers agree."""
+CLIMATE = {"degC": (-80.0, 150.0), "K": (190.0, 430.0), "degF": (-110.0, 300.0)}
+"""What instruments are as warm as [as named]."""
+
+
+def temperature(data: Data) -> tuple[int, str, bool] | None:
+    """Return the column of temperature, its unit and whether its title gives that.
+
+    None where titles and numbers do not agree.
+    """
     for k, column in enumerate(data.columns):
         if column.means.role != "temperature":
             continue
         middle = float(np.median(data.x[:, k]))
-        unit = column.means.unit if column.means.unit in ("degC", "K") else ""
-        if not unit:
-            unit = "degC" if -60 < middle < 130 else "K" if 210 < middle < 400 else ""
-        fine = -80 < middle < 150 if unit == "degC" else 190 < middle < 430
-        if unit and fine:
-            return k, unit
+        unit = column.means.unit
+        if told := unit in CLIMATE:
+            fine = CLIMATE[unit][0] < middle < CLIMATE[unit][1]
+        else:
+            unit = "degC" if -60 < middle < 130 else "K"
+            fine = unit == "degC" or 210 < middle < 400
+        if fine:
+            return k, unit, told
     return None

@@ -70,7 +70,7 @@ class Opened:
     columns: tuple[int, ...]  # numbers of the columns that hold numbers [1]
     x: FloatArray  # (n, len(columns)) the first rows of them
     whole: bool = True  # whether these are all rows
-    left_out: tuple[str, ...] = ()  # titles of columns that hold words or nothing
+    left_out: tuple[int, ...] = ()  # numbers of columns that hold words or nothing [1]
     rate: float | None = None  # that the lines above the data say [Hz]
 
     def name(self, column: int) -> int | str:
@@ -128,7 +128,7 @@ def _opened(path: Path, topic: str | None) -> Opened:
         layout = _needed(path, layout, raw, columns)
     if not len(x):
         raise error("log.empty", file=path.name)
-    words = tuple(raw.names[c] for c in range(len(raw.names)) if c not in columns)
+    words = tuple(c for c in range(len(raw.names)) if c not in columns)
     padded = (*units, *[""] * len(raw.names))[: len(raw.names)]
     return Opened(path, layout, raw, padded, columns, x, whole, words, rate)
 
@@ -199,7 +199,7 @@ def _laid_out(lines: list[str]) -> tuple[dict[str, Any], tuple[str, ...], tuple[
     ways = [
         table
         for delimiter, decimal in ((";", "."), (",", "."), ("\t", "."), ("|", "."), (SPACE, "."),
-                                   (";", ","), ("\t", ","), ("|", ","), (SPACE, ","))
+                                   (";", ","), ("\t", ","), ("|", ","), (SPACE, ","), (",", ","))
         if (table := _table(lines, delimiter, decimal)) is not None
     ]  # fmt: skip
     if not ways:
@@ -273,13 +273,13 @@ def _comma_twice(lines: Sequence[str], table: _Table) -> bool:
     """Tell whether each number is cut in two at its decimal comma."""
     if table.delimiter != ",":
         return False
-    heads = [line.split(",") for line in lines[: table.start]]
-    if any(2 * len(h) in (table.cells, table.cells + 1) and len(h) > 2 for h in heads):
+    heads = [len(split(line, ",")) for line in lines[: table.start]]
+    if any(2 * n in (table.cells, table.cells + 1) and n > 2 for n in heads):
         return True
     rows = [_cells(line, ",") for line in lines[table.start : table.start + 40]]
     rows = [row for row in rows if len(row) == table.cells]
     tails = [[row[c] for row in rows] for c in range(1, table.cells, 2)]
-    return len(rows) > 10 and len(tails) > 2 and all(
+    return table.cells not in heads and len(rows) > 10 and len(tails) > 2 and all(
         len({len(cell) for cell in tail}) == 1 and len(tail[0]) > 2 and "".join(tail).isdigit()
         for tail in tails
     )  # fmt: skip
@@ -313,6 +313,8 @@ def _why(lines: Sequence[str]) -> str:
     if way is not None and _comma_twice(lines, way):
         return "the comma stands both between the columns and in the numbers; export it with " \
             "semicolons, or with points in the numbers"  # fmt: skip
+    if sum(re.fullmatch(r"\s*0[xX][0-9a-fA-F]+\s*", c) is not None for c in cells) > len(cells) / 2:
+        return "its numbers are hexadecimal; write them as decimals"
     if len(lines) < 3:
         return "it has fewer than three lines"
     return "no five lines in a row hold three or more columns of numbers"

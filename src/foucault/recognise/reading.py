@@ -17,7 +17,6 @@ from foucault.logs.raw import instruments
 from foucault.recognise import columns as tell
 from foucault.recognise import physics, units
 from foucault.recognise.opening import Opened, opened
-from foucault.recognise.titles import meaning
 from foucault.tables import AXES
 
 ALIKE = 1.0
@@ -99,8 +98,8 @@ def recognise(paths: Sequence[Path], said: Mapping[str, Any] | None = None) -> R
         raise error("recognise.short", file=files[0].path.name, rows=len(data.x), least=FEWEST)
     data, dropped = _whole_rows(data)
     work = _Work(data, dict(said), dropped)
-    if "rate" not in said and not tell.clocks(data) and files[0].rate:
-        work.said["rate"], work.head = f"{files[0].rate:.10g} Hz", True
+    if "rate" not in said and not tell.clocks(data):
+        work.take_rate()
     return work.done()
 
 
@@ -133,7 +132,8 @@ def _whole_rows(data: tell.Data) -> tuple[tell.Data, int]:
     if rows.mean() < 0.3:
         raise error("recognise.holes", file=data.files[0].path.name)
     columns = tuple(data.columns[k] for k in kept)
-    return tell.Data(data.files, columns, data.x[np.ix_(rows, kept)]), int((~rows).sum())
+    x = data.x[np.ix_(rows, kept)]
+    return tell.Data(data.files, columns, x, data.joined), int((~rows).sum())
 
 
 @dataclass
@@ -145,17 +145,55 @@ class _Work:
     dropped: int
     lines: list[Line] = field(default_factory=list)
     questions: list[Question] = field(default_factory=list)
-    head: bool = False  # whether the lines above the data say the rate
+    told: str = ""  # what says the rate beside the columns
+
+    def take_rate(self) -> None:
+        """Take the rate that times of day give, or that the lines above the data say."""
+        for file, c in self._lost("time"):
+            if rate := tell.rate_of_day(file, c):
+                self.said |= {"rate": f"{rate:.9g} Hz", "clock": "host"}
+                self.told = f"the mean of '{file.raw.names[c]}', whose times of day are even"
+                return
+        if (head := self.data.files[0].rate) is not None:
+            self.said["rate"], self.told = f"{head:.10g} Hz", "the lines above the data say it"
+
+    def _lost(self, role: str) -> list[tuple[Opened, int]]:
+        """Return the columns that titles call a `role` and that hold words, or nothing."""
+        return [(file, c) for file in self.data.files if file.raw.named for c in file.left_out
+                if tell.meaning_of(file, c).role == role]  # fmt: skip
+
+    def _readable(self) -> None:
+        """Refuse a triad that titles name and that cannot be taken as it is written."""
+        for i, name in enumerate(("accel", "gyro")):
+            columns = getattr(self.found, name)
+            lost = self._lost(name)
+            said = ", ".join(file.raw.names[c] for file, c in lost)
+            if lost and not (columns is not None and self.found.titled[i]):
+                file, c = lost[0]
+                next(file.raw.blocks((c,)), None)  # raises where, and what stands there
+                if name == "accel" or len(lost) % 3:
+                    raise error("recognise.unread", file=file.path.name, columns=said)
+                self.lines.append(Line("gyros", "none", f"{said} are empty", SURE))
+            units_ = {self.data.columns[k].means.unit for k in columns or ()}
+            if len(units_) > 1 and "" not in units_ and not self._said(name):
+                given = ", ".join(self.data.shown(k) for k in columns)
+                raise error("recognise.mixed_units", columns=given, **self._file())
+            if columns and tell.wrapped(self.data.x[:, list(columns)]):
+                given = ", ".join(self.data.shown(k) for k in columns)
+                raise error("recognise.unsigned", columns=given, **self._file())
+
+    def _file(self) -> dict[str, str]:
+        return {"file": self.data.files[0].path.name}
 
     def done(self) -> Recognised:
         data = self.data
         clock = None if "rate" in self.said else next(iter(tell.clocks(data)), None)
         used = [*([] if clock is None else [clock.column]), *tell.counters(data)]
         used += [c.column for c in tell.clocks(data)]
-        found = self._triads(used)
+        self.found, self.clock = found, clock = self._triads(used), clock
+        self._readable()
         if found.accel is None and found.gyro is None:
-            raise error("recognise.no_triad", file=data.files[0].path.name, have=self._have())
-        self.found, self.clock = found, clock
+            raise error("recognise.no_triad", have=self._have(), **self._file())
         time = np.arange(len(data.x)) * 1.0
         if clock is not None:
             time = tell.unwrapped(data.x[:, clock.column]) - data.x[0, clock.column]
@@ -345,7 +383,7 @@ class _Work:
         if self.clock.dates:
             return "iso"
         unit = self.data.columns[self.clock.column].means.unit
-        return unit if unit in ("s", "ms", "us", "ns", "min") else ""
+        return unit if unit in ("s", "ms", "us", "ns", "min", "day") else ""
 
     def _sizes(self, seen: units.Seen) -> str:
         parts = [f"{'an interval' if seen.timed else 'rows'} of {seen.interval:.6g}"]
@@ -476,12 +514,19 @@ class _Work:
             if not given:
                 log["clock_sd"] = RATE_SD
             told = self.turned is not None and self.turned.fits
-            lost = [w for f in data.files for w in f.left_out if meaning(w).role == "time"]
-            none = f"'{lost[0]}' cannot be read" if lost else "no time column"
+            lost = self._lost("time")
+            stood = [data.shown(k) for k, c in enumerate(data.columns) if c.means.role == "time"]
+            none = (
+                f"'{lost[0][0].raw.names[lost[0][1]]}' cannot be read"
+                if lost
+                else f"{stood[0]} stands still or runs backward"
+                if stood
+                else "no time column"
+            )
             why = f"{none}; the gyros' turns fit it, and their scale hangs on it" if told \
                 else f"{none}, and nothing tells it"  # fmt: skip
             first.append(Line("rate", f"{reading.rate:.6g} Hz",
-                              "the lines above the data say it" if self.head else
+                              self.told if self.told else
                               "given" if given else
                               f'{why}: else --set "rate = 50 Hz"',
                               SURE if given else TAKEN))  # fmt: skip
@@ -503,7 +548,13 @@ class _Work:
             log["temperature"] = {"column": data.called(warm[0]), "unit": warm[1]}
             if several:
                 log["temperature"]["file"] = data.file(warm[0]).name
-            first.append(Line("temperature", f"{data.shown(warm[0])} [{warm[1]}]", "title", SURE))
+            why = "title" if warm[2] else "title; unit: what instruments are as warm as"
+            first.append(Line("temperature", f"{data.shown(warm[0])} [{warm[1]}]", why,
+                              SURE if warm[2] else LIKELY))  # fmt: skip
+        if data.joined:
+            log["join"] = "times"
+            why = "stamps of both are taken for those of one clock"
+            first.append(Line("files", "joined by their times, the faster averaged", why, TAKEN))
         if self.dropped:
             log["missing"] = "drop"
             first.append(Line("rows", f"{self.dropped} left out", "a reading is missing", SURE))

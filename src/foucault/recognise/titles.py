@@ -65,7 +65,7 @@ def meaning(title: str, unit: str = "") -> Meaning:
         return Meaning("gyro", _ROLL[whole], unit=unit)
     gravity = any(word in whole for word in _words()["gravity"]["has"])
     plain = _role(_stem(tokens))
-    if unit in ("s", "ms", "us", "ns", "min") and plain in ("", "temperature"):
+    if unit in ("s", "ms", "us", "ns", "min", "day") and plain in ("", "temperature"):
         plain = "time"
     axes = _axes(tokens)
     for axis, left in axes:
@@ -93,7 +93,11 @@ def _without_unit(title: str) -> tuple[str, str]:
     for end in sorted(_words()["units"], key=len, reverse=True):
         # "time_ms", "gyro_rad[0]": an ending apart; "timestamp" does not end in a unit.
         for mark in ("_", " ", "."):
-            if low.endswith(mark + end) and len(low) > len(end) + 1 and end not in ("g's", "c"):
+            if (
+                low.endswith(mark + end)
+                and len(low) > len(end) + 1
+                and end not in ("g's", "c", "f")
+            ):
                 return body[: -len(end) - 1] + index, _words()["units"][end]
     return title, ""
 
@@ -127,6 +131,10 @@ def _axes(tokens: list[str]) -> list[tuple[int, list[str]]]:
         found.append(("xyz".index(first[0]), [first[1:], *tokens[1:]]))
     if first[0] in "xyz" and not first.isascii():
         found.append(("xyz".index(first[0]), [first[1:], *tokens[1:]]))
+    for i, word in enumerate(tokens[:-1]):  # "ax_low", "gz_filt"
+        if len(word) > 1 and word[-1] in "xyz" and _role(word[:-1]) in ("accel", "gyro", "mag"):
+            left = [t for t in tokens[i + 1 :] if t.isdigit()]
+            found.append(("xyz".index(word[-1]), [word[:-1], *left]))
     for i, word in enumerate(tokens):
         left = tokens[:i] + tokens[i + 1 :]
         # "q_w" is of a quaternion.

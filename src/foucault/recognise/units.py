@@ -48,7 +48,7 @@ ACCEL = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY,
          "0.01 m/s^2": 0.01, "0.001 m/s^2": 1e-3, "ug": 1e-6 * STANDARD_GRAVITY}  # fmt: skip
 ANGLE = {"rad": 1.0, "deg": DEGREE, "arcsec": DEGREE / 3600}
 VELOCITY = {"m/s": 1.0, "0.001 m/s": 1e-3}
-TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "100 us": 1e-4}
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "100 us": 1e-4, "day": 86400.0}
 """Units that loggers use [SI]."""
 
 
@@ -159,7 +159,8 @@ def _clocks(seen: Seen, titled: Titled, increments: bool) -> Iterator[Unit]:
         return
     if seen.timed:
         for text, si in TIME.items():
-            yield Unit(text, si, cost=1.6 * (text == "100 us"), why="the rate it gives")
+            rare = text in ("100 us", "day")
+            yield Unit(text, si, cost=1.6 * rare, why="the rate it gives")
         return
     gyros = ANGLE if increments else GYRO
     if seen.turn is None:
