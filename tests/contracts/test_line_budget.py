@@ -14,7 +14,7 @@ BUDGET = {
     "campaign": 5_645,
     "capture": 950,
     "certificate": 2_015,
-    "cli": 5_028,
+    "cli": 5_160,
     "detect": 4_608,
     "diagnose": 11_930,
     "estimate": 8_060,
@@ -29,9 +29,10 @@ BUDGET = {
     "procedures": 18_691,
     "recognise": 2_734,
     "report": 10_480,
-    "records": 1_430,
+    "records": 1_500,
     "simulate": 3_652,
     "symptoms": 87,
+    "workbench": 2_240,
 }
 
 SLACK = 100
