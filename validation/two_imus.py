@@ -1,7 +1,7 @@
 """IMUs on one plate by another simulator: accuracy, NEES and starts of what hands do with a plate.
 
-The trajectory is a spline of its own and the readings are its derivatives (tests/make_two.py). Where
-the estimator models all that there is, the mean NEES must lie inside two-sided limits at 1 % for
+The trajectory is a spline of its own and the readings are its derivatives (tests/make_two.py).
+Where the estimator models all that there is, the mean NEES must lie inside two-sided limits at 1 % for
 these cases together. `python validation/run.py two_imus 100` is the whole of it.
 """
 
@@ -80,8 +80,9 @@ def main(sessions: int = 12, workers: int = 0) -> tuple[bool, dict[str, object]]
             for size in [rms(e[:, [group in (a, a.rpartition(".")[0]) for a in names]])]
         ]
         passed = sum(x[3] == Level.PASS.value for x in kept)
-        shown.append(f"| {case} | {ratio:.3f} | {low:.3f} to {high:.3f} | {must(fine)} | {over:.2f} | "
-                     f"{' | '.join(cells)} | {passed} of {len(kept)} |")  # fmt: skip
+        inside = f"{low:.3f} to {high:.3f} | {must(fine)}"
+        shown.append(f"| {case} | {ratio:.3f} | {inside} | {over:.2f} | {' | '.join(cells)} | "
+                     f"{passed} of {len(kept)} |")  # fmt: skip
     converged = settled / len(jobs)
     good &= converged >= 0.99
     return bool(good), {
