@@ -1,8 +1,8 @@
 """IMUs on one plate by another simulator: accuracy, NEES and starts of what hands do with a plate.
 
 The trajectory is a spline of its own and the readings are its derivatives (tests/make_two.py).
-Where the estimator models all that there is, the mean NEES must lie inside two-sided limits at 1 % for
-these cases together. `python validation/run.py two_imus 100` is the whole of it.
+Where the estimator models all that there is, the mean NEES must lie inside two-sided limits at 1 %
+for these cases together. `python validation/run.py two_imus 100` is the whole of it.
 """
 
 from __future__ import annotations
