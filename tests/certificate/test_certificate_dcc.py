@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import chi2
 
 from foucault import run_folder
-from foucault.certificate import dcc
+from foucault.certificate import dcc, issue
 from foucault.certificate.content import Certificate
 from foucault.errors import FoucaultError
 from foucault.units import KINDS, _by_pint
@@ -133,6 +133,9 @@ def test_an_invalid_one_is_refused_with_the_place(tmp_path: Path) -> None:
     data = dcc.made(make_certificate(tmp_path)).replace(b">FR<", b">France<", 1)
     (fault, *_) = dcc.faults(data)
     assert "countryCodeISO3166_1" in fault and "pattern" in fault
+    made = make_certificate(tmp_path)
+    with pytest.raises(FoucaultError, match=r"does not keep to its schema: .*uniqueIdentifier"):
+        issue.made(made.model_copy(update={"number": " 7"}))
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ ratio and a count are ``\one``, an angle is ``\radian``.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -360,7 +361,8 @@ def faults(data: bytes) -> list[str]:
     """Return what of a DCC does not keep to the schema, each in words."""
     import io
 
-    return [f"{f.path}: {f.reason}" for f in schema().iter_errors(io.BytesIO(data))]
+    found = (f"{f.path}: {f.reason}" for f in schema().iter_errors(io.BytesIO(data)))
+    return [re.sub(r"\{https?://[^}]*\}", "", one) for one in found]
 
 
 def parsed(data: bytes, path: str | Path) -> Any:
