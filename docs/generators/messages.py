@@ -36,6 +36,7 @@ GROUPS: dict[str, tuple[str, str]] = {
     ),
     "studies": ("Studies, and computing on a cluster", "study cluster"),
     "records": ("Keeping records", "records"),
+    "workbench": ("The workbench", "workbench"),
     "capture": ("Recording an instrument", "capture"),
     "certificate": ("Certificates", "certificate"),
 }

@@ -150,6 +150,13 @@ def test_sources_that_cannot_be(tmp_path: Path):
         assert problem.value.code == code, given
 
 
+def test_a_serial_port_without_its_library(monkeypatch):
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(FoucaultError) as problem:
+        opened("serial:/dev/ttyS0")
+    assert problem.value.code == "capture.no_serial"
+
+
 def test_a_file_written_anew_is_read_from_its_start(tmp_path: Path):
     path = tmp_path / "log.bin"
     path.write_bytes(b"abcdef")

@@ -11,13 +11,13 @@ ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
     ".": 3_449,
-    "campaign": 5_667,
+    "campaign": 5_645,
     "capture": 950,
     "certificate": 2_015,
-    "cli": 5_028,
+    "cli": 5_160,
     "detect": 4_608,
     "diagnose": 11_930,
-    "estimate": 8_070,
+    "estimate": 8_060,
     "export": 3_525,
     "guard": 1_941,
     "infer": 3_603,
@@ -26,12 +26,13 @@ BUDGET = {
     "models": 6_310,
     "navigate": 2_110,
     "plans": 6_028,
-    "procedures": 18_974,
-    "recognise": 2_734,
+    "procedures": 18_990,
+    "recognise": 2_860,
     "report": 10_480,
-    "records": 1_430,
-    "simulate": 3_662,
+    "records": 1_500,
+    "simulate": 3_652,
     "symptoms": 87,
+    "workbench": 2_240,
 }
 
 SLACK = 100

@@ -25,6 +25,7 @@ from foucault.cli import (
     preflight,
     records,
     results,
+    serve,
     sessions,
     watch,
 )
@@ -160,7 +161,7 @@ for _command in (
     results.demo, results.merge, compare.compare, compare.fleet, navigate.align, navigate.navigate,
     navigate.delay, sessions.allan, preflight.montecarlo, results.temperature, export.apply,
     export.export, export.check, watch.watch, capture.capture, certificate.certify,
-    certificate.verify,
+    certificate.verify, serve.serve,
 ):  # fmt: skip
     add(app, _command)
 north.add_to(app)

@@ -128,7 +128,8 @@ def _run(screen: Screen, campaign: Campaign, folder: Path, head: str = "") -> tu
         tell(0.9, "writing the report")
         # Asked to write beside the campaign, leave that file as its author wrote it.
         kept = folder / run_folder.CAMPAIGN_FILE
-        own = kept.exists() and kept.samefile(campaign.path)
+        there = kept.exists() and Path(campaign.path).exists()
+        own = there and kept.samefile(campaign.path)
         text = campaign.text if own else campaigns.resolved(campaign, folder, head)
         run_folder.save(result, folder, text)
         screen.log = str(result.provenance.get("input", {}).get("sha256", ""))

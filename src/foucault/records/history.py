@@ -132,10 +132,39 @@ def past(records: Records, instrument: str, now: float | None = None) -> Past:
     limits = records.limits(name)
     found = comparison.of(read, limits) if len(read) > 1 else None
     months = [b.months for _, b in records.said(Interval) if b.instrument == name]
-    dates = [comparison.moment(r.holds) for r in counted if r.holds]
-    due = max(dates) + months[-1] * MONTH if months and dates else math.nan
+    due = _due(counted, months)
     outlooks = _outlooks(read, found, limits, at, due) if read else ()
     return Past(name, at, tuple(runs), tuple(counted), tuple(events), due, outlooks, found)
+
+
+def _due(counted: Sequence[Run], months: Sequence[float]) -> float:
+    """Return when an instrument is due; NaN where no interval is set or nothing is dated [s]."""
+    dates = [comparison.moment(r.holds) for r in counted if r.holds]
+    return max(dates) + months[-1] * MONTH if months and dates else math.nan
+
+
+def fleet(records: Records) -> list[tuple[str, list[Run], list[Run], float]]:
+    """Return every instrument with its runs, those that count, and when it is due [s].
+
+    No run folder is read, however many there are.
+    """
+    runs: dict[str, list[Run]] = {}
+    for run in records.runs():
+        runs.setdefault(run.instrument, []).append(run)
+    months: dict[str, list[float]] = {}
+    for _, body in records.said(Interval):
+        months.setdefault(body.instrument, []).append(body.months)
+    broke: dict[str, float] = {}
+    now = datetime.datetime.now(datetime.UTC).timestamp()
+    for _, event in records.said(Event):
+        at = comparison.moment(event.on)
+        if event.what in BREAKS and at <= now:
+            broke[event.instrument] = max(at, broke.get(event.instrument, -math.inf))
+    out = []
+    for name, own in sorted(runs.items()):
+        counted = _counted(own, broke.get(name, -math.inf))
+        out.append((name, own, counted, _due(counted, months.get(name, []))))
+    return out
 
 
 def _counted(runs: Sequence[Run], since: float) -> list[Run]:
