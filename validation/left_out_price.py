@@ -14,27 +14,35 @@ from typing import Any
 
 import numpy as np
 from common import each
-from left_out import COUNT, put
+from left_out import COUNT
 from scipy.stats import binom
-from violations import CASES, DECLARED
+from violations import CASES, DECLARED, Session, amounts
 from violations import GRADE as GRADES_OF
 
 from foucault.models.left_out import sizes_of
 from foucault.models.noise import grade
 from sessions import SITE, Case, made
 
-PROCEDURES = ("hand_rotated", "six_position", "ferraris", "rate_table")
+PROCEDURES = ("hand_rotated", "six_position", "ferraris", "rate_table", "north_seeking")
 CLASSES = {"consumer MEMS": "mems", "tactical MEMS": "tactical", "tactical FOG": "navigation"}
 """Grade of the sizes -> class of the simulated instrument's noise and errors."""
+
+CELLS = [
+    *((w, n) for w in PROCEDURES[:-1] for n in CLASSES), ("north_seeking", "tactical FOG"),
+]  # fmt: skip
+"""Procedure and grade; gyros of the other grades find no north."""
 
 SURVEYED = 2e-5  # m/s^2: gravity as a gravimeter tells it
 SHEET = {"accel.quadratic": 0.1, "accel.cross": 0.1, "accel.asymmetry": 0.1, "gyro.cubic": 0.1,
          "gyro.asymmetry": 0.1, "gyro.g_sensitivity": 0.1}  # fmt: skip
 """What a test of the part says: these sizes are a tenth of the typical ones."""
 
+PLACE = ("local gravity", "latitude", "common error of the headings")
+"""What else makes the price, of place and rig."""
+
 POWER = {
     "hand_rotated": "accel.quadratic", "ferraris": "gyro.g_sensitivity",
-    "rate_table": "gyro.bias drift",
+    "rate_table": "gyro.bias drift", "north_seeking": "gyro.g_sensitivity",
 }  # fmt: skip
 """A group of three terms or nine, each of which this plan can show."""
 
@@ -61,7 +69,7 @@ def priced(job: tuple[str, str, int]) -> tuple[list[float], dict[str, float]]:
     budget = with_all.diagnostics["budget"]
     total = np.sum([np.array(v) for v in budget.values()], axis=0)
     largest = {n: float(np.max(np.array(v) / total)) for n, v in budget.items() if n in COUNT or
-               n == "local gravity"}  # fmt: skip
+               n in PLACE}  # fmt: skip
     return [float(np.median(r)) for r in out], largest
 
 
@@ -76,7 +84,9 @@ def named(job: tuple[str, str, int]) -> list[str]:
         x = np.zeros(COUNT[what])
         # The most visible term of a group is the one that `needed` is about.
         x[int(np.argmax(visible(case, log, sizes, what)))] = needed["needed"] * sizes[what][0]
-        log = put(log, simulation.model, {what: x})
+        held = Session(case, simulation, log, np.random.default_rng(0))
+        amounts(held, {what: x})
+        log = held.log
     return [n for causes in trial(case, log, sizes).diagnostics["named"] for n in causes]
 
 
@@ -94,9 +104,13 @@ def visible(case: Case, log: Any, sizes: Any, group: str) -> np.ndarray:
     return np.diag(seen[0][group].V)
 
 
-def main(clean: int = 1000, power: int = 200, price: int = 10) -> tuple[bool, dict[str, object]]:
+def main(
+    clean: int = 1000, power: int = 200, price: int = 10, *only: str
+) -> tuple[bool, dict[str, object]]:
     good, prices, names, powers = True, [], [], []
-    cells = [(w, n) for w in PROCEDURES for n in CLASSES]
+    wanted = [w for w in PROCEDURES if not only or w in only]
+    cells = [cell for cell in CELLS if cell[0] in wanted]
+    tried = {w: g for w, g in POWER.items() if w in wanted}
     runs = list(each(priced, [(w, n, k) for w, n in cells for k in range(price)]))
     for k, (which, name) in enumerate(cells):
         mine = runs[k * price : (k + 1) * price]
@@ -108,18 +122,18 @@ def main(clean: int = 1000, power: int = 200, price: int = 10) -> tuple[bool, di
         prices.append(
             f"| {which} | {name} | " + " | ".join(f"{r:.2f}" for r in ratios) + f" | {makers} |"
         )
-    runs = list(each(named, [(w, "", k) for w in PROCEDURES for k in range(clean)]))
-    for k, which in enumerate(PROCEDURES):
+    runs = list(each(named, [(w, "", k) for w in wanted for k in range(clean)]))
+    for k, which in enumerate(wanted):
         wrong = [set(r) for r in runs[k * clean : (k + 1) * clean] if r]
         most = binom.isf(0.005, clean, 0.01)
         good &= len(wrong) <= most
         said = Counter(n for r in wrong for n in r).most_common(3)
         words = ", ".join(f"{n} {c}" for n, c in said) or "nothing"
         names.append(f"| {which} | {clean} | {len(wrong)} | {most:.0f} | {words} |")
-    runs = list(each(named, [(w, g, k) for w, g in POWER.items() for k in range(power)]))
-    for k, (which, group) in enumerate(POWER.items()):
+    runs = list(each(named, [(w, g, k) for w, g in tried.items() for k in range(power)]))
+    for k, (which, group) in enumerate(tried.items()):
         right = sum(group in r for r in runs[k * power : (k + 1) * power])
-        low, high = binom.ppf(0.005 / 3, power, 0.9), binom.isf(0.005 / 3, power, 0.9)
+        low, high = (f(0.005 / len(POWER), power, 0.9) for f in (binom.ppf, binom.isf))
         good &= low <= right
         powers.append(f"| {which} | {group} | {right} of {power} | {low:.0f} to {high:.0f} |")
     return good, {"prices": prices, "names": names, "powers": powers, "sessions": price}

@@ -32,6 +32,7 @@ from sessions import LASER, SEEKER, SITE, SLAVE, Case, made, truth
 G0 = 9.80665
 DEGREE = np.radians(1.0)
 ARCMIN = DEGREE / 60
+ARCSEC = ARCMIN / 60
 PLACED = {"placement_sd": 3 * ARCMIN, "level_sd": 3 * ARCMIN, "angle_sd": 12 * ARCMIN}
 SHORT = {"rows": "samples", "rest_time": 10.0}
 
@@ -104,20 +105,26 @@ Violation = Callable[[Session], None]
 
 
 def motion(s: Session) -> tuple[np.ndarray, np.ndarray]:
-    """Return specific force and rate (n, 3) that terms multiply: of a north seeker its case's."""
+    """Return specific force and rate (n, 3) that terms multiply.
+
+    Of a north seeker they are along axes that turn with its base: the gyro's is the second.
+    """
     if not isinstance(s.log, IndexedLog):
         return s.log.accel, s.log.gyro
-    C_nb = np.array([p.attitude for p in s.simulation.plan.setups])[s.log.setup]
     f_n, w_n = np.array([0.0, 0.0, SITE.gravity]), earth_rate_n(SITE.latitude)
-    return f_n @ C_nb, w_n @ C_nb
+    return turned(s, f_n), turned(s, w_n)
+
+
+def turned(s: Session, v_n: np.ndarray) -> np.ndarray:
+    """Return a vector along the axes of a base (n, 3)."""
+    v = (v_n @ np.array([p.attitude for p in s.simulation.plan.setups]))[s.log.setup]
+    c, d = np.cos(s.log.index), np.sin(s.log.index)
+    return np.stack([c * v[:, 0] - d * v[:, 1], d * v[:, 0] + c * v[:, 1], v[:, 2]], axis=1)
 
 
 def sensed(s: Session, x: Any) -> Any:
-    """Return what a log has of something along the axes of the case (n, 3)."""
-    if not isinstance(s.log, IndexedLog):
-        return x
-    a = s.log.index
-    return np.einsum("ni,ni->n", x, np.stack([np.sin(a), np.cos(a), 0 * a], axis=1))[:, None]
+    """Return what a log has of something along the axes of the case, or base (n, 3)."""
+    return x[:, 1:2] if isinstance(s.log, IndexedLog) else x
 
 
 def amounts(s: Session, x: dict[str, np.ndarray]) -> None:
@@ -129,6 +136,20 @@ def amounts(s: Session, x: dict[str, np.ndarray]) -> None:
     f, w = motion(s)
     more = put(Log(time=s.log.time, accel=f, gyro=w), ImuModel(), x)
     added(s, sensed(s, more.accel - f), sensed(s, more.gyro - w))
+
+
+def askew(s: Session) -> None:
+    """A base, a table and its headings that are off by what nobody says of them."""
+    log, m = s.log, len(s.log.names)
+    stops = np.unique(np.column_stack([log.setup, np.rint(np.degrees(log.index))]), axis=0,
+                      return_inverse=True)[1].ravel()  # fmt: skip
+    own = 10 * ARCSEC * s.rng.standard_normal((2, len(stops)))
+    common, lean = 20 * ARCSEC * s.rng.standard_normal(), 20 * ARCSEC * s.rng.standard_normal(2)
+    f_n, w_n = np.array([0.0, 0.0, SITE.gravity]), earth_rate_n(SITE.latitude)
+    back = np.array([*-lean, 0.0])
+    added(s, *(sensed(s, turned(s, np.cross(back, v))) for v in (f_n, w_n)))
+    s.log = replace(s.log, index=log.index + own[0][stops],
+                    heading=log.heading + common + own[1][:m][log.setup])  # fmt: skip
 
 
 def added(s: Session, accel: Any, gyro: Any) -> None:
@@ -293,6 +314,8 @@ def everything(s: Session) -> None:
         if group not in known and group.partition(".")[0] in triads
     }
     amounts(s, x)
+    if isinstance(s.log, IndexedLog):
+        askew(s)
     # Some settings say themselves how well the latitude is known.
     north = getattr(s.case.stated, "latitude_sd", None) or sizes["latitude"][0]
     place(s.rng.standard_normal() * 4e-4, s.rng.standard_normal() * north)(s)

@@ -36,6 +36,8 @@ GROUPS: dict[str, tuple[str, str]] = {
     ),
     "studies": ("Studies, and computing on a cluster", "study cluster"),
     "records": ("Keeping records", "records"),
+    "workbench": ("The workbench", "workbench"),
+    "capture": ("Recording an instrument", "capture"),
     "certificate": ("Certificates", "certificate"),
 }
 """Page -> its title, and the first words of the codes on it."""

@@ -71,7 +71,13 @@ def to_arrow(values: Any) -> Any:
 
     x = np.asarray(values)
     if x.dtype.kind in "UO" and x.ndim == 1:
-        return pa.array(x.tolist())
+        words = x.tolist()
+        if not all(isinstance(word, str) for word in words):
+            return pa.array(words)
+        coded = [word.encode() for word in words]
+        ends = np.cumsum([0, *map(len, coded)], dtype=np.int32)
+        text = pa.py_buffer(b"".join(coded))
+        return pa.StringArray.from_buffers(len(coded), pa.py_buffer(ends), text)
     if x.dtype.kind not in "fib" or x.ndim != 1:
         return pa.array(values)
     kind = pa.from_numpy_dtype(x.dtype)

@@ -97,13 +97,18 @@ class Level(StrEnum):
     UNUSABLE = "unusable"
 
 
+CERTAIN = 1e-4
+"""What chance makes more rarely than this is no chance: nothing passes beside it [1]."""
+
+
 @dataclass(frozen=True)
 class Check(Shown):
     """One test of a result: a number, its limits, and a sentence for people.
 
     `value`, `low` and `high` are in the unit [that `sentence` says]; `low` and `high` are None
     where the test has no limit on that side. `fails` is the level the verdict falls to when the
-    number is outside.
+    number is outside. `p` is the probability [1] that chance makes so much of what the
+    uncertainties do not account for, None where limits say all.
     """
 
     name: str
@@ -113,13 +118,15 @@ class Check(Shown):
     passed: bool
     sentence: str
     fails: Level = Level.DOUBTFUL
+    p: float | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        # Nothing beyond its limit has passed, whoever says so.
+        # Nothing beyond its limit, and nothing that is no chance, has passed, whoever says so.
         beyond = (self.low is not None and self.value < self.low) or (
             self.high is not None and self.value > self.high
         )
-        object.__setattr__(self, "passed", bool(self.passed) and not beyond)
+        sure = self.p is not None and self.p < CERTAIN
+        object.__setattr__(self, "passed", bool(self.passed) and not (beyond or sure))
 
 
 @dataclass(frozen=True)

@@ -112,6 +112,9 @@ class CheckRow(BaseModel):
     passed: Flag
     sentence: str
     fails: Level = Field(description="Level the verdict falls to when the check fails")
+    p: Number | None = Field(
+        None, description="Probability that chance makes so much; null where the limits say all"
+    )
 
 
 class FindingRow(BaseModel):
@@ -346,7 +349,10 @@ def document(result: Result) -> dict[str, Any]:
         "validity": plain_json(result.validity),
         "coefficients": plain_json(_rows(result)),
         "covariance": covariance,
-        "checks": [plain_json(vars(check)) for check in result.checks],
+        "checks": [
+            plain_json({k: v for k, v in vars(check).items() if k != "p" or v is not None})
+            for check in result.checks
+        ],
         "findings": [finding.as_dict() for finding in result.findings],
         "diagnostics": plain_json(result.diagnostics),
         "provenance": plain_json(result.provenance),

@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import chi2
 
 from foucault import run_folder
-from foucault.certificate import dcc
+from foucault.certificate import dcc, issue
 from foucault.certificate.content import Certificate
 from foucault.errors import FoucaultError
 from foucault.units import KINDS, _by_pint
@@ -20,6 +20,7 @@ from make_certificate import (
     make_certificate,
     make_conforming,
     make_full,
+    make_run,
 )
 
 SPACES = {"dcc": dcc.DCC, "si": dcc.SI}
@@ -90,12 +91,27 @@ def test_all_that_a_certificate_can_say_keeps_to_the_schema(tmp_path: Path) -> N
         "beforeAdjustment", "afterAdjustment"]  # fmt: skip
     said = " ".join(texts(root, ".//dcc:statement"))
     for words in ("relate only", "A. Noether", "the bump is left out", "steady", "2026-03",
-                  "guard band w = U", "rates of the table", "turned by hand"):  # fmt: skip
+                  "guard band w = U", "rates of the table", "turned by hand", "hangar 4",
+                  "9f2c" * 16, made.run.sha256, "1" * 64):  # fmt: skip
         assert words in said, words
     each = texts(root, ".//dcc:metaData/dcc:conformity")
     assert len(each) == 6 and set(each) == {"pass", "conditionalFail"}
     assert texts(root, ".//dcc:statement/dcc:conformity") == ["conditionalFail"]
     assert texts(root, ".//dcc:measuringEquipment/dcc:name")[:3] == list(made.used)
+
+
+def test_after_a_repair_the_results_are_those_after_it(tmp_path: Path) -> None:
+    make_run(tmp_path / "before", seed=8)
+    more = "[certificate.adjustment]\ndone = 'repaired'\nwords = 'new gyro'\nbefore = 'before'\n"
+    root = root_of(make_certificate(tmp_path, more))
+    states = texts(root, ".//dcc:influenceCondition/dcc:status")
+    assert states == ["beforeRepair", "afterRepair"]
+    before, after = root.iterfind(".//dcc:measurementResult", SPACES)
+    was = run_folder.load_result(tmp_path / "before").in_seconds
+    lists = [e.text for e in before.iterfind(".//dcc:result//si:valueXMLList", SPACES)]
+    assert [float(v) for v in lists[0].split()] == was.values.tolist()
+    assert before.find(".//si:covarianceMatrix", SPACES) is None
+    assert after.find(".//si:covarianceMatrix", SPACES) is not None
 
 
 def test_an_open_decision_says_on_which_side_it_lies(tmp_path: Path) -> None:
@@ -117,6 +133,9 @@ def test_an_invalid_one_is_refused_with_the_place(tmp_path: Path) -> None:
     data = dcc.made(make_certificate(tmp_path)).replace(b">FR<", b">France<", 1)
     (fault, *_) = dcc.faults(data)
     assert "countryCodeISO3166_1" in fault and "pattern" in fault
+    made = make_certificate(tmp_path)
+    with pytest.raises(FoucaultError, match=r"does not keep to its schema: .*uniqueIdentifier"):
+        issue.made(made.model_copy(update={"number": " 7"}))
 
 
 @pytest.mark.parametrize(

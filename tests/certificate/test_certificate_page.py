@@ -131,7 +131,12 @@ def test_it_prints_every_item_that_is_asked_for(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("pdftotext") is None, reason="pdftotext is not installed")
 def test_each_page_has_number_page_and_count_and_the_last_one_ends_it(tmp_path: Path) -> None:
-    pdf = issue.made(make_full(tmp_path))[1]
+    made = make_full(tmp_path)
+    term = made.left_out[0].model_copy(update={
+        "what": "drift of the accelerometers' scale factors, end minus start of the session",
+        "basis": "consumer MEMS, judgement; another part allows 128 (0.2 % of 250 deg/s)",
+    })  # fmt: skip
+    pdf = issue.made(made.model_copy(update={"left_out": (term,)}))[1]
     text = subprocess.run(["pdftotext", "-layout", "-", "-"], input=pdf, capture_output=True,
                           check=True).stdout.decode()  # fmt: skip
     pages = text.split("\f")[:-1]
@@ -139,6 +144,7 @@ def test_each_page_has_number_page_and_count_and_the_last_one_ends_it(tmp_path: 
         assert "2025-0042-r2" in one and f"Page {i} of {len(pages)}" in one
     assert "End of the certificate" in pages[-1] and "This certificate replaces" in pages[0]
     assert "End of" not in "".join(pages[:-1])
+    assert "drift of the accelerometers’ scale" in text.replace("'", "’"), "columns have room"
 
 
 def test_a_term_that_nobody_counted_is_said_to_be_missing(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ from foucault.models.left_out import sizes_of
 from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade
 from foucault.procedures import PROCEDURES
 from foucault.procedures.record import Given
-from foucault.result import Check, Level, Result
+from foucault.result import CERTAIN, Check, Level, Result
 from sessions import (
     ARCMIN,
     LASER,
@@ -238,6 +238,7 @@ def test_what_is_not_estimated_is_in_its_budget_and_none_is_pinned(name: str) ->
     if not SESSIONS[name].record.counted:
         assert "left_out.not_counted" in [f.code for f in result.findings]
         return
+    decide(result)
     some = result.diagnostics["left_out"]
     groups = [g for g, row in some.items() if row["kind"] == "left out"]
     assert groups
@@ -274,6 +275,49 @@ def test_a_session_as_it_should_be_passes_inside_its_covariance(name: str) -> No
     e, cov = errors(result, session(name), names)
     low, high = chi_square_limits(len(names), tests=len(PROCEDURES))
     assert low < nees(e[None], cov)[0] < high
+
+
+SAID = {"redundancy", "noise of turns", "control of the rests", "terms that show",
+        "terms not shown"}  # fmt: skip
+"""Checks without limit and without probability: sentences that test nothing, as no number does."""
+
+
+@pytest.mark.parametrize("name", PROCEDURES)
+def test_what_is_tested_has_a_limit_or_the_probability_that_decides(name: str) -> None:
+    """So that `Check` can refuse to pass what is no chance: see tests/diagnose/test_verdicts."""
+    decide(fitted(name)[0])
+
+
+def decide(result: Result) -> None:
+    for check in result.checks:
+        bound = check.low is not None or check.high is not None or np.isnan(check.value)
+        assert bound or check.p is not None or check.name in SAID, check
+        assert check.p is None or check.p >= CERTAIN
+
+
+@pytest.mark.parametrize("name", MIXED)
+def test_uncertainties_are_held_against_those_of_the_plan(name: str) -> None:
+    """A good session is as good as its plan; one that scatter alone makes honest is no success."""
+    (check,) = (c for c in fitted(name)[0].checks if c.name == "uncertainty against the plan")
+    assert 0.9 < check.value < 1.5 and check.passed
+    fit = fitted(name)[1]
+    problem = mixed.without_scatter(fit)
+    assert problem is not None
+    sd = fit.estimate.coefficients.sd
+    spoiled = replace(
+        fit.estimate.coefficients, cov=400 * np.asarray(fit.estimate.coefficients.cov)
+    )
+    (told,) = fit_checks.against_the_plan(
+        replace(fit, estimate=replace(fit.estimate, coefficients=spoiled))
+    )
+    assert not told.passed and told.value > 10 and (sd > 0).all()
+
+
+@pytest.mark.parametrize("name", PROCEDURES)
+def test_nothing_is_known_without_any_doubt(name: str) -> None:
+    c = fitted(name)[0].coefficients
+    assert (c.sd[c.free] > 0).all()
+    assert np.linalg.eigvalsh(c.cov / np.outer(c.sd, c.sd)).min() > 0
 
 
 @pytest.mark.parametrize("name", PROCEDURES)

@@ -113,7 +113,7 @@ def test_every_use_gives_what_the_sentences_say(key: str) -> None:
 @pytest.mark.parametrize("key", WORDS)
 def test_sentences_have_single_blanks_and_end_in_a_full_stop(key: str) -> None:
     row = WORDS[key]
-    for text in filter(None, (row.fine, row.below, row.above)):
+    for text in filter(None, (row.fine, row.below, row.above, row.unlikely)):
         assert "  " not in text and text == text.strip()
         assert text.endswith(".") or re.split(r"[{}]", text)[-2] in LEFT_TO_THE_VALUES
     assert not row.fine.startswith("...")
@@ -157,3 +157,4 @@ def test_a_sentence_goes_on_from_the_one_inside_the_limits(monkeypatch: pytest.M
     assert not check("same", "a", float("nan"), passed=False).passed
     excused = check("both", "a", 4.0, 1.0, 3.0, given, excused=True)
     assert excused.passed and excused.low == 1.0 and excused.high is None
+    assert not check("both", "a", 4.0, 1.0, 3.0, given, excused=True, p=1e-5).passed

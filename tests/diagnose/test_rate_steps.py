@@ -225,7 +225,7 @@ def test_a_good_session_passes():
     assert codes(result) == []
     assert {c.name for c in result.checks} == {
         "converged", "redundancy", "gyro scale", "scale factor terms", "drift", "noise of steps",
-        "evenness of steps", "held-out steps",
+        "evenness of steps", "held-out steps", "uncertainty against the plan",
     }  # fmt: skip
 
 

@@ -32,6 +32,14 @@ def test_a_check_within_its_limits_may_fail_for_another_reason():
     assert not Check("any", 2.0, 1.0, 3.0, False, "It is not.").passed
 
 
+@pytest.mark.parametrize(("p", "passed"), [(None, True), (0.5, True), (2e-4, True), (9e-5, False)])
+def test_nothing_passes_beside_what_is_no_chance(p, passed):
+    """Whatever its limits: the verdict follows from the probability itself."""
+    check = Check("any", 2.0, None, 3.0, True, "It is fine.", p=p)
+    assert check.passed is passed
+    assert (Verdict.of((check,)).level is Level.PASS) is passed
+
+
 def test_doubts_are_warnings():
     assert {row.severity for row in SYMPTOMS.values() if row.doubt or row.advice} == {"warning"}
 

@@ -156,6 +156,20 @@ def test_terms_are_taken_away_until_they_are_needed() -> None:
     assert fixed.missing[0].p < 1e-6  # and is told to be too few
 
 
+def test_scatter_counts_with_students_factor_for_what_tells_it() -> None:
+    rng = np.random.default_rng(3)
+    evidence = pieces(rng, WEIGHTS, (3.0, 3.0))
+    free, none = np.ones(2, bool), np.zeros(2)
+    found = choose(evidence, SPACE, {0: 1, 1: 0}, none, free)
+    assert found is not None and np.isfinite(found.dof).all()
+    wide = solve(evidence, found.fit.design, found.fit.variance * found.dof / (found.dof - 2))
+    np.testing.assert_allclose(found.cov, wide.cov)
+    assert (np.diag(found.cov) > np.diag(found.fit.cov)).all()
+    known = choose(evidence, SPACE, {0: 1, 1: 0}, none + 9.0, ~free)
+    assert known is not None
+    np.testing.assert_array_equal(known.cov, known.fit.cov)
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("wanted", [False, True])
 def test_a_term_too_many_is_chosen_as_often_as_said(wanted: bool) -> None:

@@ -22,6 +22,7 @@ from foucault.infer.gauss_newton import chi_square_limits
 from foucault.logs import LogDescription, read
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
+from foucault.models.left_out import ByNoise
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.procedures import ferraris, six_position
 from foucault.result import Level
@@ -68,6 +69,35 @@ def test_published_solution_gives_the_other_programs_numbers():
     matrix = np.diag(IMUCAL["K_a"]) @ IMUCAL["R_a"]
     np.testing.assert_allclose(result.model.accel_matrix @ C_bk, matrix, atol=1e-9)
     assert result.status == "converged"
+
+
+@needs_session
+def test_the_pass_of_the_real_log_is_earned():
+    """Against the other program, and against the early and the late repeat of each face."""
+    log, sections = session()
+    site, sd = Site(9.81, np.radians(49.6)), np.radians([0.15, 0.15, 0.5])
+    scale = [f"accel.scale.{a}" for a in "xyz"]
+    settings = ferraris.Settings(angle_sd=sd[2])
+    whole = ferraris.calibrate(log, site=site, settings=settings, sizes=ByNoise())
+    c = whole.coefficients.chosen(scale)
+    assert whole.verdict.level == "pass" and not whole.diagnostics["named"]
+    low, high = chi_square_limits(3)
+    assert low < np.sum(((c.values - np.array(IMUCAL["K_a"]) + 1) / c.sd) ** 2) < high
+    start, time = (whole.tables["readings"][k][: len(whole.diagnostics["faces"])]
+                   for k in ("start", "time"))  # fmt: skip
+    first = np.ceil(start * 102.4).astype(int) + 1
+    rows = np.column_stack([first, first + (time * 102.4).astype(int) - 3])
+    found = []
+    for which in (0, -1):  # the first and the last rest with each axis up
+        chosen = dict(sections)
+        for face, key in (("x up", "x_p"), ("y up", "y_p"), ("z up", "z_p")):
+            mine = np.flatnonzero(np.array(whole.diagnostics["faces"]) == face)
+            chosen[key] = tuple(rows[mine][which].tolist())
+        part = calibrate(log, site, None, sections=chosen, placement_sd=sd[0], level_sd=sd[1],
+                         angle_sd=sd[2])  # fmt: skip
+        found.append(part.coefficients.chosen(scale).values)
+    off = (found[0] - found[1]) / 2 / c.sd
+    assert low < np.sum(off**2) < high and np.abs(off).max() > 1  # the drift of x is there
 
 
 @needs_session

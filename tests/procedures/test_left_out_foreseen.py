@@ -7,12 +7,15 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.special import stdtrit
 
 from foucault import procedures
 from foucault.campaign import calibrate, load, parse, save_session, simulate, study, template
 from foucault.campaign.running import with_nothing_else
 from foucault.infer.gauss_newton import chi_square_limits
+from foucault.infer.mixed import DRAWS
 from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
 from foucault.models.left_out import ByNoise, grade_of, sizes_of, told
 from foucault.models.noise import grade
 from foucault.procedures import ferraris, hand_rotated, rate_table, silent, six_position
@@ -206,15 +209,45 @@ def test_where_no_grade_is_told_by_noise_nothing_said_is_nothing_declared(name) 
 @pytest.mark.thorough
 @pytest.mark.parametrize("sizes", [ByNoise(), SIZES], ids=["told by noise", "declared"])
 def test_preflight_of_a_table_says_what_a_calibration_states(sizes) -> None:
+    """Where noise is measured a session finds scatter by chance, or none: foretold is the mean.
+
+    The moves between positions take their time too, in which what drifts goes on.
+    """
     case = Case("norm_observation", {}, {"rows": "samples", "rest_time": 10.0})
     site = replace(case.site, gravity_sd=4e-4)
     plan = replace(case.beforehand, sizes=sizes, noise=None, typical=case.sensors, site=site)
     seen = case.record.foreseen(plan)
-    log = made(case, 3).log
-    found = case.record.calibrate(log, site=site, settings=case.stated, sizes=sizes)
-    # The noise of a session is that of its own 36 readings, and terms act at its own errors.
-    np.testing.assert_allclose(seen.sd, found.coefficients.sd, rtol=0.05)
+    found = [
+        case.record.trial(made(case, seed).log, site=site, settings=case.stated, sizes=sizes)
+        for seed in range(MANY)
+    ]
+    var = np.array([r.coefficients.sd**2 for r in found]) / seen.sd**2
+    error = var.std(axis=0, ddof=1) / np.sqrt(MANY)
+    limit = stdtrit(MANY - 1, 1 - 0.005 / len(seen.sd))
+    sure = case.record.foreseen(replace(plan, noise=case.sensors))
+    chance = 1 - np.minimum(sure.sd / seen.sd, 1.0) ** 2
+    assert chance.max() > 0.3
+    # What is drawn of chance scatters too, and terms act at the errors of each instrument.
+    drawn = 3 * chance * np.sqrt(2 / DRAWS)
+    assert (np.abs(var.mean(axis=0) - 1) < limit * error + drawn + 0.05).all()
     nothing = case.record.foreseen(replace(plan, sizes=None))
     assert (seen.sd > 1.5 * nothing.sd).any()
-    assert set(seen.left_out["group"]) == set(found.tables["left_out"]["group"])
+    assert set(seen.left_out["group"]) == set(found[0].tables["left_out"]["group"])
     assert not seen.findings
+
+
+MANY = 16
+"""Sessions whose variances are compared with what was foretold [1]."""
+
+
+@pytest.mark.parametrize("rows", ["samples", "means"])
+@pytest.mark.parametrize("name", ["norm_observation", "multi_position", "turntable"])
+def test_with_declared_noise_preflight_of_a_table_is_exact_with_all_sizes(name, rows) -> None:
+    perfect = dict.fromkeys(("plumb_sd", "orthogonality_sd", "zero_sd", "position_sd"), 0.0)
+    session = {"rows": rows, "rest_time": 10.0} | (perfect if name == "multi_position" else {})
+    case = Case(name, {}, session, grade="mems")
+    seen = case.record.foreseen(replace(case.beforehand, sizes=SIZES))
+    log = made(case, 3, errors=ImuModel()).log
+    came = case.record.trial(log, site=case.site, settings=case.stated, noise=case.sensors,
+                             sizes=SIZES).coefficients  # fmt: skip
+    np.testing.assert_allclose(seen.sd, came.sd, rtol=0.03)

@@ -271,8 +271,10 @@ def bare(name: str, folder: Path, seed: int = 3):
     made = campaign.simulate(campaign.parse(campaign.template(name)), seed)
     log = made.simulation.log
     file = folder / f"{name}.csv"
-    file.write_text(make.text("t,ax,ay,az,gx,gy,gz", [log.time, log.accel, log.gyro],
-                              ["%.12g"] * 7))  # fmt: skip
+    titles, columns = "t,ax,ay,az,gx,gy,gz", [log.time, log.accel, log.gyro]
+    if log.mag is not None:
+        titles, columns = titles + ",mx,my,mz", [*columns, log.mag * 1e7]  # mG
+    file.write_text(make.text(titles, columns, ["%.12g"] * len(titles.split(","))))
     return file, {row["name"]: row["value"] for row in made.truth.rows()}
 
 
@@ -282,7 +284,9 @@ def test_a_session_goes_from_a_bare_file_to_the_truth(name, tmp_path):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", ["norm_observation", "rate_table", "continuous_spin"])
+@pytest.mark.parametrize(
+    "name", ["norm_observation", "rate_table", "continuous_spin", "magnetometer"]
+)
 def test_a_session_on_a_table_goes_from_a_bare_file_to_the_truth(name, tmp_path):
     check_session(name, tmp_path)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, norm
+from scipy.stats import binom, chi2, norm
 
 from foucault import run_folder
 from foucault.campaign import tolerance
@@ -49,6 +49,21 @@ def test_what_noise_does_not_explain_is_repeatability() -> None:
     assert abs(mean - 0.16) < 3 * 0.17 * math.sqrt(2 / 7) / math.sqrt(300)
 
 
+@pytest.mark.parametrize("runs", [6, 8])
+def test_the_next_run_is_within_two_sd_as_often_as_it_should(runs: int) -> None:
+    """Few runs tell how much they scatter: without Student's factor 7 to 8 % are outside."""
+    rng, time, n = np.random.default_rng(5), np.arange(runs) * YEAR, 3000
+    outside = 0
+    for _ in range(n):
+        x = 2.0 + rng.normal(size=runs) * math.hypot(0.3, 0.05)
+        line = h._line(time, x, np.full(runs, 0.05), "steady", 0, float(time[-1]))
+        value, spread = line.at(float(time[-1]))
+        outside += abs(value - 2.0 - rng.normal() * 0.3) > 2 * spread
+        assert line.wide >= line.repeatability
+    low, high = binom.ppf([0.005, 0.995], n, 2 * norm.sf(2))
+    assert low < outside < high
+
+
 def test_a_prediction_is_as_far_off_as_it_says() -> None:
     """Of instruments that drift and whose runs scatter, two-sided at 1 %."""
     rng, miss = np.random.default_rng(8), []
@@ -59,7 +74,7 @@ def test_a_prediction_is_as_far_off_as_it_says() -> None:
         line = h._line(time, x, sd, "steady", 0, float(time[-1]))
         there = 2.0 + slope * 5.0
         value, spread = line.at(5 * YEAR)
-        own = 0.0 if math.isnan(line.repeatability) else line.repeatability
+        own = line.wide
         miss.append((value + own * rng.normal() - there) / spread)
     low, high = chi2.ppf([0.005, 0.995], 400)
     assert low < np.sum(np.square(miss)) < high

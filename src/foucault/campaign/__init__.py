@@ -7,7 +7,7 @@ Text with a unit becomes an SI float while the file is read; nothing after it kn
 
 from __future__ import annotations
 
-from foucault.campaign.reading import Campaign, load, parse, schema
+from foucault.campaign.reading import Campaign, load, parse, said_otherwise, schema
 from foucault.campaign.running import calibrate, read_log, save_session, simulate
 from foucault.campaign.writing import resolved, template
 
@@ -18,6 +18,7 @@ __all__ = [
     "parse",
     "read_log",
     "resolved",
+    "said_otherwise",
     "save_session",
     "schema",
     "simulate",

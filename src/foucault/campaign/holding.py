@@ -10,17 +10,20 @@ alone, and what is written of it says so.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from foucault import procedures
+from foucault.arrays import FloatArray
 from foucault.campaign.reading import Campaign
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.left_out import GRAVITY, LATITUDE, Motion, Sizes, Term, changes, terms, told
 from foucault.models.noise import grade
-from foucault.tables import Log
+from foucault.tables import IndexedLog, Log
+
+AnyLog = TypeVar("AnyLog", Log, IndexedLog)
 
 
 @dataclass(frozen=True)
@@ -64,10 +67,9 @@ class Held:
             return simulation.with_recorded(self.log(simulation.recorded, model, *ends))
         return replace(simulation, log=self.log(simulation.log, model, *ends))
 
-    def log(self, log: Log, model: ImuModel, begin: float, end: float) -> Log:
+    def log(self, log: AnyLog, model: ImuModel, begin: float, end: float) -> AnyLog:
         """Return a log with what is added to its samples; `begin`, `end`: of the session [s]."""
-        zero = np.zeros((len(log.time), 3))
-        read = [zero if x is None else x for x in (log.accel, log.gyro)]
+        read = [_on_axes(x, len(log.time)) for x in (log.accel, log.gyro)]
         f_b, w_b = model.compensate(*read)
         assert f_b is not None
         assert w_b is not None
@@ -75,9 +77,29 @@ class Held:
         for term in self.added:
             (by,) = changes([term], model, at)
             read = [x if more is None else x + more for x, more in zip(read, by[:2], strict=True)]
-        accel, gyro = (None if x is None else r for x, r in zip((log.accel, log.gyro), read,
-                                                                strict=True))  # fmt: skip
-        return replace(log, accel=accel, gyro=gyro)
+        more: dict[str, Any] = {
+            name: _as_read(r, x)
+            for name, x, r in zip(("accel", "gyro"), (log.accel, log.gyro), read, strict=True)
+            if x is not None
+        }
+        return replace(log, **more)
+
+
+def _on_axes(x: FloatArray | None, n: int) -> FloatArray:
+    """Return what `n` samples say of three axes, (n, 3): one alone is y, two are x and y [SI]."""
+    out = np.zeros((n, 3))
+    if x is not None:
+        out[:, _columns(x)] = x.reshape(n, -1)
+    return out
+
+
+def _as_read(x: FloatArray, like: FloatArray) -> FloatArray:
+    """Return of three axes (n, 3) those that a log has, in the shape that it has them [SI]."""
+    return np.asarray(x[:, _columns(like)].reshape(like.shape))
+
+
+def _columns(x: FloatArray) -> slice:
+    return {1: slice(1, 2), 2: slice(0, 2), 3: slice(0, 3)}[1 if x.ndim == 1 else x.shape[1]]
 
 
 def held(campaign: Campaign, seed: int) -> Held:

@@ -31,9 +31,8 @@ import numpy.typing as npt
 from foucault import monte_carlo, procedures, units
 from foucault.arrays import FloatArray
 from foucault.campaign import earlier, study
-from foucault.campaign.reading import Campaign, improvable
+from foucault.campaign.reading import Campaign, improvable, said_otherwise
 from foucault.campaign.running import simulate
-from foucault.campaign.tables import validate
 from foucault.campaign.writing import changed, resolved
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, error, finding
@@ -434,11 +433,7 @@ def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> For
         other = {"profile": changes.pop("plan"), "manoeuvres": ()}
         moved = campaign.session.model_copy(update=other)
         campaign = replace(campaign, session=moved)
-    if changes:
-        replaced = ("name", *(PLAN if "plan" in changes else ()))
-        kept = {k: v for k, v in campaign.tables.procedure.items() if k not in replaced}
-        settings = validate(procedure.Settings, kept | changes, ("procedure",), ("name",))
-        campaign = replace(campaign, settings=settings)
+    campaign = said_otherwise(campaign, changes, PLAN if "plan" in changes else ())
     known, told = beforehand(campaign)
     found = procedure.foreseen(known)
     if found is None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -191,6 +191,21 @@ def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = T
         earlier=before,
         findings=file.site.findings(),
     )
+
+
+def said_otherwise(
+    campaign: Campaign, changes: Mapping[str, Any], instead: Collection[str] = ()
+) -> Campaign:
+    """Return a campaign whose [procedure] says something else.
+
+    `changes`: keys and what they shall say, as in the file; `instead`: keys that these replace.
+    """
+    if not changes:
+        return campaign
+    procedure = procedures.load(campaign.procedure)
+    kept = {k: v for k, v in campaign.tables.procedure.items() if k not in ("name", *instead)}
+    settings = validate(procedure.Settings, kept | dict(changes), ("procedure",), ("name",))
+    return replace(campaign, settings=settings)
 
 
 def _master(procedure: Procedure[Any, Any], table: Mapping[str, Any]) -> Any:

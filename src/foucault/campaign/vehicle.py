@@ -14,10 +14,12 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from foucault import run_folder
 from foucault.campaign import comparison
+from foucault.campaign.reading import said_otherwise
 from foucault.campaign.recognised import Found, found
 from foucault.campaign.running import calibrate
 from foucault.campaign.writing import resolved
@@ -50,11 +52,12 @@ class Vehicle:
 def run(
     path: Path, topics: Sequence[str], folder: Path, said: Mapping[str, Any],
     site: Mapping[str, str], report: Callable[[Path], object], progress: Progress = silent,
+    more: Mapping[str, Any] = MappingProxyType({}),
 ) -> Vehicle:  # fmt: skip
     """Calibrate each instrument of a file into a folder, and compare them.
 
     `topics`: the instruments; `said`, `site`: as for `recognised.found`; `report`: writes the page
-    of a run folder.
+    of a run folder; `more`: keys of [procedure].
     """
     started = time.monotonic()
     out = Vehicle()
@@ -65,12 +68,13 @@ def run(
 
         try:
             held = replace(found([path], {**said, "topic": topic}, site, tell), name=topic)
-            result = calibrate(held.campaign, tell)
+            asked = said_otherwise(held.campaign, more)
+            result = calibrate(asked, tell)
         except FoucaultError as problem:
             out.problems[topic] = problem
             continue
         where = folder / folder_of(topic)
-        run_folder.save(result, where, resolved(held.campaign, where, held.head))
+        run_folder.save(result, where, resolved(asked, where, held.head))
         report(where)
         out.held[topic], out.results[topic] = held, result
     if not out.results:

@@ -174,6 +174,9 @@ def gathered(
     said.setdefault("issued", issued)
     words = _validated(said)
     _refuse_out_of_order(words)
+    serial = str(result.instrument.get("serial") or "").strip()
+    if serial and words.item.serial != serial:
+        raise error("certificate.other_item", said=words.item.serial, run=serial)
     rows, cov = _rows(result, words)
     some = result.tables.get("left_out")
     left = None if some is None else tuple(
@@ -234,9 +237,6 @@ def _known(
     elif entry.dated == "log":
         day = datetime.datetime.fromtimestamp(entry.time, datetime.UTC).date()
         out["performed"] = day.isoformat()
-    serial = str((said.get("item") or {}).get("serial") or "")
-    if serial and of["serial"] and serial.strip() != of["serial"]:
-        raise error("certificate.other_item", said=serial, run=of["serial"])
     return over(out, said)
 
 

@@ -8,6 +8,7 @@ ratio and a count are ``\one``, an angle is ``\radian``.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Any
 
 from foucault.certificate.content import COVERAGE, Certificate, K, Row
 from foucault.certificate.labels import Labels
-from foucault.certificate.said import WHATS, Party
+from foucault.certificate.said import Party
 from foucault.errors import error
 from foucault.units import KINDS, powers
 
@@ -86,7 +87,7 @@ class _Writer:
         self.of, self.labels = of, Labels(of.languages, of.labels)
 
     def e(self, name: str, *inside: Any, **attributes: str) -> Any:
-        """Return an element `name`, of D-SI where that begins with "si:", with what is in it."""
+        """Return an element, of D-SI where its name begins with "si:"; None in it is nothing."""
         from lxml import etree
 
         space, _, local = name.rpartition(":")
@@ -96,262 +97,240 @@ class _Writer:
         for one in inside:
             if isinstance(one, str):
                 out.text = one.translate(UNPRINTABLE)
-            else:
+            elif one is not None:
                 out.append(one)
         return out
 
-    def text(self, name: str, texts: str | Sequence[str]) -> Any:
-        """Return a text; one for all languages stands there without a language."""
-        if isinstance(texts, str):
-            return self.e(name, self.e("content", texts))
-        named = zip(self.labels.languages, texts, strict=False)
-        alone = len(texts) == 1
-        return self.e(name, *(
-            self.e("content", t, **({} if alone else {"lang": lang})) for lang, t in named
-        ))  # fmt: skip
+    def some(self, name: str, text: str) -> Any:
+        """Return an element with a text, None of an empty one."""
+        return self.e(name, text) if text else None
+
+    def text(self, name: str, text: str) -> Any:
+        """Return what people have written, in whatever language."""
+        return self.e(name, self.e("content", text))
 
     def said(self, name: str, key: str, **values: Any) -> Any:
         """Return words of the labels in all languages."""
-        texts = [w[key].format(**values) for w in self.labels.words]
+        both = zip(self.labels.languages, self.labels.words, strict=True)
         return self.e(name, *(
-            self.e("content", t, lang=lang)
-            for lang, t in zip(self.labels.languages, texts, strict=True)
+            self.e("content", words[key].format(**values), lang=lang) for lang, words in both
         ))  # fmt: skip
 
     def root(self) -> Any:
         root = self.e("digitalCalibrationCertificate", self.administrative(), self.e(
             "measurementResults", *self.measurements()), schemaVersion=VERSION)  # fmt: skip
-        root.set(
-            "{http://www.w3.org/2001/XMLSchema-instance}schemaLocation",
-            f"{DCC} https://ptb.de/dcc/v{VERSION}/dcc.xsd",
-        )
+        root.set("{http://www.w3.org/2001/XMLSchema-instance}schemaLocation",
+                 f"{DCC} https://ptb.de/dcc/v{VERSION}/dcc.xsd")  # fmt: skip
         return root
 
     # -- who, what, when ------------------------------------------------------------------
 
     def administrative(self) -> Any:
         of, e = self.of, self.e
-        until = of.performed_until or of.performed
-        places = {"laboratory": "laboratory", "customer": "customer", "other": "other"}
-        core = e(
-            "coreData",
-            e("countryCodeISO3166_1", of.laboratory.country),
-            *(e("usedLangCodeISO639_1", one) for one in of.languages),
-            e("mandatoryLangCodeISO639_1", of.languages[0]),
-            e("uniqueIdentifier", of.number),
-            e("receiptDate", of.received.isoformat()),
-            e("beginPerformanceDate", of.performed.isoformat()),
-            e("endPerformanceDate", until.isoformat()),
-            e("performanceLocation", places[of.place.kind]),
-            e("issueDate", of.issued.isoformat()),
-            *self.replaced(),
-        )
         program, _, version = of.run.software.partition(" ")
-        software = e("software", self.text("name", program), e("release", version or "unknown"),
-                     e("type", "application"))  # fmt: skip
-        person = e(
-            "respPerson", e("person", self.text("name", of.authorised_by.name)),
-            e("role", of.authorised_by.role), e("mainSigner", "true"),
-        )  # fmt: skip
         return e(
-            "administrativeData", e("dccSoftware", software), core, self.items(),
+            "administrativeData",
+            e("dccSoftware", e("software", self.text("name", program),
+                               e("release", version or "unknown"), e("type", "application"))),
+            e("coreData",
+              e("countryCodeISO3166_1", of.laboratory.country),
+              *(e("usedLangCodeISO639_1", one) for one in of.languages),
+              e("mandatoryLangCodeISO639_1", of.languages[0]),
+              e("uniqueIdentifier", of.number),
+              e("receiptDate", of.received.isoformat()),
+              e("beginPerformanceDate", of.performed.isoformat()),
+              e("endPerformanceDate", (of.performed_until or of.performed).isoformat()),
+              e("performanceLocation", of.place.kind),
+              e("issueDate", of.issued.isoformat()),
+              *self.replaced()),
+            self.item(),
             e("calibrationLaboratory",
-              *([e("calibrationLaboratoryCode", of.laboratory.accreditation)]
-                if of.laboratory.accreditation else []),
+              self.some("calibrationLaboratoryCode", of.laboratory.accreditation),
               self.contact("contact", of.laboratory)),
-            e("respPersons", person), self.contact("customer", of.customer),
+            e("respPersons", e("respPerson",
+                               e("person", self.text("name", of.authorised_by.name)),
+                               e("role", of.authorised_by.role), e("mainSigner", "true"))),
+            self.contact("customer", of.customer),
             e("statements", *self.statements()),
         )  # fmt: skip
 
-    def replaced(self) -> list[Any]:
+    def replaced(self) -> Iterable[Any]:
         before, e = self.of.replaces, self.e
-        if before is None:
-            return []
-        return [
-            e("reportAmendedSubstituted", e("typeOfChange", "substituted"),
-              e("replacedUniqueIdentifier", before.number)),
-            e("previousReport", self.text("referral", before.number),
-              e("referralID", before.number), e("procedure", "SHA-256"),
-              e("value", before.sha256), self.text("description", before.change)),
-        ]  # fmt: skip
+        if before is not None:
+            yield e("reportAmendedSubstituted", e("typeOfChange", "substituted"),
+                    e("replacedUniqueIdentifier", before.number))  # fmt: skip
+            yield e("previousReport", self.text("referral", before.number),
+                    e("referralID", before.number), e("procedure", "SHA-256"),
+                    e("value", before.sha256), self.text("description", before.change))  # fmt: skip
 
     def contact(self, name: str, party: Party) -> Any:
         e = self.e
-        more = [e(tag, text) for tag, text in (("eMail", party.email), ("phone", party.phone))
-                if text]  # fmt: skip
         where = e("location", e("city", party.city), e("countryCode", party.country),
                   e("postCode", party.postcode), e("street", party.street))  # fmt: skip
-        return e(name, self.text("name", party.name), *more, where)
+        return e(name, self.text("name", party.name), self.some("eMail", party.email),
+                 self.some("phone", party.phone), where)  # fmt: skip
 
-    def items(self) -> Any:
+    def item(self) -> Any:
         e, item = self.e, self.of.item
-        named = [e("identification", e("issuer", "manufacturer"), e("value", item.serial),
-                   self.said("name", "label.serial"))]  # fmt: skip
-        if item.customer_id:
-            named.append(e("identification", e("issuer", "customer"),
-                           e("value", item.customer_id)))  # fmt: skip
-        maker = [e("manufacturer", self.text("name", item.manufacturer))] if item.manufacturer \
-            else []  # fmt: skip
-        return e("items", e("item", self.text("name", item.description),
-                            self.text("description", item.condition), *maker,
-                            e("model", item.model), e("identifications", *named)))  # fmt: skip
+        named = (("manufacturer", item.serial, "serial"),
+                 ("customer", item.customer_id, "customer_id"))  # fmt: skip
+        return e("items", e(
+            "item", self.text("name", item.description), self.text("description", item.condition),
+            e("manufacturer", self.text("name", item.manufacturer)) if item.manufacturer else None,
+            e("model", item.model),
+            e("identifications", *(
+                e("identification", e("issuer", issuer), e("value", value),
+                  self.said("name", f"label.{key}"))
+                for issuer, value, key in named if value)),
+        ))  # fmt: skip
 
     def statements(self) -> Iterable[Any]:
-        of = self.of
+        of, e = self.of, self.e
         for key in ("text.only", "text.whole"):
-            yield self.e("statement", self.said("declaration", key))
+            yield e("statement", self.said("declaration", key))
         if of.conformity is not None and of.decision is not None:
             each = {conformity(r) for r in of.rows if r.decision is not None}
-            yield self.e(
+            yield e(
                 "statement", self.text("name", of.conformity.specification),
-                self.e("norm", "ISO/IEC Guide 98-4"),
+                e("norm", "ISO/IEC Guide 98-4"),
                 self.said("declaration", f"text.{of.conformity.rule}", risk=f"{of.risk:.3g}"),
-                self.e("conformity", next(w for w in WORST if w in each)),
+                e("conformity", next(w for w in WORST if w in each)),
             )  # fmt: skip
         else:
-            yield self.e("statement", self.said("declaration", "text.no_conformity"))
-        words = [("opinions", of.opinions), ("from_customer", of.from_customer),
-                 ("external", of.external), ("next_due", of.next_due),
-                 ("deviations", of.method.deviations), ("words", of.adjustment.words)]  # fmt: skip
+            yield e("statement", self.said("declaration", "text.no_conformity"))
+        words = {
+            "opinions": of.opinions, "from_customer": of.from_customer, "external": of.external,
+            "next_due": of.next_due, "deviations": of.method.deviations, "place": of.place.words,
+            "words": of.adjustment.words, "log": "; ".join(" ".join(one) for one in of.run.logs),
+            "result": f"SHA-256 {of.run.sha256}", "entry": of.run.entry,
+        }  # fmt: skip
         if of.review is not None:
-            words += [("reviewer", of.review.reviewer), ("reason", of.review.reason),
-                      ("checks", " ".join(of.run.reasons))]  # fmt: skip
-        for key, text in words:
-            if text:
-                yield self.e("statement", self.said("name", f"label.{key}"),
-                             self.text("declaration", text))  # fmt: skip
-        for what in WHATS:
-            if what in of.unused:
-                yield self.e("statement", self.said("name", f"word.{what}"), self.said(
-                    "declaration", "word.not_used", why=of.unused[what]))  # fmt: skip
+            words |= {"reviewer": of.review.reviewer, "reason": of.review.reason,
+                      "checks": " ".join(of.run.reasons)}  # fmt: skip
+        for key, text in words.items():
+            if text.strip():
+                yield e("statement", self.said("name", f"label.{key}"),
+                        self.text("declaration", text))  # fmt: skip
+        for what, why in of.unused.items():
+            yield e("statement", self.said("name", f"word.{what}"),
+                    self.said("declaration", "word.not_used", why=why))  # fmt: skip
 
     # -- results --------------------------------------------------------------------------
 
     def measurements(self) -> Iterable[Any]:
-        rows = self.of.rows
-        if any(r.before is not None for r in rows):
-            yield self.measurement(
-                [r for r in rows if r.before is not None], "beforeAdjustment", None
-            )
-        status = {"none": "", "adjusted": "afterAdjustment", "repaired": "afterRepair"}
-        yield self.measurement(rows, status[self.of.adjustment.done], self.of.covariance)
+        """Yield the results, those before an adjustment first."""
+        rows, done = self.of.rows, self.of.adjustment.done
+        what = {"adjusted": "Adjustment", "repaired": "Repair", "none": ""}[done]
+        earlier = [r for r in rows if r.before is not None]
+        if earlier and what:
+            values = [(r.before or 0.0, r.before_sd or 0.0) for r in earlier]
+            yield self.measurement(f"before{what}", self.quantity(earlier, values))
+        now = self.quantity(rows, [(r.value, r.sd) for r in rows], self.of.covariance)
+        yield self.measurement(f"after{what}" if what else "", now, self.left_out())
 
-    def measurement(
-        self, rows: Sequence[Row], status: str, cov: Sequence[Sequence[float]] | None
-    ) -> Any:
+    def measurement(self, status: str, quantity: Any, *more: Any) -> Any:
         of, e = self.of, self.e
-        document = [e("reference", of.method.document)] if of.method.document else []
-        method = e("usedMethod", self.text("name", of.method.name),
-                   self.text("description", of.run.equation), *document)  # fmt: skip
-        before = cov is None
-        values = [(r.before or 0.0, r.before_sd or 0.0) if before else (r.value, r.sd)
-                  for r in rows]  # fmt: skip
-        results = [e("result", self.said("name", "section.results"),
-                     self.said("description", "text.results"),
-                     e("data", self.quantity(rows, values, cov)))]  # fmt: skip
-        if not before and of.left_out:
-            lines = [f"{t.what}: {t.size} (1 sd), type B; {t.basis}; share {t.share:.3g}"
-                     for t in of.left_out]  # fmt: skip
-            results.append(e("result", self.said("name", "section.left_out"), e(
-                "data", *(self.text("text", line) for line in lines))))  # fmt: skip
-        equipment = [
+        run = of.run
+        told = "; ".join(filter(None, (run.equation, run.frame, run.gauge)))
+        method = e("usedMethod", self.text("name", of.method.name), self.text("description", told),
+                   self.some("reference", of.method.document))  # fmt: skip
+        tools = [
             e("measuringEquipment", self.text("name", one.name),
               self.said("description", f"word.{one.what}"),
               e("identifications", e(
                   "identification", e("issuer", "other"), e("value", one.certificate),
-                  self.text("name", " ".join(filter(None, (
-                      one.issuer, one.due.isoformat() if one.due else "")))
-                      or "certificate"))))
+                  self.text("name", f"{one.issuer} {one.due or ''}".strip() or "certificate"))))
             for one in of.traced
         ]  # fmt: skip
-        tools = [e("measuringEquipments", *equipment)] if equipment else []
         return e(
             "measurementResult", self.said("name", "section.results"),
-            e("usedMethods", method), *tools,
-            e("influenceConditions", *self.conditions(status)), e("results", *results),
+            e("usedMethods", method), e("measuringEquipments", *tools) if tools else None,
+            e("influenceConditions", *self.conditions(status)),
+            e("results", e("result", self.said("name", "section.results"),
+                           self.said("description", "text.results"), e("data", quantity)), *more),
         )  # fmt: skip
+
+    def left_out(self) -> Any:
+        if not self.of.left_out:
+            return None
+        lines = [f"{t.what}: {t.size} (1 sd), type B; {t.basis}; share {t.share:.3g}"
+                 for t in self.of.left_out]  # fmt: skip
+        return self.e("result", self.said("name", "section.left_out"),
+                      self.e("data", *(self.text("text", line) for line in lines)))  # fmt: skip
 
     def conditions(self, status: str) -> Iterable[Any]:
         of, e = self.of, self.e
 
-        def one(key: str, *data: Any) -> Any:
-            state = [e("status", status)] if status and key == "temperature" else []
-            return e("influenceCondition", self.said("name", f"label.{key}"), *state,
-                     e("data", *data))  # fmt: skip
+        def one(key: str, data: Any) -> Any:
+            state = self.some("status", status) if key == "temperature" else None
+            return e("influenceCondition", self.said("name", f"label.{key}"), state,
+                     e("data", data))  # fmt: skip
 
         for key in ("temperature", "humidity", "pressure", "more"):
-            words = getattr(of.conditions, key)
-            if words:
+            if words := getattr(of.conditions, key):
                 yield one(key, self.text("text", words))
         if of.run.temperature is not None:
-            yield one("temperature_log", e("quantity", e(
-                "si:realListXMLList", e("si:valueXMLList", _numbers(of.run.temperature)),
-                e("si:unitXMLList", r"\kelvin"))))  # fmt: skip
-        if of.run.gravity is not None:
-            yield one("gravity", e("quantity", self.real(
-                of.run.gravity, "gravity", of.run.gravity_sd)))  # fmt: skip
-        if of.run.clock_sd is not None:
-            yield one("clock", e("quantity", self.real(
-                0.0, "scale factor error", of.run.clock_sd)))  # fmt: skip
+            span = e("si:realListXMLList", e("si:valueXMLList", _numbers(of.run.temperature)),
+                     e("si:unitXMLList", r"\kelvin"))  # fmt: skip
+            yield one("temperature_log", e("quantity", span))
+        for key, kind, value, sd in (
+            ("gravity", "gravity", of.run.gravity, of.run.gravity_sd),
+            ("clock", "scale factor error", 0.0, of.run.clock_sd),
+        ):
+            if value is not None and sd is not None:
+                yield one(key, e("quantity", e(
+                    "si:real", e("si:value", _numbers([value])), e("si:unit", unit(kind)),
+                    self.expanded("", [sd]))))  # fmt: skip
 
-    def real(self, value: float, kind: str, sd: float | None) -> Any:
-        e = self.e
-        known = [] if sd is None else [self.expanded("", K * sd, K, COVERAGE)]
-        return e("si:real", e("si:value", _number(value)), e("si:unit", unit(kind)), *known)
-
-    def expanded(self, plural: str, u: Any, k: Any, p: Any) -> Any:
-        """Return expanded uncertainties; `plural`: "XMLList" of several."""
-        e = self.e
-        texts = [_numbers(v if isinstance(v, Sequence) else [v]) for v in (u, k, p)]
-        names = ("uncertainty", "coverageFactor", "coverageProbability")
-        kind = "normal" if not plural else " ".join(["normal"] * len(u))
-        return e(f"si:expandedUnc{plural}",
-                 *(e(f"si:{n}{plural}", t) for n, t in zip(names, texts, strict=True)),
-                 e(f"si:distribution{plural}", kind))  # fmt: skip
+    def expanded(self, plural: str, sd: Sequence[float]) -> Any:
+        """Return expanded uncertainties of `sd` [SI]; `plural`: "XMLList" of several."""
+        n = len(sd)
+        said = {
+            "uncertainty": _numbers([K * u for u in sd]), "coverageFactor": _numbers([K] * n),
+            "coverageProbability": _numbers([COVERAGE] * n),
+            "distribution": " ".join(["normal"] * n),
+        }  # fmt: skip
+        return self.e(f"si:expandedUnc{plural}",
+                      *(self.e(f"si:{k}{plural}", v) for k, v in said.items()))  # fmt: skip
 
     def quantity(
         self, rows: Sequence[Row], values: Sequence[tuple[float, float]],
-        cov: Sequence[Sequence[float]] | None,
+        cov: Sequence[Sequence[float]] = (),
     ) -> Any:  # fmt: skip
+        """Return values with their sd [SI], and their covariance where that is known."""
         e, n = self.e, len(rows)
-        inside = [
-            e("si:labelXMLList", " ".join(r.name for r in rows)),
-            e("si:valueXMLList", _numbers([x for x, _ in values])),
-            e("si:unitXMLList", " ".join(unit(r.kind) for r in rows)),
-            self.expanded("XMLList", [K * u for _, u in values], [K] * n, [COVERAGE] * n),
-        ]
-        if cov is not None:
-            columns = [
+        region = metadata = None
+        if len(cov):
+            columns = (
                 e("si:column", *(
-                    e("si:covariance", e("si:value", _number(cov[i][j])),
+                    e("si:covariance", e("si:value", _numbers([cov[i][j]])),
                       e("si:unit", unit(rows[i].kind, rows[j].kind)))
                     for i in range(n)
                 ))
                 for j in range(n)
-            ]  # fmt: skip
-            inside.append(e(
+            )  # fmt: skip
+            region = e(
                 "si:ellipsoidalRegionXMLList", e("si:covarianceMatrix", *columns),
                 e("si:coverageFactor", f"{_joint(n):.4f}"),
                 e("si:coverageProbability", f"{COVERAGE}"), e("si:distribution", "normal"),
-            ))  # fmt: skip
-        known = e("si:realListXMLList", *inside)
-        more = []
-        limited = [r for r in rows if r.decision is not None]
-        if limited and cov is not None:
-            more = [e("measurementMetaData", *(
+            )  # fmt: skip
+            limited = [r for r in rows if r.limit is not None]
+            metadata = e("measurementMetaData", *(
                 e("metaData", self.text("name", r.name),
-                  self.text("description", f"|x| <= {_number(r.limit or 0.0)} {unit(r.kind)}"),
+                  self.text("description", f"|x| <= {r.limit!r} {unit(r.kind)}"),
                   e("conformity", conformity(r)))
-                for r in limited))]  # fmt: skip
-        return e("quantity", self.said("name", "column.coefficient"), known, *more)
-
-
-def _number(value: float) -> str:
-    return repr(float(value))
+                for r in limited)) if limited else None  # fmt: skip
+        return e("quantity", self.said("name", "column.coefficient"), e(
+            "si:realListXMLList",
+            e("si:labelXMLList", " ".join(r.name for r in rows)),
+            e("si:valueXMLList", _numbers([x for x, _ in values])),
+            e("si:unitXMLList", " ".join(unit(r.kind) for r in rows)),
+            self.expanded("XMLList", [u for _, u in values]), region,
+        ), metadata)  # fmt: skip
 
 
 def _numbers(values: Iterable[float]) -> str:
-    return " ".join(map(_number, values))
+    return " ".join(repr(float(v)) for v in values)
 
 
 def _joint(n: int) -> float:
@@ -382,7 +361,8 @@ def faults(data: bytes) -> list[str]:
     """Return what of a DCC does not keep to the schema, each in words."""
     import io
 
-    return [f"{f.path}: {f.reason}" for f in schema().iter_errors(io.BytesIO(data))]
+    found = (f"{f.path}: {f.reason}" for f in schema().iter_errors(io.BytesIO(data)))
+    return [re.sub(r"\{https?://[^}]*\}", "", one) for one in found]
 
 
 def parsed(data: bytes, path: str | Path) -> Any:

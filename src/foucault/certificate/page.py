@@ -193,7 +193,8 @@ def _traceability(of: Certificate, labels: Labels) -> Block:
          "", "", ""]
         for what in WHATS if what in of.unused
     ]  # fmt: skip
-    return _table(labels, "traceability", "what reference:wide certificate issuer due", rows)
+    columns = "what reference:wide certificate:wide issuer:wide due"
+    return _table(labels, "traceability", columns, rows)
 
 
 def _results(of: Certificate, labels: Labels) -> Block:
@@ -235,7 +236,7 @@ def _left_out(of: Certificate, labels: Labels) -> Block:
                 "lead": [labels.said("text.left_out_none")]}  # fmt: skip
     rows = [[one.what, labels.number(shown(one.size)), one.basis,
              labels.number(f"{100 * one.share:.1f} %")] for one in of.left_out]  # fmt: skip
-    return _table(labels, "left_out", "term:wide size:number basis share:number", rows,
+    return _table(labels, "left_out", "term:wide size:number basis:wide share:number", rows,
                   lead=[labels.said("text.left_out")])  # fmt: skip
 
 

@@ -8,8 +8,11 @@ on another way, which is given as trusted.
 from __future__ import annotations
 
 import datetime
+import hashlib
 import io
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +21,6 @@ from foucault.certificate import dcc
 from foucault.certificate.page import DCC_FILE
 from foucault.certificate.signature import name_of
 from foucault.errors import FoucaultError, error
-from foucault.files import sha256
 from foucault.result import Level
 
 LARGEST = 64 << 20
@@ -72,18 +74,12 @@ def verify(
     it; `now`: the time, that of the computer if left. Raises ``certificate.*``: it is neither.
     """
     roots = None if trusted is None else _roots(trusted)
-    file = Path(path)
-    try:
-        if file.stat().st_size > LARGEST:
-            raise error("certificate.neither", path=path, reason="it is larger than any")
-        data = file.read_bytes()
-    except OSError as problem:
-        raise error("certificate.neither", path=path, reason=problem.strerror) from None
+    data = _read(path)
     at = now or datetime.datetime.now(datetime.UTC)
     seals: list[Seal] = []
     faults: list[str] = []
     if data.lstrip()[:5] == b"%PDF-":
-        inner, own, wrong = _page(data, roots, path)
+        inner, own, wrong = _page(data, roots)
         seals += own
         faults += wrong
     elif data.lstrip()[:1] == b"<":
@@ -107,8 +103,18 @@ def verify(
         faults.append("it is not signed")
     if len({s.fingerprint for s in seals}) > 1:
         faults.append("page and DCC are signed with different keys")
-    return Found(**said, sha256=sha256(file), seals=tuple(seals), faults=tuple(faults),
-                 doubts=tuple(dict.fromkeys(_doubts(seals, at))))  # fmt: skip
+    doubts = tuple(dict.fromkeys(_doubts(seals, at)))
+    return Found(**said, sha256=hashlib.sha256(data).hexdigest(), seals=tuple(seals),
+                 faults=tuple(faults), doubts=doubts)  # fmt: skip
+
+
+def _read(path: str | Path) -> bytes:
+    try:
+        if Path(path).stat().st_size > LARGEST:
+            raise error("certificate.neither", path=path, reason="it is larger than any")
+        return Path(path).read_bytes()
+    except OSError as problem:
+        raise error("certificate.neither", path=path, reason=problem.strerror) from None
 
 
 def _doubts(seals: list[Seal], now: datetime.datetime) -> list[str]:
@@ -248,26 +254,22 @@ def _moment(text: str | None) -> datetime.datetime | None:
     return at if at.tzinfo else at.replace(tzinfo=datetime.UTC)
 
 
-class _quiet:  # noqa: N801  used as a word
-    """Keeps a library from speaking on its own."""
-
-    def __init__(self, name: str) -> None:
-        self.logger = logging.getLogger(name)
-
-    def __enter__(self) -> None:
-        self.before = self.logger.level
-        self.logger.setLevel(logging.CRITICAL + 1)
-
-    def __exit__(self, *_: object) -> None:
-        self.logger.setLevel(self.before)
+@contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    """Keep a library from speaking on its own."""
+    logger = logging.getLogger(name)
+    before = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
 
 
 # -- the page ------------------------------------------------------------------------------
 
 
-def _page(
-    data: bytes, roots: list[Any] | None, path: str | Path
-) -> tuple[bytes | None, list[Seal], list[str]]:
+def _page(data: bytes, roots: list[Any] | None) -> tuple[bytes | None, list[Seal], list[str]]:
     """Return the DCC in a PDF, the signature of the page, and what is wrong with it."""
     try:
         from pyhanko.pdf_utils.reader import PdfFileReader
@@ -341,13 +343,8 @@ def attached(reader: Any) -> bytes | None:
 
 def dcc_of(path: str | Path) -> bytes:
     """Return the DCC of a certificate, which is one or has it in it; raises `certificate.*`."""
-    try:
-        data = Path(path).read_bytes()
-    except OSError as problem:
-        raise error("certificate.neither", path=path, reason=problem.strerror) from None
-    if data[:5] != b"%PDF-":
-        return data
-    inner, _, faults = _page(data, None, path)
+    data = _read(path)
+    inner, _, faults = _page(data, None) if data[:5] == b"%PDF-" else (data, [], [])
     if inner is None:
         raise error("certificate.neither", path=path, reason=faults[0])
     return inner

@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from foucault.cli import (
+    capture,
     certificate,
     compare,
     export,
@@ -24,6 +25,7 @@ from foucault.cli import (
     preflight,
     records,
     results,
+    serve,
     sessions,
     watch,
 )
@@ -158,7 +160,8 @@ for _command in (
     preflight.optimise, sessions.inspect, sessions.simulate, results.calibrate, results.report,
     results.demo, results.merge, compare.compare, compare.fleet, navigate.align, navigate.navigate,
     navigate.delay, sessions.allan, preflight.montecarlo, results.temperature, export.apply,
-    export.export, export.check, watch.watch, certificate.certify, certificate.verify,
+    export.export, export.check, watch.watch, capture.capture, certificate.certify,
+    certificate.verify, serve.serve,
 ):  # fmt: skip
     add(app, _command)
 north.add_to(app)

@@ -121,17 +121,17 @@ def _key(path: Path) -> Key:
 
 
 def _told(screen: Screen, done: Issued) -> None:
+    from dataclasses import asdict
+
+    from foucault.files import plain_json
+
     screen.say(f"Certificate {done.number}: {done.page} and {done.dcc}")
     if done.replaces:
         screen.say(f"It replaces {done.replaces}.")
     screen.say(f"Signed by {done.signer}." if done.signer else "Not signed: give a key with --key.")
     if done.entry:
         screen.say(f"Kept in the records as entry {done.entry}.")
-    screen.data({
-        "number": done.number, "page": str(done.page), "dcc": str(done.dcc),
-        "page_sha256": done.page_sha256, "dcc_sha256": done.dcc_sha256, "signer": done.signer,
-        "replaces": done.replaces, "decision": done.decision, "entry": done.entry,
-    })  # fmt: skip
+    screen.data(plain_json(asdict(done)))
 
 
 @command(
@@ -154,7 +154,10 @@ def verify(
     records: Kept = None,
 ) -> None:  # fmt: skip
     """Check that a certificate is as it was signed, and by whom."""
+    from dataclasses import asdict
+
     from foucault.certificate.verify import verify as look
+    from foucault.files import plain_json
 
     screen: Screen = ctx.obj
     with _opened(records, "") as kept:
@@ -171,7 +174,8 @@ def verify(
     for line in (*faults, *found.doubts, *filter(None, (known,))):
         screen.say(f"  {line}")
     screen.say(f"verdict: {word}")
-    screen.data(_plain(found, level, faults, known))
+    said = plain_json(asdict(found))
+    screen.data(said | {"level": level, "faults": faults, "records": known})
     raise typer.Exit(EXIT_CODES[level])
 
 
@@ -187,18 +191,3 @@ def _kept(records: Records, found: Found) -> tuple[str, list[str]]:
     if later is not None:
         return "", [f"it was replaced by {later.certificate} on {later.issued}"]
     return "the records know it, and nothing has replaced it", []
-
-
-def _plain(found: Found, level: str, faults: list[str], known: str) -> dict[str, Any]:
-    return {
-        "number": found.number, "issued": found.issued, "replaces": found.replaces,
-        "sha256": found.sha256, "level": level, "faults": faults, "doubts": list(found.doubts),
-        "records": known,
-        "signatures": [
-            {"what": s.what, "signer": s.signer, "issuer": s.issuer, "key": s.fingerprint,
-             "at": None if s.at is None else s.at.isoformat(),
-             "key_valid_until": s.valid_until.isoformat(), "key_expired_then": s.expired_then,
-             "trusted": s.trusted}
-            for s in found.seals
-        ],
-    }  # fmt: skip

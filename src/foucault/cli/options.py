@@ -318,6 +318,16 @@ Taken = Annotated[
 ]
 
 
+TermsChosen = Annotated[
+    str | None,
+    typer.Option(
+        "--terms",
+        help="Optional terms: auto estimates those that the log tells better than their size, "
+        "as set what [procedure] says.",
+    ),
+]
+
+
 def bare(paths: Sequence[Path]) -> bool:
     """Tell whether what is given is a log, and no campaign file."""
     return len(paths) > 1 or (paths[0].suffix.lower() != ".toml" and paths[0].exists())

@@ -41,6 +41,7 @@ def preflight(
         str | None,
         typer.Option(help='Try this time for each segment of the plan, such as "900 s".'),
     ] = None,
+    terms: options.TermsChosen = None,
     output: options.TableIfWanted = None,
 ) -> None:
     """Say before a session what it will show, and how well.
@@ -51,7 +52,7 @@ def preflight(
     from foucault.report import planned
 
     screen: Screen = ctx.obj
-    given = {"plan": plan, "rate": rate, "segment": segment}
+    given = {"plan": plan, "rate": rate, "segment": segment, "terms": terms}
     with screen.progress() as tell:
         campaign = load_or_template(what)
         tell(0.2, "simulating the plan")

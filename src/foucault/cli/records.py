@@ -18,7 +18,7 @@ from foucault.cli.screen import EXIT_CODES, Screen, kept, written
 if TYPE_CHECKING:
     from foucault.records import Records
     from foucault.records.entries import Certified
-    from foucault.records.history import Outlook, Past
+    from foucault.records.history import Past
 
 Where = Annotated[
     str | None,
@@ -180,6 +180,8 @@ def show(
 
 def _say(screen: Screen, found: Past, issued: Sequence[Certified]) -> None:
     """Print what there is to say of an instrument."""
+    from foucault.records import shown
+
     screen.say(found.instrument, style="bold")
     counted = {r.number for r in found.counted}
     screen.table(
@@ -195,47 +197,21 @@ def _say(screen: Screen, found: Past, issued: Sequence[Certified]) -> None:
         screen.say(f"{one.issued[:10]}: certificate {one.certificate}{also}")
     if found.outlooks:
         limited = any(math.isfinite(o.limit) for o in found.outlooks)
-        headings = ("coefficient", "now", "sd", "unit", "course", "per year", "repeats to",
-                    "when due", *(("limit", "within") if limited else ()))  # fmt: skip
-        screen.table("", headings, [_row(o)[: len(headings)] for o in found.outlooks])
+        headings = shown.HEADINGS if limited else shown.HEADINGS[:-2]
+        screen.table("", headings, [shown.row(o)[: len(headings)] for o in found.outlooks])
     due = "no interval is set" if math.isnan(found.due) else _day(found.due)
     late = not math.isnan(found.due) and found.due < found.now
     screen.say(f"Due: {due}{', which is past' if late else ''}")
     first = found.first_reached
     if first is not None:
         screen.say(f"{first.name} will reach its limit about {_day(first.reaches)}.")
-    word = {"pass": "fit for use", "doubtful": "look at it", "unusable": "not to be used"}
-    screen.say(f"verdict: {word[str(found.level)]}")
-
-
-def _row(o: Outlook) -> tuple[str, ...]:
-    """Return the cells of a coefficient, in the unit that people read."""
-    from foucault.coefficients import format_value
-    from foucault.report.page import unit_of
-
-    unit, one = unit_of(o.kind, o.value, o.sd)
-
-    def shown(value: float, sd: float) -> str:
-        return "-" if math.isnan(value) else format_value(value / one, sd / one)
-
-    drift = "-" if math.isnan(o.drift_sd) else (
-        f"{shown(o.drift, o.drift_sd)} ± {shown(o.drift_sd, o.drift_sd)}"
-    )  # fmt: skip
-    due = "-" if math.isnan(o.due_value) else (
-        f"{shown(o.due_value, o.due_sd)} ± {shown(o.due_sd, o.due_sd)}"
-    )  # fmt: skip
-    within = "" if math.isnan(o.conformity) else f"{o.decision}, {100 * o.conformity:.4g} %"
-    return (
-        o.name, shown(o.value, o.sd), shown(o.sd, o.sd), unit, o.how, drift,
-        shown(o.repeatability, o.sd), due,
-        "-" if math.isinf(o.limit) else f"±{o.limit / one:.4g}", within,
-    )  # fmt: skip
+    screen.say(f"verdict: {shown.WORDS[str(found.level)]}")
 
 
 def _day(time: float) -> str:
-    import datetime
+    from foucault.records.shown import day
 
-    return f"{datetime.datetime.fromtimestamp(time, datetime.UTC):%Y-%m-%d}"
+    return day(time)
 
 
 def _plain(found: Past) -> dict[str, Any]:

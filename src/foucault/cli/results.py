@@ -33,6 +33,7 @@ def calibrate(
     output: options.RunFolder,
     place: options.Place,
     taken: options.Taken = None,
+    terms: options.TermsChosen = None,
 ) -> None:
     """Calibrate an instrument from its log, and write the report.
 
@@ -46,15 +47,17 @@ def calibrate(
     from foucault.diagnose.references import in_words
 
     screen: Screen = ctx.obj
+    more = {} if terms is None else {"terms": terms}
     if not options.bare(campaign):
         options.refuse_beside(place, taken)
-        result, page = _run(screen, campaigns.load(campaign[0]), output)
+        asked = campaigns.said_otherwise(campaigns.load(campaign[0]), more)
+        result, page = _run(screen, asked, output)
         raise page.tell(screen, _saved(output), *filter(None, [in_words(result)]))
     given = bare.said_of(taken or ())
     if topics := vehicle.several(campaign, given):
-        raise _vehicle(screen, campaign[0], topics, output, given, bare.site_of(place))
+        raise _vehicle(screen, campaign[0], topics, output, given, bare.site_of(place), more)
     held = recognised(screen, campaign, place, taken)
-    result, page = _run(screen, held.campaign, output, held.head)
+    result, page = _run(screen, campaigns.said_otherwise(held.campaign, more), output, held.head)
     told = [f"Campaign, to run again or to change: {output / 'campaign.toml'}"]
     said = [line.as_dict() for line in held.lines]
     raise page.tell(screen, _saved(output, recognised=said), *filter(None, [in_words(result)]),
@@ -63,14 +66,14 @@ def calibrate(
 
 def _vehicle(
     screen: Screen, file: Path, topics: Sequence[str], output: Path, said: dict[str, Any],
-    site: dict[str, str],
+    site: dict[str, str], more: dict[str, str],
 ) -> typer.Exit:  # fmt: skip
     """Calibrate every IMU of a vehicle, and return how the program ends."""
     from foucault.campaign import vehicle
     from foucault.report import write
 
     with screen.work(output, "comparison") as tell:
-        found = vehicle.run(file, topics, output, said, site, write, tell)
+        found = vehicle.run(file, topics, output, said, site, write, tell, more)
         record = found.record
         page = None if record is None else kept(record, output)
     broken = [f"{topic}: {p.message}\n  {p.cure}" for topic, p in found.problems.items()]
@@ -126,7 +129,8 @@ def _run(screen: Screen, campaign: Campaign, folder: Path, head: str = "") -> tu
         tell(0.9, "writing the report")
         # Asked to write beside the campaign, leave that file as its author wrote it.
         kept = folder / run_folder.CAMPAIGN_FILE
-        own = kept.exists() and kept.samefile(campaign.path)
+        there = kept.exists() and Path(campaign.path).exists()
+        own = there and kept.samefile(campaign.path)
         text = campaign.text if own else campaigns.resolved(campaign, folder, head)
         run_folder.save(result, folder, text)
         screen.log = str(result.provenance.get("input", {}).get("sha256", ""))

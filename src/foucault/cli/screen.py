@@ -31,6 +31,9 @@ PATIENCE = 1.0
 INTERRUPTED = threading.Event()
 """Set by Ctrl-C, for the exception itself can be lost inside a library that is being imported."""
 
+ALSO: list[Tell] = []
+"""Who else is told how far the work is, where there is no terminal."""
+
 EXIT_CODES = {"pass": 0, "doubtful": 3, "unusable": 4, "fail": 4}
 COLOURS = {
     "pass": "bold green", "doubtful": "bold yellow", "unusable": "bold red", "fail": "bold red",
@@ -210,7 +213,7 @@ class Screen:
     def progress(self) -> Iterator[Tell]:
         """Yield ``tell(fraction, words)``; a bar appears on a terminal after a second."""
         if self.quiet or self.json or not sys.stderr.isatty():
-            yield lambda fraction, words: _stop_if_interrupted()
+            yield _told
             return
         from rich.console import Console
         from rich.progress import Progress
@@ -231,6 +234,12 @@ class Screen:
             timer.cancel()
             timer.join()
             bar.stop()
+
+
+def _told(fraction: float, words: str) -> None:
+    _stop_if_interrupted()
+    for also in ALSO:
+        also(fraction, words)
 
 
 def _stop_if_interrupted() -> None:

@@ -187,7 +187,7 @@ def measure(
 
     `rate` (n,): readings at rest, evenly spaced [unit]; `interval`: sample interval [s].
     """
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     from foucault.diagnose.allan_fit import CONFIDENCE, fit
 
@@ -215,8 +215,8 @@ def measure(
         samples=n,
         tau=np.asarray(m * interval, float),
         deviation=np.sqrt(shown),
-        low=np.sqrt(shown * dof / chi2.ppf(edge, dof)),
-        high=np.sqrt(shown * dof / chi2.ppf(1 - edge, dof)),
+        low=np.sqrt(shown * dof / (2.0 * gammaincinv(dof / 2.0, edge))),
+        high=np.sqrt(shown * dof / (2.0 * gammaincinv(dof / 2.0, 1 - edge))),
         dof=dof,
         curve=np.sqrt(parts.sum(axis=1)),
         parts=np.sqrt(parts.T),

@@ -370,11 +370,12 @@ def _significance(problem: _Problem, truth: FloatArray, j: int) -> float:
 
 
 def _interval(p: float, sd: float) -> tuple[float, float]:
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     dof = 2 * (p / sd) ** 2
     low, high = (
-        float(chi2.ppf(edge, dof)) for edge in ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
+        2.0 * float(gammaincinv(dof / 2.0, edge))
+        for edge in ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
     )
     if not low > 0:  # hardly a degree of freedom: both quantiles can be zero to rounding
         return 0.0, float("inf")

@@ -26,7 +26,7 @@ from foucault.errors import ADVICE, Status
 from foucault.infer.drift import Drift, LeftOut
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.result import Check, Estimate, Level
+from foucault.result import CERTAIN, Check, Estimate, Level
 from foucault.tables import AXES
 from foucault.units import display_unit, factor, plain
 
@@ -34,12 +34,13 @@ from foucault.units import display_unit, factor, plain
 class Words(NamedTuple):
     """The sentences of a check: inside its limits, below and above them; one does for both sides.
 
-    Without either the first is said in any case.
+    Without either the first is said in any case; `unlikely` where it is inside, and no chance.
     """
 
     fine: str
     below: str = ""
     above: str = ""
+    unlikely: str = ""
 
 
 @cache
@@ -60,25 +61,28 @@ def check(
     fails: Level = Level.DOUBTFUL,
     excused: bool = False,
     passed: bool = True,
+    p: float | None = None,
 ) -> Check:
     """Return a check with its sentence.
 
     `key`: of `sentences`; `value`, `low`, `high`: the number and its limits [unit of the sentence];
     `given`: what else the sentence says; `excused`: outside its limits, but accounted
     for in the uncertainties: it is said, and does not fail; `passed`: False where no number says
-    that it fails.
+    that it fails; `p`: as of `Check` [1].
     """
     below = low is not None and value < low
     above = high is not None and value > high
     words, text = sentences()[key], ""
     if below or above:
         text = (words.below or words.above) if below else (words.above or words.below)
+    elif p is not None and p < CERTAIN:
+        text = words.unlikely
     if text.startswith("..."):
         text = words.fine.removesuffix("" if text[3] == " " else ".") + text[3:]
     sentence = (text or words.fine).format(value=value, low=low, high=high, **given)
     if excused:
         low, high = (None if below else low), (None if above else high)
-    return Check(name, value, low, high, passed, sentence, fails)
+    return Check(name, value, low, high, passed, sentence, fails, p)
 
 
 LARGEST_BIAS = 60.0
@@ -311,7 +315,7 @@ def reversed_earth_at_rest(
     where the latitude is unknown, the directions are too few or too much alike, or where such a
     g-sensitivity hides what the sign makes.
     """
-    from scipy.special import stdtrit
+    from scipy.special import stdtr, stdtrit
 
     n = len(rates)
     if site.latitude is None or n < 3:
@@ -333,7 +337,7 @@ def reversed_earth_at_rest(
     hour = np.degrees(1.0) * 3600
     given = {"rate": hour * k, "sd": hour * slope_sd, "made": hour * made, "cause": REVERSED}
     return check("Earth reversed at rest", "vertical Earth rate", away, None,
-                 limit if nearer else None, given)  # fmt: skip
+                 limit if nearer else None, given, p=float(2 * stdtr(dof, -abs(away))))  # fmt: skip
 
 
 MANY = 10.0
@@ -377,7 +381,9 @@ def reversed_earth_check(coefficients: CoefficientVector, site: Site) -> Check |
     each, cov = unit * coefficients.values[at], unit**2 * coefficients.cov[np.ix_(at, at)]
     value, sd = float(each.mean()), float(np.sqrt(cov.mean()))
     made = float(-2 * np.degrees(EARTH_RATE) * 3600 * np.sin(site.latitude))
-    if not 0 < VISIBLE * sd <= abs(made):
+    # One that may be as large as that by what was known of it says nothing of the sign.
+    known = unit * float(np.sqrt(np.mean(coefficients.prior_sd[at] ** 2) / len(at)))
+    if not 0 < VISIBLE * sd <= abs(made) or (VISIBLE * known > abs(made) and np.isfinite(known)):
         return None
     away = abs(value - made) / sd
     alike = np.ptp(each) < abs(made) + VISIBLE * float(np.sqrt(np.diag(cov).max()))

@@ -13,10 +13,18 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
-from foucault.diagnose.checks import check, drift_check, judge_prior, plausible_scales, status_check
+from foucault.diagnose.checks import (
+    check,
+    drift_check,
+    foreseen_check,
+    judge_prior,
+    plausible_scales,
+    status_check,
+)
 from foucault.infer import mixed
 from foucault.infer.drift import Drift, by_time, find_drift
 from foucault.infer.gauss_newton import FALSE_ALARM, TOLD, Component, chi_square_limits
+from foucault.infer.information import information
 from foucault.infer.mixed import Fit, HeldOut
 from foucault.result import Check, Level
 from foucault.units import plain
@@ -111,6 +119,8 @@ def explained(e: Judged, kind: str) -> Check:
     what was measured too large only makes the uncertainties careful. Noise that nobody knows is
     told by enough redundant readings.
     """
+    from scipy.special import chdtrc
+
     mine = e.found_in.get(kind, ())
     added = any(e.fit.found.get(name) for name in mine if name in _unexplained(e))
     others = any(e.fit.found.get(name) for name in _unexplained(e))
@@ -132,7 +142,9 @@ def explained(e: Judged, kind: str) -> Check:
     known = added and c.redundancy >= e.told_apart
     high = max(c.high, e.too_much**2 * c.redundancy) if known else c.high
     careful = c.chi_square < c.low or c.chi_square <= high or (added and kind in e.silent)
-    return check("noise", name, c.chi_square, c.low, c.high, given, excused=careful)
+    left = e.fit.after[kind]  # what is beyond the noise is accounted for, and nothing beyond that
+    chance = float(chdtrc(left.redundancy, left.chi_square)) if left.redundancy >= 0.5 else 1.0
+    return check("noise", name, c.chi_square, c.low, c.high, given, excused=careful, p=chance)
 
 
 def _counted(dof: float) -> str:
@@ -282,6 +294,18 @@ def _stray(fit: Fit, found: HeldOut, parts: list[IntArray]) -> tuple[int, float]
             return None
         limits[worst] = limit(count, dof)
     return (worst, float(np.sqrt(score / count))) if score > limits[worst] else None
+
+
+def against_the_plan(fit: Fit) -> list[Check]:
+    """Compare the uncertainties with what preflight says of the same plan; see `foreseen_check`.
+
+    A filter has no scatter to find: there the two differ by what is enlarged, which is a doubt.
+    """
+    problem = mixed.without_scatter(fit)
+    if problem is None:
+        return []
+    at = problem.linearise(fit.state, np.ones(problem.n_blocks))
+    return [foreseen_check(fit.estimate.coefficients, information(at, problem.layout).sd)]
 
 
 def folds(fit: Fit, kind: str, count: int) -> list[IntArray]:

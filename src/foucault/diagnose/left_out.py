@@ -51,13 +51,15 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
         tested = [s for n, s in judged.seen.items() if n in judged.groups and s.dof]
         count = {"count": len(tested)}
         least = min((s.p for s in tested), default=1.0)
-        out.append(check("left out", "terms not estimated", least, None, None, count))
+        chance = min(1.0, least * len(tested))
+        out.append(check("left out", "terms not estimated", least, None, None, count, p=chance))
     clear = [
         n for n in judged.groups
         if n in LAYOUT_GROUPS and n in judged.seen and _most(judged.seen[n]) > CLEARER
     ]  # fmt: skip
     if clear:
-        terms = {"terms": ", ".join(_what(n) for n in clear)}
+        terms = {"terms": ", ".join(f"{_what(n)} ({_size(judged, n, _left(judged.seen[n]))} "
+                                    f"instead of {_size(judged, n)})" for n in clear)}  # fmt: skip
         out.append(check("left out seen", "terms that show", float(len(clear)), given=terms))
     if judged.unseen:
         parts = [
@@ -68,6 +70,11 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
         terms = {"terms": "; ".join(parts)}
         out.append(check("left out unseen", "terms not shown", float(len(parts)), given=terms))
     return tuple(out)
+
+
+def _left(seen: Seen) -> float:
+    """Return what is left of the size of the term that is seen best, estimated with it [1]."""
+    return float(np.sqrt(1.0 - _most(seen)))
 
 
 def _worst(judged: Judgement, group: str) -> str:
@@ -86,7 +93,10 @@ def _cure(group: str) -> str:
         return "Correct what the campaign says of it, or how well that is known."
     if group.endswith(" drift"):
         return "Let the instrument warm up, repeat the first readings at the end, or declare it."
-    return "Estimate it, declare its size in [instrument], or take a plan that tells them apart."
+    return (
+        'Estimate it (terms = "auto" does, where the procedure has it and it is alone), declare '
+        "its size in [instrument], or take a plan that tells them apart."
+    )
 
 
 def common_g_sensitivity(judged: Judgement | None, gravity: float) -> float:

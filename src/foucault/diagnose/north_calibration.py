@@ -18,7 +18,7 @@ from foucault.diagnose.fit_checks import Judged, chi_square_json, explained
 from foucault.diagnose.fit_checks import checks as general_checks
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.north import ACCEL, GYRO, Known, Rig, solve, tilts
-from foucault.estimate.north_reduction import Pairs
+from foucault.estimate.north_reduction import INDEXING, Pairs
 from foucault.infer.gauss_newton import Component, chi_square_limits
 from foucault.infer.mixed import Fit, HeldOut, causes, held_out
 from foucault.models.north_seeker import Compensation, Dwells
@@ -180,6 +180,8 @@ def checks(
 ) -> tuple[Check, ...]:
     """Return every test; `apart`: set-ups [SI] predicted from the others, noise by `source`."""
     inside, found_in = within(pairs), {}
+    if INDEXING in rig.assumed:  # a size that nobody declared may be too large, and is no fault
+        inside = {kind: replace(c, low=0.0) for kind, c in inside.items()}
     if source == UNKNOWN:  # by residuals of the set-ups and of what is within
         own = zip(fit.after.items(), pairs.dof.sum(axis=0), strict=False)
         fit = replace(fit, dof={kind: c.redundancy + n for (kind, c), n in own})

@@ -31,10 +31,9 @@ from foucault.diagnose.references import (
 )
 from foucault.errors import Finding, finding
 from foucault.estimate.table import ALONG, AT_REST, ENOUGH, FORCES, FOUND_IN, IN_SPINS, TableFit
-from foucault.infer import information, mixed
+from foucault.infer import mixed
 from foucault.infer.drift import LeftOut, find_left_out
 from foucault.infer.gauss_newton import chi_square_limits
-from foucault.infer.mixed import Fit
 from foucault.models import turntable
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
@@ -506,16 +505,6 @@ NOISE = {
     "unknown": "unknown: from the residuals",
 }
 """Where the noise of readings is from, in words: rows of a log that are means do not tell it."""
-
-
-def allowed(fit: Fit) -> FloatArray:
-    """Return the standard deviations that everything declared allows, shape (p,) [SI].
-
-    Sensor noise, jitter of the rate and an unknown heading, without scatter and without a prior.
-    """
-    problem = mixed.stated(fit.model)
-    at = problem.linearise(fit.state, np.ones(problem.n_blocks))
-    return information.information(at, problem.layout).sd
 
 
 def readings_table(e: TableFit) -> dict[str, Any]:

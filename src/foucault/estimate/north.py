@@ -38,7 +38,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -318,6 +318,12 @@ class Rig:
     # of the tilt of the table's axis, infinite where the accelerometers have to find it [rad]
     level_sd: float = np.inf
     latitude_sd: float = 0.0  # of the latitude [rad]
+    # source -> what its size rests on, where that was not given
+    assumed: Mapping[str, str] = field(default_factory=dict)
+
+    def basis(self, source: str, key: str) -> str:
+        """Return what the size of a source rests on, of which the setting `key` may say it."""
+        return self.assumed.get(source, f"{key} as given")
 
 
 def names_of(rig_tilt: Tilt, accelerometers: bool, z_coupling: bool) -> tuple[str, ...]:
@@ -375,8 +381,8 @@ class OnTurntable:
     def linearise(self, state: FloatArray) -> Linearisation:
         """Compare the four numbers, or two, with the model at `state` (p,) [SI]."""
         p = len(self.layout)
-        w, f, dw, df = self._truth(state[p:] if self._seen else np.zeros(2))
-        whole = Compensation(CoefficientVector(*self._all(state[:p])))
+        w, f, dw, df = self.truth(state)
+        whole = self._whole(state)
         model = whole.model
         by_table = np.concatenate([model.gyro_matrix[:2] @ dw, model.accel_matrix[:2] @ df], axis=1)
         left = (self.pairs.values - whole.predict(w, f))[..., None]
@@ -389,6 +395,16 @@ class OnTurntable:
         tie = np.eye(p + 2)[p:] / self.rig.level_sd
         known = (-tie @ state, tie) if tie.any() else None
         return Linearisation(both[..., -1], J, sources, known, (LEVEL, LEVEL))
+
+    def residuals(self, state: FloatArray) -> FloatArray:
+        """Return what the model at `state` (p,) leaves of the readings, shape (m, d) [SI]."""
+        w, f, _, _ = self.truth(state)
+        left = self.pairs.values - self._whole(state).predict(w, f)
+        return np.asarray((self._used @ left[..., None])[..., 0])
+
+    def _whole(self, state: FloatArray) -> Compensation:
+        """All errors of the instrument at `state` (p,)."""
+        return Compensation(CoefficientVector(*self._all(state[: len(self.layout)])))
 
     def _all(self, values: FloatArray) -> tuple[Layout, FloatArray]:
         """The coefficients that are found, then those that are not."""
@@ -408,12 +424,12 @@ class OnTurntable:
             return np.zeros((len(self.pairs), 2))
         return tilts(self.pairs, self.rig.site.gravity, self.known)
 
-    def _truth(self, phi: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return w_b, f_b, each (m, 3), and their slopes, (m, 3, 4).
+    def truth(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return w_b, f_b, each (m, 3), and their slopes, (m, 3, 4), at `state` (p,) [SI].
 
         Slopes are those against phi, an error of all headings, and one of the latitude.
         """
-        site = self.rig.site
+        site, phi = self.rig.site, state[len(self.layout) :] if self._seen else np.zeros(2)
         assert site.latitude is not None
         C = attitude(self.rig.heading, *self._angles.T)
         leaned = exp(-np.array([*phi, 0.0]))
@@ -458,7 +474,7 @@ class OnTurntable:
             size, axes = np.linalg.eigh(cov)
             root = self._used @ (axes * np.sqrt(np.maximum(size, 0.0))[:, None, :])
             noise = name in (GYRO_NOISE, TILT_NOISE)
-            kind, basis = self.noise if noise else ("B", BASIS[name])
+            kind, basis = self.noise if noise else ("B", self.rig.assumed.get(name, BASIS[name]))
             out.append(Source(name, each=root, noise=noise, type=kind, basis=basis))
         return tuple(out)
 
@@ -474,13 +490,15 @@ class OnTurntable:
         own = np.zeros(len(self._own)) if c.cov is None else np.sqrt(np.diag(c.cov)[self._own])
         every = (
             *self._within,
-            Source(HEADINGS, each=heading, sd=rig.heading_sd, basis="heading_sd as given"),
+            Source(HEADINGS, each=heading, sd=rig.heading_sd,
+                   basis=rig.basis(HEADINGS, "heading_sd")),
             Source(COMMON_HEADING, shared=heading, sd=rig.heading_offset_sd,
-                   basis="heading_offset_sd as given"),
+                   basis=rig.basis(COMMON_HEADING, "heading_offset_sd")),
             # What is known of it where it is an unknown is in rows of its own.
             Source(LEVEL, shared=None if self._seen else tilt, sd=rig.level_sd,
-                   basis="level_sd as given"),
-            Source("latitude", shared=latitude, sd=rig.latitude_sd, basis="latitude_sd as given"),
+                   basis=rig.basis(LEVEL, "level_sd")),
+            Source(LATITUDE, shared=latitude, sd=rig.latitude_sd,
+                   basis=rig.basis(LATITUDE, "latitude_sd")),
             Source("tilt: accelerometers", shared=by_own * own,
                    basis="what is known beforehand of errors that this session does not show"),
         )  # fmt: skip

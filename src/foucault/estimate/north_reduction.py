@@ -83,6 +83,12 @@ class Pairs:
     # chi_square, dof: (m, 2) sum of squares of the white residuals of gyro and accelerometers [1]
     chi_square: FloatArray
     dof: IntArray
+    # (n, q) white residuals of the q accelerometers, independent but for what the fit took [1]
+    accel_white: FloatArray = field(default_factory=lambda: np.zeros((0, 1)))
+    # gyro_weights, accel_weights: (n, 2), (n, q, 2) what a reading adds to its set-up's rates, and
+    # to its specific forces, along x_b and y_b [1]
+    gyro_weights: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    accel_weights: FloatArray = field(default_factory=lambda: np.zeros((0, 1, 2)))
 
     def __len__(self) -> int:
         return len(self.values)
@@ -123,6 +129,8 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
     offset, drift = np.zeros(m), np.zeros(m)
     fit, residuals = np.zeros(n), np.full((2, n), np.nan)
     chi_square, dof = np.zeros((m, 2)), np.zeros((m, 2), np.int64)
+    accel_white = np.zeros((n, 1) if dwells.accel is None else dwells.accel.shape)
+    gyro_weights, accel_weights = np.zeros((n, 2)), np.zeros((*accel_white.shape, 2))
     # Wrong index angles act by the slope of each set-up's own curve: then none share weights.
     for setups, rows in _alike(dwells, apart=nuisance.index_sd > 0):
         first = dwells.rows(rows[0])
@@ -135,6 +143,7 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
         fit[rows] = unknowns @ gyro.design.T + nuisance.offset
         _judge(gyro, dwells.gyro[rows] - fit[rows], setups, rows, 0, residuals, chi_square, dof)
         W = gyro.weights[:2]
+        gyro_weights[rows] = W.T
         parts[GYRO_NOISE][setups, :2, :2] = (W * gyro.white) @ W.T + _unseen(gyro, EARTH_RATE)
         parts[GYRO_DRIFT][setups, :2, :2] = W @ gyro.slow @ W.T
         slope[setups, :2] = moved = W @ gyro.drift
@@ -151,15 +160,19 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
             found = A @ accel.weights.T
             values[setups, 2:] = found[:, :2]
             left = A - found @ accel.design.T
+            each = left.reshape(*rows.shape, -1)
+            accel_white[rows] = np.moveaxis(
+                np.linalg.solve(accel.root, np.moveaxis(each, 0, 1).reshape(rows.shape[1], -1))
+                .reshape(rows.shape[1], len(rows), -1), 0, 1,
+            )  # fmt: skip
             if dwells.accel.shape[1] == 1:
                 _judge(accel, left, setups, rows, 1, residuals, chi_square, dof)
                 all_weights[1, 2:] = accel.weights[:2]
             else:  # two a row: of the scatter alone
-                both = left.reshape(len(rows), -1, 2)
-                white = np.linalg.solve(accel.root, both.transpose(1, 0, 2).reshape(len(first), -1))
-                square = np.sum(white**2, axis=0).reshape(len(rows), 2)
-                chi_square[setups, 1], dof[setups, 1] = square.sum(axis=1), 2 * accel.dof
+                chi_square[setups, 1] = np.sum(accel_white[rows] ** 2, axis=(1, 2))
+                dof[setups, 1] = 2 * accel.dof
             V = accel.weights[:2]
+            accel_weights[rows] = V.T.reshape(rows.shape[1], -1, 2)
             unseen = _unseen(accel, GRAVITY)
             parts[TILT_NOISE][setups, 2:, 2:] = (V * accel.white) @ V.T + unseen
             parts[TILT_DRIFT][setups, 2:, 2:] = V @ accel.slow @ V.T
@@ -169,7 +182,7 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
             parts[INDEXING][setups] = _indexing(first, all_weights, values[setups], nuisance)
     used = {k: v for k, v in parts.items() if v.any()}
     return Pairs(values, used, offset, drift, slope, fit, residuals[0], residuals[1],
-                 chi_square, dof)  # fmt: skip
+                 chi_square, dof, accel_white, gyro_weights, accel_weights)  # fmt: skip
 
 
 def _alike(dwells: Dwells, *, apart: bool) -> list[tuple[IntArray, IntArray]]:

@@ -40,7 +40,7 @@ import numpy.typing as npt
 from scipy import linalg, optimize, special
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.infer.gauss_newton import FALSE_ALARM
+from foucault.infer.gauss_newton import FALSE_ALARM, student
 
 JITTER = 1e-10
 """Added to the variances, as a part: a covariance may be singular where coefficients are tied [1].
@@ -310,6 +310,15 @@ class Choice:
     # freedom, taken as zero
     wanted: BoolArray
     untold: BoolArray
+
+    @property
+    def cov(self) -> FloatArray:
+        """Covariance of the parameters, the scatter with Student's factor for what tells it."""
+        if not np.isfinite(self.dof).any():
+            return self.fit.cov
+        wide = self.fit.variance * np.array([student(v) ** 2 for v in self.dof])
+        again = solve(self.fit.evidence, self.fit.design, wide)
+        return self.fit.cov if again is None else again.cov
 
 
 def choose(

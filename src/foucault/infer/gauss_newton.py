@@ -48,7 +48,7 @@ def student(dof: float) -> float:
     `dof`: degrees of freedom of the residuals [1].
     """
     n = max(dof, TOLD)
-    return float(np.sqrt(n / (n - 2.0)))
+    return float(np.sqrt(n / (n - 2.0))) if np.isfinite(n) else 1.0
 
 
 def chi_square_limits(

@@ -219,12 +219,12 @@ def detectable(seen: Seen, groups: int, power: float = 0.9) -> FloatArray:
 
     `groups`: tests that share the false alarms [1].
     """
-    from scipy.stats import chi2, ncx2
+    from scipy.special import chdtri, chndtrinc
 
     if not seen.dof:
         return np.full(len(seen.V), np.inf)
-    level, c = chi2.isf(FALSE_ALARM / groups, seen.dof), np.geomspace(1, 1e4, 2000)
-    need = np.interp(power, ncx2.sf(level, seen.dof, c), c)
+    level = chdtri(seen.dof, FALSE_ALARM / groups)
+    need = chndtrinc(level, seen.dof, 1.0 - power)  # the non-centrality
     share = np.diag(seen.V)
     return np.where(share > VISIBLE, np.sqrt(need / np.maximum(share, VISIBLE)), np.inf)
 

@@ -796,6 +796,18 @@ def noise_alone(at: Fit) -> Problem:
     return stated(once, at.sds, at.problem.prior, noise_alone=True)
 
 
+def without_scatter(at: Fit) -> Problem | None:
+    """Return the problem as a plan states it: all that was declared, and no unexplained scatter.
+
+    None where nothing but scatter says how noisy some readings are.
+    """
+    none = {s.name: 0.0 for s in at.at.sources if s.unexplained}
+    if _silent(at.at, none).any():
+        return None
+    once = cast("Model", _Once(at.model, at.state, at.at))
+    return stated(once, {**at.sds, **none})
+
+
 @dataclass(frozen=True)
 class HeldOut:
     """Readings predicted from the others."""
@@ -933,13 +945,44 @@ def planned(
         S = _inverse(_root(z, V, var))
         dof |= {name: v * float(np.sum(S * V[name])) for name, v in var.items()}
     wide = {name: float(np.sqrt(v)) * student(dof[name]) for name, v in var.items()}
+    wide = by_chance(once) | wide
     problem = stated(once, dict.fromkeys(free, 0.0) | wide, prior)
     estimate = gauss_newton.solve(problem, loss=partial(gauss_newton.held, every), weights=every)
     return replace(_fit_of(once, problem, estimate, wide), model=model, dof=dof)
 
 
-def foreseen(model: Model, prior: CoefficientVector | None = None) -> Linearised:
-    """Return a plan linearised at its start, with a `prior` [SI]: covariance and bound follow."""
-    problem = stated(model, {}, prior)
+DRAWS = 40
+"""Sessions without scatter that are drawn, to see how much of it is found by chance [1]."""
+
+
+def by_chance(model: Model) -> dict[str, float]:
+    """Return the sizes that scatter is stated with where there is none, rms over sessions.
+
+    One that costs nothing is found by chance in about half of them, and few degrees of freedom
+    tell it: see `student`. Returns source -> size [SI].
+    """
+    at = model.linearise(model.start)
+    names = {s.name: 0.0 for s in at.sources if s.sd is None and s.unexplained and not s.price}
+    if not names or _silent(at, names).any():
+        return {}
+    of, V = _contrasts(at, names, np.ones(len(at.residuals)))
+    mean = dict.fromkeys(names, 0.0)
+    if not len(of):  # no reading is redundant
+        return mean
+    for z in np.random.default_rng(0).standard_normal((DRAWS, len(of))):
+        found, dof, _ = priced(z, V, names)
+        for name, sd in found.items():
+            mean[name] += (sd * student(dof[name])) ** 2 / DRAWS
+    return {name: float(np.sqrt(v)) for name, v in mean.items()}
+
+
+def foreseen(
+    model: Model, prior: CoefficientVector | None = None, sds: Mapping[str, float] | None = None
+) -> Linearised:
+    """Return a plan linearised at its start, with a `prior` [SI]: covariance and bound follow.
+
+    `sds` or None: source -> size of those to be found, nothing where it is not given [SI].
+    """
+    problem = stated(model, sds or {}, prior)
     at = problem.linearise(model.start, np.ones(problem.n_blocks))
     return gauss_newton.with_prior(problem, model.start, at)

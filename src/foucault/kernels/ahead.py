@@ -8,6 +8,7 @@ writes the table from what a session of each procedure compiled.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import subprocess
@@ -78,6 +79,7 @@ def compiling(procedure: str, tell: Callable[[float, str], None]) -> Iterator[No
 
 def compile_lane(procedure: str, at: int) -> None:
     """Compile one lane of kernels for `procedure`; `at`: number of the lane [1]."""
+    gc.disable()  # a tenth of the time, in a process that ends with this
     found = table()
     for name in found["lanes"][procedure][at]:
         module, function = name.split(".")

@@ -179,7 +179,7 @@ def measured_errors(
     [m/s^2] and mean rate [rad/s]; `sensors`: as given where `PARTS` of the window scatter no more
     than their noise allows.
     """
-    from foucault.infer.gauss_newton import chi_square_limits
+    from foucault.infer.gauss_newton import chi_square_limits, student
 
     length = float(increments.dt.sum())
     each = len(increments) // PARTS
@@ -194,7 +194,7 @@ def measured_errors(
     for name, x in (("gyro_psd", increments.dtheta_b), ("accel_psd", increments.dvel_b)):
         means = x[rows].reshape(PARTS, each, 3).sum(axis=1) / part[:, None]
         seen, said = means.var(axis=0, ddof=1) * part.mean(), getattr(sensors, name)
-        psd[name] = np.where(seen > most * said, seen, said)
+        psd[name] = np.where(seen > most * said, student(PARTS - 1) ** 2 * seen, said)
     f, w = (x.sum(axis=0) / length for x in (increments.dvel_b, increments.dtheta_b))
     return f, w, replace(sensors, **psd)
 

@@ -31,7 +31,7 @@ from pydantic import BaseModel, Field, ValidationInfo
 from foucault import logs
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose import left_out
-from foucault.diagnose.fit_checks import budget_json, chi_square_json
+from foucault.diagnose.fit_checks import against_the_plan, budget_json, chi_square_json
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.references import with_clock
 from foucault.errors import Finding, FoucaultError, finding
@@ -48,6 +48,7 @@ from foucault.models.left_out import GRAVITY, Sizes
 from foucault.models.noise import ImuNoise, grade
 from foucault.procedures import Progress, silent, solvable
 from foucault.procedures import left_out as beside
+from foucault.procedures.chosen import Chosen, decided
 from foucault.procedures.left_out import Again
 from foucault.result import Check, Result, TableData, Verdict, provenance
 from foucault.strict import Strict
@@ -103,6 +104,8 @@ def result_of(
     """
     found = fit.estimate.coefficients
     shared: dict[str, tuple[FloatArray, str, str]] = {}
+    if bounded and checks:
+        checks = (*checks, *against_the_plan(fit))
     if judged is not None:
         checks = (*checks, *left_out.checks(judged))
         tables = {**tables, "left_out": left_out.table(judged)}
@@ -324,7 +327,7 @@ class Procedure(Generic[S, N]):
         started = clock.monotonic()
         given = self._given(site, settings, noise, prior, progress, sizes)
         with solvable():
-            result = self.solve(log, given)
+            result, given = decided(lambda g: self.solve(log, g), given)
             slope = self.clock_slope(log, given, result) if self.clock_slope else None
         progress(1.0, "done")
         if sizes and "left_out" not in result.tables:
@@ -356,7 +359,8 @@ class Procedure(Generic[S, N]):
         """
         with solvable():
             given = self._given(site, settings, noise, prior, silent, sizes)
-            return self.solve(log, replace(given, shown=False))
+            given = replace(given, shown=False)
+            return decided(lambda g: self.solve(log, g), given)[0]
 
     def _given(
         self,
@@ -381,6 +385,9 @@ class Procedure(Generic[S, N]):
         quiet; the model that it states says the rest, hardly by what was read. `more`: whether to
         say what more of a plan would buy.
         """
+        return decided(lambda b: self._foreseen(b, more=more), b)[0]
+
+    def _foreseen(self, b: Beforehand[S, N], *, more: bool) -> Foresight | None:
         if self.foresee is not None:
             own = self.foresee(b)
             if b.sizes and own.left_out is None:
@@ -463,11 +470,8 @@ class Procedure(Generic[S, N]):
     ) -> tuple[Extra, ...]:
         """Foretell more of a plan, and settings that estimate more; `length`: of the plan [s]."""
         tried = list(self.additions(b.settings, b.session)) if self.additions else []
-        for key in ("accel_quadratic", "g_sensitivity"):
-            if getattr(b.settings, key, True) is False:
-                tried.append(
-                    (f"{key} = true", b.settings.model_copy(update={key: True}), b.session)
-                )
+        for key in getattr(b.settings, "optional", ()):
+            tried.append((f"{key} = true", b.settings.model_copy(update={key: True}), b.session))
         out = []
         for words, settings, session in tried:
             try:
@@ -587,7 +591,7 @@ class EarthRate(Strict):
         return site if self.earth_rate else replace(site, latitude=None)
 
 
-class Terms(Strict):
+class Terms(Chosen):
     """Which terms of the model of an IMU are estimated beside the linear ones."""
 
     accel_quadratic: Quadratic = False

@@ -476,3 +476,24 @@ def temperature(data: Data) -> tuple[int, str, bool] | None:
         if fine:
             return k, unit, told
     return None
+
+
+FIELD, FIELDS = 48.0, {"T": 1e-6, "nT": 1e3, "uT": 1.0, "G": 1e-2, "mG": 10.0}
+"""Usual field of the Earth [uT], and units by what it is in each, that of 1 uT."""
+
+
+def magnetometer(data: Data) -> tuple[tuple[int, ...], str, bool] | None:
+    """Return the columns of a magnetometer, their unit, and whether a title says it."""
+    axis = {k: c.means.axis for k, c in enumerate(data.columns) if c.means.role == "mag"}
+    first = [k for k in axis if data.file(k) == data.file(next(iter(axis)))][:3]
+    first.sort(key=lambda k: axis[k] or 0)
+    if [axis[k] for k in first] != [0, 1, 2]:
+        return None
+    told = data.columns[first[0]].means.unit
+    if told in FIELDS:
+        return tuple(first), told, True
+    # Half of what each axis goes through is the field, whatever the hard iron.
+    radius = float(np.median(np.ptp(np.percentile(data.x[:, first], (1, 99), axis=0), axis=0))) / 2
+    off = {unit: abs(np.log(max(radius, 1e-12) / size / FIELD)) for unit, size in FIELDS.items()}
+    best = min(off, key=lambda unit: off[unit])
+    return (tuple(first), best, False) if off[best] < np.log(3.0) else None

@@ -282,7 +282,11 @@ class _Work:
     def _turned(self) -> physics.Turns | None:
         if self.ball is None or self.found.gyro is None:
             return None
-        return physics.turns(self.data.x, self.time, self.cut, self.ball, self.found.gyro)
+        found = physics.turns(self.data.x, self.time, self.cut, self.ball, self.found.gyro)
+        # One turn, of any scale, fits one of 48 orders by chance: titles go before it.
+        if found is not None and found.turns < 2 and self.found.titled[1]:
+            return found if any(np.array_equal(E, np.eye(3)) for E in found.fitting) else None
+        return found
 
     def _alive(self) -> None:
         """Refuse a triad one column of which never changes, or whose gyros turn otherwise."""
@@ -543,6 +547,15 @@ class _Work:
                               self._triad_why(name, unit),
                               self._how_sure(name, unit)))  # fmt: skip
         first += self._sign(log)
+        field = tell.magnetometer(data)
+        if field is not None:
+            log["mag"] = {"columns": [data.called(k) for k in field[0]], "unit": field[1]}
+            if several:
+                log["mag"]["file"] = data.file(field[0][0]).name
+            shown = ", ".join(data.shown(k) for k in field[0])
+            why = "titles" if field[2] else "titles; unit: the field of the Earth"
+            first.append(Line("magnetometer", f"{shown} [{field[1]}]", why,
+                              SURE if field[2] else LIKELY))  # fmt: skip
         warm = tell.temperature(data)
         if warm is not None:
             log["temperature"] = {"column": data.called(warm[0]), "unit": warm[1]}

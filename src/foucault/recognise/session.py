@@ -41,6 +41,10 @@ STEADY = np.radians(2.0)
 SPIN, FEWEST_SPINS = (2.0, np.radians(35.0)), 4
 """Shortest [s] and slowest [rad/s] spin about a level axis, and the fewest of them [1]."""
 
+TUMBLING, ROUND = 0.3, 0.6
+"""A body that is tumbled turns faster most of the time [rad/s], and the field goes along each axis
+by so much of what it does along another [1]."""
+
 WHOLE = np.radians(25.0)
 """A turn on the spot is a whole one within this [rad]."""
 
@@ -67,7 +71,7 @@ def session(log: Log) -> Session:
                        "norm_observation" if _spins_of(log) else "hand_rotated")  # fmt: skip
     if log.accel is None:
         return Session("gyros alone", "no accelerometers", None, todo=_NOISE)
-    level = _level_spins(log)
+    level = _level_spins(log) or _tumbled(log)
     if level is not None:
         return level
     rests = find_rests(log.filled())
@@ -99,6 +103,21 @@ def session(log: Log) -> Session:
     return Session(said, f"a calibration needs gravity from {NEEDED} sides, or on all six faces",
                    None, todo=_MORE_REST if len(rests) > 2 else _REST_FIRST,
                    rests=len(rests))  # fmt: skip
+
+
+def _tumbled(log: Log) -> Session | None:
+    """Return that of a magnetometer that was turned all the time about all axes, if it is one."""
+    if log.mag is None or log.gyro is None or np.isnan(log.gyro).any():
+        return None
+    rate = np.linalg.norm(log.gyro - np.median(log.gyro, axis=0), axis=1)
+    size = np.ptp(np.percentile(log.mag, (2, 98), axis=0), axis=0)
+    turning = float(np.mean(rate > TUMBLING))
+    if turning < 0.7 or not size.min() > ROUND * size.max():
+        return None
+    turned = np.degrees(rate.mean() * log.duration)
+    return Session(f"turned about all axes, by {turned:.0f} deg in all, beside a magnetometer",
+                   f"the field came along all axes, {100 * turning:.0f} % of the time it turned",
+                   "magnetometer")  # fmt: skip
 
 
 def _moves(log: Log) -> bool:

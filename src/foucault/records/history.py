@@ -13,6 +13,8 @@ its degrees of freedom [1]_. What runs share, such as local gravity, is in the s
 
     x(t) = a + b (t - t_now),      var x(t) = d' C d + s^2,      d = (1, t - t_now)
 
+where s counts with Student's factor for the few runs that tell it (`infer.gauss_newton.student`).
+
 Conformity with a limit L follows ISO/IEC Guide 98-4 [2]_: with x(t) normally distributed the
 probability of conformity is p = P(|x| <= L). By guarded acceptance with w = U = 2 sd an instrument
 conforms where ``|x| + 2 sd <= L``, does not where ``|x| - 2 sd > L``, and is undecided in between.
@@ -40,6 +42,7 @@ from foucault.campaign.tolerance import DECISIONS, GUARD, Tolerance, conformity,
 from foucault.diagnose.comparable import DAY
 from foucault.diagnose.comparable import Entry as Compared
 from foucault.diagnose.compare import YEAR
+from foucault.infer.gauss_newton import student
 from foucault.records.entries import Event, Interval
 from foucault.records.store import Records, Run
 from foucault.result import Level
@@ -129,10 +132,39 @@ def past(records: Records, instrument: str, now: float | None = None) -> Past:
     limits = records.limits(name)
     found = comparison.of(read, limits) if len(read) > 1 else None
     months = [b.months for _, b in records.said(Interval) if b.instrument == name]
-    dates = [comparison.moment(r.holds) for r in counted if r.holds]
-    due = max(dates) + months[-1] * MONTH if months and dates else math.nan
+    due = _due(counted, months)
     outlooks = _outlooks(read, found, limits, at, due) if read else ()
     return Past(name, at, tuple(runs), tuple(counted), tuple(events), due, outlooks, found)
+
+
+def _due(counted: Sequence[Run], months: Sequence[float]) -> float:
+    """Return when an instrument is due; NaN where no interval is set or nothing is dated [s]."""
+    dates = [comparison.moment(r.holds) for r in counted if r.holds]
+    return max(dates) + months[-1] * MONTH if months and dates else math.nan
+
+
+def fleet(records: Records) -> list[tuple[str, list[Run], list[Run], float]]:
+    """Return every instrument with its runs, those that count, and when it is due [s].
+
+    No run folder is read, however many there are.
+    """
+    runs: dict[str, list[Run]] = {}
+    for run in records.runs():
+        runs.setdefault(run.instrument, []).append(run)
+    months: dict[str, list[float]] = {}
+    for _, body in records.said(Interval):
+        months.setdefault(body.instrument, []).append(body.months)
+    broke: dict[str, float] = {}
+    now = datetime.datetime.now(datetime.UTC).timestamp()
+    for _, event in records.said(Event):
+        at = comparison.moment(event.on)
+        if event.what in BREAKS and at <= now:
+            broke[event.instrument] = max(at, broke.get(event.instrument, -math.inf))
+    out = []
+    for name, own in sorted(runs.items()):
+        counted = _counted(own, broke.get(name, -math.inf))
+        out.append((name, own, counted, _due(counted, months.get(name, []))))
+    return out
 
 
 def _counted(runs: Sequence[Run], since: float) -> list[Run]:
@@ -162,7 +194,7 @@ def _outlooks(
         series = None if history is None or c.name not in history.series.names else history.series
         if series is None or history is None:
             one = _Line(1, "one run", np.array([last.values[i], 0.0]), np.diag([sd**2, 0.0]),
-                        math.nan, now)  # fmt: skip
+                        math.nan, 0.0, now)  # fmt: skip
         else:
             k = series.names.index(c.name)
             one = _line(series.time, series.values[:, k], series.sd[:, k], history.courses[k].how,
@@ -180,13 +212,13 @@ class _Line:
     x: FloatArray  # (2,) value now and slope [SI, SI/s]
     cov: FloatArray  # (2, 2)
     repeatability: float  # [SI]
+    wide: float  # the same with Student's factor for the runs that tell it [SI]
     now: float  # [s]
 
     def at(self, time: float) -> tuple[float, float]:
         """Return the value and its sd at a time [SI]."""
         d = np.array([1.0, time - self.now])
-        own = 0.0 if math.isnan(self.repeatability) else self.repeatability**2
-        return float(d @ self.x), math.sqrt(float(d @ self.cov @ d) + own)
+        return float(d @ self.x), math.sqrt(float(d @ self.cov @ d) + self.wide**2)
 
     def outlook(self, name: str, kind: str, limit: float, due: float) -> Outlook:
         """Judge it against a limit [SI], now and at the time `due` [s]."""
@@ -220,11 +252,12 @@ def _line(
     if sloped:
         design = np.stack([np.ones(len(x)), time - now], axis=1)
     own = _repeatability(design, x, sd)
-    beta, cov = _solved(design, x, sd, 0.0 if math.isnan(own) else own)
+    wide = 0.0 if math.isnan(own) else own * student(len(x) - design.shape[1])
+    beta, cov = _solved(design, x, sd, wide)
     whole, whole_cov = np.zeros(2), np.zeros((2, 2))
     n = design.shape[1]
     whole[:n], whole_cov[:n, :n] = beta, cov
-    return _Line(len(x), how, whole, whole_cov, own, now)
+    return _Line(len(x), how, whole, whole_cov, own, wide, now)
 
 
 def _solved(

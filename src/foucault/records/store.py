@@ -224,11 +224,11 @@ class Records:
             rows = connection.execute(sa.select(db.entry).where(db.entry.c.kind == body.kind))
             for row in rows.mappings():
                 one = Certified.model_validate_json(row["body"])
-                if one.certificate == body.certificate:
-                    raise error("certificate.issued", number=one.certificate, day=one.issued)
                 if body.replaces and one.replaces == body.replaces:
                     raise error("certificate.replaced", before=body.replaces,
                                 number=one.certificate)  # fmt: skip
+                if one.certificate == body.certificate:
+                    raise error("certificate.issued", number=one.certificate, day=one.issued)
             entry = self._append(connection, _last(connection), body)
             write()
             return entry

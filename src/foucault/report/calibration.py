@@ -13,7 +13,7 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.diagnose.references import WORDS as CLOCKS
 from foucault.errors import ADVICE, Status
-from foucault.models import cluster
+from foucault.models import cluster, magnetometer
 from foucault.models.imu import INVERSES, ImuModel
 from foucault.models.layouts import of_one_sample
 from foucault.models.north_seeker import EQUATION as NORTH_EQUATION
@@ -333,6 +333,8 @@ def how_to_apply(result: Result) -> Section | None:
         kind, imu = "_temperature", False
     if result.equation == cluster.EQUATION:
         inverse, kind, lead = cluster.INVERSE, "_cluster", told(f"{key}.cluster")
+    if result.equation == magnetometer.EQUATION:
+        inverse, kind = magnetometer.INVERSE, "_mag"
     finite = bool(np.isfinite(result.coefficients.values).all())
     if finite and inverse is not None:
         blocks += ["Solved for what is true:", Equation(_split(inverse)[0])]

@@ -48,6 +48,7 @@ from foucault.units import ZERO_CELSIUS
 TRIADS = {
     "accel": "Accelerometers",
     "gyro": "Gyros",
+    "mag": "Magnetometer",
     "attitude": "Attitude",
     "installation": "Installation",
     "master": "Messages of the master",
@@ -71,6 +72,8 @@ def coefficients(result: Result) -> Section | None:
     prior = bool(np.isfinite(vector.prior_sd).any())
     bound = _bound(result)
     seconds = result.in_seconds.sd if result.clock is not None else None
+    if seconds is not None and np.array_equal(seconds, vector.sd, equal_nan=True):
+        seconds = None  # nothing hangs on the clock
     heads = columns(
         "coefficient: name | symbol: symbol aside | value: number | ± sd: number",
         "± U (k=2): number optional",

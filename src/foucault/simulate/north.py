@@ -8,7 +8,7 @@ their variance, the Markov bias and the random walk by their exact joint law fro
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -114,6 +114,10 @@ class SeekerErrors:
     heading_offset: float = 0.0  # said minus true reference heading of all set-ups [rad]
     # what the gyro reads too much with the cosine and sine of twice the index angle [rad/s]
     twice_per_turn: tuple[float, float] = (0.0, 0.0)
+    lean: tuple[float, float] = (0.0, 0.0)  # of the table's axis, about East and North [rad]
+    # errors of the sensors themselves, in axes that turn with them: y along the sensing axis of the
+    # gyro, and of an accelerometer beside it, z up
+    own: ImuModel = field(default_factory=ImuModel)
 
 
 @dataclass(frozen=True)
@@ -185,19 +189,25 @@ def simulate_north(
     wrong = errors.index_sd * rng.standard_normal((len(plan.setups), stops))
     table = _means(plan, wrong) if rows == "means" else _samples(plan, wrong, rate)
     w_n, f_n = earth_rate_n(site.latitude), site.gravity * UP
-    C_nb = np.array([p.attitude for p in plan.setups])
-    force, turn = model.measure(f_n @ C_nb, w_n @ C_nb)  # v_n @ C_nb is C_bn v_n
-    axis = np.einsum("nij,j->ni", exp(-table.true[:, None] * UP), FORWARD)
-    gyro = np.einsum("ni,ni->n", axis, turn[table.setup])
+    C_nb = exp(np.array([*errors.lean, 0.0])) @ np.array([p.attitude for p in plan.setups])
+    f_b, w_b = f_n @ C_nb, w_n @ C_nb  # v_n @ C_nb is C_bn v_n
+    force, turn = model.measure(f_b, w_b)
+    C_bk = exp(-table.true[:, None] * UP)
+    axis = C_bk @ FORWARD
+    felt = [np.einsum("nji,nj->ni", C_bk, v[table.setup]) for v in (f_b, w_b)]
+    own = [read - true for read, true in zip(errors.own.measure(*felt), felt, strict=True)]
+    gyro = np.einsum("ni,ni->n", axis, turn[table.setup]) + own[1][:, 1]
     twice = np.stack([np.cos(2 * table.true), np.sin(2 * table.true)], 1)
     gyro += twice @ np.array(errors.twice_per_turn)
     gyro += errors.gyro_offset + errors.gyro_drift * table.middle
     gyro = _disturbed(gyro[:, None], noise.gyro, table, rate, rows, rng)[:, 0]
     along: FloatArray | None = None
     if accel == "base":
-        along = np.einsum("ni,ni->n", axis, force[table.setup])[:, None] + errors.accel_offset
+        along = np.einsum("ni,ni->n", axis, force[table.setup])[:, None] + own[0][:, 1:2]
+        along += errors.accel_offset
     elif accel == "case":
-        along = force[table.setup, :2]
+        more = errors.own.measure(f_b, w_b)[0] - f_b
+        along = (force + more)[table.setup, :2]
     if along is not None:
         along = _disturbed(along, noise.accel, table, rate, rows, rng)
     off = errors.heading_offset + errors.heading_sd * rng.standard_normal(len(plan.setups))

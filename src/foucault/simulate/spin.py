@@ -19,6 +19,9 @@ from foucault.models.spin import across
 from foucault.simulate.noise import noisy_log
 from foucault.tables import Log, whole_samples
 
+Mounting = Literal["x", "y", "z", "-x", "-y", "-z", "skew"]
+"""Axis of the instrument along the spin axis."""
+
 
 @dataclass(frozen=True)
 class SpinPlan:

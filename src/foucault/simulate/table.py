@@ -427,7 +427,7 @@ def simulate_means(
     )
     number = np.arange(len(plan))
     log = Log(
-        np.cumsum(plan.time + _SETTLE + _SHORTEST_MOVE), made.gyro[0], made.accel[0],
+        begins(plan, "means"), made.gyro[0], made.accel[0],
         table=TableColumns(plan.angles, plan.rate, number), averaged=plan.time,
     )  # fmt: skip
     return Simulation(
@@ -484,6 +484,13 @@ class Motion:
         rate[:, :1] += first + more * (3 * x**2 - 2 * x**3)
         acceleration[:, :1] += more * 6 * x * (1 - x) / T
         return angle, rate, acceleration
+
+
+def begins(plan: TablePlan, rows: Literal["samples", "means"]) -> FloatArray:
+    """Return when each position of a `plan` begins in a log with such rows, moves included [s]."""
+    if rows == "means":
+        return np.cumsum(plan.time + _SETTLE + _SHORTEST_MOVE)
+    return _motions(plan, np.zeros((len(plan), 2)), plan.rate, MOVE_RATE)[2][:, 0]
 
 
 def timetable(plan: TablePlan) -> tuple[float, float]:

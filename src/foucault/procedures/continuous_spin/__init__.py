@@ -43,11 +43,12 @@ from foucault.models.spin import across
 from foucault.procedures import left_out, record
 from foucault.procedures.continuous_spin import model as physics
 from foucault.procedures.continuous_spin.model import SCATTER, SpinModel
+from foucault.procedures.continuous_spin.search import EVALUATIONS, Wanted, space
 from foucault.procedures.left_out import Again
 from foucault.procedures.rate_table.model import in_si
 from foucault.procedures.record import Given, Procedure, result_of
 from foucault.result import Check, Result, TableData
-from foucault.simulate.spin import SpinPlan, simulate_spins
+from foucault.simulate.spin import Mounting, SpinPlan, simulate_spins
 from foucault.strict import Strict
 from foucault.tables import AXES, Log, temperature_range
 from foucault.units import STANDARD_GRAVITY, Angle, AngleSd, Quantity, Rate, RatioSd, Seconds, plain
@@ -78,7 +79,7 @@ class Session(Strict):
 
     rates: tuple[str, ...] = Field(default=("230 deg/s", "-400 deg/s", "570 deg/s"), min_length=1)
     """Rates of the spins in each mounting, negative backwards."""
-    mountings: tuple[Literal["x", "y", "z", "-x", "-y", "-z", "skew"], ...] = ("x", "y", "z")
+    mountings: tuple[Mounting, ...] = ("x", "y", "z")
     """Axes of the instrument along the spin axis, one mounting after the other."""
     spin_time: Seconds = Field(default=10.0, gt=0)
     """Length of each spin."""
@@ -330,6 +331,9 @@ PROCEDURE = Procedure(
     ),
     observe=observe,
     again=lambda model, *_: _again(model),
+    space=space,
+    Wanted=Wanted,
+    evaluations=EVALUATIONS,
     names=lambda settings, _: settings.estimated(),
     more="stretches",
     log_table=lambda log: OWN_LOG if log is not None and log.sampled == "increment" else log_head(),

@@ -30,6 +30,7 @@ from foucault.logs.indexed_own import IndexedDescription
 from foucault.models.earth import Site
 from foucault.models.noise import noise_json
 from foucault.models.north_seeker import EQUATION, Compensation, Dwells
+from foucault.procedures.north_seeking.counted import completed, drawn
 from foucault.procedures.north_seeking.fix import Solution, require_latitude, solved
 from foucault.procedures.north_seeking.foresight import Wanted, foresee, space
 from foucault.procedures.north_seeking.settings import Session, Settings, draw_errors, simulated
@@ -58,7 +59,7 @@ def names_in(settings: Settings, session: Session) -> tuple[str, ...]:
 
 
 def _solve(log: IndexedLog, given: Given[Settings]) -> Result:
-    site, settings = given.site, given.settings
+    site, settings = given.site, completed(given.settings, given.sizes)[0]
     given.progress(0.1, "finding the dwells")
     log = without_spikes(log)
     stuck = alive(log)
@@ -75,7 +76,7 @@ def _solve(log: IndexedLog, given: Given[Settings]) -> Result:
     declared = given.noise is not None
     noise = given.noise or measured_noise(log, dwells)
     with units_first(log.findings):
-        solution = solved(dwells, site, settings, noise, declared, given.prior)
+        solution = solved(dwells, site, given.settings, noise, declared, given.prior, given.sizes)
     result = _result(solution, dwells, settings, site)
     return replace(
         result,
@@ -131,6 +132,7 @@ def _result(s: Solution, dwells: Dwells, settings: Settings, site: Site) -> Resu
         },
         tables={"headings": headings},
         table_rate_sd=None,
+        judged=s.judged,
     )
 
 
@@ -156,7 +158,10 @@ PROCEDURE = Procedure(
     space=space,
     Wanted=Wanted,
     grade="navigation",
+    counts=True,
+    counts_by_noise=True,
     draw_errors=draw_errors,
+    drawn=drawn,
     Description=IndexedDescription,
     read=indexed.read,
     write=indexed_own.write,

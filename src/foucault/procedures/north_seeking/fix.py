@@ -12,6 +12,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -50,12 +51,23 @@ from foucault.estimate.north import Fixes, Known, Rig, level_square, solve
 from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
 from foucault.guard.north import causes
 from foucault.infer import mixed
+from foucault.infer.left_out import Judgement, With
 from foucault.infer.mixed import NOISE_BASIS, Fit
 from foucault.models.earth import Site
+from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise, noise_of
 from foucault.models.north_seeker import SEEKER, Compensation, Dwells
 from foucault.models.norths import North, norths
-from foucault.procedures import Progress, silent
+from foucault.procedures import Progress, left_out, silent
+from foucault.procedures.north_seeking.counted import (
+    accounted,
+    again,
+    beside,
+    completed,
+    moved,
+    stood,
+    with_rig,
+)
 from foucault.procedures.north_seeking.settings import MOST_LATITUDE, Settings
 from foucault.result import Check, Level, Result, Verdict, provenance
 from foucault.tables import IndexedLog
@@ -341,18 +353,22 @@ class Solution:
     findings: tuple[Finding, ...]
     stop_offsets: dict[str, float]  # biases of single stops [rad/s]
     stop_gains: Gains  # by what part of the rates along x_b and y_b single stops read too much [1]
+    judged: Judgement | None = None  # what was made of what is not estimated
 
 
 def solved(
     dwells: Dwells, site: Site, settings: Settings, noise: ImuNoise | None, declared: bool,
-    given: Mapping[str, tuple[float, float]],
+    given: Mapping[str, tuple[float, float]], sizes: Sizes | None = None,
 ) -> Solution:  # fmt: skip
     """Solve the calibration.
 
     `dwells`: readings [SI]; `noise`: noise of the sensors, None finds it in the residuals [SI];
     `declared`: whether it was declared, or measured in the dwells; `given`: mean and standard
-    deviation of coefficients or groups of coefficients [SI].
+    deviation of coefficients or groups of coefficients [SI]; `sizes` or None: of what is not
+    estimated [SI].
     """
+    settings, assumed = completed(settings, sizes)
+    sizes = beside(sizes, settings)
     known = Compensation(held(accelerometers_before(settings, given)))
     trial = noise or GUESS
     nuisance = Nuisance(
@@ -368,7 +384,8 @@ def solved(
         dwells = without_gains(dwells, gains, reduce(dwells, trial, nuisance).values)
     used = (1 if offsets else 0) + (2 if gains else 0)
     pairs = spent(reduce(dwells, trial, nuisance), used)
-    rig = _rig(pairs, dwells, site, settings)
+    rig = replace(_rig(pairs, dwells, site, settings), assumed=assumed)
+    rig = stood(rig, settings, sizes)
     if settings.z_coupling == "auto":
         given = dict.fromkeys(Z_COUPLING, (0.0, settings.z_coupling_sd)) | dict(given)
     source = "declared" if declared else "measured in the dwells"
@@ -376,17 +393,39 @@ def solved(
         noise, source = _noise_solution(dwells, pairs, rig, known, given), calibrating.UNKNOWN
         pairs = spent(reduce(dwells, noise, nuisance), used)
     basis = NOISE_BASIS[calibrating.NOISE[source]]
-    fit = _fit(pairs, rig, settings.z_coupling != "no", known, given, basis)
-    calibrating.require_sound(fit.estimate)
+
+    def fitted(
+        z_coupling: bool, given: Mapping[str, tuple[float, float]]
+    ) -> tuple[Fit, Judgement | None]:
+        names = estimation.names_of(rig.tilt, rig.accelerometers, z_coupling)
+        model = estimation.OnTurntable(pairs, rig, SEEKER.subset(names), known, basis)
+        prior, of = _prior(names, given), again(model, dwells, noise)
+        if sizes is not None:  # what is enlarged later says nothing of what the headings show
+            calibrating.require_sound(mixed.fit(model, prior).estimate)
+        return left_out.fit(model, prior, sizes, site, of)
+
+    fit, judged = fitted(settings.z_coupling != "no", given)
+    if judged is None:
+        calibrating.require_sound(fit.estimate)
     z_test: tuple[float, float] | None = None
     if rig.tilt == "each":
         free = fit
         if settings.z_coupling != "free":
             unknown = {k: v for k, v in given.items() if not k.startswith(Z_COUPLING)}
-            free = _fit(pairs, rig, True, known, unknown, basis)
+            free, _ = fitted(True, unknown)
         z_test = calibrating.z_significance(free.estimate)
         told += tuple(calibrating.z_findings(z_test, settings.z_coupling))
-    return Solution(pairs, rig, noise, source, nuisance, fit, z_test, told, offsets, gains)
+    if judged is not None:
+        misfit = any(c.chi_square > c.high for c in calibrating.within(pairs).values())
+        if misfit:
+            model = fit.model.model if isinstance(fit.model, With) else fit.model
+            assert isinstance(model, estimation.OnTurntable)
+            w, f, _, _ = model.truth(fit.state)
+            reduced = partial(reduce, noise=noise, nuisance=nuisance)
+            motion = moved(dwells, f, w)
+            pairs = accounted(pairs, site, reduced, dwells, motion, judged)
+        judged = with_rig(judged, rig, settings.index_sd)
+    return Solution(pairs, rig, noise, source, nuisance, fit, z_test, told, offsets, gains, judged)
 
 
 def _rig(pairs: Pairs, dwells: Dwells, site: Site, settings: Settings) -> Rig:
@@ -409,21 +448,14 @@ def _rig(pairs: Pairs, dwells: Dwells, site: Site, settings: Settings) -> Rig:
     return rig
 
 
-def _fit(
-    pairs: Pairs, rig: Rig, z_coupling: bool, known: Compensation,
-    given: Mapping[str, tuple[float, float]], basis: tuple[str, str],
-) -> Fit:  # fmt: skip
-    names = estimation.names_of(rig.tilt, rig.accelerometers, z_coupling)
-    model = estimation.OnTurntable(pairs, rig, SEEKER.subset(names), known, basis)
-    return mixed.fit(model, _prior(names, given))
-
-
 def _noise_solution(
     dwells: Dwells, pairs: Pairs, rig: Rig, known: Compensation,
     given: Mapping[str, tuple[float, float]],
 ) -> ImuNoise:  # fmt: skip
     """Measure the noise by what the calibration leaves."""
-    fit = _fit(pairs, rig, rig.tilt == "each", known, given, NOISE_BASIS["unknown"])
+    names = estimation.names_of(rig.tilt, rig.accelerometers, rig.tilt == "each")
+    model = estimation.OnTurntable(pairs, rig, SEEKER.subset(names), known)
+    fit = mixed.fit(model, _prior(names, given))
     found = from_residuals(pairs, dwells.accel is not None, list(fit.after.values()))
     if found is None:
         raise error("north.noise_unknown", what="[noise] in the campaign file")

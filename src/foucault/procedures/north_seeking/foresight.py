@@ -18,12 +18,14 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.detect.dwells import find_dwells
 from foucault.diagnose.foresight import Extra, Foresight
+from foucault.diagnose.left_out import foretold
 from foucault.diagnose.north import stops
 from foucault.errors import Finding, error, finding
 from foucault.estimate.north import Known, solve
 from foucault.infer.information import information
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
+from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.models.north_seeker import SEEKER, Compensation
 from foucault.plans import north as bound
@@ -31,6 +33,8 @@ from foucault.plans.limit import Limit
 from foucault.plans.north import NorthSpace, Rig, schedule
 from foucault.plans.north_stops import Conditions
 from foucault.plans.optimise import require_seen, weights_of
+from foucault.procedures.left_out import declared, told_beside
+from foucault.procedures.north_seeking.counted import DRIFT, completed
 from foucault.procedures.north_seeking.fix import (
     Z_COUPLING,
     Solution,
@@ -81,6 +85,7 @@ class _Planned:
     site: Site
     noise: ImuNoise
     prior: Prior
+    sizes: Sizes | None = None  # of what is not estimated [SI]
 
     def made(self, session: Session) -> NorthSimulation:
         """Simulate with nothing drawn: a perfect instrument on a perfect table, no noise."""
@@ -96,7 +101,7 @@ class _Planned:
         s = self.settings
         dwells = find_dwells(self.made(session).log, settle=s.settle, shortest=s.shortest)
         stops(dwells, Known(self.site.gravity))
-        return solved(dwells, self.site, s, self.noise, True, self.prior)
+        return solved(dwells, self.site, s, self.noise, True, self.prior, self.sizes)
 
     def fixed(self, session: Session) -> CoefficientVector:
         """Return heading, pitch and roll of the set-ups, root mean square."""
@@ -118,7 +123,7 @@ def foresee(b: Beforehand[Settings, Session]) -> Foresight:
         noise = grade("navigation").noise
         told.append(finding("preflight.gyro_noise", given="0.002 deg/sqrt(h) and 5 ug/sqrt(Hz)"))
     told += silent(session, noise)
-    p = _Planned(settings, site, noise, prior)
+    p = _Planned(settings, site, noise, prior, b.sizes)
     if session.headings * len(session.tilts) < FEWEST:
         return _of_a_fix(p, session, told)
     return _of_a_calibration(p, session, told)
@@ -168,6 +173,10 @@ def _of_a_calibration(p: _Planned, session: Session, told: list[Finding]) -> For
     m = session.headings * len(session.tilts)
     unseen = tuple(c.words for c in of_data.weakest() if not np.isfinite(c.factor))
     shown = of_data.with_prior(found.prior_sd).shown()
+
+    def judge(longer: Session) -> CoefficientVector:
+        return p.calibrated(longer).fit.estimate.coefficients
+
     return Foresight(
         **shown | {"rank": of_data.rank, "unseen": unseen},
         coefficients=found,
@@ -176,7 +185,8 @@ def _of_a_calibration(p: _Planned, session: Session, told: list[Finding]) -> For
         duration=_duration(session, motion),
         hardly=hardly,
         limits=_limits(motion, p.settings),
-        more=_more(p, session, lambda x: p.calibrated(x).fit.estimate.coefficients, found),
+        more=(*declared(fit, s.judged, fit.problem.prior, {}), *_more(p, session, judge, found)),
+        left_out=None if s.judged is None else foretold(s.judged),
         findings=(*told, *s.findings),
     )
 
@@ -286,13 +296,24 @@ class Wanted(Strict):
     look east and west."""
 
 
+def _drift(b: Beforehand[Settings, Session], noise: ImuNoise) -> float:
+    """Return the linear drift of the gyro that a plan has to reckon with [rad/s^2].
+
+    `noise`: of the instrument [SI]. What nobody says of it is as large as what is not estimated.
+    """
+    length = _duration(b.session, b.session.motion(b.settings.index_limit))
+    size, _ = (told_beside(b.sizes, noise, length) or {}).get(DRIFT, (0.0, ""))
+    return abs(b.session.gyro_drift) or size / length
+
+
 def space(b: Beforehand[Settings, Session]) -> NorthSpace:
     """Return the orders of stops among which the best is searched.
 
     They are those that the base can do; the stops of the session are those to beat. The noise of
     the instrument must be known.
     """
-    settings, session, site, noise, wanted = b.settings, b.session, b.site, b.noise, b.wanted
+    session, site, noise, wanted = b.session, b.site, b.noise, b.wanted
+    settings, _ = completed(b.settings, b.sizes)
     weights = weights_of(SOUGHT, wanted.weights)
     if noise is None or not noise.gyro.white > 0:
         raise error("north_search.noise")
@@ -309,7 +330,7 @@ def space(b: Beforehand[Settings, Session]) -> NorthSpace:
         offset_sd=inf if settings.gyro_offset_sd is None else settings.gyro_offset_sd,
     )  # fmt: skip
     known = bound.Known(
-        conditions, abs(session.gyro_drift) if wanted.drift is None else wanted.drift,
+        conditions, _drift(b, noise) if wanted.drift is None else wanted.drift,
         settings.drift, settings.drift_sd,
         session.accelerometers == "case", wanted.rough_sd,
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.estimate.north_reduction import NEAR_SD
 from foucault.models.earth import Site
-from foucault.models.imu import ImuModel
+from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import SEEKER
 from foucault.models.rotation import turned
@@ -239,17 +240,31 @@ def simulated(
         for pitch in pitches
         for heading in headings
     )
+    lean = (settings.level_sd or 0.0) * np.random.default_rng([seed, 6]).standard_normal(2)
+    base, own = parts(model)
     errors = SeekerErrors(
         gyro_offset=offset, gyro_drift=drift, index_sd=settings.index_sd,
         heading_sd=settings.heading_sd, heading_offset=common,
-        twice_per_turn=(twice[0], twice[1]),
+        twice_per_turn=(twice[0], twice[1]), lean=(float(lean[0]), float(lean[1])), own=own,
     )  # fmt: skip
     plan = NorthPlan(setups, session.motion(settings.index_limit))
     accel = None if session.accelerometers == "none" else session.accelerometers
-    return simulate_north(
-        plan, model=model, noise=noise, site=site, errors=errors, accel=accel, rate=session.rate,
+    made = simulate_north(
+        plan, model=base, noise=noise, site=site, errors=errors, accel=accel, rate=session.rate,
         rows=session.rows, seed=seed,
     )  # fmt: skip
+    return replace(made, model=model)
+
+
+def parts(model: ImuModel) -> tuple[ImuModel, ImuModel]:
+    """Return what of the errors repeats with the index angle, and what turns with the sensors."""
+    whole = model.coefficients(LAYOUT.names)
+    repeats = [n.split(".")[1] in ("bias", "scale", "misalignment") for n in LAYOUT.names]
+    base, own = (
+        whole.with_values({n: 0.0 for n, k in zip(LAYOUT.names, repeats, strict=True) if k != kept})
+        for kept in (True, False)
+    )
+    return ImuModel.from_coefficients(base), ImuModel.from_coefficients(own)
 
 
 def draw_errors(_grade: str, seed: int) -> ImuModel:

@@ -19,7 +19,6 @@ from foucault.detect.readings import find_readings, stream_readings
 from foucault.diagnose import table as table_checks
 from foucault.diagnose import table as table_hints
 from foucault.diagnose import table as table_report
-from foucault.diagnose.checks import foreseen_check
 from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.references import no_latitude, times_the_table
 from foucault.errors import Finding, error, finding
@@ -355,8 +354,6 @@ def _result(
         checks += (table_checks.agreement(estimate.coefficients, likelihood),)
     # Made-up weights of accelerometers against gyros bound nothing.
     known = readings.noise_from != "unknown"
-    if known:
-        checks += (foreseen_check(estimate.coefficients, table_report.allowed(solution.fit)),)
     return result_of(
         task.procedure,
         solution.fit,

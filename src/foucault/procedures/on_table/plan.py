@@ -58,7 +58,7 @@ from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.procedures.record import Beforehand
 from foucault.result import Linearised
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.simulate.table import timetable
+from foucault.simulate.table import begins, timetable
 
 TOGETHER = 16
 """Positions that are linearised at once: more make matrices that are mostly empty [1]."""
@@ -186,9 +186,12 @@ class Bench:
         """Return the likelihood of a plan; `model`, `whole`: as of `linearised`."""
         state = self.state(plan, model)
         read = self.readings(plan, state)
+        if whole:  # what drifts goes by the clock, not from reading to reading
+            read = replace(read, start=begins(plan, self.session.rows))
         if whole and self.declared:
             read = replace(read, slow=slow_part(self.noise))
-        return TableModel(read, self.site, state, replace(self.options, repeatability=False))
+        found = whole and not self.declared and self.settings.repeatability
+        return TableModel(read, self.site, state, replace(self.options, repeatability=found))
 
     def linearised(self, plan: TablePlan, model: ImuModel, whole: bool = False) -> Linearised:
         """Return white residuals, which are zero, and their derivatives, without the prior.
@@ -200,7 +203,7 @@ class Bench:
         if whole and self.sizes is not None:
             made = left_out.columns(self.layout.names, self.site, self.sizes, reduced_again(stated))
             stated = replace(stated, more=made(stated.start))
-        at = mixed.foreseen(stated)
+        at = mixed.foreseen(stated, sds=mixed.by_chance(stated) if whole else {})
         return replace(at, blocks=np.where(at.blocks < 0, -1, stated.rows[at.blocks]))
 
     def information(self, plan: TablePlan, model: ImuModel | None = None) -> Information:

@@ -53,6 +53,7 @@ from foucault.models.imu import LAYOUT, ImuModel, Slopes
 from foucault.models.noise import ImuNoise, wander
 from foucault.models.rests_and_turns import Steps
 from foucault.procedures import record
+from foucault.procedures.chosen import Chosen
 from foucault.result import Check
 from foucault.simulate.rate_table import (
     RatePlan,
@@ -276,7 +277,7 @@ class _Rates(Strict):
         return rates
 
 
-class Settings(_Rates, record.Robust, record.EarthRate):
+class Settings(_Rates, record.Robust, record.EarthRate, Chosen):
     """What can be chosen; the defaults suit most tables."""
 
     rates: tuple[str, ...] = ()

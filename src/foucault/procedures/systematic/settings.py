@@ -29,6 +29,7 @@ from foucault.navigate.inertial_frame import EPOCH, FEWEST
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.sequence import REST, CalibrationSequence, built_in, orientation
 from foucault.plans.sequence_file import ActionTable
+from foucault.procedures.chosen import Chosen
 from foucault.procedures.record import Quadratic, SampleRate, Shortest, located
 from foucault.simulate import hand_rotated
 from foucault.simulate.systematic import SystematicSimulation, TableErrors, simulate_systematic
@@ -116,7 +117,7 @@ ENDS = 0.5
 """A rest that is planned is found shorter by less than this [s]."""
 
 
-class Settings(Strict):
+class Settings(Chosen):
     """What can be chosen; the defaults suit an instrument on a table in a laboratory."""
 
     sequence: tuple[str, ...] = Field(
@@ -200,6 +201,12 @@ class Settings(Strict):
         if self.lever_arms and self.decorrelate:
             raise error("systematic.levers_forgotten")
         return self
+
+    @property
+    def optional(self) -> dict[str, tuple[str, ...]]:
+        """What may still be taken into the estimate."""
+        kept = bool(self.decorrelate)  # no lever arms where rests start anew
+        return {k: g for k, g in super().optional.items() if not (kept and k == "lever_arms")}
 
     @property
     def plan(self) -> CalibrationSequence | None:

@@ -445,7 +445,7 @@ def model_of(task: Task, choice: Choice) -> TemperatureModel:
     )
     weights = L @ fit.theta[mine]
     flat = L.reshape(n * p, -1)
-    cov = flat @ fit.cov[np.ix_(mine, mine)] @ flat.T
+    cov = flat @ choice.cov[np.ix_(mine, mine)] @ flat.T
     for name, value in task.held.items():
         weights[whole.index(name), : p if knots.size else 1] = value
     scatter = np.zeros(n)

@@ -31,8 +31,8 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import matrix_of
 from foucault.models.transfer import LOAD, MasterTable, Matching, Mount
 from foucault.navigate.increments import Increments, increments_of
+from foucault.procedures.chosen import Chosen
 from foucault.procedures.left_out import told_beside
-from foucault.strict import Strict
 from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Quantity, RatioSd, Seconds, parse, plain, span
 
@@ -94,7 +94,7 @@ PRIOR_LINES = """\
 """[prior] of the template."""
 
 
-class Settings(Strict):
+class Settings(Chosen):
     """What can be chosen; the defaults suit a slave fixed firmly to the structure of its master."""
 
     matching: Literal["velocity+attitude", "velocity", "attitude"] = "velocity+attitude"

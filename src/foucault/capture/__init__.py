@@ -1,0 +1,1 @@
+"""From the sensor's plug to a log: sources of bytes, frames described as data, recordings."""

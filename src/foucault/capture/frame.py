@@ -1,0 +1,410 @@
+"""Binary frames described as data, and the decoder that finds them in a stream of bytes.
+
+A frame begins with sync bytes, says how long it is or is always as long, and ends with a checksum.
+Its payload holds fields at fixed places, or items that say their identifier and size. What arrives
+may be torn anywhere, may have bytes of others between frames, and may lack frames: the decoder
+looks for the next sync byte by byte, believes a frame by its checksum, and counts what it left out.
+"""
+
+from __future__ import annotations
+
+import struct
+import tomllib
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
+
+from foucault.errors import error
+from foucault.strict import Strict
+
+Type = Literal["u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64"]
+CODE = dict(zip(("u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64"),
+                "BbHhIiQqfd", strict=True))  # fmt: skip
+SIZE = {name: struct.calcsize("<" + code) for name, code in CODE.items()}
+"""Bytes of each type [1]."""
+
+LONGEST = 4096
+"""Longest frame that is waited for; a length beyond it is taken for junk [bytes]."""
+
+
+def _bytes(given: Any) -> Any:
+    """Take bytes in hexadecimal, such as "FA FF"."""
+    try:
+        return bytes.fromhex(given) if isinstance(given, str) else given
+    except ValueError:
+        raise ValueError(
+            f'bytes in hexadecimal are wanted, such as "FA FF", not "{given}"'
+        ) from None
+
+
+Bytes = Annotated[bytes, BeforeValidator(_bytes)]
+
+
+def _each(given: Any) -> Any:
+    return given if isinstance(given, (list, tuple)) else (given,)
+
+
+class Match(Strict):
+    """Bytes that tell the frames that are wanted from others of the same sync."""
+
+    at: int = Field(ge=0)
+    bytes: Annotated[tuple[Bytes, ...], BeforeValidator(_each)]
+
+
+class Length(Strict):
+    """Where a frame says how long it is."""
+
+    at: int = Field(ge=0)
+    type: Type = "u8"
+    add: int = 0  # what the whole frame is longer than that [bytes]
+    below: int = LONGEST  # values from here on mean something else, and the frame is not read [1]
+
+
+class Checksum(Strict):
+    """What is computed of which bytes of a frame, and where it stands."""
+
+    kind: Literal["sum8", "sum16", "xor8", "fletcher16", "crc16", "crc32"]
+    first: int = 0  # from this byte on
+    last: int  # up to this byte, counted from the end where negative
+    at: int
+    order: Literal["little", "big"] | None = None  # of its bytes, None: of the frame
+    poly: int = 0
+    init: int = 0
+    final: int = 0  # with which it is combined by exclusive or at the end
+    reflected: bool = False
+    negated: bool = False  # whether the sum of all bytes and of itself is nothing
+
+    @property
+    def size(self) -> int:
+        """Its length [bytes]."""
+        return {"sum8": 1, "xor8": 1, "crc32": 4}.get(self.kind, 2)
+
+    def of(self, data: bytes) -> int:
+        """Compute it."""
+        bits = 8 * self.size
+        if self.kind == "xor8":
+            out = 0
+            for byte in data:
+                out ^= byte
+            return out
+        if self.kind in ("sum8", "sum16"):
+            total = sum(data)
+            return (-total if self.negated else total) & ((1 << bits) - 1)
+        if self.kind == "fletcher16":
+            a = b = 0
+            for byte in data:
+                a = (a + byte) % 255
+                b = (b + a) % 255
+            return b << 8 | a
+        if (self.kind, self.poly, self.reflected) == ("crc32", 0x04C11DB7, True):
+            return (zlib.crc32(data, self.init ^ 0xFFFFFFFF) ^ 0xFFFFFFFF) ^ self.final
+        return crc(data, bits, self.poly, self.init, self.reflected) ^ self.final
+
+
+def crc(data: bytes, bits: int, poly: int, init: int = 0, reflected: bool = False) -> int:
+    """Return the cyclic redundancy check of `data`, without a final exclusive or.
+
+    `bits`: its length [1]; `poly`, `init`: polynomial and start, most significant bit first [1].
+    """
+    table, out, mask = _table(bits, poly, reflected), init, (1 << bits) - 1
+    if reflected:
+        for byte in data:
+            out = (out >> 8) ^ table[(out ^ byte) & 0xFF]
+        return out
+    for byte in data:
+        out = ((out << 8) & mask) ^ table[(out >> (bits - 8)) ^ byte]
+    return out
+
+
+@lru_cache(8)
+def _table(bits: int, poly: int, reflected: bool) -> tuple[int, ...]:
+    mask, out = (1 << bits) - 1, []
+    turned = int(f"{poly:0{bits}b}"[::-1], 2)
+    for byte in range(256):
+        if reflected:
+            value = byte
+            for _ in range(8):
+                value = value >> 1 ^ (turned if value & 1 else 0)
+        else:
+            value = byte << (bits - 8)
+            for _ in range(8):
+                value = (value << 1 ^ (poly if value >> (bits - 1) else 0)) & mask
+        out.append(value)
+    return tuple(out)
+
+
+class Bit(Strict):
+    """A bit of another field that says that this one is scaled otherwise."""
+
+    of: str
+    number: int = Field(ge=0, lt=64)
+    divide: float
+
+
+class FrameField(Strict):
+    """Numbers of a frame: `count` of one type one after the other."""
+
+    name: str
+    at: int | None = Field(None, ge=0)
+    item: Annotated[tuple[int, ...], BeforeValidator(_each)] = ()
+    type: Type
+    count: int = Field(1, ge=1, le=16)
+    multiply: float = 1.0
+    divide: float = 1.0
+    add: float = 0.0  # after that
+    unit: str = ""
+    bit: Bit | None = None
+
+
+class Items(Strict):
+    """A payload of items, each with an identifier and a size before it."""
+
+    at: int = Field(ge=0)
+    last: int  # where they end, counted from the end of the frame where negative
+    id: Type
+    size: Type
+
+
+class Frame(Strict):
+    """How the frames of an instrument look; offsets in bytes from the start of the frame."""
+
+    words: str
+    source: str
+    order: Literal["little", "big"] = "little"
+    sync: Bytes = b""
+    match: Match | None = None
+    length: Length | Annotated[int, Field(ge=2, le=LONGEST)]
+    checksum: Checksum | None = None
+    kind: Literal["rate", "increment"] = "rate"
+    items: Items | None = None
+    fields: tuple[FrameField, ...]
+
+    @model_validator(mode="after")
+    def _whole(self) -> Frame:
+        if not self.sync and (self.checksum is None or isinstance(self.length, Length)):
+            raise ValueError("without sync bytes frames need one length and a checksum")
+        for one in self.fields:
+            if (one.at is None) == (self.items is None):
+                raise ValueError(
+                    f"field {one.name} needs `item` where there are `items`, else `at`"
+                )
+        names = [one.name for one in self.fields]
+        if not {"accel", "gyro"} & set(names):
+            raise ValueError("neither accel nor gyro is among the fields")
+        return self
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the numbers of a row: of triads x, y and z."""
+        out = dict[str, None]()
+        for one in self.fields:
+            axes = "xyz" if one.count == 3 else map(str, range(one.count))
+            out |= dict.fromkeys(
+                [one.name] if one.count == 1 else [f"{one.name}_{a}" for a in axes]
+            )
+        return tuple(out)
+
+    def field_of(self, name: str) -> FrameField | None:
+        """Return the first field of a name."""
+        return next((one for one in self.fields if one.name == name), None)
+
+
+def shipped() -> dict[str, str]:
+    """Return the descriptions that come with the program: name -> what they are of."""
+    folder = resources.files("foucault.capture") / "frames"
+    found = sorted(file.name for file in folder.iterdir() if file.name.endswith(".toml"))
+    return {
+        name.removesuffix(".toml"): tomllib.loads((folder / name).read_text())["words"]
+        for name in found
+    }
+
+
+def text_of(name: str) -> str:
+    """Return a description as it was written: one that comes with the program, or a file."""
+    if name in shipped():
+        return (resources.files("foucault.capture") / "frames" / f"{name}.toml").read_text()
+    if Path(name).is_file():
+        return Path(name).read_text()
+    raise error("capture.unknown", name=name, allowed=", ".join(shipped()))
+
+
+def parsed(text: str, name: str) -> Frame:
+    """Return the description that `text` holds; `name`: for messages."""
+    try:
+        return Frame.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as problem:
+        raise error("capture.description", name=name, reason=str(problem)) from None
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        reason = f"{where + ': ' if where else ''}{first['msg'].removeprefix('Value error, ')}"
+        raise error("capture.description", name=name, reason=reason) from None
+
+
+@dataclass
+class Heard:
+    """What a stream held beside the rows."""
+
+    frames: int = 0  # that were read [1]
+    others: int = 0  # whole ones of other messages [1]
+    broken: int = 0  # whose checksum was wrong [1]
+    junk: int = 0  # bytes that belong to no frame [bytes]
+    lost: int = 0  # frames that a counter says were sent [1]
+
+
+@dataclass
+class Decoder:
+    """Frames out of bytes as they come."""
+
+    frame: Frame
+    heard: Heard = field(default_factory=Heard)
+    _held: bytearray = field(default_factory=bytearray)
+    # Counter -> what it said last, and without wraps [1].
+    _before: dict[str, tuple[int, float]] = field(default_factory=dict)
+    _synced: bool = False
+
+    def feed(self, data: bytes) -> list[tuple[float, ...]]:
+        """Take bytes that have arrived, and return the rows of all frames that are whole now."""
+        self._held += data
+        return [*self._rows()]
+
+    def _rows(self) -> Iterator[tuple[float, ...]]:
+        held, sync, at = self._held, self.frame.sync, 0
+        while True:
+            found = held.find(sync, at) if sync else at
+            if found < 0:  # all but what may be the beginning of a sync
+                found = max(at, len(held) - len(sync) + 1)
+                self.heard.junk += found - at
+                at = found
+                break
+            self.heard.junk += found - at
+            at = found
+            length = self._length(at)
+            if length is None or (length > 0 and len(held) < at + length):
+                break
+            raw = bytes(held[at : at + length]) if length > 0 else b""
+            right = bool(raw) and self._right(raw)
+            if (
+                right and not sync and not self._synced
+            ):  # sums of few bytes fit by chance: two do not
+                if len(held) < at + 2 * length:
+                    break
+                right = any(raw) and self._right(bytes(held[at + length : at + 2 * length]))
+            if not right:
+                self.heard.broken += bool(raw) and (bool(sync) or self._synced)
+                self._synced = False
+                self.heard.junk += 1
+                at += 1
+                continue
+            self._synced = True
+            at += length
+            row = self._row(raw) if self._wanted(raw) else None
+            if row is None:
+                self.heard.others += 1
+            else:
+                self.heard.frames += 1
+                yield row
+        del held[:at]
+
+    def _length(self, at: int) -> int | None:
+        """Return the length of the frame at `at`, 0 where it cannot be, None: not yet known."""
+        said = self.frame.length
+        if isinstance(said, int):
+            return said
+        end = at + said.at + SIZE[said.type]
+        if len(self._held) < end:
+            return None
+        value = int.from_bytes(self._held[at + said.at : end], self.frame.order)
+        length = value + said.add
+        return length if value < said.below and length <= LONGEST else 0
+
+    def _right(self, raw: bytes) -> bool:
+        told = self.frame.checksum
+        if told is None:
+            return True
+        if len(raw) < told.size + len(self.frame.sync):
+            return False
+        start = told.at % len(raw)
+        read = int.from_bytes(raw[start : start + told.size], told.order or self.frame.order)
+        return told.of(raw[told.first : told.last % len(raw)]) == read
+
+    def _wanted(self, raw: bytes) -> bool:
+        match = self.frame.match
+        return match is None or any(raw.startswith(b, match.at) for b in match.bytes)
+
+    @cached_property
+    def _readers(self) -> list[tuple[FrameField, Callable[..., tuple[Any, ...]], int]]:
+        sign = "<" if self.frame.order == "little" else ">"
+        out = []
+        for one in self.frame.fields:
+            layout = struct.Struct(f"{sign}{one.count}{CODE[one.type]}")
+            out.append((one, layout.unpack_from, layout.size))
+        return out
+
+    def _row(self, raw: bytes) -> tuple[float, ...] | None:
+        """Return the numbers of a frame, None where it lacks one that is always wanted."""
+        places = self._items(raw) if self.frame.items else None
+        values: dict[str, tuple[Any, ...]] = {}
+        for one, read, size in self._readers:
+            at = one.at
+            if places is not None:
+                held = next((places[i] for i in one.item if i in places), None)
+                if held is None or held[1] != size:
+                    continue
+                at = held[0]
+            if at is None or at + size > len(raw):
+                continue
+            values[one.name] = read(raw, at)
+        if not {"accel", "gyro"} & values.keys():
+            return None
+        out: list[float] = []
+        done = set[str]()
+        for one in self.frame.fields:
+            if one.name in done:
+                continue
+            done.add(one.name)
+            got = values.get(one.name)
+            if got is None:
+                out += [float("nan")] * one.count
+                continue
+            if one.name in ("time", "counter"):
+                got = (self._unwrapped(one, got[0]),)
+            divide = one.divide
+            if one.bit is not None and one.bit.of in values:
+                divide = one.bit.divide if values[one.bit.of][0] >> one.bit.number & 1 else divide
+            out += [one.multiply * x / divide + one.add for x in got]
+        return tuple(out)
+
+    def _items(self, raw: bytes) -> dict[int, tuple[int, int]]:
+        """Return where the items of a frame stand, and their sizes: identifier -> both [bytes]."""
+        told = self.frame.items
+        assert told is not None
+        at, end, order, out = told.at, told.last % len(raw), self.frame.order, {}
+        head = SIZE[told.id] + SIZE[told.size]
+        while at + head <= end:
+            name = int.from_bytes(raw[at : at + SIZE[told.id]], order)
+            size = int.from_bytes(raw[at + SIZE[told.id] : at + head], order)
+            out[name] = at + head, size
+            at += head + size
+        return out
+
+    def _unwrapped(self, one: FrameField, value: float) -> float:
+        """Return a counter that does not wrap, and count what is missing of a frame counter."""
+        if one.type.startswith("f"):
+            return value
+        whole = 1 << 8 * SIZE[one.type]
+        last, total = self._before.get(one.name, (int(value), float(value)))
+        step = (int(value) - last) % whole
+        if step >= whole // 2:  # it began anew
+            step = 0
+        if one.name == "counter" and step > 1:
+            self.heard.lost += step - 1
+        total += step
+        self._before[one.name] = int(value), total
+        return total

@@ -1,0 +1,231 @@
+"""A session that is written as it is heard, so that it survives whatever ends the program.
+
+A folder holds::
+
+    raw.bin         every byte, as it came
+    arrivals.bin    how many bytes there were and when they were heard, pairs of float64
+    log.bin         a row of float64 for every frame, the time it was heard last
+    frame.toml      the description of the frames
+    campaign.toml   describes log.bin: the session can be calibrated from the first second on
+    capture.json    what was heard, at the end
+
+raw.bin is written before log.bin, both several times a second: a program that is killed loses less.
+`again` makes log.bin once more from raw.bin, to the same bytes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from foucault.arrays import FloatArray
+from foucault.campaign import running, writing
+from foucault.capture.clock import HOST_SD, Clocks, compared
+from foucault.capture.frame import Decoder, Frame, Heard, parsed
+from foucault.capture.source import Source
+from foucault.errors import error
+from foucault.files import atomic, make_folder, write_text
+
+RAW, ARRIVALS, LOG, FRAME = "raw.bin", "arrivals.bin", "log.bin", "frame.toml"
+CAMPAIGN, SAID = "campaign.toml", "capture.json"
+
+EVERY = 0.25
+"""What was heard is written so often at least [s]."""
+
+SAFE = 1.0
+"""And brought to the disk so often [s]."""
+
+WAIT = 0.1
+"""Time to wait for bytes before something else is done [s]."""
+
+
+@dataclass
+class Recording:
+    """A session being recorded."""
+
+    folder: Path
+    frame: Frame
+    heard: Heard = field(default_factory=Heard)
+    rows: int = 0  # written [1]
+    size: int = 0  # heard [bytes]
+
+    def __post_init__(self) -> None:
+        """Open its files, none of which may be there."""
+        make_folder(self.folder)
+        if any((self.folder / name).exists() for name in (RAW, LOG)):
+            raise error("capture.there", folder=self.folder)
+        self._decoder = Decoder(self.frame, self.heard)
+        self._files = {name: self._open(name) for name in (RAW, ARRIVALS, LOG)}
+        self._waiting: list[tuple[float, ...]] = []
+        self._written = self._safe = time.monotonic()
+
+    def _open(self, name: str) -> IO[bytes]:
+        try:
+            return (self.folder / name).open("xb", buffering=0)
+        except OSError as problem:
+            reason = problem.strerror or str(problem)
+            raise error("output.unwritable", path=self.folder / name, reason=reason) from None
+
+    def take(self, data: bytes, now: float) -> None:
+        """Take bytes that were heard at `now` [s]."""
+        if data:
+            self.size += len(data)
+            self._write(RAW, data)
+            self._write(ARRIVALS, np.array([len(data), now]).tobytes())
+            self._waiting += [(*row, now) for row in self._decoder.feed(data)]
+        if time.monotonic() - self._written > EVERY:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the rows that wait."""
+        if self._waiting:
+            self._write(LOG, np.array(self._waiting, "<f8").tobytes())
+            self.rows += len(self._waiting)
+            self._waiting = []
+        self._written = time.monotonic()
+        if self._written - self._safe > SAFE:
+            for file in self._files.values():
+                os.fsync(file.fileno())
+            self._safe = time.monotonic()
+
+    def _write(self, name: str, data: bytes) -> None:
+        try:
+            view = memoryview(data)
+            while view:
+                view = view[self._files[name].write(view) :]
+        except OSError as problem:
+            reason = problem.strerror or str(problem)
+            raise error("output.unwritable", path=self.folder / name, reason=reason) from None
+
+    def close(self) -> dict[str, Any]:
+        """End it, and return what there is to say of it."""
+        self.flush()
+        for file in self._files.values():
+            file.close()
+        return concluded(self.folder, self.frame, self.heard)
+
+
+def record(
+    source: Source,
+    frame: Frame,
+    text: str,
+    folder: Path,
+    *,
+    seconds: float | None = None,
+    silent: float | None = None,
+    tell: Callable[[Recording, float], None] = lambda _recording, _silence: None,
+) -> dict[str, Any]:
+    """Record a source until it ends, and return what there is to say of the session.
+
+    `text`: the description of the frames as it was written; `seconds` or None: how long [s];
+    `silent` or None: end where nothing comes for so long [s]; `tell`: called several times a second
+    with the time since something was heard [s].
+    """
+    recording = Recording(folder, frame)
+    write_text(folder / FRAME, text)
+    write_text(folder / CAMPAIGN, campaign_of(frame, folder.name))
+    begun = heard = time.monotonic()
+    try:
+        while not source.ended:
+            data = source.read(WAIT)
+            now = time.monotonic()
+            heard = now if data else heard
+            recording.take(data, now - begun)
+            tell(recording, now - heard)
+            if seconds is not None and now - begun >= seconds:
+                break
+            if silent is not None and now - heard >= silent:
+                break
+    except KeyboardInterrupt:
+        pass
+    finally:
+        source.close()
+        said = recording.close()
+    return said
+
+
+def again(folder: Path) -> dict[str, Any]:
+    """Make the rows of a session once more from its bytes, as after a program that was killed."""
+    if not (folder / RAW).is_file() or not (folder / FRAME).is_file():
+        raise error("capture.none", folder=folder)
+    frame = parsed((folder / FRAME).read_text(), FRAME)
+    raw, arrivals = (folder / RAW).read_bytes(), (folder / ARRIVALS).read_bytes()
+    pairs = np.frombuffer(arrivals[: len(arrivals) // 16 * 16]).reshape(-1, 2)
+    decoder, at, rows = Decoder(frame), 0, list[tuple[float, ...]]()
+    for size, now in pairs.tolist():
+        rows += [(*row, now) for row in decoder.feed(raw[at : at + int(size)])]
+        at += int(size)
+    rows += [(*row, pairs[-1, 1] if len(pairs) else 0.0) for row in decoder.feed(raw[at:])]
+    with atomic(folder / LOG) as temporary:
+        temporary.write_bytes(np.array(rows, "<f8").tobytes())
+    return concluded(folder, frame, decoder.heard)
+
+
+def rows_of(folder: Path, frame: Frame) -> FloatArray:
+    """Return the rows of a session, shape (n, columns); the last column is when each was heard."""
+    data, wide = (folder / LOG).read_bytes(), len(frame.columns) + 1
+    return np.frombuffer(data[: len(data) // (8 * wide) * 8 * wide], "<f8").reshape(-1, wide)
+
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of a time [s]."""
+
+
+def concluded(folder: Path, frame: Frame, heard: Heard) -> dict[str, Any]:
+    """Say what was heard, compare the clocks, and describe the log with what they say."""
+    rows, clocks = rows_of(folder, frame), None
+    told = frame.field_of("time")
+    if told is not None and len(rows):
+        own = rows[:, frame.columns.index("time")] * SECONDS[told.unit or "s"]
+        clocks = compared(rows[:, -1], own)
+    said: dict[str, Any] = {"rows": len(rows), **asdict(heard)}
+    if len(rows) > 1 and np.ptp(rows[:, -1]) > 0:
+        said["rate"] = float((len(rows) - 1) / np.ptp(rows[:, -1]))
+    if clocks is not None:
+        said["clock"] = clocks._asdict()
+    write_text(folder / SAID, json.dumps(said, indent=1) + "\n")
+    write_text(folder / CAMPAIGN, campaign_of(frame, folder.name, clocks))
+    return said
+
+
+def campaign_of(frame: Frame, name: str, clocks: Clocks | None = None) -> str:
+    """Write the campaign of a session, by hand until somebody says otherwise.
+
+    `clocks` or None: how its clock runs against that of the computer, which is then trusted.
+    """
+    columns = frame.columns
+    time_ = frame.field_of("time")
+    lines = [
+        f'file = "{LOG}"', f'record = {{ columns = {len(columns) + 1}, type = "float64" }}',
+    ]  # fmt: skip
+    if time_ is not None:
+        lines.append(f'time = {{ column = {columns.index("time")}, unit = "{time_.unit or "s"}" }}')
+    else:  # when it was heard
+        lines.append(f'time = {{ column = {len(columns)}, unit = "s" }}')
+    for triad in ("gyro", "accel"):
+        told = frame.field_of(triad)
+        if told is not None:
+            at = [columns.index(f"{triad}_{axis}") for axis in "xyz"]
+            kind = ', kind = "increment"' if frame.kind == "increment" else ""
+            lines.append(f'{triad} = {{ columns = {at}, unit = "{told.unit}"{kind} }}')
+    if (warm := frame.field_of("temperature")) is not None and warm.unit:
+        at_ = columns.index("temperature")
+        lines.append(f'temperature = {{ column = {at_}, unit = "{warm.unit}" }}')
+    if clocks is not None:
+        sd = float(np.hypot(clocks.rate_sd, HOST_SD) + abs(clocks.rate))
+        lines += [
+            f"# Against this computer it runs {1e6 * clocks.rate:+.1f} ppm fast, "
+            f"sd {1e6 * clocks.rate_sd:.1f} ppm; the computer's clock is taken for "
+            f"{1e6 * HOST_SD:.0f} ppm.",
+            'clock = "sensor"', f'clock_sd = "{1e6 * sd:.1f} ppm"',
+        ]  # fmt: skip
+    own = "[log]\n" + "\n".join(lines) + "\n"
+    text = writing.template("hand_rotated")
+    return running.with_own_log(text, own).replace(writing.EXAMPLE, name)

@@ -1,0 +1,234 @@
+"""Where bytes come from: a serial port, a socket, standard input, a file that grows.
+
+A source hands out what has arrived and never waits longer than it is asked to. One that ends (a
+cable that was pulled, a peer that went away) is opened again until its reader gives up.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from foucault.errors import error
+
+MOST = 1 << 16
+"""Bytes taken at once [bytes]."""
+
+AGAIN = 0.5
+"""Time between two tries to open a source again [s]."""
+
+FORMS = "serial:PORT[:BAUD], udp:PORT, tcp:HOST:PORT, - for standard input, or a file that grows"
+"""How a source is named."""
+
+
+class Source(Protocol):
+    """Bytes as they arrive."""
+
+    name: str
+    ended: bool  # whether nothing more can come
+
+    def read(self, wait: float) -> bytes:
+        """Return what has arrived; wait for it `wait` [s] at most."""
+        ...
+
+    def close(self) -> None:
+        """Let go of it."""
+        ...
+
+
+def opened(name: str, baud: int | None = None) -> Source:
+    """Open a source.
+
+    `name`: one of `FORMS`; `baud` or None: of a serial port, where its name has none [Hz].
+    """
+    kind, _, rest = name.partition(":")
+    if name == "-":
+        return Pipe("standard input", sys.stdin.fileno())
+    if kind == "serial" and rest:
+        port, _, rate = (
+            rest.rpartition(":") if rest.rpartition(":")[2].isdigit() else (rest, "", "")
+        )
+        return Serial(port, int(rate) if rate else baud or 115200)
+    if kind == "udp" and rest.isdigit():
+        return Udp(int(rest))
+    if kind == "tcp" and ":" in rest:
+        host, _, port = rest.rpartition(":")
+        if port.isdigit():
+            return Tcp(host, int(port))
+    if Path(name).exists() or (kind == name and Path(name).parent.is_dir() and Path(name).suffix):
+        return Growing(Path(name))
+    raise error("capture.source", given=name, allowed=FORMS)
+
+
+@dataclass
+class Pipe:
+    """A pipe that another program writes to."""
+
+    name: str
+    descriptor: int  # of the open file [1]
+    ended: bool = False
+
+    def read(self, wait: float) -> bytes:
+        """Return what has arrived; wait for it `wait` [s] at most."""
+        if self.ended or not select.select([self.descriptor], [], [], wait)[0]:
+            return b""
+        data = os.read(self.descriptor, MOST)
+        self.ended = not data
+        return data
+
+    def close(self) -> None:
+        """Leave it to the program."""
+
+
+@dataclass
+class Growing:
+    """A file that another program appends to."""
+
+    path: Path
+    _at: int = 0  # what of it was handed out [bytes]
+    ended: bool = False
+
+    def __post_init__(self) -> None:
+        """Name it."""
+        self.name = str(self.path)
+
+    def read(self, wait: float) -> bytes:
+        """Return what was appended; wait for it `wait` [s] at most."""
+        until = time.monotonic() + wait
+        while True:
+            with suppress(FileNotFoundError), self.path.open("rb") as file:
+                if file.seek(0, os.SEEK_END) < self._at:
+                    self._at = 0  # it was written anew
+                file.seek(self._at)
+                if data := file.read(MOST):
+                    self._at += len(data)
+                    return data
+            if time.monotonic() >= until:
+                return b""
+            time.sleep(min(0.02, wait))
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class _Reopened:
+    """A source that is opened again when it is lost."""
+
+    name: str
+    ended = False
+    lost = 0  # times that it was lost [1]
+
+    def __init__(self) -> None:
+        self._held: Any = self._open()
+
+    def _open(self) -> Any:
+        raise NotImplementedError
+
+    def _take(self, wait: float) -> bytes:
+        raise NotImplementedError
+
+    def read(self, wait: float) -> bytes:
+        """Return what has arrived; wait for it `wait` [s] at most."""
+        if self._held is None:
+            time.sleep(min(wait, AGAIN))
+            with suppress(OSError):
+                self._held = self._open()
+            return b""
+        try:
+            return self._take(wait)
+        except OSError:  # the cable was pulled, or the peer went away
+            self.close()
+            self.lost += 1
+            return b""
+
+    def close(self) -> None:
+        """Let go of it."""
+        if self._held is not None:
+            with suppress(OSError):
+                self._held.close()
+        self._held = None
+
+
+class Serial(_Reopened):
+    """A serial port."""
+
+    def __init__(self, port: str, baud: int) -> None:
+        """Open `port` at `baud` [Hz]."""
+        self.port, self.baud, self.name = port, baud, f"{port} at {baud} baud"
+        try:
+            super().__init__()
+        except OSError as problem:
+            raise error("capture.port", port=port, reason=str(problem)) from None
+
+    def _open(self) -> Any:
+        try:
+            import serial
+        except ImportError:
+            raise error("capture.no_serial") from None
+        try:
+            return serial.Serial(self.port, self.baud, timeout=0, exclusive=True)
+        except serial.SerialException as problem:
+            raise OSError(str(problem)) from None
+
+    def _take(self, wait: float) -> bytes:
+        import serial
+
+        try:
+            self._held.timeout = wait
+            first = self._held.read(1)
+            return bytes(first + self._held.read(self._held.in_waiting)) if first else b""
+        except serial.SerialException as problem:
+            raise OSError(str(problem)) from None
+
+
+class Udp(_Reopened):
+    """Datagrams that are sent to a port of this computer."""
+
+    def __init__(self, port: int) -> None:
+        """Listen at `port`."""
+        self.port, self.name = port, f"UDP port {port}"
+        try:
+            super().__init__()
+        except OSError as problem:
+            raise error("capture.port", port=self.name, reason=str(problem)) from None
+
+    def _open(self) -> socket.socket:
+        held = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        held.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+        held.bind(("", self.port))
+        return held
+
+    def _take(self, wait: float) -> bytes:
+        if not select.select([self._held], [], [], wait)[0]:
+            return b""
+        return bytes(self._held.recv(MOST))
+
+
+class Tcp(_Reopened):
+    """A server that sends to whoever connects."""
+
+    def __init__(self, host: str, port: int) -> None:
+        """Connect to `port` of `host`."""
+        self.host, self.port, self.name = host, port, f"{host}:{port}"
+        try:
+            super().__init__()
+        except OSError as problem:
+            raise error("capture.port", port=self.name, reason=str(problem)) from None
+
+    def _open(self) -> socket.socket:
+        return socket.create_connection((self.host, self.port), timeout=5)
+
+    def _take(self, wait: float) -> bytes:
+        if not select.select([self._held], [], [], wait)[0]:
+            return b""
+        data = bytes(self._held.recv(MOST))
+        if not data:
+            raise ConnectionError("the other side closed the connection")
+        return data

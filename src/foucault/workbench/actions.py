@@ -1,0 +1,213 @@
+"""What forms do: ask for jobs, keep runs, judge, open accounts. Each answers with a page."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, Request
+from fastapi.concurrency import run_in_threadpool as aside
+from fastapi.responses import Response
+
+from foucault.errors import error
+from foucault.workbench.asked import OFFERS, files_of, given_log, stays, words_of
+from foucault.workbench.bench import COOKIE, Bench, Form, bench_of, give_cookie, needs, to
+from foucault.workbench.people import Person
+from foucault.workbench.store import Job, Number
+from foucault.workbench.uploads import take_in
+
+router = APIRouter()
+
+
+def ask_look(bench: Bench, who: Person, log: str, said: list[str]) -> Job:
+    """Ask for a first look at a log; `said`: what `--set` is given."""
+    from foucault.campaign.recognised import said_of
+
+    texts = [t.strip() for t in said if t.strip()]
+    if texts:
+        stays(files_of(bench.folder, log)[0].parent, said_of(texts))
+    words = ["inspect", *given_log(bench.folder, log), *(f"--set={t}" for t in texts)]
+    return bench.store.ask(who.name, "look", [*words, "--plots=runs/{job}/report.html"], log)
+
+
+def ask(
+    bench: Bench, who: Person, command: str, given: dict[str, list[str]], log: str = "",
+    runs: list[str] | None = None, name: str = "",
+) -> Job:  # fmt: skip
+    """Ask for a command that is offered."""
+    options = bench.options(command) if command in OFFERS else []
+    words = words_of(bench.folder, command, options, given, log=log, runs=runs or [], name=name)
+    return bench.store.ask(who.name, command, words, log)
+
+
+@router.post("/logs")
+async def send_log(request: Request, said: Form) -> Response:
+    """Take a log in, and look at it."""
+    who = needs(request, "operator")
+    sent = [one for one in said.getlist("file") if not isinstance(one, str)]
+    bench = bench_of(request)
+    log = await aside(take_in, bench.folder, sent)
+    await aside(ask_look, bench, who, log, [])
+    return to(f"/logs/{log}")
+
+
+def corrected(said: Any) -> list[str]:
+    """Return what `--set` is given, of a form that shows what was taken."""
+    out = [str(v) for v in said.getlist("set") if str(v).strip()]
+    for key, value in said.multi_items():
+        if key.startswith("key:") and isinstance(value, str):
+            name, before = key[4:], str(said.get(f"was:{key[4:]}", ""))
+            if value.strip() and value.strip() != before:
+                out.append(f"{name} = {value.strip()}")
+    return out
+
+
+@router.post("/logs/{log}/look")
+async def look_again(request: Request, said: Form, log: str) -> Response:
+    """Look at a log with other words."""
+    who = needs(request, "operator")
+    await aside(ask_look, bench_of(request), who, log, corrected(said))
+    return to(f"/logs/{log}")
+
+
+@router.post("/do/{command}")
+async def do(request: Request, said: Form, command: str) -> Response:
+    """Ask for a job."""
+    who = needs(request, "operator")
+    given: dict[str, list[str]] = {}
+    for key, value in said.multi_items():
+        if key.startswith("--") and isinstance(value, str):
+            given.setdefault(key, []).append(value)
+    runs = [str(v) for v in said.getlist("run")]
+    job = await aside(ask, bench_of(request), who, command, given, str(said.get("log", "")), runs,
+                      str(said.get("name", "")))  # fmt: skip
+    return to(f"/jobs/{job.number}")
+
+
+@router.post("/jobs/{number}/stop")
+async def stop(request: Request, said: Form, number: Number) -> Response:
+    """Stop a job; that of somebody else is a reviewer's to stop."""
+    bench = bench_of(request)
+    job = await aside(bench.store.job, number)
+    needs(request, "operator" if job.who == needs(request, "operator").name else "reviewer")
+    await aside(bench.store.stop, number)
+    return to(f"/jobs/{number}")
+
+
+@router.post("/jobs/{number}/keep")
+async def keep(request: Request, said: Form, number: Number) -> Response:
+    """Take a run into the records."""
+    who = needs(request, "operator")
+    bench = bench_of(request)
+
+    def kept() -> str:
+        _, folder = bench.run_of(number)
+        with bench.records(who.name, make=True) as records:
+            assert records is not None
+            taken, failed = records.add(
+                [folder], date=str(said.get("date", "")).strip(),
+                instrument=str(said.get("instrument", "")).strip(),
+                references=[str(v) for v in said.getlist("reference")],
+            )  # fmt: skip
+            for _, problem in failed:
+                raise problem
+            return (taken or [records.run(str(folder))])[0].instrument
+
+    return to(f"/instruments/{quote(await aside(kept), safe='')}")
+
+
+@router.post("/records/{what}")
+async def record(request: Request, said: Form, what: str) -> Response:
+    """Add an entry to the records; that is a reviewer's work."""
+    who = needs(request, "reviewer")
+    bench = bench_of(request)
+    name = str(said.get("instrument", ""))
+
+    def text(key: str) -> str:
+        return str(said.get(key, "")).strip()
+
+    def added() -> None:
+        with bench.records(who.name, make=True) as records:
+            assert records is not None
+            if what == "review":
+                records.review(text("run"), text("decision"), text("reason"))
+            elif what == "interval":
+                months = text("months")
+                records.recalibrate_every(name, float(months) if _number(months) else -1.0)
+            elif what == "event":
+                records.event(name, text("what"), text("on"), text("words"))
+            elif what == "reference":
+                records.reference(text("name"), text("what"), text("certificate"), text("due"),
+                                  text("words"))  # fmt: skip
+            elif what == "tolerance":
+                with tempfile.TemporaryDirectory() as folder:
+                    file = Path(folder) / "tolerance.toml"
+                    file.write_text(text("text").replace("\r\n", "\n"), encoding="utf-8")
+                    records.tolerate(name, file)
+            else:
+                raise error("workbench.offer", given=what[:40],
+                            allowed="review, interval, event, reference, tolerance")  # fmt: skip
+
+    await aside(added)
+    return to(f"/instruments/{quote(name, safe='')}" if name else "/due")
+
+
+def _number(text: str) -> bool:
+    try:
+        return float(text) == float(text)
+    except ValueError:
+        return False
+
+
+# -- accounts ------------------------------------------------------------------------------
+
+
+@router.post("/login")
+async def log_in(request: Request, said: Form) -> Response:
+    """Begin a session."""
+    address = request.client.host if request.client else ""
+    bench = bench_of(request)
+    token = await aside(bench.people.log_in, str(said.get("name", "")),
+                        str(said.get("password", "")), address)  # fmt: skip
+    back = str(said.get("to", "/"))
+    out = to(back if back.startswith("/") and not back.startswith(("//", "/\\")) else "/")
+    give_cookie(request, out, token)
+    return out
+
+
+@router.post("/logout")
+async def log_out(request: Request, said: Form) -> Response:
+    """End the session."""
+    who = needs(request, "operator")
+    await aside(bench_of(request).people.log_out, who.session, who.name)
+    out = to("/login")
+    out.delete_cookie(COOKIE)
+    return out
+
+
+@router.post("/accounts")
+async def account(request: Request, said: Form) -> Response:
+    """Make an account, or give one another role and password."""
+    needs(request, "administrator")
+    people = bench_of(request).people
+    await aside(people.add, str(said.get("name", "")), str(said.get("role", "")),
+                str(said.get("password", "")))  # fmt: skip
+    return to("/accounts")
+
+
+@router.post("/accounts/close")
+async def close(request: Request, said: Form) -> Response:
+    """Close an account."""
+    needs(request, "administrator")
+    await aside(bench_of(request).people.close, str(said.get("name", "")))
+    return to("/accounts")
+
+
+@router.post("/tokens/end")
+async def end_token(request: Request, said: Form) -> Response:
+    """End a token of one's own."""
+    who = needs(request, "operator")
+    await aside(bench_of(request).people.log_out, str(said.get("digest", "")), who.name)
+    return to("/accounts")

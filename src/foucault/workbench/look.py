@@ -1,0 +1,83 @@
+"""A first look at a log: what it was taken for, how sure, and what may be said instead."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from foucault.campaign import running
+from foucault.campaign.recognised import Found, found, said_of
+from foucault.diagnose import live
+from foucault.errors import FoucaultError
+from foucault.files import make_folder, write_text
+from foucault.recognise.opening import opened
+from foucault.report import noise, save
+from foucault.run_folder import REPORT_FILE
+from foucault.tables import Log
+
+FILE = "look.json"
+
+Tell = Callable[[float, str], None]
+
+
+def look(words: Sequence[str], tell: Tell) -> int:
+    """Do what `inspect` does, with its words, and keep what was recognised beside its page.
+
+    `words`: "inspect", files, "--set=...", "--plots=FOLDER/report.html".
+    """
+    files = [Path(w) for w in words[1:] if not w.startswith("--")]
+    folder = Path(next(w for w in words if w.startswith("--plots=")).partition("=")[2]).parent
+    make_folder(folder)
+    said = said_of([w.partition("=")[2] for w in words if w.startswith("--set=")])
+    out: dict[str, Any] = {"files": [p.name for p in files], "titles": _titles(files)}
+    log: Log | None = None
+    try:
+        if files[0].suffix.lower() == ".toml":
+            log, campaign = running.read_any(files[0], tell)
+            out |= {"procedure": None if campaign is None else campaign.procedure}
+        else:
+            held = found(files, said, None, tell)
+            out |= _taken(held)
+            log = held.log
+    except FoucaultError as problem:
+        out["problem"] = {"message": problem.message, "cure": problem.cure}
+    if log is not None:
+        tell(0.6, "drawing")
+        start = float(log.time[0])
+        try:
+            seen = live.inspect(replace(log, time=log.time - start))
+            save(noise.inspected(seen, start), folder / REPORT_FILE)
+            out["findings"] = [f.as_dict() for f in seen.findings]
+        except FoucaultError as problem:
+            out.setdefault("problem", {"message": problem.message, "cure": problem.cure})
+    write_text(folder / FILE, json.dumps(out, allow_nan=False, default=str))
+    return 0
+
+
+def _taken(held: Found) -> dict[str, Any]:
+    known, session = held.recognised, held.session
+    return {
+        "lines": [line.as_dict() for line in held.lines],
+        "questions": [asdict(q) for q in known.questions],
+        "log": known.log,
+        "described": known.described,
+        "procedure": session.procedure,
+        "session": session.what,
+        "todo": "" if session.procedure else session.todo.format(file=known.files[0].name),
+    }
+
+
+def _titles(files: Sequence[Path]) -> list[str]:
+    """Return the titles of the columns of bare logs, as far as they can be told."""
+    out: list[str] = []
+    for file in files:
+        if file.suffix.lower() != ".toml":
+            try:
+                raw = opened(file).raw
+                out += [str(name) for name in getattr(raw, "names", ())]
+            except (FoucaultError, OSError, ValueError):
+                pass
+    return out[:200]

@@ -1,0 +1,185 @@
+"""Who may do what: accounts with roles, sessions, tokens of programs, and how often one may try.
+
+On this computer alone, without accounts, everybody is its user and may do everything. As soon as
+there is an account everybody has to have one, wherever they come from.
+"""
+
+from __future__ import annotations
+
+import getpass
+import hashlib
+import hmac
+import os
+import re
+import secrets
+import time
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from foucault.errors import error
+from foucault.workbench.store import Store, now
+
+ROLES = ("operator", "reviewer", "administrator")
+"""Each may do what those before may."""
+
+LASTS = 12 * 3600.0
+"""A session ends after so long [s]."""
+
+ATTEMPTS, WINDOW = 5, 300.0
+"""So many wrong passwords of a name, or from an address, within so long [1], [s]."""
+
+LEAST, MOST = 12, 256
+"""Letters of a password [1]."""
+
+_NAME = re.compile(r"[\w][\w .@-]{0,63}")
+
+
+@dataclass(frozen=True)
+class Person:
+    """Whoever asks for something."""
+
+    name: str
+    role: str
+    session: str = ""  # digest of its session; empty: none
+
+    def may(self, role: str) -> bool:
+        """Whether this person may do what needs a role."""
+        return ROLES.index(self.role) >= ROLES.index(role)
+
+
+def user() -> Person:
+    """Return the user of this computer."""
+    try:
+        name = getpass.getuser()
+    except (KeyError, OSError):  # a container without names
+        name = f"user {os.getuid()}"
+    return Person(name, "administrator")
+
+
+@cache
+def _hasher() -> Any:
+    from argon2 import PasswordHasher
+
+    return PasswordHasher()
+
+
+@cache
+def _nobody() -> str:
+    """A hash that no password has, so that a wrong name takes as long as a wrong password."""
+    made: str = _hasher().hash(secrets.token_hex(16))
+    return made
+
+
+def _digest(token: str) -> str:
+    return hashlib.sha256(token.encode()).hexdigest()
+
+
+class People:
+    """The accounts of a workbench."""
+
+    def __init__(self, store: Store) -> None:
+        """Of this file."""
+        self.store = store
+
+    def any(self) -> bool:
+        """Whether there is an account."""
+        with self.store.reading() as db:
+            return db.execute("SELECT 1 FROM account LIMIT 1").fetchone() is not None
+
+    def all(self) -> list[dict[str, Any]]:
+        """Return the accounts without their passwords."""
+        with self.store.reading() as db:
+            rows = db.execute("SELECT name, role, made, closed FROM account ORDER BY name")
+            return [dict(row) for row in rows]
+
+    def add(self, name: str, role: str, password: str) -> None:
+        """Make an account, or give one another role and password; its sessions end."""
+        name = name.strip()
+        if not _NAME.fullmatch(name):
+            raise error("workbench.name", given=name)
+        if role not in ROLES:
+            raise error("workbench.role", given=role, allowed=", ".join(ROLES))
+        if not LEAST <= len(password) <= MOST or password.lower() == name.lower():
+            raise error("workbench.password", least=LEAST, most=MOST)
+        with self.store.writing() as db:
+            db.execute(
+                "INSERT INTO account (name, role, secret, made) VALUES (?, ?, ?, ?) ON CONFLICT "
+                "(name) DO UPDATE SET role = excluded.role, secret = excluded.secret, closed = 0",
+                (name, role, _hasher().hash(password), now()),
+            )
+            db.execute("DELETE FROM session WHERE name = ?", (name,))
+
+    def close(self, name: str) -> None:
+        """Close an account; its sessions and tokens end. The last administrator stays."""
+        with self.store.writing() as db:
+            others = db.execute("SELECT count(*) FROM account WHERE role = 'administrator' AND "
+                                "closed = 0 AND name != ?", (name,)).fetchone()[0]  # fmt: skip
+            if not others:
+                raise error("workbench.last", name=name)
+            db.execute("UPDATE account SET closed = 1 WHERE name = ?", (name,))
+            db.execute("DELETE FROM session WHERE name = ?", (name,))
+
+    def log_in(self, name: str, password: str, address: str) -> str:
+        """Return the token of a new session; raises ``workbench.login``, ``workbench.attempts``."""
+        from argon2.exceptions import InvalidHashError, VerificationError
+
+        keys = (f"name {name.strip()[:64]}", f"from {address}")
+        with self.store.writing() as db:
+            db.execute("DELETE FROM attempt WHERE at < ? OR at > ?",
+                       (time.time() - WINDOW, time.time() + 1))  # fmt: skip
+            for key, most in zip(keys, (ATTEMPTS, 4 * ATTEMPTS), strict=True):
+                tried = db.execute("SELECT count(*) FROM attempt WHERE of = ?", (key,))
+                if tried.fetchone()[0] >= most:
+                    raise error("workbench.attempts", minutes=f"{WINDOW / 60:.0f}")
+            # Counted before it is looked at, so that many at once are counted too.
+            db.executemany("INSERT INTO attempt VALUES (?, ?)", [(k, time.time()) for k in keys])
+            row = db.execute("SELECT name, secret FROM account WHERE name = ? AND closed = 0",
+                             (name.strip(),)).fetchone()  # fmt: skip
+        try:
+            right = _hasher().verify(_nobody() if row is None else row["secret"], password[:MOST])
+        except (VerificationError, InvalidHashError):
+            right = False
+        if row is None or not right:
+            raise error("workbench.login")
+        with self.store.writing() as db:
+            db.execute("DELETE FROM attempt WHERE of = ?", (keys[0],))
+        return self._session(row["name"], "browser", time.time() + LASTS)
+
+    def token(self, name: str, label: str, days: float = 365.0) -> str:
+        """Return a token by which a program is this person; shown once; `days`: it lasts [day]."""
+        return self._session(name, "token", time.time() + days * 86400.0, label[:80])
+
+    def _session(self, name: str, kind: str, until: float, label: str = "") -> str:
+        token = secrets.token_urlsafe(32)
+        with self.store.writing() as db:
+            db.execute("DELETE FROM session WHERE until < ?", (time.time(),))
+            db.execute("INSERT INTO session VALUES (?, ?, ?, ?, ?)",
+                       (_digest(token), name, kind, until, label))  # fmt: skip
+        return token
+
+    def tokens(self, name: str) -> list[dict[str, Any]]:
+        """Return the tokens of a person, which are known by their digest alone."""
+        with self.store.reading() as db:
+            rows = db.execute("SELECT digest, label, until FROM session WHERE name = ? AND kind = "
+                              "'token' ORDER BY until", (name,))  # fmt: skip
+            return [dict(row) for row in rows]
+
+    def log_out(self, digest: str, name: str) -> None:
+        """End a session or a token of a person."""
+        with self.store.writing() as db:
+            db.execute("DELETE FROM session WHERE digest = ? AND name = ?", (digest, name))
+
+    def who(self, token: str, kind: str) -> Person | None:
+        """Return whose session a token is of, None for nobody's."""
+        with self.store.reading() as db:
+            row = db.execute(
+                "SELECT s.digest, a.name, a.role FROM session s JOIN account a USING (name) "
+                "WHERE s.digest = ? AND s.kind = ? AND s.until > ? AND a.closed = 0",
+                (_digest(token), kind, time.time()),
+            ).fetchone()  # fmt: skip
+        return None if row is None else Person(row["name"], row["role"], row["digest"])
+
+    def mark(self, cookie: str) -> str:
+        """Return what a form has to hold to be one of ours, for whoever has a cookie."""
+        return hmac.new(self.store.secret, cookie.encode(), "sha256").hexdigest()

@@ -1,0 +1,117 @@
+"""A workbench that is served: its folder, its workers, and the server."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import socket
+import subprocess
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import uvicorn
+
+from foucault.errors import error
+from foucault.files import make_folder
+from foucault.workbench.asked import Option
+from foucault.workbench.people import People
+from foucault.workbench.store import Store
+from foucault.workbench.web import Bench, application
+
+OFTEN = 0.5
+"""Workers are looked after every so many seconds [s]."""
+
+
+def made(folder: Path) -> Path:
+    """Return the folder of a workbench, made where it is not there."""
+    where = make_folder(folder).resolve()
+    for name in ("logs", "runs"):
+        make_folder(where / name)
+    return where
+
+
+def add_account(folder: Path, name: str, role: str, password: str) -> None:
+    """Make an account, or change one."""
+    People(Store(folder)).add(name, role, password)
+
+
+def loopback(host: str) -> bool:
+    """Tell whether an address can be reached from this computer alone."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+class Crew:
+    """Workers that are started again when they die, and end with this process."""
+
+    def __init__(self, command: Sequence[str], count: int) -> None:
+        """Start `count`: so many [1] processes by a command."""
+        self.command, self.ending = list(command), threading.Event()
+        self.there = [self._begun() for _ in range(count)]
+        self.watch = threading.Thread(target=self._look_after, daemon=True)
+        self.watch.start()
+
+    def _begun(self) -> subprocess.Popen[bytes]:
+        # A worker ends when its standard input does, which the system closes with this process.
+        return subprocess.Popen(
+            self.command, stdin=subprocess.PIPE, start_new_session=True,
+            env={**os.environ, "FOUCAULT_WORKER": "yes"},
+        )  # fmt: skip
+
+    def _look_after(self) -> None:
+        while not self.ending.wait(OFTEN):
+            for k, one in enumerate(self.there):
+                if one.poll() is not None and not self.ending.is_set():
+                    self.there[k] = self._begun()
+
+    def end(self) -> None:
+        """End the workers; what they were at is begun again by the next."""
+        self.ending.set()
+        self.watch.join()
+        for one in self.there:
+            one.terminate()
+        for one in self.there:
+            with suppress(subprocess.TimeoutExpired):
+                one.wait(5)
+            one.kill()
+
+
+def serve(
+    folder: Path, host: str, port: int, database: str | None, workers: int,
+    worker: Sequence[str], options: Callable[[str], list[Option]],
+    say: Callable[[str], None],
+) -> None:  # fmt: skip
+    """Serve a workbench until it is interrupted.
+
+    `port`: to listen at [1]; `workers`: jobs at a time [1]. Raises ``workbench.accounts``
+    and ``workbench.port``.
+    """
+    store = Store(folder)
+    open_to_others = not loopback(host)
+    if open_to_others and not People(store).any():
+        raise error("workbench.accounts", host=host, folder=folder)
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+    except OSError as problem:
+        listening.close()
+        raise error("workbench.port", host=host, port=port, reason=problem.strerror) from None
+    bench = Bench(store, database or str(folder / "records.sqlite"), options, open_to_others)
+    crew = Crew(worker, workers)
+    shown = f"[{host}]" if ":" in host else host
+    say(f"The workbench is at http://{shown}:{listening.getsockname()[1]}/ until Ctrl-C.")
+    try:
+        config = uvicorn.Config(
+            application(bench), log_level="warning", server_header=False, timeout_keep_alive=30,
+            proxy_headers=True, forwarded_allow_ips="127.0.0.1", timeout_graceful_shutdown=3,
+        )  # fmt: skip
+        uvicorn.Server(config).run(sockets=[listening])
+    finally:
+        crew.end()
+        listening.close()

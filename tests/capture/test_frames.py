@@ -1,0 +1,130 @@
+"""Every shipped description decodes frames that are spelled out, and refuses damaged ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from foucault.capture.frame import Checksum, Decoder, crc, parsed, shipped, text_of
+from foucault.errors import FoucaultError
+from make_frames import MADE, adis, crc_bitwise, novatel, sbg, xsens
+
+CHECK = b"123456789"
+
+
+@pytest.mark.parametrize(
+    ("bits", "poly", "init", "reflected", "final", "check"),
+    [
+        (16, 0x1021, 0, True, 0, 0x2189),  # KERMIT, of sbgECom
+        (16, 0x1021, 0, False, 0, 0x31C3),  # XMODEM
+        (16, 0x1021, 0xFFFF, False, 0, 0x29B1),
+        (32, 0x04C11DB7, 0xFFFFFFFF, True, 0xFFFFFFFF, 0xCBF43926),
+    ],
+)
+def test_checks_of_the_catalogue(bits, poly, init, reflected, final, check):
+    assert crc(CHECK, bits, poly, init, reflected) ^ final == check
+    rng = np.random.default_rng(bits)
+    for _ in range(20):
+        data = rng.bytes(int(rng.integers(1, 60)))
+        start = int(rng.integers(1 << bits))
+        turned = int(f"{start:0{bits}b}"[::-1], 2) if reflected else start
+        assert crc(data, bits, poly, turned, reflected) == crc_bitwise(
+            data, poly, start, bits, reflected
+        )
+
+
+def test_other_checksums():
+    assert Checksum(kind="fletcher16", last=-2, at=-2).of(b"abcde") == 0xC8F0
+    assert Checksum(kind="xor8", last=-1, at=-1).of(b"\x01\x02\x04") == 7
+    assert Checksum(kind="sum8", last=-1, at=-1, negated=True).of(b"\xff\x02") == 0xFF
+    told = Checksum(kind="crc32", last=-4, at=-4, poly=0x04C11DB7, reflected=True)
+    assert told.of(CHECK) == crc_bitwise(CHECK, 0x04C11DB7, 0, 32, True)
+
+
+def decoder(name: str) -> Decoder:
+    return Decoder(parsed(text_of(name), name))
+
+
+def test_there_are_frames_for_every_description():
+    assert set(MADE) == set(shipped())
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_a_frame_is_read_and_a_damaged_one_refused(name):
+    raw, row = MADE[name](3)
+    heard = decoder(name)
+    after = MADE[name](4)[0] if not heard.frame.sync else b""  # one alone may fit by chance
+    assert heard.feed(raw + after)[0] == pytest.approx(row, rel=1e-12)
+    assert len(heard.frame.columns) == len(row)
+    for at in range(len(raw)):
+        for bit in (0, 5):
+            damaged = bytearray(raw)
+            damaged[at] ^= 1 << bit
+            fresh = decoder(name)
+            good = [MADE[name](k) for k in (4, 5, 6)]
+            rows = fresh.feed(bytes(damaged) + b"".join(g[0] for g in good) + b"\xa7" * 300)
+            unchecked = name == "sbg_imu_short" and at == len(raw) - 1  # its last byte
+            assert len(rows) == 3 + unchecked
+            assert rows[-3:] == [pytest.approx(g[1], rel=1e-12) for g in good], (at, bit)
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_torn_anywhere_with_junk_between_none_is_lost(name):
+    rng = np.random.default_rng(2)
+    made = [MADE[name](k) for k in range(60)]
+    stream = b""
+    for raw, _ in made:
+        stream += raw
+        if name != "adis16470_burst" and rng.random() < 0.4:
+            stream += rng.bytes(int(rng.integers(1, 9)))
+    heard, rows, at = decoder(name), [], 0
+    while at < len(stream):
+        step = int(rng.integers(1, 70))
+        rows += heard.feed(stream[at : at + step])
+        at += step
+    rows += heard.feed(b"\xa7" * 5000)  # what an unlucky length waited for
+    assert rows == [pytest.approx(row, rel=1e-12) for _, row in made]
+    whole = decoder(name)
+    assert whole.feed(stream + b"\xa7" * 5000) == rows
+
+
+def test_another_scale_another_precision_another_message():
+    raw, row = sbg(2, high=True)
+    assert decoder("sbg_imu_short").feed(raw) == [pytest.approx(row, rel=1e-12)]
+    raw, row = xsens(2, double=True)
+    assert decoder("xsens_mtdata2").feed(raw) == [pytest.approx(row, rel=1e-12)]
+    raw, row = novatel(2, 1362)
+    assert decoder("novatel_corrimudata").feed(raw) == [pytest.approx(row, rel=1e-12)]
+    heard = decoder("novatel_corrimudata")
+    assert heard.feed(novatel(2, 42)[0]) == [] and heard.heard.others == 1
+
+
+def test_counters_that_wrap_go_on_and_tell_what_is_lost():
+    heard = decoder("adis16470_burst")
+    rows = heard.feed(b"".join(adis(k)[0] for k in (65533, 65534, 65535, 65536, 65540)))
+    assert [row[-1] for row in rows] == [65533.0, 65534.0, 65535.0, 65536.0, 65540.0]
+    assert heard.heard.lost == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "words"),
+    [
+        ("words =", "capture.description", "Invalid value"),
+        ('words = "a"\nsource = "b"\nsync = "XY"\nlength = 8\nfields = []', "capture.description",
+         "hexadecimal"),
+        ('words = "a"\nsource = "b"\nsync = "AA"\nlength = 8\nfields = []', "capture.description",
+         "neither accel nor gyro"),
+        ('words = "a"\nsource = "b"\nlength = 8\nfields = []', "capture.description", "checksum"),
+    ],
+)  # fmt: skip
+def test_descriptions_that_cannot_be_meant(text, code, words):
+    with pytest.raises(FoucaultError) as problem:
+        parsed(text, "mine.toml")
+    assert problem.value.code == code and words in problem.value.message
+
+
+def test_unknown_names_say_what_there_is():
+    with pytest.raises(FoucaultError) as problem:
+        text_of("vectornav")
+    assert problem.value.code == "capture.unknown"
+    assert "sbg_imu_short" in str(problem.value)

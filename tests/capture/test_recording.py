@@ -1,0 +1,232 @@
+"""Sessions recorded as they come: every source, clocks, kills, the same bits again."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from foucault import campaign
+from foucault.capture import recording
+from foucault.capture.clock import compared
+from foucault.capture.frame import parsed, text_of
+from foucault.capture.source import Growing, opened
+from foucault.errors import FoucaultError
+from make_frames import sbg
+
+TEXT = text_of("sbg_imu_short")
+FRAME = parsed(TEXT, "sbg_imu_short")
+MANY = 400
+
+
+def stream(n: int = MANY) -> bytes:
+    return b"".join(sbg(k)[0] for k in range(n))
+
+
+class Chunks:
+    """Bytes in pieces, as if they came."""
+
+    name, ended = "chunks", False
+
+    def __init__(self, data: bytes, size: int = 97) -> None:
+        self.data, self.size = data, size
+
+    def read(self, wait: float) -> bytes:
+        part, self.data = self.data[: self.size], self.data[self.size :]
+        self.ended = not self.data
+        return part
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_session_is_a_log_that_can_be_read(tmp_path: Path):
+    said = recording.record(Chunks(stream()), FRAME, TEXT, tmp_path / "s")
+    assert said["rows"] == MANY and said["broken"] == said["junk"] == 0
+    rows = recording.rows_of(tmp_path / "s", FRAME)
+    np.testing.assert_allclose(rows[:, :-1], [sbg(k)[1] for k in range(MANY)], rtol=1e-12)
+    log = campaign.read_log(campaign.load(tmp_path / "s" / recording.CAMPAIGN))
+    np.testing.assert_allclose(log.accel, rows[:, 2:5])
+    np.testing.assert_allclose(log.gyro, rows[:, 5:8])
+    assert log.time[1] - log.time[0] == pytest.approx(0.005)
+    assert json.loads((tmp_path / "s" / recording.SAID).read_text()) == said
+
+
+def test_read_again_it_gives_the_same_bits(tmp_path: Path):
+    junk = stream(50) + b"\xff\x5a\x00" + stream(60)[50:] + b"\xff"
+    recording.record(Chunks(junk, 31), FRAME, TEXT, tmp_path / "s")
+    log = (tmp_path / "s" / recording.LOG).read_bytes()
+    (tmp_path / "s" / recording.LOG).write_bytes(log[:100])
+    recording.again(tmp_path / "s")
+    assert (tmp_path / "s" / recording.LOG).read_bytes() == log
+
+
+def test_nothing_is_recorded_over(tmp_path: Path):
+    recording.record(Chunks(stream(5)), FRAME, TEXT, tmp_path)
+    with pytest.raises(FoucaultError) as problem:
+        recording.record(Chunks(stream(5)), FRAME, TEXT, tmp_path)
+    assert problem.value.code == "capture.there"
+    with pytest.raises(FoucaultError) as problem:
+        recording.again(tmp_path / "none")
+    assert problem.value.code == "capture.none"
+
+
+def send(name: str, data: bytes, folder: Path) -> tuple[str, threading.Thread]:
+    """Begin to send in a thread; return how the source is named."""
+    if name == "file":
+        path = folder / "growing.bin"
+        path.touch()
+
+        def grow() -> None:
+            with path.open("ab", buffering=0) as file:
+                for at in range(0, len(data), 400):
+                    file.write(data[at : at + 400])
+                    time.sleep(0.002)
+
+        return str(path), threading.Thread(target=grow)
+    if name == "tcp":
+        server = socket.create_server(("127.0.0.1", 0))
+
+        def serve() -> None:
+            peer, _ = server.accept()
+            with peer, server:
+                peer.sendall(data)
+                time.sleep(0.3)
+
+        return f"tcp:127.0.0.1:{server.getsockname()[1]}", threading.Thread(target=serve)
+    if name == "udp":
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(("", 0))
+            port = free.getsockname()[1]
+
+        def throw() -> None:
+            time.sleep(0.2)
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+                for at in range(0, len(data), 430):
+                    sender.sendto(data[at : at + 430], ("127.0.0.1", port))
+                    time.sleep(0.001)
+
+        return f"udp:{port}", threading.Thread(target=throw)
+    import pty
+    import tty
+
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+
+    def write() -> None:
+        time.sleep(0.2)
+        for at in range(0, len(data), 200):
+            os.write(master, data[at : at + 200])
+            time.sleep(0.001)
+
+    return f"serial:{os.ttyname(slave)}:921600", threading.Thread(target=write)
+
+
+@pytest.mark.parametrize("name", ["file", "tcp", "udp", "serial"])
+def test_every_source_hands_out_all_that_comes(name: str, tmp_path: Path):
+    source, sender = send(name, stream(), tmp_path)
+    held = opened(source)
+    sender.start()
+    said = recording.record(held, FRAME, TEXT, tmp_path / "s", silent=0.6)
+    sender.join()
+    assert said["rows"] == MANY and said["broken"] == 0
+
+
+def test_sources_that_cannot_be(tmp_path: Path):
+    for given, code in (("nonsense", "capture.source"), ("udp:x", "capture.source"),
+                        ("serial:/dev/nothing", "capture.port"),
+                        ("tcp:127.0.0.1:1", "capture.port")):  # fmt: skip
+        with pytest.raises(FoucaultError) as problem:
+            opened(given)
+        assert problem.value.code == code, given
+
+
+def test_a_serial_port_without_its_library(monkeypatch):
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(FoucaultError) as problem:
+        opened("serial:/dev/ttyS0")
+    assert problem.value.code == "capture.no_serial"
+
+
+def test_a_file_written_anew_is_read_from_its_start(tmp_path: Path):
+    path = tmp_path / "log.bin"
+    path.write_bytes(b"abcdef")
+    source = Growing(path)
+    assert source.read(0.0) == b"abcdef" and source.read(0.0) == b""
+    path.write_bytes(b"xy")
+    assert source.read(0.0) == b"xy"
+
+
+def test_a_clock_is_compared_through_delays():
+    """A counter 80 ppm fast, heard late, in bursts of 20 ms, once very late."""
+    rng = np.random.default_rng(4)
+    off = []
+    for _ in range(60):
+        true = np.arange(20_000) * 5e-3
+        late = rng.exponential(2e-3, len(true))
+        late[5000:5600] += 0.3  # the computer slept
+        host = np.maximum.accumulate(np.ceil((true + late) / 0.02) * 0.02)
+        found = compared(host, true * (1 + 80e-6))
+        assert found is not None
+        off.append((found.rate - 80e-6) / found.rate_sd)
+        assert abs(found.rate - 80e-6) < 40e-6
+    assert np.sqrt(np.mean(np.square(off))) < 2.0
+    assert compared(np.arange(9.0), np.arange(9.0)) is None
+
+
+CHILD = """
+import sys, time
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from make_frames import sbg
+from foucault.capture import recording
+from foucault.capture.frame import parsed, text_of
+text = text_of("sbg_imu_short")
+class Endless:
+    name, ended = "endless", False
+    def __init__(self): self.begun, self.sent = time.monotonic(), 0
+    def read(self, wait):
+        time.sleep(0.005)
+        n = int((time.monotonic() - self.begun) * 500)
+        data = b"".join(sbg(k)[0] for k in range(self.sent, n))
+        self.sent = n
+        Path(sys.argv[1] + ".sent").write_text(str(n))
+        return data
+    def close(self): pass
+recording.record(Endless(), parsed(text, "sbg"), text, Path(sys.argv[1]))
+"""
+
+
+def killed(folder: Path, after: float) -> tuple[int, int]:
+    """Kill a recording, and return how many frames were sent, and how many its log holds."""
+    words = [sys.executable, "-c", CHILD, str(folder), str(Path(__file__).parents[1])]
+    process = subprocess.Popen(words)
+    until = time.monotonic() + 30
+    while not (folder / recording.CAMPAIGN).exists() and time.monotonic() < until:
+        time.sleep(0.01)
+    time.sleep(after)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    sent = int(Path(f"{folder}.sent").read_text() or 0)
+    whole = len(recording.rows_of(folder, FRAME))
+    raw = (folder / recording.RAW).read_bytes()
+    assert recording.again(folder)["rows"] == len(raw) // len(sbg(0)[0])
+    campaign.load(folder / recording.CAMPAIGN)
+    return sent, whole
+
+
+@pytest.mark.thorough
+def test_killed_at_any_moment_a_second_is_lost_at_most(tmp_path: Path):
+    rng = np.random.default_rng(1)
+    for k in range(12):
+        sent, held = killed(tmp_path / str(k), float(rng.uniform(0.3, 1.5)))
+        assert sent - held <= 500, k  # frames of a second
