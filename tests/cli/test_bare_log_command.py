@@ -59,9 +59,9 @@ def test_inspect_and_allan_say_what_a_bare_log_was_taken_for(file, tmp_path):
     assert "german.csv was taken for:" in said
     assert "12 rests in" in said
     bare = make.write("untitled", tmp_path, make.truth(1, 50.0, 12))
-    assert "'untitled.csv' was taken for: time column 0 [s]" in " ".join(run("allan", bare).split())
+    assert "'untitled.csv' was read as: time column 0 [s]" in " ".join(run("allan", bare).split())
     two = make.write("arduino_print", tmp_path, make.truth(1, 50.0, 12))
-    assert "fits in two ways" in run("inspect", two, code=1)
+    assert "can be read in two ways" in run("inspect", two, code=1)
 
 
 def test_inspect_and_allan_take_files_of_one_log_and_read_them_as_calibrate_does(tmp_path):
@@ -92,7 +92,7 @@ def test_init_of_a_log_that_calibrates_nothing_says_what_is_missing(tmp_path):
 
 def test_inspect_and_allan_take_the_answer_to_a_question(tmp_path):
     two = make.write("arduino_print", tmp_path, make.truth(1, 50.0, 12))
-    assert "fits in two ways" in run("allan", two, code=1)
+    assert "can be read in two ways" in run("allan", two, code=1)
     assert "50 Hz" in run("inspect", two, "--set", "rate = 50 Hz")
     assert "50 Hz" in run("allan", two, "--set", "rate = 50 Hz")
     campaign = tmp_path / "campaign.toml"

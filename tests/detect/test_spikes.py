@@ -61,7 +61,7 @@ def test_spikes_are_counted_named_and_replaced():
         "Spikes, readings that stand alone far from those before and after: 3 (accel.z, gyro.x), "
         "the first at 3 s (gyro.x, "
     )
-    assert words.endswith("They were set apart: what is around them stands for them.")
+    assert words.endswith("They were replaced by what is around them.")
     assert np.abs(found.accel[:, 2] - 9.81).max() < 0.12
     untouched = np.ones(SAMPLES, bool)
     untouched[[300, 9000, 9001]] = False

@@ -153,7 +153,7 @@ def verify(
     ] = None,
     records: Kept = None,
 ) -> None:  # fmt: skip
-    """Tell whether a certificate is as it was signed, and by whom."""
+    """Check that a certificate is as it was signed, and by whom."""
     from dataclasses import asdict
 
     from foucault.certificate.verify import verify as look

@@ -83,7 +83,7 @@ def apply(
 ) -> None:
     """Remove the calibrated errors from a log.
 
-    Of any size, in parts; the log is of the instrument that was calibrated.
+    Logs of any size are corrected in parts. The log must be of the instrument that was calibrated.
     """
     from foucault.errors import error
     from foucault.export import calibrate_log
@@ -182,7 +182,7 @@ def export(
 ) -> None:
     """Write a result in the form of another program or language.
 
-    A folder of `foucault allan` in the place of a run goes to receivers that want its noise.
+    For receivers that take noise, a folder of `foucault allan` may stand in the place of a run.
     """
     from foucault.export import write
 
@@ -333,10 +333,10 @@ def check(
     rate: Annotated[Amount | None, _RATE] = None,
     axes: Annotated[str | None, typer.Option(help=_AXES)] = None,
 ) -> None:
-    """Read a receiver's file back, and say what in it cannot be meant.
+    """Read a receiver's file back, and say what in it looks wrong.
 
-    Beside the run it came from the usual mistakes are told for certain; without one, only what no
-    sensor can have.
+    With the run it came from (--run), the usual mistakes are told for certain; without one, only
+    values that no sensor can have.
     """
     from foucault.export.check import checked, mistakes
     from foucault.export.densities import of_allan_run

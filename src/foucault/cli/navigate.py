@@ -123,7 +123,7 @@ def align(
         ),
     ] = None,
 ) -> None:
-    """Find heading, pitch and roll of a log at rest, and their sd.
+    """Find heading, pitch and roll of a log at rest.
 
     By several methods side by side, each with what limits it.
     """

@@ -262,7 +262,7 @@ CampaignFile = Annotated[Path, typer.Argument(help="A campaign file.")]
 CampaignOrLogs = Annotated[
     list[Path],
     typer.Argument(
-        help="A campaign file; or a log without one, in one file or in several with the same rows, "
+        help="A campaign file; or a log without one, in one file or in several recorded together, "
         "such as one of accelerometers and one of gyros."
     ),
 ]
@@ -287,7 +287,7 @@ LogFile = Annotated[
 LogFiles = Annotated[
     list[Path],
     typer.Argument(
-        help="A log, in one file or in several with the same rows, such as one of accelerometers "
+        help="A log, in one file or in several recorded together, such as one of accelerometers "
         "and one of gyros; or a campaign file that describes it."
     ),
 ]
@@ -312,7 +312,7 @@ Taken = Annotated[
     typer.Option(
         "--set",
         metavar="<str>",
-        help="Key of [log] of a log without a campaign, such as gyro.unit = deg/s or rate = "
+        help="A key of [log], for a log without a campaign, such as gyro.unit = deg/s or rate = "
         "100 Hz; may be repeated.",
     ),
 ]

@@ -169,7 +169,7 @@ def montecarlo(
         typer.Option("--batched", help="Draw means instead of samples, and solve many at once."),
     ] = False,
 ) -> None:
-    """Calibrate many simulated instruments: are the sd right?
+    """Calibrate many simulated instruments to test the uncertainties.
 
     Errors against their standard deviations and against the bound.
     """

@@ -37,8 +37,9 @@ def calibrate(
 ) -> None:
     """Calibrate an instrument from its log, and write the report.
 
-    Of a log without a campaign it says what it takes its columns for, and writes the campaign. Of
-    the file of a vehicle it calibrates every IMU, compares them and tells how they are mounted.
+    Given a log without a campaign, it says what each column was taken for and writes the campaign.
+    Given the log of a vehicle with several IMUs, it calibrates each, compares them and says how
+    they are mounted.
     """
     from foucault import campaign as campaigns
     from foucault.campaign import recognised as bare
@@ -278,7 +279,7 @@ def init(
     ] = None,
     taken: options.Taken = None,
 ) -> None:
-    """Write a commented campaign file to start from, or that of a log."""
+    """Write a campaign file to start from, or the campaign of a log."""
     from foucault import campaign
     from foucault.errors import error
     from foucault.files import write_text

@@ -1,4 +1,4 @@
-"""Read a receiver's file back, and say what in it cannot be meant.
+"""Read a receiver's file back, and say what in it looks wrong.
 
 Beside the run that a file came from, each number is held against what the table would write, and
 against what it would be after one of the usual mistakes, with y the number that is right::

@@ -45,7 +45,7 @@ RUN = 5
 _NO_LOGS = {
     b"\x89PNG": "a picture (PNG)", b"\xff\xd8\xff": "a picture (JPEG)", b"GIF8": "a picture (GIF)",
     b"BM": "a picture (BMP)", b"II*\0": "a picture (TIFF)", b"MM\0*": "a picture (TIFF)",
-    b"%PDF": "a PDF", b"\xd0\xcf\x11\xe0": "a spreadsheet (XLS) or another document of an office",
+    b"%PDF": "a PDF", b"\xd0\xcf\x11\xe0": "a spreadsheet (XLS) or another office document",
     b"\x7fELF": "a program", b"MZ": "a program", b"RIFF": "sound or a film", b"ID3": "sound",
     b"\x1aE\xdf\xa3": "a film", b"OggS": "sound or a film", b"7z\xbc\xaf": "a packed archive (7z)",
     b"Rar!": "a packed archive (RAR)", b"SQLite format": "a data base (SQLite)",
@@ -152,7 +152,7 @@ def refuse_no_log(path: Path) -> None:
             ".xlsx", ".xlsm", ".ods",
         )  # fmt: skip
         book = book or b"opendocument" in start
-        what = "a spreadsheet or another document of an office" if book else "a packed archive"
+        what = "a spreadsheet or another office document" if book else "a packed archive"
         todo = _SAVE_AS if book else _UNPACK
     text = start.lstrip(b"\xef\xbb\xbf \t\r\n")
     if what is None and is_text(start):

@@ -423,7 +423,7 @@ class _Work:
         if first == second:
             return
         self.questions.append(
-            Question("The units fit in two ways.", first, _whys(one), second, _whys(other))
+            Question("Two sets of units fit.", first, _whys(one), second, _whys(other))
         )
 
     # -- axes ----------------------------------------------------------------------------------
@@ -459,7 +459,7 @@ class _Work:
             np.linalg.det(o[1]) * o[1].T @ o[2], np.linalg.det(R) * R.T @ E)), None)  # fmt: skip
         if other is not None:
             self.questions.append(Question(
-                "The gyros' axes fit in two ways.", self._signed_line(E), "it is as simple",
+                "Two orders of the gyros' axes fit.", self._signed_line(E), "it is as simple",
                 self._signed_line(other[2]), "it fits as well"))  # fmt: skip
         took = []
         if not np.array_equal(R, same):
@@ -605,7 +605,7 @@ class _Work:
             log["accel"]["reads"] = "gravity"
             return [Line("sign", "accelerometers read gravity, -1 g up", "its logger does", LIKELY)]
         return [Line("sign", "specific force, +1 g up",
-                     'no log tells; else --set "accel.reads = gravity"', TAKEN)]  # fmt: skip
+                     'a log cannot tell; else --set "accel.reads = gravity"', TAKEN)]  # fmt: skip
 
     def _how_sure(self, name: str, unit: units.Unit) -> str:
         proved = self.turned is not None and self.turned.fits
