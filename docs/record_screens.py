@@ -61,6 +61,8 @@ def recorded(typed: str, folder: Path) -> str:
     command = typed.replace("foucault", f"{sys.executable} -m foucault", 1)
     done = subprocess.run(command, shell=True, cwd=folder, text=True, check=False,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
+    if "Traceback (most recent call last)" in done.stdout:
+        raise RuntimeError(f"{typed}: a program that crashes makes no screen\n{done.stdout}")
     lines = [line.rstrip() for line in done.stdout.rstrip().splitlines()]
     return "\n".join([f"$ {typed}", *lines]) + "\n"
 
