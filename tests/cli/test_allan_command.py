@@ -146,7 +146,7 @@ def test_one_axis_is_refused_where_three_are_needed(command: str, tmp_path: Path
     done = run(command, file, *out)
     assert done.exit_code != 0
     said = " ".join(done.output.split())
-    assert "[log.gyro] names a column for z alone; this needs x, y and z." in said
+    assert "[log.gyro] names a column for z only; x, y and z are needed." in said
     assert "`foucault allan` and `foucault inspect`" in said
 
 

@@ -23,7 +23,7 @@ BUDGET = {
     "infer": 3_603,
     "kernels": 5_098,
     "logs": 7_038,
-    "models": 6_310,
+    "models": 6_340,
     "navigate": 2_110,
     "plans": 6_028,
     "procedures": 19_169,

@@ -72,7 +72,7 @@ def test_what_ardupilot_has_calibrated_is_told(tmp_path: Path) -> None:
     dataflash(tmp_path / "flight.bin", {"IMU": imus(0), "PARM": (*PARM, parameters)})
     told = next(f for f in read(described(), tmp_path).findings
                 if f.code == "log.ardupilot_calibrated")  # fmt: skip
-    assert "3 of which are not zero or one" in told.message
+    assert "3 of them are not zero or one" in told.message
     dataflash(tmp_path / "flight.bin", {"IMU": imus(0), "PARM": (*PARM, parameters[1:2])})
     codes = {f.code for f in read(described(), tmp_path).findings}
     assert "log.ardupilot_calibrated" not in codes

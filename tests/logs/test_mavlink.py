@@ -55,7 +55,7 @@ def test_rounded_readings_are_told(tmp_path: Path) -> None:
     np.testing.assert_allclose(log.accel, LOGS[1].accel, atol=0.51e-3 * 9.80665)
     np.testing.assert_allclose(log.gyro, LOGS[1].gyro, atol=0.51e-3)
     assert (
-        "is whole numbers, at the rate that the link left"
+        "is whole numbers, at the rate of the link"
         in next(f for f in log.findings if f.code == "log.telemetry").message
     )
 

@@ -125,7 +125,7 @@ def test_what_px4_has_taken_off_already_is_told(tmp_path):
     own = {"CAL_GYRO0_XOFF": 0.01, "CAL_ACC0_ZSCALE": 1.0, "CAL_ACC0_YOFF": 0.0}
     ulog(tmp_path / "flight.ulg", {"sensor_combined": combined()}, own)
     (told,) = [f for f in read(described(), tmp_path).findings if f.code == "log.px4_calibrated"]
-    assert ", 1 of which" in told.message
+    assert "; 1 of them" in told.message
     ulog(tmp_path / "flight.ulg",
          {"sensor_gyro": sensor(W, TICKS), "sensor_accel": sensor(F, TICKS)}, own)  # fmt: skip
     raw = read(described(), tmp_path)

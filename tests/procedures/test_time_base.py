@@ -219,6 +219,6 @@ def test_increments_over_a_wrong_interval_are_told_by_scales_alike():
     findings = {f.code: f for f in wrong.findings}
     said = findings["log.alike"]
     assert wrong.verdict.level is Level.DOUBTFUL and said.message in " ".join(wrong.verdict.reasons)
-    assert re.search(r"scale factors are -(0.9|1.0)\d* %, alike: so look increments", said.message)
+    assert re.search(r"scale factors are -(0.9|1.0)\d* %, alike\. Increments divided", said.message)
     assert "Check the rate or the time column of [log]" in said.cure
     assert "log.alike" not in {f.code for f in calibrated(made).findings}

@@ -256,7 +256,9 @@ def test_a_triad_that_cannot_be_taken_as_it_is_written_is_named(c, tmp_path):
         return problem.value.message
 
     cells = [row.split(",") for row in rows]
-    assert "az of 'broken.csv'" in refused([",".join([*r[:3], "nan", *r[4:]]) for r in cells])
+    assert "'broken.csv' has no readings in az." in refused(
+        [",".join([*r[:3], "nan", *r[4:]]) for r in cells]
+    )
     words = [",".join([r[0], "ERR", *r[2:]]) if i == 7 else ",".join(r)
              for i, r in enumerate(cells)]  # fmt: skip
     assert "line 9, column 'ax': 'ERR' is not a number" in refused(words)

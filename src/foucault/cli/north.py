@@ -100,10 +100,12 @@ def find(
     from foucault.campaign import north
     from foucault.campaign.tables import Said
     from foucault.errors import error
+    from foucault.models.norths import refuse_unknown
 
     screen: Screen = ctx.obj
     given_both = [f"--{k.replace('_', '-')}" for k in ("latitude", "latitude_sd")
                   if k in said | settings]  # fmt: skip
+    refuse_unknown(said.get("date"), said.get("grid"))
     if "unknown_latitude" in settings and given_both:
         raise error("north.latitude_both", given=given_both[0])
     with screen.work(output, "north") as tell:

@@ -274,7 +274,7 @@ SearchedOrName = Annotated[
     typer.Argument(
         help="A campaign file, or the name of a procedure whose plan can be searched for: "
         "rate_table, norm_observation, multi_position, turntable, north_seeking, platform_tumble, "
-        "systematic, transfer_alignment."
+        "systematic, transfer_alignment, continuous_spin."
     ),
 ]
 LogFile = Annotated[
@@ -319,7 +319,7 @@ Taken = Annotated[
 
 
 TermsChosen = Annotated[
-    str | None,
+    Literal["auto", "as set"] | None,
     typer.Option(
         "--terms",
         help="Optional terms: auto estimates those that the log tells better than their size, "

@@ -47,7 +47,7 @@ def calibrate(
     from foucault.diagnose.references import in_words
 
     screen: Screen = ctx.obj
-    more = {} if terms is None else {"terms": terms}
+    more: dict[str, Any] = {} if terms is None else {"terms": terms}
     if not options.bare(campaign):
         options.refuse_beside(place, taken)
         asked = campaigns.said_otherwise(campaigns.load(campaign[0]), more)

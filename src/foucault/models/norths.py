@@ -14,12 +14,13 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from foucault.errors import error
 from foucault.models.earth import Site
-from foucault.models.world_field import world_field
+from foucault.models.world_field import day_of, world_field
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,14 @@ class North:
         return off if off < turn else 0.0, float(np.hypot(sd, self.sd))
 
 
+def refuse_unknown(date: str | None, grid: str | None) -> None:
+    """Refuse a day or a grid that nobody knows, before anything is read."""
+    if date is not None:
+        day_of(date)
+    if grid is not None:
+        _projection(grid)
+
+
 def convergence(site: Site) -> float:
     """Return gamma, the direction of north of the grid of a site, clockwise from true north [rad].
 
@@ -49,21 +58,32 @@ def convergence(site: Site) -> float:
     grid = site.grid
     if site.latitude is None or site.longitude is None:
         raise error("norths.no_place", what=f'grid = "{grid}"')
+    system = _projection(str(grid))
+    from pyproj import Proj
+    from pyproj.exceptions import ProjError
+
     try:
-        from pyproj import CRS, Proj
-        from pyproj.exceptions import CRSError, ProjError
+        place = np.degrees(site.longitude), np.degrees(site.latitude)
+        found = Proj(system).get_factors(*place, errcheck=True)
+    except ProjError:
+        raise error("norths.grid", grid=grid) from None
+    return float(np.radians(found.meridian_convergence))
+
+
+def _projection(grid: str) -> Any:
+    try:
+        from pyproj import CRS
+        from pyproj.exceptions import CRSError
     except ModuleNotFoundError:
         raise error("norths.no_library", what="A grid's north", package="pyproj", extra="grid",
                     key="grid") from None  # fmt: skip
     try:
         system = CRS.from_user_input(grid)
-        if not system.is_projected:
-            raise error("norths.grid", grid=grid)
-        place = np.degrees(site.longitude), np.degrees(site.latitude)
-        found = Proj(system).get_factors(*place, errcheck=True)
-    except (CRSError, ProjError):
+    except CRSError:
         raise error("norths.grid", grid=grid) from None
-    return float(np.radians(found.meridian_convergence))
+    if not system.is_projected:
+        raise error("norths.grid", grid=grid)
+    return system
 
 
 def norths(site: Site) -> list[North]:

@@ -33,6 +33,22 @@ FIRST, LAST = 2010.0, 2030.0
 """Years that the models in pygeomag are for, five each."""
 
 
+def day_of(date: str) -> datetime.date:
+    """Return a day that the models are for."""
+    try:
+        day = datetime.date.fromisoformat(date)
+    except ValueError:
+        raise error("norths.date", given=date) from None
+    if not FIRST <= _year(day) < LAST:
+        raise error("norths.date", given=date)
+    return day
+
+
+def _year(day: datetime.date) -> float:
+    """Return a day as a year with its fraction."""
+    return day.year + (day.timetuple().tm_yday - 0.5) / 365.25
+
+
 def world_field(site: Site) -> WorldField | None:
     """Return the field at a site on its day; None where none is given."""
     date = site.date
@@ -40,17 +56,13 @@ def world_field(site: Site) -> WorldField | None:
         return None
     if site.latitude is None or site.longitude is None:
         raise error("norths.no_place", what=f'date = "{date}"')
+    day = day_of(date)
     try:
-        day = datetime.date.fromisoformat(date)
         from pygeomag import GeoMag
-    except ValueError:
-        raise error("norths.date", given=date) from None
     except ModuleNotFoundError:
         raise error("norths.no_library", what="The world magnetic model", package="pygeomag",
                     extra="world", key="date") from None  # fmt: skip
-    when = day.year + (day.timetuple().tm_yday - 0.5) / 365.25
-    if not FIRST <= when < LAST:
-        raise error("norths.date", given=date)
+    when = _year(day)
     model = GeoMag(coefficients_file=f"wmm/WMM_{int(when // 5) * 5}.COF")
     place = np.degrees(site.latitude), np.degrees(site.longitude)
     at = model.calculate(*place, site.height / 1e3, when)
