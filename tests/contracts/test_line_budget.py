@@ -16,7 +16,7 @@ BUDGET = {
     "certificate": 2_015,
     "cli": 5_160,
     "detect": 4_608,
-    "diagnose": 11_930,
+    "diagnose": 11_945,
     "estimate": 8_085,
     "export": 3_525,
     "guard": 1_941,

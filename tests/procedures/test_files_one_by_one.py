@@ -26,9 +26,9 @@ def campaign_of(name, log, folder):
     position, rate = log.table.position, log.table.rate
     logs.write(picked(log, (position >= 0) & (rate == 0)), folder / "rests.csv")
     logs.write(picked(log, (position >= 0) & (rate != 0)), folder / "spins.csv")
-    text = campaign.template(name).replace("[instrument]", "[instrument]\nleft_out = false")
+    text = campaign.template(name).replace("\n[instrument]\n", "\n[instrument]\nleft_out = false\n")
     own = '[log]\nfile = "rests.csv"\nmore = ["spins.csv"]\n'
-    text = text[: text.index("[log]")] + own + text[text.index("[procedure]") :]
+    text = text[: text.index("\n[log]\n") + 1] + own + text[text.index("\n[procedure]\n") + 1 :]
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
     return folder / "campaign.toml"
 

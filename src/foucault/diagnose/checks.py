@@ -344,6 +344,10 @@ MANY = 10.0
 """An uncertainty so many times what noise and plan allow is no success of the plan [1]."""
 
 
+IDLE = 1e-8
+"""A scale factor or an angle that is known to this is better than any use of it [1], [rad]."""
+
+
 def foreseen_check(coefficients: CoefficientVector, bound: npt.ArrayLike) -> Check:
     """Compare the uncertainties with those that noise and plan allow.
 
@@ -354,8 +358,11 @@ def foreseen_check(coefficients: CoefficientVector, bound: npt.ArrayLike) -> Che
     coefficients by the noise alone, as sd, NaN or infinite where nothing tells them [SI].
     """
     least = np.asarray(bound, float)
+    kinds = [c.kind for c in coefficients.layout.coefficients]
+    idle = np.array([IDLE if k in ("scale factor error", "misalignment") else 0.0 for k in kinds])
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(np.isfinite(least) & (least > 0), coefficients.sd / least, 0.0)
+        told = np.isfinite(least) & (least > 0)
+        ratio = np.where(told, coefficients.sd / np.maximum(least, idle), 0.0)
     worst = int(np.argmax(ratio.round(6)))  # of those that are alike but for rounding the first
     given = {"name": coefficients.names[worst]}
     return check("plan", "uncertainty against the plan", float(ratio[worst]), None, MANY, given)
