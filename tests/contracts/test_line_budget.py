@@ -21,7 +21,7 @@ BUDGET = {
     "export": 3_525,
     "guard": 1_941,
     "infer": 3_603,
-    "kernels": 5_098,
+    "kernels": 5_150,
     "logs": 7_038,
     "models": 6_340,
     "navigate": 2_110,

@@ -58,3 +58,16 @@ def test_both_forms_say_the_same(name: str, calls: dict[str, list[list[Any]]]) -
                 size = np.nanmax(np.abs(one), initial=0.0)
                 np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-12 * size)
         assert changed >= 1
+
+
+@pytest.mark.parametrize("form", ["compiled", "python"])
+def test_a_banded_triangle_is_solved_both_ways(form: str) -> None:
+    rng = np.random.default_rng(2)
+    L = rng.standard_normal((4, 9))
+    L[0] = 2.0 + np.abs(L[0])
+    full = sum(np.diag(L[k, : 9 - k], -k) for k in range(4))
+    wanted = rng.standard_normal((9, 3))
+    for name, A in (("forward", full), ("backward", np.transpose(full))):
+        found = np.ascontiguousarray(A @ wanted)
+        kernel(form, kernels, name)(L, found)
+        np.testing.assert_allclose(found, wanted, rtol=1e-12)

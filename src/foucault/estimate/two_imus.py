@@ -156,11 +156,18 @@ class Problem:
 class Normal:
     """The normal equations of a pass, the spline eliminated."""
 
-    Z: FloatArray  # (6 m, p + 1) what the spline does with the parameters, and by itself
+    L: FloatArray  # (24, 6 m) Cholesky factor of the spline's part, by its diagonals
+    W: FloatArray  # (6 m, p + 1) columns of the parameters, and what is left, divided by it
     information: FloatArray  # (p, p) [1 / SI^2]
     gradient: FloatArray  # (p,) before the spline is eliminated [1 / SI]
     score: FloatArray  # (p,) [1 / SI]
     left: tuple[FloatArray, ...]  # (n, 6) readings less what they should be, NaN beyond [SI]
+
+    def moved(self, delta: FloatArray) -> FloatArray:
+        """Return what the spline moves by beside a step `delta` (p,) of parameters, (m, 6) [SI]."""
+        out = np.ascontiguousarray((self.W[:, -1] - self.W[:, :-1] @ delta)[:, None])
+        kernels.backward(self.L, out)
+        return out.reshape(-1, 6)
 
 
 def normal(
@@ -171,7 +178,7 @@ def normal(
 
     `other` (m, 6) or None: columns are those at this spline less those here [SI].
     """
-    from scipy.linalg import cho_solve_banded, cholesky_banded
+    from scipy.linalg import cholesky_banded
 
     n, p = 6 * problem.knots, kernels.COLUMNS * len(slaves)
     band, border = np.zeros((n, 24)), np.zeros((n, p + 1))
@@ -193,11 +200,11 @@ def normal(
     band[:, 0] += FEWEST * band[:, 0].max()
     border[:, problem.hold] = 0.0
     corner[problem.hold] = corner[:, problem.hold] = rhs[problem.hold] = 0.0
-    L = cholesky_banded(np.ascontiguousarray(band.T), lower=True, check_finite=False)
-    Z = np.asarray(cho_solve_banded((L, True), border, check_finite=False))
+    L = np.ascontiguousarray(cholesky_banded(band.T, lower=True, check_finite=False))
+    kernels.forward(L, border)
     corner = np.tril(corner) + np.tril(corner, -1).T
-    pull = border[:, :p].T @ Z
-    return Normal(Z, corner - pull[:, :p], rhs, rhs - pull[:, p], tuple(left))
+    pull = border[:, :p].T @ border
+    return Normal(L, border, corner - pull[:, :p], rhs, rhs - pull[:, p], tuple(left))
 
 
 @dataclass(frozen=True)
@@ -268,7 +275,7 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
     var = np.array([_quiet(r) ** 2 if g is None else np.square(g)
                     for r, g in zip(problem.readings, problem.given, strict=True)])  # fmt: skip
     spline = np.zeros((problem.knots, 6))
-    spline += normal(_master(problem), (), spline, var).Z.reshape(-1, 6)
+    spline += normal(_master(problem), (), spline, var).moved(np.zeros(0))
     made, converged, passes, told = np.zeros((p, p)), False, 0, False
     for passes in range(1, most + 1):
         at = normal(problem, slaves, spline, var)
@@ -280,7 +287,7 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
         delta = seen.step(at.score, np.linalg.solve(J, problem.mean - values), problem.prior_sd)
         delta[problem.hold] = 0.0
         size = max(1.0, float(np.abs(delta).max(initial=0.0, where=_is_offset(p))) / 0.05)
-        spline = spline + ((at.Z[:, p] - at.Z[:, :p] @ delta) / size).reshape(-1, 6)
+        spline = spline + at.moved(delta) / size
         parts = (delta / size).reshape(len(slaves), -1)
         slaves = tuple(s.moved(d) for s, d in zip(slaves, parts, strict=True))
         sd = np.sqrt(np.diag(seen.covariance(problem.prior_sd)))
@@ -342,7 +349,7 @@ def of_noise(
     """
     again = problem.noisy(var, np.random.default_rng(0))
     p = kernels.COLUMNS * len(slaves)
-    other = spline + normal(again, slaves, spline, var).Z[:, p].reshape(-1, 6)
+    other = spline + normal(again, slaves, spline, var).moved(np.zeros(p))
     found = normal(problem, slaves, spline, var, other).information
     # Not negative but for rounding.
     size, Q = np.linalg.eigh(found * np.outer(problem.prior_sd, problem.prior_sd))
@@ -382,7 +389,8 @@ def _scores(
     p = len(problem.prior_sd)
     last = problem.first + problem.knot * problem.knots
     out = np.zeros((int((last - problem.first) / BLOCK) + 2, p))
-    Z = np.ascontiguousarray(at.Z[:, :p])
+    Z = np.ascontiguousarray(at.W[:, :p])
+    kernels.backward(at.L, Z)
     for k, (r, left) in enumerate(zip(problem.readings, at.left, strict=True)):
         one = None if k == 0 else slaves[k - 1]
         time, x = (r.time, np.zeros(46)) if one is None else (one.at(r), one.flat)

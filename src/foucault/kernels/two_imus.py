@@ -138,6 +138,45 @@ def _spread(x, own, part, Y, N, D, h, S):
 
 
 @kernel
+def _gather(S, X, one, own, here, total):
+    """Add three rows: S (3, 24) by knots, X (3, 40) by parameters and readings, weight one.
+
+    here (24, 64): what an interval holds, by knots and by X; total (40, 40): by X alone.
+    """
+    for a in range(24):
+        u, v, w = one * S[0, a], one * S[1, a], one * S[2, a]
+        if u == 0.0 and v == 0.0 and w == 0.0:
+            continue
+        for b in range(a + 1):
+            here[a, b] += u * S[0, b] + v * S[1, b] + w * S[2, b]
+        if own < 0:
+            here[a, 63] += u * X[0, 39] + v * X[1, 39] + w * X[2, 39]
+            continue
+        for c in range(40):
+            here[a, 24 + c] += u * X[0, c] + v * X[1, c] + w * X[2, c]
+    if own >= 0:
+        for a in range(40):
+            u, v, w = one * X[0, a], one * X[1, a], one * X[2, a]
+            if u == 0.0 and v == 0.0 and w == 0.0:
+                continue
+            for b in range(a + 1):
+                total[a, b] += u * X[0, b] + v * X[1, b] + w * X[2, b]
+
+
+@kernel
+def _settle(q, own, here, band, border, grad):
+    """Add what an interval q holds, here (24, 64), to the normal equations, and empty it."""
+    for a in range(24):
+        for b in range(a + 1):
+            band[6 * q + b, a - b] += here[a, b]
+        if own >= 0:
+            for c in range(39):
+                border[6 * q + a, own + c] += here[a, 24 + c]
+        grad[6 * q + a] += here[a, 63]
+    here[:] = 0.0
+
+
+@kernel
 def normal(time, since, read, var, x, own, spline, other, first, h, band, border, corner, grad, rhs,
            left):  # fmt: skip
     """Add readings of one instrument to the normal equations.
@@ -151,9 +190,11 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
     N, D, E, m = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros((5, 3))
     J, K, Y, Y2 = np.zeros((6, 39)), np.zeros((6, 39)), np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
     out, out2, S = np.zeros(6), np.zeros(6), np.zeros((3, 24))
+    X, here, total = np.zeros((3, 40)), np.zeros((24, 64)), np.zeros((40, 40))
     noise = other.shape[0] > 0
-    for k in range(time.shape[0]):
-        for part in range(2):
+    for part in range(2):
+        now = -1
+        for k in range(time.shape[0]):
             at = (time[k] - (part * x[45] if own >= 0 else 0.0) - first) / h
             q = math.floor(at)
             for i in range(3 * part, 3 * part + 3):
@@ -174,32 +215,54 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
                 for i in range(6):
                     for c in range(39):
                         J[i, c] = K[i, c] - J[i, c]
-            one = 1.0 / var[part]
             for i in range(3):
-                g = 3 * part + i
-                r = read[k, g] - out[g]
-                left[k, g] = r
-                if not np.isfinite(r):
-                    continue
-                for a in range(24):
-                    v = S[i, a] * one
-                    if v == 0.0:
-                        continue
-                    row = 6 * q + a
-                    for b in range(a + 1):
-                        band[6 * q + b, a - b] += v * S[i, b]
-                    grad[row] += v * r
-                    if own >= 0:
-                        for c in range(39):
-                            border[row, own + c] += v * J[g, c]
-                if own >= 0:
-                    for c in range(39):
-                        v = J[g, c] * one
-                        if v == 0.0:
-                            continue
-                        rhs[own + c] += v * r
-                        for d in range(c + 1):
-                            corner[own + c, own + d] += v * J[g, d]
+                r = read[k, 3 * part + i] - out[3 * part + i]
+                left[k, 3 * part + i] = r
+                told = np.isfinite(r)
+                for c in range(39):
+                    X[i, c] = J[3 * part + i, c] if told else 0.0
+                X[i, 39] = r if told else 0.0
+                if not told:
+                    for a in range(24):
+                        S[i, a] = 0.0
+            if q != now:
+                if now >= 0:
+                    _settle(now, own, here, band, border, grad)
+                now = q
+            _gather(S, X, 1.0 / var[part], own, here, total)
+        if now >= 0:
+            _settle(now, own, here, band, border, grad)
+    if own >= 0:
+        for a in range(39):
+            rhs[own + a] += total[39, a]
+            for b in range(a + 1):
+                corner[own + a, own + b] += total[a, b]
+
+
+@kernel
+def forward(L, W):
+    """Solve with a banded triangle, L (b, m) by its diagonals; W (m, c) is overwritten."""
+    for i in range(W.shape[0]):
+        for j in range(max(0, i - L.shape[0] + 1), i):
+            v = L[i - j, j]
+            for c in range(W.shape[1]):
+                W[i, c] -= v * W[j, c]
+        one = 1.0 / L[0, i]
+        for c in range(W.shape[1]):
+            W[i, c] *= one
+
+
+@kernel
+def backward(L, W):
+    """Solve with the transpose of a banded triangle, as `forward`."""
+    for i in range(W.shape[0] - 1, -1, -1):
+        one = 1.0 / L[0, i]
+        for c in range(W.shape[1]):
+            W[i, c] *= one
+        for j in range(max(0, i - L.shape[0] + 1), i):
+            v = L[i - j, j]
+            for c in range(W.shape[1]):
+                W[j, c] -= v * W[i, c]
 
 
 @kernel
