@@ -51,17 +51,15 @@ TOLERANCE: tuple[tuple[str, str, float], ...] = (
     ("systematic", "tables.navigation.velocity_up", np.inf),
     ("systematic", "*", 1e-5),
     ("transfer_alignment", "*", 1e-5),
+    ("preflight", "two_imus.*", 1e-6),  # thousands of knots of a spline
     ("continuous_spin", "*", 1e-5),  # hundreds of samples on a band: other BLAS, other digits
-    ("preflight", "*.seen", 1e-2),  # what nothing shows is rounding
-    ("preflight", "*.budget.prior", 2e-2),  # what is left of the others
-    ("preflight", "*.budget.*", 2e-6),
     ("temperature", "diagnostics.families.*", 1e-4),  # tests of small differences
     ("*", "*", 1e-7),
 )
 """Case, quantity, and by how much it may move; the first that fits counts.
 
-Values and their bounds in sd, correlations and budgets in parts of one, others in parts of the
-largest number of their line. Sentences are the same to the letter.
+Values and their bounds in sd, correlations, shares and budgets in parts of one, others in parts of
+the largest number of their line. Sentences are the same to the letter.
 """
 
 NOTHING = 1e-29
@@ -337,8 +335,12 @@ def _distance(key: str, a: Any, b: Any, before: Lines) -> tuple[float, str, int]
     own_sd = before.get(key.removesuffix("value") + "sd")
     if key.endswith(".value") and own_sd:
         scale, unit = own_sd, "sd"
-    elif key.startswith("correlation."):
+    elif key.startswith("correlation.") or key.endswith((".seen", ".share")):
         scale, unit = 1.0, "of one"
+    elif ".budget." in key and not key.startswith("diagnostics."):  # one of several documents
+        whole = key.partition(".budget.")[0] + ".budget."
+        parts = [v for k, v in before.items() if k.startswith(whole) and isinstance(v, list)]
+        scale, unit = np.maximum(np.sum(parts, axis=0), 1e-300), "of the variance"
     elif key.startswith("diagnostics.budget.") and len(x) == len(sd):
         scale, unit = np.maximum(np.square(sd), 1e-300), "of the variance"
     far = np.nan_to_num(np.abs(y - x) / scale, nan=0.0)

@@ -539,7 +539,8 @@ def _sizes(
     none = dict.fromkeys(free, 0.0)
     if not free:
         return none, none, 0.0
-    z, V = _contrasts(at, free, weights)
+    left, r, V = _contrasts(at, free, weights)
+    z = left @ r
     return priced(z, V, free) if len(z) else (none, none, 0.0)
 
 
@@ -575,8 +576,11 @@ def priced(
 
 def _contrasts(
     at: Linearisation, free: Mapping[str, float], weights: FloatArray
-) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Return what no unknown explains, white by what is known, and its covariance by each source.
+) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """Return rows that no unknown explains (q, N), what they are rows of, and covariances.
+
+    Of the readings, white by what is known (N,), they leave contrasts (q,), in axes that hang on
+    the arithmetic; their covariance by each source is (q, q).
 
     Where nothing is known of the noise it is a thousandth of the residuals, which are to be told
     from what readings share.
@@ -610,7 +614,7 @@ def _contrasts(
                 parts.append(known.whiten(source.shared))
         rows = left[:, : n * d] @ np.concatenate(parts, axis=1)
         V[name] = rows @ rows.T
-    return left @ r, V
+    return left, r, V
 
 
 def _root(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> FloatArray:
@@ -939,8 +943,8 @@ def planned(
     at = once.linearise(model.start)
     free = {s.name: s.price for s in at.sources if s.sd is None}
     var = {name: sd**2 for name, sd in (sds or {}).items() if sd and name in free}
-    z, V = _contrasts(at, free, every)
-    dof = dict.fromkeys(free, 0.0)
+    left, r, V = _contrasts(at, free, every)
+    z, dof = left @ r, dict.fromkeys(free, 0.0)
     if var and len(z):
         S = _inverse(_root(z, V, var))
         dof |= {name: v * float(np.sum(S * V[name])) for name, v in var.items()}
@@ -965,12 +969,13 @@ def by_chance(model: Model) -> dict[str, float]:
     names = {s.name: 0.0 for s in at.sources if s.sd is None and s.unexplained and not s.price}
     if not names or _silent(at, names).any():
         return {}
-    of, V = _contrasts(at, names, np.ones(len(at.residuals)))
+    left, r, V = _contrasts(at, names, np.ones(len(at.residuals)))
     mean = dict.fromkeys(names, 0.0)
-    if not len(of):  # no reading is redundant
+    if not len(left):  # no reading is redundant
         return mean
-    for z in np.random.default_rng(0).standard_normal((DRAWS, len(of))):
-        found, dof, _ = priced(z, V, names)
+    # Of the readings: drawn of the contrasts they would hang on the axes of these.
+    for white in np.random.default_rng(0).standard_normal((DRAWS, len(r))):
+        found, dof, _ = priced(left @ white, V, names)
         for name, sd in found.items():
             mean[name] += (sd * student(dof[name])) ** 2 / DRAWS
     return {name: float(np.sqrt(v)) for name, v in mean.items()}
