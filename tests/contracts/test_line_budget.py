@@ -20,7 +20,7 @@ BUDGET = {
     "estimate": 8_085,
     "export": 3_525,
     "guard": 1_941,
-    "infer": 3_603,
+    "infer": 3_608,
     "kernels": 5_150,
     "logs": 7_038,
     "models": 6_340,
