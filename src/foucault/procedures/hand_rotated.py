@@ -262,6 +262,7 @@ def _again(model: RestsAndTurns) -> Again:
 PROCEDURE = Procedure(
     name="hand_rotated",
     doc=__doc__,
+    by_rests=True,
     Settings=Settings,
     Session=Session,
     solve=_solve,

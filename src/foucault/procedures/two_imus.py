@@ -126,8 +126,8 @@ class ImuLogs(Log):
     ----------
     time, gyro, accel, temperature, averaged, begins, mag : ndarray
         Of the IMU that is calibrated, as in `Log` [SI].
-    sampled, findings, source, table, clock
-        The same.
+    sampled, findings, source, table, clock, rests
+        The same [s].
     master : Log or None
         The IMU against which all others are [SI].
     others : tuple of Log

@@ -35,17 +35,17 @@ class Sent(Protocol):
         ...
 
 
-def take_in(folder: Path, sent: Sequence[Sent]) -> str:
+def take_in(folder: Path, sent: Sequence[Sent], into: str = "logs") -> str:
     """Keep files that were recorded together; returns the name of their log.
 
-    The same files a second time are the same log. Raises ``workbench.no_file``,
-    ``workbench.space``, ``workbench.outside``.
+    `into`: folder for them, below `folder`. The same files a second time are the same log. Raises
+    ``workbench.no_file``, ``workbench.space``, ``workbench.outside``.
     """
     files = [one for one in sent if one.filename]
     if not files or len(files) > MANY:
         raise error("workbench.no_file", given=len(files), most=MANY)
-    logs = folder / "logs"
-    logs.mkdir(exist_ok=True)
+    logs = folder / into
+    logs.mkdir(exist_ok=True, parents=True)
     held = Path(tempfile.mkdtemp(prefix=".", dir=logs))
     try:
         whole = hashlib.sha256()

@@ -13,7 +13,7 @@ from starlette.exceptions import HTTPException
 
 from foucault import __version__
 from foucault.errors import FoucaultError, error
-from foucault.workbench import actions, api, pages
+from foucault.workbench import actions, api, certify, pages
 from foucault.workbench.bench import HERE, STATUS, Bench, LoginNeededError, page
 from foucault.workbench.uploads import LARGEST
 
@@ -26,7 +26,7 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 SMALL = 4 << 20
 """A form without a log is no larger [byte]."""
 
-LOGS_SENT = ("/logs", "/api/logs")
+LOGS_SENT = ("/logs", "/api/logs", "/verify", "/api/verify")
 
 OWN = ("localhost", "127.0.0.1", "[::1]")
 
@@ -136,6 +136,7 @@ def application(bench: Bench) -> Any:
     app.state.bench = bench
     app.include_router(pages.router, include_in_schema=False)
     app.include_router(actions.router, include_in_schema=False)
+    app.include_router(certify.router, include_in_schema=False)
     app.include_router(api.router)
 
     @app.get("/static/{name}", include_in_schema=False)

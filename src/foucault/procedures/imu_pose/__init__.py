@@ -148,8 +148,8 @@ class PoseLog(Log):
     ----------
     time, gyro, accel, temperature, averaged, begins, mag : ndarray
         Of the IMU, as in `Log` [SI].
-    sampled, findings, source, table, clock
-        The same.
+    sampled, findings, source, table, clock, rests
+        The same [s].
     poses : PoseTable or None
         What the tracking system said.
     """
