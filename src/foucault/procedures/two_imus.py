@@ -124,10 +124,10 @@ class ImuLogs(Log):
 
     Attributes
     ----------
-    time, gyro, accel, temperature, averaged, begins, mag : ndarray
+    time, gyro, accel, temperature, averaged, begins, mag, rests : ndarray
         Of the IMU that is calibrated, as in `Log` [SI].
-    sampled, findings, source, table, clock, rests
-        The same [s].
+    sampled, findings, source, table, clock
+        The same.
     master : Log or None
         The IMU against which all others are [SI].
     others : tuple of Log

@@ -146,10 +146,10 @@ class PoseLog(Log):
 
     Attributes
     ----------
-    time, gyro, accel, temperature, averaged, begins, mag : ndarray
+    time, gyro, accel, temperature, averaged, begins, mag, rests : ndarray
         Of the IMU, as in `Log` [SI].
-    sampled, findings, source, table, clock, rests
-        The same [s].
+    sampled, findings, source, table, clock
+        The same.
     poses : PoseTable or None
         What the tracking system said.
     """

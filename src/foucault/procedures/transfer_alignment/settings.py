@@ -296,10 +296,10 @@ class SlaveLog(Log):
 
     Attributes
     ----------
-    time, gyro, accel, mag, temperature, averaged, begins : ndarray
+    time, gyro, accel, mag, temperature, averaged, begins, rests : ndarray
         Of the slave, as in `Log` [SI].
-    sampled, findings, source, table, clock, rests
-        The same [s].
+    sampled, findings, source, table, clock
+        The same.
     master : MasterTable or None
         Messages of the master.
     """
