@@ -26,7 +26,7 @@ BUDGET = {
     "models": 6_340,
     "navigate": 2_110,
     "plans": 6_028,
-    "procedures": 19_470,
+    "procedures": 19_474,
     "recognise": 2_860,
     "report": 10_496,
     "records": 1_500,

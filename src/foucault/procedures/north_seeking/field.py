@@ -208,7 +208,8 @@ def judgement(
 ) -> Judgement:  # fmt: skip
     """Say what was made of every group, and what it is of the heading of `fixes` [rad].
 
-    `index_sd`: of every index angle [rad]; `assumed`: source -> basis, where nobody said its size.
+    `named`: sets of groups and how many times they were enlarged [1]; `index_sd`: of every index
+    angle [rad]; `assumed`: source -> basis, where nobody said its size.
     """
     rig = {INDEXING: index_sd, LATITUDE: 0.0 if left.known.latitude is None else
            float(np.max(left.known.latitude_sd))}  # fmt: skip
