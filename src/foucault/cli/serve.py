@@ -72,7 +72,7 @@ def serve(
 
         begin(where, partial(run, program), look)
     elif account is not None:
-        serving.add_account(where, account, role, _password())
+        serving.add_account(where, account, role, _password(), database)
         screen.say(f"{account.strip()} is {role}. From now on everybody needs an account.")
     else:
         worker = [sys.executable, "-m", "foucault", "serve", str(where)]

@@ -252,18 +252,19 @@ async def log_out(request: Request, said: Form) -> Response:
 @router.post("/accounts")
 async def account(request: Request, said: Form) -> Response:
     """Make an account, or give one another role and password."""
-    needs(request, "administrator")
-    people = bench_of(request).people
-    await aside(people.add, str(said.get("name", "")), str(said.get("role", "")),
-                str(said.get("password", "")))  # fmt: skip
+    who = needs(request, "administrator")
+    bench = bench_of(request)
+    await aside(bench.people.add, str(said.get("name", "")), str(said.get("role", "")),
+                str(said.get("password", "")), bench.told(who.name))  # fmt: skip
     return to("/accounts")
 
 
 @router.post("/accounts/close")
 async def close(request: Request, said: Form) -> Response:
     """Close an account."""
-    needs(request, "administrator")
-    await aside(bench_of(request).people.close, str(said.get("name", "")))
+    who = needs(request, "administrator")
+    bench = bench_of(request)
+    await aside(bench.people.close, str(said.get("name", "")), bench.told(who.name))
     return to("/accounts")
 
 
@@ -271,5 +272,7 @@ async def close(request: Request, said: Form) -> Response:
 async def end_token(request: Request, said: Form) -> Response:
     """End a token of one's own."""
     who = needs(request, "operator")
-    await aside(bench_of(request).people.log_out, str(said.get("digest", "")), who.name)
+    bench = bench_of(request)
+    await aside(bench.people.end_token, str(said.get("digest", "")), who.name,
+                bench.told(who.name))  # fmt: skip
     return to("/accounts")

@@ -22,6 +22,7 @@ from foucault.workbench.worker import said
 
 if TYPE_CHECKING:
     from foucault.records import Records
+    from foucault.records.entries import Body
 
 COOKIE = "foucault"
 HERE = Path(__file__).parent
@@ -29,11 +30,13 @@ HERE = Path(__file__).parent
 STATUS = {
     "workbench.not_kept": 409,
     "workbench.no_job": 404, "workbench.no_log": 404, "workbench.no_name": 404,
+    "workbench.no_account": 404,
     "records.no_instrument": 404, "records.no_run": 404, "workbench.not_done": 409,
     "workbench.role_needed": 403, "workbench.form": 403, "workbench.foreign": 403,
     "workbench.login": 403, "workbench.token": 401, "workbench.attempts": 429,
     "workbench.large": 413, "workbench.space": 507, "workbench.full": 507,
     "workbench.locked": 503, "workbench.read_only": 503, "workbench.database": 503,
+    "workbench.gone": 503, "workbench.bomb": 413,
     "records.locked": 503, "records.read_only": 503, "records.full": 507,
 }  # fmt: skip
 """Code of an error -> status of HTTP; 400 of all others."""
@@ -58,6 +61,9 @@ class Bench:
         """Yield the records; None where there are none yet and none are made."""
         from foucault.records import Records
 
+        file = None if "://" in self.database else Path(self.database)
+        if file is not None and not file.is_file() and self.store.setting("records"):
+            raise error("workbench.gone", path=file)
         try:
             held = Records(self.database, make=make, who=who)
         except FoucaultError as problem:
@@ -65,10 +71,22 @@ class Bench:
                 raise
             yield None
             return
+        if make and file is not None:
+            self.store.set("records", file.name)
         try:
             yield held
         finally:
             held.close()
+
+    def told(self, who: str) -> Callable[[Body], None]:
+        """Return what keeps in the journal that `who` has changed an account."""
+
+        def say(body: Body) -> None:
+            with self.records(who, make=True) as records:
+                assert records is not None
+                records.say(body)
+
+        return say
 
     def run_of(self, number: Number) -> tuple[Job, Path]:
         """Return a job that is done, and the folder that it has written."""

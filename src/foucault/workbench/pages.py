@@ -404,9 +404,11 @@ async def token(request: Request, said: Form) -> Response:
     from fastapi.concurrency import run_in_threadpool as aside
 
     who = needs(request, "operator")
-    people = bench_of(request).people
+    bench = bench_of(request)
+    people = bench.people
     if not people.any():
         raise error("workbench.token")
-    made = await aside(people.token, who.name, str(said.get("label", "")))
+    made = await aside(people.token, who.name, str(said.get("label", "")), 365.0,
+                       bench.told(who.name))  # fmt: skip
     every = people.all() if who.may("administrator") else []
     return page(request, "accounts.html", every=every, tokens=people.tokens(who.name), token=made)

@@ -20,6 +20,8 @@ from foucault.workbench.people import People
 from foucault.workbench.store import Store
 from foucault.workbench.web import Bench, application
 
+RECORDS = "records.sqlite"
+
 OFTEN = 0.5
 """Workers are looked after every so many seconds [s]."""
 
@@ -32,9 +34,10 @@ def made(folder: Path) -> Path:
     return where
 
 
-def add_account(folder: Path, name: str, role: str, password: str) -> None:
-    """Make an account, or change one."""
-    People(Store(folder)).add(name, role, password)
+def add_account(folder: Path, name: str, role: str, password: str, database: str | None) -> None:
+    """Make an account, or change one; the journal of the records says who did."""
+    bench = Bench(Store(folder), database or str(folder / RECORDS), lambda _: [])
+    bench.people.add(name, role, password, bench.told(""))
 
 
 def loopback(host: str) -> bool:
@@ -102,7 +105,7 @@ def serve(
     except OSError as problem:
         listening.close()
         raise error("workbench.port", host=host, port=port, reason=problem.strerror) from None
-    bench = Bench(store, database or str(folder / "records.sqlite"), options, open_to_others)
+    bench = Bench(store, database or str(folder / RECORDS), options, open_to_others)
     crew = Crew(worker, workers)
     shown = f"[{host}]" if ":" in host else host
     say(f"The workbench is at http://{shown}:{listening.getsockname()[1]}/ until Ctrl-C.")

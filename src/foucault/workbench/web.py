@@ -66,7 +66,10 @@ class Guard:
             await send(message)
 
         most = LARGEST if scope["path"] in LOGS_SENT else SMALL
-        problem = await asyncio.to_thread(self._refused, scope, headers, most)
+        try:
+            problem = await asyncio.to_thread(self._refused, scope, headers, most)
+        except FoucaultError as fault:  # the file of accounts cannot be read: nobody gets in
+            problem = fault
         if problem is not None:
             await _plain(problem, scope)(scope, receive, sent)
             return
