@@ -80,6 +80,8 @@ class Bench:
 
     def told(self, who: str) -> Callable[[Body], None]:
         """Return what keeps in the journal that `who` has changed an account."""
+        with self.records(who, make=True):  # what is said stands in a transaction of the store
+            pass
 
         def say(body: Body) -> None:
             with self.records(who, make=True) as records:

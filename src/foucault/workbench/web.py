@@ -13,6 +13,7 @@ from starlette.exceptions import HTTPException
 
 from foucault import __version__
 from foucault.errors import FoucaultError, error
+from foucault.report import COLOURS
 from foucault.workbench import actions, api, certify, pages
 from foucault.workbench.bench import HERE, STATUS, Bench, LoginNeededError, page
 from foucault.workbench.uploads import LARGEST
@@ -145,8 +146,8 @@ def application(bench: Bench) -> Any:
     @app.get("/static/{name}", include_in_schema=False)
     def static(name: str) -> FileResponse:
         kinds = {"js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
-        file = HERE / "static" / name
-        if file.parent != HERE / "static" or not file.is_file():
+        file = COLOURS if name == COLOURS.name else HERE / "static" / name
+        if file.parent not in (HERE / "static", COLOURS.parent) or not file.is_file():
             raise HTTPException(404)
         kind = kinds.get(file.suffix[1:], "text/plain")
         return FileResponse(file, media_type=kind, headers={"cache-control": "max-age=3600"})
