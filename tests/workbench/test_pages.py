@@ -217,7 +217,9 @@ def still() -> bytes:
 
 
 @pytest.mark.parametrize(("command", "options", "words"), [
-    ("align", {"--latitude": "47.3 deg", "--gyro-bias-sd": "0.01 deg/h"}, ("north is seen", "heading (deg)")),
+        f"{what}_{axis} ({unit})"
+        for what, unit in (("gyro", "rad/s"), ("accel", "m/s^2"))
+        for axis in "xyz"
     ("navigate", {"--latitude": "47.3 deg", "--longitude": "8.5 deg", "--still": "yes"},
      ("Report", "report.html")),
 ])  # fmt: skip

@@ -50,8 +50,12 @@ class Bench:
     """One workbench."""
 
     def __init__(self, store: Store, database: str, options: Callable[[str], list[Option]],
-                 open_to_others: bool = False) -> None:  # fmt: skip
-        """Of a file of jobs and accounts, records, and the options that commands have."""
+                 open_to_others: bool = False, prefix: str = "") -> None:  # fmt: skip
+        """Of a file of jobs and accounts, records, and the options that commands have.
+
+        `prefix`: of the paths of pages, where a proxy takes it off.
+        """
+        self.prefix = prefix
         self.store, self.database, self.people = store, database, People(store)
         self.folder, self.open_to_others = store.folder, open_to_others
         self.options = cache(options)
@@ -165,7 +169,7 @@ def page(request: Request, template: str, status: int = 200, /, **said: Any) -> 
         who = None
     text = templates().get_template(template).render(
         mark=bench.people.mark(cookie or fresh), who=who, here=request.url.path,
-        accounts=bench.people.any(), version=__version__, **said,
+        accounts=bench.people.any(), version=__version__, root=bench.prefix, **said,
     )  # fmt: skip
     out = HTMLResponse(text, status)
     if fresh:
@@ -177,7 +181,7 @@ def give_cookie(request: Request, response: Response, token: str) -> None:
     """Let a browser keep a token that no script can read and no other site can send."""
     response.set_cookie(
         COOKIE, token, max_age=int(LASTS), httponly=True, samesite="lax",
-        secure=request.url.scheme == "https", path="/",
+        secure=request.url.scheme == "https", path=bench_of(request).prefix or "/",
     )  # fmt: skip
 
 

@@ -61,7 +61,7 @@ class Guard:
         async def sent(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
                 there = {k for k, _ in message["headers"]}
-                message["headers"] = [*message["headers"], *(
+                message["headers"] = [*map(self._below, message["headers"]), *(
                     (k.encode(), v.encode()) for k, v in HEADERS.items() if k.encode() not in there
                 )]  # fmt: skip
             await send(message)
@@ -85,6 +85,12 @@ class Guard:
             return message
 
         await self.app(scope, received, sent)
+
+    def _below(self, header: tuple[bytes, bytes]) -> tuple[bytes, bytes]:
+        """Return a header of an answer; a page that it leads to is below the prefix."""
+        key, value = header
+        leads = key == b"location" and value.startswith(b"/")
+        return key, self.bench.prefix.encode() + value if leads else value
 
     def _refused(self, scope: Scope, headers: dict[str, str], most: int) -> FoucaultError | None:
         length = headers.get("content-length", "0")
