@@ -98,7 +98,8 @@ def log_of(rows: int, folder: Path) -> Path:
     text = campaign.read_text()
     count = 40 if rows > 20_000 else 14
     per = rows / 100.0 / count  # a rest and a turn [s]
-    for key, value in (("rests", str(count)), ("rest_time", f'"{per - 2:.2f} s"'), ("rate", '"100 Hz"')):
+    said = {"rests": str(count), "rest_time": f'"{per - 2:.2f} s"', "rate": '"100 Hz"'}
+    for key, value in said.items():
         text = re.sub(rf"(?m)^#? ?{key} = .*$", f"{key} = {value}", text)
     campaign.write_text(text)
     subprocess.run([*COMMAND, "-q", "simulate", str(campaign), "-o", str(folder / "session")],

@@ -32,7 +32,7 @@ BUDGET = {
     "records": 1_500,
     "simulate": 3_680,
     "symptoms": 87,
-    "workbench": 2_802,
+    "workbench": 2_830,
 }
 
 SLACK = 100

@@ -217,9 +217,8 @@ def still() -> bytes:
 
 
 @pytest.mark.parametrize(("command", "options", "words"), [
-        f"{what}_{axis} ({unit})"
-        for what, unit in (("gyro", "rad/s"), ("accel", "m/s^2"))
-        for axis in "xyz"
+    ("align", {"--latitude": "47.3 deg", "--gyro-bias-sd": "0.01 deg/h"},
+     ("north is seen", "heading (deg)")),
     ("navigate", {"--latitude": "47.3 deg", "--longitude": "8.5 deg", "--still": "yes"},
      ("Report", "report.html")),
 ])  # fmt: skip

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.campaign import running
+from foucault.campaign import reading, running
 from foucault.campaign.recognised import Found, found, said_of
 from foucault.diagnose import live
 from foucault.errors import FoucaultError
@@ -46,7 +46,7 @@ def look(words: Sequence[str], tell: Tell) -> int:
             log = held.log
     except FoucaultError as problem:
         if problem.code == "north.not_imu":  # nothing of it is drawn, and all can be done with it
-            out |= {"procedure": running.load_campaign(files[0], calibrates=False).procedure}
+            out |= {"procedure": reading.load(files[0], calibrates=False).procedure}
         else:
             out["problem"] = {"message": problem.message, "cure": problem.cure}
     if log is not None:
