@@ -167,6 +167,7 @@ def many_runs(home: Path, count: int, instruments: int) -> None:
         whole["instrument"] = {"name": "IMU", "serial": f"{of:04d}"}
         day = np.datetime64("2015-01-01") + (k // instruments) * (3650 // (count // instruments))
         whole["provenance"]["created"] = f"{day}T00:00:{k % 60:02d}+00:00"
+        whole["provenance"]["input"]["sha256"] = f"{k:064x}"
         for c, (value, sd) in zip(whole["coefficients"], values, strict=True):
             c["value"] = value + sd * float(rng.normal())
         folder = home / "bench" / "archive" / f"{k:05d}"
