@@ -93,6 +93,9 @@ def children(of: int) -> list[int]:
 
 def log_of(rows: int, folder: Path) -> Path:
     """Write a log of hand-held rests and turns with so many rows, as a telephone does."""
+    file = folder / f"walk_{rows}.csv"
+    if file.exists():
+        return file
     campaign = folder / "hand.toml"
     subprocess.run([*COMMAND, "-q", "init", "hand_rotated", "-o", str(campaign)], check=True)
     text = campaign.read_text()
@@ -115,7 +118,6 @@ def log_of(rows: int, folder: Path) -> Path:
         f"{what} {axis} ({unit})" for what, unit in (("Gyroscope", "rad/s"),
                                                      ("Acceleration", "m/s^2")) for axis in "xyz"
     )  # fmt: skip
-    file = folder / f"walk_{rows}.csv"
     np.savetxt(file, table[:rows], fmt="%.9e", delimiter=",", header=head, comments="")
     return file
 
@@ -156,8 +158,7 @@ def drop(count: int = 5) -> list[str]:
 
 def many_runs(home: Path, count: int, instruments: int) -> None:
     """Write run folders of instruments, by one result with other serials, values and days."""
-    file = log_of(6_000, home)
-    subprocess.run([*COMMAND, "-q", "calibrate", str(file), "--latitude", "47.3 deg", "-o",
+    subprocess.run([*COMMAND, "-q", "calibrate", str(log_of(6_000, home)), "--latitude", "47.3 deg", "-o",
                     str(home / "first")], check=False)  # fmt: skip
     whole = json.loads((home / "first" / "result.json").read_text())
     rng = np.random.default_rng(1)

@@ -67,7 +67,7 @@ def opened(browser: Any) -> Iterator[Callable[..., Any]]:
         how = {"viewport": {"width": 1280, "height": 900}, "service_workers": "block"} | how
         windows.append(browser.new_context(**how))
         page = windows[-1].new_page()
-        page.set_default_timeout(30_000)
+        page.set_default_timeout(60_000)
         if not complains:
             said.append(watched(page))
         page.goto(address)
