@@ -47,6 +47,20 @@ class Known:
     mag: MagKnown = field(default_factory=MagKnown)
 
 
+_TRIADS = "accel", "gyro"
+
+COMPLETE = Known(
+    ImuModel(),
+    {f"{one}{triad}.{name}": np.ones(() if one else 3)
+     for one in ("", "one:") for triad in _TRIADS for name in ("white", "walk")},
+    {f"{triad}.{name}": np.ones(3) for triad in _TRIADS for name in ("bias", "scale")},
+    1.0, 1.0, 1.0,
+    {f"{triad}.warm_{n}": np.ones(3) for triad in _TRIADS for n in (1, 2, 3)}
+    | {f"warm.{name}": np.ones(()) for name in ("low", "high", "reference", "calibrated")},
+)  # fmt: skip
+"""Something of everything, to see how many numbers a key has."""
+
+
 def in_gauge(model: ImuModel, gauge: str) -> tuple[ImuModel, FloatArray]:
     """Return a model with the body axes that a receiver has, and the rotation to them, (3, 3)."""
     if gauge == "lower":

@@ -26,7 +26,7 @@ from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.escape import commented, hash_comment
 from foucault.export import syntax
-from foucault.export.quantities import Known, model_of, value_of
+from foucault.export.quantities import COMPLETE, Known, model_of, value_of
 from foucault.export.syntax import SYNTAXES, Found
 from foucault.models.imu import ImuModel
 from foucault.units import CELSIUS, size
@@ -81,6 +81,13 @@ class Row:
             if pattern in self.key:
                 return [self.key.replace(pattern, axis) for axis in axes]
         return [self.key]
+
+    @property
+    def count(self) -> int:
+        """How many numbers it has."""
+        told = self.told(COMPLETE)
+        assert told is not None
+        return len(told)
 
     def noise_factor(self, rate: float | None, correlation: float | None) -> float | None:
         """Return times r of the equation above, None where it needs what is not known.
@@ -160,7 +167,7 @@ def put_back(numbers: FloatArray, layout: str) -> FloatArray:
     return numbers.reshape(3, 3).T if layout == "columns" else numbers.reshape(3, 3)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Receiver:
     """Who reads a file, and what it has there."""
 
@@ -351,28 +358,43 @@ def _precision(receiver: Receiver) -> list[str]:
 
 
 def found_in(receiver: Receiver, text: str) -> Found:
-    """Return what a file has under the keys of a receiver: numbers, lists of them, or a text."""
-    if receiver.syntax in ("python", "c++", "matlab"):
-        lines = [(row.key, row.line) for row in receiver.rows if row.key]
-        return syntax.assigned(lines, receiver.syntax, text, receiver.reader)
-    have = syntax.read(receiver.syntax, text, receiver.reader)
-    out: Found = {}
-    for row in receiver.rows:
-        for key in row.names() if row.key else ():
-            if key in have:
-                out[key] = have[key]
-    return out
+    """Return what a file has under the keys of a receiver: numbers, lists of them, or a text.
+
+    Keys may stand deeper than in a file of their own: under a node of ROS 2, in a list of sensors.
+    Raises ``export.unreadable``.
+    """
+    try:
+        if receiver.syntax in ("python", "c++", "matlab"):
+            lines = [(row.key, row.line) for row in receiver.rows if row.key]
+            return syntax.assigned(lines, receiver.syntax, text, receiver.reader)
+        have = syntax.read(receiver.syntax, text, receiver.reader)
+    except (ValueError, RecursionError) as problem:  # no JSON, or brackets without end
+        raise error("export.unreadable", receiver=receiver.name, reason=problem) from None
+    keys = [key for row in receiver.rows if row.key for key in row.names()]
+    return {key: have[path] for key in keys if (path := _path_of(key, have)) is not None}
+
+
+def _path_of(key: str, have: Found) -> str | None:
+    """Return where a file has a key, None where it has it nowhere or in several places."""
+    if key in have:
+        return key
+    ends = f".{key}", f".ros__parameters.{key.partition('.')[2] or key}"
+    deeper = [path for path in have if path.endswith(ends)]
+    return deeper[0] if len(deeper) == 1 else None
 
 
 def numbers_of(row: Row, found: Found) -> FloatArray | None:
     """Return the numbers of a row, flat; None where they are missing or no numbers."""
-    try:
-        parts = [np.ravel(np.asarray(found[key])) for key in row.names()]
-    except (KeyError, ValueError):
-        return None
-    if any(part.dtype.kind not in "fi" for part in parts):  # NumPy reads what the reader does not
-        return None
-    return np.concatenate(parts).astype(float)
+    flat = [x for key in row.names() for x in _flat(found.get(key))]
+    return np.array(flat) if flat and all(isinstance(x, float) for x in flat) else None
+
+
+def _flat(value: Any) -> Iterator[Any]:
+    if isinstance(value, list):
+        for item in value:
+            yield from _flat(item)
+    else:
+        yield value
 
 
 def model_in(receiver: Receiver, found: Found) -> ImuModel:
