@@ -40,6 +40,7 @@ from foucault.export.table import (
     receivers,
 )
 from foucault.models.imu import ImuModel
+from foucault.models.layouts import of_sensors
 from foucault.models.noise import GRADES, ImuNoise, grade
 from foucault.result import Result
 from foucault.units import STANDARD_GRAVITY, convert, display_unit, plain, size
@@ -187,7 +188,7 @@ def _known(
     if own.of_magnetometer:
         at = axes or own.axes or log_axes(result)
         return magnetometer.knowledge(result, own, axes=at, drop=(), force=True)[0]
-    names = result.coefficients.names
+    names = of_sensors(result.coefficients).names
     drop = tuple(n for n in names if n.rpartition(".")[0] not in own.takes)
     return knowledge(result, own, axes=axes, noise=noise, rate=rate, force=True,
                      drop=() if own.before else drop)[0]  # fmt: skip
