@@ -279,8 +279,10 @@ def text_for(receiver: Receiver, known: Known, about: list[str]) -> str:
     about = [*about, f"For {receiver.title}.", *receiver.notes, *_precision(receiver)]
     about += receiver.warm_notes if known.warm else []
     about += [f"Meaning of each key from the source of the receiver: {receiver.source}."]
+    if receiver.syntax in ("json", "px4", "ardupilot"):  # nothing may stand behind a value there
+        about += [f"{row.shown}: {_words(row)}" for row in receiver.rows
+                  if _words(row) and (known.warm or not row.warm)]  # fmt: skip
     if receiver.syntax == "json":
-        about += [f"{row.key}: {_words(row)}" for row in receiver.rows if _words(row)]
         values = [(key, value) for _, key, value in _written(receiver, known) if value is not None]
         return syntax.json_of(values, receiver.remark, [*map(hash_comment, about)], receiver.texts)
     return "\n".join([
