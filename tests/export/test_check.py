@@ -371,6 +371,30 @@ def test_the_command(tmp_path: Path) -> None:
     assert "It says what the run says." in done.stdout, done.stdout
 
 
+def test_a_file_says_what_the_allan_run_knows_besides(tmp_path: Path) -> None:
+    """Quantisation that N and K do not have, and what it warned of."""
+    from foucault.logs import write as write_log
+    from foucault.tables import Log
+
+    rng, n, dt, step = np.random.default_rng(0), 40_000, 0.01, 2e-5
+    angle = np.round(np.cumsum(rng.normal(0, 1e-4 * dt**0.5, (n, 3)), axis=0) / step) * step
+    log = Log(np.arange(n) * dt, np.diff(angle, axis=0, prepend=0) / dt,
+              rng.normal([0, 0, 9.8], 2e-2, (n, 3)))  # fmt: skip
+    write_log(log, tmp_path / "static.csv")
+    run("allan", tmp_path / "static.csv", "-o", tmp_path / "noise", code=0)
+    held = json.loads((tmp_path / "noise/allan.json").read_text())
+    held["findings"].append({"code": "allan.shaken", "severity": "warning", "cure": "Stop it.",
+                             "message": "The instrument is shaken in 9 % of the log."})  # fmt: skip
+    (tmp_path / "noise/allan.json").write_text(json.dumps(held))
+    run("export", tmp_path / "noise", "--to", "kalibr", "-o", tmp_path / "k", code=0)
+    text = " ".join((tmp_path / "k").read_text().replace("\n#", "").split())
+    said = re.search(r"Quantisation Q of x, y, z: (\S+), (\S+), (\S+) rad, which", text)
+    assert said is not None
+    for q in said.groups():  # of a rounded angle
+        assert float(q) == pytest.approx(step / 12**0.5, rel=0.05)
+    assert "The Allan run warned: The instrument is shaken in 9 % of the log." in text
+
+
 def test_the_command_names_any_sensor(tmp_path: Path) -> None:
     save(small("px4"), tmp_path / "run")
     file = tmp_path / "px4.params"

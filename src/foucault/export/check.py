@@ -121,7 +121,7 @@ def recognised(text: str) -> Receiver:
             except FoucaultError:
                 continue
             there = sum(row.names()[0] in found for row in slot.rows if row.key and row.must)
-            shares.append((there / len(wanted), len(found)))
+            shares.append((max(there / len(wanted), 0.5 * (own.apart and found != {})), len(found)))
         model = sum(row.line.replace('"', "") in bare for row in own.rows if not row.key)
         # What our own writer says is for VINS-Fusion has the same keys as VINS-Mono.
         return *max(shares), model, own.title in text
@@ -209,7 +209,7 @@ def _read(
             line, seen = _line(own, row, found, reading, about)
             lines.append(line)
             noticed += seen
-        elif row.key and row.must:
+        elif row.key and row.must and not own.apart:
             noticed.append(finding("export.check_missing", receiver=own.name, key=row.shown))
     return lines, noticed
 
@@ -218,6 +218,11 @@ def _line(
     own: Receiver, row: Row, found: Found, reading: Known, about: Known | None
 ) -> tuple[Line, list[Finding]]:
     """Return what one key says, and what is wrong with it."""
+    right = None if about is None else row.told(about)
+    if own.apart:  # axes that are left out stay as they are: taken for right
+        other = row.told(Known(ImuModel())) if right is None else right
+        if other is not None and len(other) == len(row.names()):
+            found = dict(zip(row.names(), other.tolist(), strict=True)) | found
     numbers = numbers_of(row, found)
     if numbers is None:
         given = ", ".join(str(w) for key in row.names() if isinstance(w := found.get(key), str))
@@ -229,7 +234,6 @@ def _line(
         told = finding("export.check_count", receiver=own.name, key=row.shown,
                        given=len(numbers), wanted=row.count)  # fmt: skip
         return Line(row.shown, "", "", "", f"{len(numbers)} for {row.count} numbers"), [told]
-    right = None if about is None else row.told(about)
     run = "" if about is None or right is None else _in_our_units(row, right, about)
     if said := _none(row, numbers):
         told = finding("export.check_possible", key=row.shown, words=said)

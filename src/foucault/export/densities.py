@@ -162,8 +162,10 @@ def of_allan_run(folder: str | Path) -> Densities:
         if any(steps):
             angle = "rad" if triad == "gyro" else "m/s"
             shown = ", ".join(f"{q:.3g}" for q in steps)
-            words += [f"Quantisation Q of x, y, z: {shown} {angle}. It is not in N and K:",
-                      f"below {one.first:.3g} s the curve is higher than that of N and K."]  # fmt: skip
+            words += [
+                f"Quantisation Q of x, y, z: {shown} {angle}, which the receiver does not",
+                f"know: below {one.first:.3g} s the curve is higher by it.",
+            ]
     last = [p.last for p in pairs.values() if p is not None]
     warned = {f["code"]: f["message"] for f in reversed(said.get("findings", ()))
               if f["severity"] == "warning"}  # fmt: skip

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.errors import error
 from foucault.escape import commented, hash_comment
 from foucault.export import syntax
@@ -59,6 +59,7 @@ class Row:
     says: str = ""
     must: bool = True
     warm: bool = False
+    triad: str = ""  # written only where biases of this triad are calibrated
 
     @property
     def noise(self) -> bool:
@@ -74,6 +75,11 @@ class Row:
     def shown(self) -> str:
         """Its key for people; a star stands for each axis."""
         return self.key.replace("{X}", "*").replace("{0}", "*")
+
+    def calibrated(self, known: Known) -> BoolArray:
+        """Return of which axes what it says is calibrated, (3,)."""
+        triad, _, what = self.of[0].partition(".")
+        return known.have(triad, "scale" if what == "diagonal_inverse" else "bias")
 
     def names(self) -> list[str]:
         """Return the keys of its numbers: three where each axis has its own."""
@@ -184,6 +190,7 @@ class Receiver:
     reader: str = ""
     single: bool = False
     nested: bool = True
+    apart: bool = False  # a key that is left out stays as the receiver has it
     notes: tuple[str, ...] = ()
     warm_notes: tuple[str, ...] = ()
     reference: float | None = None  # temperature that its powers count from [degC]
@@ -307,6 +314,8 @@ def _body(receiver: Receiver, known: Known) -> Iterator[str]:
         at, pad = groups, "  " * len(groups)
         if not key:
             yield from (pad + line for line in row.line.splitlines())
+        elif value is None and not row.must and receiver.syntax == "python":
+            yield from _with_words([row.line.replace("{}", "None")], row, receiver.syntax)
         elif value is None:
             yield pad + commented([f"{last}: not known; {_words(row)}"], form.mark)
         elif row.line:
@@ -322,6 +331,8 @@ def _written(receiver: Receiver, known: Known) -> Iterator[tuple[Row, str, Any]]
     for row in receiver.rows:
         if row.warm and not known.warm:
             continue
+        if row.triad and not known.have(row.triad, "bias").any():
+            continue
         if not row.key:
             yield row, "", None
             continue
@@ -329,7 +340,9 @@ def _written(receiver: Receiver, known: Known) -> Iterator[tuple[Row, str, Any]]
         if flat is None:
             yield row, row.shown, None
         elif len(keys) == len(flat) == 3:
-            yield from ((row, key, x) for key, x in zip(keys, flat.tolist(), strict=True))
+            seen = row.calibrated(known) | (not receiver.apart)
+            for key, x, there in zip(keys, flat.tolist(), seen, strict=True):
+                yield row, key, x if there else None
         elif len(flat) == 9 and row.layout == "rows":
             yield row, row.key, flat.reshape(3, 3).tolist()
         else:
