@@ -158,8 +158,8 @@ def drop(count: int = 5) -> list[str]:
 
 def many_runs(home: Path, count: int, instruments: int) -> None:
     """Write run folders of instruments, by one result with other serials, values and days."""
-    subprocess.run([*COMMAND, "-q", "calibrate", str(log_of(6_000, home)), "--latitude", "47.3 deg", "-o",
-                    str(home / "first")], check=False)  # fmt: skip
+    words = ["calibrate", str(log_of(6_000, home)), "--latitude", "47.3 deg"]
+    subprocess.run([*COMMAND, "-q", *words, "-o", str(home / "first")], check=False)
     whole = json.loads((home / "first" / "result.json").read_text())
     rng = np.random.default_rng(1)
     values = [(c["value"], c["sd"] or 0.0) for c in whole["coefficients"]]

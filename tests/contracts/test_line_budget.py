@@ -22,11 +22,7 @@ BUDGET = {
     "guard": 1_941,
     "infer": 3_612,
     "kernels": 5_150,
-<<<<<<< HEAD
     "logs": 7_125,
-=======
-    "logs": 7_075,
->>>>>>> main
     "models": 6_340,
     "navigate": 2_110,
     "plans": 6_028,
