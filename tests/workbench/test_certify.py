@@ -105,6 +105,14 @@ def test_what_lacks_is_asked_for_and_issued_and_replaced(bench: Bench) -> None:
             assert not records.audit()
 
 
+def test_the_day_of_issue_is_left_open(bench: Bench) -> None:
+    with client(bench) as browser:
+        page = browser.get("/certify/1").text
+    day = re.search(r'<input type="date" name="issued" value="([^"]*)"', page)
+    assert day is not None and day[1] == ""
+    assert re.search(r'<input type="date" name="performed" value="2025-03-14"', page)
+
+
 def test_what_is_not_kept_is_not_certified(bench: Bench, tmp_path: Path) -> None:
     done(bench, tmp_path, seed=9)
     with client(bench) as browser:

@@ -206,9 +206,8 @@ def lacking(
     result = load_result(folder)
     said = _known(over({"references": known or {}, "used": list(used)}, raw), folder, result,
                   performed)  # fmt: skip
-    said.setdefault("issued", "2000-01-01")
     try:
-        Said.model_validate(said)
+        Said.model_validate({"issued": "2000-01-01"} | said)  # the day on which it is made
     except ValidationError as problem:
         found = problem.errors()
     else:
