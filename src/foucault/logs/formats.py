@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout
 
 
+_BATCH_ROWS = 1 << 16
+"""Rows of a Parquet file at once: of the usual seven columns they stay in the cache."""
+
+
 def open_parquet(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a Parquet file; its top-level columns are the columns of the log."""
     from pyarrow import parquet
@@ -47,11 +51,11 @@ def open_parquet(path: Path, description: FileLayout, progress: Progress | None)
             claimed = 8.0 * total * len(names)
             not_a_bomb(claimed, path.stat().st_size)
             must_fit(path, claimed)
-            for batch in file.iter_batches(BLOCK_ROWS, columns=names):
+            for batch in file.iter_batches(_BATCH_ROWS, columns=names):
                 done += batch.num_rows
                 if progress:
                     progress(done / total)
-                yield np.column_stack([_floats(batch.column(f.name)) for f in wanted])
+                yield np.array([_floats(batch.column(f.name)) for f in wanted]).T
 
     def words(column: int) -> Iterator[list[str]]:
         name = schema.field(column).name

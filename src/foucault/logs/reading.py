@@ -11,7 +11,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Finding, FoucaultError, error
-from foucault.files import sha256
+from foucault.files import sha256, sha256_meanwhile
 from foucault.logs import checks
 from foucault.logs import checks as axes
 from foucault.logs import description as columns
@@ -80,10 +80,11 @@ def read(
         path = Path(folder) / name
         raw = open_raw(path, description, _part_of(progress, i, len(files)))
         used, blocks = complete(description, wanted, raw, path)
+        fingerprint = sha256_meanwhile(path)
         parts.append(_columns(used, blocks, raw, path))
         told += raw.findings
         names.append(path.name)
-        prints.append(sha256(path))
+        prints.append(fingerprint())
     sampled = raw.sampled if used is not description else None
     if description.join == "times" and len(parts) > 1:
         for i, name in enumerate(names):
@@ -219,48 +220,51 @@ def _columns(
     used: LogDescription, blocks: tuple[str, ...], raw: RawTable, path: Path
 ) -> dict[str, FloatArray]:
     """Read the blocks of one file, converted to SI as they come in."""
-    pieces: dict[str, list[FloatArray]] = {}
-    for part in converted(used, blocks, kept(raw, path), path):
+    data: dict[str, FloatArray] = {}
+    raw, count = kept(raw, path), 0
+    for part in converted(used, blocks, raw, path):
+        end = count + len(next(iter(part.values())))
+        if not data or end > len(next(iter(data.values()))):
+            # As many as the file seems to hold; pages that are never written are never taken.
+            room = int(1.1 * end / (raw.done() or 0.5)) + 1
+            for block, values in part.items():
+                larger = np.empty((room, *values.shape[1:]))
+                if count:
+                    larger[:count] = data[block][:count]
+                data[block] = larger
         for block, values in part.items():
-            pieces.setdefault(block, []).append(values)
-    data = {}
-    for block in list(pieces):  # each block's pieces are freed before the next is joined
-        data[block] = _concatenated(pieces.pop(block))
-    if not data or len(next(iter(data.values()))) == 0:
+            data[block][count:end] = values
+        count = end
+    if not count:
         raise error("log.empty", file=path.name)
-    return data
+    return {block: values[:count] for block, values in data.items()}
 
 
 def converted(
     used: LogDescription, blocks: tuple[str, ...], raw: RawTable, path: Path
 ) -> Iterator[dict[str, FloatArray]]:
-    """Yield the rows of one file piece by piece, in SI: time, gyro, accel, temperature."""
+    """Yield the rows of one file piece by piece, in SI: time, gyro, accel, temperature.
+
+    They may be views of one array that is made anew for each piece.
+    """
     picks = list(_picks(used, blocks, raw, path))
     numbers = [number for pick in picks for number in pick.numbers]
     for rows in raw.blocks(numbers):
         part, start = {}, 0
         for pick in picks:
             end = start + len(pick.numbers)
+            values = np.asarray(rows[:, start:end], float)
             with np.errstate(invalid="ignore", over="ignore"):  # found by `checks.finite`
-                values = (rows[:, start:end] - pick.zero) * pick.factor
+                if pick.zero.any():
+                    values = values - pick.zero
+                if (pick.factor != 1.0).any():
+                    values = values * pick.factor
             flat = pick.block not in TRIADS
             part[pick.block] = values[:, 0] if flat else values
             start = end
         if "position" in part:
             part["position"] = whole_numbers(part["position"], path)
         yield part
-
-
-def _concatenated(pieces: list[FloatArray]) -> FloatArray:
-    if not pieces:
-        return np.empty(0)
-    out = np.empty((sum(len(p) for p in pieces), *pieces[0].shape[1:]))
-    end = len(out)
-    while pieces:
-        piece = pieces.pop()
-        out[end - len(piece) : end] = piece
-        end -= len(piece)
-    return out
 
 
 def _picks(
@@ -440,8 +444,7 @@ def implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:
         each = log.interval if log.averaged is None else float(np.median(log.averaged))
         if log.gyro is not None and used.gyro is not None:
             ratio = np.abs(block.conversion()[1] / used.gyro.conversion()[1])
-            sizes = (log.gyro * ratio, log.accel / ratio)
-            found += checks.exchanged_triads(*sizes, STANDARD_GRAVITY)
+            found += checks.exchanged_triads(log.gyro, log.accel, ratio, STANDARD_GRAVITY)
         if not found:
             units = ", ".join(block.units)
             found += checks.accel_scale(log.accel, each, units, one, block.kind)
