@@ -11,10 +11,9 @@ import os
 import secrets
 import stat
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import Thread
 from typing import IO, Any
 
 from foucault.errors import FoucaultError, error
@@ -140,30 +139,6 @@ def sha256(path: str | Path) -> str:
         return hashlib.sha256("".join(lines).encode()).hexdigest()
     with Path(path).open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def sha256_meanwhile(path: str | Path) -> Callable[[], str]:
-    """Begin to compute the SHA-256 of a file; what is returned waits for it and returns it.
-
-    The thread holds nobody up: what fails meanwhile need not wait for a large file.
-    """
-    found: list[str | Exception] = []
-
-    def work() -> None:
-        try:
-            found.append(sha256(path))
-        except Exception as problem:
-            found.append(problem)
-
-    def result() -> str:
-        thread.join()
-        if isinstance(found[0], Exception):
-            raise found[0]
-        return found[0]
-
-    thread = Thread(target=work, daemon=True)
-    thread.start()
-    return result
 
 
 def _elsewhere(name: str, target: Path) -> bool:

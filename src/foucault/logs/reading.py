@@ -11,7 +11,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Finding, FoucaultError, error
-from foucault.files import sha256, sha256_meanwhile
+from foucault.files import sha256
 from foucault.logs import checks
 from foucault.logs import checks as axes
 from foucault.logs import description as columns
@@ -80,11 +80,10 @@ def read(
         path = Path(folder) / name
         raw = open_raw(path, description, _part_of(progress, i, len(files)))
         used, blocks = complete(description, wanted, raw, path)
-        fingerprint = sha256_meanwhile(path)
         parts.append(_columns(used, blocks, raw, path))
         told += raw.findings
         names.append(path.name)
-        prints.append(fingerprint())
+        prints.append(sha256(path))
     sampled = raw.sampled if used is not description else None
     if description.join == "times" and len(parts) > 1:
         for i, name in enumerate(names):
