@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -509,6 +509,47 @@ def by_serial(
                 pieces = held.pop(code)
                 yield runs.names[code], _log(pieces, runs.names[code], used, sampled, path)
         row += count
+
+
+@dataclass(frozen=True)
+class ManyLogs:
+    """The rows of a file with a column of serial numbers, instrument after instrument."""
+
+    names: list[str]  # serial numbers, in the order in which they first appear
+    first: IntArray  # (len(names) + 1,) first row of each, and the number of rows [1]
+    data: dict[str, FloatArray]  # blocks by name, each shape (n,) or (n, 3) [SI]
+    # ``i -> log`` of one of them, checked as `by_serial` does, or the reason why it is none
+    log: Callable[[int], Log | FoucaultError]
+
+
+def of_many(
+    description: LogDescription, folder: str | Path = ".", progress: Progress | None = None
+) -> ManyLogs:
+    """Read all instruments of a file at once, as `by_serial` reads one after the other.
+
+    Nothing is checked but by `ManyLogs.log`. `description`: file, columns and units, `serial` names
+    the column; `folder`: folder that a relative file name starts from; `progress` or None: called
+    with the fraction done, from 0 to 1.
+    """
+    from foucault.logs.description import complete
+
+    raw, path, runs = _opened(description, folder, progress)
+    ((_, wanted),) = description.files().items()
+    used, blocks = complete(description, wanted, raw, path)
+    sampled = raw.sampled if used is not description else None
+    data = _columns(used, blocks, raw, path)
+    rows = len(next(iter(data.values())))
+    code = np.repeat(runs.code, np.diff(runs.start, append=rows))
+    if len(runs.start) > len(runs.names):  # their rows are mixed
+        order = np.argsort(code, kind="stable")
+        data = {block: values[order] for block, values in data.items()}
+    first = np.concatenate(([0], np.cumsum(np.bincount(code, minlength=len(runs.names)))))
+
+    def log(i: int) -> Log | FoucaultError:
+        piece = {block: x[first[i] : first[i + 1]].copy() for block, x in data.items()}
+        return _log([piece], runs.names[i], used, sampled, path)
+
+    return ManyLogs(runs.names, first, data, log)
 
 
 def serials(description: LogDescription, folder: str | Path = ".") -> list[str]:

@@ -253,7 +253,8 @@ class Procedure(Generic[S, N]):
     write: Callable[..., None] = logs.write
     Master: type[BaseModel] | None = None  # [master]
     with_master: Callable[..., Any] | None = None  # log, description and folder -> log with it
-    streams: bool = False  # whether it takes a log on disk too
+    # description -> whether it takes a log of that kind on disk too
+    streams: Callable[[Any], bool] = lambda _: False
     # What further files of a log are: none, stretches of one session (nothing is needed of what
     # is between them), or recordings of their own, each with biases of its own.
     more: Literal["none", "stretches", "recordings"] = "none"
