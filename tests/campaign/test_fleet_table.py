@@ -94,7 +94,10 @@ def test_those_that_are_alike_are_never_read_alone(tmp_path, monkeypatch) -> Non
 def test_a_table_is_read_back_and_has_its_page(tmp_path) -> None:
     described = bench(tmp_path / "bench", 12, extra=DECLARED)
     spoil(tmp_path / "bench", less)
-    table = fleet.run(described, tmp_path / "out", table_only=True)
+    table = fleet.run(described, tmp_path / "out", table_only=True, workers=1)
+    fleet.run(described, tmp_path / "four", table_only=True, workers=4)
+    one, four = ((tmp_path / name / "fleet.parquet").read_bytes() for name in ("out", "four"))
+    assert one == four
     again, about = fleet.load(tmp_path / "out")
     assert again.counts() == table.counts() and about["instruments"] == 12
     np.testing.assert_array_equal(again.values, table.values)

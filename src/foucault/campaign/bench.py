@@ -37,8 +37,8 @@ Alone = Callable[[str, "Log | FoucaultError"], "Readings | FoucaultError"]
 class Arranged:
     """Instruments of a bench by number, those that can be solved and those that cannot."""
 
-    readings: dict[int, Readings] = field(default_factory=dict)
-    problems: dict[int, FoucaultError] = field(default_factory=dict)
+    readings: dict[int, Readings] = field(default_factory=dict)  # number -> readings [SI]
+    problems: dict[int, FoucaultError] = field(default_factory=dict)  # number [1] -> why none
 
 
 def arranged(many: ManyLogs, alone: Alone) -> Arranged:

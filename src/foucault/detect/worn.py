@@ -75,8 +75,8 @@ def rests(log: OnDisk, progress: Callable[[float], None] | None = None) -> Log:
     kept = _of_each_attitude(up, count)
     first, count = first[kept], count[kept]
     return Log(
-        start[first], None, means[kept], averaged=count * WINDOW, findings=follow.merged(found),
-        source=log.source, clock=log.clock,
+        start[first], None, means[kept], averaged=np.asarray(count * WINDOW, float),
+        findings=follow.merged(found), source=log.source, clock=log.clock,
     )  # fmt: skip
 
 
@@ -124,7 +124,7 @@ def _of_each_attitude(up: FloatArray, count: IntArray) -> IntArray:
     order = np.argsort(-count, kind="stable")  # the longest first
     _, cell = np.unique(np.round(up[order] / CELL), axis=0, return_inverse=True)
     taken = np.zeros(int(cell.max()) + 1, np.int64)
-    kept = []
+    kept: list[int] = []
     for i, c in zip(order.tolist(), np.ravel(cell).tolist(), strict=True):
         taken[c] += 1
         if taken[c] <= OF_A_CELL and len(kept) < MOST:
