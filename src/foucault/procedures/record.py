@@ -258,13 +258,9 @@ class Procedure(Generic[S, N]):
     write: Callable[..., None] = logs.write
     Master: type[BaseModel] | None = None  # [master]
     with_master: Callable[..., Any] | None = None  # log, description and folder -> log with it
-<<<<<<< HEAD
-    streams: bool = False  # whether it takes a log on disk too
-    by_rests: bool = False  # whether it goes by rests that can be said
-=======
     # description -> whether it takes a log of that kind on disk too
     streams: Callable[[Any], bool] = _held
->>>>>>> main
+    by_rests: bool = False  # whether it goes by rests that can be said
     # What further files of a log are: none, stretches of one session (nothing is needed of what
     # is between them), or recordings of their own, each with biases of its own.
     more: Literal["none", "stretches", "recordings"] = "none"
