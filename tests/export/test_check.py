@@ -157,6 +157,32 @@ def test_a_correction_in_the_inverse_direction(name: str, tmp_path: Path) -> Non
     assert {row.shown for row in direct} <= {line.key for line in got.lines if line.said}
 
 
+@pytest.mark.parametrize("name", ["kalibr", "openvins", "openvins-rpng"])
+def test_a_matrix_and_its_inverse_in_one_key(name: str, tmp_path: Path) -> None:
+    """Also where the frame turns with what is in it."""
+    right = small(name)
+    text = write(right, name, tmp_path / "out", noise=LOUD).read_text("utf-8")
+    tried = 0
+    for row in TABLE[name].rows:
+        form = row.of[0].partition(".")[2] if row.of else ""
+        if form not in ("matrix", "lower", "rotation", "upper", "upper_rotation"):
+            continue
+        x = np.array(found_in(TABLE[name], text)[row.key])
+        if np.array_equal(x, np.eye(3)):
+            continue
+        lines = [f"- [{', '.join(map(number, line))}]" for line in (*x, *np.linalg.inv(x))]
+        other = text
+        for was, is_ in zip(lines[:3], lines[3:], strict=True):
+            assert was in other
+            at = other.index(was, other.index(f"{row.key.rpartition('.')[2]}:"))
+            other = other[:at] + is_ + other[at + len(was) :]
+        got = checked(other, name, right, noise=LOUD)
+        said = {line.key: line.said for line in got.lines if line.said}
+        assert said == {row.key: "is the correction in the inverse direction"}
+        tried += 1
+    assert tried >= 3
+
+
 @pytest.mark.parametrize(
     ("name", "factor", "words"),
     [("px4", 180 / np.pi, "is in degrees, not in radians"),
