@@ -18,7 +18,7 @@ BUDGET = {
     "detect": 4_608,
     "diagnose": 11_945,
     "estimate": 8_085,
-    "export": 3_745,
+    "export": 3_758,
     "guard": 1_941,
     "infer": 3_612,
     "kernels": 5_150,

@@ -15,7 +15,7 @@ from commands import run
 from foucault.errors import FoucaultError
 from foucault.export import write
 from foucault.export.check import Checked, checked, recognised
-from foucault.export.densities import Densities
+from foucault.export.densities import Densities, of_allan_run
 from foucault.export.request import number
 from foucault.export.table import Row, found_in, numbers_of, receivers
 from foucault.result import Result
@@ -419,6 +419,14 @@ def test_a_file_says_what_the_allan_run_knows_besides(tmp_path: Path) -> None:
     for q in said.groups():  # of a rounded angle
         assert float(q) == pytest.approx(step / 12**0.5, rel=0.05)
     assert "The Allan run warned: The instrument is shaken in 9 % of the log." in text
+    for damage in (lambda d: d["findings"].append(3), lambda d: d["pairs"]["gyro"].pop("walk"),
+                   lambda d: d["pairs"]["accel"].update(white="much"),
+                   lambda d: d["channels"]["gyro.x"].update(interval=0)):  # fmt: skip
+        other = json.loads((tmp_path / "noise/allan.json").read_text())
+        damage(other)
+        (tmp_path / "allan.json").write_text(json.dumps(other))
+        with refuses("export.allan_run"):
+            of_allan_run(tmp_path / "allan.json")
 
 
 def test_the_command_names_any_sensor(tmp_path: Path) -> None:
