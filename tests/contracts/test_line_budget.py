@@ -18,7 +18,7 @@ BUDGET = {
     "detect": 4_740,
     "diagnose": 11_966,
     "estimate": 8_085,
-    "export": 3_711,
+    "export": 3_758,
     "guard": 1_941,
     "infer": 3_612,
     "kernels": 5_150,
