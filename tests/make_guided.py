@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from foucault import campaign
 from foucault.arrays import FloatArray
+from foucault.capture import ways
 from foucault.capture.guide import Guide
 from foucault.capture.step import Step, turn_time
+from foucault.logs.description import LogDescription
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
-from foucault.models.noise import ImuNoise
+from foucault.models.noise import ImuNoise, grade
 from foucault.models.rotation import aligning, exp, log
 from foucault.plans.directions import RestPlan
-from foucault.simulate.hand_rotated import simulate
+from foucault.simulate.hand_rotated import draw_errors, simulate
 from foucault.tables import Log
+from make_live import frames
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -91,3 +96,57 @@ def session(guide: Guide, operator: Operator, most: int = 60, begin: float = 1.0
         guide.add(operator.obey(guide.step, None))
         moves += 1
     return moves
+
+
+CAMPAIGN = """\
+[instrument]
+name = "bench IMU"
+left_out = false
+[site]
+latitude = "48.85 deg"
+height = "60 m"
+[log]
+file = "log.csv"
+time = { column = "t", unit = "s" }
+accel = { columns = ["ax", "ay", "az"], unit = "m/s^2" }
+[procedure]
+name = "hand_rotated"
+[noise]
+accel = { white = "120 ug/sqrt(Hz)" }
+gyro = { white = "0.3 deg/sqrt(h)" }
+"""
+"""A campaign of a MEMS whose noise is known."""
+
+
+def written(path: Path, want: dict[str, str], hold: float = 5.0, seed: int = 6) -> int:
+    """Write the bytes of a session that was guided, and return how many rests it had.
+
+    Whoever reads them from the start asks for the same, and so is obeyed; one rest is of another
+    side, and one is ended too early.
+    """
+    told = campaign.parse(CAMPAIGN, path.parent / "campaign.toml")
+    asked = ways.Asked(told, hold, want)
+    used = LogDescription.model_validate({
+        "file": "live", "time": {"column": 0, "unit": "us"},
+        "accel": {"columns": [2, 3, 4], "unit": "m/s^2"},
+        "gyro": {"columns": [5, 6, 7], "unit": "rad/s"},
+    })  # fmt: skip
+    guide = ways.guide_of(asked, used)
+    hands = Operator(draw_errors("mems", seed), grade("mems").noise, told.site,
+                     np.random.default_rng(seed))  # fmt: skip
+    parts = [hands.rest(2 * hold + 2)]
+    guide.add(parts[0])
+    while guide.step is not None and len(parts) < 30:
+        step = guide.step
+        if len(parts) == 4:
+            parts.append(hands.move(aligning(-step.up, UP), step.seconds + 1.5))
+        elif len(parts) == 6:
+            parts.append(hands.move(hands.C_nb @ exp(step.rotation), 0.55 * step.seconds))
+            guide.add(parts[-1])
+            parts.append(hands.move(np.eye(3), step.seconds + 1.5))
+        else:
+            parts.append(hands.obey(step, None))
+        for k in range(0, len(parts[-1]), 25):
+            guide.add(parts[-1][k : k + 25])
+    path.write_bytes(b"".join(b"".join(frames(part)) for part in parts))
+    return guide.rests

@@ -12,7 +12,7 @@ from that.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -34,6 +34,15 @@ SHARP = 8.0
 
 BESIDE = 5.0
 """Time that every step takes beside turn and rest: it is read, and the instrument settles [s]."""
+
+BESIDES = 3.0
+"""What is not wanted is to be known to so many times what is usual, before a solution [1]."""
+
+GAINS = 0.9
+"""A ratio of sds above it is not what a step is for [1]."""
+
+LONGER = 4
+"""Of so many of the best steps it is tried whether to rest twice as long [1]."""
 
 OTHER = np.radians(25.0)
 """A rest that is farther from what was asked is another one [rad]."""
@@ -62,6 +71,7 @@ class Way(Protocol):
     """What of a guide depends on the procedure."""
 
     wanted: Wanted
+    gyro: bool
 
     def first_step(self) -> Step:
         """Return what to begin with."""
@@ -230,14 +240,25 @@ class Guide:
             self.stopped = "verdict"
         if self.stopped:
             self.step = None
+        else:
+            self._mistake("refused", len(log) - 1, reason=self.result.verdict.reasons[0])
 
     def cost(self, sd: FloatArray) -> FloatArray:
         """Return how far `sd` (..., p) are from what is wanted, the worst first [1]."""
-        wanted = self.way.wanted
-        counts = np.isfinite(wanted.sd) & [n not in self.floored for n in wanted.names]
-        ratio = np.asarray(sd)[..., counts] / wanted.sd[counts]
+        wanted, limit = self.way.wanted, self._limit
+        counts = np.isfinite(limit) & [n not in self.floored for n in wanted.names]
+        ratio = np.asarray(sd)[..., counts] / limit[counts]
         most = ratio.max(axis=-1, keepdims=True, initial=1e-300)
-        return np.log(most[..., 0]) + np.log(np.sum((ratio / most) ** SHARP, axis=-1)) / SHARP
+        sharp = np.log(np.sum((ratio / most) ** SHARP, axis=-1)) / SHARP
+        return np.asarray(np.log(most[..., 0]) + sharp)
+
+    @property
+    def _limit(self) -> FloatArray:
+        """What is wanted, shape (p,); before a solution of everything, for that takes all [SI]."""
+        wanted = self.way.wanted
+        if self.reached is None or self.reached.solved:
+            return wanted.sd
+        return np.where(np.isfinite(wanted.sd), wanted.sd, BESIDES * wanted.typical)
 
     def _choose(self) -> None:
         reached = self.reached
@@ -245,19 +266,32 @@ class Guide:
         steps = self.way.candidates(reached)
         if not steps:
             return
+        after, gain = self._gain(reached, steps)
+        best = np.argsort(-gain)[:LONGER]
+        twice = [replace(steps[k], seconds=2 * steps[k].seconds) for k in best]
+        more, gain_of_more = self._gain(reached, twice)
+        steps, after = [*steps, *twice], np.append(after, more, 0)
+        k = int(np.argmax(np.append(gain, gain_of_more)))
+        self.step, self.expected = steps[k], after[k]
+        self.why = self._why(after[k] / reached.sd)
+
+    def _why(self, ratio: FloatArray) -> Why:
+        """Say what gains by a step: the worst, else what gains most of all that lack."""
+        assert self.reached is not None
+        names = self.way.wanted.names
+        need = self.reached.sd / self._limit
+        need[[n in self.floored for n in names]] = 0.0
+        best = int(np.argmax(need))
+        for some in (need > 0.7 * need.max(), need > 1.0, need > 0.0):
+            if ratio[best] > GAINS and some.any():
+                best = int(np.argmin(np.where(some, ratio, np.inf)))
+        return Why(names[best], float(ratio[best]))
+
+    def _gain(self, reached: Reached, steps: list[Step]) -> tuple[FloatArray, FloatArray]:
+        """Return the sds after each of `steps`, and what that gains for the time it takes."""
         after = self.way.after(reached, steps)
         times = np.array([s.seconds + s.turn_time + BESIDE for s in steps])
-        gain = (self.cost(reached.sd) - self.cost(after)) / times
-        k = int(np.argmax(gain))
-        self.step, self.expected = steps[k], after[k]
-        ratio = after[k] / reached.sd
-        wanted = self.way.wanted
-        need = np.where(self.open_(), reached.sd / wanted.sd, 0.0)
-        worst = int(np.argmax(need))
-        if ratio[worst] > 0.9:  # it is made of many: say which of those that lack gains most
-            lacking = np.where(need > 0.7 * need.max(), ratio, np.inf)
-            worst = int(np.argmin(lacking))
-        self.why = Why(wanted.names[worst], float(ratio[worst]))
+        return after, (self.cost(reached.sd) - self.cost(after)) / times
 
     # -- mistakes ----------------------------------------------------------------------------
 
@@ -297,10 +331,19 @@ class Guide:
             C, *_ = integrate_turns(t, w, np.zeros_like(w), none, *ends, False)
             angle.append(C[0])
         apart = float(np.linalg.norm(log_of(angle[0].T @ angle[1])))
-        sd = self.found.quiet.get("gyro", 0.0) * float(np.sqrt(3 * (last - first))) * self.found.interval
+        sd = (
+            self.found.quiet.get("gyro", 0.0)
+            * float(np.sqrt(3 * (last - first)))
+            * self.found.interval
+        )
         if apart > COARSE * sd and apart > 4 * TOO_COARSE:
             rate = float(np.degrees(np.linalg.norm(gyro, axis=1).max()))
             self._mistake("fast", first, rate=rate, hz=1.0 / self.found.interval)
+
+    @property
+    def done(self) -> tuple[int, int] | None:
+        """How much of a list is done, and how much it has; None where there is no list [1]."""
+        return getattr(self.way, "done", None)
 
     def findings(self) -> tuple[Finding, ...]:
         """Return what looks wrong in the readings so far."""

@@ -20,7 +20,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.detect.coverage import named_directions
 from foucault.detect.stretches import Rests
 from foucault.errors import FoucaultError
-from foucault.estimate.hand_rotated import RestsAndTurns, first_guess, reckoned
+from foucault.estimate.hand_rotated import first_guess, reckoned
 from foucault.infer import mixed
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
@@ -57,8 +57,9 @@ class ByHand:
 
     given: Given[Any]
     wanted: Wanted
-    hold: float  # time to rest; twice as long is tried too [s]
+    hold: float  # time to rest [s]
     gyro: bool = True
+
     @cached_property
     def prior(self) -> CoefficientVector:
         """What is known beforehand, as wide as instruments differ where nothing is."""
@@ -118,11 +119,11 @@ class ByHand:
                 C = exp((heading + h) * UP) @ _upright(up)
                 turn = rotation_vector(C_nb[-1].T @ C)
                 if np.linalg.norm(turn) > NEAR:
-                    out += [Step("rest", up, k * self.hold, C, turn) for k in (1, 2)]
+                    out.append(Step("rest", up, self.hold, C, turn))
         if self.gyro:  # once round where it lies, either way: the way there may have wound a cable
             up = C_nb[-1].T @ UP
-            for sign in (1.0, -1.0):
-                out.append(Step("turn", up, self.hold, C_nb[-1], sign * 2 * np.pi * up))
+            out += [Step("turn", up, self.hold, C_nb[-1], sign * 2 * np.pi * up)
+                    for sign in (1.0, -1.0)]  # fmt: skip
         return out
 
     def after(self, reached: Reached, steps: list[Step]) -> FloatArray:
@@ -160,7 +161,8 @@ class ByHand:
         tied = [(s.name, mixed.size_of(s, reached.sds), s.shared.shape[2])
                 for s in shared if s.shared is not None]  # fmt: skip
         own = [s for s in at.sources if not _is_place(s)]
-        B = [size * s.shared for s, (_, size, _) in zip(shared, tied, strict=True)]
+        B = [size * s.shared for s, (_, size, _) in zip(shared, tied, strict=True)
+             if s.shared is not None]  # fmt: skip
         both = np.concatenate([at.jacobian, *B], axis=2)
         white = mixed.Covariance(own, reached.sds, (n, d), np.ones(n)).whiten(both)
         t = white.shape[1] - m
@@ -218,7 +220,9 @@ class ByHand:
         What is left out counts: what this does not lower, no rest does. Arguments as of `reached`.
         """
         C = reached.C_nb[-1]
-        turned = ((up, C_n := _upright(up), rotation_vector(C.T @ C_n)) for up in named_directions())
+        turned = (
+            (up, C_n := _upright(up), rotation_vector(C.T @ C_n)) for up in named_directions()
+        )
         steps = [Step("rest", up, 2 * self.hold, C_n, turn) for up, C_n, turn in turned]
         plan = out_and_back(C, steps)
         drawn = simulate(plan, model=reached.state.model, noise=ImuNoise(), site=self.given.site,
@@ -266,4 +270,3 @@ def out_and_back(C_nb: FloatArray, steps: list[Step]) -> RestPlan:
     rotation = np.array(turns)
     seconds = np.full(len(attitudes), steps[0].seconds)
     return RestPlan(np.array(attitudes), seconds, turn_time(rotation), rotation)
-

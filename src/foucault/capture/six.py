@@ -34,7 +34,7 @@ class OnSix:
 
     given: Given[Any]
     wanted: Wanted
-    hold: float  # time to rest; twice as long is tried too [s]
+    hold: float  # time to rest [s]
     gyro: bool = True
 
     @cached_property
@@ -88,8 +88,12 @@ class OnSix:
 
     def candidates(self, reached: Reached) -> list[Step]:
         """Return what could be done next."""
-        faces = [sign * EYE[axis] for axis, sign in SIX]
-        return [Step("rest", up, k * self.hold, None) for up in faces for k in (1, 2)]
+        # Two opposite faces show what neither shows alone: what is best by one step is not enough.
+        r = reached.model.scene.rests
+        seen = {(int(a), int(s)) for a, s in zip(r.axis, r.sign, strict=True)}
+        left = [face for face in SIX if face not in seen] or SIX
+        faces = [sign * EYE[axis] for axis, sign in left]
+        return [Step("rest", up, self.hold) for up in faces]
 
     def after(self, reached: Reached, steps: list[Step]) -> FloatArray:
         """Return the sd of every coefficient after each of `steps`, shape (k, p) [SI]."""
@@ -124,4 +128,3 @@ class OnSix:
         again = on_faces.again(model, log)
         fit, judged = left_out.planned(model, own, self.given.sizes, site, again, reached.sds)
         return Reached.of_fit(fit, judged, model, own, EYE[None])
-

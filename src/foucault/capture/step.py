@@ -13,8 +13,8 @@ from foucault.arrays import FloatArray
 from foucault.campaign.tables import kind_of_group
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error, suggestion
-from foucault.infer.left_out import Judgement
 from foucault.infer import mixed
+from foucault.infer.left_out import Judgement
 from foucault.infer.mixed import Fit, Linearisation, Model, budget
 from foucault.models.noise import grade
 from foucault.procedures.record import Prior

@@ -1,8 +1,8 @@
-"""Which way a session is guided: by hand, on six faces, through a list; and what is wanted of it."""
+"""Which way a session is guided, and what is wanted of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +25,7 @@ from foucault.tables import Log
 GUIDED = ("hand_rotated", "six_position")
 """Procedures whose sessions are guided."""
 
-HOLD = 6.0
+HOLD = 7.0
 """Time to rest, where nothing is said [s]."""
 
 
@@ -36,6 +36,17 @@ class Asked:
     campaign: Campaign
     hold: float = HOLD  # [s]
     want: Mapping[str, str] | None = None  # coefficient or group -> uncertainty with its unit
+
+
+def wants(texts: Sequence[str]) -> dict[str, str]:
+    """Return what is wanted as ``--want`` has it: coefficient or group -> uncertainty."""
+    out = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (equals and name and value):
+            raise error("guide.want", given=text)
+        out[name] = value
+    return out
 
 
 def beforehand(campaign: Campaign) -> Beforehand[Any, Any]:
