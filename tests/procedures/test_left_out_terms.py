@@ -140,7 +140,7 @@ def test_faces_carry_what_no_turn_about_one_rate_can_show() -> None:
     rows = result.diagnostics["left_out"]
     assert rows["gyro.cubic"]["needed"] is None and rows["gyro.cubic"]["dof"] == 0
     told = next(c for c in result.checks if c.name == "terms not shown")
-    assert "cubic terms of the gyros (60 ppb/(deg/s)^2)" in told.sentence
+    assert "cubic terms of the gyros (60 ppb/(deg/s)^2): a second rate" in told.sentence
     fine = replace(sim.log, gyro=sim.log.gyro + 10 * SIZES["gyro.g_sensitivity"][0] * sim.log.accel)
     named = ferraris.PROCEDURE.trial(fine, site=SITE, settings=SQUARE, sizes=SIZES).diagnostics[
         "named"

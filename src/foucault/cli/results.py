@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -256,6 +257,7 @@ def merge(
 @command(
     "foucault init hand_rotated -o campaign.toml",
     "foucault init hand_rotated --part ICM-20948 -o campaign.toml",
+    'foucault init ferraris --grade "tactical MEMS" -o campaign.toml',
     "foucault init --log session.csv -o campaign.toml",
 )
 def init(
@@ -273,6 +275,10 @@ def init(
         str | None,
         typer.Option(help="Instrument whose data sheet gives the noise; see `foucault parts`."),
     ] = None,
+    grade: Annotated[
+        str | None,
+        typer.Option(help='Its class, such as "tactical MEMS", for what is not estimated.'),
+    ] = None,
     log: Annotated[
         list[Path] | None,
         typer.Option(help="A log to describe; may be repeated for accelerometers and gyros."),
@@ -285,14 +291,17 @@ def init(
     from foucault.files import write_text
 
     screen: Screen = ctx.obj
-    if (procedure is None) == (log is None) or (log and part):
+    if (procedure is None) == (log is None) or (log and (part or grade)):
         raise error("recognise.init")
     if output is not None and output.exists():
         raise error("output.exists", path=output)
     run = f"foucault calibrate {output} -o run"
     if procedure is not None:
         options.refuse_beside(place, taken)
-        text, next_ = campaign.template(procedure, part), f"Fill it in, then run: {run}"
+        asks = part is None and grade is None and output is not None and not screen.json
+        if asks and sys.stdin.isatty() and sys.stdout.isatty():
+            part, grade = _asked()
+        text, next_ = campaign.template(procedure, part, grade), f"Fill it in, then run: {run}"
     else:
         told = screen if output is not None else Screen(quiet=True)  # its campaign says it too
         held = recognised(told, log or (), place, taken)
@@ -306,6 +315,18 @@ def init(
     write_text(output, text)
     screen.say(f"Wrote {output}. {next_}")
     screen.data({"campaign": str(output)})
+
+
+def _asked() -> tuple[str | None, str | None]:
+    """Ask once what the instrument is: a part whose data sheet is known, or its class."""
+    from foucault.models import left_out, parts
+
+    classes = left_out.table().grades
+    question = f"Part (see `foucault parts`) or class ({', '.join(classes)}); Enter: by its noise"
+    given = typer.prompt(question, default="", show_default=False).strip()
+    if not given:
+        return None, None
+    return (None, given) if given in classes else (parts.part(given).name, None)
 
 
 @command("foucault schema > campaign.schema.json", "foucault schema --result > result.schema.json")

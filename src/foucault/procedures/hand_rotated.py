@@ -272,6 +272,7 @@ PROCEDURE = Procedure(
     solve=_solve,
     simulation=simulate_drawn,
     observe=lambda log, given: _model(*_reduced(log, given), given),
+    by_hand=True,
     again=lambda model, *_: _again(model),
     additions=_additions,
     names=lambda settings, _: settings.estimated(),
