@@ -22,7 +22,7 @@ BUDGET = {
     "guard": 1_941,
     "infer": 3_612,
     "kernels": 5_150,
-    "logs": 7_239,
+    "logs": 7_242,
     "models": 6_340,
     "navigate": 2_110,
     "plans": 6_028,
