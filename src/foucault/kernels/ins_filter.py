@@ -278,41 +278,42 @@ def ins_filter(
     total = age = 0.0  # of all rows, whichever the run takes: a drift is that of the session
     for j in range(dt.size if most > 42 else 0):
         total += dt[j]
-        age += dt[j] if j <= first else 0.0
+        age += dt[j] if j < first else 0.0
     total = total if total > 0.0 else 1.0
-    if most > 36:
-        changes(dtheta, dvel, dt, left, right, first, age - dt[first], total, s)
-    compensated(dtheta[first], dvel[first], dt[first], used, matrix, most, w, s, before)
     i = first
     for k in range(m):
         errors_of(coefficient, axis, weight, which, estimate, matrix)
         begin(wide, slot)
         T = 0.0
-        if i < epochs[k]:  # with the coefficients as they are now
-            if most > 36:
-                changes(dtheta, dvel, dt, left, right, i + 1, age, total, s)
-            compensated(dtheta[i + 1], dvel[i + 1], dt[i + 1], used, matrix, most, w, s, u)
-        while i < epochs[k]:
-            i += 1
-            age += dt[i]
-            if i + 1 < dt.size:
+        # Row j is read, then row j - 1 between its neighbours is gone through. In one place, as
+        # each place is compiled: hence the row before the first, and the next once more, with the
+        # coefficients as they are now.
+        start = first if k == 0 else i + 1
+        for j in range(start, epochs[k] + 2):
+            if j > start:
+                age += dt[j - 1]
+            if j < dt.size:
                 if most > 36:
-                    changes(dtheta, dvel, dt, left, right, i + 1, age, total, later)
-                compensated(
-                    dtheta[i + 1], dvel[i + 1], dt[i + 1], used, matrix, most, w, later, after
-                )
-            for c in range(6):
-                bend[c] = left[i] * before[c] if left[i] != 0.0 else 0.0
-                bend[c] += right[i] * after[c] if right[i] != 0.0 else 0.0
-            q0, q1, q2, q3 = x[0], x[1], x[2], x[3]
-            step(x, u, bend, dt[i], g_offset, held, mid)
-            middle(q0, q1, q2, q3, x, C)
-            excite(wide, s, dt[i], 3 + gyros, n - 3 - gyros, place, entry, weight)
-            carry(wide, 3 + gyros, n - 3 - gyros, C, dt[i], mid)
-            if held:
-                hold(wide, slot, mid[9], x[4], x[5])
-            T += dt[i]
-            before, u, after = u, after, before
+                    changes(dtheta, dvel, dt, left, right, j, age, total, later)
+                compensated(dtheta[j], dvel[j], dt[j], used, matrix, most, w, later, after)
+            if j == first:
+                before, after = after, before
+                continue
+            if j > i + 1:
+                i += 1
+                for c in range(6):
+                    bend[c] = left[i] * before[c] if left[i] != 0.0 else 0.0
+                    bend[c] += right[i] * after[c] if right[i] != 0.0 else 0.0
+                q0, q1, q2, q3 = x[0], x[1], x[2], x[3]
+                step(x, u, bend, dt[i], g_offset, held, mid)
+                middle(q0, q1, q2, q3, x, C)
+                excite(wide, s, dt[i], 3 + gyros, n - 3 - gyros, place, entry, weight)
+                carry(wide, 3 + gyros, n - 3 - gyros, C, dt[i], mid)
+                if held:
+                    hold(wide, slot, mid[9], x[4], x[5])
+                T += dt[i]
+                before, u = u, before
+            u, after = after, u
             s, later = later, s
         gather(wide, slot, Phi)
         for j in range(p):
