@@ -359,6 +359,6 @@ def test_forty_columns_do_not_fill_the_screen(c, tmp_path):
     head = ",".join(["t (s)", *(f"speed {k} (m/s)" for k in range(40))])
     noise = np.random.default_rng(3).normal(size=(len(c.t), 40))
     (tmp_path / "a.csv").write_text(make.text(head, [c.t, noise], ["%.6f"] * 41))
-    with refuses("recognise.no_triad", match="speed 3 .m/s. and 36 more; no three") as caught:
+    with refuses("recognise.no_triad", match="speed 3 .m/s. and 36 more. No three") as caught:
         recognise([tmp_path / "a.csv"])
     assert len(f"{caught.value.message} {caught.value.cure}".split()) <= 60
