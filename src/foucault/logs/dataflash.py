@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +28,7 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, finding
 from foucault.logs.formats import Columns, beside_each_other, declared_frd, topic_of_messages
-from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, must_fit
+from foucault.logs.raw import Progress, RawTable, in_blocks, must_fit
 
 if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout
@@ -82,17 +82,9 @@ def open_dataflash(path: Path, description: FileLayout, progress: Progress | Non
     undone = sure and bool(own)
     if undone:
         columns = _put_back(columns, own)
-    names, rows = tuple(columns), len(columns["time"])
-
-    def blocks(some: Sequence[int]) -> Iterator[FloatArray]:
-        for start in range(0, rows, BLOCK_ROWS):
-            if progress:
-                progress(min(1.0, (start + BLOCK_ROWS) / rows))
-            yield np.column_stack([columns[names[c]][start : start + BLOCK_ROWS] for c in some])
-
     return RawTable(
-        names, True, blocks, findings=_told(own, undone, topic, path),
-        declared=declared_frd(columns), sampled="rate",
+        tuple(columns), True, in_blocks(columns, progress),
+        findings=_told(own, undone, topic, path), declared=declared_frd(columns), sampled="rate",
     )  # fmt: skip
 
 
