@@ -22,7 +22,7 @@ BUDGET = {
     "guard": 1_941,
     "infer": 3_612,
     "kernels": 5_170,
-    "logs": 7_262,
+    "logs": 7_265,
     "models": 6_356,
     "navigate": 2_110,
     "plans": 6_028,
