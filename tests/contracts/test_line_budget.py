@@ -23,7 +23,7 @@ BUDGET = {
     "infer": 3_612,
     "kernels": 5_170,
     "logs": 7_265,
-    "models": 6_356,
+    "models": 6_359,
     "navigate": 2_110,
     "plans": 6_028,
     "procedures": 19_600,

@@ -180,7 +180,10 @@ def predict(
 
 
 def misfit(session: Session, state: Attitudes, turns: tuple[Log, IntArray, IntArray]) -> FloatArray:
-    """Return the residuals of `predict` alone, shape (k, 3) [SI]; `turns`: of the session."""
+    """Return the residuals of `predict` alone, shape (k, 3) [SI].
+
+    `turns`: log of the session's turns, and first and last sample of each, (n - 1,) [1].
+    """
     model, C_nb = state.model, state.C_nb
     f = session.site.gravity * C_nb[:, 2, :]
     w = np.einsum("nji,j->ni", C_nb, session.earth)
