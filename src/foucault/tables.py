@@ -278,6 +278,8 @@ class Log(Shown):
         Rows with which further recordings begin, where files recorded one by one were joined [1].
     mag : ndarray, shape (n, 3), or None
         Magnetic field along the axes of the magnetometer [T].
+    rests : tuple of (float, float), or None
+        Times of the first and the last sample of each rest, where somebody has said them [s].
     """
 
     time: FloatArray
@@ -292,6 +294,7 @@ class Log(Shown):
     clock: Clock = Clock()
     begins: tuple[int, ...] = ()
     mag: FloatArray | None = None
+    rests: tuple[tuple[float, float], ...] | None = None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -327,6 +330,12 @@ class Log(Shown):
             averaged=None if self.averaged is None else self.averaged[rows],
         )
 
+    def from_start(self) -> tuple[Log, float]:
+        """Return the log with its time counted from its first sample, and that time [s]."""
+        start = float(self.time[0])
+        said = self.rests and tuple((a - start, b - start) for a, b in self.rests)
+        return replace(self, time=self.time - start, rests=said), start
+
     def recordings(self) -> list[tuple[int, Log]]:
         """Return each recording and its first row [1]."""
         edges = [0, *self.begins, len(self)]
@@ -341,7 +350,11 @@ class Log(Shown):
             Which instrument.
         """
         block = getattr(self, triad)
-        return () if block is None else tuple(np.flatnonzero(~np.isnan(block).all(axis=0)).tolist())
+        if block is None:
+            return ()
+        absent = np.isnan(block[:1]).all(axis=0)  # that of a log is the whole column
+        absent[absent] = np.isnan(block[:, absent]).all(axis=0)
+        return tuple(np.flatnonzero(~absent).tolist())
 
     def filled(self) -> Log:
         """Return the log with zeros for the axes that were not logged."""

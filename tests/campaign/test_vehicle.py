@@ -16,11 +16,12 @@ from foucault import procedures
 from foucault.cli import app
 from foucault.diagnose.mounted import tie
 from foucault.errors import FoucaultError
+from foucault.export.table import found_in, receivers
 from foucault.models.rotation import log as rotation_vector
 from foucault.recognise.reading import recognise
 from foucault.run_folder import load_result
 from make_session import SITE
-from make_vehicle import bag_file, bin_file, imus, tlog_file, ulg_file
+from make_vehicle import TO_FRD, bag_file, bin_file, imus, tlog_file, ulg_file
 
 PLACE = ["--latitude", "48.8462 deg", "--height", "60 m"]
 
@@ -78,6 +79,28 @@ def test_ardupilot(tmp_path: Path) -> None:
 
 
 @pytest.mark.thorough
+def test_what_goes_back_to_the_autopilot_is_that_of_its_sensor(tmp_path: Path) -> None:
+    """The log is less offsets that the autopilot had; what is exported takes their place."""
+    logs, models, _ = flown()
+    bin_file(tmp_path / "flight.bin", logs, own=True)
+    done = run("calibrate", tmp_path / "flight.bin", "-o", tmp_path / "runs", *PLACE)
+    assert done.exit_code in (0, 3), done.output
+    result = load_result(tmp_path / "runs/IMU_1")
+    lost = [w for n in ("accel.misalignment", "gyro.scale", "gyro.misalignment")
+            for w in ("--drop", n)]  # fmt: skip
+    done = run("export", tmp_path / "runs/IMU_1", "--to", "ardupilot", "-o", tmp_path / "p", *lost)
+    assert done.exit_code == 0, done.stderr
+    x = found_in(receivers()["ardupilot"].of_slot(1), (tmp_path / "p").read_text())
+    model, sd = models[1], dict(zip(result.coefficients.names, result.coefficients.sd, strict=True))
+    scale = 1 / np.diag(model.accel_matrix)
+    for key, want, of in (("ACC2OFFS", TO_FRD @ model.accel_bias, "accel.bias"),
+                          ("ACC2SCAL", np.abs(TO_FRD) @ scale, "accel.scale"),
+                          ("GYR2OFFS", TO_FRD @ model.gyro_bias, "gyro.bias")):  # fmt: skip
+        got = [x[f"INS_{key}_{axis}"] for axis in "XYZ"]
+        assert np.abs(got - want).max() < 5 * max(sd[f"{of}.{axis}"] for axis in "xyz"), key
+
+
+@pytest.mark.thorough
 def test_px4(tmp_path: Path) -> None:
     ulg_file(tmp_path / "flight.ulg", flown()[0])
     told(tmp_path / "flight.ulg", tmp_path / "runs", ["vehicle_imu/0", "vehicle_imu/1"])
@@ -119,6 +142,8 @@ def test_of_one_instrument_nothing_is_asked(tmp_path: Path) -> None:
     logs = flown()[0]
     bin_file(tmp_path / "flight.bin", logs[:1], single=True)
     assert recognise([tmp_path / "flight.bin"]).log["topic"] == "IMU/0"
+    keep = {"own_calibration": "keep"}  # what is said counts where a file describes itself too
+    assert recognise([tmp_path / "flight.bin"], keep).log["own_calibration"] == "keep"
     bin_file(tmp_path / "flight.bin", logs)
     with pytest.raises(FoucaultError) as caught:
         recognise([tmp_path / "flight.bin"])

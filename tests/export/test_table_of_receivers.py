@@ -361,3 +361,75 @@ def test_the_table_is_whole() -> None:
             assert row.kind in KINDS
             assert row.key or row.line
             assert row.one > 0
+
+
+# -- what was not calibrated ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [n for n, r in TABLE.items() if r.apart])
+def test_what_was_not_calibrated_stays_as_the_stack_has_it(name: str, tmp_path: Path) -> None:
+    """An offset of zero would take the place of one that is right."""
+    own, result = TABLE[name], with_terms("accel.bias", "accel.scale")
+    whole = write(result, name, tmp_path / "a").read_text()
+    assert "NOT CALIBRATED, left out, the receiver keeps what it has: gyro.bias." in whole
+    assert not [key for key in found_in(own, whole) if "GYR" in key]
+    c = result.coefficients  # y of the body is x forward-right-down
+    two = replace(result, coefficients=c.chosen([n for n in c.names if not n.endswith(".y")]))
+    text = write(two, name, tmp_path / "b").read_text()
+    assert "has: accel.bias.y, accel.scale.y, gyro.bias." in text
+    held = found_in(own, whole)
+    left = {key: x for key, x in held.items() if not re.search(r"_XOFF|_XSCALE|OFFS_X|SCAL_X", key)}
+    assert found_in(own, text) == left
+    for other in (result, two):  # and a file that leaves something out is right
+        for run in (other, None):
+            got = checked(text if other is two else whole, None, run)
+            assert (got.receiver.name, got.findings) == (name, ())
+            assert {line.said for line in got.lines} == {""}
+    gyro = write(with_terms("gyro.bias"), name, tmp_path / "c").read_text()
+    assert checked(gyro).receiver.name == name
+    with refuses("export.nothing", "gyro.bias, and none of it is calibrated"):
+        write(with_terms("gyro.scale"), name, tmp_path / "d", drop=["gyro.scale"])
+
+
+def test_an_sd_that_is_not_known_is_not_zero(tmp_path: Path) -> None:
+    """Zero would say that the bias is known exactly (KF-GINS), or has no state (pyins)."""
+    result = with_terms("accel.bias", "accel.scale")
+    text = write(result, "kf-gins", tmp_path / "a", noise=LOUD).read_text()
+    found = found_in(TABLE["kf-gins"], text)
+    assert "initbastd" in found and "initbgstd" not in found
+    assert "# initbgstd: not known" in text and "# gsstd: not known" in text
+    assert "NOT CALIBRATED, written as no error: gyro.bias, gyro.scale." in text
+    code = write(result, "pyins", tmp_path / "b", noise=LOUD).read_text()
+    assert "\ngyro_bias_sd = None" in code and "\naccel_bias_sd = [" in code
+    compile(code, "pyins", "exec")
+
+
+# -- what is too small for a receiver ------------------------------------------------------------
+
+
+def test_px4_says_which_numbers_it_may_ignore(tmp_path: Path) -> None:
+    """Scale factors of most accelerometers are within the hundredth that it does not feel."""
+    result = with_terms("accel.bias", "accel.scale", "gyro.bias")
+    c = result.coefficients
+    small = replace(result, coefficients=c.with_values({f"accel.scale.{a}": 0.004 for a in "xyz"}))
+    text = " ".join(write(small, "px4", tmp_path / "a").read_text().split())
+    assert re.findall(r"(\S+): differs from no error by (\S+), which is 0.01 or less", text) == [
+        ("CAL_ACC0_*SCALE", "0.0069")
+    ]
+    assert "differs from no error" not in write(result, "px4", tmp_path / "b").read_text()
+
+
+def test_robot_localization_says_what_it_raises(tmp_path: Path) -> None:
+    quiet = {k: x * 0.01 if "gyro.white" in k else x for k, x in LOUD.values.items()}
+    for noise, said in ((LOUD, False), (replace(LOUD, values=quiet), True)):
+        text = write(with_terms("accel.bias"), "robot_localization", tmp_path / "a", noise=noise)
+        words = "angular_velocity_covariance: robot_localization raises what is below 1e-09"
+        assert (words in text.read_text()) is said
+
+
+def test_two_rates_are_told(tmp_path: Path) -> None:
+    result = with_terms("accel.bias", validity={"rate": 100.0})
+    text = write(result, "vins-mono", tmp_path / "a", noise=LOUD).read_text()
+    assert "Rate of the readings: 100 Hz." in text and "noise was measured at 200 Hz" in text
+    same = write(result, "vins-mono", tmp_path / "b", noise=LOUD, rate=200.0).read_text()
+    assert "noise was measured" not in same

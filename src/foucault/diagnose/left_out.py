@@ -51,7 +51,7 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
         tested = [s for n, s in judged.seen.items() if n in judged.groups and s.dof]
         count = {"count": len(tested)}
         least = min((s.p for s in tested), default=1.0)
-        chance = min(1.0, least * len(tested))
+        chance = min(1.0, least * max(len(tested), 1))
         out.append(check("left out", "terms not estimated", least, None, None, count, p=chance))
     clear = [
         n for n in judged.groups
@@ -63,10 +63,11 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
         out.append(check("left out seen", "terms that show", float(len(clear)), given=terms))
     if judged.unseen:
         parts = [
-            f"{_what(n)} ({_size(judged, n)})" + (
-                "" if np.isinf(k) else f" below {_size(judged, n, k)}")
+            f"{_what(n)} ({_size(judged, n)})"
+            + ("" if np.isinf(k) else f" below {_size(judged, n, k)}")
+            + f": {typical().groups[n].shown_by}"
             for n, k in judged.unseen.items()
-        ]  # fmt: skip
+        ]
         terms = {"terms": "; ".join(parts)}
         out.append(check("left out unseen", "terms not shown", float(len(parts)), given=terms))
     return tuple(out)

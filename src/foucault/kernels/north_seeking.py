@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from foucault.kernels import kernel
+from foucault.kernels import kernel, part
+from foucault.kernels.rotation import atan2
 from foucault.kernels.small_matrices import cholesky, invert, substitute
 
 SOLVED, CLAMPED, NOT_CONVERGED, SINGULAR, NOT_FINITE = 0, 1, 2, 3, 4
@@ -86,7 +87,7 @@ def closed_form_batch(
             sd[i, 3] = latitude_sd
         else:
             Z = s * m + ct * q
-            angles[i, 3] = _atan2(Z, math.sqrt(h2))
+            angles[i, 3] = atan2(Z, math.sqrt(h2))
             # dL = dZ / h, as the three components keep their norm where they are not clamped
             ze, zm = ct * qe, s + ct * qm
             zt, zr = ct * m - s * q + ct * qt, ct * qr
@@ -94,39 +95,15 @@ def closed_form_batch(
             sd[i, 3] = math.sqrt(
                 ((ze * ze + zm * zm) * rate_var + (zs * zs + zx * zx) * tilt_var) * over
             )
-        psi = _atan2(-X, Y)
+        psi = atan2(-X, Y)
         angles[i, 0] = psi if psi >= 0.0 else psi + 2.0 * math.pi
-        angles[i, 1] = _atan2(s, ct)
-        angles[i, 2] = _atan2(sg, cg)
+        angles[i, 1] = atan2(s, ct)
+        angles[i, 2] = atan2(sg, cg)
         sd[i, 0] = math.sqrt(variance)
         sd[i, 1] = tilt_sd * t_s
         sd[i, 2] = tilt_sd * math.sqrt(r_s * r_s + r_x * r_x)
         if status[i] == CLAMPED:  # W has no slope there
             sd[i, 0], sd[i, 3] = np.inf, np.inf
-
-
-@kernel
-def _atan2(y, x):
-    """Return atan2(y, x) of finite numbers, to 5e-16, without a branch: an eighth of libm's time.
-
-    Rational approximation of S. L. Moshier's Cephes library (atan.c), of up to 0.4142.
-    """
-    across, along = abs(y), abs(x)
-    high, low = max(across, along), min(across, along)
-    t = low / high if high > 0.0 else 0.0
-    large = t > 0.4142135623730950488
-    u = (t - 1.0) / (t + 1.0) if large else t
-    z = u * u
-    p = -8.750608600031904122785e-1 * z - 1.615753718733365076637e1
-    p = ((p * z - 7.500855792314704667340e1) * z - 1.228866684490136173410e2) * z
-    q = ((z + 2.485846490142306297962e1) * z + 1.650270098316988542046e2) * z
-    q = ((q + 4.328810604912902668951e2) * z + 4.853903996359136964868e2) * z
-    p, q = p - 6.485021904942025371773e1, q + 1.945506571482613964425e2
-    r = u + u * z * (p / q)
-    r = r + 0.25 * math.pi if large else r
-    r = 0.5 * math.pi - r if across > along else r
-    r = math.pi - r if x < 0.0 else r
-    return math.copysign(r, y)
 
 
 @kernel
@@ -220,7 +197,7 @@ def likelihood_batch(y, cov, start, A, b, g, earth_rate, latitude, latitude_sd, 
     return angles, P, gain, square, predicted, status
 
 
-@kernel
+@part
 def _attitude(psi, theta, gamma, C):
     sf, cf = math.sin(psi), math.cos(psi)
     st, ct = math.sin(theta), math.cos(theta)
@@ -230,7 +207,7 @@ def _attitude(psi, theta, gamma, C):
     C[2, 0], C[2, 1], C[2, 2] = sg * cf - cg * st * sf, -sg * sf - cg * st * cf, cg * ct
 
 
-@kernel
+@part
 def _misfit(C, lat, y, A, b, g, earth_rate, latitude, known, W, h, r):
     """Fill h with what is predicted, r with what is left; return the sum of squares."""
     sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
@@ -247,7 +224,7 @@ def _misfit(C, lat, y, A, b, g, earth_rate, latitude, known, W, h, r):
     return total + known * (latitude - lat) ** 2 if known > 0.0 else total
 
 
-@kernel
+@part
 def _slopes(C, lat, A, g, earth_rate, J):
     """Fill J (4, 4): slope of the prediction against phi (E, N, U) and latitude.
 
@@ -273,7 +250,7 @@ def _slopes(C, lat, A, g, earth_rate, J):
             J[p, 3] = 0.0
 
 
-@kernel
+@part
 def _normal(J, W, r, known, miss, H, s, WJ):
     """Fill H = J' W J and s = J' W r, with the latitude known before; WJ (4, 4) = W J."""
     for p in range(4):
@@ -296,7 +273,7 @@ def _normal(J, W, r, known, miss, H, s, WJ):
         s[3] += known * miss
 
 
-@kernel
+@part
 def _scaled_cholesky(H, s):
     """Replace s by inv(H) s, H by the factor of H scaled to a unit diagonal; 0 if singular."""
     d0, d1, d2, d3 = H[0, 0], H[1, 1], H[2, 2], H[3, 3]
@@ -315,7 +292,7 @@ def _scaled_cholesky(H, s):
     return 1.0
 
 
-@kernel
+@part
 def _turned(C, x, y, z, T):
     """Fill T with C exp([phi x])."""
     angle = math.sqrt(x * x + y * y + z * z)
@@ -331,7 +308,7 @@ def _turned(C, x, y, z, T):
         T[k, 2] = w + a * r + c * (p * y - q * x)
 
 
-@kernel
+@part
 def _uncertainty(C, lat, A, g, earth_rate, W, known, J, H, Hinv, E, WJ, s, P, gain):
     """Fill covariance and gain of heading, pitch, roll and latitude."""
     _slopes(C, lat, A, g, earth_rate, J)

@@ -34,7 +34,7 @@ from foucault.diagnose import left_out
 from foucault.diagnose.fit_checks import against_the_plan, budget_json, chi_square_json
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.references import with_clock
-from foucault.errors import Finding, FoucaultError, finding
+from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.infer import mixed
 from foucault.infer.information import BLURRED, bound, information
 from foucault.infer.left_out import Judgement
@@ -183,6 +183,15 @@ class Stated(Generic[S, N]):
         return self._kept[key]
 
 
+DRAWN = 3
+"""Other draws of a motion by hand that a preflight looks at [1]."""
+
+
+def _held(_description: Any) -> bool:
+    """Return False: every log is held as a whole."""
+    return False
+
+
 def _on_axes(log: Any) -> tuple[bool, bool]:
     """Take angles over the time of the log for the reference of the gyros."""
     return True, log.sampled == "increment"
@@ -241,6 +250,7 @@ class Procedure(Generic[S, N]):
     grade: str = "mems"  # its class, where [simulate] names none
     noise: ImuNoise | None = None  # its noise, where not that of the class [SI]
     draw_errors: Callable[[str, int], Any] = _of_an_imu  # of a class and a seed
+    by_hand: bool = False  # whether a session only roughly moves as it was planned: it is drawn
     # Session, settings, instrument and generator -> the three with what is not estimated beside
     # terms of the instrument, drawn at its size: lever arms, delays, clocks.
     drawn: Callable[[N, S, Any, np.random.Generator], tuple[N, S, Any]] | None = None
@@ -253,7 +263,9 @@ class Procedure(Generic[S, N]):
     write: Callable[..., None] = logs.write
     Master: type[BaseModel] | None = None  # [master]
     with_master: Callable[..., Any] | None = None  # log, description and folder -> log with it
-    streams: bool = False  # whether it takes a log on disk too
+    # description -> whether it takes a log of that kind on disk too
+    streams: Callable[[Any], bool] = _held
+    by_rests: bool = False  # whether it goes by rests that can be said
     # What further files of a log are: none, stretches of one session (nothing is needed of what
     # is between them), or recordings of their own, each with biases of its own.
     more: Literal["none", "stretches", "recordings"] = "none"
@@ -325,6 +337,9 @@ class Procedure(Generic[S, N]):
             What is missing in the log or wrong with it: see `foucault.symptoms`.
         """
         started = clock.monotonic()
+        said = getattr(log, "description", log)  # of a log that stays on the disk
+        if getattr(said, "rests", None) is not None and not self.by_rests:
+            raise error("log.rests_unused", procedure=self.name)
         given = self._given(site, settings, noise, prior, progress, sizes)
         with solvable():
             result, given = decided(lambda g: self.solve(log, g), given)
@@ -413,6 +428,8 @@ class Procedure(Generic[S, N]):
         told = told * bool(lost)
         if b.sizes and judged is None:
             told.append(finding("left_out.not_counted", procedure=self.name))
+        if self.by_hand and more and not blind:
+            told += self._other_draws(b, found.coefficients)
         length = float(log.time[-1] - log.time[0])
         if judged is not None and more and not blind:
             bought = (*bought, *self._added(b, found.coefficients, length))
@@ -429,6 +446,21 @@ class Procedure(Generic[S, N]):
             more=tuple(one for one in bought if one.gains),
             findings=tuple(told),
         )
+
+    def _other_draws(self, b: Beforehand[S, N], found: CoefficientVector) -> list[Finding]:
+        """Say what a session gives whose motion is another draw of the same plan."""
+        ratios = []
+        for k in range(1, DRAWN + 1):
+            with solvable():
+                other = self.planned(replace(b, seed=b.seed + k))
+            if other is not None and other.found.coefficients.names == found.names:
+                ratios.append(other.found.coefficients.sd / found.sd)
+        if not ratios or not np.isfinite(ratios).all():
+            return []
+        low, high = np.min(ratios, axis=0), np.max(ratios, axis=0)
+        worst = int(np.argmax(np.maximum(high, 1 / low)))
+        return [finding("preflight.by_hand", count=len(ratios), low=f"{low.min():.2g}",
+                        high=f"{high.max():.2g}", name=found.names[worst])]  # fmt: skip
 
     def planned(
         self, b: Beforehand[S, N], *, more: bool = False, measured: bool = False
