@@ -26,6 +26,9 @@ ONE_AXIS = 0.05
 GRID, SMOOTH = 0.005, 0.1
 """Grid of the correlation, and window of the derivatives [s]."""
 
+NEAR, ALIKE = 0.5, 0.02
+"""So far from a line windows are looked for [s]; correlation by which another place is worse [1]."""
+
 
 @dataclass(frozen=True)
 class Clocks:
@@ -113,25 +116,46 @@ def drift(
 ) -> tuple[float, float, float]:
     """Return drift, offset in the middle of `b`, and what windows leave of that line (rms) [s].
 
+    Windows are looked for anywhere, then beside the line of most of them: one of a turn like others
+    has its like far away.
+
     `a` (n,), `b` (m,): as of `offset` [any unit]; `step`: between two [s]; `window`: length [s].
     """
-    n = round(window / step)
+    slope, middle, found = 0.0, 0.0, np.zeros((0, 2))
+    for reach in (np.inf, NEAR):
+        found = _windows(a, b, step, round(window / step), (slope, middle), reach)
+        if len(found) < 3:
+            return 0.0, np.nan, 0.0
+        t, off = found.T
+        rows, columns = np.tril_indices(len(t), -1)
+        slope = float(np.median((off[rows] - off[columns]) / (t[rows] - t[columns])))
+        middle = float(np.median(off - slope * t))
+    return slope, middle, float((found[:, 1] - slope * found[:, 0] - middle).std())
+
+
+def _windows(
+    a: FloatArray, b: FloatArray, step: float, n: int, line: tuple[float, float], reach: float
+) -> FloatArray:
+    """Return time from the middle of `b` and offset of windows of `n` values, shape (k, 2) [s].
+
+    As far as `reach` [s] from a `line`, drift [1] and offset in the middle [s].
+    """
     found = []
     for first in range(0, len(b) - n + 1, n):
-        part = b[first : first + n]
+        part, t = b[first : first + n], (first + n / 2 - len(b) / 2) * step
         if part.std() < 0.2 * b.std():
             continue
-        lag, peak, _ = offset(a, part, step)
-        found.append((first + n / 2, lag - first * step, peak))
-    good = np.array([f for f in found if f[2] > 0.9])
-    if len(good) < 3:
-        return 0.0, np.nan, 0.0
-    t = (good[:, 0] - len(b) / 2) * step
-    slopes = [(good[j, 1] - good[i, 1]) / (t[j] - t[i])
-              for i in range(len(good)) for j in range(i)]  # fmt: skip
-    slope = float(np.median(slopes))
-    off = good[:, 1] - slope * t
-    return slope, float(np.median(off)), float(off.std())
+        low, high = 0, len(a)
+        if np.isfinite(reach):
+            at = first + round((line[1] + line[0] * t) / step)
+            low = max(at - round(reach / step), 0)
+            high = min(at + n + round(reach / step), len(a))
+        if high - low < n:
+            continue
+        lag, peak, second = offset(a[low:high], part, step)
+        if peak > 0.9 and second < peak - ALIKE:
+            found.append((t, lag + (low - first) * step))
+    return np.array(found).reshape(-1, 2)
 
 
 def wahba(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -39,8 +39,12 @@ USUAL = {
 SETTLED = 0.02
 """A step that moves nothing by more of its sd is the last [1]."""
 
-NOISY = (2, 4)
-"""Passes in which what the motion shows is told from what its noise does, before all settles."""
+NOISY = 4
+"""Pass in which what the motion shows is told from what its noise does, before all settles."""
+
+QUIET = 2
+"""Passes with the noise of the quietest readings: what a start leaves is no noise, and looks like
+one in which nothing is seen."""
 
 BLOCK = 2.0
 """What is left of readings farther apart is independent [s]."""
@@ -277,9 +281,10 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
     spline = np.zeros((problem.knots, 6))
     spline += normal(_master(problem), (), spline, var).moved(np.zeros(0))
     made, converged, passes, told = np.zeros((p, p)), False, 0, False
+    growth = np.zeros_like(var)
     for passes in range(1, most + 1):
         at = normal(problem, slaves, spline, var)
-        if passes in NOISY or told:
+        if passes == NOISY or told:
             made = of_noise(problem, slaves, spline, var)
         seen = shown(at.information, made, problem.prior_sd)
         values = np.concatenate([s.values for s in slaves])
@@ -291,7 +296,9 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
         parts = (delta / size).reshape(len(slaves), -1)
         slaves = tuple(s.moved(d) for s, d in zip(slaves, parts, strict=True))
         sd = np.sqrt(np.diag(seen.covariance(problem.prior_sd)))
-        var = _found(problem, at, var)
+        if passes > QUIET:
+            growth = _growth(problem, at, var, growth)
+            var = var * np.exp(growth)
         converged = passes > 2 and float(np.max(np.abs(delta) / sd)) < SETTLED
         if converged and told:
             break
@@ -316,10 +323,17 @@ def _quiet(r: Readings) -> FloatArray:
     return np.asarray(np.sqrt(square + 1e-18))
 
 
-def _found(problem: Problem, at: Normal, var: FloatArray) -> FloatArray:
-    """Return the variances that explain what is left, of those that nobody declared."""
-    return np.where([[g is None] * 2 for g in problem.given], var * _ratio(problem, at.left, var),
-                    var)  # fmt: skip
+def _growth(problem: Problem, at: Normal, var: FloatArray, before: FloatArray) -> FloatArray:
+    """Return the logarithm by which variances grow that nobody declared, `before` that of last time.
+
+    What explains what is left; of equal instruments one gets what the other loses, and would get it
+    back next time: there the zero between is taken [Aitken].
+    """
+    asked = np.log(np.maximum(_ratio(problem, at.left, var), 1e-12))
+    asked[[g is not None for g in problem.given]] = 0.0
+    turns = asked * before < 0
+    part = 1 / (1 - np.divide(asked, before, out=np.zeros_like(asked), where=turns))
+    return np.asarray(asked * np.maximum(part, 0.3))
 
 
 def _ratio(problem: Problem, left: Sequence[FloatArray], var: FloatArray) -> FloatArray:
