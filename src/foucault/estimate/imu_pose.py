@@ -177,6 +177,7 @@ class Readings:
     white: tuple[float, float]  # of gyros and accelerometers [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
     gravity: float  # [m/s^2]
     log: Log
+    jumped: IntArray  # (m,) how often the world has jumped before each pose [1]
 
     @classmethod
     def of(
@@ -196,7 +197,8 @@ class Readings:
             rise = np.diff(log.accel, axis=0, prepend=log.accel[:1])
         broken = np.cumsum(np.asarray(x.dt > GAP * np.median(x.dt), int))
         return cls(x.time, x.dt, x.dtheta_b, x.dvel_b, rise, stamp, float(stamp[0] + stamp[-1]) / 2,
-                   position, C_vm, broken, white, gravity, log)  # fmt: skip
+                   position, C_vm, broken, white, gravity, log,
+                   np.zeros(len(stamp), int))  # fmt: skip
 
     def noisy(self, noise: Noise, rng: np.random.Generator) -> Readings:
         """Return the same readings with their noise once more."""
@@ -208,12 +210,13 @@ class Readings:
                       zip((noise.attitude, noise.position), noise.slow, strict=True))  # fmt: skip
         C = None if self.C_vm is None else self.C_vm @ exp(turn)
         made = Readings.of(log, self.stamp, self.position + move, C, self.white, self.gravity)
-        return replace(made, middle=self.middle)
+        return replace(made, middle=self.middle, jumped=self.jumped)
 
     def __getitem__(self, rows: BoolArray | slice) -> Readings:
         """Return the readings with some of the poses."""
         C = None if self.C_vm is None else self.C_vm[rows]
-        return replace(self, stamp=self.stamp[rows], position=self.position[rows], C_vm=C)
+        return replace(self, stamp=self.stamp[rows], position=self.position[rows], C_vm=C,
+                       jumped=self.jumped[rows])  # fmt: skip
 
     def at(self, tau: float, kappa: float) -> FloatArray:
         """Return when the poses held by the clock of the IMU, shape (m,) [s].
@@ -368,8 +371,8 @@ def one_pass(r: Readings, at: Point, noise: Noise, hold: IntArray) -> Pass:
     u[1:, 3:6] = at.v[:-1] + g_v * T + np.einsum("kij,kj->ki", C, moved[1:, 9:12]) - at.v[1:]
     u[1:, 6:] = (at.p[:-1] + at.v[:-1] * T + g_v * T**2 / 2
                  + np.einsum("kij,kj->ki", C, moved[1:, 12:15]) - at.p[1:])  # fmt: skip
-    # Nothing leads over a gap.
-    apart = np.flatnonzero(np.diff(r.broken[at.node], prepend=0))
+    # Nothing leads over a gap, nor into a world that has jumped.
+    apart = np.flatnonzero(np.diff(r.broken[at.node] + r.jumped, prepend=0))
     u[apart], J[apart], Q[apart] = 0.0, 0.0, np.diag(START_SD**2)
     z, H, D = misses(r, at)
     sd = np.repeat([noise.attitude * noise.slow[0], noise.position * noise.slow[1]], 3)

@@ -26,8 +26,11 @@ ONE_AXIS = 0.05
 GRID, SMOOTH = 0.005, 0.1
 """Grid of the correlation, and window of the derivatives [s]."""
 
+WINDOW = (3.0, 10.0)
+"""Length of windows whose offsets tell the rate of clocks: a sixth of the log, within these [s]."""
+
 NEAR, ALIKE = 0.5, 0.02
-"""So far from a line windows are looked for [s]; correlation by which another place is worse [1]."""
+"""How far from a line windows are looked for [s]; by how much another place is worse [1]."""
 
 
 @dataclass(frozen=True)
@@ -64,13 +67,30 @@ def clocks(
     return Clocks(tau, kappa, peak, second, slope, jumps)
 
 
-def smooth(x: FloatArray, step: float, order: int = 0) -> FloatArray:
-    """Return `x` (n, q) or its derivative of `order` [1] by parabolas over windows, `step` [s]."""
+def smooth(x: FloatArray, step: float, order: int = 0, over: float = SMOOTH) -> FloatArray:
+    """Return `x` (n, q) or its derivative of `order` [1] by parabolas.
+
+    `step`: between two values; `over`: length of a window, three values at least [s].
+    """
     from scipy.signal import savgol_filter
 
-    window = max(5, 2 * round(SMOOTH / step / 2) + 1)
-    degree = 2 if order < 2 else 3
+    window = max(3, 2 * round(over / step / 2) + 1)
+    degree = min(2 if order < 2 else 3, window - 1)
     return np.asarray(savgol_filter(x, window, degree, deriv=order, delta=step, axis=0))
+
+
+def smoothed_alike(x: FloatArray, step: float, order: int, others: float) -> FloatArray:
+    """Return `x` (n, q) smoothed as is a derivative of `order` [1] that `smooth` finds.
+
+    `step`: between two values, `others`: between two of those whose derivative it is [s].
+    """
+    over = max(2, 2 * round(SMOOTH / others / 2)) * others
+    over = min(over, (len(x) // 3) * step)
+    mean = x.mean(axis=0)
+    total = x - mean
+    for _ in range(order):
+        total = np.cumsum(total + np.vstack([total[:1], total[:-1]]), axis=0) * (step / 2)
+    return smooth(total, step, order, over) + mean
 
 
 def even(time: FloatArray, x: FloatArray, grid: FloatArray) -> FloatArray:
@@ -111,17 +131,16 @@ def offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, flo
     return (lags[k] + part) * step, float(r[k]), float(max(others, default=-1.0))
 
 
-def drift(
-    a: FloatArray, b: FloatArray, step: float, window: float = 10.0
-) -> tuple[float, float, float]:
+def drift(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, float]:
     """Return drift, offset in the middle of `b`, and what windows leave of that line (rms) [s].
 
     Windows are looked for anywhere, then beside the line of most of them: one of a turn like others
     has its like far away.
 
-    `a` (n,), `b` (m,): as of `offset` [any unit]; `step`: between two [s]; `window`: length [s].
+    `a` (n,), `b` (m,): as of `offset` [any unit]; `step`: between two [s].
     """
     slope, middle, found = 0.0, 0.0, np.zeros((0, 2))
+    window = np.clip(len(b) * step / 6, *WINDOW)
     for reach in (np.inf, NEAR):
         found = _windows(a, b, step, round(window / step), (slope, middle), reach)
         if len(found) < 3:

@@ -324,10 +324,10 @@ def _quiet(r: Readings) -> FloatArray:
 
 
 def _growth(problem: Problem, at: Normal, var: FloatArray, before: FloatArray) -> FloatArray:
-    """Return the logarithm by which variances grow that nobody declared, `before` that of last time.
+    """Return the logarithm by which variances grow that nobody declared; `before`: the last one.
 
-    What explains what is left; of equal instruments one gets what the other loses, and would get it
-    back next time: there the zero between is taken [Aitken].
+    Of equal instruments one gets what the other loses, and would get it back next time: there the
+    zero between is taken [Aitken].
     """
     asked = np.log(np.maximum(_ratio(problem, at.left, var), 1e-12))
     asked[[g is not None for g in problem.given]] = 0.0
