@@ -206,13 +206,38 @@ accel = { white = "30 ug/sqrt(Hz)" }
 """
 
 
+def test_what_is_not_estimated_counts_unless_the_campaign_says_that_there_is_nothing(
+    tmp_path: Path,
+) -> None:
+    """A g-sensitivity goes once per turn of the base, as the Earth's rate does."""
+    write_readings(tmp_path / "readings.csv", stops=(0.0, 90.0, 180.0, 270.0))
+    heads = {"counted": 'grade = "tactical FOG"', "nothing": "left_out = false"}
+    found = {}
+    for name, words in heads.items():
+        text = CAMPAIGN.replace("[instrument]", f"[instrument]\n{words}")
+        (tmp_path / f"{name}.toml").write_text(text)
+        found[name] = json.loads(run("north", tmp_path / f"{name}.toml", "--json").stdout)
+    counted, nothing = found["counted"], found["nothing"]
+    assert counted["setups"][0]["heading"]["sd"] > 1.1 * nothing["setups"][0]["heading"]["sd"]
+    left = counted["not_estimated"]
+    most = left["group"].index("gyro.g_sensitivity")
+    assert left["share"][most] == max(left["share"]) > 0.1
+    assert "tactical FOG" in left["basis"][most] and counted["named"] == []
+    assert "not_estimated" not in nothing
+    assert [f["code"] for f in counted["findings"]].count("north.left_out") == 1
+    text = run("north", tmp_path / "counted.toml", "-o", tmp_path / "out").output
+    assert "g-sensitivity of the gyros" in text and "What is not estimated counts" in text
+    assert "Left out: what it costs" in (tmp_path / "out" / "report.html").read_text()
+
+
 def test_a_campaign_says_the_same(readings: Path, tmp_path: Path, calibration: Path) -> None:
     file = readings.parent / "campaign.toml"
-    file.write_text(CAMPAIGN)
+    # The class of the noise is that of its sizes: the one that is declared stays.
+    file.write_text(CAMPAIGN.replace("[instrument]", '[instrument]\ngrade = "navigation RLG"'))
     try:
         said = json.loads(run("north", file, "--json").stdout)
         bare = json.loads(run("north", readings, *ARGUMENTS, "--json").stdout)
-        assert said["setups"][0]["heading"] == bare["setups"][0]["heading"]
+        assert said["setups"][0]["heading"] == pytest.approx(bare["setups"][0]["heading"], rel=1e-5)
         assert said["instrument"]["serial"] == "SN 9"
         louder = run("north", file, "--gyro-noise", "0.006 deg/sqrt(h)", "--json")
         double = json.loads(louder.stdout)["setups"][0]["heading"]["sd"]

@@ -24,7 +24,7 @@ from foucault.errors import Status
 from foucault.infer import mixed
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.infer.mixed import Linearisation
-from foucault.models.left_out import sizes_of
+from foucault.models.left_out import ByNoise, sizes_of
 from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade
 from foucault.procedures import PROCEDURES
 from foucault.procedures.record import Given
@@ -251,6 +251,22 @@ def test_what_is_not_estimated_is_in_its_budget_and_none_is_pinned(name: str) ->
     share = dict(zip(*(result.tables["left_out"][k] for k in ("group", "share")), strict=True))
     large = {g for g in groups if share[g] > 0.01}
     assert large <= set(rows) or (name == "platform_tumble" and "what is not estimated" in rows)
+
+
+@pytest.mark.parametrize("name", [
+    n if n in MIXED else pytest.param(n, marks=pytest.mark.thorough) for n in PROCEDURES
+])  # fmt: skip
+def test_a_session_of_which_nobody_says_the_instrument_counts_and_passes(name: str) -> None:
+    """As a campaign comes without grade, part or size: the noise of the log tells the class."""
+    case = SESSIONS[name]
+    result = case.record.trial(
+        session(name).log, site=case.site, settings=case.stated, prior=case.prior,
+        noise=case.sensors if told(name) == "declared" else None, sizes=ByNoise(),
+    )  # fmt: skip
+    assert result.verdict.level is Level.PASS, result.verdict.reasons
+    if case.record.counted and name != "hand_rotated_published":
+        basis = result.tables["left_out"]["basis"]
+        assert any("grade told by noise" in str(words) for words in basis)
 
 
 @pytest.mark.parametrize("name", PROCEDURES)

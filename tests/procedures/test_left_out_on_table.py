@@ -14,12 +14,14 @@ from foucault.campaign import parse, simulate
 from foucault.diagnose.study import nees
 from foucault.estimate.table import TableModel
 from foucault.infer.gauss_newton import chi_square_limits
-from foucault.models.left_out import sizes_of, terms
+from foucault.models.left_out import ByNoise, sizes_of, terms
+from foucault.models.noise import grade
 from foucault.procedures import fleet, left_out, norm_observation, on_table
 from foucault.result import Level
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMED = 'name = "example IMU"'
+ARCSEC = float(np.radians(1 / 3600))
 PROCEDURES = ("norm_observation", "multi_position", "turntable")
 
 
@@ -91,6 +93,32 @@ def test_what_is_far_beyond_its_size_is_named() -> None:
 def test_undeclared_they_are_taken_for_nothing_there() -> None:
     log = session("multi_position", 3002).simulation.log
     assert "left_out" not in solved("multi_position", log, None).tables
+
+
+@pytest.mark.parametrize("white", ["tactical", "navigation"])
+def test_a_table_that_is_believed_is_not_exact(white: str) -> None:
+    """1 arcsec is 5 ug, more than the noise of long rests: it is an error of the table."""
+    made, noise = campaign("multi_position"), grade(white).noise
+    record = procedures.load("multi_position")
+    for seed in (1, 2):
+        sim = record.simulate(made.session, settings=made.settings, noise=noise, site=made.site,
+                              model=record.draw_errors(white, seed), seed=seed)  # fmt: skip
+
+        def calibrated(sizes, log=sim.log, **settings):
+            chosen = made.settings.model_copy(update=settings)
+            return record.trial(
+                log, site=made.site, settings=chosen, noise=noise, sizes=sizes
+            )  # fmt: skip
+
+        exact, counted = calibrated(None), calibrated(ByNoise())
+        assert exact.verdict.level is Level.DOUBTFUL or white == "tactical"
+        assert counted.verdict.level is Level.PASS, counted.verdict.reasons
+        basis = counted.diagnostics["sources"]["errors of single positions"][1]
+        assert basis == "angles of 1 arcsec, judgement"
+        # Said, they count as said, whether other terms do or not.
+        told = calibrated(None, angle_sd=2 * ARCSEC)
+        assert told.verdict.level is Level.PASS
+        assert "campaign" in told.diagnostics["sources"]["errors of single positions"][1]
 
 
 @pytest.mark.thorough

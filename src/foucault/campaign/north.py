@@ -27,12 +27,14 @@ from foucault.campaign.reading import Campaign
 from foucault.campaign.reading import load as load_campaign
 from foucault.campaign.running import Case, opened, read_log
 from foucault.campaign.tables import Said, SiteTable
+from foucault.diagnose.left_out import judgement_json, table
 from foucault.errors import error, finding
 from foucault.escape import csv_cell
 from foucault.files import plain_json
 from foucault.logs import indexed
 from foucault.logs.indexed_own import description_of
 from foucault.models.earth import Site
+from foucault.models.left_out import ByNoise
 from foucault.models.noise import mean_variance
 from foucault.procedures import Progress, silent
 from foucault.procedures.north_seeking.fix import Survey, find_north
@@ -70,10 +72,9 @@ def run(
         case.log, site=_site(case, chosen), settings=chosen, noise=case.noise,
         calibration=case.calibration, prior={} if campaign is None else campaign.prior,
         instrument=case.instrument, progress=case.progress,
+        sizes=ByNoise() if campaign is None else campaign.sizes,
     )  # fmt: skip
     findings = survey.findings
-    if campaign is not None and campaign.sizes:
-        findings += (finding("left_out.not_counted", procedure="north"),)
     if survey.compensation.serial and not case.instrument.get("serial"):
         findings += (finding("north.whose", serial=survey.compensation.serial),)
     made = survey.provenance | {"settings": chosen.model_dump(), "calibration": case.known}
@@ -164,10 +165,20 @@ def _document(survey: Survey) -> dict[str, Any]:
         },
         "drift_sd": "free" if np.isinf(survey.drift_sd) else survey.drift_sd,
         "findings": [f.as_dict() for f in survey.findings],
+        **_left_out(survey),
         **({"norths": [asdict(n) for n in survey.norths]} if survey.norths[1:] else {}),
         "setups": [_setup(survey, i) for i in range(len(survey.fixes))],
         "provenance": survey.provenance,
     }
+
+
+def _left_out(survey: Survey) -> dict[str, Any]:
+    """Return what was made of what is not estimated, and its table; nothing where none counts."""
+    judged = survey.left_out
+    if judged is None:
+        return {}
+    columns = {name: column.tolist() for name, column in table(judged).items()}
+    return judgement_json(judged) | {"not_estimated": columns}
 
 
 def _setup(survey: Survey, i: int) -> dict[str, Any]:

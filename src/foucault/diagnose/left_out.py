@@ -51,7 +51,7 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
         tested = [s for n, s in judged.seen.items() if n in judged.groups and s.dof]
         count = {"count": len(tested)}
         least = min((s.p for s in tested), default=1.0)
-        chance = min(1.0, least * len(tested))
+        chance = min(1.0, least * max(len(tested), 1))
         out.append(check("left out", "terms not estimated", least, None, None, count, p=chance))
     clear = [
         n for n in judged.groups

@@ -184,7 +184,7 @@ def solve(pairs: Pairs, known: Known, compensation: Compensation | None = None) 
     None takes an instrument without errors.
     """
     compensation = compensation or Compensation()
-    pairs, shared = _levelled(pairs, known, compensation)
+    pairs, shared = levelled(pairs, known, compensation)
     starts, horizontal = starts_of(pairs, known, compensation)
     best = best_of(pairs, pairs.cov, known, compensation, starts)
     more = _calibration_sources(best.angles, known, compensation, shared)
@@ -216,7 +216,7 @@ def _ambiguous(best: Best, known: Known) -> npt.NDArray[np.bool_]:
     return np.asarray(apart & (best.other_square < PLAUSIBLE + best.rank))
 
 
-def _levelled(pairs: Pairs, known: Known, compensation: Compensation) -> tuple[Pairs, FloatArray]:
+def levelled(pairs: Pairs, known: Known, compensation: Compensation) -> tuple[Pairs, FloatArray]:
     """Weigh the specific forces with how level the case stands, as far as that is known.
 
     Returns the pairs, and how much of the specific forces as measured is in theirs, (m, 4, 4).

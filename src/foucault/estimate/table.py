@@ -71,11 +71,6 @@ OF_TABLE = (
 )  # fmt: skip
 """The source of each of `turntable.COMMON`, and of the errors of one position."""
 
-BELIEVED = [
-    Source(name, basis="what the campaign says of the table") for name in dict.fromkeys(OF_TABLE)
-]
-"""What they rest on: they are unknowns, of which something is known."""
-
 
 @dataclass(frozen=True)
 class Options:
@@ -204,7 +199,7 @@ class TableModel:
                 ("accelerometer", accel, quick.accel_cov), ("gyro", ~accel, quick.gyro_cov)
             ) if mine.any()
         ]  # fmt: skip
-        out = [*noise, *self._wander(), *BELIEVED]
+        out = [*noise, *self._wander(), *self._believed()]
         w = np.zeros((len(j), 3, 1)) if r.gyro is None else r.gyro[j][:, :, None]
         turning = self._own(spin, w)  # per unit of the rate
         if o.rate_sd:
@@ -240,6 +235,13 @@ class TableModel:
     def _own(self, mine: BoolArray, roots: FloatArray) -> FloatArray:
         """Turn roots (k, 3, c) or (3, c) from body axes to those of the observations `mine`."""
         return np.where(mine[:, None, None], self.axes @ roots, 0.0)
+
+    def _believed(self) -> list[Source]:
+        """Say what the errors of a table rest on: unknowns, of which something is known."""
+        geometry = self.start.geometry
+        if not isinstance(geometry, Angles):
+            return []
+        return [Source(name, basis=geometry.trust.basis) for name in dict.fromkeys(OF_TABLE)]
 
     def _wander(self) -> list[Source]:
         """Return the slow biases as they were declared: they tie the readings together."""

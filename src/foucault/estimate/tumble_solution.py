@@ -316,6 +316,8 @@ class Solution:
     findings: tuple[Finding, ...] = ()
     # more: source -> (46, 46) what else the covariance has, in the order of `Fit.cov` [its units]
     more: Mapping[str, FloatArray] = field(default_factory=dict)
+    # (b, 3, c) what of the white rows terms that are not sought took up, independent ones [1]
+    absorbed: FloatArray | None = None
 
     @property
     def slow(self) -> bool:
@@ -345,7 +347,7 @@ class Solution:
         """The white rows at the solution, by the unknowns in units of the prior."""
         unit = self.prior.unit
         return Whitened(self.fit.rows[..., -1], self.fit.rows[..., :STATES],
-                        self.fit.start_cov / np.outer(unit, unit))  # fmt: skip
+                        self.fit.start_cov / np.outer(unit, unit), self.absorbed)  # fmt: skip
 
     @property
     def delay(self) -> float:

@@ -250,12 +250,15 @@ class Whitened:
     residuals: FloatArray  # (b, q) at the solution [1]
     slopes: FloatArray  # (b, q, n) by the unknowns [1 / their unit]
     cov: FloatArray  # (n, n) covariance of the unknowns [their unit^2]
+    # (b, q, c) what else was absorbed, as `seen` has it of the unknowns [1]
+    beside: FloatArray | None = None
 
     @cached_property
     def seen(self) -> FloatArray:
         """Slopes by independent unknowns of unit variance, shape (b, q, k) [1]."""
         values, vectors = np.linalg.eigh(self.cov)
-        return np.asarray(self.slopes @ (vectors * np.sqrt(np.maximum(values, 0.0))))
+        own = np.asarray(self.slopes @ (vectors * np.sqrt(np.maximum(values, 0.0))))
+        return own if self.beside is None else np.concatenate([own, self.beside], axis=-1)
 
     @cached_property
     def leverage(self) -> FloatArray:
@@ -313,7 +316,8 @@ class Whitened:
         """
         scores, counts = list[float](), list[float]()
         for piece in pieces:
-            r, A = self.residuals[piece].ravel(), self.seen[piece].reshape(-1, len(self.cov))
+            r = self.residuals[piece].ravel()
+            A = self.seen[piece].reshape(len(r), -1)
             pull = A.T @ r
             scores.append(float(r @ r + pull @ np.linalg.solve(np.eye(len(pull)) - A.T @ A, pull)))
             counts.append(float(len(r)))

@@ -362,6 +362,7 @@ class Trust:
     # sd of the errors that differ from one position to the next; 0 excludes them [rad]
     position_sd: float
     latitude: float | None  # latitude, for the Earth's rate at rest [rad]
+    basis: str = "what the campaign says of the table"  # what these sizes rest on
 
 
 DOUBTED = np.radians(30.0)

@@ -2,13 +2,15 @@
 
 The traditional method: every rest gives the three components of specific force, and every spin
 those of the rate, in the axes of the case; a least-squares fit gives the coefficients. Errors of
-the table go into them. `turntable` estimates those errors too; `norm_observation` does without
-the angles.
+the table go into them. Where what is not estimated counts, the angles are as good as `angle_sd`
+says: they are never exact, and below their errors noise averages away. `turntable` is told more of
+them; `norm_observation` does without the angles.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from pydantic import Field
 
 from foucault.models.earth import Site
 from foucault.models.turntable import Trust
@@ -16,13 +18,17 @@ from foucault.procedures.on_table import Task, table_procedure
 from foucault.procedures.on_table.session import TableSession, TableSettings
 from foucault.procedures.on_table.session import simulate as simulate
 from foucault.procedures.record import OrthogonalitySd, PlumbSd, PositionSd, ZeroSd
+from foucault.units import AngleSd
+
+ARCSEC = float(np.pi / 648000)
 
 
 class Settings(TableSettings):
     """What can be chosen; the defaults suit most tables."""
 
-
-ARCSEC = float(np.pi / 648000)
+    angle_sd: AngleSd | None = Field(default=None, ge=0, examples=["1 arcsec"])
+    """Sd of every angle of the table: the tilt of its outer axis, its axes' squareness, their
+    zeros, and each position. Left out: 1 arcsec where what is not estimated counts, else exact."""
 
 
 class Session(TableSession):
@@ -36,8 +42,11 @@ class Session(TableSession):
 
 def task_of(settings: Settings, site: Site) -> Task:
     """Return the task that `settings` describe at a `site`."""
-    trust = Trust(np.zeros(6), 0.0, settings.where(site).latitude)
-    return Task("multi_position", settings, trust)
+    latitude, said = settings.where(site).latitude, settings.angle_sd
+    if said is not None:
+        return Task("multi_position", settings, Trust(np.full(6, said), said, latitude))
+    counted = Trust(np.full(6, ARCSEC), ARCSEC, latitude, "angles of 1 arcsec, judgement")
+    return Task("multi_position", settings, Trust(np.zeros(6), 0.0, latitude), counted=counted)
 
 
 PROCEDURE = table_procedure("multi_position", __doc__, Settings, Session, task_of)

@@ -59,6 +59,7 @@ from foucault.report.page import (
     told,
     unit_of,
 )
+from foucault.report.uncertainty import left_out_table
 from foucault.result import Level
 from foucault.units import plain
 
@@ -98,6 +99,9 @@ SENSORS = {
     "accel": ("specific force", "accelerometer", "velocity random walk"),
 }
 """What each says, what it is called, and of what kind its white noise is."""
+
+FOUND = 0.9
+"""A latitude whose sd is larger than this over what it was before is that which was given [1]."""
 
 UNRESOLVED = "sign of the vertical rate"
 """Source that covers both roots; no better instrument helps against it."""
@@ -171,6 +175,14 @@ class Setup:
         """Write its uncertainty with as many decimals; nothing where it is given exactly."""
         sd = self.degrees(angle, "sd")
         return format_value(sd, sd) if np.isfinite(sd) and sd > 1e-6 else ""
+
+    @property
+    def latitude_found(self) -> bool:
+        """Whether the readings say more of the latitude than what was known before."""
+        known, sd = self.about["known"]["latitude_sd"], self.degrees("latitude", "sd")
+        before = _degrees(known[self.number] if isinstance(known, list) else known)
+        unknown = self.about["known"]["latitude"] is None
+        return unknown or (sd > 1e-6 and not sd > FOUND * before)
 
     @property
     def reference(self) -> float | None:
@@ -251,6 +263,7 @@ def document(record: Record) -> Document:
         made = [_table(setups, order), _norths(setups), _roses(setups), _budgets(order), noticed]
         head, made = _many_heading(record, setups), [*made, *map(_detail, order[:DETAILED])]
     files = {"input": "readings", "calibration": ""}
+    made.append(_not_estimated(about))
     return Document.of(head, made, _known(about), _calibration(about), made_from(about, files))
 
 
@@ -309,6 +322,16 @@ def where(setup: Setup) -> Section | None:
     return section("north.where", drawn, angles(setup))
 
 
+def _not_estimated(about: Mapping[str, Any]) -> Section | None:
+    """Return what is left out, and what it makes of the headings; nothing of older folders."""
+    some = about.get("not_estimated")
+    if not some:
+        return None
+    columns = {name: np.array(column, object) for name, column in some.items()}
+    columns["needed"] = np.array([math.inf if v is None else v for v in some["needed"]])
+    return section("north.not_estimated", left_out_table(columns))
+
+
 def _norths(setups: Sequence[Setup]) -> Section | None:
     """Return the heading of every set-up from every north that [site] names."""
     known = [North(**north) for north in setups[0].about.get("norths", ())]
@@ -326,7 +349,7 @@ def _table(setups: list[Setup], order: list[Setup]) -> Section | None:
         some = order[:LISTED]
         lead = said(f"{key}.worst", listed=LISTED, count=len(setups))
     estimated = not isinstance(setups[0].about["known"]["latitude"], float) or any(
-        s.degrees("latitude", "sd") > 1e-6 for s in setups
+        s.latitude_found for s in setups
     )
     reference = any(s.reference is not None for s in setups)
     look = "short" if max(len(s.name) for s in some) <= SHORT_NAME else "text"
@@ -402,7 +425,7 @@ def _detail(setup: Setup) -> Section:
 def angles(setup: Setup) -> Table:
     """All angles with their uncertainty."""
     value, sd, bound = ([setup.degrees(a, k) for a in ANGLES] for k in ("value", "sd", "bound"))
-    given = [a == "latitude" and not s > 1e-6 for a, s in zip(ANGLES, sd, strict=True)]
+    given = [a == "latitude" and not setup.latitude_found for a in ANGLES]
     off = ["heading minus reference"] if setup.reference is not None else []
     blank = [""] * len(off)
     other = setup.said["other"] if setup.said["ambiguous"] else None
@@ -516,7 +539,7 @@ def budget(setup: Setup) -> Section | None:
         ("source", names),
         (f"sd [{unit}]: number", [minus(plain(v, 2)) for v in sd]),
         ("share: number", [minus(f"{100 * v:.1f} %") for v in share]),
-        ("what it is: aside", [told(f"north.source.{name}") for name in names]),
+        ("what it is: aside", [_of_source(setup, name) for name in names]),
     )
     label = [f"{100 * v:.0f} %" if abs(v) >= 0.01 else "< 1 %" for v in share]
     data = bars(
@@ -539,6 +562,15 @@ def budget(setup: Setup) -> Section | None:
         x=axis(f"sd of the heading from it alone [{unit}]", range=[low, 1.16 * top]),
     )
     return section("north.budget", figure, rows, twice(setup))
+
+
+def _of_source(setup: Setup, name: str) -> str:
+    """Say what a source is; of terms that are not estimated their size, and what it rests on."""
+    left = setup.about.get("not_estimated") or {"what": []}
+    if name in left["what"]:
+        k = left["what"].index(name)
+        return f"not estimated, {left['size'][k]}: {left['basis'][k]}"
+    return told(f"north.source.{name}")
 
 
 def twice(setup: Setup) -> str:

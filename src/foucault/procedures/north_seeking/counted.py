@@ -1,4 +1,4 @@
-"""What a north seeker's calibration, and its fix, do not estimate and count with.
+"""What a north seeker's calibration does not estimate and counts with; `field` is of its fix.
 
 One gyro turns with the base: its terms belong to axes that turn too, k, y along the sensing axis, x
 to the right of it, z up. At the index angle a they see ``w_k = C_kb(a) w_b``, so that over the
@@ -15,7 +15,7 @@ nothing. Accelerometers on the case have terms in the axes of the case, which ca
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import groupby
 
@@ -27,7 +27,7 @@ from foucault.estimate.north_reduction import INDEXING, Pairs
 from foucault.infer.left_out import Judgement
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
-from foucault.models.left_out import Change, Motion, Sizes, changes, sizes_of, table, terms
+from foucault.models.left_out import Change, Motion, Sizes, changes, sizes_of, table, terms, told
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Dwells
 from foucault.procedures.left_out import Again, changed, wander_of
@@ -65,6 +65,8 @@ def completed(settings: Settings, sizes: Sizes | None) -> tuple[Settings, dict[s
     usual = {key: (name, size, JUDGED) for key, (name, size) in RIG.items()}
     usual |= {"latitude_sd": (LATITUDE, *place), "index_lag_sd": (INDEXING, LAG, JUDGED)}
     more = {key: one for key, one in usual.items() if not getattr(settings, key)}
+    if settings.unknown_latitude:
+        del more["latitude_sd"]
     basis = {name: words for key, (name, _, words) in more.items() if key != "index_lag_sd"}
     return settings.model_copy(update={key: sd for key, (_, sd, _) in more.items()}), basis
 
@@ -90,12 +92,18 @@ def stood(rig: Rig, settings: Settings, sizes: Sizes | None) -> Rig:
     return replace(rig, level_sd=LEAN, assumed={**rig.assumed, LEVEL: JUDGED})
 
 
-def beside(sizes: Sizes | None, settings: Settings) -> Sizes | None:
-    """Return the sizes of what is no setting: what one says counts once."""
+def beside(sizes: Sizes | None, settings: Settings, noise: ImuNoise) -> Sizes | None:
+    """Return the sizes of what is no setting, as `noise` tells them: what one says counts once."""
+    sizes = None if sizes is None else told(sizes, *white_of(noise))
     if sizes is None:
         return None
     again = {LATITUDE} | ({DRIFT} if settings.drift_sd is not None else set())
-    return type(sizes)({g: s for g, s in sizes.items() if g not in again})  # type: ignore[call-arg]
+    return {g: s for g, s in sizes.items() if g not in again}
+
+
+def white_of(noise: ImuNoise) -> tuple[float, float]:
+    """Return the white noise of both triads, NaN where there is none [SI]."""
+    return noise.accel.white or np.nan, noise.gyro.white or np.nan
 
 
 def again(model: OnTurntable, dwells: Dwells, noise: ImuNoise) -> Again:
@@ -110,20 +118,24 @@ def again(model: OnTurntable, dwells: Dwells, noise: ImuNoise) -> Again:
 
     def residuals(state: FloatArray, by: Change) -> FloatArray:
         pairs = model.pairs
-        read, values = put(dwells, by), pairs.values.copy()
-        if read.gyro is not dwells.gyro:
-            more = pairs.gyro_weights * (read.gyro - dwells.gyro)[:, None]
-            np.add.at(values[:, :2], dwells.setup, more)
-        if read.accel is not None and dwells.accel is not None and read.accel is not dwells.accel:
-            more = np.einsum("nqi,nq->ni", pairs.accel_weights, read.accel - dwells.accel)
-            np.add.at(values[:, 2:], dwells.setup, more)
-        pairs = replace(pairs, values=values)
+        pairs = replace(pairs, values=pairs.values + added(pairs, dwells, by))
         rig = replace(model.rig, site=changed(model.rig.site, by))
         return replace(model, pairs=pairs, rig=rig).residuals(state)
 
-    white = noise.accel.white or np.nan, noise.gyro.white or np.nan
     span = float((dwells.start + dwells.time).max() - dwells.start.min())
-    return Again(motion, residuals, white, wander_of(noise, span))
+    return Again(motion, residuals, white_of(noise), wander_of(noise, span))
+
+
+def added(pairs: Pairs, dwells: Dwells, by: Change) -> FloatArray:
+    """Return what a change of readings does to the four numbers of set-ups, (m, 4) [SI]."""
+    read, out = put(dwells, by), np.zeros_like(pairs.values)
+    if read.gyro is not dwells.gyro:
+        more = pairs.gyro_weights * (read.gyro - dwells.gyro)[:, None]
+        np.add.at(out[:, :2], dwells.setup, more)
+    if read.accel is not None and dwells.accel is not None and read.accel is not dwells.accel:
+        more = np.einsum("nqi,nq->ni", pairs.accel_weights, read.accel - dwells.accel)
+        np.add.at(out[:, 2:], dwells.setup, more)
+    return out
 
 
 def moved(dwells: Dwells, f_b: FloatArray, w_b: FloatArray) -> Motion:
@@ -163,24 +175,24 @@ def put(dwells: Dwells, by: Change) -> Dwells:
 
 def accounted(
     pairs: Pairs, site: Site, again: Callable[[Dwells], Pairs], dwells: Dwells, motion: Motion,
-    judged: Judgement,
+    times: Mapping[str, float], sizes: Sizes,
 ) -> Pairs:  # fmt: skip
     """Return set-ups without what terms of the accelerometers explain of their residuals.
 
     What goes twice per turn is in no rate and no tilt, but in what four stops leave of one another:
     there ``r' (I + B B')^-1 r`` has the degrees of freedom that r'r has without it.
 
-    `again`: reduces readings as `dwells` were; `motion`: of these [SI].
+    `again`: reduces readings as `dwells` were; `motion`: of these [SI]; `times`: group -> how many
+    `sizes` [SI] it has, where that is not one [1].
     """
-    named = {g: k for one in judged.named for g, k in one.items()}
-    some = {g: size for g, size in judged.sizes.items() if g.startswith("accel.")}
+    some = {g: size for g, size in sizes.items() if g.startswith("accel.")}
     r, columns = pairs.accel_white.ravel(), []
     for group, of in groupby(terms((), site, some), lambda term: term.group):
         for by in changes([*of], ImuModel(), motion):
             read = put(dwells, by)
             if read is not dwells:
                 moved = again(read).accel_white.ravel() - r
-                columns.append(named.get(group, 1.0) * moved)
+                columns.append(times.get(group, 1.0) * moved)
     total = float(r @ r)
     if not columns or not total:
         return pairs

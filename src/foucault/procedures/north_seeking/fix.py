@@ -23,6 +23,7 @@ from foucault.detect.dwells import find_dwells, measured_noise
 from foucault.detect.noise import without_spikes
 from foucault.diagnose import north as judge
 from foucault.diagnose import north_calibration as calibrating
+from foucault.diagnose.left_out import checks as left_out_checks
 from foucault.diagnose.north import (
     GUESS,
     alive,
@@ -68,6 +69,8 @@ from foucault.procedures.north_seeking.counted import (
     stood,
     with_rig,
 )
+from foucault.procedures.north_seeking.field import Left, accelerometers, judgement
+from foucault.procedures.north_seeking.field import told as of_headings
 from foucault.procedures.north_seeking.settings import MOST_LATITUDE, Settings
 from foucault.result import Check, Level, Result, Verdict, provenance
 from foucault.tables import IndexedLog
@@ -103,6 +106,7 @@ class Survey:
     site: Site
     provenance: dict[str, Any]  # versions, input, date, duration
     norths: Sequence[North]  # those that headings are given from, true north first
+    left_out: Judgement | None = None  # what was made of what is not estimated
 
     def __len__(self) -> int:
         return len(self.fixes)
@@ -116,6 +120,7 @@ def find_north(
     noise: ImuNoise | None = None,
     calibration: Result | None = None,
     prior: Mapping[str, tuple[float, float]] | None = None,
+    sizes: Sizes | None = None,
     instrument: Mapping[str, Any] | None = None,
     progress: Progress = silent,
 ) -> Survey:
@@ -125,13 +130,16 @@ def find_north(
     to be estimated; `settings`: what can be chosen, None takes the defaults; `noise`: noise of
     the sensors [SI], None takes it from the dwells, the calibration or the residuals;
     `calibration`: of this instrument, None takes one without errors, but for `prior`; `prior` or
-    None: mean and standard deviation of coefficients that were not calibrated [SI]; `instrument`
-    or None: name, serial and so on; `progress`: called with the fraction done and what is being
-    done. Raises wrong units or signs, stops that do not show the heading, the calibration of
-    another instrument: see `foucault.symptoms`.
+    None: mean and standard deviation of coefficients that were not calibrated [SI]; `sizes` or
+    None: of what is not estimated, None takes it for nothing [SI]; `instrument` or None: name,
+    serial and so on; `progress`: called with the fraction done and what is being done. Raises wrong
+    units or signs, stops that do not show the heading, the calibration of another instrument: see
+    `foucault.symptoms`.
     """
     started = clock.monotonic()
     settings, about = settings or Settings(), dict(instrument or {})
+    said_lag = settings.index_lag_sd
+    settings, assumed = completed(settings, sizes)
     compensation, told = _compensation(
         calibration, accelerometers_before(settings, prior or {}), about
     )
@@ -148,7 +156,7 @@ def find_north(
         *dwells.findings,
         *told,
         *stops(dwells, known),
-        *late_index(dwells, settings.index_lag_sd),
+        *late_index(dwells, said_lag),
     )
     if known.latitude is None and settings.hemisphere is None:
         other = "south" if known.hemisphere == "north" else "north"
@@ -164,17 +172,29 @@ def find_north(
     with units_first(log.findings):
         require_plausible(dwells, pairs, known, compensation)
     fixes = solve(pairs, known, compensation)
+    judged = None
+    if (own := beside(sizes, settings, noise)) is not None:
+        left = Left.of(dwells, pairs, fixes, known, compensation, site, own)
+        left, seen, named = left.judged(fixes)
+        fixes = solve(*replace(left, times={}).counted(), compensation)
     told += causes(dwells, pairs, fixes, known, compensation)
+    if own is not None:
+        pairs, known = left.counted()
+        pairs = accelerometers(pairs, dwells, noise, _nuisance(settings, free), site, left)
+        fixes = solve(pairs, known, compensation) if named else fixes
+        judged = judgement(left, fixes, seen, named, settings.index_sd, assumed)
+        told += of_headings(judged)
     exact = replace(known, latitude_sd=0.0)
     alone = solve(pairs.noise_alone, exact, Compensation(_values(compensation)))
     level = None
     if known.level_sd is not None and dwells.accel is not None:
         level = level_square(pairs, known, compensation)
-    judged = judge.Judged(dwells, pairs, fixes, known, noise, source, settings.accuracy, level)
-    checks = judge.checks(judged, _level(calibration))
+    asked = judge.Judged(dwells, pairs, fixes, known, noise, source, settings.accuracy, level)
+    beyond = () if judged is None else left_out_checks(judged)
+    checks = tuple((*own, *beyond) for own in judge.checks(asked, _level(calibration)))
     sd = float(np.hypot(settings.heading_sd, settings.heading_offset_sd))
     against = contradicted(dwells, fixes, sd)
-    noticed = tuple(a + b for a, b in zip(judge.findings(judged), against, strict=True))
+    noticed = tuple(a + b for a, b in zip(judge.findings(asked), against, strict=True))
     if calibration is not None:
         told += other_conditions(dwells, log.temperature, calibration.validity)
     progress(1.0, "done")
@@ -182,7 +202,7 @@ def find_north(
         dwells, pairs, fixes, known, noise, source, compensation, _about(calibration), free,
         checks, tuple(Verdict.of(c).doubted(told) for c in checks), noticed, told, alone.sd,
         judge.drift_effect(pairs, fixes, known, compensation, DRIFT_UNIT), about, site,
-        provenance(log.source, clock.monotonic() - started), norths(site),
+        provenance(log.source, clock.monotonic() - started), norths(site), judged,
     )  # fmt: skip
 
 
@@ -368,7 +388,6 @@ def solved(
     estimated [SI].
     """
     settings, assumed = completed(settings, sizes)
-    sizes = beside(sizes, settings)
     known = Compensation(held(accelerometers_before(settings, given)))
     trial = noise or GUESS
     nuisance = Nuisance(
@@ -392,6 +411,7 @@ def solved(
     if noise is None:
         noise, source = _noise_solution(dwells, pairs, rig, known, given), calibrating.UNKNOWN
         pairs = spent(reduce(dwells, noise, nuisance), used)
+    sizes = beside(sizes, settings, noise)
     basis = NOISE_BASIS[calibrating.NOISE[source]]
 
     def fitted(
@@ -423,7 +443,8 @@ def solved(
             w, f, _, _ = model.truth(fit.state)
             reduced = partial(reduce, noise=noise, nuisance=nuisance)
             motion = moved(dwells, f, w)
-            pairs = accounted(pairs, site, reduced, dwells, motion, judged)
+            times = {g: k for one in judged.named for g, k in one.items()}
+            pairs = accounted(pairs, site, reduced, dwells, motion, times, judged.sizes)
         judged = with_rig(judged, rig, settings.index_sd)
     return Solution(pairs, rig, noise, source, nuisance, fit, z_test, told, offsets, gains, judged)
 

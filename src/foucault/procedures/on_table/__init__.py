@@ -57,9 +57,16 @@ class Task:
     procedure: str  # its name, shape ()
     settings: TableSettings
     trust: Trust | None  # what is believed of the table; None for nothing
+    # what is believed of it where what is not estimated counts; None: the same
+    counted: Trust | None = None
     # another way to the coefficients than the likelihood, which then only judges them
     variant: Variant | None = None
     poses: bool = False  # whether a hand held it, and never turned it: of gyros the bias is seen
+
+    def where(self, sizes: Sizes | None) -> Task:
+        """Return the task where `sizes` or None are those of what is not estimated [SI]."""
+        counts = sizes is not None and self.counted is not None
+        return replace(self, trust=self.counted) if counts else self
 
 
 def solve(log: Log | OnDisk, task: Task, given: Given[Any]) -> Result:
@@ -408,23 +415,25 @@ def table_procedure(
     def foresee(b: Beforehand[S, N]) -> Foresight:
         from foucault.procedures.on_table import plan
 
-        return plan.foresee(task_of(b.settings, b.site), b)
+        return plan.foresee(task_of(b.settings, b.site).where(b.sizes), b)
 
     def observe(log: Log, given: Given[S]) -> TableModel:
-        task = task_of(given.settings, given.site)
+        task = task_of(given.settings, given.site).where(given.sizes)
         return stated(read_positions(log, task, given.noise), task, given.site, given.prior)[0]
 
     def space(b: Beforehand[S, N]) -> PositionSpace:
         from foucault.procedures.on_table import plan
 
-        return plan.space(task_of(b.settings, b.site), b)
+        return plan.space(task_of(b.settings, b.site).where(b.sizes), b)
 
     return Procedure(
         name=name,
         doc=doc,
         Settings=Settings,
         Session=Session,
-        solve=lambda log, given: solve(log, task_of(given.settings, given.site), given),
+        solve=lambda log, given: solve(
+            log, task_of(given.settings, given.site).where(given.sizes), given
+        ),
         simulation=simulate,
         names=lambda settings, _: settings.estimated(),
         observe=observe,

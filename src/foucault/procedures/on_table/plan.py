@@ -164,9 +164,11 @@ class Bench:
             left = self.session.rate_jitter**2 - self.settings.rate_sd**2
             turning = np.where(spin[:, None], w, 0.0)
             gyro = gyro + left * turning[:, :, None] * turning[:, None, :]
-        if trust is not None and trust.position_sd == 0.0:
-            e = self.session
-            sizes = (e.position_sd, e.orthogonality_sd, e.zero_sd, e.plumb_sd)
+        e = self.session
+        if trust is not None and (trust.position_sd == 0.0 or trust.position_sd < e.position_sd):
+            known = (trust.position_sd, *trust.common_sd[[2, 4, 0]])
+            made = (e.position_sd, e.orthogonality_sd, e.zero_sd, e.plumb_sd)
+            sizes = [np.sqrt(max(m**2 - k**2, 0.0)) for m, k in zip(made, known, strict=True)]
             *others, plumb = (k * sd**2 for k, sd in zip(TILTS, sizes, strict=True))
             # The outer axis is the axis of its spins, tilted or not.
             tilt = sum(others) + np.where(spin, 0.0, plumb)

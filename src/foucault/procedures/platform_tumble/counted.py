@@ -163,12 +163,20 @@ def counted(
     sd[3:45] *= last.prior_sd[:p] / both.states.prior_sd[:p]
     prior = replace(s.prior, sd=sd)
     found = estimation.solve(tumble, prior, s.fit.start)
+    # What of the readings the terms took up, they leave less of.
+    C, rows = last.cov[p:, p:], both.E[: found.residuals]
+    size, axes = np.linalg.eigh(C)
+    absorbed = rows @ (axes * np.sqrt(np.maximum(size, 0.0)))
     if measured and found.status is Status.CONVERGED:
-        scale = found.chi_square / max(found.residuals - p, 1)
+        scale = found.chi_square / max(found.residuals - p - float(np.sum(absorbed**2)), 1.0)
+        absorbed = absorbed / np.sqrt(scale)
         tumble = replace(tumble, accel_variance=tumble.accel_variance * scale)
     found = estimation.linearised(tumble, prior, found, moments=moments)
-    beside = both.A @ last.cov[p:, p:] @ both.A.T
-    out = replace(s, tumble=tumble, prior=prior, fit=found, more={NOT_ESTIMATED: beside})
+    beside = both.A @ C @ both.A.T
+    shape = found.rows.shape[:2]
+    absorbed = absorbed.reshape(*shape, -1) if found.rows.size else None
+    out = replace(s, tumble=tumble, prior=prior, fit=found, more={NOT_ESTIMATED: beside},
+                  absorbed=absorbed)  # fmt: skip
     return out, _with_references(judged, out)
 
 
