@@ -46,8 +46,8 @@ NOISY = 4
 """Pass in which what the motion shows is told from what its noise does, before all settles."""
 
 QUIET = 2
-"""Passes in which noise is at most that of differences of readings: what a start leaves is none, and
-looks like one in which nothing is seen."""
+"""Passes in which noise is at most that of differences of readings: what a start leaves is none,
+and looks like one in which nothing is seen."""
 
 BLOCK = 2.0
 """What is left of readings farther apart is independent [s]."""

@@ -45,12 +45,12 @@ def _motion(spline, k, h, N, D, E, out):
 
 
 @inlined
-def _slave(part, m, x, since, D, O, Y, out, room):
-    """Fill D (3, 9), O (3, 7), out (3): derivatives of a slave's gyros or accelerometers (part 1).
+def _slave(part, m, x, since, D, B, Y, out, room):
+    """Fill D (3, 9), B (3, 7), out (3): derivatives of a slave's gyros or accelerometers (part 1).
 
     m (5, 3): motion; x (46): Q, K_g, G, K_a (9 each), r, b_g, b_a, late; since: time from the
     middle of the stamps. D by what all three hang on: rotation, r, offset, rate of the clocks,
-    late; O by what one alone does: its bias, its row of K_g and of G, or of K_a. Y (2, 3, 3):
+    late; B by what one alone does: its bias, its row of K_g and of G, or of K_a. Y (2, 3, 3):
     derivatives of f_c by w and by alpha. room (6, 3, 3): to work in.
     """
     w, a, b, f, df = m[0], m[1], m[2], m[3], m[4]
@@ -61,8 +61,7 @@ def _slave(part, m, x, since, D, O, Y, out, room):
         ww += w[i] * w[i]
     room[:] = 0.0
     W, A, T, R = room[0], room[1], room[2], room[3]
-    y, dy, wc, fc, ac, dc = (
-        room[4, 0], room[4, 1], room[4, 2], room[5, 0], room[5, 1], room[5, 2])
+    y, dy, wc, fc, ac, dc = (room[4, 0], room[4, 1], room[4, 2], room[5, 0], room[5, 1], room[5, 2])
     A[0, 1], A[0, 2], A[1, 2] = r[2], -r[1], r[0]
     A[1, 0], A[2, 0], A[2, 1] = -r[2], r[1], -r[0]
     T[0, 1], T[0, 2], T[1, 2] = -a[2], a[1], -a[0]
@@ -93,7 +92,7 @@ def _slave(part, m, x, since, D, O, Y, out, room):
     D[:] = 0.0
     for i in range(3):
         out[i] = x[39 + 3 * part + i]
-        O[i, 0] = 1.0
+        B[i, 0] = 1.0
         for j in range(3):
             g = x[9 + 3 * i + j] if part == 0 else 0.0
             s = x[(18 if part == 0 else 27) + 3 * i + j]
@@ -106,8 +105,8 @@ def _slave(part, m, x, since, D, O, Y, out, room):
                 D[i, 3 + n] += s * R[j, n]
             D[i, 6] += g * ac[j] + s * dc[j]
             D[i, 8] -= s * dc[j]
-            O[i, 1 + j] = wc[j] if part == 0 else fc[j] if j <= i else 0.0
-            O[i, 4 + j] = fc[j]
+            B[i, 1 + j] = wc[j] if part == 0 else fc[j] if j <= i else 0.0
+            B[i, 4 + j] = fc[j]
         D[i, 7] = since * D[i, 6]
 
 
@@ -150,11 +149,11 @@ def _spread(x, own, part, Y, N, D, h, S):
 
 
 @inlined
-def _gather(S, A, O, one, own, width, here, cross, total):
-    """Add three rows of weight one: S (3, 24) by knots, A (3, 10) and O (3, 7) by parameters.
+def _gather(S, A, B, one, own, width, here, cross, total):
+    """Add three rows of weight one: S (3, 24) by knots, A (3, 10) and B (3, 7) by parameters.
 
-    A: what all hang on, and the readings; width: used of O. cross (24, 24): knots by knots, here
-    (24, 31): by A and, row after row, by O; total (31, 31): A and O by themselves.
+    A: what all hang on, and the readings; width: used of B. cross (24, 24): knots by knots, here
+    (24, 31): by A and, row after row, by B; total (31, 31): A and B by themselves.
     """
     for a in range(24):
         u, v, w = one * S[0, a], one * S[1, a], one * S[2, a]
@@ -168,9 +167,9 @@ def _gather(S, A, O, one, own, width, here, cross, total):
         for c in range(10):
             here[a, c] += u * A[0, c] + v * A[1, c] + w * A[2, c]
         for c in range(width):
-            here[a, 10 + c] += u * O[0, c]
-            here[a, 17 + c] += v * O[1, c]
-            here[a, 24 + c] += w * O[2, c]
+            here[a, 10 + c] += u * B[0, c]
+            here[a, 17 + c] += v * B[1, c]
+            here[a, 24 + c] += w * B[2, c]
     if own < 0:
         return
     for a in range(10):
@@ -178,13 +177,13 @@ def _gather(S, A, O, one, own, width, here, cross, total):
         for b in range(a + 1):
             total[a, b] += u * A[0, b] + v * A[1, b] + w * A[2, b]
         for c in range(width):
-            total[10 + c, a] += u * O[0, c]
-            total[17 + c, a] += v * O[1, c]
-            total[24 + c, a] += w * O[2, c]
+            total[10 + c, a] += u * B[0, c]
+            total[17 + c, a] += v * B[1, c]
+            total[24 + c, a] += w * B[2, c]
     for i in range(3):
         for a in range(width):
             for b in range(a + 1):
-                total[10 + 7 * i + a, 10 + 7 * i + b] += one * O[i, a] * O[i, b]
+                total[10 + 7 * i + a, 10 + 7 * i + b] += one * B[i, a] * B[i, b]
 
 
 @inlined
@@ -216,10 +215,14 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
     """
     N, D, E, m = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros((5, 3))
     A, A2, Y, Y2 = np.zeros((3, 10)), np.zeros((3, 10)), np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
-    O, O2, out, out2 = np.zeros((3, 7)), np.zeros((3, 7)), np.zeros(3), np.zeros(3)
+    B, B2, out, out2 = np.zeros((3, 7)), np.zeros((3, 7)), np.zeros(3), np.zeros(3)
     room = np.zeros((6, 3, 3))
     S, here, cross = np.zeros((3, 24)), np.zeros((24, 31)), np.zeros((24, 24))
-    of_all, of_one, number = np.zeros(9, np.int64), np.zeros((3, 7), np.int64), np.zeros(31, np.int64)
+    of_all, of_one, number = (
+        np.zeros(9, np.int64),
+        np.zeros((3, 7), np.int64),
+        np.zeros(31, np.int64),
+    )
     noise, to = other.shape[0] > 0, own if border.shape[1] > 0 else -1
     for part in range(2):
         _columns(part, of_all, of_one)
@@ -239,27 +242,27 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
             if own < 0:
                 out[:] = m[3 * part]
             else:
-                _slave(part, m, x, since[k], A, O, Y, out, room)
+                _slave(part, m, x, since[k], A, B, Y, out, room)
             _spread(x, own, part, Y, N, D, h, S)
             if noise and own >= 0:
                 _motion(other, q, h, N, D, E, m)
-                _slave(part, m, x, since[k], A2, O2, Y2, out2, room)
+                _slave(part, m, x, since[k], A2, B2, Y2, out2, room)
                 for i in range(3):
                     for c in range(9):
                         A[i, c] = A2[i, c] - A[i, c]
                     for c in range(7):
-                        O[i, c] = O2[i, c] - O[i, c]
+                        B[i, c] = B2[i, c] - B[i, c]
             for i in range(3):
                 r = read[k, 3 * part + i] - out[i]
                 left[k, 3 * part + i] = r
                 A[i, 9] = r
                 if not np.isfinite(r):
-                    A[i], O[i], S[i] = 0.0, 0.0, 0.0
+                    A[i], B[i], S[i] = 0.0, 0.0, 0.0
             if q != now:
                 if now >= 0:
                     _settle(now, to, number, here, cross, band, border, grad)
                 now = q
-            _gather(S, A, O, 1.0 / var[part], to, width, here, cross, total)
+            _gather(S, A, B, 1.0 / var[part], to, width, here, cross, total)
         if now >= 0:
             _settle(now, to, number, here, cross, band, border, grad)
         if to < 0:
@@ -308,7 +311,7 @@ def scores(time, since, left, var, x, own, spline, Z, first, h, block, out):
     Z (6 m, p): what the spline does with them; block (n,): of each reading; others as in `normal`.
     """
     N, D, E, m = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros((5, 3))
-    A, O, Y, read = np.zeros((3, 10)), np.zeros((3, 7)), np.zeros((2, 3, 3)), np.zeros(3)
+    A, B, Y, read = np.zeros((3, 10)), np.zeros((3, 7)), np.zeros((2, 3, 3)), np.zeros(3)
     room = np.zeros((6, 3, 3))
     S, total = np.zeros((3, 24)), np.zeros(24)
     of_all, of_one = np.zeros(9, np.int64), np.zeros((3, 7), np.int64)
@@ -322,7 +325,7 @@ def scores(time, since, left, var, x, own, spline, Z, first, h, block, out):
             _weights(at - q, N, D, E)
             _motion(spline, q, h, N, D, E, m)
             if own >= 0:
-                _slave(part, m, x, since[k], A, O, Y, read, room)
+                _slave(part, m, x, since[k], A, B, Y, read, room)
             _spread(x, own, part, Y, N, D, h, S)
             # Rows weighted by what is left, added up before they are multiplied by Z.
             for a in range(24):
@@ -337,7 +340,7 @@ def scores(time, since, left, var, x, own, spline, Z, first, h, block, out):
                             out[block[k], own + of_all[c]] += A[i, c] * weighed
                     for c in range(7):
                         if of_one[i, c] >= 0:
-                            out[block[k], own + of_one[i, c]] += O[i, c] * weighed
+                            out[block[k], own + of_one[i, c]] += B[i, c] * weighed
             for a in range(24):
                 if total[a] != 0.0:
                     for c in range(Z.shape[1]):
