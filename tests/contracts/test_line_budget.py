@@ -22,7 +22,7 @@ BUDGET = {
     "guard": 1_941,
     "infer": 3_612,
     "kernels": 5_190,
-    "logs": 7_038,
+    "logs": 7_090,
     "models": 6_340,
     "navigate": 2_110,
     "plans": 6_028,

@@ -90,7 +90,7 @@ def smoothed_alike(x: FloatArray, step: float, order: int, others: float) -> Flo
     total = x - mean
     for _ in range(order):
         total = np.cumsum(total + np.vstack([total[:1], total[:-1]]), axis=0) * (step / 2)
-    return smooth(total, step, order, over) + mean
+    return np.asarray(smooth(total, step, order, over) + mean)
 
 
 def even(time: FloatArray, x: FloatArray, grid: FloatArray) -> FloatArray:

@@ -195,7 +195,8 @@ def _log_table(log: Log | None = None) -> str:
 
 
 _MASTER = """\
-# TUM and EuRoC trajectories, exports of Motive (OptiTrack) and Nexus (Vicon) need no more. Columns:
+# TUM and EuRoC trajectories, exports of Motive (OptiTrack) and Nexus (Vicon) need no more, nor do
+# bags of ROS (topic = "/tf" and child = "marker" where there are several). Columns:
 # time = { column = "t", unit = "s" }
 # position = { columns = ["x", "y", "z"], unit = "mm" }
 # attitude = { columns = ["q0", "q1", "q2", "q3"] }    # order and direction are told by the data
