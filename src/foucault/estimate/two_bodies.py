@@ -70,7 +70,7 @@ def clocks(
 def smooth(x: FloatArray, step: float, order: int = 0, over: float = SMOOTH) -> FloatArray:
     """Return `x` (n, q) or its derivative of `order` [1] by parabolas.
 
-    `step`: between two values; `over`: length of a window, three values at least [s].
+    `step`: between two values [s]; `over`: length of a window, three values at least [s].
     """
     from scipy.signal import savgol_filter
 
@@ -82,7 +82,7 @@ def smooth(x: FloatArray, step: float, order: int = 0, over: float = SMOOTH) -> 
 def smoothed_alike(x: FloatArray, step: float, order: int, others: float) -> FloatArray:
     """Return `x` (n, q) smoothed as is a derivative of `order` [1] that `smooth` finds.
 
-    `step`: between two values, `others`: between two of those whose derivative it is [s].
+    `step`: between two values [s]; `others`: between two of those whose derivative it is [s].
     """
     over = max(2, 2 * round(SMOOTH / others / 2)) * others
     over = min(over, (len(x) // 3) * step)

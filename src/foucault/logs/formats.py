@@ -324,7 +324,7 @@ def _open_poses(path: Path, description: Any, progress: Progress | None) -> RawT
     fields = POSES[kind].split(".")
 
     def rows(recorded: int, message: Any) -> list[tuple[float, ...]]:
-        out = []
+        out: list[tuple[float, ...]] = []
         for one in message.transforms if several else (message,):
             if not several or one.child_frame_id == child:
                 pose = one
