@@ -40,9 +40,26 @@ def imus(
     return logs, models, turns
 
 
-def bin_file(path: Path, logs: list[Log], single: bool = False) -> None:
-    """Write a log of ArduPilot, with `single` readings of each sensor too."""
+OFFS, SCAL, GYRO = np.array([0.3, -0.2, 0.5]), np.array([1.02, 0.97, 0.99]), 0.01 * np.arange(3)
+"""What an autopilot may have calibrated itself, forward-right-down [SI]."""
+
+
+def bin_file(path: Path, logs: list[Log], single: bool = False, own: bool = False) -> None:
+    """Write a log of ArduPilot, with `single` readings of each sensor too.
+
+    `own`: with offsets and scale factors of the autopilot taken off, and among its parameters.
+    """
     rest = (0, 0, 25.0, 1, 1, 1000, 1000)
+    parameters = [(1, "AHRS_ORIENTATION", 0.0)]
+    if own:
+        logs = [replace(log, accel=((log.accel @ TO_FRD.T - OFFS) * SCAL) @ TO_FRD,
+                        gyro=log.gyro - GYRO @ TO_FRD) for log in logs]  # fmt: skip
+        parameters += [
+            (1, f"INS_{key}_{axis}", float(x))
+            for k in ("", "2", "3")[: len(logs)]
+            for key, values in ((f"ACC{k}OFFS", OFFS), (f"ACC{k}SCAL", SCAL), (f"GYR{k}OFFS", GYRO))
+            for axis, x in zip("XYZ", values, strict=True)
+        ]
     rows = [
         (round(1e6 * t) + 10**6, k, *(TO_FRD @ log.gyro[i]), *(TO_FRD @ log.accel[i]), *rest)
         for i, t in enumerate(logs[0].time)
@@ -52,7 +69,7 @@ def bin_file(path: Path, logs: list[Log], single: bool = False) -> None:
     for kind, at in (("Gyr", 2), ("Acc", 5)) if single else ():
         labels = "TimeUS,I,SampleUS," + ",".join(f"{kind}{axis}" for axis in "XYZ")
         more[kind.upper()] = "QBQfff", labels, [(*r[:2], r[0], *r[at : at + 3]) for r in rows]
-    dataflash(path, {"IMU": (*IMU, rows), **more})
+    dataflash(path, {"PARM": ("QNf", "TimeUS,Name,Value", parameters), "IMU": (*IMU, rows), **more})
 
 
 def ulg_file(path: Path, logs: list[Log]) -> None:

@@ -341,7 +341,11 @@ class Log(Shown):
             Which instrument.
         """
         block = getattr(self, triad)
-        return () if block is None else tuple(np.flatnonzero(~np.isnan(block).all(axis=0)).tolist())
+        if block is None:
+            return ()
+        absent = np.isnan(block[:1]).all(axis=0)  # that of a log is the whole column
+        absent[absent] = np.isnan(block[:, absent]).all(axis=0)
+        return tuple(np.flatnonzero(~absent).tolist())
 
     def filled(self) -> Log:
         """Return the log with zeros for the axes that were not logged."""

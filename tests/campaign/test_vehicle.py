@@ -16,11 +16,12 @@ from foucault import procedures
 from foucault.cli import app
 from foucault.diagnose.mounted import tie
 from foucault.errors import FoucaultError
+from foucault.export.table import found_in, receivers
 from foucault.models.rotation import log as rotation_vector
 from foucault.recognise.reading import recognise
 from foucault.run_folder import load_result
 from make_session import SITE
-from make_vehicle import bag_file, bin_file, imus, tlog_file, ulg_file
+from make_vehicle import TO_FRD, bag_file, bin_file, imus, tlog_file, ulg_file
 
 PLACE = ["--latitude", "48.8462 deg", "--height", "60 m"]
 
@@ -75,6 +76,28 @@ def test_ardupilot(tmp_path: Path) -> None:
     np.testing.assert_array_equal(both[0].values, both[1].values)
     copy = run("calibrate", tmp_path / "runs/IMU_1/campaign.toml", "-o", tmp_path / "copy")
     assert copy.exit_code in (0, 3), copy.output
+
+
+@pytest.mark.thorough
+def test_what_goes_back_to_the_autopilot_is_that_of_its_sensor(tmp_path: Path) -> None:
+    """The log is less offsets that the autopilot had; what is exported takes their place."""
+    logs, models, _ = flown()
+    bin_file(tmp_path / "flight.bin", logs, own=True)
+    done = run("calibrate", tmp_path / "flight.bin", "-o", tmp_path / "runs", *PLACE)
+    assert done.exit_code in (0, 3), done.output
+    result = load_result(tmp_path / "runs/IMU_1")
+    lost = [w for n in ("accel.misalignment", "gyro.scale", "gyro.misalignment")
+            for w in ("--drop", n)]  # fmt: skip
+    done = run("export", tmp_path / "runs/IMU_1", "--to", "ardupilot", "-o", tmp_path / "p", *lost)
+    assert done.exit_code == 0, done.stderr
+    x = found_in(receivers()["ardupilot"].of_slot(1), (tmp_path / "p").read_text())
+    model, sd = models[1], dict(zip(result.coefficients.names, result.coefficients.sd, strict=True))
+    scale = 1 / np.diag(model.accel_matrix)
+    for key, want, of in (("ACC2OFFS", TO_FRD @ model.accel_bias, "accel.bias"),
+                          ("ACC2SCAL", np.abs(TO_FRD) @ scale, "accel.scale"),
+                          ("GYR2OFFS", TO_FRD @ model.gyro_bias, "gyro.bias")):  # fmt: skip
+        got = [x[f"INS_{key}_{axis}"] for axis in "XYZ"]
+        assert np.abs(got - want).max() < 5 * max(sd[f"{of}.{axis}"] for axis in "xyz"), key
 
 
 @pytest.mark.thorough

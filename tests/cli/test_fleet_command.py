@@ -92,3 +92,15 @@ def test_any_number_of_threads_finds_the_same(tmp_path: Path) -> None:
         run("fleet", tmp_path / "campaign.toml", "-o", out, "--workers", workers)
         made.append(pq.read_table(out / "fleet.parquet"))
     assert made[0].equals(made[1]) and len(made[0]) == 3
+
+
+def test_a_table_only(bench: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    result = run("fleet", bench, "-o", out, "--table-only")
+    assert "solved in one batch" in result.output
+    assert sorted(p.name for p in out.iterdir()) == [
+        "campaign.toml", "fleet.json", "fleet.parquet", "report.html",
+    ]  # fmt: skip
+    page = (out / "report.html").read_text(encoding="utf-8")
+    run("report", out)
+    assert (out / "report.html").read_text(encoding="utf-8") == page

@@ -227,6 +227,113 @@ def test_a_file_of_nobody() -> None:
         checked("a: 1", "kalibre")
 
 
+NESTED = {
+    "lio-sam": "/**:\n  ros__parameters:\n    imuAccNoise: 4.0e-03\n    imuGyrNoise: 1.6e-03\n"
+    "    imuAccBiasN: 6.4e-05\n    imuGyrBiasN: 3.6e-05\n    imuGravity: 9.805\n",
+    "fast-lio2": "/**:\n  ros__parameters:\n    mapping:\n      acc_cov: 0.1\n      gyr_cov: 0.1\n"
+    "      b_acc_cov: 0.0001\n      b_gyr_cov: 0.0001\n      extrinsic_R: [1, 0,\n        0, 1]\n",
+    "maplab": "sensors:\n  - id: 7\n    sensor_type: IMU\n    sigmas:\n"
+    "      acc_noise_density: 4e-3\n      acc_bias_random_walk_noise_density: 4e-3\n"
+    "      gyro_noise_density: 1e-4\n      gyro_bias_random_walk_noise_density: 1e-4\n"
+    "    gravity_magnitude_mps2: 9.81\n  - id: 8\n    sensor_type: CAMERA\n",
+    "kalibr": "imu0:\n  accelerometer_noise_density: 0.002\n  accelerometer_random_walk: 0.0003\n"
+    "  accelerometers:\n    M:\n    - [1.001, 0.0, 0.0]\n    - [0.001, 0.998, 0.0]\n"
+    "    - [0.0, 0.0, 1.0]\n  gyroscope_noise_density: 0.0002\n  gyroscope_random_walk: 2.0e-05\n"
+    "  model: scale-misalignment\n  update_rate: 200.0\n",
+    "ros2": "SM:\n  - 0.98\n  - 0.0\n  - 0\n  - 0\n  - 1.01\n  - 0.0\n  - 0\n  - 0\n  - 0.99\n"
+    "bias:\n  - 0.1\n  - -0.2\n  - 3e-1\n",
+    "ardupilot": "# Copter\nINS_ACCOFFS_X   0.1\nINS_ACCOFFS_Y\t0.1\nINS_ACCOFFS_Z 0.1\n"
+    "INS_ACCSCAL_X 1.001\nINS_ACCSCAL_Y 1.001\nINS_ACCSCAL_Z 1.001\n"
+    "INS_GYROFFS_X 0.001\nINS_GYROFFS_Y 0.001\nINS_GYROFFS_Z 0.001\n",
+    "px4": "# Vehicle-Id Component-Id Name Value Type\n" + "".join(
+        f"1\t1\tCAL_{key}\t{value}\t9\n" for axis in "XYZ" for key, value in (
+            (f"ACC0_{axis}OFF", 0.04), (f"ACC0_{axis}SCALE", 1.002), (f"GYRO0_{axis}OFF", 0.003))),
+}  # fmt: skip
+"""Files as others write them: nodes of ROS 2, lists of sensors, ground stations, yaml-cpp."""
+
+
+@pytest.mark.parametrize("name", list(NESTED))
+def test_keys_are_found_where_others_put_them(name: str) -> None:
+    got = checked(NESTED[name])
+    assert got.receiver.name == name
+    assert got.findings == ()
+    wanted = [row.shown for row in TABLE[name].rows if row.key and row.must]
+    assert {line.key for line in got.lines} >= {*wanted}
+    assert all(line.value for line in got.lines)
+
+
+def test_the_model_of_openvins_is_told_from_the_file(tmp_path: Path) -> None:
+    for name in ("openvins", "openvins-rpng"):
+        text = write(small(name), name, tmp_path / "a", noise=LOUD).read_text()
+        own = re.sub(r"(?m)^#.*\n", "", text).replace('"', "")
+        assert checked(own).receiver.name == name
+
+
+def test_roslaunch_takes_a_number_without_a_point_for_text(tmp_path: Path) -> None:
+    text = write(small("msckf-vio"), "msckf-vio", tmp_path / "a", noise=LOUD).read_text()
+    bare = text.replace(' type="double"', "")
+    assert checked(bare).findings == ()
+    got = checked(bare.replace("2.0e-06", "2e-06"))
+    assert [f.code for f in got.findings] == ["export.check_text"]
+    assert checked(text.replace("2.0e-06", "2e-06")).findings == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "pattern", "key", "given"),
+    [("kalibr", r", 0\.0(\]\n)", "accelerometers.M", 8),
+     ("basalt", r",\s+[^\s,]+(\s+\])", "value0.calib_accel_bias", 8),
+     ("pyins", r", [^\s,]+(\]\])", "gyro_transform", 8),
+     ("matlab", r" [^\s,]+(\], \.)", "accel.ConstantBias", 2),
+     ("kf-gins", r", [^\s,]+(\]  # \[deg/h)", "initgyrbias", 2)],
+)  # fmt: skip
+def test_too_few_numbers(name: str, pattern: str, key: str, given: int, tmp_path: Path) -> None:
+    right = small(name)
+    text = write(right, name, tmp_path / "out", noise=LOUD).read_text("utf-8")
+    short = re.sub(pattern, r"\1", text, count=1)
+    for run_ in (None, right):
+        (told,) = checked(short, name, run_, noise=LOUD, rate=RATE).findings
+        assert f"{key} has {given} numbers, and {name} reads" in told.message
+
+
+@pytest.mark.parametrize("name", [n for n in TABLE if noises(n)])
+@pytest.mark.parametrize("wrong", [0.0, -1.0])
+def test_noise_that_is_none_is_no_difference(name: str, wrong: float, tmp_path: Path) -> None:
+    right, own = small(name), TABLE[name]
+    text = write(right, name, tmp_path / "out", noise=LOUD).read_text("utf-8")
+    for row in noises(name):
+        numbers = numbers_of(row, found_in(own, text))
+        assert numbers is not None
+        bad = put(text, numbers, np.where(numbers == 0, 0.0, wrong))
+        for run_ in (None, right):
+            told = checked(bad, name, run_, noise=LOUD, rate=RATE).findings
+            assert [f.message for f in told] == [f"{row.shown} is zero or negative."]
+
+
+def test_a_file_that_is_torn_is_no_fault_of_ours(tmp_path: Path) -> None:
+    for name in ("basalt", "imucal"):
+        text = write(small(name), name, tmp_path / "a", noise=LOUD).read_text()
+        with refuses("export.unreadable"):
+            checked(text[: len(text) // 2], name)
+
+
+def test_of_several_sensors_that_of_the_run_is_looked_at(tmp_path: Path) -> None:
+    result = small("ardupilot")
+    texts = []
+    for slot in range(3):
+        bias = {f"accel.bias.{a}": 0.1 * (slot + 1) for a in "xyz"}
+        other = replace(result, coefficients=result.coefficients.with_values(bias))
+        texts.append(write(other, "ardupilot", tmp_path / "a", slot=slot).read_text())
+    told = {"input": {"description": {"topic": "IMU/1"}}}
+    second = replace(other, provenance=result.provenance | told,
+                     coefficients=result.coefficients.with_values(
+                         {f"accel.bias.{a}": 0.2 for a in "xyz"}))  # fmt: skip
+    got = checked("".join(texts), None, second)
+    assert (got.receiver.slot, got.findings, len(got.lines)) == (1, (), 3)
+    assert {line.said for line in got.lines} == {""}
+    alone = checked("".join(texts))
+    assert len(alone.lines) == 9 and alone.findings == ()
+
+
 # -- the command -------------------------------------------------------------------------------
 
 
@@ -262,6 +369,30 @@ def test_the_command(tmp_path: Path) -> None:
     assert "from the Allan run noise" in other.read_text()
     done = run("check", other, "--run", tmp_path / "noise")
     assert "It says what the run says." in done.stdout, done.stdout
+
+
+def test_a_file_says_what_the_allan_run_knows_besides(tmp_path: Path) -> None:
+    """Quantisation that N and K do not have, and what it warned of."""
+    from foucault.logs import write as write_log
+    from foucault.tables import Log
+
+    rng, n, dt, step = np.random.default_rng(0), 40_000, 0.01, 2e-5
+    angle = np.round(np.cumsum(rng.normal(0, 1e-4 * dt**0.5, (n, 3)), axis=0) / step) * step
+    log = Log(np.arange(n) * dt, np.diff(angle, axis=0, prepend=0) / dt,
+              rng.normal([0, 0, 9.8], 2e-2, (n, 3)))  # fmt: skip
+    write_log(log, tmp_path / "static.csv")
+    run("allan", tmp_path / "static.csv", "-o", tmp_path / "noise", code=0)
+    held = json.loads((tmp_path / "noise/allan.json").read_text())
+    held["findings"].append({"code": "allan.shaken", "severity": "warning", "cure": "Stop it.",
+                             "message": "The instrument is shaken in 9 % of the log."})  # fmt: skip
+    (tmp_path / "noise/allan.json").write_text(json.dumps(held))
+    run("export", tmp_path / "noise", "--to", "kalibr", "-o", tmp_path / "k", code=0)
+    text = " ".join((tmp_path / "k").read_text().replace("\n#", "").split())
+    said = re.search(r"Quantisation Q of x, y, z: (\S+), (\S+), (\S+) rad, which", text)
+    assert said is not None
+    for q in said.groups():  # of a rounded angle
+        assert float(q) == pytest.approx(step / 12**0.5, rel=0.05)
+    assert "The Allan run warned: The instrument is shaken in 9 % of the log." in text
 
 
 def test_the_command_names_any_sensor(tmp_path: Path) -> None:

@@ -101,6 +101,21 @@ def test_what_is_no_cubic_says_by_how_much(name: str, tmp_path: Path) -> None:
     assert float(said[1]) > 1e-3
 
 
+@pytest.mark.parametrize("name", list(RULES))
+def test_what_is_said_is_what_single_precision_leaves(name: str, tmp_path: Path) -> None:
+    """Of a cubic nothing is lost but by rounding, which the file says."""
+    result = changing()
+    text = write(result, name, tmp_path / "p").read_text()
+    x = {key: np.float32(v) for key, v in found_in(receivers()[name], text).items()}
+    T = np.linspace(LOW, HIGH, 201)
+    off = [RULES[name](x, np.float32(t - 273.15))[0] - C @ result.at(float(t)).model.accel_bias
+           for t in T]  # fmt: skip
+    said = re.search(r"Biases of the accel .*?by (\S+) m/s\^2 at most in single precision",
+                     " ".join(text.split()))  # fmt: skip
+    assert said is not None
+    assert 1e-9 < np.abs(off).max() < 4 * float(said[1]) < 1e-5
+
+
 def test_scale_factors_that_change_are_told(tmp_path: Path) -> None:
     result = changing()
     assert result.temperature is not None

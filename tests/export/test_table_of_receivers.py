@@ -361,3 +361,44 @@ def test_the_table_is_whole() -> None:
             assert row.kind in KINDS
             assert row.key or row.line
             assert row.one > 0
+
+
+# -- what was not calibrated ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [n for n, r in TABLE.items() if r.apart])
+def test_what_was_not_calibrated_stays_as_the_stack_has_it(name: str, tmp_path: Path) -> None:
+    """An offset of zero would take the place of one that is right."""
+    own, result = TABLE[name], with_terms("accel.bias", "accel.scale")
+    whole = write(result, name, tmp_path / "a").read_text()
+    assert "NOT CALIBRATED, left out, the receiver keeps what it has: gyro.bias." in whole
+    assert not [key for key in found_in(own, whole) if "GYR" in key]
+    c = result.coefficients  # y of the body is x forward-right-down
+    two = replace(result, coefficients=c.chosen([n for n in c.names if not n.endswith(".y")]))
+    text = write(two, name, tmp_path / "b").read_text()
+    assert "has: accel.bias.y, accel.scale.y, gyro.bias." in text
+    held = found_in(own, whole)
+    left = {key: x for key, x in held.items() if not re.search(r"_XOFF|_XSCALE|OFFS_X|SCAL_X", key)}
+    assert found_in(own, text) == left
+    for other in (result, two):  # and a file that leaves something out is right
+        for run in (other, None):
+            got = checked(text if other is two else whole, None, run)
+            assert (got.receiver.name, got.findings) == (name, ())
+            assert {line.said for line in got.lines} == {""}
+    gyro = write(with_terms("gyro.bias"), name, tmp_path / "c").read_text()
+    assert checked(gyro).receiver.name == name
+    with refuses("export.nothing", "gyro.bias, and none of it is calibrated"):
+        write(with_terms("gyro.scale"), name, tmp_path / "d", drop=["gyro.scale"])
+
+
+def test_an_sd_that_is_not_known_is_not_zero(tmp_path: Path) -> None:
+    """Zero would say that the bias is known exactly (KF-GINS), or has no state (pyins)."""
+    result = with_terms("accel.bias", "accel.scale")
+    text = write(result, "kf-gins", tmp_path / "a", noise=LOUD).read_text()
+    found = found_in(TABLE["kf-gins"], text)
+    assert "initbastd" in found and "initbgstd" not in found
+    assert "# initbgstd: not known" in text and "# gsstd: not known" in text
+    assert "NOT CALIBRATED, written as no error: gyro.bias, gyro.scale." in text
+    code = write(result, "pyins", tmp_path / "b", noise=LOUD).read_text()
+    assert "\ngyro_bias_sd = None" in code and "\naccel_bias_sd = [" in code
+    compile(code, "pyins", "exec")

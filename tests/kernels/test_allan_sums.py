@@ -48,7 +48,8 @@ def test_mean_squares_are_those_of_the_definition(form, kind):
 @FORMS
 def test_phase_is_the_sum(form):
     y = np.random.default_rng(2).normal(size=2000) * 10.0 ** np.arange(2000).clip(0, 8)
-    got = _form(allan.integrate, form)(y, 0.5)
+    got = np.full(2001, np.nan)
+    _form(allan.integrate, form)(y, 0.5, got)
     want = [math.fsum(y[:k] - 0.5) for k in range(2001)]
     # Half a spacing of the largest sum per step.
     np.testing.assert_allclose(got, want, rtol=0, atol=2000 * np.spacing(np.abs(want).max()) / 2)

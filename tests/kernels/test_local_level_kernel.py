@@ -25,10 +25,11 @@ def states(latitudes, m: int = 60) -> np.ndarray:
     return out
 
 
-def turned(form, x) -> dict[str, np.ndarray]:
+def turned(form, x, frames: bool = True) -> dict[str, np.ndarray]:
     m = len(x)
     shapes = {"position": (2,), "velocity_n": (3,), "C_nb": (3, 3), "C_nl": (3, 3), "angles": (3,)}
-    out = {name: np.empty((m, *shape)) for name, shape in shapes.items()}
+    rows = {"C_nb": m * frames, "C_nl": m * frames}
+    out = {name: np.empty((rows.get(name, m), *shape)) for name, shape in shapes.items()}
     kernel(form, module, "local_level")(x, *out.values())
     out["latitude"], out["longitude"] = out.pop("position").T
     return out
@@ -52,6 +53,15 @@ def test_at_a_pole_and_upright_the_rotation_is_still_one(form) -> None:
         np.testing.assert_allclose(values, wanted[name], rtol=3e-13, atol=3e-13, err_msg=name)
     eye = found["C_nb"] @ np.swapaxes(found["C_nb"], 1, 2)
     np.testing.assert_allclose(eye, np.broadcast_to(np.eye(3), eye.shape), atol=1e-14)
+
+
+@FORMS
+def test_what_is_not_wanted_changes_nothing_else(form) -> None:
+    x = states([-1.5, 0.8])
+    few, all_of_it = turned(form, x, frames=False), turned(form, x)
+    assert not few.pop("C_nb").size + few.pop("C_nl").size
+    for name, values in few.items():
+        np.testing.assert_array_equal(values, all_of_it[name], err_msg=name)
 
 
 def test_many_rows_go_through_the_kernel_and_few_do_not(monkeypatch) -> None:

@@ -72,10 +72,51 @@ def test_what_ardupilot_has_calibrated_is_told(tmp_path: Path) -> None:
     dataflash(tmp_path / "flight.bin", {"IMU": imus(0), "PARM": (*PARM, parameters)})
     told = next(f for f in read(described(), tmp_path).findings
                 if f.code == "log.ardupilot_calibrated")  # fmt: skip
-    assert "3 of them are not zero or one" in told.message
+    assert "2 of them are not zero or one" in told.message  # the third is of the other gyro
     dataflash(tmp_path / "flight.bin", {"IMU": imus(0), "PARM": (*PARM, parameters[1:2])})
     codes = {f.code for f in read(described(), tmp_path).findings}
     assert "log.ardupilot_calibrated" not in codes
+
+
+HELD = [("AHRS_ORIENTATION", 0.0), ("INS_ACCOFFS_X", 0.1), ("INS_ACCOFFS_Z", -0.2),
+        ("INS_ACCSCAL_Y", 0.99), ("INS_GYROFFS_Y", 0.01), ("INS_ACC2SCAL_X", 1.01),
+        ("INS_GYR2OFFS_Z", -0.02), ("INS4_ACCOFFS_Y", 0.3), ("INS_TCAL1_ENABLE", 0.0)]  # fmt: skip
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_what_ardupilot_took_off_is_put_back(number: int, tmp_path: Path) -> None:
+    off, scale, gyro = ([[0.1, 0, -0.2], [0, 0, 0]], [[1, 0.99, 1], [1.01, 1, 1]],
+                        [[0, 0.01, 0], [0, 0, -0.02]])  # fmt: skip
+    raw_f, raw_w = F[number].astype(float), W[number].astype(float)
+    y = (raw_f - off[number]) * scale[number]
+    rows = [
+        (int(t), number, *w, *f, 0, 0, 25.0, 1, 1, 1000, 1000)
+        for t, w, f in zip(TICKS, (raw_w - gyro[number]).tolist(), y.tolist(), strict=True)
+    ]
+    parameters = [(1, name, value) for name, value in HELD]
+    dataflash(tmp_path / "flight.bin", {"IMU": (*IMU, rows), "PARM": (*PARM, parameters)})
+    log = read(described(), tmp_path)
+    np.testing.assert_allclose(log.accel, raw_f @ TO_B.T, atol=3e-6)
+    np.testing.assert_allclose(log.gyro, raw_w @ TO_B.T, atol=3e-8)
+    told = next(f for f in log.findings if f.code == "log.ardupilot_undone")
+    assert f"{4 if number == 0 else 2} offsets and scale factors" in told.message
+    assert f"IMU/{number} were put back" in told.message
+
+
+@pytest.mark.parametrize(
+    "more",
+    [("AHRS_ORIENTATION", 6.0), ("INS_TCAL1_ENABLE", 1.0), ("INS_ACCOFFS_X", 0.15),
+     ("INS_ACCSCAL_Y", -1.0)],
+)  # fmt: skip
+def test_what_is_not_known_for_certain_is_not_put_back(
+    more: tuple[str, float], tmp_path: Path
+) -> None:
+    """Another orientation, a calibration over temperature, a value that changed in flight."""
+    parameters = [(1, name, value) for name, value in [*HELD, more]]
+    dataflash(tmp_path / "flight.bin", {"IMU": imus(0), "PARM": (*PARM, parameters)})
+    log = read(described(), tmp_path)
+    np.testing.assert_array_equal(log.accel, F[0].astype(float) @ TO_B.T)
+    assert "log.ardupilot_calibrated" in {f.code for f in log.findings}
 
 
 def test_bytes_that_were_lost_cost_what_they_held(tmp_path: Path) -> None:

@@ -386,3 +386,16 @@ def test_dates_are_times(read_text, zone):
     refused(read_text, rows, "log.not_numeric", "'a date' is not a number", gyro=gyro, **iso)
     rows[6] = "04.05.2026" + rows[6][10:]
     refused(read_text, rows, "log.not_a_date", "line 8, column 't': '04.05.2026", **iso)
+
+
+@pytest.mark.parametrize("between", [[], ["   ", "", "# restarted", "\t"]], ids=["plain", "blanks"])
+def test_a_fault_far_down_is_told_by_its_line(monkeypatch, read_text, between):
+    from foucault.logs import text
+
+    monkeypatch.setattr(text, "BLOCK_BYTES", 200)
+    rows = [line for good in lines(40) for line in (good, *between)]
+    number = rows.index(lines(40)[30]) + 2  # from 1, after the titles
+    good = read_text("\n".join([HEAD, *rows]), **WORDS)
+    assert len(good) == 40
+    rows[number - 2] = rows[number - 2].replace("0.30", "O.30", 1)
+    refused(read_text, rows, "log.not_numeric", f"line {number}", "O.30")

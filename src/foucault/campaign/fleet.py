@@ -8,7 +8,7 @@ does not stop the others. The folder holds::
     fleet.parquet                       a row per instrument
     report.html                         the summary page, written by `report.fleet`
     campaign.toml                       the campaign with every default filled in
-    instruments/SERIAL/result.json ...  a run folder per instrument
+    instruments/SERIAL/result.json ...  a run folder per instrument, but for a table only
 
 A fleet can be simulated: the means of many instruments in one file, and the truth beside it.
 """
@@ -21,6 +21,7 @@ import re
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ import numpy.typing as npt
 
 from foucault import logs, monte_carlo, procedures, run_folder
 from foucault.arrays import FloatArray, IntArray
-from foucault.campaign import earlier
+from foucault.campaign import bench, earlier
 from foucault.campaign.reading import Campaign
 from foucault.campaign.running import (
     SESSION_CAMPAIGN,
@@ -46,16 +47,16 @@ from foucault.diagnose import compare as diagnose
 from foucault.diagnose import table as table_report
 from foucault.diagnose.compare import Distribution, Outlying
 from foucault.diagnose.references import times_the_table, with_clock
-from foucault.errors import Finding, FoucaultError, error, finding
+from foucault.errors import Finding, FoucaultError, Status, error, finding
 from foucault.files import make_folder, write_text
-from foucault.logs.reading import by_serial
-from foucault.models.imu import LAYOUT
+from foucault.logs.reading import by_serial, of_many
+from foucault.models.imu import LAYOUT, LINEAR_LOWER
 from foucault.models.noise import Readings, grade
 from foucault.procedures import Progress, on_table, silent
 from foucault.procedures import fleet as of_fleet
 from foucault.procedures.norm_observation import task_of
 from foucault.procedures.on_table.session import TableSession, TableSettings, draw_rig, plan_of
-from foucault.result import Level, Result, provenance
+from foucault.result import Level, Result, Verdict, provenance
 from foucault.simulate.table import (
     Fleet,
     SimulatedReadings,
@@ -169,7 +170,7 @@ class FleetTable:
         decisions = tolerance.decide(self.names, self.values, self.sd)
         return replace(self, decisions=decisions, tolerance=tolerance)
 
-    @property
+    @cached_property
     def outcomes(self) -> list[str]:
         """Pass, undecided, fail or broken of each instrument; without a tolerance the verdict.
 
@@ -214,17 +215,17 @@ class FleetTable:
             *diagnose.noisy(self.chi_square, self.redundancy),
         ]
 
-    @property
+    @cached_property
     def chi_square(self) -> FloatArray:
         """Chi-square of both triads, shape (N, 2) [1]."""
         return np.array([r.chi_square for r in self.rows]).reshape(-1, 2)
 
-    @property
+    @cached_property
     def redundancy(self) -> FloatArray:
         """Redundancy of both triads, shape (N, 2) [1]."""
         return np.array([r.redundancy for r in self.rows]).reshape(-1, 2)
 
-    @property
+    @cached_property
     def ratio(self) -> FloatArray:
         """Size of the residuals over what the noise says, shape (N, 2) [1]."""
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -323,18 +324,35 @@ def load(folder: str | Path) -> tuple[FleetTable, Mapping[str, Any]]:
     said, columns = held.about, held.tables["fleet"]
     broken = {p["serial"]: FoucaultError(p["code"], p["message"], p["cure"])
               for p in said["broken"]}  # fmt: skip
-    rows = []
-    for serial, where in zip(columns["serial"], columns["folder"], strict=True):
+    rows, names = [], [n.removeprefix("sd.") for n in columns if n.startswith("sd.")]
+    for i, (serial, where) in enumerate(zip(columns["serial"], columns["folder"], strict=True)):
         if serial in broken:
             rows.append(Row.broken(serial, broken[serial]))
+            continue
+        if not where:
+            rows.append(_of_table(columns, names, i))
             continue
         page = f"{where}/{run_folder.REPORT_FILE}"
         result = run_folder.load_result(folder / where)
         rows.append(Row.of(serial, result, where, page if (folder / page).is_file() else ""))
-    names = [n.removeprefix("sd.") for n in columns if n.startswith("sd.")]
     given = said["tolerance"]
     tolerance = None if given is None else Tolerance.from_json(given)
     return FleetTable.of(names, rows).decided(tolerance), said
+
+
+def _of_table(columns: Mapping[str, Any], names: Sequence[str], i: int) -> Row:
+    """Return row `i`, shape () [1], of fleet.parquet where it is all there is."""
+
+    def of(stem: str, parts: Sequence[str]) -> FloatArray:
+        return np.array([columns[f"{stem}.{part}"][i] for part in parts], float)
+
+    said = str(columns["reason"][i])
+    values, sd = ({n: float(columns[what + n][i]) for n in names} for what in ("", "sd."))
+    return Row(
+        str(columns["serial"][i]), str(columns["status"][i]), str(columns["verdict"][i]), values,
+        sd, of("chi_square", TRIADS), of("redundancy", TRIADS), of("lever_arm", AXES),
+        reasons=(said,) if said else (),
+    )  # fmt: skip
 
 
 Report = Callable[[Path], Path]
@@ -367,6 +385,7 @@ class _Work:
     folder: Path
     report: Report | None
     batch: bool
+    table_only: bool = False
     folders: dict[str, str] = field(default_factory=dict)
 
     def named(self, entries: Iterable[Entry]) -> Iterator[Entry]:
@@ -402,13 +421,15 @@ def run(
     *,
     tolerance: Tolerance | None = None,
     report: Report | None = None,
+    table_only: bool = False,
     workers: int = 2,
     progress: Progress = silent,
 ) -> FleetTable:
     """Calibrate all instruments of a campaign and write one folder.
 
     `tolerance`: what coefficients may be, None decides nothing; `report`: writes the report of a
-    run folder and returns its path, None writes none; `workers`: threads [1]; `progress`: called
+    run folder and returns its path, None writes none; `table_only`: whether the table is all that
+    is kept, without a run folder for each; `workers`: threads [1]; `progress`: called
     with the fraction done and what is being done. Returns a row per instrument, those without a
     result last. Raises mistakes in the campaign, and ``fleet.nothing`` where no instrument has a
     result.
@@ -419,14 +440,21 @@ def run(
     if tolerance is not None:
         tolerance.refuse_unknown(names, campaign.procedure)
     batch = of_fleet.suits(campaign.settings, campaign.site, campaign.prior)
-    work = _Work(campaign, folder, report, batch)
-    entries = work.named(_entries(campaign, progress))
-    make_folder(folder / INSTRUMENTS)
-    rows = list(_rows(work, entries, monte_carlo.threads(workers), progress))
-    table = FleetTable.of(names, rows)
+    if table_only and (folder / INSTRUMENTS).exists():
+        raise error("fleet.folders", folder=folder)
+    work = _Work(campaign, folder, None if table_only else report, batch, table_only)
+    if batch and table_only and campaign.log.serial is not None:
+        make_folder(folder)
+        table = _at_once(work, names, progress)
+    else:
+        entries = work.named(_entries(campaign, progress))
+        make_folder(folder if table_only else folder / INSTRUMENTS)
+        rows = list(_rows(work, entries, monte_carlo.threads(workers), progress))
+        table = FleetTable.of(names, rows)
     _refuse_nothing(table)
     table = table.decided(tolerance)
-    _remove_stale(work, table)
+    if not table_only:
+        _remove_stale(work, table)
     _save(table, campaign, folder, batch=batch, seconds=clock.monotonic() - started)
     return table
 
@@ -455,6 +483,56 @@ def _rows(
     for done, row in enumerate(rows, 1):
         progress(0.5 + 0.45 * done / len(reduced), f"writing {done} of {len(reduced)}")
         yield row
+
+
+def _at_once(work: _Work, names: Sequence[str], progress: Progress) -> FleetTable:
+    """Return the table of all instruments of one file, solved and judged as columns."""
+    c = work.campaign
+    _entries(c, progress)  # mistakes of the campaign
+    many = of_many(c.log, c.folder, lambda done: progress(0.3 * done, "reading the log"))
+
+    def alone(serial: str, log: Log | FoucaultError) -> Readings | FoucaultError:
+        item = _reduced(work, serial, log)
+        return item.readings if isinstance(item, _Reduced) else item.problem  # type: ignore[return-value]
+
+    found = bench.arranged(many, alone)
+    problems, numbers = dict(found.problems), np.array(sorted(found.readings), np.int64)
+    if not len(numbers):
+        return FleetTable.of(names, [Row.broken(many.names[i], p) for i, p in problems.items()])
+    progress(0.5, f"solving {len(numbers)} instruments")
+    readings = [found.readings[i] for i in numbers.tolist()]
+    batch = of_fleet.solve(readings, c.settings, c.site, c.sizes)
+    progress(0.8, f"judging {len(numbers)} instruments")
+    good, rows = np.ones(len(numbers), bool), list[Row]()
+    for k, i in enumerate(numbers.tolist()):
+        if (problem := batch.problem(k)) is not None:
+            problems[i], good[k] = problem, False
+            continue
+        said = (Level.PASS, ()) if batch.sure[k] else _judged(batch, k)
+        rows.append(batch_row(many.names[i], batch, k, *said))
+    order = [LINEAR_LOWER.index(n) for n in names if n in LINEAR_LOWER]
+    rows += [Row.broken(many.names[i], problems[i]) for i in sorted(problems)]
+    values, sd = np.full((2, len(rows), len(order)), np.nan)
+    values[: good.sum()] = batch.estimate.values[good][:, order]
+    sd[: good.sum()] = batch.sd[good][:, order]
+    return FleetTable(tuple(LINEAR_LOWER[k] for k in order), tuple(rows), values, sd)
+
+
+def _judged(batch: of_fleet.Batch, k: int) -> tuple[Level, tuple[str, ...]]:
+    verdict = Verdict.of(batch.checks(k, batch.estimate.coefficients(k)))
+    return verdict.level, verdict.reasons
+
+
+def batch_row(
+    serial: str, batch: of_fleet.Batch, k: int, level: Level, reasons: tuple[str, ...]
+) -> Row:
+    """Return the row of instrument `k`, shape () [1], of a batch without its coefficients."""
+    e, tested = batch.estimate, batch.estimate.redundancy >= 0.5
+    arm = e.lever_arm[k] if batch.settings.lever_arm else np.full(3, np.nan)
+    return Row(
+        serial, str(Status.CONVERGED), str(level), chi_square=np.where(tested, batch.chi_square[k],
+        np.nan), redundancy=np.where(tested, e.redundancy, np.nan), lever_arm=arm, reasons=reasons,
+    )  # fmt: skip
 
 
 def _refuse_nothing(table: FleetTable) -> None:
@@ -559,6 +637,8 @@ def _calibrated(work: _Work, serial: str, log: Log | FoucaultError) -> Row:
 def _saved(work: _Work, serial: str, result: Result) -> Row:
     instrument = work.campaign.instrument | {"serial": serial}
     result = replace(result, instrument=instrument)
+    if work.table_only:
+        return Row.of(serial, result, "", "")
     where = work.folders[serial]
     run_folder.save(result, work.folder / where)
     page = "" if work.report is None else f"{where}/{work.report(work.folder / where).name}"

@@ -96,7 +96,7 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress | None = None)
     if procedure.more == "none":
         refuse_more(campaign, f"'{campaign.procedure}'")
     log = None
-    if procedure.streams:
+    if procedure.streams(campaign.log):
         on_disk = OnDisk(campaign.log, campaign.folder, _told(campaign))
         log = on_disk if on_disk.size > STREAMED else None
     with ahead.compiling(campaign.procedure, tell):

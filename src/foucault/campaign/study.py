@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -350,9 +350,28 @@ def load(folder: str | Path) -> tuple[Study, dict[str, Any]]:
     import pyarrow.parquet as pq
 
     asked = about(folder)
-    table = pq.read_table(Path(folder) / TRIALS_FILE)
-    columns = {name: of_arrow(table[name]) for name in table.column_names if name != "trial"}
-    return Study.of(asked["names"], columns), asked
+    with pq.ParquetFile(Path(folder) / TRIALS_FILE) as file:
+        return Study.of(asked["names"], _Columns(file)), asked
+
+
+class _Columns(Mapping[str, Any]):
+    """The columns of a table, each read when it is asked for: a large study is not held twice."""
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+
+    def __getitem__(self, name: str) -> Any:
+        column = self._file.read([name])[name]
+        if name not in ("status", "verdict"):
+            return of_arrow(column)
+        words = column.dictionary_encode().combine_chunks()
+        return np.array(words.dictionary.to_pylist())[of_arrow(words.indices)]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._file.schema_arrow.names)
+
+    def __len__(self) -> int:
+        return len(self._file.schema_arrow.names)
 
 
 def about(folder: str | Path) -> dict[str, Any]:

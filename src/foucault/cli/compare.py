@@ -81,6 +81,9 @@ def fleet(
     reports: Annotated[
         bool, typer.Option("--reports", help="Write a report of each instrument too.")
     ] = False,
+    table_only: Annotated[
+        bool, typer.Option("--table-only", help="Keep one table and one page, no folder of each.")
+    ] = False,
     workers: Workers = None,
 ) -> None:
     """Calibrate many instruments by the same campaign.
@@ -98,7 +101,7 @@ def fleet(
     with screen.work(output, "fleet") as tell:
         table = fleets.run(
             campaigns.load(campaign), output, tolerance=limits,
-            report=write if reports else None,
+            report=write if reports else None, table_only=table_only,
             workers=workers or os.cpu_count() or 1, progress=tell,
         )  # fmt: skip
         tell(0.97, "writing the page")

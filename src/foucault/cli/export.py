@@ -355,7 +355,7 @@ def check(
         right=(False, False, False, False, False),
     )
     screen.findings(seen.findings)
-    if not any(line.said for line in seen.lines):
+    if not seen.findings and not any(line.said for line in seen.lines):
         screen.say("Nothing in it is implausible." if run is None else "It says what the run says.")
     screen.data(
         {

@@ -167,7 +167,9 @@ def deviations(
 def _phase(rate: FloatArray) -> FloatArray:
     from foucault.kernels import allan
 
-    return np.asarray(allan.integrate(rate, float(rate.mean())))
+    phase = np.empty(len(rate) + 1)
+    allan.integrate(rate, float(rate.mean()), phase)
+    return phase
 
 
 def _variances(phase: FloatArray, m: IntArray, kind: Kind) -> FloatArray:

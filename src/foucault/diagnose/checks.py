@@ -85,6 +85,9 @@ def check(
     return Check(name, value, low, high, passed, sentence, fails, p)
 
 
+PLAUSIBLE = 30.0
+"""A larger scale factor error is that of a wrong unit [percent]."""
+
 LARGEST_BIAS = 60.0
 """No gyro has a larger bias [deg/s]."""
 
@@ -127,8 +130,8 @@ def plausible_scales(coefficients: CoefficientVector) -> list[Check]:
         values = [coefficients.value(n) for n in coefficients.names if f"{triad}.scale." in n]
         if values:
             percent, given = 100 * max(values, key=abs), {"triad": triad, "sensor": sensor}
-            out.append(check("scale factors", f"{triad} scale", percent, -30.0, 30.0, given,
-                             fails=Level.UNUSABLE))  # fmt: skip
+            out.append(check("scale factors", f"{triad} scale", percent, -PLAUSIBLE, PLAUSIBLE,
+                             given, fails=Level.UNUSABLE))  # fmt: skip
     names = [n for n in coefficients.names if n.startswith("gyro.bias.")]
     worst = float(np.degrees(max((abs(coefficients.value(n)) for n in names), default=0.0)))
     if worst > LARGEST_BIAS:

@@ -148,15 +148,24 @@ def _extreme(z: FloatArray, false_alarm: float) -> list[int]:
     from scipy.special import stdtrit
 
     order = np.argsort(z, kind="stable")  # the farthest is the first or the last of those left
+    y, half = z[order], len(z) // 2
     first, last, taken, count = 0, len(z) - 1, list[int](), 0
     m = len(z) - np.arange(int(ODD * len(z)))
     t = stdtrit(m - 2, 1 - false_alarm / (2 * m))
+    # Sums from the middle outward: those left are the sum of two of them, and nothing cancels.
+    below, above_it = (
+        [np.concatenate(([0.0], np.cumsum(x**k))) for k in (1, 2)]
+        for x in (y[:half][::-1], y[half:])
+    )
     for limit in (m - 1) * t / np.sqrt(m * (m - 2 + t**2)):
-        y = z[order[first : last + 1]]
-        middle, spread = y.mean(), y.std(ddof=1)
-        above = y[-1] - middle > middle - y[0]
+        n, (low, high) = last - first + 1, (float(y[first]), float(y[last]))
+        total, squares = (a[half - first] + b[last + 1 - half] for a, b in
+                          zip(below, above_it, strict=True))  # fmt: skip
+        middle = total / n
+        spread = np.sqrt((squares - n * middle**2) / (n - 1))
+        above = bool(high - middle > middle - low)
         taken.append(int(order[last if above else first]))
-        if max(y[-1] - middle, middle - y[0]) / spread > limit:
+        if max(high - middle, middle - low) > limit * spread:
             count = len(taken)
         first, last = first + (not above), last - above
     return taken[:count]
@@ -172,11 +181,11 @@ def noisy(chi_square: FloatArray, redundancy: FloatArray) -> list[Outlying]:
     tests = max(int(usable.sum()), 1)
     out = []
     for t, what in enumerate(("accelerometers", "gyros")):
-        for i in np.flatnonzero(usable[:, t]):
-            high = chi_square_limits(float(redundancy[i, t]), tests=tests)[1]
-            if chi_square[i, t] > high:
-                ratio = float(np.sqrt(chi_square[i, t] / redundancy[i, t]))
-                z = float(np.sqrt(chi_square[i, t] / high))
+        for d in np.unique(redundancy[usable[:, t], t]):
+            high = chi_square_limits(float(d), tests=tests)[1]
+            mine = usable[:, t] & (redundancy[:, t] == d) & (chi_square[:, t] > high)
+            for i in np.flatnonzero(mine):
+                ratio, z = (float(np.sqrt(chi_square[i, t] / x)) for x in (d, high))
                 out.append(Outlying(int(i), f"noise of the {what}", ratio, z))
     return sorted(out, key=lambda o: -o.z)
 

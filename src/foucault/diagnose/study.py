@@ -82,7 +82,10 @@ class Study:
         kinds, counts = np.unique(rows["status"].astype(str), return_counts=True)
 
         def block(prefix: str) -> FloatArray:
-            return np.column_stack([rows[f"{prefix}.{name}"][good] for name in names])
+            out = np.empty((int(good.sum()), len(names)), order="F")  # each column is looked at
+            for k, name in enumerate(names):
+                out[:, k] = rows[f"{prefix}.{name}"][good]
+            return out
 
         status = dict(zip(kinds.tolist(), counts.tolist(), strict=True))
         nees = np.asarray(rows["nees"][good], float)
@@ -93,8 +96,7 @@ class Study:
 
         None where no trial produced an estimate.
         """
-        z = self.error / self.sd
-        n = len(z)
+        n = len(self.error)
         if n == 0:
             return []
         tests = len(self.names)
@@ -102,8 +104,9 @@ class Study:
         bias_limit = np.sqrt(chi_square_limits(1, 2 * EACH, tests)[1])
         out = []
         for k, name in enumerate(self.names):
-            mean_z = float(z[:, k].mean() * np.sqrt(n))
-            ratio = float(np.sqrt(np.mean(z[:, k] ** 2)))
+            z = self.error[:, k] / self.sd[:, k]
+            mean_z = float(z.mean() * np.sqrt(n))
+            ratio = float(np.sqrt(np.mean(z**2)))
             bound = float(np.sqrt(np.mean(self.bound[:, k] ** 2)))
             rms = float(np.sqrt(np.mean(self.error[:, k] ** 2)))
             out.append(
@@ -122,7 +125,7 @@ class Study:
                     "ratio_high": float(high),
                     "consistent": bool(low <= ratio <= high),
                     **{
-                        f"coverage_{p}": float(np.mean(np.abs(z[:, k]) <= limit))
+                        f"coverage_{p}": float(np.mean(np.abs(z) <= limit))
                         for p, limit in INTERVALS.items()
                     },
                 }
@@ -144,8 +147,11 @@ class Study:
 
     def _coverage(self, percent: int, share: float) -> Check:
         """Count intervals of independent trials: each trial counts once, by its own fraction."""
-        inside = np.abs(self.error / self.sd) <= INTERVALS[percent]
-        per_trial = inside.mean(axis=1)
+        n, k = self.error.shape
+        inside = np.zeros(n)
+        for j in range(k):
+            inside += np.abs(self.error[:, j]) <= INTERVALS[percent] * self.sd[:, j]
+        per_trial = inside / k
         value = float(per_trial.mean())
         from scipy.special import stdtrit
 
@@ -153,7 +159,6 @@ class Study:
         # itself uncertain (Student's t). By chance it can come out below that of independent
         # coefficients, where it cannot be: symmetric intervals of normal errors never exclude one
         # another (the Gaussian correlation inequality).
-        n, k = inside.shape
         scatter = max(float(per_trial.std(ddof=1)), np.sqrt(share * (1 - share) / k))
         width = float(stdtrit(n - 1, 1 - EACH / 2) * scatter / np.sqrt(n))
         return check("coverage", f"coverage of {percent} %", 100 * value, 100 * (share - width),

@@ -28,7 +28,7 @@ NEEDED = 9
 
 SIZE = len(LINEAR_LOWER)
 _ROWS, _COLUMNS = np.tril_indices(SIZE)
-_DIAGONAL = np.flatnonzero(_ROWS == _COLUMNS)
+DIAGONAL = np.flatnonzero(_ROWS == _COLUMNS)
 _OFF_ACCEL = ((1, 0), (2, 0), (2, 1))
 _OFF_GYRO = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 
@@ -107,7 +107,7 @@ class FleetEstimate:
     @property
     def sd(self) -> FloatArray:
         """Standard deviations, shape (N, 21) [SI]."""
-        return np.asarray(np.sqrt(self.packed[:, _DIAGONAL]))
+        return np.asarray(np.sqrt(self.packed[:, DIAGONAL]))
 
     @property
     def ratio(self) -> FloatArray:

@@ -23,11 +23,11 @@ from itertools import combinations
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.errors import Finding, error, finding, suggestion
+from foucault.errors import Finding, FoucaultError, error, finding, suggestion
 from foucault.export import magnetometer
 from foucault.export.densities import Densities
 from foucault.export.quantities import Known
-from foucault.export.receivers import knowledge, known_as, log_axes
+from foucault.export.receivers import knowledge, known_as, log_axes, number_in
 from foucault.export.request import inverse, known_axes
 from foucault.export.syntax import Found
 from foucault.export.table import (
@@ -40,6 +40,7 @@ from foucault.export.table import (
     receivers,
 )
 from foucault.models.imu import ImuModel
+from foucault.models.layouts import of_sensors
 from foucault.models.noise import GRADES, ImuNoise, grade
 from foucault.result import Result
 from foucault.units import STANDARD_GRAVITY, convert, display_unit, plain, size
@@ -109,23 +110,32 @@ class Checked:
 
 def recognised(text: str) -> Receiver:
     """Return the receiver whose keys a file has most of; raises ``export.unknown_file``."""
+    bare = text.replace('"', "")
 
-    def share(own: Receiver) -> float:
+    def likeness(own: Receiver) -> tuple[float, int, int, bool]:
         wanted = [row for row in own.rows if row.key and row.must]
-        found = found_in(own, text)
-        return sum(row.names()[0] in found for row in wanted) / len(wanted)
+        shares = [(0.0, 0)]
+        for slot in every_slot([own]):
+            try:
+                found = found_in(slot, text)
+            except FoucaultError:
+                continue
+            there = sum(row.names()[0] in found for row in slot.rows if row.key and row.must)
+            shares.append((max(there / len(wanted), 0.5 * (own.apart and found != {})), len(found)))
+        model = sum(row.line.replace('"', "") in bare for row in own.rows if not row.key)
+        # What our own writer says is for VINS-Fusion has the same keys as VINS-Mono.
+        return *max(shares), model, own.title in text
 
-    shares, every = {}, [own for table in TABLES for own in receivers(table).values()]
-    for own in every:
-        try:
-            shares[own.title] = max(share(own.of_slot(k)) for k in range(len(own.slots) + 1))
-        except ValueError:  # no JSON
-            shares[own.title] = 0.0
-    # What our own writer says is for VINS-Fusion has the same keys as VINS-Mono.
-    best = max(every, key=lambda own: (shares[own.title], own.title in text))
-    if shares[best.title] < 0.5:
+    like = {own: likeness(own) for table in TABLES for own in receivers(table).values()}
+    best = max(like, key=lambda own: like[own])
+    if like[best][0] < 0.5:
         raise error("export.unknown_file", allowed=", ".join(receivers()))
     return best
+
+
+def every_slot(some: Sequence[Receiver]) -> list[Receiver]:
+    """Return receivers as they name each of their sensors."""
+    return [own.of_slot(k) for own in some for k in range(len(own.slots) + 1)]
 
 
 def checked(
@@ -139,29 +149,55 @@ def checked(
 ) -> Checked:
     """Read a file back and hold it against a run, or against what is possible at all.
 
+    Of several sensors in it that of the run is looked at, or the one that has most keys; without
+    a run all of them.
+
     `text`: the file; `receiver`: whose it is, None finds out; `result`: the run it came from, where
     there is one; `noise`, `rate`, `axes`: as for `write`, the rate [Hz].
     """
     some = [recognised(text)] if receiver is None else _own(known_as(receiver))
-    own = max(
-        (one.of_slot(k) for one in some for k in range(len(one.slots) + 1)),
-        key=lambda o: len(found_in(o, text)),
-    )
-    found = found_in(own, text)
     if axes is not None:
         known_axes(axes)
-    about: Known | None = None
-    if result is not None:
-        if (result.procedure == "magnetometer") != own.of_magnetometer:
-            raise error("export.check_other", procedure=result.procedure, title=own.title)
-        if own.of_magnetometer:
-            at = axes or own.axes or log_axes(result)
-            about, _ = magnetometer.knowledge(result, own, axes=at, drop=(), force=True)
-        else:
-            names = result.coefficients.names
-            drop = tuple(n for n in names if n.rpartition(".")[0] not in own.takes)
-            about, _ = knowledge(result, own, axes=axes, noise=noise, rate=rate, force=True,
-                                 drop=() if own.before else drop)  # fmt: skip
+    found = {own: found_in(own, text) for own in every_slot(some)}
+    held = [own for own in found if found[own]] or some
+    held.sort(key=lambda own: -len(found.get(own, ())))
+    if result is None:
+        held = [own for own in held if own.title == held[0].title]
+    else:
+        of_mag = result.procedure == "magnetometer"
+        same = [own for own in held if own.of_magnetometer == of_mag]
+        if not same:
+            raise error("export.check_other", procedure=result.procedure, title=held[0].title)
+        number = number_in(result)
+        held = ([own for own in same if own.slot == number] or same)[:1]
+    lines: list[Line] = []
+    noticed: list[Finding] = []
+    for own in sorted(held, key=lambda own: own.slot):
+        about = None if result is None else _known(result, own, noise, rate, axes)
+        seen = _read(own, found.get(own, {}), about, rate)
+        lines += seen[0]
+        noticed += seen[1]
+    return Checked(held[0], tuple(lines), tuple(noticed))
+
+
+def _known(
+    result: Result, own: Receiver, noise: ImuNoise | Densities | None, rate: float | None,
+    axes: str | None,
+) -> Known:  # fmt: skip
+    """Return what the file of a run is made of."""
+    if own.of_magnetometer:
+        at = axes or own.axes or log_axes(result)
+        return magnetometer.knowledge(result, own, axes=at, drop=(), force=True)[0]
+    names = of_sensors(result.coefficients).names
+    drop = tuple(n for n in names if n.rpartition(".")[0] not in own.takes)
+    return knowledge(result, own, axes=axes, noise=noise, rate=rate, force=True,
+                     drop=() if own.before else drop)[0]  # fmt: skip
+
+
+def _read(
+    own: Receiver, found: Found, about: Known | None, rate: float | None
+) -> tuple[list[Line], list[Finding]]:
+    """Return what the keys of one sensor say, and what is wrong with them."""
     rate = rate or _rate_in(own, found) or (about.rate if about else None)
     reading = Known(ImuModel(), rate=rate, correlation=_single(own, found, "correlation"))
     if about is not None:
@@ -173,29 +209,42 @@ def checked(
             line, seen = _line(own, row, found, reading, about)
             lines.append(line)
             noticed += seen
-        elif row.key and row.must:
+        elif row.key and row.must and not own.apart:
             noticed.append(finding("export.check_missing", receiver=own.name, key=row.shown))
-    return Checked(own, tuple(lines), tuple(noticed))
+    return lines, noticed
 
 
 def _line(
     own: Receiver, row: Row, found: Found, reading: Known, about: Known | None
 ) -> tuple[Line, list[Finding]]:
     """Return what one key says, and what is wrong with it."""
+    right = None if about is None else row.told(about)
+    if own.apart:  # axes that are left out stay as they are: taken for right
+        other = row.told(Known(ImuModel())) if right is None else right
+        if other is not None and len(other) == len(row.names()):
+            found = dict(zip(row.names(), other.tolist(), strict=True)) | found
     numbers = numbers_of(row, found)
     if numbers is None:
         given = ", ".join(str(w) for key in row.names() if isinstance(w := found.get(key), str))
         told = finding("export.check_text", receiver=own.name, key=row.shown, given=given)
         return Line(row.shown, "", "", "", "no number"), [told]
-    right = None if about is None else row.told(about)
-    if about is None or right is None or right.shape != numbers.shape:
-        said, code, run = list(_impossible(row, numbers, reading)), "export.check_possible", ""
+    if len(numbers) == 1 and own.syntax in ("python", "matlab"):  # one number stands for three
+        numbers = np.resize(numbers, row.count)
+    if len(numbers) != row.count:
+        told = finding("export.check_count", receiver=own.name, key=row.shown,
+                       given=len(numbers), wanted=row.count)  # fmt: skip
+        return Line(row.shown, "", "", "", f"{len(numbers)} for {row.count} numbers"), [told]
+    run = "" if about is None or right is None else _in_our_units(row, right, about)
+    if said := _none(row, numbers):
+        told = finding("export.check_possible", key=row.shown, words=said)
+        return Line(row.shown, "", run, "", said), [told]
+    if about is None or right is None:
+        words, code = list(_impossible(row, numbers, reading)), "export.check_possible"
     else:
-        run = _in_our_units(row, right, about)
-        said, code = _beside(row, numbers, right, about), "export.check_run"
+        words, code = _beside(row, numbers, right, about), "export.check_run"
     value, like = _in_our_units(row, numbers, reading), _typical(row, numbers, reading)
-    seen = [finding(code, key=row.shown, words=w) for w in said if not w.startswith(DIFFERS)]
-    return Line(row.shown, value, run, like, "; ".join(said)), seen
+    seen = [finding(code, key=row.shown, words=w) for w in words if not w.startswith(DIFFERS)]
+    return Line(row.shown, value, run, like, "; ".join(words)), seen
 
 
 def _own(name: str) -> list[Receiver]:
@@ -207,9 +256,11 @@ def _own(name: str) -> list[Receiver]:
 
 
 def _single(own: Receiver, found: Found, of: str) -> float | None:
+    """Return a rate or a time that a file has [SI], None where it is none."""
     for row in own.rows:
         if row.of == (of,) and (numbers := numbers_of(row, found)) is not None:
-            return float(numbers[0] * row.one)
+            value = float(numbers[0] * row.one)
+            return value if 0 < value < np.inf else None
     return None
 
 
@@ -323,13 +374,15 @@ def _inverse_direction(row: Row, about: Known) -> Iterator[tuple[str, FloatArray
 # -- What no sensor can have ---------------------------------------------------------------------
 
 
-def _impossible(row: Row, numbers: FloatArray, reading: Known) -> Iterator[str]:
+def _none(row: Row, numbers: FloatArray) -> str:
+    """Say that numbers are none, or noise that is none."""
     if not np.isfinite(numbers).all():
-        yield "is not finite"
-        return
-    if row.noise and row.layout != "diagonal" and (numbers <= 0).any():
-        yield "is zero or negative"
-        return
+        return "is not finite"
+    noise = numbers[:: 4 if row.layout == "diagonal" else 1]
+    return "is zero or negative" if row.noise and (noise <= 0).any() else ""
+
+
+def _impossible(row: Row, numbers: FloatArray, reading: Known) -> Iterator[str]:
     for name, x in row.meant(numbers, reading).items():
         known = name.replace("true_bias", "bias")
         if known in POSSIBLE:

@@ -138,7 +138,7 @@ def of_allan_run(folder: str | Path) -> Densities:
     try:
         said = json.loads(path.read_text(encoding="utf-8"))
         pairs = {k: None if v is None else Pair(**v) for k, v in said["pairs"].items()}
-        rates = [1 / c["interval"] for c in said["channels"].values()]
+        rates = [float(f"{1 / c['interval']:.9g}") for c in said["channels"].values()]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
         raise error("export.allan_run", path=path, reason=problem) from None
     values: dict[str, FloatArray] = {}
@@ -158,8 +158,25 @@ def of_allan_run(folder: str | Path) -> Densities:
                   f"N = {one.white:.4g} {unit[0]}, K = {one.walk:.4g} {unit[1]}.",
                   in_words(one)]  # fmt: skip
         words += _unlike(triad, axes)
+        steps = [_quantisation(said["channels"].get(f"{triad}.{axis}", {})) for axis in AXES]
+        if any(steps):
+            angle = "rad" if triad == "gyro" else "m/s"
+            shown = ", ".join(f"{q:.3g}" for q in steps)
+            words += [
+                f"Quantisation Q of x, y, z: {shown} {angle}, which the receiver does not",
+                f"know: below {one.first:.3g} s the curve is higher by it.",
+            ]
     last = [p.last for p in pairs.values() if p is not None]
+    warned = {f["code"]: f["message"] for f in reversed(said.get("findings", ()))
+              if f["severity"] == "warning"}  # fmt: skip
+    words += [f"The Allan run warned: {message}" for message in reversed(warned.values())]
     return Densities(values, tuple(words), max(rates), max(last, default=None))
+
+
+def _quantisation(channel: Mapping[str, Any]) -> float:
+    """Return Q of a channel where it was seen, else 0 [unit s]."""
+    found = channel.get("noises", {}).get("quantisation", {})
+    return float(found["value"]) if found.get("seen") else 0.0
 
 
 def is_allan_run(path: str | Path) -> bool:

@@ -4,10 +4,11 @@
 
 A polynomial of order 3 or less is such a cubic whatever it is centred on, and nothing is lost. What
 is of higher order, or straight from knot to knot, is fitted by least squares over the range of the
-calibration; the largest residual is told. Outside the range there is nothing: the stacks hold the
-temperature at its ends. The constant goes into the plain offset, which is that of the cubic at the
-reference temperature of the calibration. Scale factors over temperature have no place: they stay at
-that temperature, and what they change over the range is told at 1 g.
+calibration; the largest residual is told, as the stacks compute it in single precision. Outside the
+range there is nothing: the stacks hold the temperature at its ends. The constant goes into the
+plain offset, which is that of the cubic at the reference temperature of the calibration. Scale
+factors over temperature have no place: they stay at that temperature, and what they change over
+the range is told at 1 g.
 """
 
 from __future__ import annotations
@@ -60,12 +61,14 @@ def over_temperature(terms: TemperatureTerms, reference: float | None) -> Warmth
     for triad, unit in (("accel", "m/s^2"), ("gyro", "rad/s")):
         b = f.basis(T) @ terms.block(f"{triad}_bias")
         k = _cubic(T - at, b)
-        left = float(np.abs(np.vander(T - at, ORDER + 1, increasing=True) @ k - b).max())
         bias[triad] = (f.reference - at) ** np.arange(ORDER + 1) @ k
+        given = _as_computed(k, np.append(T, f.reference) - at)
+        left = float(np.abs(given[:-1] - given[-1] + np.float32(bias[triad]) - b).max())
         values |= {f"{triad}.warm_{n}": k[n] for n in range(1, ORDER + 1)}
         said.append(
             f"Biases of the {triad} over temperature as cubics, {range_}: they differ from the "
-            f"calibration by {left:.2g} {unit} at most; outside the stack holds the nearer end."
+            f"calibration by {left:.2g} {unit} at most in single precision; outside the stack "
+            "holds the nearer end."
         )
     scale = np.einsum("tii->ti", np.tensordot(f.basis(T), terms.block("accel_matrix"), 1))
     here = np.einsum("ii->i", np.tensordot(f.basis(f.reference), terms.block("accel_matrix"), 1))
@@ -76,6 +79,15 @@ def over_temperature(terms: TemperatureTerms, reference: float | None) -> Warmth
             f"{f.reference - ZERO_CELSIUS:.2f} degC, which leaves {change:.2g} m/s^2 at 1 g."
         )
     return Warmth(bias["accel"], bias["gyro"], values, said)
+
+
+def _as_computed(k: FloatArray, d: FloatArray) -> FloatArray:
+    """Return cubics without their constant as the stacks compute them, in single precision.
+
+    `k` (4, 3): by power [SI]; `d` (m,): distances in temperature [K]; returns (m, 3).
+    """
+    c, x = k.astype(np.float32), d.astype(np.float32)[:, None]
+    return np.asarray(((c[3] * x + c[2]) * x + c[1]) * x, float)
 
 
 def _cubic(d: FloatArray, b: FloatArray) -> FloatArray:

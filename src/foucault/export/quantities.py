@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.models.imu import Gauge, ImuModel
 from foucault.models.magnetometer import Magnetometer, halves
 
@@ -45,6 +45,26 @@ class Known:
     # biases over temperature, where they change: by name, temperatures [degC], others [SI]
     warm: Mapping[str, FloatArray] = field(default_factory=dict)
     mag: MagKnown = field(default_factory=MagKnown)
+    # (3,) of which axes biases and scale factors were calibrated, by name; all where it is not said
+    seen: Mapping[str, BoolArray] = field(default_factory=dict)
+
+    def have(self, triad: str, what: str) -> BoolArray:
+        """Return of which axes `what` (bias, scale) of a triad is calibrated, (3,)."""
+        return np.asarray(self.seen.get(f"{triad}.{what}", np.ones(3, bool)))
+
+
+_TRIADS = "accel", "gyro"
+
+COMPLETE = Known(
+    ImuModel(),
+    {f"{one}{triad}.{name}": np.ones(() if one else 3)
+     for one in ("", "one:") for triad in _TRIADS for name in ("white", "walk")},
+    {f"{triad}.{name}": np.ones(3) for triad in _TRIADS for name in ("bias", "scale")},
+    1.0, 1.0, 1.0,
+    {f"{triad}.warm_{n}": np.ones(3) for triad in _TRIADS for n in (1, 2, 3)}
+    | {f"warm.{name}": np.ones(()) for name in ("low", "high", "reference", "calibrated")},
+)  # fmt: skip
+"""Something of everything, to see how many numbers a key has."""
 
 
 def in_gauge(model: ImuModel, gauge: str) -> tuple[ImuModel, FloatArray]:
@@ -137,7 +157,8 @@ def value_of(name: str, known: Known, *, each: bool) -> FloatArray | None:
     if name.startswith("warm.") or ".warm_" in name:
         return known.warm.get(name)
     if name.endswith("_sd"):
-        return known.sd.get(name.removesuffix("_sd"))
+        sd = known.sd.get(name.removesuffix("_sd"))
+        return sd if sd is not None and (sd > 0).all() else None  # 0: an axis is not calibrated
     single = {"rate": known.rate, "gravity": known.gravity, "correlation": known.correlation}[name]
     if single is None:
         return None

@@ -16,7 +16,17 @@ from foucault.export import magnetometer, ties
 from foucault.export.densities import Densities, densities
 from foucault.export.over_temperature import over_temperature
 from foucault.export.quantities import Known, in_gauge
-from foucault.export.request import AXES, EXPORTED, FAMILIES, OWN_AXES, Request, request, usable
+from foucault.export.request import (
+    ALL,
+    AXES,
+    EXPORTED,
+    FAMILIES,
+    OWN_AXES,
+    Request,
+    family,
+    request,
+    usable,
+)
 from foucault.export.table import Receiver, Row, receivers, text_for
 from foucault.files import atomic, keep_others
 from foucault.models.layouts import is_cluster
@@ -44,6 +54,10 @@ ALIASES = {
 
 NOISE = "noise"
 """What ``--drop`` calls noise that a receiver wants and nobody knows."""
+
+
+_BY_AXES = ("accel.bias", "accel.scale", "gyro.bias", "gyro.scale")
+"""Coefficients of which each axis has one."""
 
 
 def known_as(name: str) -> str:
@@ -187,6 +201,9 @@ def _from_table(
     known, about = knowledge(
         result, receiver, axes=axes, drop=drop, noise=noise, rate=rate, force=force
     )
+    rows = [row for row in receiver.rows if row.key and not row.warm]
+    if receiver.apart and not any(row.calibrated(known).any() for row in rows):
+        raise error("export.nothing", receiver=receiver.name, takes=", ".join(receiver.takes))
     missing = [row for row in receiver.rows if row.must and row.noise and row.told(known) is None]
     if missing and NOISE not in drop:
         raise _missing(receiver, missing, known)
@@ -222,12 +239,15 @@ def knowledge(
     turned = {name: _along(x, AXES[axes]) for name, x in loud.values.items()}
     rate = rate or result.validity.get("rate") or loud.rate
     local = result.site.get("gravity")
+    kept = {*result.coefficients.names} - {*wanted.dropped.names}
     known = Known(
         model, turned, _sds(wanted, AXES[axes]), rate,
         float(local) if isinstance(local, int | float) else STANDARD_GRAVITY, loud.correlation,
         {} if warmth is None else warmth.values,
+        seen={name: np.abs(AXES[axes]) @ [f"{name}.{axis}" in kept for axis in "xyz"] > 0
+              for name in _BY_AXES},
     )  # fmt: skip
-    about = wanted.statement()
+    about = wanted.statement() + _absent(receiver, kept)
     about += [] if warmth is None else warmth.said
     if receiver.before:
         about += [
@@ -261,11 +281,24 @@ def _sds(wanted: Request, C_sb: np.ndarray) -> dict[str, np.ndarray]:
     """Return standard deviations of biases and scale factors by name; 0 where there is none."""
     vector = wanted.result.coefficients
     sd = dict(zip(vector.names, np.nan_to_num(vector.sd).tolist(), strict=True))
-    families = [f"{triad}.{what}" for triad in ("accel", "gyro") for what in ("bias", "scale")]
     return {
-        family: np.abs(C_sb) @ [sd.get(f"{family}.{axis}", 0.0) for axis in "xyz"]
-        for family in families
+        name: np.abs(C_sb) @ [sd.get(f"{name}.{axis}", 0.0) for axis in "xyz"] for name in _BY_AXES
     }
+
+
+def _absent(receiver: Receiver, kept: set[str]) -> list[str]:
+    """Say what the receiver takes and was not calibrated, or dropped."""
+    none = []
+    for kind in receiver.takes:
+        names = [name for name in ALL.names if family(name) == kind]
+        if not kept & {*names}:
+            none.append(kind)
+        elif kind in _BY_AXES:
+            none += [name for name in names if name not in kept]
+    if not none or not kept:
+        return []
+    stays = "left out, the receiver keeps what it has" if receiver.apart else "written as no error"
+    return [f"NOT CALIBRATED, {stays}: {', '.join(none)}."]
 
 
 def _missing(receiver: Receiver, rows: list[Row], known: Known) -> Exception:

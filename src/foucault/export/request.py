@@ -102,6 +102,7 @@ def about(result: Result, axes: str, signs: str = "") -> list[str]:
         + f", procedure {result.procedure}"
         + (f", {made['created']}" if made.get("created") else "")
         + ".",
+        *_log(made.get("input")),
         f"Instrument: {instrument or 'not named'}. Verdict: {result.verdict.level}.",
         f"Model: {result.equation}",
         *([signs] if signs else []),
@@ -109,6 +110,16 @@ def about(result: Result, axes: str, signs: str = "") -> list[str]:
         *(f"Valid for: {words}." for words in _validity(result.validity)),
     ]
     return [" ".join(line.split()) for line in lines]
+
+
+def _log(read: Any) -> list[str]:
+    """Say which file was calibrated, in so far as it is known."""
+    file, digest = (
+        read.get(key) if isinstance(read, Mapping) else None for key in ("file", "sha256")
+    )
+    if not isinstance(file, str):
+        return []
+    return [f"Log: {file}" + (f", SHA-256 {digest[:16]}..." if isinstance(digest, str) else "")]
 
 
 def _beside(known: Mapping[str, Any]) -> list[str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,7 +118,7 @@ def read(name: str, text: str, reader: str) -> Found:
         return dict(_leaves(json.loads(text), ""))
     if name == "launch":
         return {
-            m["name"]: number_in(m["value"], reader)
+            m["name"]: _of_launch(m)
             for m in map(_attributes, re.findall(r"<param\b[^>]*>", _without_xml_remarks(text)))
             if {"name", "value"} <= m.keys()
         }
@@ -131,6 +131,13 @@ def read(name: str, text: str, reader: str) -> Found:
     if pattern is None:
         return {}
     return {m[0]: number_in(m[1], reader) for m in re.findall(pattern, text, re.MULTILINE)}
+
+
+def _of_launch(param: Mapping[str, str]) -> float | str:
+    """Return the number that roslaunch makes of a parameter: without a type it wants a point."""
+    text = param["value"].strip()
+    plain = "." in text or text.lstrip("+-").isdigit()
+    return number_in(text, "") if plain or param.get("type") == "double" else text
 
 
 def assigned(lines: Sequence[tuple[str, str]], name: str, text: str, reader: str) -> Found:
@@ -198,6 +205,9 @@ def _yaml(text: str, reader: str) -> Iterator[tuple[str, Any]]:
         indent = len(line) - len(body)
         if body.startswith("- ["):
             rows.append(_bracketed(body[2:], reader))
+            continue
+        if body.startswith("- ") and isinstance(item := number_in(body[2:], reader), float):
+            rows.append(item)
             continue
         if rows:
             yield path, rows

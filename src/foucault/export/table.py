@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.errors import error
 from foucault.escape import commented, hash_comment
 from foucault.export import syntax
-from foucault.export.quantities import Known, model_of, value_of
+from foucault.export.quantities import COMPLETE, Known, model_of, value_of
 from foucault.export.syntax import SYNTAXES, Found
 from foucault.models.imu import ImuModel
 from foucault.units import CELSIUS, size
@@ -59,6 +59,7 @@ class Row:
     says: str = ""
     must: bool = True
     warm: bool = False
+    triad: str = ""  # written only where biases of this triad are calibrated
 
     @property
     def noise(self) -> bool:
@@ -75,12 +76,24 @@ class Row:
         """Its key for people; a star stands for each axis."""
         return self.key.replace("{X}", "*").replace("{0}", "*")
 
+    def calibrated(self, known: Known) -> BoolArray:
+        """Return of which axes what it says is calibrated, (3,)."""
+        triad, _, what = self.of[0].partition(".")
+        return known.have(triad, "scale" if what == "diagonal_inverse" else "bias")
+
     def names(self) -> list[str]:
         """Return the keys of its numbers: three where each axis has its own."""
         for pattern, axes in (("{X}", "XYZ"), ("{0}", "012")):
             if pattern in self.key:
                 return [self.key.replace(pattern, axis) for axis in axes]
         return [self.key]
+
+    @property
+    def count(self) -> int:
+        """How many numbers it has."""
+        told = self.told(COMPLETE)
+        assert told is not None
+        return len(told)
 
     def noise_factor(self, rate: float | None, correlation: float | None) -> float | None:
         """Return times r of the equation above, None where it needs what is not known.
@@ -160,7 +173,7 @@ def put_back(numbers: FloatArray, layout: str) -> FloatArray:
     return numbers.reshape(3, 3).T if layout == "columns" else numbers.reshape(3, 3)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Receiver:
     """Who reads a file, and what it has there."""
 
@@ -177,6 +190,7 @@ class Receiver:
     reader: str = ""
     single: bool = False
     nested: bool = True
+    apart: bool = False  # a key that is left out stays as the receiver has it
     notes: tuple[str, ...] = ()
     warm_notes: tuple[str, ...] = ()
     reference: float | None = None  # temperature that its powers count from [degC]
@@ -272,8 +286,10 @@ def text_for(receiver: Receiver, known: Known, about: list[str]) -> str:
     about = [*about, f"For {receiver.title}.", *receiver.notes, *_precision(receiver)]
     about += receiver.warm_notes if known.warm else []
     about += [f"Meaning of each key from the source of the receiver: {receiver.source}."]
+    if receiver.syntax in ("json", "px4", "ardupilot"):  # nothing may stand behind a value there
+        about += [f"{row.shown}: {_words(row)}" for row in receiver.rows
+                  if _words(row) and (known.warm or not row.warm)]  # fmt: skip
     if receiver.syntax == "json":
-        about += [f"{row.key}: {_words(row)}" for row in receiver.rows if _words(row)]
         values = [(key, value) for _, key, value in _written(receiver, known) if value is not None]
         return syntax.json_of(values, receiver.remark, [*map(hash_comment, about)], receiver.texts)
     return "\n".join([
@@ -298,6 +314,8 @@ def _body(receiver: Receiver, known: Known) -> Iterator[str]:
         at, pad = groups, "  " * len(groups)
         if not key:
             yield from (pad + line for line in row.line.splitlines())
+        elif value is None and not row.must and receiver.syntax == "python":
+            yield from _with_words([row.line.replace("{}", "None")], row, receiver.syntax)
         elif value is None:
             yield pad + commented([f"{last}: not known; {_words(row)}"], form.mark)
         elif row.line:
@@ -313,6 +331,8 @@ def _written(receiver: Receiver, known: Known) -> Iterator[tuple[Row, str, Any]]
     for row in receiver.rows:
         if row.warm and not known.warm:
             continue
+        if row.triad and not known.have(row.triad, "bias").any():
+            continue
         if not row.key:
             yield row, "", None
             continue
@@ -320,7 +340,9 @@ def _written(receiver: Receiver, known: Known) -> Iterator[tuple[Row, str, Any]]
         if flat is None:
             yield row, row.shown, None
         elif len(keys) == len(flat) == 3:
-            yield from ((row, key, x) for key, x in zip(keys, flat.tolist(), strict=True))
+            seen = row.calibrated(known) | (not receiver.apart)
+            for key, x, there in zip(keys, flat.tolist(), seen, strict=True):
+                yield row, key, x if there else None
         elif len(flat) == 9 and row.layout == "rows":
             yield row, row.key, flat.reshape(3, 3).tolist()
         else:
@@ -351,28 +373,43 @@ def _precision(receiver: Receiver) -> list[str]:
 
 
 def found_in(receiver: Receiver, text: str) -> Found:
-    """Return what a file has under the keys of a receiver: numbers, lists of them, or a text."""
-    if receiver.syntax in ("python", "c++", "matlab"):
-        lines = [(row.key, row.line) for row in receiver.rows if row.key]
-        return syntax.assigned(lines, receiver.syntax, text, receiver.reader)
-    have = syntax.read(receiver.syntax, text, receiver.reader)
-    out: Found = {}
-    for row in receiver.rows:
-        for key in row.names() if row.key else ():
-            if key in have:
-                out[key] = have[key]
-    return out
+    """Return what a file has under the keys of a receiver: numbers, lists of them, or a text.
+
+    Keys may stand deeper than in a file of their own: under a node of ROS 2, in a list of sensors.
+    Raises ``export.unreadable``.
+    """
+    try:
+        if receiver.syntax in ("python", "c++", "matlab"):
+            lines = [(row.key, row.line) for row in receiver.rows if row.key]
+            return syntax.assigned(lines, receiver.syntax, text, receiver.reader)
+        have = syntax.read(receiver.syntax, text, receiver.reader)
+    except (ValueError, RecursionError) as problem:  # no JSON, or brackets without end
+        raise error("export.unreadable", receiver=receiver.name, reason=problem) from None
+    keys = [key for row in receiver.rows if row.key for key in row.names()]
+    return {key: have[path] for key in keys if (path := _path_of(key, have)) is not None}
+
+
+def _path_of(key: str, have: Found) -> str | None:
+    """Return where a file has a key, None where it has it nowhere or in several places."""
+    if key in have:
+        return key
+    ends = f".{key}", f".ros__parameters.{key.partition('.')[2] or key}"
+    deeper = [path for path in have if path.endswith(ends)]
+    return deeper[0] if len(deeper) == 1 else None
 
 
 def numbers_of(row: Row, found: Found) -> FloatArray | None:
     """Return the numbers of a row, flat; None where they are missing or no numbers."""
-    try:
-        parts = [np.ravel(np.asarray(found[key])) for key in row.names()]
-    except (KeyError, ValueError):
-        return None
-    if any(part.dtype.kind not in "fi" for part in parts):  # NumPy reads what the reader does not
-        return None
-    return np.concatenate(parts).astype(float)
+    flat = [x for key in row.names() for x in _flat(found.get(key))]
+    return np.array(flat) if flat and all(isinstance(x, float) for x in flat) else None
+
+
+def _flat(value: Any) -> Iterator[Any]:
+    if isinstance(value, list):
+        for item in value:
+            yield from _flat(item)
+    else:
+        yield value
 
 
 def model_in(receiver: Receiver, found: Found) -> ImuModel:

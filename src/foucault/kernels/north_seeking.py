@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from foucault.kernels import kernel
+from foucault.kernels.rotation import atan2
 from foucault.kernels.small_matrices import cholesky, invert, substitute
 
 SOLVED, CLAMPED, NOT_CONVERGED, SINGULAR, NOT_FINITE = 0, 1, 2, 3, 4
@@ -86,7 +87,7 @@ def closed_form_batch(
             sd[i, 3] = latitude_sd
         else:
             Z = s * m + ct * q
-            angles[i, 3] = _atan2(Z, math.sqrt(h2))
+            angles[i, 3] = atan2(Z, math.sqrt(h2))
             # dL = dZ / h, as the three components keep their norm where they are not clamped
             ze, zm = ct * qe, s + ct * qm
             zt, zr = ct * m - s * q + ct * qt, ct * qr
@@ -94,39 +95,15 @@ def closed_form_batch(
             sd[i, 3] = math.sqrt(
                 ((ze * ze + zm * zm) * rate_var + (zs * zs + zx * zx) * tilt_var) * over
             )
-        psi = _atan2(-X, Y)
+        psi = atan2(-X, Y)
         angles[i, 0] = psi if psi >= 0.0 else psi + 2.0 * math.pi
-        angles[i, 1] = _atan2(s, ct)
-        angles[i, 2] = _atan2(sg, cg)
+        angles[i, 1] = atan2(s, ct)
+        angles[i, 2] = atan2(sg, cg)
         sd[i, 0] = math.sqrt(variance)
         sd[i, 1] = tilt_sd * t_s
         sd[i, 2] = tilt_sd * math.sqrt(r_s * r_s + r_x * r_x)
         if status[i] == CLAMPED:  # W has no slope there
             sd[i, 0], sd[i, 3] = np.inf, np.inf
-
-
-@kernel
-def _atan2(y, x):
-    """Return atan2(y, x) of finite numbers, to 5e-16, without a branch: an eighth of libm's time.
-
-    Rational approximation of S. L. Moshier's Cephes library (atan.c), of up to 0.4142.
-    """
-    across, along = abs(y), abs(x)
-    high, low = max(across, along), min(across, along)
-    t = low / high if high > 0.0 else 0.0
-    large = t > 0.4142135623730950488
-    u = (t - 1.0) / (t + 1.0) if large else t
-    z = u * u
-    p = -8.750608600031904122785e-1 * z - 1.615753718733365076637e1
-    p = ((p * z - 7.500855792314704667340e1) * z - 1.228866684490136173410e2) * z
-    q = ((z + 2.485846490142306297962e1) * z + 1.650270098316988542046e2) * z
-    q = ((q + 4.328810604912902668951e2) * z + 4.853903996359136964868e2) * z
-    p, q = p - 6.485021904942025371773e1, q + 1.945506571482613964425e2
-    r = u + u * z * (p / q)
-    r = r + 0.25 * math.pi if large else r
-    r = 0.5 * math.pi - r if across > along else r
-    r = math.pi - r if x < 0.0 else r
-    return math.copysign(r, y)
 
 
 @kernel

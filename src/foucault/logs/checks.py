@@ -196,6 +196,9 @@ def timing(
         return ()
     zero = float(time[0]) if zero is None else zero
     step = np.diff(time)
+    least, longest_step = float(step.min()), float(step.max())
+    if least > 0.0 and longest_step < (1.0 + IRREGULAR[0]) * least:
+        return ()  # all are within that of each other, so of their median
     wrong = step <= 0
     if wrong.any():
         row = int(np.argmax(wrong)) + 1
@@ -266,7 +269,7 @@ def accel_scale(
     `one`: SI value of one such unit, None for counts with a scale [m/s^2 or m/s]; `gravity`:
     local gravity [m/s^2].
     """
-    norm = float(np.nanmedian(np.linalg.norm(_thinned(accel), axis=1)))
+    norm = float(np.nanmedian(_norms(accel)))
     if _near(norm, gravity, GRAVITY_BAND):
         return ()
     words = {"norm": f"{norm:.4g}", "ratio": f"{norm / gravity:.3g}", "unit": unit, "kind": kind}
@@ -292,17 +295,22 @@ RESTS_SLOWER = 0.05
 """At rest no gyro reads more, unless it is of another unit [rad/s]."""
 
 
-def exchanged_triads(gyro: FloatArray, accel: FloatArray, gravity: float) -> tuple[Finding, ...]:
+def exchanged_triads(
+    gyro: FloatArray, accel: FloatArray, ratio: FloatArray, gravity: float
+) -> tuple[Finding, ...]:
     """Find columns of gyros that hold gravity, while those of accelerometers hold hardly anything.
 
-    `gyro`, `accel` (n, 3): what each holds if its columns are those of the other [m/s^2, rad/s];
-    `gravity`: local gravity [m/s^2].
+    `gyro`, `accel` (n, 3): the readings [rad/s, m/s^2]; `ratio` (3,): what one rad/s is if the
+    column is one of accelerometers [m/s^2]; `gravity`: local gravity [m/s^2].
     """
-    gyro, accel = (np.linalg.norm(_thinned(x), axis=1) for x in (gyro, accel))
-    low, norm, high = np.nanquantile(gyro, (0.25, 0.5, 0.75))
-    slowest = float(np.nanquantile(accel, 0.1))
-    held = _near(norm, gravity, GRAVITY_BAND) and high < GRAVITY_BAND * low
-    if not held or slowest > RESTS_SLOWER:
+    held = _norms(thinned(gyro) * ratio)
+    if not _near(float(np.nanmedian(held)), gravity, GRAVITY_BAND):
+        return ()
+    low, norm, high = np.nanquantile(held, (0.25, 0.5, 0.75))
+    if not high < GRAVITY_BAND * low:
+        return ()
+    slowest = float(np.nanquantile(_norms(thinned(accel) / ratio), 0.1))
+    if slowest > RESTS_SLOWER:
         return ()
     return (finding("log.triads_exchanged", gyro=f"{norm:.4g}", accel=f"{slowest:.2g}"),)
 
@@ -317,7 +325,10 @@ def gyro_scale(
     Rates that are too small cannot be told from a quiet instrument by the log alone; the
     turns between rests show them.
     """
-    peak = float(np.quantile(np.abs(_thinned(gyro)).max(axis=1), 0.999))
+    few = thinned(gyro)
+    if few.min(initial=0.0) >= -FASTEST_GYRO and few.max(initial=0.0) <= FASTEST_GYRO:
+        return ()
+    peak = float(np.quantile(np.abs(few).max(axis=1), 0.999))
     if peak <= FASTEST_GYRO:
         return ()
     likely = []
@@ -365,7 +376,8 @@ def earth_scale(
     count = len(gyro) // each
     if count < 10:
         return ()
-    slow = np.linalg.norm(gyro[: count * each].reshape(count, each, 3).mean(axis=1), axis=1)
+    mean = np.full(each, 1.0 / each) @ gyro[: count * each].reshape(count, each, 3)
+    slow = np.linalg.norm(mean, axis=1)
     ratio = float(np.quantile(slow, 0.1)) / EARTH_RATE
     if not abs(ratio / 3600.0 - 1.0) < TURNING_EARTH:
         return ()
@@ -377,11 +389,21 @@ def earth_scale(
     return (finding("log.gyro_earth", rate=rate, ratio=plain(ratio, 4), unit=unit, likely=likely),)
 
 
+def _norms(values: FloatArray) -> FloatArray:
+    """Return the lengths of the vectors in rows enough for a quantile, shape (k,)."""
+    few = thinned(values)
+    return np.sqrt(few[:, 0] ** 2 + few[:, 1] ** 2 + few[:, 2] ** 2)
+
+
 def _near(value: float, wanted: float, band: float) -> bool:
     return wanted / band < value < wanted * band
 
 
-def _thinned(values: FloatArray) -> FloatArray:
+def thinned(values: FloatArray) -> FloatArray:
+    """Return rows enough for a median or a quantile, evenly out of `values`, shape (n,) or (n, 3).
+
+    [unit of `values`]
+    """
     return values[:: max(1, len(values) // _SAMPLE)]
 
 
@@ -464,9 +486,17 @@ def check(
     if len(time) < 10:
         return ()
     zero = float(time[0]) if zero is None else zero
+    # What neither repeats a reading nor has a declared end shows nothing of the kind.
+    repeats = values[1:] == values[:-1]
+    for _ in range(2, CLIPPED_RUN):
+        repeats = repeats[1:] & repeats[:-1]
+    if limits is None and not repeats.any():
+        return ()
     needed = long_enough(float(np.median(np.diff(time))))
     found = []
     for i, axis in enumerate(AXES):
+        if limits is None and not repeats[:, i].any():
+            continue
         x = np.ascontiguousarray(values[:, i])
         if np.isnan(x).all():  # not logged
             continue

@@ -10,14 +10,15 @@ letter) and their names. A record is ``A3 95``, the number of its kind, and the 
 
 SI units in axes forward-right-down, specific force -1 g along down at rest, as in logs of PX4. All
 of them are written after ArduPilot's own rotation, temperature calibration, offsets and scale
-factors (``INS_*``, messages PARM).
+factors (``INS_*``); the last two are put back where the parameters of the log (messages PARM) say
+what they were.
 """
 
 from __future__ import annotations
 
 import re
 from collections import defaultdict, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +28,7 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, finding
 from foucault.logs.formats import Columns, beside_each_other, declared_frd, topic_of_messages
-from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, must_fit
+from foucault.logs.raw import Progress, RawTable, in_blocks, must_fit
 
 if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout
@@ -45,8 +46,9 @@ _TYPES = {
 _FMT = np.dtype([("type", "u1"), ("length", "u1"), ("name", "S4"), ("format", "S16"),
                  ("labels", "S64")])  # fmt: skip
 
-_OWN = re.compile(r"INS_?(?:ACC|GYR|\d_ACC|\d_GYRO?)\d?O?(OFFS|SCAL)_[XYZ]")
-"""Parameters of ArduPilot's own calibration."""
+_OWN = re.compile(r"INS(?P<late>[45])?_(?P<sensor>ACC|GYR)(?P<number>[23])?(?P<what>OFFS|SCAL)"
+                  r"_(?P<axis>[XYZ])")  # fmt: skip
+"""Parameters of ArduPilot's own calibration: ``INS_GYROFFS_X``, ``INS_ACC2SCAL_Y``."""
 
 Records = npt.NDArray[Any]
 
@@ -76,17 +78,13 @@ def open_dataflash(path: Path, description: FileLayout, progress: Progress | Non
         sensors = (_sensor(data.get(f"{kind}/{number}"), kind) for kind in ("GYR", "ACC"))
         gyro, accel = sensors
         columns = beside_each_other(gyro, accel, topic, path)
-    names, rows = tuple(columns), len(columns["time"])
-
-    def blocks(some: Sequence[int]) -> Iterator[FloatArray]:
-        for start in range(0, rows, BLOCK_ROWS):
-            if progress:
-                progress(min(1.0, (start + BLOCK_ROWS) / rows))
-            yield np.column_stack([columns[names[c]][start : start + BLOCK_ROWS] for c in some])
-
+    own, sure = _own_calibration(kinds.get("PARM"), int(number))
+    undone = sure and bool(own)
+    if undone:
+        columns = _put_back(columns, own)
     return RawTable(
-        names, True, blocks, findings=_told(kinds.get("PARM"), topic, path),
-        declared=declared_frd(columns), sampled="rate",
+        tuple(columns), True, in_blocks(columns, progress),
+        findings=_told(own, undone, topic, path), declared=declared_frd(columns), sampled="rate",
     )  # fmt: skip
 
 
@@ -206,19 +204,49 @@ def _sensor(rows: Records | None, kind: str) -> dict[str, Any] | None:
     return {"timestamp": rows["TimeUS"], "timestamp_sample": rows["SampleUS"], **axes}
 
 
-def _told(parameters: Records | None, topic: str, path: Path) -> tuple[Finding, ...]:
+def _own_calibration(parameters: Records | None, number: int) -> tuple[dict[str, float], bool]:
+    """Return what ArduPilot itself took off one IMU, and whether readings without it are known.
+
+    By ``accel_off_x``, ``accel_scale_x``, ``gyro_off_x``, only what is not zero or one. It is known
+    where no value changed, readings were not turned after it (`AHRS_ORIENTATION`), and their change
+    with temperature was not taken off.
+    """
+    held: dict[str, set[float]] = defaultdict(set)
+    for row in () if parameters is None else parameters:
+        held[row["Name"].decode("ascii", "replace")].add(float(row["Value"]))
+    own: dict[str, float] = {}
+    warm = (f"INS_TCAL{number + 1}_ENABLE", f"INS{number + 1}_TCAL_ENABLE")
+    sure = held["AHRS_ORIENTATION"] == {0.0} and not any(held[name] - {0.0} for name in warm)
+    for name, values in list(held.items()):
+        match = _OWN.fullmatch(name)
+        if match is None or int(match["late"] or match["number"] or 1) != number + 1:
+            continue
+        scale = match["what"] == "SCAL"
+        if values != {1.0 if scale else 0.0}:
+            sure &= len(values) == 1 and (not scale or min(values) > 0)
+            block = "accel" if match["sensor"] == "ACC" else "gyro"
+            own[f"{block}_{'scale' if scale else 'off'}_{match['axis'].lower()}"] = min(values)
+    return own, sure
+
+
+def _put_back(columns: Columns, own: Mapping[str, float]) -> Columns:
+    """Return the readings of the sensor itself, y / scale + offset, y = (raw - offset) scale."""
+    out = dict(columns)
+    for name in columns:
+        block, _, axis = name.partition("_")
+        scale, off = own.get(f"{block}_scale_{axis}", 1.0), own.get(f"{block}_off_{axis}", 0.0)
+        if (scale, off) != (1.0, 0.0):
+            out[name] = columns[name] / scale + off
+    return out
+
+
+def _told(own: Mapping[str, float], undone: bool, topic: str, path: Path) -> tuple[Finding, ...]:
     told = finding(
         "log.declared", file=path.name, what=f"messages {topic} of ArduPilot",
         units="rad/s, m/s^2, -1 g along down at rest, time since the start of the system",
         axes="forward-right-down", turned="x = y, y = x, z = -z",
     )  # fmt: skip
-    own = 0
-    if parameters is not None:
-        held = {row["Name"].decode("ascii", "replace"): float(row["Value"]) for row in parameters}
-        usual = {"OFFS": 0.0, "SCAL": 1.0}
-        own = sum(
-            value != usual[match[1]] for name, value in held.items() if (match := _OWN.match(name))
-        )
     if not own:
         return (told,)
-    return told, finding("log.ardupilot_calibrated", file=path.name, topic=topic, count=own)
+    code = "log.ardupilot_undone" if undone else "log.ardupilot_calibrated"
+    return told, finding(code, file=path.name, topic=topic, count=len(own))

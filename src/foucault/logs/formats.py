@@ -20,11 +20,15 @@ from foucault.arrays import FloatArray, of_arrow
 from foucault.errors import Finding, error, finding, suggestion
 from foucault.logs.dialect import is_text, not_a_bomb, open_bytes, position
 from foucault.logs.own import ARRAY_KEY, METADATA_KEY
-from foucault.logs.raw import BLOCK_ROWS, PIECE, Progress, RawTable, library, must_fit
+from foucault.logs.raw import BLOCK_ROWS, PIECE, Progress, RawTable, in_blocks, library, must_fit
 from foucault.logs.text import open_delimited
 
 if TYPE_CHECKING:
     from foucault.logs.layout import FileLayout
+
+
+_BATCH_ROWS = 1 << 16
+"""Rows of a Parquet file at once: of the usual seven columns they stay in the cache."""
 
 
 def open_parquet(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
@@ -47,16 +51,16 @@ def open_parquet(path: Path, description: FileLayout, progress: Progress | None)
             claimed = 8.0 * total * len(names)
             not_a_bomb(claimed, path.stat().st_size)
             must_fit(path, claimed)
-            for batch in file.iter_batches(BLOCK_ROWS, columns=names):
+            for batch in file.iter_batches(_BATCH_ROWS, columns=names):
                 done += batch.num_rows
                 if progress:
                     progress(done / total)
-                yield np.column_stack([_floats(batch.column(f.name)) for f in wanted])
+                yield np.array([_floats(batch.column(f.name)) for f in wanted]).T
 
     def words(column: int) -> Iterator[list[str]]:
         name = schema.field(column).name
         with parquet.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:
-            for batch in file.iter_batches(BLOCK_ROWS, columns=[name]):
+            for batch in file.iter_batches(_BATCH_ROWS, columns=[name]):
                 yield ["" if word is None else str(word) for word in batch.column(0).to_pylist()]
 
     return RawTable(tuple(schema.names), True, blocks, marker, words=words)
@@ -152,16 +156,8 @@ def from_arrays(
     longest = {n: t for n, t in tables.items() if len(t) == rows}
     for name, table in longest.items():
         columns |= _named_columns(name, table, alone=len(longest) == 1)
-    series = list(columns.values())
-
-    def blocks(wanted: Sequence[int]) -> Iterator[FloatArray]:
-        for start in range(0, rows, BLOCK_ROWS):
-            part = [series[c][start : start + BLOCK_ROWS] for c in wanted]
-            if progress:
-                progress(min(1.0, (start + BLOCK_ROWS) / rows))
-            yield np.column_stack(part).astype(np.float64)
-
-    return RawTable(tuple(columns), not all(map(str.isdigit, columns)), blocks, marker)
+    named = not all(map(str.isdigit, columns))
+    return RawTable(tuple(columns), named, in_blocks(columns, progress), marker)
 
 
 def _samples_first(array: Array) -> Array | None:
@@ -465,17 +461,9 @@ def open_ulog(path: Path, description: FileLayout, progress: Progress | None) ->
     topic = topic_of_messages(data, tuple(_MESSAGES), description.topic, path)
     message, _, number = topic.partition("/")
     columns = _MESSAGES[message](data[topic], data.get(f"sensor_accel/{number}"), topic, path)
-    names = tuple(columns)
-    rows = len(columns["time"])
-
-    def blocks(some: Sequence[int]) -> Iterator[FloatArray]:
-        for start in range(0, rows, BLOCK_ROWS):
-            if progress:
-                progress(min(1.0, (start + BLOCK_ROWS) / rows))
-            yield np.column_stack([columns[names[c]][start : start + BLOCK_ROWS] for c in some])
-
     return RawTable(
-        names, True, blocks, findings=_told(log, topic, path), declared=declared_frd(columns),
+        tuple(columns), True, in_blocks(columns, progress),
+        findings=_told(log, topic, path), declared=declared_frd(columns),
         sampled="rate" if message == "sensor_gyro" else "increment",
     )  # fmt: skip
 

@@ -18,17 +18,17 @@ those of PX4 are the barometer's and the magnetometer's.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import BoolArray, FloatArray
+from foucault.arrays import BoolArray
 from foucault.errors import finding
 from foucault.logs.formats import Columns, declared_frd, topic_of_messages
-from foucault.logs.raw import BLOCK_ROWS, Progress, RawTable, must_fit
+from foucault.logs.raw import Progress, RawTable, in_blocks, must_fit
 from foucault.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
@@ -67,14 +67,6 @@ def open_mavlink(path: Path, description: FileLayout, progress: Progress | None)
     topic = topic_of_messages(data, kinds, description.topic, path)
     name = topic.partition("/")[0].rpartition(":")[2]
     columns = _columns(name, data[topic])
-    names, rows = tuple(columns), len(columns["time"])
-
-    def blocks(some: Sequence[int]) -> Iterator[FloatArray]:
-        for start in range(0, rows, BLOCK_ROWS):
-            if progress:
-                progress(min(1.0, (start + BLOCK_ROWS) / rows))
-            yield np.column_stack([columns[names[c]][start : start + BLOCK_ROWS] for c in some])
-
     declared = declared_frd(columns)
     if name == "RAW_IMU":
         for block in ("accel", "gyro"):
@@ -88,7 +80,8 @@ def open_mavlink(path: Path, description: FileLayout, progress: Progress | None)
     how = "single numbers" if name == "HIGHRES_IMU" else "whole numbers"
     thin = finding("log.telemetry", file=path.name, topic=topic, how=how)
     return RawTable(
-        names, True, blocks, findings=(told, thin), declared=declared, sampled="rate"
+        tuple(columns), True, in_blocks(columns, progress),
+        findings=(told, thin), declared=declared, sampled="rate",
     )  # fmt: skip
 
 

@@ -16,6 +16,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, cast
 
+import numpy as np
+import numpy.typing as npt
+
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, FoucaultError, error
 from foucault.files import free_memory
@@ -163,6 +166,22 @@ def _guarded(
             raise too_large(path, path.stat().st_size, free_memory()) from problem
         except Exception as problem:
             raise unreadable(path, name, problem) from problem
+
+    return blocks
+
+
+def in_blocks(
+    columns: Mapping[str, npt.NDArray[Any]], progress: Progress | None
+) -> Callable[[Sequence[int]], Iterator[FloatArray]]:
+    """Return what hands out `columns`, each shape (n,), block by block."""
+    each = list(columns.values())
+
+    def blocks(some: Sequence[int]) -> Iterator[FloatArray]:
+        for start in range(0, len(each[0]), BLOCK_ROWS):
+            if progress:
+                progress(min(1.0, (start + BLOCK_ROWS) / len(each[0])))
+            part = [each[c][start : start + BLOCK_ROWS] for c in some]
+            yield np.column_stack(part).astype(np.float64, copy=False)
 
     return blocks
 

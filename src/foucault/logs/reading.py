@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -219,48 +219,51 @@ def _columns(
     used: LogDescription, blocks: tuple[str, ...], raw: RawTable, path: Path
 ) -> dict[str, FloatArray]:
     """Read the blocks of one file, converted to SI as they come in."""
-    pieces: dict[str, list[FloatArray]] = {}
-    for part in converted(used, blocks, kept(raw, path), path):
+    data: dict[str, FloatArray] = {}
+    raw, count = kept(raw, path), 0
+    for part in converted(used, blocks, raw, path):
+        end = count + len(next(iter(part.values())))
+        if not data or end > len(next(iter(data.values()))):
+            # As many as the file seems to hold; pages that are never written are never taken.
+            room = int(1.1 * end / (raw.done() or 0.5)) + 1
+            for block, values in part.items():
+                larger = np.empty((room, *values.shape[1:]))
+                if count:
+                    larger[:count] = data[block][:count]
+                data[block] = larger
         for block, values in part.items():
-            pieces.setdefault(block, []).append(values)
-    data = {}
-    for block in list(pieces):  # each block's pieces are freed before the next is joined
-        data[block] = _concatenated(pieces.pop(block))
-    if not data or len(next(iter(data.values()))) == 0:
+            data[block][count:end] = values
+        count = end
+    if not count:
         raise error("log.empty", file=path.name)
-    return data
+    return {block: values[:count] for block, values in data.items()}
 
 
 def converted(
     used: LogDescription, blocks: tuple[str, ...], raw: RawTable, path: Path
 ) -> Iterator[dict[str, FloatArray]]:
-    """Yield the rows of one file piece by piece, in SI: time, gyro, accel, temperature."""
+    """Yield the rows of one file piece by piece, in SI: time, gyro, accel, temperature.
+
+    They may be views of one array that is made anew for each piece.
+    """
     picks = list(_picks(used, blocks, raw, path))
     numbers = [number for pick in picks for number in pick.numbers]
     for rows in raw.blocks(numbers):
         part, start = {}, 0
         for pick in picks:
             end = start + len(pick.numbers)
+            values = np.asarray(rows[:, start:end], float)
             with np.errstate(invalid="ignore", over="ignore"):  # found by `checks.finite`
-                values = (rows[:, start:end] - pick.zero) * pick.factor
+                if pick.zero.any():
+                    values = values - pick.zero
+                if (pick.factor != 1.0).any():
+                    values = values * pick.factor
             flat = pick.block not in TRIADS
             part[pick.block] = values[:, 0] if flat else values
             start = end
         if "position" in part:
             part["position"] = whole_numbers(part["position"], path)
         yield part
-
-
-def _concatenated(pieces: list[FloatArray]) -> FloatArray:
-    if not pieces:
-        return np.empty(0)
-    out = np.empty((sum(len(p) for p in pieces), *pieces[0].shape[1:]))
-    end = len(out)
-    while pieces:
-        piece = pieces.pop()
-        out[end - len(piece) : end] = piece
-        end -= len(piece)
-    return out
 
 
 def _picks(
@@ -440,8 +443,7 @@ def implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:
         each = log.interval if log.averaged is None else float(np.median(log.averaged))
         if log.gyro is not None and used.gyro is not None:
             ratio = np.abs(block.conversion()[1] / used.gyro.conversion()[1])
-            sizes = (log.gyro * ratio, log.accel / ratio)
-            found += checks.exchanged_triads(*sizes, STANDARD_GRAVITY)
+            found += checks.exchanged_triads(log.gyro, log.accel, ratio, STANDARD_GRAVITY)
         if not found:
             units = ", ".join(block.units)
             found += checks.accel_scale(log.accel, each, units, one, block.kind)
@@ -507,6 +509,47 @@ def by_serial(
                 pieces = held.pop(code)
                 yield runs.names[code], _log(pieces, runs.names[code], used, sampled, path)
         row += count
+
+
+@dataclass(frozen=True)
+class ManyLogs:
+    """The rows of a file with a column of serial numbers, instrument after instrument."""
+
+    names: list[str]  # serial numbers, in the order in which they first appear
+    first: IntArray  # (len(names) + 1,) first row of each, and the number of rows [1]
+    data: dict[str, FloatArray]  # blocks by name, each shape (n,) or (n, 3) [SI]
+    # ``i -> log`` of one of them, checked as `by_serial` does, or the reason why it is none
+    log: Callable[[int], Log | FoucaultError]
+
+
+def of_many(
+    description: LogDescription, folder: str | Path = ".", progress: Progress | None = None
+) -> ManyLogs:
+    """Read all instruments of a file at once, as `by_serial` reads one after the other.
+
+    Nothing is checked but by `ManyLogs.log`. `description`: file, columns and units, `serial` names
+    the column; `folder`: folder that a relative file name starts from; `progress` or None: called
+    with the fraction done, from 0 to 1.
+    """
+    from foucault.logs.description import complete
+
+    raw, path, runs = _opened(description, folder, progress)
+    ((_, wanted),) = description.files().items()
+    used, blocks = complete(description, wanted, raw, path)
+    sampled = raw.sampled if used is not description else None
+    data = _columns(used, blocks, raw, path)
+    rows = len(next(iter(data.values())))
+    code = np.repeat(runs.code, np.diff(runs.start, append=rows))
+    if len(runs.start) > len(runs.names):  # their rows are mixed
+        order = np.argsort(code, kind="stable")
+        data = {block: values[order] for block, values in data.items()}
+    first = np.concatenate(([0], np.cumsum(np.bincount(code, minlength=len(runs.names)))))
+
+    def log(i: int) -> Log | FoucaultError:
+        piece = {block: x[first[i] : first[i + 1]].copy() for block, x in data.items()}
+        return _log([piece], runs.names[i], used, sampled, path)
+
+    return ManyLogs(runs.names, first, data, log)
 
 
 def serials(description: LogDescription, folder: str | Path = ".") -> list[str]:

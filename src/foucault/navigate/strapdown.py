@@ -121,17 +121,18 @@ MANY = 1000
 """Rows from which on a kernel turns states, once it is compiled or read; below, NumPy [1]."""
 
 
-def states_of(x: FloatArray) -> dict[str, FloatArray]:
+def states_of(x: FloatArray, *, frames: bool = True) -> dict[str, FloatArray]:
     """Return what the states of the kernels mean.
 
-    `x` (..., 12): states of `kernels.strapdown` [SI]. Returns latitude, longitude [rad], height
+    `x` (..., 12): states of `kernels.strapdown` [SI]; `frames`: whether C_nb and C_nl are wanted;
+    without them, those of many rows have none. Returns latitude, longitude [rad], height
     [m], each shape (...); velocity_n (..., 3) [m/s]; C_nb (..., 3, 3) and C_nl (..., 3, 3) [1];
     angles (..., 3): heading, pitch and roll [rad].
     """
     if x.ndim == 2 and len(x) >= MANY:
         m = len(x)
         position, velocity, angles = np.empty((m, 2)), np.empty((m, 3)), np.empty((m, 3))
-        C_nb, C_nl = np.empty((m, 3, 3)), np.empty((m, 3, 3))
+        C_nb, C_nl = (np.empty((m if frames else 0, 3, 3)) for _ in "bl")
         local_level(np.ascontiguousarray(x), position, velocity, C_nb, C_nl, angles)
         latitude, longitude = position.T
     else:
@@ -225,7 +226,7 @@ class Trajectory:
 
     @cached_property
     def _meaning(self) -> dict[str, FloatArray]:
-        return states_of(self.history)
+        return states_of(self.history, frames=False)
 
     @property
     def latitude(self) -> FloatArray:
@@ -247,10 +248,10 @@ class Trajectory:
         """Velocity east, north, up, shape (m, 3) [m/s]."""
         return self._meaning["velocity_n"]
 
-    @property
+    @cached_property
     def C_nb(self) -> FloatArray:  # noqa: N802  the symbol of the conventions
         """Attitude, shape (m, 3, 3) [1]."""
-        return self._meaning["C_nb"]
+        return states_of(self.history)["C_nb"]
 
     @property
     def angles(self) -> FloatArray:

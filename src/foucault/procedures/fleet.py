@@ -17,21 +17,22 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray
+from foucault.coefficients import CoefficientVector
 from foucault.detect import match as position_match
 from foucault.detect.coverage import coverage, coverage_json
 from foucault.diagnose import table as batch
 from foucault.diagnose import table as table_report
-from foucault.diagnose.checks import plausible_scales, status_check
+from foucault.diagnose.checks import LARGEST_BIAS, PLAUSIBLE, plausible_scales, status_check
 from foucault.diagnose.table import UNKNOWN_NOISE
 from foucault.errors import FoucaultError, Status, error, finding
 from foucault.estimate import fleet
 from foucault.estimate.fleet import FleetEstimate, FleetReadings
-from foucault.estimate.table import TableModel, free_start
+from foucault.estimate.table import ENOUGH, TableModel, free_start
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.models import turntable
 from foucault.models.earth import Site
-from foucault.models.imu import EQUATION, FRAME, LINEAR_LOWER, Gauge
-from foucault.models.layouts import with_references
+from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge
+from foucault.models.layouts import gravity_error, rate_slope, with_references
 from foucault.models.left_out import Sizes, changes, terms
 from foucault.models.noise import Readings
 from foucault.models.turntable import TablePlan, up_k
@@ -153,6 +154,52 @@ class Batch:
     def __len__(self) -> int:
         return len(self.readings)
 
+    @cached_property
+    def sd(self) -> FloatArray:
+        """Standard deviations as `result` has them, shape (N, p) [SI]; NaN where not solved."""
+        variance = self.estimate.packed[:, fleet.DIAGONAL]
+        # What gravity and the rate of the table do to a coefficient is linear in it.
+        nil, one = (
+            CoefficientVector(LAYOUT.subset(LINEAR_LOWER), np.full(len(LINEAR_LOWER), x))
+            for x in (0.0, 1.0)
+        )
+        rate_sd = self.settings.table_rate_sd
+        for at0, at1 in (
+            (gravity_error(nil, self.site), gravity_error(one, self.site)),
+            (rate_slope(nil) * rate_sd, rate_slope(one) * rate_sd),
+        ):
+            variance = variance + (at0 + self.estimate.values * (at1 - at0)) ** 2
+        if self.beside is not None:
+            variance = variance + np.diag(self.beside)
+        return np.asarray(np.sqrt(variance))
+
+    @cached_property
+    def sure(self) -> npt.NDArray[np.bool_]:
+        """Which instruments pass all checks of `checks`, shape (N,), as far as all say it at once.
+
+        Where the fleet is too small to say it, none: `checks` tells each.
+        """
+        e, out = self.estimate, self.estimate.solved
+        known = ENOUGH if self._unknown(0) else 0.0
+        if (e.redundancy < 0.5).any() or (e.redundancy * int(out.sum()) < known).any():
+            return np.zeros(len(self), bool)
+        scales = [k for k, name in enumerate(LINEAR_LOWER) if ".scale." in name]
+        biases = [k for k, name in enumerate(LINEAR_LOWER) if name.startswith("gyro.bias.")]
+        limits = np.array([batch.LARGE[kind] for kind in batch.TRIADS])
+        with np.errstate(invalid="ignore"):
+            out = out & (np.abs(e.values[:, scales]).max(axis=1) < PLAUSIBLE / 100)
+            out &= np.abs(e.values[:, biases]).max(axis=1) < np.radians(LARGEST_BIAS)
+            out &= (self.chi_square <= self.high).all(axis=1) & (e.noise < limits).all(axis=1)
+        return np.asarray(out)
+
+    def checks(self, i: int, coefficients: CoefficientVector) -> tuple[Check, ...]:
+        """Return the checks of instrument `i`, shape () [1], with its `coefficients` [SI]."""
+        return (
+            status_check(Status.CONVERGED, ()),
+            *plausible_scales(coefficients),
+            *self._noise_checks(i),
+        )
+
     def result(self, i: int) -> Result:
         """Return the result of instrument `i`, shape () [1], which must have been solved."""
         readings, rate_sd = self._with_noise(i), self.settings.table_rate_sd
@@ -162,11 +209,7 @@ class Batch:
             assert coefficients.cov is not None
             coefficients = replace(coefficients, cov=coefficients.cov + self.beside)
             told = (*told, finding("left_out.untested"))
-        checks = (
-            status_check(Status.CONVERGED, ()),
-            *plausible_scales(coefficients),
-            *self._noise_checks(i),
-        )
+        checks = self.checks(i, coefficients)
         site = self.site
         return Result(
             procedure="norm_observation",

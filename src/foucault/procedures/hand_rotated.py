@@ -47,6 +47,7 @@ from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
 from foucault.guard.rest import check_session, enough_rests
 from foucault.infer.mixed import NOISE_BASIS, SIGNIFICANT
 from foucault.logs.checks import spared
+from foucault.logs.follow import OnDisk
 from foucault.models.imu import ImuModel
 from foucault.models.left_out import Change, Motion
 from foucault.models.noise import ImuNoise, SessionNoise
@@ -95,7 +96,11 @@ class Session(Strict):
         return hand_plan(self.rests, self.rest_time, self.turn_time, self.first_rest_time, seed)
 
 
-def _solve(log: Log, given: Given[Settings]) -> Result:
+def _solve(log: Log | OnDisk, given: Given[Settings]) -> Result:
+    if not isinstance(log, Log):
+        from foucault.detect import worn  # few logs are of days
+
+        log = worn.rests(log, lambda done: given.progress(0.1 + 0.6 * done, "finding the rests"))
     if log.averaged is not None:
         from foucault.procedures.poses import solve_poses  # few logs are means
 
@@ -271,6 +276,9 @@ PROCEDURE = Procedure(
     additions=_additions,
     names=lambda settings, _: settings.estimated(),
     # Means over poses know no turns.
-    clocked=lambda log: (log.averaged is None, log.sampled == "increment"),
+    clocked=lambda log: (
+        (log.averaged is None, log.sampled == "increment") if isinstance(log, Log) else (False,) * 2
+    ),
+    streams=lambda description: description.gyro is None and description.accel is not None,
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

@@ -183,6 +183,11 @@ class Stated(Generic[S, N]):
         return self._kept[key]
 
 
+def _held(_description: Any) -> bool:
+    """Return False: every log is held as a whole."""
+    return False
+
+
 def _on_axes(log: Any) -> tuple[bool, bool]:
     """Take angles over the time of the log for the reference of the gyros."""
     return True, log.sampled == "increment"
@@ -253,7 +258,8 @@ class Procedure(Generic[S, N]):
     write: Callable[..., None] = logs.write
     Master: type[BaseModel] | None = None  # [master]
     with_master: Callable[..., Any] | None = None  # log, description and folder -> log with it
-    streams: bool = False  # whether it takes a log on disk too
+    # description -> whether it takes a log of that kind on disk too
+    streams: Callable[[Any], bool] = _held
     # What further files of a log are: none, stretches of one session (nothing is needed of what
     # is between them), or recordings of their own, each with biases of its own.
     more: Literal["none", "stretches", "recordings"] = "none"

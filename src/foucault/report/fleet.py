@@ -187,15 +187,15 @@ def _use(some: FleetTable) -> FloatArray:
 
 def _worst_first(some: FleetTable, odd: list[Outlying]) -> list[int]:
     """Return the numbers of the instruments, those that need a look first."""
-    use, ratio, outcomes, order = _use(some).max(axis=1), some.ratio, some.outcomes, list(LOOKS)
+    share = np.nan_to_num(_use(some).max(axis=1)).tolist()
+    noise = np.fmax(np.fmax(*some.ratio.T), 0.0).tolist()
+    outcomes, order = some.outcomes, list(LOOKS)
     worst_z: dict[int, float] = {}
     for o in odd:
         worst_z[o.index] = max(worst_z.get(o.index, 0.0), abs(o.z))
 
     def rank(i: int) -> tuple[int, float, float, float]:
-        noise = float(np.nanmax([*ratio[i], 0.0]))
-        share = float(np.nan_to_num(use[i]))
-        return order.index(outcomes[i]), -worst_z.get(i, 0.0), -share, -noise
+        return order.index(outcomes[i]), -worst_z.get(i, 0.0), -share[i], -noise[i]
 
     return sorted(range(len(some)), key=rank)
 

@@ -444,7 +444,7 @@ def table_procedure(
         space=space,
         Wanted=Wanted,
         assumes_noise=True,
-        streams=True,
+        streams=lambda _: True,
         # Nothing is needed of what is between two rests or spins.
         more="stretches",
         clocked=clocked,
