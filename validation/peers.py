@@ -107,7 +107,7 @@ def _hand_eyes(sessions: int) -> list[str]:
     if not hasattr(cv2, "calibrateHandEye"):
         return [f"| OpenCV {cv2.__version__} | without hand-eye calibration | - |"]
     kinds = {"Tsai": cv2.CALIB_HAND_EYE_TSAI, "Park": cv2.CALIB_HAND_EYE_PARK,
-             "Daniilidis": cv2.CALIB_HAND_EYE_DANIILIDIS}  # fmt: skip
+             "Horaud": cv2.CALIB_HAND_EYE_HORAUD}  # fmt: skip
     site = replace(Site.at(np.radians(48.0)), gravity=G, gravity_sd=0.0)
     errors: dict[str, list[float]] = {"this program": [], **{f"OpenCV, {k}": [] for k in kinds}}
     for seed in range(sessions):
