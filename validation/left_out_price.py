@@ -29,8 +29,9 @@ CLASSES = {"consumer MEMS": "mems", "tactical MEMS": "tactical", "tactical FOG":
 
 CELLS = [
     *((w, n) for w in PROCEDURES[:-1] for n in CLASSES), ("north_seeking", "tactical FOG"),
+    *((w, "tactical MEMS") for w in ("norm_observation", "multi_position", "turntable")),
 ]  # fmt: skip
-"""Procedure and grade; gyros of the other grades find no north."""
+"""Procedure and grade; gyros of the other grades find no north, and are not put on such tables."""
 
 SURVEYED = 2e-5  # m/s^2: gravity as a gravimeter tells it
 SHEET = {"accel.quadratic": 0.1, "accel.cross": 0.1, "accel.asymmetry": 0.1, "gyro.cubic": 0.1,
@@ -109,7 +110,7 @@ def main(
 ) -> tuple[bool, dict[str, object]]:
     good, prices, names, powers = True, [], [], []
     wanted = [w for w in PROCEDURES if not only or w in only]
-    cells = [cell for cell in CELLS if cell[0] in wanted]
+    cells = [cell for cell in CELLS if not only or cell[0] in only]
     tried = {w: g for w, g in POWER.items() if w in wanted}
     runs = list(each(priced, [(w, n, k) for w, n in cells for k in range(price)]))
     for k, (which, name) in enumerate(cells):

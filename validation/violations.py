@@ -251,11 +251,13 @@ def creeping(s: Session) -> None:
 
 
 def stamps(rate: float) -> Violation:
-    """The clock of the log is wrong by a part of its rate [1]."""
+    """The clock of the log is wrong by a part of its rate [1]; increments are what they were."""
 
     def violate(s: Session) -> None:
-        t = s.log.time
-        s.log = replace(s.log, time=t[0] + (t - t[0]) * (1 + rate))
+        t, fast = s.log.time, 1 + rate
+        s.log = replace(s.log, time=t[0] + (t - t[0]) * fast)
+        if getattr(s.log, "sampled", "") == "increment":  # rates are these over their interval
+            s.log = replace(s.log, gyro=s.log.gyro / fast, accel=s.log.accel / fast)
 
     return violate
 

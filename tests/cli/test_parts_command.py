@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -12,6 +13,7 @@ from commands import run
 from foucault import campaign
 from foucault.campaign.tables import NoiseTable
 from foucault.errors import FoucaultError
+from foucault.models.left_out import ByNoise, sizes_of
 from foucault.models.parts import catalogue, noise_of
 from foucault.procedures import PROCEDURES
 from refusals import refuses
@@ -47,6 +49,47 @@ def test_init_writes_the_noise_of_a_part(tmp_path: Path) -> None:
     assert "# accel: ICM-20948 data sheet DS-000189, revision 1.3, page 12" in text
     assert max(map(len, text.splitlines())) <= 100
     assert campaign.load(file).noise == noise_of("ICM-20948")
+
+
+def test_init_writes_the_class_and_asks_for_it_once(tmp_path: Path, monkeypatch) -> None:
+    file = tmp_path / "campaign.toml"
+    assert run("init", "ferraris", "--grade", "tactical MEMS", "-o", file).exit_code == 0
+    assert campaign.load(file).sizes == sizes_of("tactical MEMS")
+    wrong = run("init", "ferraris", "--grade", "tacticle MEMS", "-o", tmp_path / "no.toml")
+    assert wrong.exit_code == 1 and "tactical MEMS" in wrong.output
+    asked = []
+
+    def answer(question: str, **_: object) -> str:
+        asked.append(question)
+        return answers.pop(0)
+
+    monkeypatch.setattr("typer.prompt", answer)
+    assert run("init", "ferraris", "-o", tmp_path / "plain.toml").exit_code == 0
+    assert not asked  # nobody is there to be asked
+    monkeypatch.setattr(
+        "foucault.cli.results.sys", SimpleNamespace(stdin=Person(), stdout=Person())
+    )
+    answers = ["", "tactical FOG", "stim300"]
+    for name, part, sizes in (
+        ("none", None, ByNoise()), ("class", None, sizes_of("tactical FOG")),
+        ("part", "STIM300", None),
+    ):  # fmt: skip
+        file = tmp_path / f"{name}.toml"
+        assert run("init", "ferraris", "-o", file).exit_code == 0
+        made = campaign.load(file)
+        assert tomllib.loads(file.read_text())["instrument"].get("part") == part
+        assert sizes is None or made.sizes == sizes
+    assert len(asked) == 3 and "Enter: by its noise" in asked[0]
+    assert run("init", "ferraris", "--part", "STIM300", "-o", tmp_path / "b.toml").exit_code == 0
+    assert len(asked) == 3
+
+
+class Person:
+    """A terminal."""
+
+    @staticmethod
+    def isatty() -> bool:
+        return True
 
 
 def test_init_says_where_a_sheet_has_no_noise(tmp_path: Path) -> None:

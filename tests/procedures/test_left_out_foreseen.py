@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -251,3 +252,25 @@ def test_with_declared_noise_preflight_of_a_table_is_exact_with_all_sizes(name, 
     came = case.record.trial(log, site=case.site, settings=case.stated, noise=case.sensors,
                              sizes=SIZES).coefficients  # fmt: skip
     np.testing.assert_allclose(seen.sd, came.sd, rtol=0.03)
+
+
+@pytest.mark.parametrize(("name", "drawn"), [
+    ("hand_rotated", True), ("continuous_spin", True), ("six_position", False),
+])  # fmt: skip
+def test_other_draws_of_a_motion_by_hand_are_told(name: str, drawn: bool) -> None:
+    """Of a table each session is the same; what a hand does is not, and its sds are not."""
+    record = procedures.load(name)
+    made = record.Session()
+    if name == "continuous_spin":
+        made = made.model_copy(update={"rates": ("290 deg/s", "-460 deg/s"), "spin_time": 5.0})
+    b = Beforehand(record.Settings(), made, SITE, grade("tactical").noise)
+    told = [f for f in record.foreseen(b).findings if f.code == "preflight.by_hand"]
+    assert bool(told) is drawn
+    if drawn:
+        said = re.search(r"are (\S+) to (\S+) times", told[0].message)
+        low, high = (float(x) for x in said.groups())
+        assert low < 0.9 and high > 1.1
+        other = record.foreseen(replace(b, seed=2), more=False)
+        ratio = other.sd / record.foreseen(b, more=False).sd
+        assert low * 0.99 <= ratio.min() and ratio.max() <= high * 1.01
+        assert not [f for f in other.findings if f.code == "preflight.by_hand"]

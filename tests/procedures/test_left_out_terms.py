@@ -74,7 +74,7 @@ def test_a_column_is_what_the_whole_session_reduced_again_says(group) -> None:
     start = first_guess(data)
     names = hand_rotated.Settings().estimated()
     model = RestsAndTurns(data, names, start, hand_rotated._noise(data, rests, None))
-    again = hand_rotated._again(model)
+    again = hand_rotated.again_of(model)
     instrument, motion = again.motion(start)
     some = terms(names, SITE, {group: SIZES[group]})
     diagonal = [t for t in some if "g_sensitivity" not in group or t.name[-1] == t.name[-2]]
@@ -140,7 +140,7 @@ def test_faces_carry_what_no_turn_about_one_rate_can_show() -> None:
     rows = result.diagnostics["left_out"]
     assert rows["gyro.cubic"]["needed"] is None and rows["gyro.cubic"]["dof"] == 0
     told = next(c for c in result.checks if c.name == "terms not shown")
-    assert "cubic terms of the gyros (60 ppb/(deg/s)^2)" in told.sentence
+    assert "cubic terms of the gyros (60 ppb/(deg/s)^2): a second rate" in told.sentence
     fine = replace(sim.log, gyro=sim.log.gyro + 10 * SIZES["gyro.g_sensitivity"][0] * sim.log.accel)
     named = ferraris.PROCEDURE.trial(fine, site=SITE, settings=SQUARE, sizes=SIZES).diagnostics[
         "named"

@@ -9,6 +9,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+from foucault.errors import FoucaultError
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.kernels import ins_transition
 from foucault.models.earth import Site
@@ -132,6 +133,21 @@ def test_with_everything_at_its_size_the_uncertainties_are_right():
     low, high = chi_square_limits(count, 0.01)
     assert low < total < high
     assert np.median(before) > 10
+
+
+@pytest.mark.thorough
+def test_sizes_that_leave_the_heading_open_are_said_to_and_never_a_missing_sample():
+    """10 deg/h/g along East is the Earth's rate: no filter takes that for a small error."""
+    log, _ = session()
+    far = "What is not estimated leaves the heading at rest uncertain by"
+    assert not any(far in reason for reason in trial(log).verdict.reasons)
+    wide = dict(SIZES) | {"gyro.g_sensitivity": sizes_of("tactical MEMS")["gyro.g_sensitivity"]}
+    try:
+        reasons = trial(log, wide).verdict.reasons
+    except FoucaultError as problem:
+        assert problem.code == "systematic.heading_open"
+        reasons = (problem.message,)
+    assert any(f"{far} 5" in reason for reason in reasons)
 
 
 def test_where_the_filter_has_no_states_for_it_that_is_said(monkeypatch):

@@ -19,7 +19,7 @@ from foucault.campaign.reading import Campaign
 from foucault.campaign.tables import Instrument, SimulateTable, SiteTable, dotted, kind_of
 from foucault.escape import commented, toml_text
 from foucault.logs.description import log_head
-from foucault.models import parts
+from foucault.models import left_out, parts
 from foucault.procedures.record import Procedure
 from foucault.run_folder import RESOLVED
 from foucault.strict import description_of
@@ -131,6 +131,7 @@ def template(procedure: str, part: str | None = None, grade: str | None = None) 
     if part is not None:
         instrument["part"] = parts.part(part).name
     if grade is not None:
+        left_out.sizes_of(grade)  # raises where it is not known
         instrument["grade"] = grade
     settings = ["[procedure]", f"name = {_text(procedure)}", *_commented(record.Settings, {})]
     blocks = [

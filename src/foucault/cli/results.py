@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -25,15 +26,48 @@ if TYPE_CHECKING:
     "foucault calibrate campaign.toml -o run",
     'foucault calibrate session.csv -o run --latitude "48.85 deg"',
     "foucault calibrate accel.csv gyro.csv -o run",
+    "foucault calibrate --live serial:/dev/ttyUSB0:921600 --frames sbg_imu_short -o run",
     exits=options.VERDICT,
 )
 def calibrate(
     ctx: typer.Context,
-    campaign: options.CampaignOrLogs,
     output: options.RunFolder,
     place: options.Place,
+    campaign: options.CampaignOrLogs = None,
     taken: options.Taken = None,
     terms: options.TermsChosen = None,
+    live: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="Record this source and say what to do next: serial:PORT[:BAUD], udp:PORT, "
+            "tcp:HOST:PORT, - or a growing file. The campaign says how; by hand if left out.",
+        ),
+    ] = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(help="With --live: frames, a name of `foucault capture --list` or a file."),
+    ] = None,
+    hold: Annotated[
+        Amount | None,
+        quantity("time", 'With --live: time to rest, such as "7 s".', least="above 0"),
+    ] = None,
+    want: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="<str>",
+            help="With --live: what is wanted, such as accel.scale = 50 ppm; may be repeated. "
+            "If left out, what the usual session reaches.",
+        ),
+    ] = None,
+    words: Annotated[
+        str | None,
+        typer.Option(help="With --live: language, en or de, or a file like those; en if left out."),
+    ] = None,
+    silence: Annotated[
+        Amount | None,
+        quantity("time", "With --live: end when nothing comes for so long.", least="above 0"),
+    ] = None,
 ) -> None:
     """Calibrate an instrument from its log, and write the report.
 
@@ -45,9 +79,25 @@ def calibrate(
     from foucault.campaign import recognised as bare
     from foucault.campaign import vehicle
     from foucault.diagnose.references import in_words
+    from foucault.errors import error
 
     screen: Screen = ctx.obj
     more: dict[str, Any] = {} if terms is None else {"terms": terms}
+    if live is not None:
+        from foucault.cli import guide
+
+        if len(campaign or ()) > 1:
+            raise error("guide.campaigns", given=", ".join(map(str, campaign or ())))
+        base = campaign[0] if campaign else None
+        recorded = guide.guided(screen, base, live, output, frames, hold, want, words, silence)
+        if recorded is None:
+            raise error("guide.nothing", source=live)
+        campaign = [recorded.path]
+    elif lone := [f"--{n}" for n in ("frames", "hold", "want", "words", "silence")
+                  if ctx.params.get(n)]:  # fmt: skip
+        raise error("guide.alone", options=", ".join(lone))
+    if not campaign:
+        raise error("guide.no_log")
     if not options.bare(campaign):
         options.refuse_beside(place, taken)
         asked = campaigns.said_otherwise(campaigns.load(campaign[0]), more)
@@ -256,6 +306,7 @@ def merge(
 @command(
     "foucault init hand_rotated -o campaign.toml",
     "foucault init hand_rotated --part ICM-20948 -o campaign.toml",
+    'foucault init ferraris --grade "tactical MEMS" -o campaign.toml',
     "foucault init --log session.csv -o campaign.toml",
 )
 def init(
@@ -273,6 +324,10 @@ def init(
         str | None,
         typer.Option(help="Instrument whose data sheet gives the noise; see `foucault parts`."),
     ] = None,
+    grade: Annotated[
+        str | None,
+        typer.Option(help='Its class, such as "tactical MEMS", for what is not estimated.'),
+    ] = None,
     log: Annotated[
         list[Path] | None,
         typer.Option(help="A log to describe; may be repeated for accelerometers and gyros."),
@@ -285,14 +340,17 @@ def init(
     from foucault.files import write_text
 
     screen: Screen = ctx.obj
-    if (procedure is None) == (log is None) or (log and part):
+    if (procedure is None) == (log is None) or (log and (part or grade)):
         raise error("recognise.init")
     if output is not None and output.exists():
         raise error("output.exists", path=output)
     run = f"foucault calibrate {output} -o run"
     if procedure is not None:
         options.refuse_beside(place, taken)
-        text, next_ = campaign.template(procedure, part), f"Fill it in, then run: {run}"
+        asks = part is None and grade is None and output is not None and not screen.json
+        if asks and sys.stdin.isatty() and sys.stdout.isatty():
+            part, grade = _asked()
+        text, next_ = campaign.template(procedure, part, grade), f"Fill it in, then run: {run}"
     else:
         told = screen if output is not None else Screen(quiet=True)  # its campaign says it too
         held = recognised(told, log or (), place, taken)
@@ -306,6 +364,18 @@ def init(
     write_text(output, text)
     screen.say(f"Wrote {output}. {next_}")
     screen.data({"campaign": str(output)})
+
+
+def _asked() -> tuple[str | None, str | None]:
+    """Ask once what the instrument is: a part whose data sheet is known, or its class."""
+    from foucault.models import left_out, parts
+
+    classes = left_out.table().grades
+    question = f"Part (see `foucault parts`) or class ({', '.join(classes)}); Enter: by its noise"
+    given = typer.prompt(question, default="", show_default=False).strip()
+    if not given:
+        return None, None
+    return (None, given) if given in classes else (parts.part(given).name, None)
 
 
 @command("foucault schema > campaign.schema.json", "foucault schema --result > result.schema.json")

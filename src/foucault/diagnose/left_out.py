@@ -63,10 +63,11 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
         out.append(check("left out seen", "terms that show", float(len(clear)), given=terms))
     if judged.unseen:
         parts = [
-            f"{_what(n)} ({_size(judged, n)})" + (
-                "" if np.isinf(k) else f" below {_size(judged, n, k)}")
+            f"{_what(n)} ({_size(judged, n)})"
+            + ("" if np.isinf(k) else f" below {_size(judged, n, k)}")
+            + f": {typical().groups[n].shown_by}"
             for n, k in judged.unseen.items()
-        ]  # fmt: skip
+        ]
         terms = {"terms": "; ".join(parts)}
         out.append(check("left out unseen", "terms not shown", float(len(parts)), given=terms))
     return tuple(out)

@@ -57,6 +57,15 @@ EPOCH = 10.0
 """Noise is taken in so often [s]."""
 
 
+def followed(heading_sd: float, most: float) -> Check:
+    """Say whether error equations hold with a heading that is uncertain by `heading_sd` [rad].
+
+    `most`: sd up to which they do, shape () [rad].
+    """
+    name = "heading of the start"
+    return check(name, name, float(np.degrees(heading_sd)), None, float(np.degrees(most)))
+
+
 @dataclass(frozen=True)
 class Legs:
     """Navigation from rest to rest."""

@@ -124,9 +124,15 @@ def _reduced(log: Log, given: Given[Settings]) -> tuple[SessionData, Rests]:
     return SessionData.reduce(log, rests.first, rests.last, given.site), rests
 
 
-def _model(data: SessionData, rests: Rests, given: Given[Settings]) -> RestsAndTurns:
+def model_of(
+    data: SessionData, rests: Rests, given: Given[Settings], start: Attitudes | None = None
+) -> RestsAndTurns:
+    """State the model of a session.
+
+    `data`: what was observed [SI]; `start` or None: where to start, else what its rests say.
+    """
     settings, declared = given.settings, given.noise is not None
-    start = first_guess(data)
+    start = first_guess(data) if start is None else start
     assert start is not None  # `guard.rest` has solved the same equations
     # Noise measured in rests is a lower limit of what differs between them: scatter beyond it is
     # always estimated, for a test would leave moderate scatter out of the covariance.
@@ -183,10 +189,10 @@ def _noise(data: SessionData, rests: Rests, noise: ImuNoise | None) -> SessionNo
 
 def _likelihood(data: SessionData, rests: Rests, given: Given[Settings]) -> Result:
     settings, declared = given.settings, given.noise is not None
-    model = _model(data, rests, given)
+    model = model_of(data, rests, given)
     prior = CoefficientVector.prior(model.layout, given.prior)
     fit, beside = left_out.fit(
-        model, prior, given.sizes, data.site, _again(model), robust=settings.robust
+        model, prior, given.sizes, data.site, again_of(model), robust=settings.robust
     )
     estimate, prediction = fit.estimate, model.predict(fit.state)
     given.progress(0.7, "predicting held-out rests")
@@ -224,7 +230,7 @@ def _additions(settings: Settings, session: Session) -> list[tuple[str, Settings
     ]
 
 
-def _again(model: RestsAndTurns) -> Again:
+def again_of(model: RestsAndTurns) -> Again:
     """Return the session reduced again: means of the rests, and samples of the turns after them."""
     s, n = model.session, len(model.session.first)
     turns, first, last = s.turns
@@ -271,8 +277,9 @@ PROCEDURE = Procedure(
     Session=Session,
     solve=_solve,
     simulation=simulate_drawn,
-    observe=lambda log, given: _model(*_reduced(log, given), given),
-    again=lambda model, *_: _again(model),
+    observe=lambda log, given: model_of(*_reduced(log, given), given),
+    by_hand=True,
+    again=lambda model, *_: again_of(model),
     additions=_additions,
     names=lambda settings, _: settings.estimated(),
     # Means over poses know no turns.

@@ -183,6 +183,10 @@ class Stated(Generic[S, N]):
         return self._kept[key]
 
 
+DRAWN = 3
+"""Other draws of a motion by hand that a preflight looks at [1]."""
+
+
 def _held(_description: Any) -> bool:
     """Return False: every log is held as a whole."""
     return False
@@ -246,6 +250,7 @@ class Procedure(Generic[S, N]):
     grade: str = "mems"  # its class, where [simulate] names none
     noise: ImuNoise | None = None  # its noise, where not that of the class [SI]
     draw_errors: Callable[[str, int], Any] = _of_an_imu  # of a class and a seed
+    by_hand: bool = False  # whether a session only roughly moves as it was planned: it is drawn
     # Session, settings, instrument and generator -> the three with what is not estimated beside
     # terms of the instrument, drawn at its size: lever arms, delays, clocks.
     drawn: Callable[[N, S, Any, np.random.Generator], tuple[N, S, Any]] | None = None
@@ -419,6 +424,8 @@ class Procedure(Generic[S, N]):
         told = told * bool(lost)
         if b.sizes and judged is None:
             told.append(finding("left_out.not_counted", procedure=self.name))
+        if self.by_hand and more and not blind:
+            told += self._other_draws(b, found.coefficients)
         length = float(log.time[-1] - log.time[0])
         if judged is not None and more and not blind:
             bought = (*bought, *self._added(b, found.coefficients, length))
@@ -435,6 +442,21 @@ class Procedure(Generic[S, N]):
             more=tuple(one for one in bought if one.gains),
             findings=tuple(told),
         )
+
+    def _other_draws(self, b: Beforehand[S, N], found: CoefficientVector) -> list[Finding]:
+        """Say what a session gives whose motion is another draw of the same plan."""
+        ratios = []
+        for k in range(1, DRAWN + 1):
+            with solvable():
+                other = self.planned(replace(b, seed=b.seed + k))
+            if other is not None and other.found.coefficients.names == found.names:
+                ratios.append(other.found.coefficients.sd / found.sd)
+        if not ratios or not np.isfinite(ratios).all():
+            return []
+        low, high = np.min(ratios, axis=0), np.max(ratios, axis=0)
+        worst = int(np.argmax(np.maximum(high, 1 / low)))
+        return [finding("preflight.by_hand", count=len(ratios), low=f"{low.min():.2g}",
+                        high=f"{high.max():.2g}", name=found.names[worst])]  # fmt: skip
 
     def planned(
         self, b: Beforehand[S, N], *, more: bool = False, measured: bool = False

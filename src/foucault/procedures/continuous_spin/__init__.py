@@ -330,6 +330,7 @@ PROCEDURE = Procedure(
         session.plan(), model, noise, site, seed
     ),
     observe=observe,
+    by_hand=True,
     again=lambda model, *_: _again(model),
     space=space,
     Wanted=Wanted,

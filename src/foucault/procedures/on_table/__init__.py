@@ -57,11 +57,11 @@ class Task:
     procedure: str  # its name, shape ()
     settings: TableSettings
     trust: Trust | None  # what is believed of the table; None for nothing
-    # what is believed of it where what is not estimated counts; None: the same
-    counted: Trust | None = None
     # another way to the coefficients than the likelihood, which then only judges them
     variant: Variant | None = None
     poses: bool = False  # whether a hand held it, and never turned it: of gyros the bias is seen
+    # what is believed of the table where what is not estimated counts; None: the same
+    counted: Trust | None = None
 
     def where(self, sizes: Sizes | None) -> Task:
         """Return the task where `sizes` or None are those of what is not estimated [SI]."""

@@ -37,7 +37,7 @@ from foucault.navigate.ins_filter import EarthSeen, FilterRun, earth_seen
 from foucault.procedures.left_out import told_beside
 from foucault.procedures.record import Given, Procedure
 from foucault.procedures.systematic.choice import Decided, decided, left_out, resumed
-from foucault.procedures.systematic.counted import counted
+from foucault.procedures.systematic.counted import FOLLOWED, counted, heading_sd
 from foucault.procedures.systematic.plan import Wanted, bound, foresee, space
 from foucault.procedures.systematic.problem import (
     Solution,
@@ -125,7 +125,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     found = public(solution, settings)
     tables: dict[str, TableData] = {}
     if judged is not None:
-        checks = (*checks, *not_estimated.checks(judged))
+        checks = (*checks, *not_estimated.checks(judged),
+                  judge.followed(heading_sd(sizes or {}, site, found.names), FOLLOWED))  # fmt: skip
     findings = [*log.findings, *problem.findings, *decision.findings, *crowded,
                 *judge.findings(e)]  # fmt: skip
     findings += [recordings.told(apart)] if apart else []

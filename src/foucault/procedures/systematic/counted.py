@@ -10,6 +10,7 @@ import numpy as np
 
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra
+from foucault.errors import FoucaultError, error
 from foucault.infer.filtered import component
 from foucault.infer.gauss_newton import FALSE_ALARM
 from foucault.infer.left_out import Judgement
@@ -25,6 +26,7 @@ from foucault.infer.left_out_states import (
     widened,
 )
 from foucault.kernels.ins_transition import HALF
+from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT
 from foucault.models.ins_errors import Sensors
 from foucault.models.left_out import GRAVITY, LATITUDE, Sizes
@@ -141,6 +143,35 @@ def counted(
     beside = Beside.of(decision, sizes, given)
     if beside is None:
         return None
+    try:
+        return _counted(decision, beside)
+    except FoucaultError as problem:
+        far = heading_sd(sizes, decision.problem.site, beside.names)
+        if problem.code != "strapdown.not_finite" or not far > FOLLOWED:
+            raise
+        raise error("systematic.heading_open", sd=f"{np.degrees(far):.0f}") from problem
+
+
+FOLLOWED = 0.2
+"""Sd of the heading at the first rest from which on the error equations do not hold [rad]."""
+
+
+def heading_sd(sizes: Sizes, site: Site, names: Sequence[str]) -> float:
+    """Return how uncertain what is not estimated leaves the heading at a rest, shape () [rad].
+
+    Along East a g-sensitivity or a drift looks like the Earth's rate turned about up. `sizes`: of
+    what is not estimated [SI]; `names`: of what is.
+    """
+    bends, drifts = (sizes.get(g, (0.0, ""))[0] for g in ("gyro.g_sensitivity", "gyro.bias drift"))
+    if any(name.startswith("gyro.g_sensitivity") for name in names):
+        bends = 0.0
+    north = EARTH_RATE * np.cos(site.latitude or 0.0)
+    return float(np.hypot(bends * site.gravity, drifts / 2) / max(north, 1e-9))
+
+
+def _counted(
+    decision: Decided, beside: Beside
+) -> tuple[Decided, CoefficientVector, Judgement, dict[str, dict[str, Any]]]:
     found, judged = fit(beside.solve, beside.posterior, beside.groups, beside.names)
     states, judged = beside.placed(found, judged)
     now = replace(decision, problem=found[0], solution=found[1])

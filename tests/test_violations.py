@@ -1,0 +1,44 @@
+"""What a session holds that its calibration does not know, five sessions of each cell.
+
+The page of the validation has more of each; here no cell may pass that it would mark.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+VALIDATION = Path(__file__).parents[1] / "validation"
+PROCEDURES = (
+    "hand_rotated", "six_position", "ferraris", "rate_table", "norm_observation", "multi_position",
+    "turntable", "north_seeking", "systematic", "platform_tumble", "transfer_alignment",
+)  # fmt: skip
+
+
+@pytest.fixture
+def violations(monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
+    monkeypatch.syspath_prepend(str(VALIDATION))
+    import violations
+
+    yield violations
+    for name in ("violations", "left_out", "common"):
+        sys.modules.pop(name, None)
+
+
+def test_every_procedure_that_counts_is_violated(violations: ModuleType) -> None:
+    assert set(PROCEDURES) == set(violations.CASES)
+    for which in PROCEDURES:
+        assert sum(violations.can(which, what) for what in violations.VIOLATIONS) >= 18
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("which", PROCEDURES)
+def test_no_session_passes_with_numbers_that_are_wrong_and_not_said_to_be(
+    which: str, violations: ModuleType
+) -> None:
+    good, page = violations.main(5, which)
+    assert good, "\n".join(line for line in page["shown"] if "**no**" in line)
