@@ -78,6 +78,9 @@ positions alone start too far off to tell [1]."""
 DECIDED = 5
 """Passes after which the noise of the poses, and which are left out, is decided [1]."""
 
+LOUD = 3.0
+"""Noise is too much that is so many times what most poses have [1]."""
+
 SLOWEST = 0.9
 """Correlation of a pose's error with the next that is counted with at most [1]."""
 
@@ -449,7 +452,7 @@ def solve(
     sd: tuple[float | None, float | None],
     *,
     robust: bool = True,
-    most: int = 20,
+    most: int = 30,
     hold: IntArray | None = None,
 ) -> Solution:
     """Pass by pass, from a start.
@@ -479,7 +482,8 @@ def solve(
         moved = float(np.max(np.abs(delta) / np.sqrt(np.diag(seen.covariance(prior_sd)))))
         last, cost = cost, float(np.sum(p.left(delta)[p.used] ** 2))
         before = noise
-        if passes <= DECIDED:  # a pose at the edge of the cut would come and go for ever
+        # A pose at the edge of the cut would come and go for ever; wild ones must not stay hidden.
+        if passes <= DECIDED or (robust and _loud(r, at, noise, sd)):
             noise = _weighed(r, at, p.H, P, noise, sd, student=passes <= 2, robust=robust)
         same = bool(((noise.weights > 0.5) == (before.weights > 0.5)).all())
         fallen = abs(last - cost) / max(cost, 1e-12)
@@ -492,6 +496,14 @@ def solve(
         told = told or settled  # what the motion shows is asked once more where all has settled
     p = one_pass(r, at, noise, hold)
     return _stated(r, at, p, made, noise, prior_sd, hold, passes, settled)
+
+
+def _loud(r: Readings, at: Point, noise: Noise, sd: tuple[float | None, float | None]) -> bool:
+    """Tell whether the noise that was found is far more than most poses have, after a bad start."""
+    z = np.median(np.abs(misses(r, at)[0]).reshape(-1, 2, 3), axis=(0, 2)) * 1.4826 * LOUD
+    found = z < (noise.attitude * noise.slow[0], noise.position * noise.slow[1])
+    found[0] &= r.C_vm is not None
+    return bool((found & [given is None for given in sd]).any())
 
 
 def _prior(start: Point, known: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
@@ -539,10 +551,13 @@ def _weighed(
             # Of what is left R (1 - leverage) is seen.
             R = (sds[k] * slow[k]) ** 2
             free = 1 - np.minimum(absorbed[:, own] / R * noise.weights[:, k, None], 0.98)
+            middle = 1.4826 * float(np.median(np.abs(off) / np.sqrt(free)))
             if student or kept.sum() < 10:
-                sds[k] = 1.4826 * float(np.median(np.abs(off) / np.sqrt(free)))
+                sds[k] = middle
             else:
                 sds[k] = float(np.sqrt(np.sum(off[kept] ** 2) / np.sum(free[kept])))
+                if robust:  # from a start that is far off, wild poses would hide in a large noise
+                    sds[k] = min(sds[k], 1.5 * middle)
             sds[k] = max(sds[k], 1e-7)
         if robust:
             square = np.sum((off / sds[k]) ** 2, axis=1)

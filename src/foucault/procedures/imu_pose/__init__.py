@@ -102,7 +102,7 @@ class Settings(Robust):
     """Estimate the rate of the two clocks."""
     longest_offset: Seconds = Field(default=1.0, gt=0)
     """Where the offset is looked for by positions alone; with attitudes it is found anywhere."""
-    passes: int = Field(default=20, ge=6, le=40)
+    passes: int = Field(default=30, ge=6, le=40)
     """At most so many passes; fewer where nothing moves any more."""
 
     def held(self, attitude: bool) -> list[int]:
