@@ -12,9 +12,9 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_453,
     "campaign": 5_903,
-    "capture": 2_364,
+    "capture": 2_469,
     "certificate": 2_015,
-    "cli": 5_479,
+    "cli": 5_480,
     "detect": 4_755,
     "diagnose": 11_966,
     "estimate": 8_101,
