@@ -10,29 +10,29 @@ import foucault
 ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
-    ".": 3_453,
-    "campaign": 5_903,
+    ".": 3_462,
+    "campaign": 5_905,
     "capture": 2_469,
-    "certificate": 2_015,
-    "cli": 5_480,
-    "detect": 4_755,
+    "certificate": 2_034,
+    "cli": 5_479,
+    "detect": 4_768,
     "diagnose": 11_966,
     "estimate": 8_101,
     "export": 3_758,
     "guard": 1_941,
     "infer": 3_612,
     "kernels": 5_150,
-    "logs": 7_198,
+    "logs": 7_242,
     "models": 6_340,
     "navigate": 2_110,
     "plans": 6_028,
     "procedures": 19_600,
     "recognise": 2_860,
-    "report": 10_496,
-    "records": 1_500,
+    "report": 10_498,
+    "records": 1_518,
     "simulate": 3_680,
     "symptoms": 87,
-    "workbench": 2_240,
+    "workbench": 2_792,
 }
 
 SLACK = 100

@@ -273,6 +273,7 @@ def again_of(model: RestsAndTurns) -> Again:
 PROCEDURE = Procedure(
     name="hand_rotated",
     doc=__doc__,
+    by_rests=True,
     Settings=Settings,
     Session=Session,
     solve=_solve,
@@ -286,6 +287,7 @@ PROCEDURE = Procedure(
     clocked=lambda log: (
         (log.averaged is None, log.sampled == "increment") if isinstance(log, Log) else (False,) * 2
     ),
-    streams=lambda description: description.gyro is None and description.accel is not None,
+    # Rests that somebody has said are taken from a log that is held.
+    streams=lambda said: said.gyro is None and said.accel is not None and said.rests is None,
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

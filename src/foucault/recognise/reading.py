@@ -92,7 +92,7 @@ def recognise(paths: Sequence[Path], said: Mapping[str, Any] | None = None) -> R
     said = said or {}
     files = [_opened(path, said.get("topic")) for path in paths]
     if len(files) == 1 and files[0].raw.described:
-        return _of_itself(files[0])
+        return _of_itself(files[0], said)
     data = tell.Data.of(files)
     if len(data.x) < FEWEST:
         raise error("recognise.short", file=files[0].path.name, rows=len(data.x), least=FEWEST)
@@ -114,11 +114,11 @@ def _opened(path: Path, topic: str | None) -> Opened:
         return opened(path, names[0])
 
 
-def _of_itself(file: Opened) -> Recognised:
+def _of_itself(file: Opened, said: Mapping[str, Any]) -> Recognised:
     kind = "this program wrote it" if file.raw.marker else "its format says it"
     named = ", ".join(name for name in (file.raw.declared or {}) if name != "clock")
     line = Line("columns", named, kind, SURE)
-    log = {"file": file.path.name} | file.layout
+    log = merged({"file": file.path.name} | file.layout, said)
     return Recognised((file.path,), log, (line,), described=True)
 
 

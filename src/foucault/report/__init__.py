@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from foucault.result import Result
 
 _HERE = Path(__file__).parent
+COLOURS = _HERE / "colours.css"
+"""Of reports and of the workbench, light and dark."""
 
 
 def write(folder: str | Path) -> Path:
@@ -63,7 +65,7 @@ def render(document: Document) -> str:
         _template().render(
             head=document.heading,
             sections=document.sections,
-            css=(_HERE / "page.css").read_text(encoding="utf-8"),
+            css="".join(f.read_text(encoding="utf-8") for f in (COLOURS, _HERE / "page.css")),
             js=(_HERE / "page.js").read_text(encoding="utf-8"),
             plotly=_plotly() if drawn else "",
         )
