@@ -278,7 +278,7 @@ def kills(count: int = 200) -> list[str]:
                 writer = subprocess.Popen(words, cwd=home / "bench", stdout=subprocess.DEVNULL,
                                           stderr=subprocess.DEVNULL)  # fmt: skip
                 try:
-                    if writer.wait(rng.uniform(0.3, 6.0)) == 0:
+                    if writer.wait(rng.uniform(0.5, 15.0)) == 0:
                         named.add(f"table {k}")
                 except subprocess.TimeoutExpired:
                     writer.kill()
@@ -306,10 +306,9 @@ def kills(count: int = 200) -> list[str]:
             assert whole["verdict"]["level"] == ended["verdict"]
         with store.reading() as db:
             assert db.execute("PRAGMA integrity_check").fetchone()[0] == "ok"
-        if named:
-            records = Records(home / "bench" / "records.sqlite")
-            assert not records.audit() and named <= set(records.references())
-            records.close()
+        records = Records(home / "bench" / "records.sqlite")
+        assert not records.audit() and named <= set(records.references())
+        records.close()
         served.end()
     kinds = ", ".join(f"{n} of {what}" for what, n in said.items())
     return [

@@ -257,6 +257,82 @@ def test_a_page_that_is_not_there_says_so(laboratory: Any, browser: Any) -> None
     page.close()
 
 
+@pytest.mark.thorough
+def test_an_edge_of_a_rest_is_dragged_and_taken(laboratory: Any, opened: Opened) -> None:
+    """With the mouse on the traces; what is taken is in the line to copy."""
+    page = opened(f"{laboratory.address}/logs/{laboratory.log}")
+    if page.is_visible("text=Look at it"):
+        page.click("text=Look at it")
+    page.wait_for_selector("svg.trace rect.edge", timeout=DONE, state="attached")
+    before = float(page.input_value("[name=first] >> nth=1"))
+    page.locator("svg.trace").scroll_into_view_if_needed()
+    box = page.locator("svg.trace rect.edge").nth(2).bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 40)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2 + 8, box["y"] + 40, steps=4)
+    page.mouse.up()
+    after = float(page.input_value("[name=first] >> nth=1"))
+    assert before < after < before + 3
+    rects = page.locator("svg.trace rect.edge").count()
+    wide = page.locator("svg.trace").bounding_box()
+    page.mouse.dblclick(wide["x"] + wide["width"] * 0.995, wide["y"] + 20)
+    assert page.locator("svg.trace rect.edge").count() == rects + 2
+    page.click("summary:has-text('First and last')")
+    page.check("[aria-label='take out rest 1']")
+    assert page.locator("svg.trace rect.edge").count() == rects
+    page.uncheck("[aria-label='take out rest 1']")
+    page.check("[aria-label='take out rest 17']")
+    page.click("text=Take these rests")
+    page.wait_for_selector("text=16 rests, shaded", timeout=DONE)
+    assert abs(float(page.input_value("[name=first] >> nth=1")) - after) < 0.011
+    assert "--set 'rests = [" in page.text_content("main .same code")
+    page.click("text=Find them again")
+    page.wait_for_selector(f"[name=first][value='{before:.10g}']", timeout=DONE, state="attached")
+
+
+@pytest.mark.thorough
+def test_a_certificate_is_asked_for_issued_and_fetched(laboratory: Any, opened: Opened) -> None:
+    from test_certify import SAID
+
+    from make_certificate import LABORATORY
+
+    home = laboratory.folder / "certificates"
+    home.mkdir(exist_ok=True)
+    (home / "laboratory.toml").write_text(LABORATORY)
+    page = opened(f"{laboratory.address}/jobs/{laboratory.run}", complains=True)
+    page.click("text=Certify …")
+    page.wait_for_selector("text=It lacks")
+    assert page.is_visible("code:has-text('customer.name')")
+    said = {**SAID, "item.model": "MTi", "item.serial": "7", "conditions.temperature": "23 °C"}
+    del said["issued"]  # today
+    dates = {"received": "2026-03-01", "performed": "2026-03-01"}
+    for key, value in (said | dates).items():
+        if key == "used":
+            for name in value:
+                page.check(f"[name=used][value='{name}']")
+        elif key == "adjustment.done":
+            page.select_option(f"[name='{key}']", value)
+        elif key != "item.condition":
+            page.fill(f"[name='{key}']", value)
+    page.click("text=Issue the certificate")
+    page.wait_for_selector("[role=alert]")
+    assert "item.condition" in page.inner_text("[role=alert]")
+    assert page.input_value("[name='customer.city']") == "Toulouse"
+    page.fill("[name='item.condition']", "sealed")
+    page.click("text=Issue the certificate")
+    page.wait_for_selector("a[download]:has-text('2026-0042.pdf')", timeout=DONE)
+    for name, begins in (("2026-0042.pdf", b"%PDF-"), ("2026-0042.xml", b"<?xml")):
+        with page.expect_download() as held:
+            page.click(f"a[download]:has-text('{name}')")
+        assert Path(held.value.path()).read_bytes().startswith(begins)
+        got = held.value.path()
+    page.goto(f"{laboratory.address}/verify")
+    page.set_input_files("#file", str(got))
+    page.click("button:has-text('Look at it')")
+    page.wait_for_selector(".big:has-text('Not valid')", timeout=DONE)
+    assert "it is not signed" in page.inner_text("main")
+
+
 # -- every page --------------------------------------------------------------------------------
 
 ACCESS = """() => {
