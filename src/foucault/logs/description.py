@@ -26,7 +26,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from foucault.arrays import FloatArray
-from foucault.errors import Finding, FoucaultError, error, finding, suggestion
+from foucault.errors import Finding, FoucaultError, error, finding, some, suggestion
 from foucault.logs.layout import (
     COUNTS,
     Averaged,
@@ -118,7 +118,7 @@ def find(
         return int(text), 1.0
     if raw.named:
         hint = suggestion(text, raw.names)
-        allowed = "The columns are " + ", ".join(raw.names) + "."
+        allowed = f"The columns are {some(raw.names)}."
     else:
         hint = ""
         count = len(raw.names)
@@ -543,7 +543,7 @@ def description_of(path: Path) -> tuple[LogDescription, tuple[Finding, ...]]:
     raw = open_raw(path, alone)
     if raw.declared is not None:
         return alone, ()
-    have = "the columns " + ", ".join(raw.names) if raw.named else f"{len(raw.names)} columns"
+    have = f"the columns {some(raw.names)}" if raw.named else f"{len(raw.names)} columns"
     words = {"file": path.name, "have": have}
     try:
         said = _blocks(raw, path)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.errors import FoucaultError, error
+from foucault.errors import FoucaultError, error, some
 from foucault.guard.mistakes import Mistake, exchanges
 from foucault.logs.description import LogDescription
 from foucault.logs.raw import instruments
@@ -242,7 +242,7 @@ class _Work:
         try:
             x, y, z = (known[str(name).removeprefix("-")] for name in names)
         except (KeyError, ValueError):
-            allowed = ", ".join(str(self.data.called(k)) for k in range(len(self.data.columns)))
+            allowed = some([str(self.data.called(k)) for k in range(len(self.data.columns))])
             raise error("recognise.said", given=str(list(names)), allowed=allowed) from None
         return x, y, z
 
@@ -254,7 +254,8 @@ class _Work:
         one = "; ".join(self._columns_line(k, columns) for k in kinds if (columns := first[k]))
         other = "; ".join(self._columns_line(k, dict(reversed(open_))[k]) for k in kinds)
         what = f"There are several triads of {said}."
-        self.questions.append(Question(what, one, "the first", other, "the next"))
+        why = "the next" if len(kinds) == 1 else "the next; both: `two_imus`"
+        self.questions.append(Question(what, one, "the first", other, why))
 
     def _columns_line(self, kind: str, columns: Sequence[int]) -> str:
         names = [self.data.called(k) for k in columns]
@@ -263,7 +264,7 @@ class _Work:
         return f"{kind}.columns = {_listed(names)}"
 
     def _have(self) -> str:
-        return ", ".join(self.data.shown(k) for k in range(len(self.data.columns)))
+        return some([self.data.shown(k) for k in range(len(self.data.columns))])
 
     # -- what the numbers say ------------------------------------------------------------------
 
