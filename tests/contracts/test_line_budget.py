@@ -26,7 +26,7 @@ BUDGET = {
     "models": 6_340,
     "navigate": 2_110,
     "plans": 6_028,
-    "procedures": 19_584,
+    "procedures": 19_586,
     "recognise": 2_860,
     "report": 10_496,
     "records": 1_500,
