@@ -29,6 +29,8 @@ RECORDED = {
     "xsens": "foucault init --log xsens_acc.mat.gz --log xsens_gyro.mat.gz -o campaign.toml",
     "table": "foucault init --log imusysclbt.bin -o campaign.toml",
     "rest": "foucault allan x_LN100_up.ins",
+    "guided": "foucault calibrate campaign.toml --live guided.bin --frames sbg_imu_short -o run "
+    "--hold '5 s' --want 'accel.scale = 100 ppm' --want 'gyro.scale = 150 ppm' --silence '5 s'",
 }
 """Name of a screen -> what was typed."""
 
@@ -38,6 +40,7 @@ REAL = ("xsens_hand_rotated/xsens_acc.mat.gz", "xsens_hand_rotated/xsens_gyro.ma
 
 def main() -> None:
     import make_bare
+    import make_guided
 
     SCREENS.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as name:
@@ -47,6 +50,8 @@ def main() -> None:
         for file in REAL:
             if (DATA / file).exists():
                 shutil.copy(DATA / file, folder)
+        want = {"accel.scale": "100 ppm", "gyro.scale": "150 ppm"}
+        make_guided.written(folder / "guided.bin", want)
         for screen, typed in RECORDED.items():
             given = [
                 w for w in typed.split() if (folder / w).suffix in (".csv", ".gz", ".bin", ".ins")
@@ -57,7 +62,11 @@ def main() -> None:
 
 def recorded(typed: str, folder: Path) -> str:
     """Return what a command prints, without the spaces at the ends of lines."""
+    import make_guided
+
     (folder / "campaign.toml").unlink(missing_ok=True)
+    if "campaign.toml --live" in typed:
+        (folder / "campaign.toml").write_text(make_guided.CAMPAIGN)
     command = typed.replace("foucault", f"{sys.executable} -m foucault", 1)
     done = subprocess.run(command, shell=True, cwd=folder, text=True, check=False,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip

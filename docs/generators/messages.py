@@ -12,7 +12,7 @@ GROUPS: dict[str, tuple[str, str]] = {
     "recording": ("Watching a session, and the noise of an instrument", "watch allan"),
     "rests": (
         "Calibrating by rests and turns: by hand, on faces",
-        "session rest rests published faces ferraris turns",
+        "session rest rests published faces ferraris turns worn",
     ),
     "table": (
         "Calibrating on a table",
@@ -37,7 +37,7 @@ GROUPS: dict[str, tuple[str, str]] = {
     "studies": ("Studies, and computing on a cluster", "study cluster"),
     "records": ("Keeping records", "records"),
     "workbench": ("The workbench", "workbench"),
-    "capture": ("Recording an instrument", "capture"),
+    "capture": ("Recording an instrument", "capture guide"),
     "certificate": ("Certificates", "certificate"),
 }
 """Page -> its title, and the first words of the codes on it."""

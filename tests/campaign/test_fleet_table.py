@@ -110,6 +110,8 @@ def test_a_table_beside_folders_is_refused(tmp_path) -> None:
     fleet.run(described, tmp_path / "out")
     with refuses("fleet.folders", "leave out `--table-only`"):
         fleet.run(described, tmp_path / "out", table_only=True)
+    with refuses("fleet.no_reports", "Leave out `--reports`"):
+        fleet.run(described, tmp_path / "new", table_only=True, report=lambda folder: folder)
 
 
 def test_one_by_one_without_folders_too(tmp_path) -> None:

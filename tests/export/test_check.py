@@ -15,7 +15,7 @@ from commands import run
 from foucault.errors import FoucaultError
 from foucault.export import write
 from foucault.export.check import Checked, checked, recognised
-from foucault.export.densities import Densities
+from foucault.export.densities import Densities, of_allan_run
 from foucault.export.request import number
 from foucault.export.table import Row, found_in, numbers_of, receivers
 from foucault.result import Result
@@ -155,6 +155,32 @@ def test_a_correction_in_the_inverse_direction(name: str, tmp_path: Path) -> Non
     direct = [row for row in TABLE[name].rows if row.key and row.of[0].endswith(
         (".bias", ".matrix", ".inverse", ".diagonal_inverse", ".scale"))]  # fmt: skip
     assert {row.shown for row in direct} <= {line.key for line in got.lines if line.said}
+
+
+@pytest.mark.parametrize("name", ["kalibr", "openvins", "openvins-rpng"])
+def test_a_matrix_and_its_inverse_in_one_key(name: str, tmp_path: Path) -> None:
+    """Also where the frame turns with what is in it."""
+    right = small(name)
+    text = write(right, name, tmp_path / "out", noise=LOUD).read_text("utf-8")
+    tried = 0
+    for row in TABLE[name].rows:
+        form = row.of[0].partition(".")[2] if row.of else ""
+        if form not in ("matrix", "lower", "rotation", "upper", "upper_rotation"):
+            continue
+        x = np.array(found_in(TABLE[name], text)[row.key])
+        if np.array_equal(x, np.eye(3)):
+            continue
+        lines = [f"- [{', '.join(map(number, line))}]" for line in (*x, *np.linalg.inv(x))]
+        other = text
+        for was, is_ in zip(lines[:3], lines[3:], strict=True):
+            assert was in other
+            at = other.index(was, other.index(f"{row.key.rpartition('.')[2]}:"))
+            other = other[:at] + is_ + other[at + len(was) :]
+        got = checked(other, name, right, noise=LOUD)
+        said = {line.key: line.said for line in got.lines if line.said}
+        assert said == {row.key: "is the correction in the inverse direction"}
+        tried += 1
+    assert tried >= 3
 
 
 @pytest.mark.parametrize(
@@ -393,6 +419,14 @@ def test_a_file_says_what_the_allan_run_knows_besides(tmp_path: Path) -> None:
     for q in said.groups():  # of a rounded angle
         assert float(q) == pytest.approx(step / 12**0.5, rel=0.05)
     assert "The Allan run warned: The instrument is shaken in 9 % of the log." in text
+    for damage in (lambda d: d["findings"].append(3), lambda d: d["pairs"]["gyro"].pop("walk"),
+                   lambda d: d["pairs"]["accel"].update(white="much"),
+                   lambda d: d["channels"]["gyro.x"].update(interval=0)):  # fmt: skip
+        other = json.loads((tmp_path / "noise/allan.json").read_text())
+        damage(other)
+        (tmp_path / "allan.json").write_text(json.dumps(other))
+        with refuses("export.allan_run"):
+            of_allan_run(tmp_path / "allan.json")
 
 
 def test_the_command_names_any_sensor(tmp_path: Path) -> None:

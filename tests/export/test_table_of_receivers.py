@@ -402,3 +402,34 @@ def test_an_sd_that_is_not_known_is_not_zero(tmp_path: Path) -> None:
     code = write(result, "pyins", tmp_path / "b", noise=LOUD).read_text()
     assert "\ngyro_bias_sd = None" in code and "\naccel_bias_sd = [" in code
     compile(code, "pyins", "exec")
+
+
+# -- what is too small for a receiver ------------------------------------------------------------
+
+
+def test_px4_says_which_numbers_it_may_ignore(tmp_path: Path) -> None:
+    """Scale factors of most accelerometers are within the hundredth that it does not feel."""
+    result = with_terms("accel.bias", "accel.scale", "gyro.bias")
+    c = result.coefficients
+    small = replace(result, coefficients=c.with_values({f"accel.scale.{a}": 0.004 for a in "xyz"}))
+    text = " ".join(write(small, "px4", tmp_path / "a").read_text().split())
+    assert re.findall(r"(\S+): differs from no error by (\S+), which is 0.01 or less", text) == [
+        ("CAL_ACC0_*SCALE", "0.0069")
+    ]
+    assert "differs from no error" not in write(result, "px4", tmp_path / "b").read_text()
+
+
+def test_robot_localization_says_what_it_raises(tmp_path: Path) -> None:
+    quiet = {k: x * 0.01 if "gyro.white" in k else x for k, x in LOUD.values.items()}
+    for noise, said in ((LOUD, False), (replace(LOUD, values=quiet), True)):
+        text = write(with_terms("accel.bias"), "robot_localization", tmp_path / "a", noise=noise)
+        words = "angular_velocity_covariance: robot_localization raises what is below 1e-09"
+        assert (words in text.read_text()) is said
+
+
+def test_two_rates_are_told(tmp_path: Path) -> None:
+    result = with_terms("accel.bias", validity={"rate": 100.0})
+    text = write(result, "vins-mono", tmp_path / "a", noise=LOUD).read_text()
+    assert "Rate of the readings: 100 Hz." in text and "noise was measured at 200 Hz" in text
+    same = write(result, "vins-mono", tmp_path / "b", noise=LOUD, rate=200.0).read_text()
+    assert "noise was measured" not in same

@@ -74,7 +74,7 @@ def test_a_column_is_what_the_whole_session_reduced_again_says(group) -> None:
     start = first_guess(data)
     names = hand_rotated.Settings().estimated()
     model = RestsAndTurns(data, names, start, hand_rotated._noise(data, rests, None))
-    again = hand_rotated._again(model)
+    again = hand_rotated.again_of(model)
     instrument, motion = again.motion(start)
     some = terms(names, SITE, {group: SIZES[group]})
     diagonal = [t for t in some if "g_sensitivity" not in group or t.name[-1] == t.name[-2]]

@@ -440,9 +440,11 @@ def run(
     if tolerance is not None:
         tolerance.refuse_unknown(names, campaign.procedure)
     batch = of_fleet.suits(campaign.settings, campaign.site, campaign.prior)
+    if table_only and report is not None:
+        raise error("fleet.no_reports")
     if table_only and (folder / INSTRUMENTS).exists():
         raise error("fleet.folders", folder=folder)
-    work = _Work(campaign, folder, None if table_only else report, batch, table_only)
+    work = _Work(campaign, folder, report, batch, table_only)
     if batch and table_only and campaign.log.serial is not None:
         make_folder(folder)
         table = _at_once(work, names, progress)

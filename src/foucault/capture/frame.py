@@ -33,6 +33,10 @@ LONGEST = 4096
 """Longest frame that is waited for; a length beyond it is taken for junk [bytes]."""
 
 
+GAP = 20_000
+"""More frames than these are not made up for: the counter began anew [1]."""
+
+
 def _bytes(given: Any) -> Any:
     """Take bytes in hexadecimal, such as "FA FF"."""
     try:
@@ -268,6 +272,7 @@ class Decoder:
     # Counter -> what it said last, and without wraps [1].
     _before: dict[str, tuple[int, float]] = field(default_factory=dict)
     _synced: bool = False
+    _gap: int = 0  # frames that were lost before the one that is read [1]
 
     def feed(self, data: bytes) -> list[tuple[float, ...]]:
         """Take bytes that have arrived, and return the rows of all frames that are whole now."""
@@ -308,9 +313,16 @@ class Decoder:
             if row is None:
                 self.heard.others += 1
             else:
+                yield from self._missing(len(row))
                 self.heard.frames += 1
                 yield row
         del held[:at]
+
+    def _missing(self, columns: int) -> Iterator[tuple[float, ...]]:
+        """Yield rows of nothing for frames that were lost, where only their number is a clock."""
+        count, self._gap = self._gap, 0
+        if count <= GAP and self.frame.field_of("time") is None:
+            yield from [(float("nan"),) * columns] * count
 
     def _length(self, at: int) -> int | None:
         """Return the length of the frame at `at`, 0 where it cannot be, None: not yet known."""
@@ -405,6 +417,7 @@ class Decoder:
             step = 0
         if one.name == "counter" and step > 1:
             self.heard.lost += step - 1
+            self._gap = step - 1
         total += step
         self._before[one.name] = int(value), total
         return total

@@ -73,15 +73,18 @@ class Recording:
             reason = problem.strerror or str(problem)
             raise error("output.unwritable", path=self.folder / name, reason=reason) from None
 
-    def take(self, data: bytes, now: float) -> None:
-        """Take bytes that were heard at `now` [s]."""
+    def take(self, data: bytes, now: float) -> list[tuple[float, ...]]:
+        """Take bytes that were heard at `now` [s], and return the rows that they complete."""
+        rows = list[tuple[float, ...]]()
         if data:
             self.size += len(data)
             self._write(RAW, data)
             self._write(ARRIVALS, np.array([len(data), now]).tobytes())
-            self._waiting += [(*row, now) for row in self._decoder.feed(data)]
+            rows = [(*row, now) for row in self._decoder.feed(data)]
+            self._waiting += rows
         if time.monotonic() - self._written > EVERY:
             self.flush()
+        return rows
 
     def flush(self) -> None:
         """Write the rows that wait."""
@@ -104,12 +107,12 @@ class Recording:
             reason = problem.strerror or str(problem)
             raise error("output.unwritable", path=self.folder / name, reason=reason) from None
 
-    def close(self) -> dict[str, Any]:
-        """End it, and return what there is to say of it."""
+    def close(self, text: str | None = None) -> dict[str, Any]:
+        """End it, and return what there is to say of it; `text`: as of `campaign_of`."""
         self.flush()
         for file in self._files.values():
             file.close()
-        return concluded(self.folder, self.frame, self.heard)
+        return concluded(self.folder, self.frame, self.heard, text)
 
 
 def record(
@@ -178,27 +181,35 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of a time [s]."""
 
 
-def concluded(folder: Path, frame: Frame, heard: Heard) -> dict[str, Any]:
+def concluded(folder: Path, frame: Frame, heard: Heard, text: str | None = None) -> dict[str, Any]:
     """Say what was heard, compare the clocks, and describe the log with what they say."""
     rows, clocks = rows_of(folder, frame), None
-    told = frame.field_of("time")
+    told, number = frame.field_of("time"), np.arange(len(rows), dtype=float)
     if told is not None and len(rows):
         own = rows[:, frame.columns.index("time")] * SECONDS[told.unit or "s"]
         clocks = compared(rows[:, -1], own)
     said: dict[str, Any] = {"rows": len(rows), **asdict(heard)}
-    if len(rows) > 1 and np.ptp(rows[:, -1]) > 0:
-        said["rate"] = float((len(rows) - 1) / np.ptp(rows[:, -1]))
+    rate = None
+    if len(rows) > 1 and np.nanmax(rows[:, -1]) > np.nanmin(rows[:, -1]):
+        said["rate"] = rate = float((len(rows) - 1) / (np.nanmax(rows[:, -1]) - rows[0, -1]))
+    if told is None and rate is not None:  # rows are their own clock
+        clocks = compared(rows[:, -1], number / rate)
+        rate = rate if clocks is None else rate * (1 + clocks.rate)
     if clocks is not None:
         said["clock"] = clocks._asdict()
     write_text(folder / SAID, json.dumps(said, indent=1) + "\n")
-    write_text(folder / CAMPAIGN, campaign_of(frame, folder.name, clocks))
+    write_text(folder / CAMPAIGN, campaign_of(frame, folder.name, clocks, rate, text))
     return said
 
 
-def campaign_of(frame: Frame, name: str, clocks: Clocks | None = None) -> str:
-    """Write the campaign of a session, by hand until somebody says otherwise.
+def campaign_of(
+    frame: Frame, name: str, clocks: Clocks | None = None, rate: float | None = None,
+    text: str | None = None,
+) -> str:  # fmt: skip
+    """Write the campaign of a session: `text` or None, by hand until somebody says otherwise.
 
-    `clocks` or None: how its clock runs against that of the computer, which is then trusted.
+    `clocks` or None: how its clock runs against that of the computer, which is then trusted;
+    `rate` or None: of the frames, where they have no time of their own [Hz].
     """
     columns = frame.columns
     time_ = frame.field_of("time")
@@ -207,6 +218,8 @@ def campaign_of(frame: Frame, name: str, clocks: Clocks | None = None) -> str:
     ]  # fmt: skip
     if time_ is not None:
         lines.append(f'time = {{ column = {columns.index("time")}, unit = "{time_.unit or "s"}" }}')
+    elif rate is not None:  # frames that were lost are rows of nothing
+        lines += [f'rate = "{rate!r} Hz"', 'missing = "drop"']
     else:  # when it was heard
         lines.append(f'time = {{ column = {len(columns)}, unit = "s" }}')
     for triad in ("gyro", "accel"):
@@ -219,13 +232,16 @@ def campaign_of(frame: Frame, name: str, clocks: Clocks | None = None) -> str:
         at_ = columns.index("temperature")
         lines.append(f'temperature = {{ column = {at_}, unit = "{warm.unit}" }}')
     if clocks is not None:
-        sd = float(np.hypot(clocks.rate_sd, HOST_SD) + abs(clocks.rate))
+        sd = float(np.hypot(clocks.rate_sd, HOST_SD))
+        fast = f"It is that of this computer, sd {1e6 * clocks.rate_sd:.1f} ppm"
+        if time_ is not None:
+            sd += abs(clocks.rate)
+            fast = (f"Against this computer it runs {1e6 * clocks.rate:+.1f} ppm fast, "
+                    f"sd {1e6 * clocks.rate_sd:.1f} ppm")  # fmt: skip
         lines += [
-            f"# Against this computer it runs {1e6 * clocks.rate:+.1f} ppm fast, "
-            f"sd {1e6 * clocks.rate_sd:.1f} ppm; the computer's clock is taken for "
-            f"{1e6 * HOST_SD:.0f} ppm.",
+            f"# {fast}; the computer's clock is taken for {1e6 * HOST_SD:.0f} ppm.",
             'clock = "sensor"', f'clock_sd = "{1e6 * sd:.1f} ppm"',
         ]  # fmt: skip
     own = "[log]\n" + "\n".join(lines) + "\n"
-    text = writing.template("hand_rotated")
+    text = writing.template("hand_rotated") if text is None else text
     return running.with_own_log(text, own).replace(writing.EXAMPLE, name)

@@ -260,7 +260,7 @@ VERDICT = {0: "pass", 3: "doubtful", 4: "unusable"}
 
 CampaignFile = Annotated[Path, typer.Argument(help="A campaign file.")]
 CampaignOrLogs = Annotated[
-    list[Path],
+    list[Path] | None,
     typer.Argument(
         help="A campaign file; or a log without one, in one file or in several recorded together, "
         "such as one of accelerometers and one of gyros."

@@ -20,21 +20,55 @@ if TYPE_CHECKING:
     from foucault.procedures.temperature import Ramp
     from foucault.procedures.temperature import Session as AtTemperature
     from foucault.result import Result
+    from foucault.tables import Log
 
 
 @command(
     "foucault calibrate campaign.toml -o run",
     'foucault calibrate session.csv -o run --latitude "48.85 deg"',
     "foucault calibrate accel.csv gyro.csv -o run",
+    "foucault calibrate --live serial:/dev/ttyUSB0:921600 --frames sbg_imu_short -o run",
     exits=options.VERDICT,
 )
 def calibrate(
     ctx: typer.Context,
-    campaign: options.CampaignOrLogs,
     output: options.RunFolder,
     place: options.Place,
+    campaign: options.CampaignOrLogs = None,
     taken: options.Taken = None,
     terms: options.TermsChosen = None,
+    live: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="Record this source and say what to do next: serial:PORT[:BAUD], udp:PORT, "
+            "tcp:HOST:PORT, - or a growing file. The campaign says how; by hand if left out.",
+        ),
+    ] = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(help="With --live: frames, a name of `foucault capture --list` or a file."),
+    ] = None,
+    hold: Annotated[
+        Amount | None,
+        quantity("time", 'With --live: time to rest, such as "7 s".', least="above 0"),
+    ] = None,
+    want: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="<str>",
+            help="With --live: what is wanted, such as accel.scale = 50 ppm; may be repeated. "
+            "If left out, what the usual session reaches.",
+        ),
+    ] = None,
+    words: Annotated[
+        str | None,
+        typer.Option(help="With --live: language, en or de, or a file like those; en if left out."),
+    ] = None,
+    silence: Annotated[
+        Amount | None,
+        quantity("time", "With --live: end when nothing comes for so long.", least="above 0"),
+    ] = None,
 ) -> None:
     """Calibrate an instrument from its log, and write the report.
 
@@ -46,9 +80,25 @@ def calibrate(
     from foucault.campaign import recognised as bare
     from foucault.campaign import vehicle
     from foucault.diagnose.references import in_words
+    from foucault.errors import error
 
     screen: Screen = ctx.obj
     more: dict[str, Any] = {} if terms is None else {"terms": terms}
+    if live is not None:
+        from foucault.cli import guide
+
+        if len(campaign or ()) > 1:
+            raise error("guide.campaigns", given=", ".join(map(str, campaign or ())))
+        base = campaign[0] if campaign else None
+        recorded = guide.guided(screen, base, live, output, frames, hold, want, words, silence)
+        if recorded is None:
+            raise error("guide.nothing", source=live)
+        campaign = [recorded.path]
+    elif lone := [f"--{n}" for n in ("frames", "hold", "want", "words", "silence")
+                  if ctx.params.get(n)]:  # fmt: skip
+        raise error("guide.alone", options=", ".join(lone))
+    if not campaign:
+        raise error("guide.no_log")
     if not options.bare(campaign):
         options.refuse_beside(place, taken)
         asked = campaigns.said_otherwise(campaigns.load(campaign[0]), more)
@@ -58,7 +108,8 @@ def calibrate(
     if topics := vehicle.several(campaign, given):
         raise _vehicle(screen, campaign[0], topics, output, given, bare.site_of(place), more)
     held = recognised(screen, campaign, place, taken)
-    result, page = _run(screen, campaigns.said_otherwise(held.campaign, more), output, held.head)
+    asked = campaigns.said_otherwise(held.campaign, more)
+    result, page = _run(screen, asked, output, held.head, held.log_of(asked))
     told = [f"Campaign, to run again or to change: {output / 'campaign.toml'}"]
     said = [line.as_dict() for line in held.lines]
     raise page.tell(screen, _saved(output, recognised=said), *filter(None, [in_words(result)]),
@@ -116,17 +167,19 @@ def say_taken(screen: Screen, held: Bare) -> None:
         screen.say(f"  {line.what:<{width}}  {line.took}  ({line.sure}: {line.why})")
 
 
-def _run(screen: Screen, campaign: Campaign, folder: Path, head: str = "") -> tuple[Result, Found]:
+def _run(
+    screen: Screen, campaign: Campaign, folder: Path, head: str = "", log: Log | None = None
+) -> tuple[Result, Found]:
     """Calibrate and write the run folder; what was there stays until the new result is whole.
 
-    `head`: remarks that its campaign begins with.
+    `head`: remarks that its campaign begins with; `log`: its log, where that is read already.
     """
     from foucault import campaign as campaigns
     from foucault import run_folder
 
     with screen.work(folder) as tell:
         run_folder.keep_a_campaign(folder, campaign.text)
-        result = campaigns.calibrate(campaign, tell)
+        result = campaigns.calibrate(campaign, tell, log)
         tell(0.9, "writing the report")
         # Asked to write beside the campaign, leave that file as its author wrote it.
         kept = folder / run_folder.CAMPAIGN_FILE

@@ -105,7 +105,7 @@ def find_faces(
         rests = find_rests(log, how)
         first, last = rests.first, rests.last
     found = () if rests is None else _creeping(rests)
-    readings, tilt = _on_faces(log, first, last, gravity)
+    readings, tilt = face_readings(log, first, last, gravity)
     off = tilt > OFF_FACE
     if rests is None and off.any():
         j = int(np.argmax(off))
@@ -156,9 +156,14 @@ def check_sections(sections: Sections, samples: int, means: bool) -> list[str]:
     return list(REST_SECTIONS)
 
 
-def _on_faces(
+def face_readings(
     log: Log, first: IntArray, last: IntArray, gravity: float
 ) -> tuple[FaceReadings, FloatArray]:
+    """Return means of rests on the faces that are nearest, and how far each is off [rad].
+
+    `log`: readings [SI]; `first`, `last` (n,): first sample of each rest and the sample after its
+    last; `gravity`: local gravity [m/s^2].
+    """
     assert log.accel is not None
     spans = list(zip(first.tolist(), last.tolist(), strict=True))
     accel = means_of(log.accel, spans)

@@ -384,6 +384,15 @@ def first_guess(session: Session, fixed: ImuModel | None = None) -> Attitudes | 
     model = replace(model, gyro_bias=weight @ session.gyro_mean)
     turns = (session.last[:-1] - 1, session.first[1:])
     model = fit_directions(session.log, up_b, *turns, model, max_iterations=4).state
+    return reckoned(session, model, up_b)
+
+
+def reckoned(session: Session, model: ImuModel, up_b: FloatArray) -> Attitudes:
+    """Return the attitudes of all rests by dead reckoning with a `model`.
+
+    `up_b` (n, 3): direction of up at each rest, frame b [1].
+    """
+    z = np.array([0.0, 0.0, 1.0])
     C_nb = np.empty((len(up_b), 3, 3))
     C_nb[0] = aligning(up_b[0], z)
     guess = Attitudes(model, np.broadcast_to(np.eye(3), C_nb.shape))

@@ -338,7 +338,7 @@ def _mistakes(row: Row, y: FloatArray, about: Known) -> Iterator[tuple[str, Floa
         for more, factor in factors.items():
             yield f"{word}, and {more}", (y * factor * row.one) ** exponent / row.one
     else:
-        yield from _inverse_direction(row, about)
+        yield from _inverse_direction(row, y, about)
 
 
 def _mag_mistakes(row: Row, y: FloatArray, about: Known) -> Iterator[tuple[str, FloatArray]]:
@@ -355,7 +355,11 @@ def _mag_mistakes(row: Row, y: FloatArray, about: Known) -> Iterator[tuple[str, 
             yield "is the correction in the inverse direction", turned
 
 
-def _inverse_direction(row: Row, about: Known) -> Iterator[tuple[str, FloatArray]]:
+def _inverse_direction(row: Row, y: FloatArray, about: Known) -> Iterator[tuple[str, FloatArray]]:
+    """Yield what a key would be with the inverse of its matrix, of the model, and with -b for b."""
+    word = "is the correction in the inverse direction"
+    if _lengths(row.of[0], np.eye(3)) is not None and y.size == 9:
+        yield word, inverse(y.reshape(3, 3) * row.one).ravel() / row.one
     m = about.model
     inv_a, inv_g = inverse(m.accel_matrix), inverse(m.gyro_matrix)
     turned = replace(
@@ -366,9 +370,9 @@ def _inverse_direction(row: Row, about: Known) -> Iterator[tuple[str, FloatArray
         m, accel_bias=-m.accel_bias, gyro_bias=-m.gyro_bias, g_sensitivity=-m.g_sensitivity
     )
     for other in (turned, flipped):
-        y = row.told(replace(about, model=other))
-        if y is not None:
-            yield "is the correction in the inverse direction", y
+        told = row.told(replace(about, model=other))
+        if told is not None:
+            yield word, told
 
 
 # -- What no sensor can have ---------------------------------------------------------------------

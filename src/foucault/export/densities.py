@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -137,9 +137,19 @@ def of_allan_run(folder: str | Path) -> Densities:
     path = path / ALLAN_FILE if path.is_dir() else path
     try:
         said = json.loads(path.read_text(encoding="utf-8"))
-        pairs = {k: None if v is None else Pair(**v) for k, v in said["pairs"].items()}
+        pairs = {k: None if v is None else _pair(v) for k, v in said["pairs"].items()}
         rates = [float(f"{1 / c['interval']:.9g}") for c in said["channels"].values()]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as problem:
+        Q = {name: _quantisation(c) for name, c in said["channels"].items()}
+        warned = {f["code"]: str(f["message"]) for f in reversed(said.get("findings", ()))
+                  if f["severity"] == "warning"}  # fmt: skip
+    except (
+        OSError,
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
+    ) as problem:
         raise error("export.allan_run", path=path, reason=problem) from None
     values: dict[str, FloatArray] = {}
     words: list[str] = []
@@ -158,7 +168,7 @@ def of_allan_run(folder: str | Path) -> Densities:
                   f"N = {one.white:.4g} {unit[0]}, K = {one.walk:.4g} {unit[1]}.",
                   in_words(one)]  # fmt: skip
         words += _unlike(triad, axes)
-        steps = [_quantisation(said["channels"].get(f"{triad}.{axis}", {})) for axis in AXES]
+        steps = [Q.get(f"{triad}.{axis}", 0.0) for axis in AXES]
         if any(steps):
             angle = "rad" if triad == "gyro" else "m/s"
             shown = ", ".join(f"{q:.3g}" for q in steps)
@@ -167,10 +177,13 @@ def of_allan_run(folder: str | Path) -> Densities:
                 f"know: below {one.first:.3g} s the curve is higher by it.",
             ]
     last = [p.last for p in pairs.values() if p is not None]
-    warned = {f["code"]: f["message"] for f in reversed(said.get("findings", ()))
-              if f["severity"] == "warning"}  # fmt: skip
     words += [f"The Allan run warned: {message}" for message in reversed(warned.values())]
     return Densities(values, tuple(words), max(rates), max(last, default=None))
+
+
+def _pair(said: Mapping[str, Any]) -> Pair:
+    numbers: dict[str, Any] = {f.name: float(said[f.name]) for f in fields(Pair)}
+    return Pair(**numbers | {"seen": bool(said["seen"])})
 
 
 def _quantisation(channel: Mapping[str, Any]) -> float:

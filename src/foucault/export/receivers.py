@@ -60,6 +60,10 @@ _BY_AXES = ("accel.bias", "accel.scale", "gyro.bias", "gyro.scale")
 """Coefficients of which each axis has one."""
 
 
+RATES = 0.01
+"""Rates that differ by more than this part are told [1]."""
+
+
 def known_as(name: str) -> str:
     """Return the name of a receiver, by whichever of its names it is called."""
     name = ALIASES.get(name, name)
@@ -249,6 +253,7 @@ def knowledge(
     )  # fmt: skip
     about = wanted.statement() + _absent(receiver, kept)
     about += [] if warmth is None else warmth.said
+    about += [said for row in receiver.rows if (said := row.lost(known, receiver.name))]
     if receiver.before:
         about += [
             "The calibration is not in this file, for the receiver has no place for it: give it",
@@ -265,6 +270,11 @@ def knowledge(
         )
     if receiver.wants_rate:
         about += [f"Rate of the readings: {'not known' if rate is None else f'{rate:.9g} Hz'}."]
+        if rate and loud.rate and abs(loud.rate / rate - 1) > RATES:
+            about += [
+                f"The noise was measured at {loud.rate:.9g} Hz: N and K hold at both rates where",
+                "readings were low-passed at half their rate; --rate says what the receiver gets.",
+            ]
     if any(row.of == ("gravity",) for row in receiver.rows):
         about += [
             f"Local gravity: {'that of the calibration' if local else 'not known, 1 g taken'}."

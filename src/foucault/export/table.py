@@ -56,6 +56,8 @@ class Row:
     line: str = ""
     group: str = ""
     limits: tuple[float, float] | None = None  # least and most that it takes [as in the file]
+    floor: float = 0.0  # what is less is raised to it [as in the file]
+    felt: float = 0.0  # what differs by no more from no error may be ignored [as in the file]
     says: str = ""
     must: bool = True
     warm: bool = False
@@ -75,6 +77,24 @@ class Row:
     def shown(self) -> str:
         """Its key for people; a star stands for each axis."""
         return self.key.replace("{X}", "*").replace("{0}", "*")
+
+    def lost(self, known: Known, receiver: str) -> str:
+        """Say what the receiver makes of numbers that are too small for it; "" where none are."""
+        x = self.told(known) if self.floor or self.felt else None
+        if x is None:
+            return ""
+        if ((x > 0) & (x < self.floor)).any():
+            return (
+                f"{self.shown}: {receiver} raises what is below {self.floor:g} to {self.floor:g}."
+            )
+        none = self.told(Known(ImuModel())) if self.felt else None
+        off = np.inf if none is None else float(np.linalg.norm(x - none))
+        if off > self.felt or not self.calibrated(known).any():
+            return ""
+        return (
+            f"{self.shown}: differs from no error by {off:.2g}, which is {self.felt:g} or less: "
+            "versions that ignore so little keep what they hold."
+        )
 
     def calibrated(self, known: Known) -> BoolArray:
         """Return of which axes what it says is calibrated, (3,)."""

@@ -13,12 +13,12 @@ import math
 
 import numpy as np
 
-from foucault.kernels import kernel
+from foucault.kernels import kernel, part
 
 COLUMNS = 39
 
 
-@kernel
+@part
 def _weights(u, N, D, E):
     """Fill N, D, E (4): cubic B-spline weights at u in [0, 1], first and second derivatives."""
     v = 1.0 - u
@@ -31,7 +31,7 @@ def _weights(u, N, D, E):
     E[0], E[1], E[2], E[3] = v, 3.0 * u - 2.0, 1.0 - 3.0 * u, u
 
 
-@kernel
+@part
 def _motion(spline, k, h, N, D, E, out):
     """Fill out (5, 3): w, alpha, alpha', f, f' of a spline (n, 6) in the interval k."""
     out[:] = 0.0
@@ -44,7 +44,7 @@ def _motion(spline, k, h, N, D, E, out):
             out[4, i] += D[j] * spline[k + j, 3 + i] / h
 
 
-@kernel
+@part
 def _slave(m, x, since, J, Y, out):
     """Fill J (6, 39), Y (2, 3, 3), out (6): derivatives of a slave's reading, and the reading.
 
@@ -117,27 +117,27 @@ def _slave(m, x, since, J, Y, out):
         J[i, 7], J[3 + i, 7] = since * J[i, 6], since * J[3 + i, 6]
 
 
-@kernel
-def _spread(x, own, part, Y, N, D, h, S):
-    """Fill S (3, 24): derivatives of gyros (part 0) or accelerometers by the four knots."""
+@part
+def _spread(x, own, triad, Y, N, D, h, S):
+    """Fill S (3, 24): derivatives of gyros (triad 0) or accelerometers by the four knots."""
     S[:] = 0.0
     for j in range(4):
         for i in range(3):
             if own < 0:
-                S[i, 6 * j + 3 * part + i] = N[j]
+                S[i, 6 * j + 3 * triad + i] = N[j]
                 continue
             for c in range(3):
                 by_w, by_f = 0.0, 0.0
                 for n in range(3):
-                    g = x[9 + 3 * i + n] if part == 0 else 0.0
-                    s = x[(18 if part == 0 else 27) + 3 * i + n]
+                    g = x[9 + 3 * i + n] if triad == 0 else 0.0
+                    s = x[(18 if triad == 0 else 27) + 3 * i + n]
                     q = N[j] * x[3 * n + c]
                     by_w += g * q + s * (N[j] * Y[0, n, c] + D[j] / h * Y[1, n, c])
                     by_f += s * q
                 S[i, 6 * j + c], S[i, 6 * j + 3 + c] = by_w, by_f
 
 
-@kernel
+@part
 def _gather(S, X, one, own, here, total):
     """Add three rows: S (3, 24) by knots, X (3, 40) by parameters and readings, weight one.
 
@@ -163,7 +163,7 @@ def _gather(S, X, one, own, here, total):
                 total[a, b] += u * X[0, b] + v * X[1, b] + w * X[2, b]
 
 
-@kernel
+@part
 def _settle(q, own, here, band, border, grad):
     """Add what an interval q holds, here (24, 64), to the normal equations, and empty it."""
     for a in range(24):
@@ -192,12 +192,12 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
     out, out2, S = np.zeros(6), np.zeros(6), np.zeros((3, 24))
     X, here, total = np.zeros((3, 40)), np.zeros((24, 64)), np.zeros((40, 40))
     noise = other.shape[0] > 0
-    for part in range(2):
+    for triad in range(2):
         now = -1
         for k in range(time.shape[0]):
-            at = (time[k] - (part * x[45] if own >= 0 else 0.0) - first) / h
+            at = (time[k] - (triad * x[45] if own >= 0 else 0.0) - first) / h
             q = math.floor(at)
-            for i in range(3 * part, 3 * part + 3):
+            for i in range(3 * triad, 3 * triad + 3):
                 left[k, i] = np.nan
             if q < 0 or q > spline.shape[0] - 4:
                 continue
@@ -208,7 +208,7 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
                     out[i], out[3 + i] = m[0, i], m[3, i]
             else:
                 _slave(m, x, since[k], J, Y, out)
-            _spread(x, own, part, Y, N, D, h, S)
+            _spread(x, own, triad, Y, N, D, h, S)
             if noise and own >= 0:
                 _motion(other, q, h, N, D, E, m)
                 _slave(m, x, since[k], K, Y2, out2)
@@ -216,11 +216,11 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
                     for c in range(39):
                         J[i, c] = K[i, c] - J[i, c]
             for i in range(3):
-                r = read[k, 3 * part + i] - out[3 * part + i]
-                left[k, 3 * part + i] = r
+                r = read[k, 3 * triad + i] - out[3 * triad + i]
+                left[k, 3 * triad + i] = r
                 told = np.isfinite(r)
                 for c in range(39):
-                    X[i, c] = J[3 * part + i, c] if told else 0.0
+                    X[i, c] = J[3 * triad + i, c] if told else 0.0
                 X[i, 39] = r if told else 0.0
                 if not told:
                     for a in range(24):
@@ -229,7 +229,7 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
                 if now >= 0:
                     _settle(now, own, here, band, border, grad)
                 now = q
-            _gather(S, X, 1.0 / var[part], own, here, total)
+            _gather(S, X, 1.0 / var[triad], own, here, total)
         if now >= 0:
             _settle(now, own, here, band, border, grad)
     if own >= 0:
@@ -275,25 +275,25 @@ def scores(time, since, left, var, x, own, spline, Z, first, h, block, out):
     J, Y, read = np.zeros((6, 39)), np.zeros((2, 3, 3)), np.zeros(6)
     S, total = np.zeros((3, 24)), np.zeros(24)
     for k in range(time.shape[0]):
-        for part in range(2):
-            if not np.isfinite(left[k, 3 * part]):
+        for triad in range(2):
+            if not np.isfinite(left[k, 3 * triad]):
                 continue
-            at = (time[k] - (part * x[45] if own >= 0 else 0.0) - first) / h
+            at = (time[k] - (triad * x[45] if own >= 0 else 0.0) - first) / h
             q = math.floor(at)
             _weights(at - q, N, D, E)
             _motion(spline, q, h, N, D, E, m)
             if own >= 0:
                 _slave(m, x, since[k], J, Y, read)
-            _spread(x, own, part, Y, N, D, h, S)
+            _spread(x, own, triad, Y, N, D, h, S)
             # Rows weighted by what is left, added up before they are multiplied by Z.
             for a in range(24):
                 total[a] = 0.0
                 for i in range(3):
-                    total[a] += S[i, a] * left[k, 3 * part + i] / var[part]
+                    total[a] += S[i, a] * left[k, 3 * triad + i] / var[triad]
             if own >= 0:
-                for i in range(3 * part, 3 * part + 3):
+                for i in range(3 * triad, 3 * triad + 3):
                     for c in range(39):
-                        out[block[k], own + c] += J[i, c] * left[k, i] / var[part]
+                        out[block[k], own + c] += J[i, c] * left[k, i] / var[triad]
             for a in range(24):
                 if total[a] != 0.0:
                     for c in range(Z.shape[1]):

@@ -245,7 +245,9 @@ class Follower:
                 return None
             text = opened
         self._text = rest
-        return self._log(text)
+        log = self._log(self._raw(text))
+        self._line += text.count(b"\n")
+        return log
 
     def _as_utf8(self, chunk: bytes) -> bytes:
         if self._begun is not None:  # the first two bytes tell the encoding
@@ -274,7 +276,10 @@ class Follower:
             return None
         self._line = skipped
         self._dialect = replace(dialect, skip=0)
-        raw = self._raw(b"")
+        self._describe(self._raw(b""), path)
+        return data
+
+    def _describe(self, raw: RawTable, path: Path) -> None:
         self.used, self._blocks = complete(self._description, self._wanted, raw, path)
         if self.used.accel is None:
             raise error("watch.no_accel", file=path.name)
@@ -283,10 +288,9 @@ class Follower:
         self._sampled = own or self._kind
         self._source = {
             "file": path.name,
-            "marker": dialect.marker,
+            "marker": raw.marker,
             "description": self.used.model_dump(mode="json", exclude_none=True),
         }
-        return data
 
     def _raw(self, text: bytes) -> RawTable:
         known = self._dialect
@@ -324,11 +328,10 @@ class Follower:
         self._left_out += count
         self._reason = self._reason or reason
 
-    def _log(self, text: bytes) -> Log | None:
+    def _log(self, raw: RawTable) -> Log | None:
         used = self.used
         assert used is not None
-        parts = list(converted(used, self._blocks, self._raw(text), Path(self.tail.name)))
-        self._line += text.count(b"\n")
+        parts = list(converted(used, self._blocks, raw, Path(self.tail.name)))
         if not parts:
             return None
         data = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -364,6 +367,29 @@ class Follower:
         usual = np.median(np.diff(self._times)) if len(self._times) > 1 else np.nan
         step = np.diff(time, prepend=before if len(before) else np.nan)
         return np.where(step <= checks.GAP * usual, step, usual)
+
+
+class RowFollower(Follower):
+    """Rows of numbers that somebody else has read, as they come."""
+
+    def __init__(self, description: LogDescription, columns: int) -> None:
+        """Take rows of so many `columns` [1]."""
+        super().__init__(StreamTail(BytesIO(), "rows"), description)
+        self._columns = tuple(map(str, range(columns)))
+        self._describe(self._table(np.zeros((0, columns))), Path(self.tail.name))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was noticed of the rows."""
+        told = finding("watch.lines", count=self._left_out, reason=self._reason)
+        return (told,) * bool(self._left_out)
+
+    def _table(self, rows: FloatArray) -> RawTable:
+        return RawTable(self._columns, False, lambda some: iter([rows[:, list(some)]]))
+
+    def take(self, rows: FloatArray) -> Log | None:
+        """Return the log of `rows` (n, columns) [as described]; None where it holds none [SI]."""
+        return self._log(self._table(rows)) if len(rows) else None
 
 
 def open_tail(path: Path, description: LogDescription) -> FileTail:

@@ -51,7 +51,7 @@ from foucault.logs.follow import OnDisk
 from foucault.models.imu import ImuModel
 from foucault.models.left_out import Change, Motion
 from foucault.models.noise import ImuNoise, SessionNoise
-from foucault.models.rests_and_turns import Attitudes
+from foucault.models.rests_and_turns import Attitudes, misfit
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.plans.directions import RestPlan, hand_plan
 from foucault.procedures import left_out, record
@@ -124,9 +124,15 @@ def _reduced(log: Log, given: Given[Settings]) -> tuple[SessionData, Rests]:
     return SessionData.reduce(log, rests.first, rests.last, given.site), rests
 
 
-def _model(data: SessionData, rests: Rests, given: Given[Settings]) -> RestsAndTurns:
+def model_of(
+    data: SessionData, rests: Rests, given: Given[Settings], start: Attitudes | None = None
+) -> RestsAndTurns:
+    """State the model of a session.
+
+    `data`: what was observed [SI]; `start` or None: where to start, else what its rests say.
+    """
     settings, declared = given.settings, given.noise is not None
-    start = first_guess(data)
+    start = first_guess(data) if start is None else start
     assert start is not None  # `guard.rest` has solved the same equations
     # Noise measured in rests is a lower limit of what differs between them: scatter beyond it is
     # always estimated, for a test would leave moderate scatter out of the covariance.
@@ -183,10 +189,10 @@ def _noise(data: SessionData, rests: Rests, noise: ImuNoise | None) -> SessionNo
 
 def _likelihood(data: SessionData, rests: Rests, given: Given[Settings]) -> Result:
     settings, declared = given.settings, given.noise is not None
-    model = _model(data, rests, given)
+    model = model_of(data, rests, given)
     prior = CoefficientVector.prior(model.layout, given.prior)
     fit, beside = left_out.fit(
-        model, prior, given.sizes, data.site, _again(model), robust=settings.robust
+        model, prior, given.sizes, data.site, again_of(model), robust=settings.robust
     )
     estimate, prediction = fit.estimate, model.predict(fit.state)
     given.progress(0.7, "predicting held-out rests")
@@ -224,12 +230,10 @@ def _additions(settings: Settings, session: Session) -> list[tuple[str, Settings
     ]
 
 
-def _again(model: RestsAndTurns) -> Again:
+def again_of(model: RestsAndTurns) -> Again:
     """Return the session reduced again: means of the rests, and samples of the turns after them."""
     s, n = model.session, len(model.session.first)
     turns, first, last = s.turns
-    # The same session without the samples of the rests, whose means are kept.
-    short = replace(s, log=turns, first=np.append(0, last), last=np.append(first + 1, len(turns)))
     middle = (s.log.time[s.first] + s.log.time[s.last - 1]) / 2
     time = np.append(middle, turns.time)
 
@@ -248,17 +252,17 @@ def _again(model: RestsAndTurns) -> Again:
     def residuals(state: Attitudes, by: Change) -> FloatArray:
         accel, gyro = (np.zeros((len(time), 3)) if x is None else x for x in by[:2])
         other = replace(
-            short,
+            s,
             site=left_out.changed(s.site, by),
             accel_mean=s.accel_mean + accel[:n],
             gyro_mean=None if s.gyro_mean is None else s.gyro_mean + gyro[:n],
-            log=replace(
-                turns,
-                accel=None if turns.accel is None else turns.accel + accel[n:],
-                gyro=None if turns.gyro is None else turns.gyro + gyro[n:],
-            ),
         )
-        return replace(model, session=other).predict(state).residuals
+        moved = replace(
+            turns,
+            accel=None if turns.accel is None else turns.accel + accel[n:],
+            gyro=None if turns.gyro is None else turns.gyro + gyro[n:],
+        )
+        return misfit(other, state, (moved, first, last))
 
     slow = left_out.wander_of(model.noise.slow, float(np.ptp(s.log.time)))
     return Again(motion, residuals, left_out.white_of(model.noise), slow)
@@ -267,19 +271,21 @@ def _again(model: RestsAndTurns) -> Again:
 PROCEDURE = Procedure(
     name="hand_rotated",
     doc=__doc__,
+    by_rests=True,
     Settings=Settings,
     Session=Session,
     solve=_solve,
     simulation=simulate_drawn,
-    observe=lambda log, given: _model(*_reduced(log, given), given),
+    observe=lambda log, given: model_of(*_reduced(log, given), given),
     by_hand=True,
-    again=lambda model, *_: _again(model),
+    again=lambda model, *_: again_of(model),
     additions=_additions,
     names=lambda settings, _: settings.estimated(),
     # Means over poses know no turns.
     clocked=lambda log: (
         (log.averaged is None, log.sampled == "increment") if isinstance(log, Log) else (False,) * 2
     ),
-    streams=lambda description: description.gyro is None and description.accel is not None,
+    # Rests that somebody has said are taken from a log that is held.
+    streams=lambda said: said.gyro is None and said.accel is not None and said.rests is None,
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

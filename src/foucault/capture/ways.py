@@ -1,0 +1,115 @@
+"""Which way a session is guided, and what is wanted of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from foucault import procedures
+from foucault.campaign import Campaign
+from foucault.capture.guide import Guide, Way
+from foucault.capture.hand import ByHand
+from foucault.capture.six import PLACED, OnSix
+from foucault.capture.step import Wanted
+from foucault.detect.stretches import How
+from foucault.errors import error
+from foucault.logs.description import LogDescription
+from foucault.models.noise import grade
+from foucault.procedures.record import Beforehand, Given, Procedure
+from foucault.result import Result
+from foucault.tables import Log
+
+GUIDED = ("hand_rotated", "six_position")
+"""Procedures whose sessions are guided."""
+
+HOLD = 7.0
+"""Time to rest, where nothing is said [s]."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a guide is asked for."""
+
+    campaign: Campaign
+    hold: float = HOLD  # [s]
+    want: Mapping[str, str] | None = None  # coefficient or group -> uncertainty with its unit
+
+
+def wants(texts: Sequence[str]) -> dict[str, str]:
+    """Return what is wanted as ``--want`` has it: coefficient or group -> uncertainty."""
+    out = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (equals and name and value):
+            raise error("guide.want", given=text)
+        out[name] = value
+    return out
+
+
+def beforehand(campaign: Campaign) -> Beforehand[Any, Any]:
+    """Return what the usual session of a campaign is judged by."""
+    typical = grade(campaign.simulate.grade).noise
+    return Beforehand(
+        campaign.settings, campaign.session, campaign.site, campaign.noise, campaign.prior,
+        typical, campaign.sizes,
+    )  # fmt: skip
+
+
+def given_of(campaign: Campaign) -> Given[Any]:
+    """Return what a calibration of the campaign is given."""
+    site, settings = campaign.site, campaign.settings
+    if isinstance(settings, procedures.record.EarthRate):
+        site = settings.where(site)
+    return Given(site, settings, campaign.noise, campaign.prior or {}, procedures.silent,
+                 campaign.sizes)  # fmt: skip
+
+
+def judge_of(procedure: Procedure[Any, Any], campaign: Campaign) -> Callable[[Log], Result]:
+    """Return what calibrates a log as the campaign would."""
+
+    def judge(log: Log) -> Result:
+        return procedure.calibrate(
+            log, site=campaign.site, settings=campaign.settings, noise=campaign.noise,
+            prior=campaign.prior, sizes=campaign.sizes, instrument=campaign.instrument,
+        )  # fmt: skip
+
+    return judge
+
+
+def guide_of(asked: Asked, used: LogDescription) -> Guide:
+    """Return the guide of a campaign; `used`: the complete description of its log."""
+    campaign = asked.campaign
+    if campaign.procedure not in GUIDED:
+        raise error("guide.procedure", name=campaign.procedure, allowed=", ".join(GUIDED))
+    procedure = procedures.load(campaign.procedure)
+    usual = procedure.planned(_placed(beforehand(campaign)))
+    assert usual is not None
+    found = usual.found.coefficients
+    names = [n for n in found.names if used.gyro is not None or n.startswith("accel.")]
+    found = found.chosen(names)
+    wanted = Wanted.of(found.layout, found.sd, asked.want or {})
+    given, gyro = given_of(campaign), used.gyro is not None
+    kind: Any = {"hand_rotated": ByHand, "six_position": OnSix}[campaign.procedure]
+    way: Way = kind(given, wanted, asked.hold, gyro)
+    s = campaign.settings
+    how = How(s.window, s.shortest, s.threshold)
+    return Guide(way, used, judge_of(procedure, campaign), how)
+
+
+def _placed(b: Beforehand[Any, Any]) -> Beforehand[Any, Any]:
+    """Let nobody place an instrument better than usual, where the campaign does not say it."""
+    if getattr(b.session, "placement_sd", None) != 0.0:
+        return b
+    sd = PLACED if b.settings.placement_sd is None else b.settings.placement_sd
+    return replace(b, session=b.session.model_copy(update={"placement_sd": sd}))
+
+
+def worst(guide: Guide) -> float:
+    """Return the largest of what is reached over what is wanted, shape () [1]."""
+    if guide.reached is None:
+        return float("inf")
+    with np.errstate(invalid="ignore"):
+        return float(np.max(guide.reached.sd / guide.way.wanted.sd))

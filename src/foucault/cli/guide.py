@@ -1,0 +1,241 @@
+"""What `calibrate --live` shows: the guide in a terminal, as lines, or as JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time as clock
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from shutil import get_terminal_size
+from typing import TYPE_CHECKING, Any
+
+from foucault.cli.screen import Screen
+
+if TYPE_CHECKING:
+    from foucault.campaign import Campaign
+    from foucault.capture.guide import Guide
+    from foucault.capture.live import Live
+    from foucault.capture.said import Words
+
+BAR = 24
+"""Width of a bar [1]."""
+
+QUIET = 2.0
+"""Silence that is told [s]."""
+
+SESSION = "session"
+"""Folder in the run folder that holds what was recorded."""
+
+
+def guided(
+    screen: Screen, campaign: Path | None, source: str, output: Path, frames: str | None,
+    hold: float | None, want: list[str] | None, words: str | None, silence: float | None,
+) -> Campaign | None:  # fmt: skip
+    """Guide a session and return the campaign of what was recorded; None where it is nothing."""
+    from foucault import campaign as campaigns
+    from foucault.capture import frame
+    from foucault.capture.live import guided
+    from foucault.capture.said import Words
+    from foucault.capture.source import opened
+    from foucault.capture.ways import HOLD, Asked, wants
+    from foucault.errors import error
+
+    if frames is None:
+        raise error("guide.frames")
+    if campaign is None:
+        told = campaigns.parse(campaigns.template("hand_rotated"), output / "campaign.toml")
+    else:
+        told = campaigns.load(campaign)
+    text = frame.text_of(frames)
+    asked = Asked(told, HOLD if hold is None else hold, wants(want or ()))
+    said, described = Words.of(words or "en"), frame.parsed(text, frames)
+    display = _display(screen, said)
+    with display:
+        live, recorded = guided(
+            opened(source), described, text, output / SESSION, asked,
+            tell=display.show, silent=silence,
+        )  # fmt: skip
+    display.end(live)
+    return recorded if live.guide is not None and live.guide.rests else None
+
+
+def _display(screen: Screen, words: Words) -> Display:
+    if screen.json:
+        return JsonLines(screen, words)
+    if screen.quiet:
+        return Display(screen, words)
+    return Picture(screen, words) if sys.stdout.isatty() else Lines(screen, words)
+
+
+@dataclass
+class Display:
+    """Shows nothing: what --quiet wants, and what the others begin with."""
+
+    screen: Screen
+    words: Words
+
+    def __enter__(self) -> Display:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return None
+
+    def show(self, live: Live, ended: bool) -> None:
+        """Show the state; `ended`: whether a rest has just ended."""
+
+    def end(self, live: Live) -> None:
+        """Show how it ended."""
+        if live.guide is not None and live.guide.stopped:
+            self.screen.say(self.words.end(live.guide))
+
+
+def state(guide: Guide, words: Words, silence: float = 0.0) -> dict[str, Any]:
+    """Return all that is shown, as JSON; `silence`: since something came [s]."""
+    bars = [
+        {"name": name, "reached": reached, "after": after, "wanted": wanted,
+         "ratio": ratio if ratio < float("inf") else None}
+        for name, reached, after, wanted, ratio in words.bars(guide)
+    ]  # fmt: skip
+    step = guide.step
+    return {
+        "phase": guide.phase, "task": words.task(guide), "now": words.now(guide),
+        "ring": round(guide.ring, 3), "rests": guide.rests, "sounds": guide.sounds, "bars": bars,
+        "mistakes": [words.wrong(m) for m in guide.mistakes[-3:]],
+        "findings": [f"{f.message} {f.cure}" for f in guide.findings()],
+        "stopped": guide.stopped, "silence": round(silence, 1),
+        "verdict": None if guide.result is None else str(guide.result.verdict.level),
+        "attitude": guide.attitude().round(4).tolist() if guide.found.samples else None,
+        "asked": None if step is None or step.C_nb is None else step.C_nb.round(4).tolist(),
+        "list": guide.done,
+    }  # fmt: skip
+
+
+@dataclass
+class JsonLines(Display):
+    """One JSON document per line: at every change, and once a second."""
+
+    _last: tuple[Any, ...] = ()
+    _at: float = 0.0
+
+    def show(self, live: Live, ended: bool) -> None:
+        if live.guide is None:
+            return
+        guide = live.guide
+        now = guide.phase, guide.rests, len(guide.mistakes), live.silence > QUIET
+        if now != self._last or clock.monotonic() - self._at > 1.0:
+            self._last, self._at = now, clock.monotonic()
+            print(json.dumps(state(guide, self.words, live.silence)), flush=True)
+
+    def end(self, live: Live) -> None:
+        if live.guide is not None:
+            print(json.dumps(state(live.guide, self.words)), flush=True)
+
+
+@dataclass
+class Lines(Display):
+    """A line for everything that happens, for files and pipes."""
+
+    _rests: int = 0
+    _wrong: int = 0
+    _task: str = ""
+    _told: set[str] = field(default_factory=set)
+
+    def show(self, live: Live, ended: bool) -> None:
+        words, say = self.words, self.screen.say
+        if live.silence > QUIET:
+            seconds = live.silence
+            if "silent" not in self._told:
+                say(words.say("now.silent", seconds=seconds))
+            self._told.add("silent")
+        else:
+            self._told.discard("silent")
+        guide = live.guide
+        if guide is None:
+            return
+        for item in guide.findings():
+            if item.code not in self._told:
+                self._told.add(item.code)
+                say(f"{item.severity}: {item.message}", f"  {item.cure}")
+        for mistake in guide.mistakes[self._wrong :]:
+            say(f"  {words.wrong(mistake)}")
+        self._wrong = len(guide.mistakes)
+        if guide.rests > self._rests:
+            self._rests = guide.rests
+            worst = max(words.bars(guide), key=lambda row: float(row[4]), default=None)
+            if worst is not None and worst[4] < float("inf"):
+                say(f"  {worst[0]}: {worst[1]} of {worst[3]}")
+        if not guide.stopped and (task := words.task(guide)) != self._task:
+            self._task = task
+            say(f"{guide.rests + 1}. {task}")
+
+
+@dataclass
+class Picture(Display):
+    """The guide in the terminal, kept up to date in its place; a bell at the end of a rest."""
+
+    _live: Any = None
+
+    def __enter__(self) -> Display:
+        from rich.live import Live
+
+        self._live = Live(auto_refresh=False, vertical_overflow="visible")
+        self._live.__enter__()
+        return self
+
+    def __exit__(self, *problem: Any) -> None:
+        self._live.__exit__(*problem)
+
+    def show(self, live: Live, ended: bool) -> None:
+        if ended:
+            with suppress(OSError):
+                sys.stdout.write("\a")
+        self._live.update(picture(live, self.words), refresh=True)
+
+
+def picture(live: Live, words: Words) -> Any:
+    """Draw the guide for a terminal."""
+    from rich.console import Group
+    from rich.panel import Panel
+    from rich.table import Table
+    from rich.text import Text
+
+    width = min(get_terminal_size().columns - 4, 96)
+    guide, rows = live.guide, list[Any]()
+    if live.silence > QUIET:
+        rows.append(Text(words.say("now.silent", seconds=live.silence), "bold red"))
+    if guide is None:
+        rows.append(Text(words.say("now.learn"), "bold yellow"))
+        return Panel(Group(*rows), width=width, subtitle="Ctrl-C ends")
+    colour = {"rest": "bold yellow", "next": "bold green", "done": "bold green"}
+    rows += [Text(words.task(guide), "bold"), Text("")]
+    full = round(BAR * guide.ring)
+    rows.append(Text(f"{'●' * full}{'○' * (BAR - full)}  {words.now(guide)}",
+                     colour.get(guide.phase, "cyan")))  # fmt: skip
+    table = Table(box=None, padding=(0, 1))
+    heads = [str(head) for head in words.table["end"]["bars"]]
+    for k, head in enumerate((heads[0], "", *heads[1:])):
+        table.add_column(head, justify="left" if k < 2 else "right")
+    for name, reached, after, wanted, ratio in words.bars(guide):
+        table.add_row(name, Text(bar(ratio), "green" if ratio <= 1 else "yellow"), reached, after,
+                      wanted)  # fmt: skip
+    rows += [Text(""), table]
+    rows += [Text(words.wrong(m), "red") for m in guide.mistakes[-2:]]
+    rows += [Text(f"{f.message} {f.cure}", "red") for f in guide.findings()]
+    return Panel(Group(*rows), width=width, title=f"{guide.rests}", subtitle="Ctrl-C ends")
+
+
+def bar(ratio: float) -> str:
+    """Draw what is reached against what is wanted, which is at the mark; `ratio` [1].
+
+    Its length is logarithmic, ten times what is wanted fill it.
+    """
+    import math
+
+    at = BAR // 2
+    if not math.isfinite(ratio):
+        return "█" * BAR
+    full = min(BAR, max(1, round(at * (1 + math.log10(max(ratio, 1e-3))))))
+    drawn = "█" * full + "·" * (BAR - full)
+    return drawn[:at] + "|" + drawn[at:]
