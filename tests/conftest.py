@@ -17,6 +17,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from foucault import errors
+from make_browser import WITHOUT, chromium
 
 _SLOW = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture, HealthCheck.data_too_large]
 _HANG = timedelta(seconds=30)  # a busy machine takes its time; what hangs takes longer
@@ -54,3 +55,9 @@ def every_text_reads_well(request: pytest.FixtureRequest) -> Iterator[None]:
     yield
     if request.node.path.parent.name not in ("fuzz", "contracts"):
         assert not _odd
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say in the last lines what could not be tried here."""
+    if chromium() is None:
+        terminalreporter.write_line(WITHOUT, yellow=True)

@@ -12,7 +12,7 @@ GROUPS: dict[str, tuple[str, str]] = {
     "recording": ("Watching a session, and the noise of an instrument", "watch allan"),
     "rests": (
         "Calibrating by rests and turns: by hand, on faces",
-        "session rest rests published faces ferraris turns",
+        "session rest rests published faces ferraris turns worn",
     ),
     "table": (
         "Calibrating on a table",

@@ -88,6 +88,22 @@ ADVICE: dict[Status, str] = {
 }
 
 
+ROOM = 16
+"""Words that names in a message take at most [1]."""
+
+
+def some(names: Sequence[str]) -> str:
+    """Return names in a row, as many as a message has room for, and how many there are more."""
+    words = shown = 0
+    for name in names:
+        words += len(name.split())
+        if shown and words > ROOM:
+            break
+        shown += 1
+    more = len(names) - shown
+    return ", ".join(names[:shown]) + (f" and {more} more" if more else "")
+
+
 def error(code: str, **values: object) -> FoucaultError:
     """Build the exception for symptom `code` with its words filled in from `values`."""
     return FoucaultError(code, *_filled(code, values))

@@ -278,6 +278,8 @@ class Log(Shown):
         Rows with which further recordings begin, where files recorded one by one were joined [1].
     mag : ndarray, shape (n, 3), or None
         Magnetic field along the axes of the magnetometer [T].
+    rests : tuple of (float, float), or None
+        Times of the first and the last sample of each rest, where somebody has said them [s].
     """
 
     time: FloatArray
@@ -292,6 +294,7 @@ class Log(Shown):
     clock: Clock = Clock()
     begins: tuple[int, ...] = ()
     mag: FloatArray | None = None
+    rests: tuple[tuple[float, float], ...] | None = None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -326,6 +329,12 @@ class Log(Shown):
             table=None if self.table is None else self.table[rows],
             averaged=None if self.averaged is None else self.averaged[rows],
         )
+
+    def from_start(self) -> tuple[Log, float]:
+        """Return the log with its time counted from its first sample, and that time [s]."""
+        start = float(self.time[0])
+        said = self.rests and tuple((a - start, b - start) for a, b in self.rests)
+        return replace(self, time=self.time - start, rests=said), start
 
     def recordings(self) -> list[tuple[int, Log]]:
         """Return each recording and its first row [1]."""

@@ -142,6 +142,8 @@ def test_of_one_instrument_nothing_is_asked(tmp_path: Path) -> None:
     logs = flown()[0]
     bin_file(tmp_path / "flight.bin", logs[:1], single=True)
     assert recognise([tmp_path / "flight.bin"]).log["topic"] == "IMU/0"
+    keep = {"own_calibration": "keep"}  # what is said counts where a file describes itself too
+    assert recognise([tmp_path / "flight.bin"], keep).log["own_calibration"] == "keep"
     bin_file(tmp_path / "flight.bin", logs)
     with pytest.raises(FoucaultError) as caught:
         recognise([tmp_path / "flight.bin"])

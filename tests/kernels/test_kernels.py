@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import numba
 import numpy as np
 import pytest
 
@@ -17,7 +18,10 @@ FORMS = pytest.mark.parametrize("form", ["compiled", "python"])
 
 
 def _form(kernel, form):
-    return kernel if form == "compiled" else kernel.py_func
+    if form == "python":
+        return kernel.py_func
+    called_by_python = not kernel.targetoptions.get("no_cpython_wrapper")
+    return kernel if called_by_python else numba.njit(lambda *given: kernel(*given))
 
 
 @FORMS

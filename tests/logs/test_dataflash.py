@@ -101,6 +101,9 @@ def test_what_ardupilot_took_off_is_put_back(number: int, tmp_path: Path) -> Non
     told = next(f for f in log.findings if f.code == "log.ardupilot_undone")
     assert f"{4 if number == 0 else 2} offsets and scale factors" in told.message
     assert f"IMU/{number} were put back" in told.message
+    kept = read(described(own_calibration="keep"), tmp_path)
+    np.testing.assert_array_equal(kept.accel, y.astype(np.float32).astype(float) @ TO_B.T)
+    assert "log.ardupilot_calibrated" in {f.code for f in kept.findings}
 
 
 @pytest.mark.parametrize(

@@ -7,13 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 import make_bare as make
+from foucault import logs
 from foucault.campaign.recognised import found
 from foucault.errors import FoucaultError
+from foucault.logs import LogDescription
 from foucault.recognise.columns import unwrapped
 from foucault.recognise.reading import recognise
 from foucault.recognise.titles import meaning
+from refusals import refuses
 
 REAL = Path(os.environ.get("FOUCAULT_DATA", Path(__file__).parents[3] / "shared" / "data"))
 HEAD, FORM = "t,ax,ay,az,gx,gy,gz", ["%.6f"] * 7
@@ -291,3 +295,70 @@ def test_hexadecimal_numbers_are_named(c, tmp_path):
                                        rows.tolist())]))  # fmt: skip
     with pytest.raises(FoucaultError, match="its numbers are hexadecimal"):
         recognise([file])
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "cts,day,Accelerometer (m/s^2),1,2,Gyroscope (rad/s),1,2",
+        "cts,day,Accelerometer (m/s^2),,,Gyroscope (rad/s),,",
+        "cts,day,acc (m/s^2),Unnamed: 3,Unnamed: 4,gyr (rad/s),Unnamed: 6,Unnamed: 7",
+    ],
+)
+def test_one_title_over_three_columns_names_them_all(log, c, tmp_path, head):
+    rows = make.numbers(np.column_stack([1e3 * c.t, c.f, c.w]), ["%.3f,mon", *["%.6f"] * 6])
+    (tmp_path / "a.csv").write_text(f"{head}\n{rows}")
+    seen = recognise([tmp_path / "a.csv"])
+    right(seen, log, tmp_path)
+    if "1,2" not in head:  # a line with numbers names no columns: these are found by what they read
+        assert taken(seen, "accelerometers")[0].endswith("(titles; unit: title)")
+        assert taken(seen, "gyros")[0].endswith("(titles; unit: title)")
+
+
+def test_a_title_over_three_is_none_where_the_next_has_its_own(log, c, tmp_path):
+    head = "t (s),acc,2,ay (m/s^2),gx (rad/s),gy (rad/s),gz (rad/s)"
+    (tmp_path / "a.csv").write_text(make.text(head, [c.t, c.f, c.w], FORM))
+    right(recognise([tmp_path / "a.csv"]), log, tmp_path)
+
+
+def test_matlab_structures_and_matrices_of_increments_are_read(log, c, tmp_path):
+    interval = np.median(np.diff(c.t))
+    sums = np.column_stack([c.w * interval, c.f * interval, c.t])
+    spread = {"f": {axis: c.f[:, k] for k, axis in enumerate("xyz")}, "w": c.w / make.DEGREE}
+    made = {
+        "matrix": {"imu": sums, "ts": interval, "avp0": np.zeros((9, 1))},
+        "structure": {"imu": {"accel": c.f / make.G, "gyro": c.w / make.DEGREE, "time": c.t}},
+        "nested": {"data": {"Accelerometer": spread["f"], "Gyroscope": spread["w"], "Fs": 50.0}},
+    }
+    for name, content in made.items():
+        savemat(tmp_path / f"{name}.mat", content)
+        seen = recognise([tmp_path / f"{name}.mat"], {"rate": "50 Hz"} if name == "nested" else {})
+        right(seen, log, tmp_path)
+    assert recognise([tmp_path / "matrix.mat"]).log["gyro"]["kind"] == "increment"
+    one = LogDescription.model_validate({"file": "structure.mat", "variable": "imu", "time": {
+        "column": "time", "unit": "s"}, "gyro": {"columns": ["gyro.0", "gyro.1", "gyro.2"],
+        "unit": "deg/s"}})  # fmt: skip
+    np.testing.assert_allclose(logs.read(one, tmp_path).gyro, c.w, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("row", "why"),
+    [
+        ("[2024-05-01 12:00:00.123] %.3f,%.3f,%.3f,%.3f,%.3f,%.3f", "a time in brackets"),
+        ("%.3fD+00 %.3fD+00 %.3fD+00 %.3fD+00 %.3fD+00 %.3fD+00", "exponents are written with a D"),
+    ],
+)
+def test_stamps_in_brackets_and_exponents_with_d_are_named(c, tmp_path, row, why):
+    lines = [row % tuple(x) for x in np.column_stack([c.f, c.w]).tolist()]
+    (tmp_path / "a.log").write_text("\n".join(lines) + "\n")
+    with refuses("recognise.no_table", match=why):
+        recognise([tmp_path / "a.log"])
+
+
+def test_forty_columns_do_not_fill_the_screen(c, tmp_path):
+    head = ",".join(["t (s)", *(f"speed {k} (m/s)" for k in range(40))])
+    noise = np.random.default_rng(3).normal(size=(len(c.t), 40))
+    (tmp_path / "a.csv").write_text(make.text(head, [c.t, noise], ["%.6f"] * 41))
+    with refuses("recognise.no_triad", match="speed 3 .m/s. and 36 more. No three") as caught:
+        recognise([tmp_path / "a.csv"])
+    assert len(f"{caught.value.message} {caught.value.cure}".split()) <= 60

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from pathlib import Path
 
@@ -182,3 +183,28 @@ def test_the_instrument_that_is_due_first_comes_first(records: Records, tmp_path
     records.recalibrate_every("0042", 24)
     records.recalibrate_every("7", 12)
     assert [p.instrument for p in h.pasts(records, NOW)] == ["IMU 7", "IMU 0042"]
+
+
+def test_of_one_log_the_run_that_was_taken_in_last_counts(tmp_path: Path) -> None:
+    """Calibrated once more with other rests, kept too: its page is no error, nor two sessions."""
+    records = make_records(tmp_path, 3)
+    name = records.instruments()[0]
+    whole = json.loads((tmp_path / "0042-2025" / "result.json").read_text())
+    whole["provenance"] |= {"inputs": [{"file": "x.csv", "sha256": "1" * 64}]}
+    taken = []
+    for k in ("first", "again"):
+        (tmp_path / k).mkdir()
+        whole["coefficients"][0]["value"] *= 1.001
+        (tmp_path / k / "result.json").write_text(json.dumps(whole))
+        added, failed = records.add([tmp_path / k], date="2025-06-01")
+        assert not failed
+        taken += added
+    found = h.past(records, name)
+    assert len(found.runs) == 5 and len(found.counted) == 4
+    counted = {r.number for r in found.counted}
+    assert taken[1].number in counted and taken[0].number not in counted
+    ((_, runs, own, _),) = h.fleet(records)
+    assert {r.number for r in own} == counted and len(runs) == 5
+    records.review(str(taken[1].number), "rejected", "moved wrongly")
+    assert taken[0].number in {r.number for r in h.past(records, name).counted}
+    records.close()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 import shlex
 import subprocess
 import sys
@@ -10,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from foucault.workbench.asked import shown
@@ -98,7 +101,7 @@ def test_a_job_that_fails_says_why(bench: Bench, browser: Any) -> None:
 
 def test_a_run_is_kept_with_the_name_of_who_kept_it(bench: Bench, browser: Any) -> None:
     page = post(browser, "/jobs/2/keep", {"instrument": "IMU <7>", "date": "2026-03-01"})
-    assert page.url.path == "/instruments/IMU <7>" or "IMU" in page.url.path
+    assert page.url.path == "/instrument" and page.url.params["name"] == "IMU <7>"
     assert "IMU &lt;7&gt;" in page.text and "IMU <7>" not in page.text
     with bench.records() as records:
         entry = next(iter(records.entries()))
@@ -107,7 +110,7 @@ def test_a_run_is_kept_with_the_name_of_who_kept_it(bench: Bench, browser: Any) 
     assert "due 2027-0" in said.text
     post(browser, "/records/event", {"instrument": "IMU <7>", "what": "note", "on": "2026-04-01",
                                      "words": "<script>alert(1)</script>"})  # fmt: skip
-    text = browser.get("/instruments/IMU%20%3C7%3E").text
+    text = browser.get("/instrument?name=IMU%20%3C7%3E").text
     assert "&lt;script&gt;" in text and "<script>alert" not in text
     limits = post(browser, "/records/tolerance", {"instrument": "IMU <7>",
                                                   "text": '"accel.bias" = "1 g"'})  # fmt: skip
@@ -177,17 +180,87 @@ def test_instruments_are_found_by_a_part_of_their_name(tmp_path: Path) -> None:
     with client(made) as browser:
         assert "0042" in browser.get("/instruments").text
         assert "No instrument is called so" in browser.get("/instruments?find=77").text
-        page = browser.get("/instruments/0042")
+        page = browser.get("/instrument?name=0042")
         assert page.status_code == 404 or "Coefficients" in page.text
         with made.records() as records:
             name = records.instruments()[0]
-        assert "Over time" in browser.get(f"/instruments/{name}").text
-        framed = browser.get(f"/instruments/{name}/history")
+        assert "Over time" in browser.get(f"/instrument?name={name}").text
+        framed = browser.get(f"/history?name={name}")
         assert framed.headers["content-security-policy"].startswith("sandbox")
 
 
 @pytest.mark.parametrize("path", ["/jobs/99", "/logs/0123456789ab", "/nowhere", "/do/serve",
-                                  "/instruments/none", "/jobs/x"])  # fmt: skip
+                                  "/instrument?name=none", "/jobs/x"])  # fmt: skip
 def test_what_is_not_there_is_said_on_a_page(browser: Any, path: str) -> None:
     page = browser.get(path)
     assert page.status_code in (400, 404) and "Not possible" in page.text
+
+
+def still() -> bytes:
+    """Return a log of an instrument of navigation grade at rest, with its heading 30 deg."""
+    rng = np.random.default_rng(4)
+    earth, latitude, heading = 7.292115e-5, np.radians(47.3), np.radians(30.0)
+    north = earth * np.cos(latitude)
+    rate = [-north * np.sin(heading), north * np.cos(heading), earth * np.sin(latitude)]
+    n = 6000
+    table = np.column_stack([
+        np.arange(n) * 0.05, rng.normal(rate, 2e-6, (n, 3)),
+        rng.normal([0.0, 0.0, 9.8082], 1e-3, (n, 3)),
+    ])  # fmt: skip
+    head = "time (s)," + ",".join(
+        f"{what}_{axis} ({unit})" for what, unit in (("gyro", "rad/s"), ("accel", "m/s^2"))
+        for axis in "xyz"
+    )  # fmt: skip
+    text = io.StringIO()
+    np.savetxt(text, table, fmt="%.9e", delimiter=",", header=head, comments="")
+    return text.getvalue().encode()
+
+
+@pytest.mark.parametrize(("command", "options", "words"), [
+    ("align", {"--latitude": "47.3 deg", "--gyro-bias-sd": "0.01 deg/h"},
+     ("north is seen", "heading (deg)")),
+    ("navigate", {"--latitude": "47.3 deg", "--longitude": "8.5 deg", "--still": "yes"},
+     ("Report", "report.html")),
+])  # fmt: skip
+def test_a_heading_and_a_path_come_from_the_same_drop(
+    tmp_path: Path, command: str, options: dict[str, str], words: tuple[str, ...]
+) -> None:
+    """Dropped, looked at, asked for by its button, its verdict seen: no other way than a run's."""
+    bench = make_bench(tmp_path)
+    with client(bench) as browser:
+        page = post(browser, "/logs", files={"file": ("still.csv", still())})
+        work_off(bench)
+        seen = browser.get(page.url.path).text
+        assert f"/do/{command}?log=" in seen and "one rest" in seen
+        log = page.url.path.split("/")[-1]
+        form = browser.get(f"/do/{command}?log={log}").text
+        action = re.search(r'<form method="post" action="(/do/[^"]*)"', form)[1]
+        assert action == f"/do/{command}" and all(f'name="{k}"' in form for k in options)
+        post(browser, action, {"log": log, **options})
+        job = work_off(bench)[-1]
+        assert job.state == "done", bench.said(job)
+        text = browser.get(f"/jobs/{job.number}").text
+        assert all(w in text for w in words), text
+        assert 'class="verdict' in text and f"foucault {command} logs/" in text
+
+
+@pytest.mark.thorough
+def test_north_is_found_from_a_drop(tmp_path: Path) -> None:
+    """A campaign with the readings of a north seeker: its headings and its verdict."""
+    where = tmp_path / "north"
+    for words in (["init", "north_seeking", "-o", str(tmp_path / "c.toml")],
+                  ["simulate", str(tmp_path / "c.toml"), "-o", str(where)]):  # fmt: skip
+        subprocess.run([sys.executable, "-m", "foucault", "-q", *words], check=True)
+    sent = [("file", (f.name, f.read_bytes())) for f in sorted(where.iterdir())
+            if f.name in ("campaign.toml", "log.csv")]  # fmt: skip
+    bench = make_bench(tmp_path / "bench")
+    with client(bench) as browser:
+        page = post(browser, "/logs", files=sent)
+        work_off(bench)
+        log = page.url.path.split("/")[-1]
+        assert f"/do/north?log={log}" in browser.get(page.url.path).text
+        post(browser, "/do/north", {"log": log})
+        job = work_off(bench)[-1]
+        assert job.state == "done", bench.said(job)
+        text = browser.get(f"/jobs/{job.number}").text
+        assert "heading" in text.lower() and "report.html" in text

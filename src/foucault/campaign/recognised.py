@@ -55,6 +55,11 @@ class Found:
         """The campaign, as it lies beside the log."""
         return self._written(dict(self.recognised.log))
 
+    def log_of(self, campaign: Campaign) -> Log | None:
+        """Return the log if `campaign` reads it as it was read here."""
+        same = campaign.log.model_dump() == self.recognised.description().model_dump()
+        return self.log if same else None
+
     def beside(self, output: Path | None) -> str:
         """Return the campaign as it is written to `output`, from where its files are found."""
         folder = self.recognised.files[0].parent

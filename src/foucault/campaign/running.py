@@ -45,9 +45,14 @@ SESSION_LOG = "log.csv"
 SESSION_CAMPAIGN = "campaign.toml"
 
 
-def read_log(campaign: Campaign, progress: Progress = silent) -> Any:
-    """Read the log of a campaign; its findings follow those of the campaign file."""
+def read_log(campaign: Campaign, progress: Progress = silent, known: Log | None = None) -> Any:
+    """Read the log of a campaign; its findings follow those of the campaign file.
+
+    `known`: the log by its description, where that is read already.
+    """
     procedure = procedures.load(campaign.procedure)
+    if known is not None and procedure.read is logs.read and procedure.with_master is None:
+        return replace(known, findings=_told(campaign) + known.findings)
     with nullcontext() if procedure.with_master is None else beside_another():
         log = procedure.read(
             campaign.log, campaign.folder, lambda done: progress(done, "reading the log")
@@ -73,7 +78,9 @@ def _unedited(campaign: Campaign) -> str:
     return " and ".join(["[site]"] * place + ["the name in [instrument]"] * name)
 
 
-def calibrate(campaign: Campaign | str | Path, progress: Progress | None = None) -> Result:
+def calibrate(
+    campaign: Campaign | str | Path, progress: Progress | None = None, known: Log | None = None
+) -> Result:
     """Read the log of a campaign and calibrate it.
 
     Parameters
@@ -83,6 +90,8 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress | None = None)
     progress : callable
         Called with the fraction done and what is being done; None for a bar in a notebook, and
         for nothing elsewhere.
+    known : Log
+        The log by the campaign's description, where that is read already [SI]; None to read it.
 
     Returns
     -------
@@ -100,7 +109,7 @@ def calibrate(campaign: Campaign | str | Path, progress: Progress | None = None)
         on_disk = OnDisk(campaign.log, campaign.folder, _told(campaign))
         log = on_disk if on_disk.size > STREAMED else None
     with ahead.compiling(campaign.procedure, tell):
-        given = read_log(campaign, tell) if log is None else log
+        given = read_log(campaign, tell, known) if log is None else log
 
     def run(prior: earlier.Priors) -> Result:
         with _stuck_named(given):

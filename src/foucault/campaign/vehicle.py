@@ -69,7 +69,7 @@ def run(
         try:
             held = replace(found([path], {**said, "topic": topic}, site, tell), name=topic)
             asked = said_otherwise(held.campaign, more)
-            result = calibrate(asked, tell)
+            result = calibrate(asked, tell, held.log_of(asked))
         except FoucaultError as problem:
             out.problems[topic] = problem
             continue

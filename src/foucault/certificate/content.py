@@ -194,6 +194,28 @@ def gathered(
     })  # fmt: skip
 
 
+def lacking(
+    folder: str | Path, raw: Mapping[str, Any], *,
+    known: Mapping[str, Mapping[str, Any]] | None = None, used: Sequence[str] = (),
+    performed: str = "",
+) -> tuple[list[str], dict[str, Any], Result]:  # fmt: skip
+    """Return what a certificate of a run still lacks, all that is said of it, and the run.
+
+    Arguments as of `gathered`; what is said wrongly is not looked at.
+    """
+    result = load_result(folder)
+    said = _known(over({"references": known or {}, "used": list(used)}, raw), folder, result,
+                  performed)  # fmt: skip
+    try:
+        Said.model_validate({"issued": "2000-01-01"} | said)  # the day on which it is made
+    except ValidationError as problem:
+        found = problem.errors()
+    else:
+        found = []
+    missing = [".".join(map(str, e["loc"])) for e in found if e["type"] == "missing"]
+    return missing + _unnamed(said), said, result
+
+
 def revision(number: str, before: str) -> str:
     """Return the number of the certificate that replaces the one called `before`."""
     base = number.partition("-r")[0] if re.search(r"-r\d+$", number) else number

@@ -56,7 +56,7 @@ def issue(
     raw = said.read(files)
     if issued:
         raw["issued"] = issued
-    more: dict[str, Any] = {} if records is None else _from_records(records, run)
+    more: dict[str, Any] = {} if records is None else from_records(records, run)
     if reviewer:
         more["review"] = Review(reviewer=reviewer, reason=reason)
     if replaces is not None:
@@ -115,7 +115,7 @@ def _replaced(path: str | Path, change: str, records: Records | None) -> Replace
     return Replaced(number=number, sha256=hashlib.sha256(data).hexdigest(), change=change)
 
 
-def _from_records(records: Records, run: str | Path) -> dict[str, Any]:
+def from_records(records: Records, run: str | Path) -> dict[str, Any]:
     """Return what the records know of a run; one that was rejected or edited is refused."""
     from foucault.records.entries import Reviewed
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from foucault.procedures.temperature import Ramp
     from foucault.procedures.temperature import Session as AtTemperature
     from foucault.result import Result
+    from foucault.tables import Log
 
 
 @command(
@@ -107,7 +108,8 @@ def calibrate(
     if topics := vehicle.several(campaign, given):
         raise _vehicle(screen, campaign[0], topics, output, given, bare.site_of(place), more)
     held = recognised(screen, campaign, place, taken)
-    result, page = _run(screen, campaigns.said_otherwise(held.campaign, more), output, held.head)
+    asked = campaigns.said_otherwise(held.campaign, more)
+    result, page = _run(screen, asked, output, held.head, held.log_of(asked))
     told = [f"Campaign, to run again or to change: {output / 'campaign.toml'}"]
     said = [line.as_dict() for line in held.lines]
     raise page.tell(screen, _saved(output, recognised=said), *filter(None, [in_words(result)]),
@@ -165,17 +167,19 @@ def say_taken(screen: Screen, held: Bare) -> None:
         screen.say(f"  {line.what:<{width}}  {line.took}  ({line.sure}: {line.why})")
 
 
-def _run(screen: Screen, campaign: Campaign, folder: Path, head: str = "") -> tuple[Result, Found]:
+def _run(
+    screen: Screen, campaign: Campaign, folder: Path, head: str = "", log: Log | None = None
+) -> tuple[Result, Found]:
     """Calibrate and write the run folder; what was there stays until the new result is whole.
 
-    `head`: remarks that its campaign begins with.
+    `head`: remarks that its campaign begins with; `log`: its log, where that is read already.
     """
     from foucault import campaign as campaigns
     from foucault import run_folder
 
     with screen.work(folder) as tell:
         run_folder.keep_a_campaign(folder, campaign.text)
-        result = campaigns.calibrate(campaign, tell)
+        result = campaigns.calibrate(campaign, tell, log)
         tell(0.9, "writing the report")
         # Asked to write beside the campaign, leave that file as its author wrote it.
         kept = folder / run_folder.CAMPAIGN_FILE

@@ -47,6 +47,9 @@ def serve(
         ),
     ] = None,
     workers: Annotated[int, typer.Option(help="Jobs at a time.", min=1, max=64)] = 2,
+    prefix: Annotated[
+        str, typer.Option(help="Path below which a proxy serves it, such as /foucault.")
+    ] = "",
     account: Annotated[
         str | None,
         typer.Option(help="Make this account, with a password from standard input, and end."),
@@ -72,12 +75,20 @@ def serve(
 
         begin(where, partial(run, program), look)
     elif account is not None:
-        serving.add_account(where, account, role, _password())
+        serving.add_account(where, account, role, _password(), database)
         screen.say(f"{account.strip()} is {role}. From now on everybody needs an account.")
     else:
         worker = [sys.executable, "-m", "foucault", "serve", str(where)]
         serving.serve(
-            where, host, port, database, workers, worker, partial(options_of, program), screen.say
+            where,
+            host,
+            port,
+            database,
+            workers,
+            worker,
+            partial(options_of, program),
+            screen.say,
+            prefix,
         )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from foucault.campaign.recognised import Found as Bare
     from foucault.diagnose.allan import LogAllan
     from foucault.diagnose.live import Inspection
-    from foucault.tables import Log
 
 
 def load_or_template(name: str) -> Campaign:
@@ -116,7 +114,8 @@ def inspect(
     screen: Screen = ctx.obj
     held = _taken(screen, log, known := _known(log, taken))
     with screen.progress() as tell:
-        table, start = from_start(read_any(log, tell, said=known)[0] if held is None else held.log)
+        table = read_any(log, tell, said=known)[0] if held is None else held.log
+        table, start = table.from_start()
         screen.log, screen.everything = str(table.source.get("sha256", "")), everything
         tell(0.7, "finding rests")
         seen = live.inspect(table)
@@ -156,12 +155,6 @@ def _taken(screen: Screen, log: Sequence[Path], known: dict[str, Any]) -> Bare |
         return None
     say_taken(screen, held)
     return None if held.recognised.questions else held
-
-
-def from_start(log: Log) -> tuple[Log, float]:
-    """Return the log with time counted from its start, and that start [s]."""
-    start = float(log.time[0])
-    return replace(log, time=log.time - start), start
 
 
 def _document(path: Path, seen: Inspection, start: float) -> dict[str, Any]:
@@ -279,7 +272,7 @@ def allan(
             read = logs.read(columns_alone(log[0], column, unit, rate), log[0].parent)
         else:
             read = read_any(log, tell, said=_known(log, taken))[0]
-        table, _ = from_start(read)
+        table, _ = read.from_start()
         screen.log = str(table.source.get("sha256", ""))
         tell(0.7, "computing variances")
         seen = measure_log(table, axes=tuple(axis or ()), kind=check_kind(kind), rest=rest)

@@ -142,7 +142,7 @@ def find_sequence(
     assert log.accel is not None
     rests = find_rests(log, replace(SEQUENCE, shortest=shortest))
     # What is quiet and turns steadily is a turn here, and expected.
-    rests = replace(rests, findings=())
+    rests = replace(rests, findings=tuple(f for f in rests.findings if f.code == "rest.said"))
     if len(rests) < fewest:
         raise error("systematic.no_rests", given=len(rests), shortest=f"{shortest:g}")
     accel, gyro = (means_of(x, rests.spans) for x in (log.accel, log.gyro))

@@ -65,12 +65,10 @@ def find_spins(log: Log, shortest: float, slowest: float) -> list[Spin]:
 
     `shortest`: time of a spin [s]; `slowest`: rate of one [rad/s].
     """
-    from scipy.ndimage import uniform_filter1d
-
     assert log.accel is not None
     assert log.gyro is not None
     width = max(round(0.25 / log.interval), 1)
-    w = uniform_filter1d(log.gyro, width, axis=0, mode="nearest")
+    w = _moving_mean(log.gyro, width)
     speed = np.linalg.norm(w, axis=1)
     # A change of sense, of axis or a gap ends a stretch.
     back = np.roll(w, width, axis=0)
@@ -94,6 +92,14 @@ def find_spins(log: Log, shortest: float, slowest: float) -> list[Spin]:
                 continue
             out.append(_spin(log, begin, end, size))
     return out
+
+
+def _moving_mean(x: FloatArray, width: int) -> FloatArray:
+    """Return the mean of `x` (n, q) over `width` rows about each, the first and last repeated."""
+    before = width // 2
+    padded = np.pad(x, ((before + 1, width - 1 - before), (0, 0)), mode="edge")
+    total = np.cumsum(padded, axis=0)
+    return np.asarray((total[width:] - total[:-width]) / width)
 
 
 def _runs(inside: BoolArray) -> list[tuple[int, int]]:

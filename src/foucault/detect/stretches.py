@@ -118,6 +118,8 @@ def find_rests(log: Log, how: How = HAND) -> Rests:
     levels = {k: level_of(sd, quiet_sd(sd)) for k, sd in scatter.items()}
     level = np.asarray(np.fmax.reduce(list(levels.values())))
     limit = limit_of(level, how)
+    if log.rests is not None:
+        return _as_said(log, log.rests, levels, limit, samples)
     first, last = runs(level < limit, how.fewest(rate))
     if how.threshold is None:
         first, last = trimmed(level, first, last, how.fewest(rate))
@@ -137,6 +139,27 @@ def find_rests(log: Log, how: How = HAND) -> Rests:
             for i in np.flatnonzero(moving)
         ),
         left_out=np.column_stack([off, (last - first) * log.interval])[moving],
+    )  # fmt: skip
+
+
+def _as_said(
+    log: Log, said: Sequence[tuple[float, float]], levels: Mapping[str, FloatArray],
+    limit: float, samples: int,
+) -> Rests:  # fmt: skip
+    """Return the rests that somebody has said, as far as the log has two samples of them.
+
+    `said`: times of the first and last sample of each [s]; `levels` (n,): of each triad [1];
+    `limit`: that would have told them [1]; `samples`: of a window [1].
+    """
+    times = np.array(said).reshape(-1, 2) + 0.5 * log.interval * np.array([-1.0, 1.0])
+    first, last = np.searchsorted(log.time, times).T.astype(np.int64)
+    there = last - first > 1
+    told = finding("rest.said", count=int(there.sum()))
+    none = np.array([np.nan])
+    return Rests(
+        first[there], last[there], np.asarray(np.fmax.reduce(list(levels.values()))),
+        levels.get("accel", none), levels.get("gyro", none), limit, samples, (told,),
+        np.zeros((1, 2)),
     )  # fmt: skip
 
 

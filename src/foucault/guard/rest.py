@@ -80,9 +80,9 @@ class _Turns:
     def _turned(self, rate: FloatArray) -> FloatArray:
         """Return the rotation of each turn (n - 1, 3, 3) [1] by rates (samples, 3) [rad/s]."""
         summed = self.log.sampled == "increment"
-        zero = np.zeros((3, 3))
+        zero, none = np.zeros((3, 3)), np.empty((0, 3))
         C, *_ = integrate_turns(
-            self.log.time, rate, rate, zero, self.first, self.last, summed
+            self.log.time, rate, none, zero, self.first, self.last, summed
         )  # fmt: skip
         return np.asarray(C)
 

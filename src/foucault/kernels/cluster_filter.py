@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from foucault.kernels import kernel, reduction
+from foucault.kernels import kernel, part, reduction
 from foucault.kernels.cluster import inputs
 from foucault.kernels.cluster_transition import (
     ANGLES,
@@ -61,7 +61,7 @@ from foucault.kernels.rotation import multiply_exp
 # -- correction ------------------------------------------------------------------------------
 
 
-@kernel
+@part
 def _towards(w, r):
     """Return the first two components of w x (w x r)."""
     along = w[0] * r[0] + w[1] * r[1] + w[2] * r[2]
@@ -227,7 +227,7 @@ def update(P, wide, m, reading, r, w, arms, g, form, iterations, offset, said):
 # -- the whole log ---------------------------------------------------------------------------
 
 
-@kernel
+@part
 def _aligned(n):
     """Return zeros that begin where a cache line does: elsewhere sweeps take half as long again."""
     a = np.zeros(n + 7)

@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from foucault.kernels import inlined, kernel, reduction
+from foucault.kernels import inlined, kernel, part, reduction
 from foucault.kernels.cluster import actual_rate, inputs, inverse_input_axes
 from foucault.kernels.cluster_slopes import COLUMNS as COLUMNS
 from foucault.kernels.cluster_slopes import RESIDUAL as RESIDUAL
@@ -269,7 +269,7 @@ def _epoch(wide, m, here, there, half, v, theta, scale, w_in, arms, g, span, tai
     v[TURNED, 2] = wz * tail
 
 
-@kernel
+@part
 def _carry(wide, m, here, there, half, v, theta, scale, span, q):
     """Carry the sensitivities on by `span` [s], to now."""
     for i in range(3):
@@ -281,7 +281,7 @@ def _carry(wide, m, here, there, half, v, theta, scale, span, q):
         v[TURNED, i] = 0.0
 
 
-@kernel
+@part
 def _keep(k, G, wide, m, here, gram, sensitivities, cov, attitude):
     """Copy Gram matrix, Y, P and C_ip to entry k of four arrays; slices compile slowly."""
     for i in range(COLUMNS):

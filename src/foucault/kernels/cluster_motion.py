@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from foucault.kernels import kernel
+from foucault.kernels import kernel, part
 from foucault.kernels.cluster import actual_rate, inverse_input_axes, readings
 from foucault.kernels.rotation import multiply_exp
 
@@ -69,7 +69,7 @@ def integrate_exponential(theta, C_pn, command, noise, w_n, dt):
             _square(C)
 
 
-@kernel
+@part
 def _square(C):
     """Take the rounding errors of many steps out of a rotation: C <- C (3 I - C^T C) / 2."""
     S = np.empty((3, 3))
@@ -84,7 +84,7 @@ def _square(C):
             C[i, j] = x * S[0, j] + y * S[1, j] + z * S[2, j]
 
 
-@kernel
+@part
 def _angle_rates(theta, Ti, outer, middle, inner, w, w_n):
     """Return the rates of the three angles, eq. (14), under command plus noise w [rad/s]."""
     so, co = math.sin(outer), math.cos(outer)

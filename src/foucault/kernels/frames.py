@@ -5,7 +5,7 @@ rotation C_bd (``C_true = Exp(-phi) C``) and of the lever arm; A, B their deriva
 each triad (see `triads`), D what the noise of the spins themselves adds.
 """
 
-from foucault.kernels import kernel
+from foucault.kernels import kernel, part
 from foucault.kernels.small_matrices import cholesky, invert, multiply, polar, substitute
 
 
@@ -158,7 +158,7 @@ def unify_covariance(f, u, s, ca, cg, kappa, nz, g, C, Ainv, Ginv, GC, H, Q, W, 
     _solve_normal(H, nz, A, B, D, P, T)
 
 
-@kernel
+@part
 def _solve_normal(H, nz, A, B, D, P, T):
     """Replace A, B by inv(H) A, inv(H) B and D by inv(H) D inv(H), H given as its factor."""
     invert(H, P, nz)
@@ -201,7 +201,7 @@ def _slopes(M, C, F, S, first, count):
                 S[at, first[at] + q] = C[k, q]
 
 
-@kernel
+@part
 def _congruence(A, P, nz, T, D):
     """Fill T = A P (nz, 9) and add A P A' to the lower triangle of D."""
     for i in range(nz):

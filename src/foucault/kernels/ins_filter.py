@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from foucault.kernels import inlined, kernel
+from foucault.kernels import inlined, kernel, part
 from foucault.kernels.ins_transition import (
     INPUTS,
     WIDE,
@@ -56,7 +56,7 @@ def axis_of_earth(x):
     )
 
 
-@kernel
+@part
 def shift(x, c0, c1, px, py, d):
     """Move the state x by d (3,) in l: the frame turns with it, the attitude in space stays."""
     t0, t1 = transport(c0, c1, px, py, d[0], d[1])
@@ -70,7 +70,7 @@ def shift(x, c0, c1, px, py, d):
     x[11] += d[2]
 
 
-@kernel
+@part
 def propagate(P, Phi, M, keep, q, T, n):
     """Carry P (n, n) over T: half the noise before, half after; M (9, n) is scratch.
 
@@ -83,7 +83,7 @@ def propagate(P, Phi, M, keep, q, T, n):
         return
     for j in range(n):
         P[j, j] += 0.5 * T * q[j]
-    for r in range(9):
+    for r in range(Phi.shape[0]):
         for j in range(n):
             M[r, j] = 0.0
         for i in range(n):
@@ -91,7 +91,7 @@ def propagate(P, Phi, M, keep, q, T, n):
             if c != 0.0:
                 for j in range(n):
                     M[r, j] += c * P[i, j]
-    for r in range(9):
+    for r in range(Phi.shape[0]):
         for k in range(r + 1):  # what is not symmetric, no measurement would take away again
             c = 0.0
             for j in range(n):
@@ -107,7 +107,7 @@ def propagate(P, Phi, M, keep, q, T, n):
         P[j, j] += 0.5 * T * q[j]
 
 
-@kernel
+@part
 def differences(x, reference, c0, c1, px, py, pz, z):
     """Fill z (6,): computed minus reference velocity and position, in l.
 
@@ -145,7 +145,7 @@ def differences(x, reference, c0, c1, px, py, pz, z):
     z[2] = x[6] - v0 * (p0 * n1 - p1 * n0) - v1 * p2 - v2 * n2
 
 
-@kernel
+@part
 def update(P, X, K, n, row, z, R, gate):
     """Take in one measurement ``z = X[row]`` of variance R; X (n,) errors so far, K (n,) scratch.
 
@@ -167,7 +167,7 @@ def update(P, X, K, n, row, z, R, gate):
     return e, S
 
 
-@kernel
+@part
 def correct(x, X, c0, c1, px, py, d):
     """Take the errors X (n,) out of the state x; d (3,) is scratch."""
     a, b, c, e = rotation(X[0], X[1], X[2])
@@ -190,7 +190,7 @@ def corrected(states, errors):
     return out
 
 
-@kernel
+@part
 def set_to_reference(x, P, Phi, X, z, sd, c0, c1, px, py, d):
     """Set velocity and position to the reference, where it has an sd, as known as that says.
 
@@ -199,7 +199,7 @@ def set_to_reference(x, P, Phi, X, z, sd, c0, c1, px, py, d):
     n = P.shape[0]
     for r in range(9):
         X[r] = 0.0
-    for r in range(6):
+    for r in range(sd.size):
         if sd[r] < np.inf:
             X[3 + r] = z[r]
             for j in range(n):
@@ -278,41 +278,42 @@ def ins_filter(
     total = age = 0.0  # of all rows, whichever the run takes: a drift is that of the session
     for j in range(dt.size if most > 42 else 0):
         total += dt[j]
-        age += dt[j] if j <= first else 0.0
+        age += dt[j] if j < first else 0.0
     total = total if total > 0.0 else 1.0
-    if most > 36:
-        changes(dtheta, dvel, dt, left, right, first, age - dt[first], total, s)
-    compensated(dtheta[first], dvel[first], dt[first], used, matrix, most, w, s, before)
     i = first
     for k in range(m):
         errors_of(coefficient, axis, weight, which, estimate, matrix)
         begin(wide, slot)
         T = 0.0
-        if i < epochs[k]:  # with the coefficients as they are now
-            if most > 36:
-                changes(dtheta, dvel, dt, left, right, i + 1, age, total, s)
-            compensated(dtheta[i + 1], dvel[i + 1], dt[i + 1], used, matrix, most, w, s, u)
-        while i < epochs[k]:
-            i += 1
-            age += dt[i]
-            if i + 1 < dt.size:
+        # Row j is read, then row j - 1 between its neighbours is gone through. In one place, as
+        # each place is compiled: hence the row before the first, and the next once more, with the
+        # coefficients as they are now.
+        start = first if k == 0 else i + 1
+        for j in range(start, epochs[k] + 2):
+            if j > start:
+                age += dt[j - 1]
+            if j < dt.size:
                 if most > 36:
-                    changes(dtheta, dvel, dt, left, right, i + 1, age, total, later)
-                compensated(
-                    dtheta[i + 1], dvel[i + 1], dt[i + 1], used, matrix, most, w, later, after
-                )
-            for c in range(6):
-                bend[c] = left[i] * before[c] if left[i] != 0.0 else 0.0
-                bend[c] += right[i] * after[c] if right[i] != 0.0 else 0.0
-            q0, q1, q2, q3 = x[0], x[1], x[2], x[3]
-            step(x, u, bend, dt[i], g_offset, held, mid)
-            middle(q0, q1, q2, q3, x, C)
-            excite(wide, s, dt[i], 3 + gyros, n - 3 - gyros, place, entry, weight)
-            carry(wide, 3 + gyros, n - 3 - gyros, C, dt[i], mid)
-            if held:
-                hold(wide, slot, mid[9], x[4], x[5])
-            T += dt[i]
-            before, u, after = u, after, before
+                    changes(dtheta, dvel, dt, left, right, j, age, total, later)
+                compensated(dtheta[j], dvel[j], dt[j], used, matrix, most, w, later, after)
+            if j == first:
+                before, after = after, before
+                continue
+            if j > i + 1:
+                i += 1
+                for c in range(6):
+                    bend[c] = left[i] * before[c] if left[i] != 0.0 else 0.0
+                    bend[c] += right[i] * after[c] if right[i] != 0.0 else 0.0
+                q0, q1, q2, q3 = x[0], x[1], x[2], x[3]
+                step(x, u, bend, dt[i], g_offset, held, mid)
+                middle(q0, q1, q2, q3, x, C)
+                excite(wide, s, dt[i], 3 + gyros, n - 3 - gyros, place, entry, weight)
+                carry(wide, 3 + gyros, n - 3 - gyros, C, dt[i], mid)
+                if held:
+                    hold(wide, slot, mid[9], x[4], x[5])
+                T += dt[i]
+                before, u = u, before
+            u, after = after, u
             s, later = later, s
         gather(wide, slot, Phi)
         for j in range(p):
@@ -329,12 +330,12 @@ def ins_filter(
                 for b in range(n):
                     before_P[k, a, b] = P[a, b]
         if keep_Phi:
-            for a in range(9):
+            for a in range(Phi.shape[0]):
                 for b in range(n):
                     transitions[k, a, b] = Phi[a, b]
         for j in range(n):
             X[j] = 0.0
-        for r in range(6):
+        for r in range(z.size):  # a bound that is known would be unrolled, and take a second
             if sd[k, r] < np.inf and not restart[k]:
                 e, S = update(P, X, K, n, 3 + r, z[r], sd[k, r] ** 2, gate)
                 innovation[k, r] = e

@@ -3,7 +3,7 @@
 The equations are those of `kernels.ins_filter`, whose loop the parts here are compiled into.
 """
 
-from foucault.kernels import inlined, kernel
+from foucault.kernels import inlined, part
 
 HALF, WIDE = 64, 128
 """Columns of the transition: from 0 on those that have a share in psi, from HALF on the others."""
@@ -60,7 +60,7 @@ def changes(dtheta, dvel, dt, left, right, i, age, total, s):
             s[40 + c] = (dvel[after, c] / dt[after] - dvel[before, c] / dt[before]) / apart
 
 
-@kernel
+@part
 def inputs_used(entry, used, which):
     """Fill used with the inputs of the terms, each once, and which (t,) with their place there.
 
@@ -78,7 +78,7 @@ def inputs_used(entry, used, which):
     return many
 
 
-@kernel
+@part
 def errors_of(coefficient, axis, weight, which, estimate, matrix):
     """Fill matrix (inputs used, 6): what one of each input adds to the readings."""
     for k in range(matrix.shape[0]):
@@ -200,7 +200,7 @@ def carry(Phi, turning, others, C, dt, mid):
         Phi[8 * WIDE + j] = r2 + half * (v2 + n2) - e0 * r1 + e1 * r0
 
 
-@kernel
+@part
 def places(slot, gyros):
     """Fill slot (n,) with the column of each state: psi and gyro coefficients, and from HALF on."""
     for j in range(slot.size):
@@ -214,7 +214,7 @@ def places(slot, gyros):
             slot[j] = HALF + j - 3 - gyros
 
 
-@kernel
+@part
 def begin(wide, slot):
     """Make the transition the identity on the nine first states, zero on the others."""
     for r in range(9):
@@ -224,7 +224,7 @@ def begin(wide, slot):
         wide[j * WIDE + slot[j]] = 1.0
 
 
-@kernel
+@part
 def hold(wide, slot, c0, v0, v1):
     """Let an error of height stay; the vertical velocity errs only as the tilt of l makes it."""
     for j in range(WIDE):
@@ -233,7 +233,7 @@ def hold(wide, slot, c0, v0, v1):
     wide[8 * WIDE + slot[8]] = 1.0
 
 
-@kernel
+@part
 def gather(wide, slot, Phi):
     """Fill Phi (9, n) with the columns in the order of the states."""
     for j in range(slot.size):

@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from foucault.kernels import inlined, kernel
+from foucault.kernels import inlined, kernel, part
 
 
 @inlined
@@ -36,22 +36,23 @@ def combined(c, rows, many, width, out):
         if c[i] != 0.0:
             if got == 3:
                 c0, c1, c2, c3 = c[i0], c[i1], c[i2], c[i]
-                p0, p1, p2, p3 = rows[i0], rows[i1], rows[i2], rows[i]
-                for j in range(width):
-                    out[j] += c0 * p0[j] + c1 * p1[j] + c2 * p2[j] + c3 * p3[j]
+                for j in range(width):  # a row by itself, rows[i0], takes long to compile
+                    out[j] += (
+                        c0 * rows[i0, j] + c1 * rows[i1, j] + c2 * rows[i2, j] + c3 * rows[i, j]
+                    )
                 got = 0
             else:
                 i0, i1, i2 = i1, i2, i
                 got += 1
     if got > 0:
-        c2, p2 = c[i2], rows[i2]
-        c1, p1 = (c[i1], rows[i1]) if got > 1 else (0.0, p2)
-        c0, p0 = (c[i0], rows[i0]) if got > 2 else (0.0, p2)
+        c0, c1, c2 = c[i0] if got > 2 else 0.0, c[i1] if got > 1 else 0.0, c[i2]
+        i1 = i1 if got > 1 else i2
+        i0 = i0 if got > 2 else i2
         for j in range(width):
-            out[j] += c0 * p0[j] + c1 * p1[j] + c2 * p2[j]
+            out[j] += c0 * rows[i0, j] + c1 * rows[i1, j] + c2 * rows[i2, j]
 
 
-@kernel
+@part
 def carried(Phi, P, half, row, M):
     """Carry P (n, n) over ``Phi (P + half) Phi' + half``, in place; half (n,).
 
@@ -76,7 +77,7 @@ def carried(Phi, P, half, row, M):
         P[r, r] += half[r]
 
 
-@kernel
+@part
 def seen(P, h, g):
     """Return ``h P h'`` for a row h (n,); g (n,) is filled with P h'."""
     n = h.size
@@ -85,25 +86,23 @@ def seen(P, h, g):
     for i in range(n):
         c = h[i]
         if c != 0.0:
-            p = P[i]
             for j in range(n):
-                g[j] += c * p[j]
+                g[j] += c * P[i, j]
     S = 0.0
     for j in range(n):
         S += h[j] * g[j]
     return S
 
 
-@kernel
+@part
 def take_in(P, g, S):
     """Take ``g g' / S`` away from P (n, n)."""
     n = g.size
     share = 1.0 / S
     for i in range(n):
         c = g[i] * share
-        p = P[i]
         for j in range(n):
-            p[j] -= c * g[j]
+            P[i, j] -= c * g[j]
 
 
 @kernel

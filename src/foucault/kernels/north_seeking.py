@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from foucault.kernels import kernel
+from foucault.kernels import kernel, part
 from foucault.kernels.rotation import atan2
 from foucault.kernels.small_matrices import cholesky, invert, substitute
 
@@ -197,7 +197,7 @@ def likelihood_batch(y, cov, start, A, b, g, earth_rate, latitude, latitude_sd, 
     return angles, P, gain, square, predicted, status
 
 
-@kernel
+@part
 def _attitude(psi, theta, gamma, C):
     sf, cf = math.sin(psi), math.cos(psi)
     st, ct = math.sin(theta), math.cos(theta)
@@ -207,7 +207,7 @@ def _attitude(psi, theta, gamma, C):
     C[2, 0], C[2, 1], C[2, 2] = sg * cf - cg * st * sf, -sg * sf - cg * st * cf, cg * ct
 
 
-@kernel
+@part
 def _misfit(C, lat, y, A, b, g, earth_rate, latitude, known, W, h, r):
     """Fill h with what is predicted, r with what is left; return the sum of squares."""
     sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
@@ -224,7 +224,7 @@ def _misfit(C, lat, y, A, b, g, earth_rate, latitude, known, W, h, r):
     return total + known * (latitude - lat) ** 2 if known > 0.0 else total
 
 
-@kernel
+@part
 def _slopes(C, lat, A, g, earth_rate, J):
     """Fill J (4, 4): slope of the prediction against phi (E, N, U) and latitude.
 
@@ -250,7 +250,7 @@ def _slopes(C, lat, A, g, earth_rate, J):
             J[p, 3] = 0.0
 
 
-@kernel
+@part
 def _normal(J, W, r, known, miss, H, s, WJ):
     """Fill H = J' W J and s = J' W r, with the latitude known before; WJ (4, 4) = W J."""
     for p in range(4):
@@ -273,7 +273,7 @@ def _normal(J, W, r, known, miss, H, s, WJ):
         s[3] += known * miss
 
 
-@kernel
+@part
 def _scaled_cholesky(H, s):
     """Replace s by inv(H) s, H by the factor of H scaled to a unit diagonal; 0 if singular."""
     d0, d1, d2, d3 = H[0, 0], H[1, 1], H[2, 2], H[3, 3]
@@ -292,7 +292,7 @@ def _scaled_cholesky(H, s):
     return 1.0
 
 
-@kernel
+@part
 def _turned(C, x, y, z, T):
     """Fill T with C exp([phi x])."""
     angle = math.sqrt(x * x + y * y + z * z)
@@ -308,7 +308,7 @@ def _turned(C, x, y, z, T):
         T[k, 2] = w + a * r + c * (p * y - q * x)
 
 
-@kernel
+@part
 def _uncertainty(C, lat, A, g, earth_rate, W, known, J, H, Hinv, E, WJ, s, P, gain):
     """Fill covariance and gain of heading, pitch, roll and latitude."""
     _slopes(C, lat, A, g, earth_rate, J)

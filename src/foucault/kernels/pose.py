@@ -11,11 +11,11 @@ import math
 
 import numpy as np
 
-from foucault.kernels import kernel
+from foucault.kernels import kernel, part
 from foucault.kernels.small_matrices import cholesky, copy, substitute
 
 
-@kernel
+@part
 def _exp(p, C):
     """Fill C (3, 3) with Exp(p)."""
     s = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
@@ -149,7 +149,7 @@ def preintegrate(node, dt, theta, force, middle, K_g, K_a, raw_g, raw_a, late, q
         copy(S, Q[k])
 
 
-@kernel
+@part
 def _step(k, C, moved, J, G, Phi, B):
     """Fill Phi (9, 9) and B (9, p): from the errors of node k - 1 to those of node k."""
     T = moved[k, 15]
@@ -180,7 +180,7 @@ def _step(k, C, moved, J, G, Phi, B):
             B[6 + i, 8 + c] = 0.5 * T * T * G[i, c]
 
 
-@kernel
+@part
 def _predicted(C, Q, Phi, P, W, out):
     """Fill out (9, 9) with Phi P Phi' + Q, the noise of velocity and position turned by C."""
     for i in range(9):

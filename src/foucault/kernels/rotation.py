@@ -55,9 +55,10 @@ def multiply_exp(C, px, py, pz):
 def integrate_turns(time, w, f, psd, first, last, increments):
     """Integrate the rate over each turn and accumulate what an error of the rate would do.
 
-    Parameters: time (n,) [s]; w (n, 3) rate in b [rad/s]; f (n, 3) specific force in b
-    [m/s^2]; psd (3, 3) power spectral density of the rate noise [rad^2/s]; first, last
-    (m,) indices of the first and the last sample of each turn; increments: rows are interval means.
+    Parameters: time (n,) [s]; w (n, 3) rate in b [rad/s]; f (n, 3) specific force in b [m/s^2],
+    or (0, 3) where C_se and the path alone are asked for; psd (3, 3) power spectral density of the
+    rate noise [rad^2/s]; first, last (m,) indices of the first and the last sample of each turn;
+    increments: rows are interval means.
 
     Returns per turn C_se (m, 3, 3); bias (m, 3, 3) = int C_sb dt [s]; scale (m, 3, 9) =
     int C_sb[:, i] w[k] dt at column 3 i + k [rad]; force (m, 3, 9), the same with f [m/s];
@@ -73,6 +74,7 @@ def integrate_turns(time, w, f, psd, first, last, increments):
     C = np.empty((3, 3))
     mean = np.empty(3)
     push = np.empty(3)
+    sensed = f.shape[0] > 0
     for j in range(m):
         for i in range(3):
             for k in range(3):
@@ -89,13 +91,14 @@ def integrate_turns(time, w, f, psd, first, last, increments):
                 mean[0] = b0
                 mean[1] = b1
                 mean[2] = b2
-                for k in range(3):
+                for k in range(3 if sensed else 0):
                     push[k] = f[r + 1, k]
             else:
                 before = r - 1 if r > 0 else r
                 after = r + 2 if r + 2 < time.size else r + 1
                 for k in range(3):
                     mean[k] = (13.0 * (w[r, k] + w[r + 1, k]) - w[before, k] - w[after, k]) / 24.0
+                for k in range(3 if sensed else 0):
                     push[k] = (13.0 * (f[r, k] + f[r + 1, k]) - f[before, k] - f[after, k]) / 24.0
             q = dt * dt / 12.0
             px = mean[0] * dt + q * (a1 * b2 - a2 * b1)
@@ -104,7 +107,7 @@ def integrate_turns(time, w, f, psd, first, last, increments):
             path[j] += math.sqrt(px * px + py * py + pz * pz)
             # Sensitivities at the middle of the interval: half the step, accumulate, half.
             multiply_exp(C, 0.5 * px, 0.5 * py, 0.5 * pz)
-            for a in range(3):
+            for a in range(3 if sensed else 0):
                 for i in range(3):
                     c = C[a, i] * dt
                     bias[j, a, i] += c

@@ -7,7 +7,7 @@ the nine: L00 L10 L11 L20 L21 L22, then the bias. Status: 0 solved, 1 singular, 
 
 import math
 
-from foucault.kernels import kernel
+from foucault.kernels import kernel, part
 from foucault.kernels.small_matrices import cholesky, invert, substitute
 
 SOLVED, SINGULAR, NO_ELLIPSOID, NOT_FINITE = 0, 1, 2, 3
@@ -44,7 +44,7 @@ def solve_ellipsoid(K, c, b):
     )
 
 
-@kernel
+@part
 def _fill_row(N, j, size, s, row):
     """Fill row (9,) of the linear system with reading j over the norm s, in units of size."""
     x = N[j, 0] / size
@@ -118,7 +118,7 @@ def solve_triad(N, h, G, K, row, r0, r1, b, L, Linv):
     return _recover(K, size, b, L, Linv)
 
 
-@kernel
+@part
 def _recover(K, size, b, L, Linv):
     """Fill b, L and Linv from the solutions K (9, 2) of the linear system; returns the status."""
     before = 0.0

@@ -13,12 +13,12 @@ import math
 
 import numpy as np
 
-from foucault.kernels import inlined, kernel
+from foucault.kernels import kernel, part
 
 COLUMNS = 39
 
 
-@inlined
+@part
 def _weights(u, N, D, E):
     """Fill N, D, E (4): cubic B-spline weights at u in [0, 1], first and second derivatives."""
     v = 1.0 - u
@@ -31,7 +31,7 @@ def _weights(u, N, D, E):
     E[0], E[1], E[2], E[3] = v, 3.0 * u - 2.0, 1.0 - 3.0 * u, u
 
 
-@inlined
+@part
 def _motion(spline, k, h, N, D, E, out):
     """Fill out (5, 3): w, alpha, alpha', f, f' of a spline (n, 6) in the interval k."""
     out[:] = 0.0
@@ -44,9 +44,9 @@ def _motion(spline, k, h, N, D, E, out):
             out[4, i] += D[j] * spline[k + j, 3 + i] / h
 
 
-@inlined
-def _slave(part, m, x, since, D, B, Y, out, room):
-    """Fill D (3, 9), B (3, 7), out (3): derivatives of a slave's gyros or accelerometers (part 1).
+@part
+def _slave(triad, m, x, since, D, B, Y, out, room):
+    """Fill D (3, 9), B (3, 7), out (3): derivatives of a slave's gyros or accelerometers (triad 1).
 
     m (5, 3): motion; x (46): Q, K_g, G, K_a (9 each), r, b_g, b_a, late; since: time from the
     middle of the stamps. D by what all three hang on: rotation, r, offset, rate of the clocks,
@@ -91,11 +91,11 @@ def _slave(part, m, x, since, D, B, Y, out, room):
                 R[i, n] += q * T[j, n]
     D[:] = 0.0
     for i in range(3):
-        out[i] = x[39 + 3 * part + i]
+        out[i] = x[39 + 3 * triad + i]
         B[i, 0] = 1.0
         for j in range(3):
-            g = x[9 + 3 * i + j] if part == 0 else 0.0
-            s = x[(18 if part == 0 else 27) + 3 * i + j]
+            g = x[9 + 3 * i + j] if triad == 0 else 0.0
+            s = x[(18 if triad == 0 else 27) + 3 * i + j]
             out[i] += g * wc[j] + s * fc[j]
             p, q = (j + 1) % 3, (j + 2) % 3
             # d (e x v)_j = e_p v_q - e_q v_p
@@ -105,42 +105,42 @@ def _slave(part, m, x, since, D, B, Y, out, room):
                 D[i, 3 + n] += s * R[j, n]
             D[i, 6] += g * ac[j] + s * dc[j]
             D[i, 8] -= s * dc[j]
-            B[i, 1 + j] = wc[j] if part == 0 else fc[j] if j <= i else 0.0
+            B[i, 1 + j] = wc[j] if triad == 0 else fc[j] if j <= i else 0.0
             B[i, 4 + j] = fc[j]
         D[i, 7] = since * D[i, 6]
 
 
-@inlined
-def _columns(part, of_all, of_one):
+@part
+def _columns(triad, of_all, of_one):
     """Fill of_all (9), of_one (3, 7) with the columns that `_slave` derives by; none: negative."""
     for c in range(8):
         of_all[c] = c
-    of_all[8] = 29 if part == 1 else -1
+    of_all[8] = 29 if triad == 1 else -1
     of_one[:] = -1
     for i in range(3):
-        of_one[i, 0] = 8 + 3 * part + i
+        of_one[i, 0] = 8 + 3 * triad + i
         for j in range(3):
-            if part == 0:
+            if triad == 0:
                 of_one[i, 1 + j], of_one[i, 4 + j] = 14 + 3 * i + j, 30 + 3 * i + j
             elif j <= i:
                 of_one[i, 1 + j] = 23 + i * (i + 1) // 2 + j
 
 
-@inlined
-def _spread(x, own, part, Y, N, D, h, S):
-    """Fill S (3, 24): derivatives of gyros (part 0) or accelerometers by the four knots."""
+@part
+def _spread(x, own, triad, Y, N, D, h, S):
+    """Fill S (3, 24): derivatives of gyros (triad 0) or accelerometers by the four knots."""
     S[:] = 0.0
     if own < 0:
         for j in range(4):
             for i in range(3):
-                S[i, 6 * j + 3 * part + i] = N[j]
+                S[i, 6 * j + 3 * triad + i] = N[j]
         return
     for i in range(3):
         for c in range(3):
             by_w, by_alpha, by_f = 0.0, 0.0, 0.0
             for n in range(3):
-                s, q = x[(18 if part == 0 else 27) + 3 * i + n], x[3 * n + c]
-                by_w += s * Y[0, n, c] + (x[9 + 3 * i + n] * q if part == 0 else 0.0)
+                s, q = x[(18 if triad == 0 else 27) + 3 * i + n], x[3 * n + c]
+                by_w += s * Y[0, n, c] + (x[9 + 3 * i + n] * q if triad == 0 else 0.0)
                 by_alpha += s * Y[1, n, c]
                 by_f += s * q
             for j in range(4):
@@ -148,7 +148,7 @@ def _spread(x, own, part, Y, N, D, h, S):
                 S[i, 6 * j + 3 + c] = N[j] * by_f
 
 
-@inlined
+@part
 def _gather(S, A, B, one, own, width, here, cross, total):
     """Add three rows of weight one: S (3, 24) by knots, A (3, 10) and B (3, 7) by parameters.
 
@@ -186,7 +186,7 @@ def _gather(S, A, B, one, own, width, here, cross, total):
                 total[10 + 7 * i + a, 10 + 7 * i + b] += one * B[i, a] * B[i, b]
 
 
-@inlined
+@part
 def _settle(q, own, number, here, cross, band, border, grad):
     """Add what an interval q holds to the normal equations, and empty it; number (31): columns."""
     for a in range(24):
@@ -224,37 +224,38 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
         np.zeros(31, np.int64),
     )
     noise, to = other.shape[0] > 0, own if border.shape[1] > 0 else -1
-    for part in range(2):
-        _columns(part, of_all, of_one)
+    for triad in range(2):
+        _columns(triad, of_all, of_one)
         number[:9], number[9] = of_all, -1
         number[10:] = of_one.ravel()
-        width = 7 if part == 0 else 4
+        width = 7 if triad == 0 else 4
         total, now = np.zeros((31, 31)), -1
         for k in range(time.shape[0]):
-            at = (time[k] - (part * x[45] if own >= 0 else 0.0) - first) / h
+            at = (time[k] - (triad * x[45] if own >= 0 else 0.0) - first) / h
             q = math.floor(at)
-            for i in range(3 * part, 3 * part + 3):
+            for i in range(3 * triad, 3 * triad + 3):
                 left[k, i] = np.nan
             if q < 0 or q > spline.shape[0] - 4:
                 continue
             _weights(at - q, N, D, E)
             _motion(spline, q, h, N, D, E, m)
             if own < 0:
-                out[:] = m[3 * part]
+                for i in range(3):
+                    out[i] = m[3 * triad, i]
             else:
-                _slave(part, m, x, since[k], A, B, Y, out, room)
-            _spread(x, own, part, Y, N, D, h, S)
+                _slave(triad, m, x, since[k], A, B, Y, out, room)
+            _spread(x, own, triad, Y, N, D, h, S)
             if noise and own >= 0:
                 _motion(other, q, h, N, D, E, m)
-                _slave(part, m, x, since[k], A2, B2, Y2, out2, room)
+                _slave(triad, m, x, since[k], A2, B2, Y2, out2, room)
                 for i in range(3):
                     for c in range(9):
                         A[i, c] = A2[i, c] - A[i, c]
                     for c in range(7):
                         B[i, c] = B2[i, c] - B[i, c]
             for i in range(3):
-                r = read[k, 3 * part + i] - out[i]
-                left[k, 3 * part + i] = r
+                r = read[k, 3 * triad + i] - out[i]
+                left[k, 3 * triad + i] = r
                 A[i, 9] = r
                 if not np.isfinite(r):
                     A[i], B[i], S[i] = 0.0, 0.0, 0.0
@@ -262,7 +263,7 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
                 if now >= 0:
                     _settle(now, to, number, here, cross, band, border, grad)
                 now = q
-            _gather(S, A, B, 1.0 / var[part], to, width, here, cross, total)
+            _gather(S, A, B, 1.0 / var[triad], to, width, here, cross, total)
         if now >= 0:
             _settle(now, to, number, here, cross, band, border, grad)
         if to < 0:
@@ -315,26 +316,26 @@ def scores(time, since, left, var, x, own, spline, Z, first, h, block, out):
     room = np.zeros((6, 3, 3))
     S, total = np.zeros((3, 24)), np.zeros(24)
     of_all, of_one = np.zeros(9, np.int64), np.zeros((3, 7), np.int64)
-    for part in range(2):
-        _columns(part, of_all, of_one)
+    for triad in range(2):
+        _columns(triad, of_all, of_one)
         for k in range(time.shape[0]):
-            if not np.isfinite(left[k, 3 * part]):
+            if not np.isfinite(left[k, 3 * triad]):
                 continue
-            at = (time[k] - (part * x[45] if own >= 0 else 0.0) - first) / h
+            at = (time[k] - (triad * x[45] if own >= 0 else 0.0) - first) / h
             q = math.floor(at)
             _weights(at - q, N, D, E)
             _motion(spline, q, h, N, D, E, m)
             if own >= 0:
-                _slave(part, m, x, since[k], A, B, Y, read, room)
-            _spread(x, own, part, Y, N, D, h, S)
+                _slave(triad, m, x, since[k], A, B, Y, read, room)
+            _spread(x, own, triad, Y, N, D, h, S)
             # Rows weighted by what is left, added up before they are multiplied by Z.
             for a in range(24):
                 total[a] = 0.0
                 for i in range(3):
-                    total[a] += S[i, a] * left[k, 3 * part + i] / var[part]
+                    total[a] += S[i, a] * left[k, 3 * triad + i] / var[triad]
             if own >= 0:
                 for i in range(3):
-                    weighed = left[k, 3 * part + i] / var[part]
+                    weighed = left[k, 3 * triad + i] / var[triad]
                     for c in range(9):
                         if of_all[c] >= 0:
                             out[block[k], own + of_all[c]] += A[i, c] * weighed

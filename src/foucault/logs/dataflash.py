@@ -79,7 +79,7 @@ def open_dataflash(path: Path, description: FileLayout, progress: Progress | Non
         gyro, accel = sensors
         columns = beside_each_other(gyro, accel, topic, path)
     own, sure = _own_calibration(kinds.get("PARM"), int(number))
-    undone = sure and bool(own)
+    undone = sure and bool(own) and description.own_calibration == "undo"
     if undone:
         columns = _put_back(columns, own)
     return RawTable(

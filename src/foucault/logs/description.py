@@ -16,16 +16,17 @@ What a file or its format says about itself, and what must still be described.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from foucault.arrays import FloatArray
-from foucault.errors import Finding, FoucaultError, error, finding, suggestion
+from foucault.errors import Finding, FoucaultError, error, finding, some, suggestion
 from foucault.logs.layout import (
     COUNTS,
     Averaged,
@@ -41,6 +42,7 @@ from foucault.logs.layout import (
 )
 from foucault.logs.raw import RawTable, open_raw
 from foucault.tables import AXES
+from foucault.units import parse
 
 if TYPE_CHECKING:
     from foucault.logs.layout import ColumnName
@@ -116,7 +118,7 @@ def find(
         return int(text), 1.0
     if raw.named:
         hint = suggestion(text, raw.names)
-        allowed = "The columns are " + ", ".join(raw.names) + "."
+        allowed = f"The columns are {some(raw.names)}."
     else:
         hint = ""
         count = len(raw.names)
@@ -386,6 +388,14 @@ class TableBlock(Block):
         return found
 
 
+_SPAN = re.compile(r"\s*([0-9.eE+]+)\s*-\s*([0-9.eE+]+)\s*([A-Za-z]+)\s*")
+
+
+def _of_texts(schema: dict[str, Any]) -> None:
+    """Let a schema take what a file says: one text for each rest."""
+    schema["anyOf"][0] = {"type": "array", "items": {"type": "string"}, "minItems": 1}
+
+
 class LogDescription(FileLayout):
     """Where a log is and what its columns mean."""
 
@@ -418,9 +428,36 @@ class LogDescription(FileLayout):
         description="only where every row is already the mean over one position: over how long; "
         "a time column is then the beginning of each mean, and may be left out",
     )
+    rests: tuple[tuple[float, float], ...] | None = Field(
+        None,
+        examples=[["0-3.1 s", "4.25-9.7 s"]],
+        description="first and last sample of each rest, in time from the first sample of the log, "
+        "where they are not to be looked for; as `foucault serve` writes them",
+        json_schema_extra=_of_texts,
+    )
     serial: ColumnName | None = Field(
         None, description="column of the serial number, where rows of several instruments are mixed"
     )
+
+    @field_validator("rests", mode="before")
+    @classmethod
+    def _spans(cls, value: object) -> object:
+        if value is None:
+            return None
+        out: list[tuple[float, float]] = []
+        for one in value if isinstance(value, list | tuple) else [value]:
+            said = _SPAN.fullmatch(one) if isinstance(one, str) else None
+            ends = [f"{said[k]} {said[3]}" for k in (1, 2)] if said else one
+            try:
+                a, b = (parse(x, "time") if said else float(x) for x in cast(Any, ends))
+            except (FoucaultError, TypeError, ValueError):
+                raise error("log.rests", given=one) from None
+            if not (out[-1][1] if out else -math.inf) < a < b < math.inf:
+                raise error("log.rests", given=one)
+            out.append((a, b))
+        if not out:
+            raise error("log.rests", given=value)
+        return tuple(out)
 
     @model_validator(mode="after")
     def _consistent(self) -> LogDescription:
@@ -466,7 +503,8 @@ class LogDescription(FileLayout):
 
     def each(self) -> list[LogDescription]:
         """Return a description of each file alone, where there are more."""
-        return [self.model_copy(update={"file": f, "more": ()}) for f in self.files()]
+        alone = {"more": (), "rests": None}
+        return [self.model_copy(update={"file": f, **alone}) for f in self.files()]
 
     def _files(self) -> dict[str, tuple[str, ...]]:
         found: dict[str, list[str]] = {} if self.file is None else {self.file: []}
@@ -505,7 +543,7 @@ def description_of(path: Path) -> tuple[LogDescription, tuple[Finding, ...]]:
     raw = open_raw(path, alone)
     if raw.declared is not None:
         return alone, ()
-    have = "the columns " + ", ".join(raw.names) if raw.named else f"{len(raw.names)} columns"
+    have = f"the columns {some(raw.names)}" if raw.named else f"{len(raw.names)} columns"
     words = {"file": path.name, "have": have}
     try:
         said = _blocks(raw, path)

@@ -204,12 +204,26 @@ def open_matlab(path: Path, description: FileLayout, progress: Progress | None) 
         if wanted and wanted[0] not in contents:  # read again to tell which names there are
             source.seek(0)
             contents = loadmat(source)
-    arrays = {
-        name: value
-        for name, value in contents.items()
-        if not name.startswith("__") and isinstance(value, np.ndarray) and value.dtype.names is None
-    }
-    return from_arrays(path, arrays, description.variable, progress)
+    known = {k: v for k, v in contents.items() if not k.startswith("__")}
+    chosen = known.get(description.variable or "")
+    if isinstance(chosen, np.ndarray) and chosen.dtype.names is not None:
+        return from_arrays(path, _in_structures({"": chosen}), None, progress)
+    return from_arrays(path, _in_structures(known), description.variable, progress)
+
+
+def _in_structures(contents: Mapping[str, Any], depth: int = 3) -> dict[str, Any]:
+    """Return the arrays of a MATLAB file, those in a structure by the names of its fields."""
+    out: dict[str, Any] = {}
+    for name, value in contents.items():
+        if not isinstance(value, np.ndarray):
+            continue
+        if value.dtype.names is None:
+            out[name] = value
+        elif value.size == 1 and depth:
+            prefix = f"{name}." if name and len(contents) > 1 else ""
+            inner = {f"{prefix}{field}": value[field].item() for field in value.dtype.names}
+            out |= _in_structures(inner, depth - 1)
+    return out
 
 
 # -- Plain binary records: the same numbers again and again, nothing in between ------------------

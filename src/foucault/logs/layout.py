@@ -248,6 +248,9 @@ class FileLayout(Block):
         'of ArduPilot such as "IMU/1", of MAVLink such as "HIGHRES_IMU/0"; may be left out where '
         "there is only one",
     )
+    own_calibration: Literal["undo", "keep"] = Field(
+        "undo", description="that of ArduPilot itself, where its parameters in the log say it"
+    )
     delimiter: str = Field("auto", min_length=1, description='"auto", "space", ",", ";", "\\t"')
     decimal: Literal[".", ","] = Field(".", description="decimal sign of a text file")
     header: Literal["auto", "none"] | Annotated[int, Field(ge=0)] = Field(

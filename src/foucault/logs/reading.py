@@ -100,7 +100,8 @@ def read(
         "rows": len(data["time"]),
         "description": used.model_dump(mode="json", exclude_none=True),
     }
-    return finished(data, used, sampled, told, source)
+    log = finished(data, used, sampled, told, source)
+    return replace(log, rests=_rests(log.time, used))
 
 
 TRIADS = ("gyro", "accel", "mag")
@@ -145,6 +146,7 @@ def _one_after_the_other(
         findings=tuple(dict.fromkeys(f for log in logs for f in log.findings)),
         source=source,
         begins=tuple(np.cumsum([len(log) for log in logs[:-1]]).tolist()),
+        rests=_rests(np.concatenate([log.time for log in logs]), description),
         table=joined_tables(tables) if tables else None,
         **{
             name: joined([getattr(log, name) for log in logs])
@@ -388,6 +390,17 @@ def finished(
     log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind, data.get("temperature"),
               findings, source, table_of(data), mag=data.get("mag"))  # fmt: skip
     return replace(log, findings=findings + implausible(log, used), clock=used.time_base)
+
+
+def _rests(time: FloatArray, used: LogDescription) -> tuple[tuple[float, float], ...] | None:
+    """Return the times of the rests that were said, None for none; `time` (n,): of the log [s]."""
+    if used.rests is None:
+        return None
+    lasts = float(time[-1] - time[0])
+    for a, b in used.rests:
+        if b > lasts + 0.5 * float(np.median(np.diff(time))):
+            raise error("log.rests_beyond", given=f"{a:.6g}-{b:.6g} s", lasts=f"{lasts:.6g}")
+    return tuple((float(time[0]) + a, float(time[0]) + b) for a, b in used.rests)
 
 
 def _spread(x: FloatArray, axes: tuple[int, ...]) -> FloatArray:

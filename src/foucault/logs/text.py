@@ -49,6 +49,7 @@ BLOCK_BYTES = 4 << 20
 _COMMA_IN_TIME = re.compile(rb"(:\d\d),(?=\d)")
 """ISO 8601 allows it before a part of a second; Arrow does not."""
 
+_BLANKS = bytes.maketrans(b"\t\v\f\r", b"    ")
 _BLANK_LINE = re.compile(rb"(?m)^[ \t]+(?=\r?$)")
 
 
@@ -201,7 +202,7 @@ def _cleaned(
     if any(mark in chunk for mark in marks):
         chunk = comment.sub(b"", chunk)
     if dialect.delimiter == SPACE:
-        chunk = b"\n".join([b" ".join(line.split()) for line in chunk.split(b"\n")])
+        chunk = _single_spaced(chunk)
     elif _starts_blank(chunk):
         chunk = _BLANK_LINE.sub(b"", chunk)
     if dialect.stamps and dialect.delimiter != ",":
@@ -214,6 +215,14 @@ def _starts_blank(chunk: bytes) -> bool:
     letters = np.frombuffer(chunk, np.uint8)
     first = letters[1:][letters[:-1] == ord("\n")]
     return chunk[:1] in (b" ", b"\t") or bool(((first == ord(" ")) | (first == ord("\t"))).any())
+
+
+def _single_spaced(chunk: bytes) -> bytes:
+    """Return whole lines with one space between their words, and none at their ends."""
+    chunk = chunk.translate(_BLANKS)
+    while b"  " in chunk:
+        chunk = chunk.replace(b"    ", b" ").replace(b"  ", b" ")
+    return chunk.replace(b" \n", b"\n").replace(b"\n ", b"\n").strip(b" ")
 
 
 def _first_fault(

@@ -179,6 +179,31 @@ def predict(
     return Prediction(r, J, noise, bias, earth, path, C_se)
 
 
+def misfit(session: Session, state: Attitudes, turns: tuple[Log, IntArray, IntArray]) -> FloatArray:
+    """Return the residuals of `predict` alone, shape (k, 3) [SI].
+
+    `turns`: log of the session's turns, and first and last sample of each, (n - 1,) [1].
+    """
+    model, C_nb = state.model, state.C_nb
+    f = session.site.gravity * C_nb[:, 2, :]
+    w = np.einsum("nji,j->ni", C_nb, session.earth)
+    accel, gyro = model.measure(f, w)
+    out = [session.accel_mean - accel]
+    if session.gyro_mean is not None:
+        log_, first, last = turns
+        _, w_b = model.compensate(log_.accel, log_.gyro)
+        w_b, none, summed = np.ascontiguousarray(w_b), np.empty((0, 3)), log_.sampled == "increment"
+        C_se, *_ = integrate_turns(log_.time, w_b, none, np.zeros((3, 3)), first, last, summed)
+        out += [session.gyro_mean - gyro, log(C_se @ np.swapaxes(_turned(session, C_nb), 1, 2))]
+    return np.concatenate(out)
+
+
+def _turned(session: Session, C_nb: FloatArray) -> FloatArray:
+    """Return the rotation of each turn between attitudes, shape (n - 1, 3, 3) [1]."""
+    earth = exp(session.earth * session.turn_time[:, None])
+    return np.asarray(np.swapaxes(C_nb[:-1], 1, 2) @ earth @ C_nb[1:])
+
+
 def _turns(
     session: Session, names: Sequence[str], state: Attitudes, gyro_psd: FloatArray, J: FloatArray
 ) -> tuple[FloatArray, ...]:
@@ -199,9 +224,7 @@ def _turns(
         last,
         log_.sampled == "increment",
     )
-    modelled = (
-        np.swapaxes(C_nb[:-1], 1, 2) @ exp(session.earth * session.turn_time[:, None]) @ C_nb[1:]
-    )
+    modelled = _turned(session, C_nb)
     rho = log(C_se @ np.swapaxes(modelled, 1, 2))
     right = right_jacobian_inverse(rho)
     left = np.swapaxes(right, 1, 2)

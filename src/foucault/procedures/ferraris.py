@@ -194,6 +194,7 @@ def _stated(log: Log, given: Given[Settings]) -> OnFaces | None:
 PROCEDURE = Procedure(
     name="ferraris",
     doc=__doc__,
+    by_rests=True,
     Settings=Settings,
     Session=Session,
     solve=_solve,

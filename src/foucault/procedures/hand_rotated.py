@@ -51,7 +51,7 @@ from foucault.logs.follow import OnDisk
 from foucault.models.imu import ImuModel
 from foucault.models.left_out import Change, Motion
 from foucault.models.noise import ImuNoise, SessionNoise
-from foucault.models.rests_and_turns import Attitudes
+from foucault.models.rests_and_turns import Attitudes, misfit
 from foucault.models.rests_and_turns import Session as SessionData
 from foucault.plans.directions import RestPlan, hand_plan
 from foucault.procedures import left_out, record
@@ -234,8 +234,6 @@ def again_of(model: RestsAndTurns) -> Again:
     """Return the session reduced again: means of the rests, and samples of the turns after them."""
     s, n = model.session, len(model.session.first)
     turns, first, last = s.turns
-    # The same session without the samples of the rests, whose means are kept.
-    short = replace(s, log=turns, first=np.append(0, last), last=np.append(first + 1, len(turns)))
     middle = (s.log.time[s.first] + s.log.time[s.last - 1]) / 2
     time = np.append(middle, turns.time)
 
@@ -254,17 +252,17 @@ def again_of(model: RestsAndTurns) -> Again:
     def residuals(state: Attitudes, by: Change) -> FloatArray:
         accel, gyro = (np.zeros((len(time), 3)) if x is None else x for x in by[:2])
         other = replace(
-            short,
+            s,
             site=left_out.changed(s.site, by),
             accel_mean=s.accel_mean + accel[:n],
             gyro_mean=None if s.gyro_mean is None else s.gyro_mean + gyro[:n],
-            log=replace(
-                turns,
-                accel=None if turns.accel is None else turns.accel + accel[n:],
-                gyro=None if turns.gyro is None else turns.gyro + gyro[n:],
-            ),
         )
-        return replace(model, session=other).predict(state).residuals
+        moved = replace(
+            turns,
+            accel=None if turns.accel is None else turns.accel + accel[n:],
+            gyro=None if turns.gyro is None else turns.gyro + gyro[n:],
+        )
+        return misfit(other, state, (moved, first, last))
 
     slow = left_out.wander_of(model.noise.slow, float(np.ptp(s.log.time)))
     return Again(motion, residuals, left_out.white_of(model.noise), slow)
@@ -273,6 +271,7 @@ def again_of(model: RestsAndTurns) -> Again:
 PROCEDURE = Procedure(
     name="hand_rotated",
     doc=__doc__,
+    by_rests=True,
     Settings=Settings,
     Session=Session,
     solve=_solve,
@@ -286,6 +285,7 @@ PROCEDURE = Procedure(
     clocked=lambda log: (
         (log.averaged is None, log.sampled == "increment") if isinstance(log, Log) else (False,) * 2
     ),
-    streams=lambda description: description.gyro is None and description.accel is not None,
+    # Rests that somebody has said are taken from a log that is held.
+    streams=lambda said: said.gyro is None and said.accel is not None and said.rests is None,
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

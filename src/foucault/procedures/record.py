@@ -34,7 +34,7 @@ from foucault.diagnose import left_out
 from foucault.diagnose.fit_checks import against_the_plan, budget_json, chi_square_json
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.references import with_clock
-from foucault.errors import Finding, FoucaultError, finding
+from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.infer import mixed
 from foucault.infer.information import BLURRED, bound, information
 from foucault.infer.left_out import Judgement
@@ -265,6 +265,7 @@ class Procedure(Generic[S, N]):
     with_master: Callable[..., Any] | None = None  # log, description and folder -> log with it
     # description -> whether it takes a log of that kind on disk too
     streams: Callable[[Any], bool] = _held
+    by_rests: bool = False  # whether it goes by rests that can be said
     # What further files of a log are: none, stretches of one session (nothing is needed of what
     # is between them), or recordings of their own, each with biases of its own.
     more: Literal["none", "stretches", "recordings"] = "none"
@@ -336,6 +337,9 @@ class Procedure(Generic[S, N]):
             What is missing in the log or wrong with it: see `foucault.symptoms`.
         """
         started = clock.monotonic()
+        said = getattr(log, "description", log)  # of a log that stays on the disk
+        if getattr(said, "rests", None) is not None and not self.by_rests:
+            raise error("log.rests_unused", procedure=self.name)
         given = self._given(site, settings, noise, prior, progress, sizes)
         with solvable():
             result, given = decided(lambda g: self.solve(log, g), given)

@@ -50,6 +50,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
 PROCEDURE = Procedure(
     name="six_position",
     doc=__doc__,
+    by_rests=True,
     Settings=Settings,
     Session=Session,
     solve=_solve,

@@ -124,7 +124,7 @@ class ImuLogs(Log):
 
     Attributes
     ----------
-    time, gyro, accel, temperature, averaged, begins, mag : ndarray
+    time, gyro, accel, temperature, averaged, begins, mag, rests : ndarray
         Of the IMU that is calibrated, as in `Log` [SI].
     sampled, findings, source, table, clock
         The same.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -114,12 +114,29 @@ def meaning_of(file: Opened, c: int) -> Meaning:
     if not file.raw.named:
         return meaning("", file.units[c])
     title = file.raw.names[c]
+    if (spread := _spread(file, c)) is not None:
+        return spread
     said = meaning(title, file.units[c])
     alone = [meaning(name).axis for name in file.raw.names].count(said.axis) == 1
     if said.role or said.axis is None or not alone:
         return said
     named = meaning(f"{file.path.name.partition('.')[0]} {title}", file.units[c])
     return named if named.role in ("accel", "gyro", "mag") else said
+
+
+_NO_TITLE = re.compile(r"\d?|Unnamed: \d+")
+
+
+def _spread(file: Opened, c: int) -> Meaning | None:
+    """Return what column `c` [1] is if one title stands over three: "Gyro (deg/s)", "1", "2"."""
+    names = [name.strip() for name in file.raw.names]
+    bare = [_NO_TITLE.fullmatch(name) is not None for name in names]
+    first = max((k for k in range(c + 1) if not bare[k]), default=c)
+    if bare[first : first + 3] != [False, True, True] or c > first + 2:
+        return None
+    said = meaning(names[first], file.units[first])
+    triad = said.role in ("accel", "gyro", "mag", "linear", "dvel", "dtheta")
+    return replace(said, axis=c - first) if triad and said.axis is None else None
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,7 @@ _NO_LOGS = {
 }  # fmt: skip
 """How files begin that hold no log."""
 
+_JSON = re.compile(rb"\{|\[\s*(?:[\[{\"]|-?[\d.]+(?:[eE][+-]?\d+)?\s*,)")
 _NUMBERS = "Give the log itself: a table of numbers in CSV or text, one row a sample, or one of " \
     "the formats in docs/logs.md."  # fmt: skip
 _SAVE_AS = "Save its sheet of readings as CSV, then give that file."
@@ -108,7 +109,7 @@ def _opened(path: Path, topic: str | None) -> Opened:
     rate: float | None = None
     if path.is_file() and format_of(path) in ("csv", "text"):
         seen = _lines(path)
-        found = None if _taking_turns(seen) else _laid_out(seen)
+        found = None if _taking_turns(seen) or _stamped(seen) else _laid_out(seen)
         if found is None:
             raise error("recognise.no_table", file=path.name, why=_why(seen))
         layout, units, numeric = found
@@ -156,11 +157,7 @@ def refuse_no_log(path: Path) -> None:
         todo = _SAVE_AS if book else _UNPACK
     text = start.lstrip(b"\xef\xbb\xbf \t\r\n")
     if what is None and is_text(start):
-        if (
-            text[:1] == b"{"
-            or text[:2] in (b"[{", b"[[")
-            or (text[:1] == b"[" and b"," in text[:80])
-        ):
+        if _JSON.match(text):
             what, todo = "JSON", "Write it as CSV: a line of titles, then one row a sample."
         elif text[:1] == b"<":
             what, todo = "HTML or XML", _NUMBERS
@@ -229,6 +226,8 @@ def _table(lines: Sequence[str], delimiter: str, decimal: str) -> _Table | None:
         filled = [c for c in numeric if any(kinds[k][c] for k in run)]
         if len(filled) < 3:
             continue
+        if any(k is False and all(kinds[r][c] for r in run[1:]) for c, k in enumerate(kinds[i])):
+            continue  # titles, some of which are numbers
         every = [k for k in range(i, len(rows)) if len(rows[k]) == len(rows[i])]
         kept = [
             c for c in numeric
@@ -267,6 +266,14 @@ def _taking_turns(lines: Sequence[str]) -> bool:
     acc, gyr = (sum(w in line and o not in line for line in words)
                 for w, o in (("acc", "gyr"), ("gyr", "acc")))  # fmt: skip
     return acc > 5 and gyr > 5
+
+
+_STAMPED = re.compile(r"\s*[\[(<]\s*\d[^\])>]*[\])>]\s*[-+.\d]")
+
+
+def _stamped(lines: Sequence[str]) -> bool:
+    """Tell whether a terminal wrote a time in brackets before each row."""
+    return sum(_STAMPED.match(line) is not None for line in lines) > len(lines) / 2
 
 
 def _comma_twice(lines: Sequence[str], table: _Table) -> bool:
@@ -309,6 +316,10 @@ def _why(lines: Sequence[str]) -> str:
     if _taking_turns(lines):
         return "rows of several sensors take turns; export one row a sample, all sensors beside "\
             "one another"  # fmt: skip
+    if _stamped(lines):
+        return "each line begins with a time in brackets; write it without them, as a column"
+    if sum(re.search(r"\d[dD][+-]?\d+\b", line) is not None for line in lines) > len(lines) / 2:
+        return "its exponents are written with a D; write E, as in 9.81E+00"
     way = _table(lines, ",", ".")
     if way is not None and _comma_twice(lines, way):
         return "the comma stands both between the columns and in the numbers; export it with " \

@@ -285,9 +285,8 @@ class _Work:
         return tuple(tried[i] for _, i in kept) if least < ON_THE_WAY else tried
 
     def rotations(self, scale: float) -> FloatArray:
-        zero = np.zeros((3, 3))
-        w = np.ascontiguousarray(scale * self.y)
-        C, *_ = integrate_turns(self.time, w, w, zero, self.first, self.last, self.summed)
+        w, zero, none = np.ascontiguousarray(scale * self.y), np.zeros((3, 3)), np.empty((0, 3))
+        C, *_ = integrate_turns(self.time, w, none, zero, self.first, self.last, self.summed)
         return np.asarray(C)
 
     def miss(self, C: FloatArray, E: FloatArray, *, shaken: bool = False) -> float:

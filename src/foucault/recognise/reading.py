@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.errors import FoucaultError, error
+from foucault.errors import FoucaultError, error, some
 from foucault.guard.mistakes import Mistake, exchanges
 from foucault.logs.description import LogDescription
 from foucault.logs.raw import instruments
@@ -92,7 +92,7 @@ def recognise(paths: Sequence[Path], said: Mapping[str, Any] | None = None) -> R
     said = said or {}
     files = [_opened(path, said.get("topic")) for path in paths]
     if len(files) == 1 and files[0].raw.described:
-        return _of_itself(files[0])
+        return _of_itself(files[0], said)
     data = tell.Data.of(files)
     if len(data.x) < FEWEST:
         raise error("recognise.short", file=files[0].path.name, rows=len(data.x), least=FEWEST)
@@ -114,11 +114,11 @@ def _opened(path: Path, topic: str | None) -> Opened:
         return opened(path, names[0])
 
 
-def _of_itself(file: Opened) -> Recognised:
+def _of_itself(file: Opened, said: Mapping[str, Any]) -> Recognised:
     kind = "this program wrote it" if file.raw.marker else "its format says it"
     named = ", ".join(name for name in (file.raw.declared or {}) if name != "clock")
     line = Line("columns", named, kind, SURE)
-    log = {"file": file.path.name} | file.layout
+    log = merged({"file": file.path.name} | file.layout, said)
     return Recognised((file.path,), log, (line,), described=True)
 
 
@@ -242,7 +242,7 @@ class _Work:
         try:
             x, y, z = (known[str(name).removeprefix("-")] for name in names)
         except (KeyError, ValueError):
-            allowed = ", ".join(str(self.data.called(k)) for k in range(len(self.data.columns)))
+            allowed = some([str(self.data.called(k)) for k in range(len(self.data.columns))])
             raise error("recognise.said", given=str(list(names)), allowed=allowed) from None
         return x, y, z
 
@@ -254,7 +254,8 @@ class _Work:
         one = "; ".join(self._columns_line(k, columns) for k in kinds if (columns := first[k]))
         other = "; ".join(self._columns_line(k, dict(reversed(open_))[k]) for k in kinds)
         what = f"There are several triads of {said}."
-        self.questions.append(Question(what, one, "the first", other, "the next"))
+        why = "the next" if len(kinds) == 1 else "the next; both: `two_imus`"
+        self.questions.append(Question(what, one, "the first", other, why))
 
     def _columns_line(self, kind: str, columns: Sequence[int]) -> str:
         names = [self.data.called(k) for k in columns]
@@ -263,7 +264,7 @@ class _Work:
         return f"{kind}.columns = {_listed(names)}"
 
     def _have(self) -> str:
-        return ", ".join(self.data.shown(k) for k in range(len(self.data.columns)))
+        return some([self.data.shown(k) for k in range(len(self.data.columns))])
 
     # -- what the numbers say ------------------------------------------------------------------
 

@@ -124,10 +124,21 @@ class Certified(Body):
     words: Annotated[Words, Field(description="what changed, or why it was released")] = ""
 
 
+class Account(Body):
+    """Somebody may do something else in a workbench from now on."""
+
+    kind = "account"
+    name: Annotated[Name, Field(description="whose account or token")]
+    change: Literal["made", "changed", "closed", "token made", "token ended"]
+    role: Annotated[Words, Field(description="from now on; empty: as before")] = ""
+    words: Annotated[Words, Field(description="label of a token")] = ""
+
+
 KINDS: dict[str, type[Body]] = {
     one.kind: one
-    for one in (RunAdded, RunMoved, Reviewed, Limits, Interval, Event, Reference, Certified)
-}
+    for one in (RunAdded, RunMoved, Reviewed, Limits, Interval, Event, Reference, Certified,
+                Account)
+}  # fmt: skip
 """Kind of an entry -> what it says."""
 
 

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import datetime
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,7 +127,8 @@ def past(records: Records, instrument: str, now: float | None = None) -> Past:
     events = [b for _, b in records.said(Event) if b.instrument == name]
     events.sort(key=lambda e: comparison.moment(e.on))
     broke = [comparison.moment(e.on) for e in events if e.what in BREAKS]
-    counted = _counted(runs, max((b for b in broke if b <= at), default=-math.inf))
+    logs = records.logs()
+    counted = _counted(runs, max((b for b in broke if b <= at), default=-math.inf), logs)
     read = records.compared(name, counted)
     limits = records.limits(name)
     found = comparison.of(read, limits) if len(read) > 1 else None
@@ -160,21 +161,34 @@ def fleet(records: Records) -> list[tuple[str, list[Run], list[Run], float]]:
         at = comparison.moment(event.on)
         if event.what in BREAKS and at <= now:
             broke[event.instrument] = max(at, broke.get(event.instrument, -math.inf))
-    out = []
+    out, logs = [], records.logs()
     for name, own in sorted(runs.items()):
-        counted = _counted(own, broke.get(name, -math.inf))
+        counted = _counted(own, broke.get(name, -math.inf), logs)
         out.append((name, own, counted, _due(counted, months.get(name, []))))
     return out
 
 
-def _counted(runs: Sequence[Run], since: float) -> list[Run]:
-    """Return the runs that count since a time [s]; of one log the newest that somebody made."""
+def _counted(
+    runs: Sequence[Run], since: float, logs: Mapping[int, tuple[str, ...]]
+) -> list[Run]:  # fmt: skip
+    """Return the runs that count since a time [s]; of one log the newest that somebody made.
+
+    `logs`: number of a run -> hashes of what it was made from.
+    """
     again = {r.again for r in runs if r.again}
-    return [
+    kept = [
         r for r in runs
         if r.counts and r.sha256 not in again
         and (not r.holds or comparison.moment(r.holds) >= since)
     ]  # fmt: skip
+    # Calibrated once more, as with rests that were moved, a log says nothing new.
+    seen: set[str] = set()
+    newest: set[int] = set()
+    for run in sorted(kept, key=lambda r: -r.number):
+        if seen.isdisjoint(own := logs.get(run.number, ())):
+            seen.update(own)
+            newest.add(run.number)
+    return [r for r in kept if r.number in newest]
 
 
 def _outlooks(

@@ -338,6 +338,15 @@ class Records:
             of = db.log.c.run == run.number
             return list(connection.scalars(sa.select(db.log.c.sha256).where(of)))
 
+    def logs(self) -> dict[int, tuple[str, ...]]:
+        """Return the hashes of the logs of each run, by its number."""
+        chosen = sa.select(db.log.c.run, db.log.c.sha256).order_by(db.log.c.run, db.log.c.sha256)
+        out: dict[int, tuple[str, ...]] = {}
+        with self.database.reading() as connection:
+            for number, digest in connection.execute(chosen):
+                out[number] = (*out.get(number, ()), digest)
+        return out
+
     def used_by(self, run: Run) -> list[str]:
         """Return the names of the references that a run used."""
         chosen = sa.select(db.used.c.reference).where(db.used.c.run == run.number)

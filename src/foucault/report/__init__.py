@@ -9,21 +9,27 @@ from __future__ import annotations
 import json
 import re
 from base64 import b64encode
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import platformdirs
 
 from foucault.escape import figure
 from foucault.files import atomic
 from foucault.run_folder import REPORT_FILE, load_result
 
 if TYPE_CHECKING:
+    from jinja2.bccache import Bucket
     from markupsafe import Markup
 
     from foucault.report.page import Document
     from foucault.result import Result
 
 _HERE = Path(__file__).parent
+COLOURS = _HERE / "colours.css"
+"""Of reports and of the workbench, light and dark."""
 
 
 def write(folder: str | Path) -> Path:
@@ -63,7 +69,7 @@ def render(document: Document) -> str:
         _template().render(
             head=document.heading,
             sections=document.sections,
-            css=(_HERE / "page.css").read_text(encoding="utf-8"),
+            css="".join(f.read_text(encoding="utf-8") for f in (COLOURS, _HERE / "page.css")),
             js=(_HERE / "page.js").read_text(encoding="utf-8"),
             plotly=_plotly() if drawn else "",
         )
@@ -121,7 +127,7 @@ def _typeset(piece: str) -> Markup:
 
 @cache
 def _template() -> Any:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
     from markupsafe import Markup, escape
 
     from foucault.report.page import GREEK
@@ -155,8 +161,17 @@ def _template() -> Any:
         """Typeset one line of an equation written in plain letters."""
         return Markup("").join(_typeset(piece) for piece in _PIECES.findall(text))
 
+    class Compiled(FileSystemBytecodeCache):
+        """The template as code, beside that of the kernels; a page is written without it too."""
+
+        def dump_bytecode(self, bucket: Bucket) -> None:
+            with suppress(OSError):
+                Path(self.directory).mkdir(parents=True, exist_ok=True)
+                super().dump_bytecode(bucket)
+
     environment = Environment(
         loader=FileSystemLoader(_HERE),
+        bytecode_cache=Compiled(str(Path(platformdirs.user_cache_dir("foucault")) / "pages")),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

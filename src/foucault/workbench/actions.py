@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import io
+import json
+import re
 import tempfile
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -12,6 +17,7 @@ from fastapi.concurrency import run_in_threadpool as aside
 from fastapi.responses import Response
 
 from foucault.errors import error
+from foucault.logs.description import LogDescription
 from foucault.workbench.asked import OFFERS, files_of, given_log, stays, words_of
 from foucault.workbench.bench import COOKIE, Bench, Form, bench_of, give_cookie, needs, to
 from foucault.workbench.people import Person
@@ -54,14 +60,15 @@ async def send_log(request: Request, said: Form) -> Response:
 
 
 def corrected(said: Any) -> list[str]:
-    """Return what `--set` is given, of a form that shows what was taken."""
-    out = [str(v) for v in said.getlist("set") if str(v).strip()]
-    for key, value in said.multi_items():
-        if key.startswith("key:") and isinstance(value, str):
-            name, before = key[4:], str(said.get(f"was:{key[4:]}", ""))
-            if value.strip() and value.strip() != before:
-                out.append(f"{name} = {value.strip()}")
-    return out
+    """Return what `--set` is given, of a form that shows what was taken; what is new counts."""
+    new = {
+        key[4:]: value.strip() for key, value in said.multi_items()
+        if key.startswith("key:") and isinstance(value, str) and value.strip()
+        and value.strip() != str(said.get(f"was:{key[4:]}", ""))
+    }  # fmt: skip
+    before = [str(v).strip() for v in said.getlist("set")]
+    kept = [one for one in before if one and one.partition("=")[0].strip() not in new]
+    return [*kept, *(f"{key} = {value}" for key, value in new.items())]
 
 
 @router.post("/logs/{log}/look")
@@ -70,6 +77,61 @@ async def look_again(request: Request, said: Form, log: str) -> Response:
     who = needs(request, "operator")
     await aside(ask_look, bench_of(request), who, log, corrected(said))
     return to(f"/logs/{log}")
+
+
+@router.post("/logs/{log}/rests")
+async def move_rests(request: Request, said: Form, log: str) -> Response:
+    """Take the rests as they stand in the form, or have them found again."""
+    who = needs(request, "operator")
+    ends = [said.getlist("first"), said.getlist("last")]
+    out = set(map(str, said.getlist("out")))
+    rows = [(str(a).strip(), str(b).strip()) for a, b in zip(*ends, strict=False)]
+    rests = [r for k, r in enumerate(rows) if all(r) and str(k) not in out]
+    again = bool(said.get("again"))
+    name = await aside(with_rests, bench_of(request), who, log, None if again else rests)
+    return to(f"/logs/{name}")
+
+
+def with_rests(bench: Bench, who: Person, log: str, rests: list[tuple[str, str]] | None) -> str:
+    """Look at a log with these rests, first and last sample [s]; None: they are looked for.
+
+    Of a bare log they are said by `--set`; a campaign is written anew with them, which makes
+    another log. Returns its name; raises ``log.rests``.
+    """
+    words: list[str] = []
+    if rests is not None:
+        try:
+            inside = sorted((float(a), float(b)) for a, b in rests)
+        except ValueError:
+            raise error("workbench.rests") from None
+        words = [f"{a:.6f}".rstrip("0").rstrip(".") + f"-{b:.6f}".rstrip("0").rstrip(".") + " s"
+                 for a, b in inside]  # fmt: skip
+        LogDescription.model_validate({"file": "log", "rests": words})
+    files = files_of(bench.folder, log)
+    line = f"rests = {json.dumps(words)}"
+    if files[0].suffix.lower() != ".toml":
+        looks = [j for j in bench.store.jobs(100, log) if j.command == "look"]
+        said = [w[6:] for w in looks[0].words if w.startswith("--set=")] if looks else []
+        kept = [t for t in said if t.partition("=")[0].strip() != "rests"]
+        ask_look(bench, who, log, [*kept, *([line] if words else [])])
+        return log
+    text = re.sub(r"(?m)^rests\s*=\s*\[[^\]]*\][^\n]*\n", "", files[0].read_text(encoding="utf-8"))
+    if words:
+        text = re.sub(r"(?m)^(\[log\][^\n]*\n)", rf"\g<1>{line}\n", text, count=1)
+    with ExitStack() as held:
+        sent: list[Any] = [Kept(files[0].name, io.BytesIO(text.encode()))]
+        sent += [Kept(f.name, held.enter_context(f.open("rb"))) for f in files[1:]]
+        name = take_in(bench.folder, sent)
+    ask_look(bench, who, name, [])
+    return name
+
+
+@dataclass
+class Kept:
+    """A file as a form would bring it."""
+
+    filename: str
+    file: Any
 
 
 @router.post("/do/{command}")
@@ -115,7 +177,7 @@ async def keep(request: Request, said: Form, number: Number) -> Response:
                 raise problem
             return (taken or [records.run(str(folder))])[0].instrument
 
-    return to(f"/instruments/{quote(await aside(kept), safe='')}")
+    return to(f"/instrument?name={quote(await aside(kept), safe='')}")
 
 
 @router.post("/records/{what}")
@@ -151,7 +213,7 @@ async def record(request: Request, said: Form, what: str) -> Response:
                             allowed="review, interval, event, reference, tolerance")  # fmt: skip
 
     await aside(added)
-    return to(f"/instruments/{quote(name, safe='')}" if name else "/due")
+    return to(f"/instrument?name={quote(name, safe='')}" if name else "/due")
 
 
 def _number(text: str) -> bool:
@@ -190,18 +252,19 @@ async def log_out(request: Request, said: Form) -> Response:
 @router.post("/accounts")
 async def account(request: Request, said: Form) -> Response:
     """Make an account, or give one another role and password."""
-    needs(request, "administrator")
-    people = bench_of(request).people
-    await aside(people.add, str(said.get("name", "")), str(said.get("role", "")),
-                str(said.get("password", "")))  # fmt: skip
+    who = needs(request, "administrator")
+    bench = bench_of(request)
+    await aside(bench.people.add, str(said.get("name", "")), str(said.get("role", "")),
+                str(said.get("password", "")), bench.told(who.name))  # fmt: skip
     return to("/accounts")
 
 
 @router.post("/accounts/close")
 async def close(request: Request, said: Form) -> Response:
     """Close an account."""
-    needs(request, "administrator")
-    await aside(bench_of(request).people.close, str(said.get("name", "")))
+    who = needs(request, "administrator")
+    bench = bench_of(request)
+    await aside(bench.people.close, str(said.get("name", "")), bench.told(who.name))
     return to("/accounts")
 
 
@@ -209,5 +272,7 @@ async def close(request: Request, said: Form) -> Response:
 async def end_token(request: Request, said: Form) -> Response:
     """End a token of one's own."""
     who = needs(request, "operator")
-    await aside(bench_of(request).people.log_out, str(said.get("digest", "")), who.name)
+    bench = bench_of(request)
+    await aside(bench.people.end_token, str(said.get("digest", "")), who.name,
+                bench.told(who.name))  # fmt: skip
     return to("/accounts")

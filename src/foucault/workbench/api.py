@@ -93,6 +93,23 @@ def file(bench: At, who: Who, number: Number, name: str) -> FileResponse:
                         media_type="application/octet-stream")  # fmt: skip
 
 
+@router.post("/jobs/{number}/certify", status_code=201)
+def certify(
+    bench: At, who: Who, number: Number,
+    certificate: Annotated[
+        dict[str, str | list[str]],
+        Body(description="dotted keys below [certificate]", examples=[{"customer.name": "A"}]),
+    ],
+    reason: Annotated[str, Body(description="of a run that did not pass")] = "",
+) -> dict[str, Any]:  # fmt: skip
+    """Issue the certificate of a run that is kept; what lacks is named."""
+    from foucault.workbench.certify import certify
+
+    if not who.may("reviewer"):
+        raise error("workbench.role_needed", name=who.name, role=who.role, needed="reviewer")
+    return told(bench, certify(bench, who, number, certificate, reason=reason))
+
+
 @router.post("/jobs/{number}/keep", status_code=201)
 def keep(
     bench: At, who: Who, number: Number, instrument: Annotated[str, Body()] = "",

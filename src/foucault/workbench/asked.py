@@ -77,8 +77,8 @@ OFFERS: dict[str, Offer] = {
 LOG = re.compile(r"[0-9a-f]{12}")
 _OWN = re.compile(r"runs/\d{1,9}|logs/[0-9a-f]{12}/[^/\\\0]+")
 
-LONG = 2000
-"""Letters of a value at most [1]."""
+LONG, LONGEST = 2000, 40_000
+"""Letters of a value at most, and of what --set is given, which may name many rests [1]."""
 
 
 def shown(words: Sequence[str]) -> str:
@@ -92,6 +92,7 @@ def shown(words: Sequence[str]) -> str:
 
 
 def _quoted(word: str) -> str:
+    word = re.sub(r"(://[^:/@\s]+):[^@/\s]+@", r"\1:...@", word)  # no password is shown
     plain = re.search(r"[\"\\$`!]", word)
     return f'"{word}"' if " " in word and not plain else shlex.quote(word)
 
@@ -188,8 +189,9 @@ def _procedure(name: str) -> str:
 def _said(folder: Path, option: Option, values: Sequence[str], log: str) -> list[str]:
     """Return the words of an option; nothing where nothing was written."""
     texts = [v.strip() for v in values if v.strip()]
-    if any(len(t) > LONG or any(ord(c) < 32 for c in t) for t in texts):
-        raise error("workbench.value", option=option.name, most=LONG)
+    most = LONGEST if option.name == "--set" else LONG
+    if any(len(t) > most or any(ord(c) < 32 for c in t) for t in texts):
+        raise error("workbench.value", option=option.name, most=most)
     if option.flag:
         return [option.name] if texts else []
     if option.path:

@@ -22,17 +22,21 @@ from foucault.workbench.worker import said
 
 if TYPE_CHECKING:
     from foucault.records import Records
+    from foucault.records.entries import Body
 
 COOKIE = "foucault"
 HERE = Path(__file__).parent
 
 STATUS = {
+    "workbench.not_kept": 409,
     "workbench.no_job": 404, "workbench.no_log": 404, "workbench.no_name": 404,
+    "workbench.no_account": 404,
     "records.no_instrument": 404, "records.no_run": 404, "workbench.not_done": 409,
     "workbench.role_needed": 403, "workbench.form": 403, "workbench.foreign": 403,
     "workbench.login": 403, "workbench.token": 401, "workbench.attempts": 429,
     "workbench.large": 413, "workbench.space": 507, "workbench.full": 507,
     "workbench.locked": 503, "workbench.read_only": 503, "workbench.database": 503,
+    "workbench.gone": 503, "workbench.bomb": 413,
     "records.locked": 503, "records.read_only": 503, "records.full": 507,
 }  # fmt: skip
 """Code of an error -> status of HTTP; 400 of all others."""
@@ -46,8 +50,12 @@ class Bench:
     """One workbench."""
 
     def __init__(self, store: Store, database: str, options: Callable[[str], list[Option]],
-                 open_to_others: bool = False) -> None:  # fmt: skip
-        """Of a file of jobs and accounts, records, and the options that commands have."""
+                 open_to_others: bool = False, prefix: str = "") -> None:  # fmt: skip
+        """Of a file of jobs and accounts, records, and the options that commands have.
+
+        `prefix`: of the paths of pages, where a proxy takes it off.
+        """
+        self.prefix = prefix
         self.store, self.database, self.people = store, database, People(store)
         self.folder, self.open_to_others = store.folder, open_to_others
         self.options = cache(options)
@@ -57,6 +65,9 @@ class Bench:
         """Yield the records; None where there are none yet and none are made."""
         from foucault.records import Records
 
+        file = None if "://" in self.database else Path(self.database)
+        if file is not None and not file.is_file() and self.store.setting("records"):
+            raise error("workbench.gone", path=file)
         try:
             held = Records(self.database, make=make, who=who)
         except FoucaultError as problem:
@@ -64,10 +75,24 @@ class Bench:
                 raise
             yield None
             return
+        if make and file is not None:
+            self.store.set("records", file.name)
         try:
             yield held
         finally:
             held.close()
+
+    def told(self, who: str) -> Callable[[Body], None]:
+        """Return what keeps in the journal that `who` has changed an account."""
+        with self.records(who, make=True):  # what is said stands in a transaction of the store
+            pass
+
+        def say(body: Body) -> None:
+            with self.records(who, make=True) as records:
+                assert records is not None
+                records.say(body)
+
+        return say
 
     def run_of(self, number: Number) -> tuple[Job, Path]:
         """Return a job that is done, and the folder that it has written."""
@@ -144,7 +169,7 @@ def page(request: Request, template: str, status: int = 200, /, **said: Any) -> 
         who = None
     text = templates().get_template(template).render(
         mark=bench.people.mark(cookie or fresh), who=who, here=request.url.path,
-        accounts=bench.people.any(), version=__version__, **said,
+        accounts=bench.people.any(), version=__version__, root=bench.prefix, **said,
     )  # fmt: skip
     out = HTMLResponse(text, status)
     if fresh:
@@ -156,7 +181,7 @@ def give_cookie(request: Request, response: Response, token: str) -> None:
     """Let a browser keep a token that no script can read and no other site can send."""
     response.set_cookie(
         COOKIE, token, max_age=int(LASTS), httponly=True, samesite="lax",
-        secure=request.url.scheme == "https", path="/",
+        secure=request.url.scheme == "https", path=bench_of(request).prefix or "/",
     )  # fmt: skip
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from foucault.campaign import running
+import numpy as np
+
+from foucault.campaign import reading, running
 from foucault.campaign.recognised import Found, found, said_of
 from foucault.diagnose import live
 from foucault.errors import FoucaultError
@@ -43,18 +45,47 @@ def look(words: Sequence[str], tell: Tell) -> int:
             out |= _taken(held)
             log = held.log
     except FoucaultError as problem:
-        out["problem"] = {"message": problem.message, "cure": problem.cure}
+        if problem.code == "north.not_imu":  # nothing of it is drawn, and all can be done with it
+            out |= {"procedure": reading.load(files[0], calibrates=False).procedure}
+        else:
+            out["problem"] = {"message": problem.message, "cure": problem.cure}
     if log is not None:
         tell(0.6, "drawing")
-        start = float(log.time[0])
+        log, start = log.from_start()
         try:
-            seen = live.inspect(replace(log, time=log.time - start))
+            seen = live.inspect(log)
             save(noise.inspected(seen, start), folder / REPORT_FILE)
             out["findings"] = [f.as_dict() for f in seen.findings]
+            out |= _rests(seen)
         except FoucaultError as problem:
             out.setdefault("problem", {"message": problem.message, "cure": problem.cure})
     write_text(folder / FILE, json.dumps(out, allow_nan=False, default=str))
     return 0
+
+
+POINTS = 500
+"""Of a trace that is drawn [1]."""
+
+
+def _rests(seen: live.Inspection) -> dict[str, Any]:
+    """Return the rests, first and last sample from the start [s], and traces to move them on."""
+    log, rests = seen.log, seen.rests
+    x = log.accel if log.accel is not None else log.gyro
+    if x is None or log.averaged is not None or len(log) < 2:
+        return {}
+    kept = x[:: max(1, len(x) // POINTS)]
+    low, high = np.nanmin(kept), np.nanmax(kept)
+    drawn = 100.0 - 100.0 * (kept - low) / max(high - low, 1e-300)
+    step = 1000.0 / max(len(kept) - 1, 1)
+    lines = [
+        " ".join(f"{k * step:.1f},{y:.1f}" for k, y in enumerate(axis) if y == y)
+        for axis in drawn.T.tolist()
+    ]
+    spans = [
+        (round(float(log.time[a]), 6), round(float(log.time[b - 1]), 6))
+        for (a, b), turns in zip(rests.spans, seen.turning, strict=True) if not turns
+    ]  # fmt: skip
+    return {"rests": spans, "trace": lines, "end": log.duration}
 
 
 def _taken(held: Found) -> dict[str, Any]:

@@ -62,7 +62,7 @@ def log_page(request: Request, log: str) -> Response:
 
 _UNSEEN: dict[str, Any] = {
     "problem": None, "questions": [], "lines": [], "described": False, "procedure": None,
-    "todo": "", "titles": [], "findings": None, "log": None,
+    "todo": "", "titles": [], "findings": None, "log": None, "rests": [], "trace": [], "end": 1.0,
 }  # fmt: skip
 """What a look may leave open."""
 
@@ -281,7 +281,7 @@ def instruments(request: Request, find: str = "", page_of: int = 1) -> Response:
                 find=find, page_of=page_of, pages=math.ceil(len(rows) / MANY))  # fmt: skip
 
 
-@router.get("/instruments/{name}")
+@router.get("/instrument")
 def instrument(request: Request, name: str) -> Response:
     """An instrument: what it was, is, and will be when it is due."""
     person(request)
@@ -315,7 +315,7 @@ def _job_of(folder: str) -> int | None:
     return int(parts[-1]) if len(parts) == 2 and parts[0] == "runs" and parts[1].isdigit() else None
 
 
-@router.get("/instruments/{name}/history")
+@router.get("/history")
 def history(request: Request, name: str) -> Response:
     """Coefficients over time, for a frame that reaches nothing."""
     person(request)
@@ -404,9 +404,11 @@ async def token(request: Request, said: Form) -> Response:
     from fastapi.concurrency import run_in_threadpool as aside
 
     who = needs(request, "operator")
-    people = bench_of(request).people
+    bench = bench_of(request)
+    people = bench.people
     if not people.any():
         raise error("workbench.token")
-    made = await aside(people.token, who.name, str(said.get("label", "")))
+    made = await aside(people.token, who.name, str(said.get("label", "")), 365.0,
+                       bench.told(who.name))  # fmt: skip
     every = people.all() if who.may("administrator") else []
     return page(request, "accounts.html", every=every, tokens=people.tokens(who.name), token=made)

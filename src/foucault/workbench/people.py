@@ -13,11 +13,13 @@ import os
 import re
 import secrets
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 from foucault.errors import error
+from foucault.records.entries import Account
 from foucault.workbench.store import Store, now
 
 ROLES = ("operator", "reviewer", "administrator")
@@ -33,6 +35,14 @@ LEAST, MOST = 12, 256
 """Letters of a password [1]."""
 
 _NAME = re.compile(r"[\w][\w .@-]{0,63}")
+
+
+Told = Callable[[Account], object]
+"""Keeps in the journal who may do what from now on."""
+
+
+def nobody(_: Account) -> None:
+    """Keep nothing."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +103,11 @@ class People:
             rows = db.execute("SELECT name, role, made, closed FROM account ORDER BY name")
             return [dict(row) for row in rows]
 
-    def add(self, name: str, role: str, password: str) -> None:
-        """Make an account, or give one another role and password; its sessions end."""
+    def add(self, name: str, role: str, password: str, told: Told = nobody) -> None:
+        """Make an account, or give one another role and password; its sessions end.
+
+        `told` keeps that in the journal before it counts; nothing is changed where it cannot.
+        """
         name = name.strip()
         if not _NAME.fullmatch(name):
             raise error("workbench.name", given=name)
@@ -103,22 +116,26 @@ class People:
         if not LEAST <= len(password) <= MOST or password.lower() == name.lower():
             raise error("workbench.password", least=LEAST, most=MOST)
         with self.store.writing() as db:
+            known = db.execute("SELECT 1 FROM account WHERE name = ?", (name,)).fetchone()
             db.execute(
                 "INSERT INTO account (name, role, secret, made) VALUES (?, ?, ?, ?) ON CONFLICT "
                 "(name) DO UPDATE SET role = excluded.role, secret = excluded.secret, closed = 0",
                 (name, role, _hasher().hash(password), now()),
             )
             db.execute("DELETE FROM session WHERE name = ?", (name,))
+            told(Account(name=name, change="changed" if known else "made", role=role))
 
-    def close(self, name: str) -> None:
+    def close(self, name: str, told: Told = nobody) -> None:
         """Close an account; its sessions and tokens end. The last administrator stays."""
         with self.store.writing() as db:
             others = db.execute("SELECT count(*) FROM account WHERE role = 'administrator' AND "
                                 "closed = 0 AND name != ?", (name,)).fetchone()[0]  # fmt: skip
             if not others:
                 raise error("workbench.last", name=name)
-            db.execute("UPDATE account SET closed = 1 WHERE name = ?", (name,))
+            if db.execute("UPDATE account SET closed = 1 WHERE name = ?", (name,)).rowcount != 1:
+                raise error("workbench.no_account", given=name[:64])
             db.execute("DELETE FROM session WHERE name = ?", (name,))
+            told(Account(name=name, change="closed"))
 
     def log_in(self, name: str, password: str, address: str) -> str:
         """Return the token of a new session; raises ``workbench.login``, ``workbench.attempts``."""
@@ -146,16 +163,22 @@ class People:
             db.execute("DELETE FROM attempt WHERE of = ?", (keys[0],))
         return self._session(row["name"], "browser", time.time() + LASTS)
 
-    def token(self, name: str, label: str, days: float = 365.0) -> str:
+    def token(
+        self, name: str, label: str, days: float = 365.0, told: Told = nobody
+    ) -> str:  # fmt: skip
         """Return a token by which a program is this person; shown once; `days`: it lasts [day]."""
-        return self._session(name, "token", time.time() + days * 86400.0, label[:80])
+        return self._session(name, "token", time.time() + days * 86400.0, label[:80], told)
 
-    def _session(self, name: str, kind: str, until: float, label: str = "") -> str:
+    def _session(
+        self, name: str, kind: str, until: float, label: str = "", told: Told = nobody
+    ) -> str:  # fmt: skip
         token = secrets.token_urlsafe(32)
         with self.store.writing() as db:
             db.execute("DELETE FROM session WHERE until < ?", (time.time(),))
             db.execute("INSERT INTO session VALUES (?, ?, ?, ?, ?)",
                        (_digest(token), name, kind, until, label))  # fmt: skip
+            if kind == "token":
+                told(Account(name=name, change="token made", words=label))
         return token
 
     def tokens(self, name: str) -> list[dict[str, Any]]:
@@ -166,9 +189,17 @@ class People:
             return [dict(row) for row in rows]
 
     def log_out(self, digest: str, name: str) -> None:
-        """End a session or a token of a person."""
+        """End a session of a person."""
         with self.store.writing() as db:
             db.execute("DELETE FROM session WHERE digest = ? AND name = ?", (digest, name))
+
+    def end_token(self, digest: str, name: str, told: Told = nobody) -> None:
+        """End a token of a person."""
+        with self.store.writing() as db:
+            row = db.execute("DELETE FROM session WHERE digest = ? AND name = ? AND kind = 'token' "
+                             "RETURNING label", (digest, name)).fetchone()  # fmt: skip
+            if row is not None:
+                told(Account(name=name, change="token ended", words=row["label"]))
 
     def who(self, token: str, kind: str) -> Person | None:
         """Return whose session a token is of, None for nobody's."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import os
+import re
 import socket
 import subprocess
 import threading
@@ -20,6 +21,8 @@ from foucault.workbench.people import People
 from foucault.workbench.store import Store
 from foucault.workbench.web import Bench, application
 
+RECORDS = "records.sqlite"
+
 OFTEN = 0.5
 """Workers are looked after every so many seconds [s]."""
 
@@ -32,9 +35,10 @@ def made(folder: Path) -> Path:
     return where
 
 
-def add_account(folder: Path, name: str, role: str, password: str) -> None:
-    """Make an account, or change one."""
-    People(Store(folder)).add(name, role, password)
+def add_account(folder: Path, name: str, role: str, password: str, database: str | None) -> None:
+    """Make an account, or change one; the journal of the records says who did."""
+    bench = Bench(Store(folder), database or str(folder / RECORDS), lambda _: [])
+    bench.people.add(name, role, password, bench.told(""))
 
 
 def loopback(host: str) -> bool:
@@ -83,13 +87,17 @@ class Crew:
 def serve(
     folder: Path, host: str, port: int, database: str | None, workers: int,
     worker: Sequence[str], options: Callable[[str], list[Option]],
-    say: Callable[[str], None],
+    say: Callable[[str], None], prefix: str = "",
 ) -> None:  # fmt: skip
     """Serve a workbench until it is interrupted.
 
-    `port`: to listen at [1]; `workers`: jobs at a time [1]. Raises ``workbench.accounts``
-    and ``workbench.port``.
+    `port`: to listen at [1]; `workers`: jobs at a time [1]; `prefix`: of the paths of its pages,
+    which a proxy takes off. Raises ``workbench.accounts``, ``workbench.port``,
+    ``workbench.prefix``.
     """
+    below = "/" + prefix.strip("/") if prefix.strip("/") else ""
+    if not re.fullmatch(r"(/\w[\w.-]*)*", below, re.ASCII):
+        raise error("workbench.prefix", given=prefix)
     store = Store(folder)
     open_to_others = not loopback(host)
     if open_to_others and not People(store).any():
@@ -102,14 +110,16 @@ def serve(
     except OSError as problem:
         listening.close()
         raise error("workbench.port", host=host, port=port, reason=problem.strerror) from None
-    bench = Bench(store, database or str(folder / "records.sqlite"), options, open_to_others)
+    bench = Bench(store, database or str(folder / RECORDS), options, open_to_others,
+                  below)  # fmt: skip
     crew = Crew(worker, workers)
     shown = f"[{host}]" if ":" in host else host
     say(f"The workbench is at http://{shown}:{listening.getsockname()[1]}/ until Ctrl-C.")
     try:
         config = uvicorn.Config(
             application(bench), log_level="warning", server_header=False, timeout_keep_alive=30,
-            proxy_headers=True, forwarded_allow_ips="127.0.0.1", timeout_graceful_shutdown=3,
+            proxy_headers=True, timeout_graceful_shutdown=3,
+            forwarded_allow_ips=os.environ.get("FORWARDED_ALLOW_IPS", "127.0.0.1"),
         )  # fmt: skip
         uvicorn.Server(config).run(sockets=[listening])
     finally:

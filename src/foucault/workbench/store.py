@@ -97,6 +97,8 @@ class Store:
         """Open it in a folder, or make it there; raises ``workbench.*``."""
         self.folder = folder
         self.file = folder / FILE
+        if not self.file.exists():
+            self.file.touch(0o600)
         with self.writing() as db:
             there = db.execute("PRAGMA user_version").fetchone()[0]
             if there > VERSION:
@@ -114,7 +116,9 @@ class Store:
         """Yield a connection."""
         db = None
         try:
-            db = sqlite3.connect(self.file, timeout=PATIENCE, isolation_level=None)
+            # One that was taken away while it is served is not made anew, without its accounts.
+            address = f"{self.file.absolute().as_uri()}?mode=rw"
+            db = sqlite3.connect(address, timeout=PATIENCE, isolation_level=None, uri=True)
             db.row_factory = sqlite3.Row
             db.execute("PRAGMA journal_mode = WAL")
             yield db
@@ -136,12 +140,22 @@ class Store:
                 raise
             db.execute("COMMIT")
 
+    def setting(self, key: str) -> str:
+        """Return what was set, empty for nothing."""
+        with self.reading() as db:
+            row = db.execute("SELECT value FROM setting WHERE key = ?", (key,)).fetchone()
+        return "" if row is None else str(row[0])
+
+    def set(self, key: str, value: str) -> None:
+        """Keep a setting."""
+        if self.setting(key) != value:
+            with self.writing() as db:
+                db.execute("INSERT OR REPLACE INTO setting VALUES (?, ?)", (key, value))
+
     @property
     def secret(self) -> bytes:
         """What signs cookies and forms."""
-        with self.reading() as db:
-            row = db.execute("SELECT value FROM setting WHERE key = 'secret'").fetchone()
-        return bytes.fromhex(row[0])
+        return bytes.fromhex(self.setting("secret"))
 
     # -- jobs ------------------------------------------------------------------------------
 
@@ -236,6 +250,8 @@ def _job(row: sqlite3.Row) -> Job:
 
 def _in_words(where: Path, problem: sqlite3.Error) -> FoucaultError:
     said = str(problem)
+    if not where.exists():
+        return error("workbench.gone", path=where)
     for sign, code in (("locked", "locked"), ("readonly", "read_only"), ("full", "full")):
         if sign in said:
             return error(f"workbench.{code}", path=where)

@@ -13,7 +13,8 @@ from starlette.exceptions import HTTPException
 
 from foucault import __version__
 from foucault.errors import FoucaultError, error
-from foucault.workbench import actions, api, pages
+from foucault.report import COLOURS
+from foucault.workbench import actions, api, certify, pages
 from foucault.workbench.bench import HERE, STATUS, Bench, LoginNeededError, page
 from foucault.workbench.uploads import LARGEST
 
@@ -26,7 +27,7 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 SMALL = 4 << 20
 """A form without a log is no larger [byte]."""
 
-LOGS_SENT = ("/logs", "/api/logs")
+LOGS_SENT = ("/logs", "/api/logs", "/verify", "/api/verify")
 
 OWN = ("localhost", "127.0.0.1", "[::1]")
 
@@ -60,13 +61,16 @@ class Guard:
         async def sent(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
                 there = {k for k, _ in message["headers"]}
-                message["headers"] = [*message["headers"], *(
+                message["headers"] = [*map(self._below, message["headers"]), *(
                     (k.encode(), v.encode()) for k, v in HEADERS.items() if k.encode() not in there
                 )]  # fmt: skip
             await send(message)
 
         most = LARGEST if scope["path"] in LOGS_SENT else SMALL
-        problem = await asyncio.to_thread(self._refused, scope, headers, most)
+        try:
+            problem = await asyncio.to_thread(self._refused, scope, headers, most)
+        except FoucaultError as fault:  # the file of accounts cannot be read: nobody gets in
+            problem = fault
         if problem is not None:
             await _plain(problem, scope)(scope, receive, sent)
             return
@@ -81,6 +85,12 @@ class Guard:
             return message
 
         await self.app(scope, received, sent)
+
+    def _below(self, header: tuple[bytes, bytes]) -> tuple[bytes, bytes]:
+        """Return a header of an answer; a page that it leads to is below the prefix."""
+        key, value = header
+        leads = key == b"location" and value.startswith(b"/")
+        return key, self.bench.prefix.encode() + value if leads else value
 
     def _refused(self, scope: Scope, headers: dict[str, str], most: int) -> FoucaultError | None:
         length = headers.get("content-length", "0")
@@ -136,13 +146,14 @@ def application(bench: Bench) -> Any:
     app.state.bench = bench
     app.include_router(pages.router, include_in_schema=False)
     app.include_router(actions.router, include_in_schema=False)
+    app.include_router(certify.router, include_in_schema=False)
     app.include_router(api.router)
 
     @app.get("/static/{name}", include_in_schema=False)
     def static(name: str) -> FileResponse:
         kinds = {"js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
-        file = HERE / "static" / name
-        if file.parent != HERE / "static" or not file.is_file():
+        file = COLOURS if name == COLOURS.name else HERE / "static" / name
+        if file.parent not in (HERE / "static", COLOURS.parent) or not file.is_file():
             raise HTTPException(404)
         kind = kinds.get(file.suffix[1:], "text/plain")
         return FileResponse(file, media_type=kind, headers={"cache-control": "max-age=3600"})

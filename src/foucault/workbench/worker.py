@@ -18,6 +18,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
+from foucault.errors import error
 from foucault.workbench.store import Job, Number, Store, hold
 
 Tell = Callable[[float, str], None]
@@ -29,6 +30,9 @@ PAUSE = 0.05
 
 OFTEN = 0.25
 """How far a job is, is told no more often than every so many seconds [s]."""
+
+MEMORY = 0.75
+"""A job may have this part of the memory of the computer, that it ends no other program [1]."""
 
 DONE = (0, 3, 4)
 """Ways in which a command ends that has done what it was asked to."""
@@ -120,6 +124,8 @@ def _in_the_fork(store: Store, job: Job, run: Run) -> int:
         import resource
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        limit = int(MEMORY * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
     told = [0.0]
 
     def tell(part: float, doing: str) -> None:
@@ -127,7 +133,12 @@ def _in_the_fork(store: Store, job: Job, run: Run) -> int:
             told[0] = time.monotonic()
             store.tell(job, part, doing)
 
-    code = run(job.words, tell)
+    try:
+        code = run(job.words, tell)
+    except MemoryError:
+        problem = error("workbench.memory")
+        print(f"error: {problem.message}\n  {problem.cure}")
+        code = 1
     sys.stdout.flush()
     sys.stderr.flush()
     return code

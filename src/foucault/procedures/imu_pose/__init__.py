@@ -152,7 +152,7 @@ class PoseLog(Log):
 
     Attributes
     ----------
-    time, gyro, accel, temperature, averaged, begins, mag : ndarray
+    time, gyro, accel, temperature, averaged, begins, mag, rests : ndarray
         Of the IMU, as in `Log` [SI].
     sampled, findings, source, table, clock
         The same.

@@ -224,6 +224,7 @@ def _diagnostics(p: SystematicProblem, s: Solution, settings: Settings) -> dict[
 PROCEDURE = Procedure(
     name="systematic",
     doc=__doc__,
+    by_rests=True,
     Settings=Settings,
     Session=Session,
     solve=_solve,

@@ -5,7 +5,7 @@ The log of a slave beside what its master said: how it is described, what of bot
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -296,7 +296,7 @@ class SlaveLog(Log):
 
     Attributes
     ----------
-    time, gyro, accel, mag, temperature, averaged, begins : ndarray
+    time, gyro, accel, mag, temperature, averaged, begins, rests : ndarray
         Of the slave, as in `Log` [SI].
     sampled, findings, source, table, clock
         The same.
@@ -313,8 +313,8 @@ class SlaveLog(Log):
         `log`: readings of the slave [SI]; `master`: messages of the master [SI].
         """
         told = (*on_a_shared_clock(log.findings), *master.findings)
-        return cls(log.time, log.gyro, log.accel, log.sampled, log.temperature, told, log.source,
-                   log.table, log.averaged, log.clock, log.begins, log.mag, master)  # fmt: skip
+        own = {f.name: getattr(log, f.name) for f in fields(Log)}
+        return cls(**own | {"findings": told, "master": master})
 
     @property
     def messages(self) -> MasterTable:
