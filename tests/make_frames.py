@@ -62,3 +62,26 @@ def adis(k: int) -> tuple[bytes, tuple[float, ...]]:
 
 MADE = {"sbg_imu_short": sbg, "xsens_mtdata2": xsens, "novatel_corrimudata": novatel,
         "adis16470_burst": adis}  # fmt: skip
+
+
+def mavlink(number: int, extra: int, payload: bytes, k: int) -> bytes:
+    """A packet of version 2 of system 1, zeros at the end of its payload left out."""
+    payload = payload.rstrip(b"\0") or b"\0"
+    head = bytes([len(payload), 0, 0, k & 255, 1, 1]) + number.to_bytes(3, "little")
+    check = crc_bitwise(head + payload + bytes([extra]), 0x1021, 0xFFFF, 16, True)
+    return b"\xfd" + head + payload + struct.pack("<H", check)
+
+
+def highres(k: int) -> tuple[bytes, tuple[float, ...]]:
+    f, w = (0.5, -0.25 * k, -9.75), (0.125, 0.0, 0.0)
+    payload = struct.pack("<Q13fH", 5000 * k, *f, *w, *[0.0] * 7, 0)
+    return mavlink(105, 93, payload, k), (5000.0 * k, *f, *w)
+
+
+def scaled(k: int) -> tuple[bytes, tuple[float, ...]]:
+    f, w = (10, -20 * (k % 50), -1000), (5, 0, 0)
+    payload = struct.pack("<I9h", 5 * k, *f, *w, 0, 0, 0)
+    return mavlink(26, 170, payload, k), (5.0 * k, *f, *(x / 1000 for x in w))
+
+
+MADE |= {"mavlink2_highres_imu": highres, "mavlink2_scaled_imu": scaled}

@@ -327,6 +327,49 @@ def _mag(made: Session, wrong: Callable[[np.ndarray], np.ndarray]) -> Session | 
     return made.with_columns(**{name: spoilt[:, k] for k, name in enumerate(MAG)})
 
 
+PLACE, QUATERNION = ("x (m)", "y (m)", "z (m)"), ("qw", "qx", "qy", "qz")
+
+
+def _pose(
+    made: Session, wrong: Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
+) -> Session | None:
+    """Spoil time, positions and quaternions of poses, where there are any."""
+    if PLACE[0] not in made.master:
+        return None
+    names = ("time (s)", *PLACE, *QUATERNION)
+    rows = np.column_stack([made.master[name] for name in names])
+    time, p, q = wrong(rows[:, 0], rows[:, 1:4], rows[:, 4:])
+    spoilt = np.column_stack([time, p, q])
+    return replace(made, master={name: spoilt[:, k] for k, name in enumerate(names)})
+
+
+def _random() -> np.random.Generator:
+    return np.random.default_rng(8)
+
+
+def _upright(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Let the y axis of the poses' world be up: a quarter turn about x, by Hamilton's product."""
+    w, x, y, z = q.T
+    turned = np.column_stack([w + x, x - w, y + z, z - y]) / np.sqrt(2)
+    return p[:, [0, 2, 1]] * [1.0, 1.0, -1.0], turned
+
+
+def _held(t: np.ndarray, p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Hold the pose where tracking was lost: a second in six."""
+    k = np.arange(len(t))
+    at = np.where(k % 300 < 50, k // 300 * 300, k)
+    return t, p[at], q[at]
+
+
+def _lost_rows(made: Session) -> Session | None:
+    """Lose one sample in a hundred of a log whose time is only counted."""
+    if "[master]" not in made.text or made.run is not _calibrate or "transfer" in made.text:
+        return None
+    n = len(made.columns["time"])
+    kept = np.sort(_random().permutation(n)[n // 100 :])
+    return made.rows(kept).with_columns(time=made.columns["time"][: len(kept)])
+
+
 def _one_cell(made: Session, value: float) -> Session:
     name = made.triad(ACCEL)[-1]
     spoilt = made.columns[name].copy()
@@ -585,12 +628,32 @@ MISTAKES: dict[str, Callable[[Session], Session | None]] = {
     "prior contradicted": _contradicted,
     "part reversed": lambda s: _part_reversed(s),
     "mag unit": lambda s: _mag(s, lambda m: 10.0 * m),
+    "mag elsewhere": lambda s: _mag(s, lambda m: 2.5 * m),
     "mag one sign": lambda s: _mag(s, lambda m: m * [1.0, 1.0, -1.0]),
     "mag turned": lambda s: _mag(s, lambda m: m[:, [1, 2, 0]]),
     "mag repeated": lambda s: _mag(s, lambda m: m[np.arange(len(m)) // 4 * 4]),
     "mag clipped": lambda s: _mag(s, lambda m: np.minimum(m, 0.7 * m.max())),
     "mag stuck": lambda s: _mag(s, lambda m: m * [1.0, 0.0, 1.0]),
     "iron moved": lambda s: _mag(s, lambda m: m + 2e-6 * (np.arange(len(m)) > len(m) / 2)[:, None]),
+    "samples lost": _lost_rows,
+    "pose conjugated": lambda s: _pose(s, lambda t, p, q: (t, p, q * [1.0, -1.0, -1.0, -1.0])),
+    "pose order": lambda s: _pose(s, lambda t, p, q: (t, p, q[:, [1, 2, 3, 0]])),
+    "pose y up": lambda s: _pose(s, lambda t, p, q: (t, *_upright(p, q))),
+    "pose mm": lambda s: _pose(s, lambda t, p, q: (t, 1e3 * p, q)),
+    "pose mirrored": lambda s: _pose(s, lambda t, p, q: (t, p * [1.0, 1.0, -1.0], q)),
+    "pose clock fast": lambda s: _pose(s, lambda t, p, q: (1.01 * t, p, q)),
+    "pose clock 2400": lambda s: _pose(s, lambda t, p, q: (1.0024 * t, p, q)),
+    "pose ms": lambda s: _pose(s, lambda t, p, q: (1e3 * t, p, q)),
+    "pose apart": lambda s: _pose(s, lambda t, p, q: (t[:-10], p[:-10], q[10:])),
+    "pose jumped": lambda s: _pose(s, lambda t, p, q: (t, p + 0.05 * (t > t.mean())[:, None], q)),
+    "pose outliers": lambda s: _pose(
+        s, lambda t, p, q: (t, p + 0.05 * (_random().uniform(size=p.shape) < 0.02), q)
+    ),
+    "pose lost": lambda s: _pose(s, _held),
+    "pose 10 Hz": lambda s: _pose(s, lambda t, p, q: (t[::5], p[::5], q[::5])),
+    "pose jitter": lambda s: _pose(
+        s, lambda t, p, q: (t + _random().exponential(2e-3, len(t)), p, q)
+    ),
     "angles deg": lambda s: _angles(s, factor=1 / DEG),
     "angles sense": lambda s: _angles(s, sense=-1.0),
 }

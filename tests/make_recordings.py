@@ -11,7 +11,7 @@ import numpy.typing as npt
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,6 +25,9 @@ class Bag:
     def __init__(self, path: Path, mcap: bool = False) -> None:
         self.ros1 = path.suffix == ".bag"
         self.store = get_typestore(Stores.ROS1_NOETIC if self.ros1 else Stores.ROS2_HUMBLE)
+        if self.ros1:
+            said = "geometry_msgs/TransformStamped[] transforms"
+            self.store.register(get_types_from_msg(said, "tf2_msgs/msg/TFMessage"))
         plugin = StoragePlugin.MCAP if mcap else StoragePlugin.SQLITE3
         self.writer: Any = (
             Writer1(path) if self.ros1 else Writer2(path, version=9, storage_plugin=plugin)
@@ -74,6 +77,28 @@ class Bag:
             for i, stamp in enumerate(stamps)
         ]  # fmt: skip
         self.add(topic, kind, stamps, messages)
+
+    def poses(self, topic: str, kind: str, stamps: Any, p: FloatArray, q: FloatArray) -> None:
+        """Add positions and attitudes (x, y, z, w), of tf beside another body."""
+        point, made_of = self._type("geometry_msgs/msg/Point"), self._type("geometry_msgs/msg/Pose")
+        pose = [made_of(point(*a.tolist()), self.quaternion(*b.tolist()))
+                for a, b in zip(p, q, strict=True)]  # fmt: skip
+        heads = [self.header(int(s), "room") for s in stamps]
+        if kind == "geometry_msgs/msg/PoseStamped":
+            made = [self._type(kind)(h, x) for h, x in zip(heads, pose, strict=True)]
+        elif kind == "geometry_msgs/msg/PoseWithCovarianceStamped":
+            cov = self._type("geometry_msgs/msg/PoseWithCovariance")
+            made = [self._type(kind)(h, cov(x, np.zeros(36)))
+                    for h, x in zip(heads, pose, strict=True)]  # fmt: skip
+        else:
+            one = self._type("geometry_msgs/msg/TransformStamped")
+            turned = self._type("geometry_msgs/msg/Transform")
+            made = [one(h, "marker", turned(self.vector(a), self.quaternion(*b.tolist())))
+                    for h, a, b in zip(heads, p, q, strict=True)]  # fmt: skip
+            if kind == "tf2_msgs/msg/TFMessage":
+                other = turned(self.vector(np.zeros(3)), self.quaternion(0.0, 0.0, 0.0, 1.0))
+                made = [self._type(kind)([one(x.header, "wand", other), x]) for x in made]
+        self.add(topic, kind, stamps, made)
 
     def odometry(self, topic: str, stamps: Any, q: FloatArray, v: FloatArray, frame: str) -> None:
         """Add attitudes (x, y, z, w) and velocities in the axes of the child."""

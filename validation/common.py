@@ -9,14 +9,18 @@ import pickle
 import sqlite3
 import sys
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from foucault.arrays import FloatArray
+from foucault.errors import Status
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
+from foucault.result import Level, Result
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("FOUCAULT_DATA", ROOT.parent / "shared" / "data")).resolve()
@@ -72,6 +76,62 @@ def each(
     finally:
         kept.close()
     yield from (pickle.loads(zlib.decompress(known[key])) for key in keys)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One session beside its truth."""
+
+    errors: dict[str, float]  # of coefficients [SI]
+    bound: FloatArray  # of them, by the noise of the sensors alone [SI]
+    nees: float  # of all coefficients, over their number [1]
+    degrees: int  # their number [1]
+    passed: bool
+    settled: bool
+
+    @classmethod
+    def of(cls, found: Result, true: Mapping[str, float], rows: Sequence[str] = ()) -> Trial:
+        """Compare a result with truth [SI]; `rows`: names that are kept, all where none is said."""
+        c = found.coefficients
+        e = c.values - np.array([true[n] for n in c.names])
+        kept = [k for k, n in enumerate(c.names) if not rows or n in rows]
+        nees = float(e @ np.linalg.solve(c.cov, e)) / len(e)
+        return cls({c.names[k]: float(e[k]) for k in kept},
+                   np.array(found.diagnostics["bound"])[kept], nees, len(e),
+                   found.verdict.level is Level.PASS, found.status is Status.CONVERGED)  # fmt: skip
+
+
+def accuracy(
+    one: Callable[[tuple[str, int]], Trial | None], cases: Sequence[str],
+    units: Mapping[str, float], sessions: int, workers: int = 0,
+) -> tuple[bool, dict[str, object]]:  # fmt: skip
+    """Return whether all is as it must be, and a table: a line of cells for each of the `cases`.
+
+    `one`: a session of a case by its seed, None where it is refused; `units`: columns, groups of
+    coefficients by the part of their names that they share, in units of [SI].
+    """
+    jobs = [(case, seed) for case in cases for seed in range(sessions)]
+    done, shown, good, settled = list(each(one, jobs, workers or None)), [], True, 0
+    for k, case in enumerate(cases):
+        kept = [x for x in done[k * sessions : (k + 1) * sessions] if x is not None]
+        settled += sum(x.settled for x in kept)
+        low, high = limits(kept[0].degrees * len(kept), tests=len(cases))
+        ratio = float(np.mean([x.nees for x in kept]))
+        good &= (fine := low <= ratio <= high)
+        e = {n: np.array([x.errors[n] for x in kept]) for n in kept[0].errors}
+        over = [rms([list(x.errors.values())[i] / x.bound[i] for x in kept]) for i in range(len(e))]
+        cells = []
+        for group, unit in units.items():
+            some = [v for n, v in e.items() if n == group or n.rpartition(".")[0] == group]
+            cells.append(f"{float(f'{rms(some) / unit:.2g}'):g}" if some else "-")
+        cells.append(f"{sum(x.passed for x in kept)} of {len(kept)}")
+        shown.append(f"| {case} | {ratio:.3f} | {low:.3f} to {high:.3f} | {must(fine)} | "
+                     f"{np.median(over):.2f} | {' | '.join(cells)} |")  # fmt: skip
+    enough = settled / len(jobs) >= 0.99
+    return bool(good and enough), {
+        "sessions": sessions, "shown": shown, "converged": f"{settled} of {len(jobs)}",
+        "enough": must(enough),
+    }  # fmt: skip
 
 
 def _of(one: Callable[[Any], Any], key: bytes) -> tuple[bytes, bytes]:

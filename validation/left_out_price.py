@@ -27,11 +27,17 @@ PROCEDURES = ("hand_rotated", "six_position", "ferraris", "rate_table", "north_s
 CLASSES = {"consumer MEMS": "mems", "tactical MEMS": "tactical", "tactical FOG": "navigation"}
 """Grade of the sizes -> class of the simulated instrument's noise and errors."""
 
+TABLES = ("norm_observation", "multi_position", "turntable")
+SESSIONS = CASES | {
+    f"{w}, both senses": replace(CASES[w], settings={"both_senses": True}) for w in TABLES
+}
+"""Spins in one sense leave a g-sensitivity in the gyros' matrix: in both they cost less."""
+
 CELLS = [
     *((w, n) for w in PROCEDURES[:-1] for n in CLASSES), ("north_seeking", "tactical FOG"),
-    *((w, "tactical MEMS") for w in ("norm_observation", "multi_position", "turntable")),
+    *((w, "tactical MEMS") for table in TABLES for w in (table, f"{table}, both senses")),
 ]  # fmt: skip
-"""Procedure and grade; gyros of the other grades find no north, and are not put on such tables."""
+"""Session and grade; gyros of the other grades find no north, and are not put on such tables."""
 
 SURVEYED = 2e-5  # m/s^2: gravity as a gravimeter tells it
 SHEET = {"accel.quadratic": 0.1, "accel.cross": 0.1, "accel.asymmetry": 0.1, "gyro.cubic": 0.1,
@@ -57,7 +63,7 @@ def trial(case: Case, log: Any, sizes: Any, gravity_sd: float = 4e-4) -> Any:
 def priced(job: tuple[str, str, int]) -> tuple[list[float], dict[str, float]]:
     """Return the median sd over that without sizes: with all, with each declaration, with both."""
     which, name, seed = job
-    case = replace(CASES[which], grade=CLASSES[name], noise=grade(CLASSES[name]).noise)
+    case = replace(SESSIONS[which], grade=CLASSES[name], noise=grade(CLASSES[name]).noise)
     log, sizes = made(case, 40_000 + seed).log, sizes_of(name)
     sheet = {g: (s * SHEET.get(g, 1.0), b) for g, (s, b) in sizes.items()}
     plain = trial(case, log, None).coefficients.sd

@@ -25,6 +25,7 @@ from foucault.errors import FoucaultError
 from foucault.models.earth import earth_rate_n
 from foucault.models.imu import ImuModel
 from foucault.models.left_out import sizes_of
+from foucault.procedures.platform_tumble.settings import OTHERWISE
 from foucault.result import Level
 from foucault.tables import Clock, IndexedLog, Log
 from sessions import LASER, SEEKER, SITE, SLAVE, Case, made, truth
@@ -165,11 +166,17 @@ def added(s: Session, accel: Any, gyro: Any) -> None:
     s.log = replace(s.log, **new)
 
 
+def found_by(case: Case) -> set[str]:
+    """Return the groups that a procedure estimates, those of a cluster by their names of an IMU."""
+    own = {name.rpartition(".")[0] for name in case.names}
+    return own | set(OTHERWISE if case.procedure == "platform_tumble" else ())
+
+
 def terms(**sizes: float) -> Violation:
     """Terms of the instrument: group -> amount of each, with random signs [SI]."""
 
     def violate(s: Session) -> None:
-        estimated = {name.rpartition(".")[0] for name in s.case.names}
+        estimated = found_by(s.case)
         for key, size in sizes.items():
             group = key.replace("__", " ").replace("_", ".", 1)
             if group not in estimated:
@@ -308,7 +315,7 @@ def timed(s: Session) -> bool:
 def everything(s: Session) -> None:
     """Every term that counts, drawn at its size."""
     sizes = sizes_of(GRADE[s.case.procedure])
-    known = {name.rpartition(".")[0] for name in s.case.names}
+    known = found_by(s.case)
     triads = {name.partition(".")[0] for name in s.case.names}
     x = {
         group: sizes[group][0] * s.rng.standard_normal(n)
@@ -366,6 +373,7 @@ def can(which: str, what: str) -> bool:
     groups = {"quadratic": "accel", "products": "accel", "cubic": "gyro", "g-sensitivity": "gyro",
               "deflection": "gyro", "prior": "gyro"}  # fmt: skip
     return {
+        "g-sensitivity 20 deg/h/g": "gyro" in triads and which != "platform_tumble",
         "table angle 1 deg": on_table,
         "master's clock 100 ppm": which == "transfer_alignment",
         "slave misalignment 1 mrad": which == "transfer_alignment",

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from foucault import campaign
 from foucault.capture.frame import Checksum, Decoder, crc, parsed, shipped, text_of
+from foucault.capture.recording import campaign_of
 from foucault.errors import FoucaultError
 from make_frames import MADE, adis, crc_bitwise, novatel, sbg, xsens
 
@@ -130,3 +132,25 @@ def test_unknown_names_say_what_there_is():
         text_of("vectornav")
     assert problem.value.code == "capture.unknown"
     assert "sbg_imu_short" in str(problem.value)
+
+
+def test_frames_of_pymavlink_are_read_in_the_axes_of_results(tmp_path):
+    """What another program writes; forward-right-down becomes right-forward-up."""
+    mavlink2 = pytest.importorskip("pymavlink.dialects.v20.common")
+    writer = mavlink2.MAVLink(None)
+    told = decoder("mavlink2_highres_imu")
+    data = b""
+    for k in range(40):
+        sent = mavlink2.MAVLink_highres_imu_message(
+            10_000 * k, 0.5, -0.25, -9.75, 0.125, 0.5, -2.0, 0, 0, 0, 0, 0, 0, 20.0, 63
+        )
+        data += sent.pack(writer) + mavlink2.MAVLink_heartbeat_message(1, 2, 3, 4, 5, 3).pack(
+            writer
+        )
+    rows = told.feed(data + b"\xfd")
+    assert rows[-1] == (390_000.0, 0.5, -0.25, -9.75, 0.125, 0.5, -2.0) and len(rows) == 40
+    assert told.heard.others == 40 and told.heard.junk == told.heard.broken == 0
+    (tmp_path / "log.bin").write_bytes(np.array([(*row, 0.0) for row in rows]).tobytes())
+    text = campaign_of(told.frame, "session")
+    log = campaign.read_log(campaign.parse(text, tmp_path / "campaign.toml"))
+    assert log.accel[0].tolist() == [-0.25, 0.5, 9.75] and log.gyro[0].tolist() == [0.5, 0.125, 2.0]

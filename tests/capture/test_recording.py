@@ -141,6 +141,50 @@ def test_every_source_hands_out_all_that_comes(name: str, tmp_path: Path):
     assert said["rows"] == MANY and said["broken"] == 0
 
 
+def test_what_was_lost_and_opened_again_is_counted(tmp_path: Path):
+    """A cable that is pulled in mid-frame and put back: nothing of what was sent whole is lost."""
+    server = socket.create_server(("127.0.0.1", 0))
+    data = stream(60)
+
+    def serve() -> None:
+        for part in (data[:1000], data[1000 // 41 * 41 :]):
+            peer, _ = server.accept()
+            peer.sendall(part)
+            peer.close()
+            time.sleep(0.2)
+        server.close()
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    source = opened(f"tcp:127.0.0.1:{server.getsockname()[1]}")
+    said = recording.record(source, FRAME, TEXT, tmp_path / "s", silent=3.0)
+    thread.join()
+    assert said["reopened"] >= 1 and said["rows"] == 60
+    assert json.loads((tmp_path / "s" / recording.SAID).read_text())["reopened"] >= 1
+
+
+def test_another_program_on_the_port_and_a_full_disk_are_named(tmp_path: Path):
+    import pty
+
+    master, slave = pty.openpty()
+    held = opened(f"serial:{os.ttyname(slave)}:9600")
+    with pytest.raises(FoucaultError) as problem:
+        opened(f"serial:{os.ttyname(slave)}:9600")
+    assert problem.value.code == "capture.port" and "holds it" in problem.value.cure
+    held.close()
+    os.close(master)
+    os.close(slave)
+    session = recording.Recording(tmp_path / "s", FRAME)
+    session._files[recording.RAW].close()
+    with Path("/dev/full").open("wb", buffering=0) as full:
+        session._files[recording.RAW] = full
+        with pytest.raises(FoucaultError) as problem:
+            session.take(stream(1), 0.0)
+    assert problem.value.code == "output.unwritable" and "No space left" in problem.value.message
+    for file in session._files.values():
+        file.close()
+
+
 def test_sources_that_cannot_be(tmp_path: Path):
     for given, code in (("nonsense", "capture.source"), ("udp:x", "capture.source"),
                         ("serial:/dev/nothing", "capture.port"),

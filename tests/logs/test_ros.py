@@ -11,8 +11,10 @@ import pytest
 from foucault.errors import FoucaultError
 from foucault.logs import LogDescription, follow, master, read
 from foucault.logs import formats as ros
+from foucault.logs import pose as poses
 from foucault.logs.description import description_of
 from foucault.logs.master import MasterDescription
+from foucault.logs.pose import PoseDescription
 from foucault.models.rotation import matrix_of
 from make_recordings import START, Bag
 from refusals import refuses
@@ -186,3 +188,48 @@ def test_odometry_is_a_master(frame, tmp_path):
     codes = [item.code for item in table.findings]
     assert ("log.master_frame" in codes) == (frame == "odom")
     assert "log.declared" in codes
+
+
+# -- poses ---------------------------------------------------------------------------------------
+
+
+def posed(**words):
+    return PoseDescription.model_validate(words)
+
+
+@pytest.mark.parametrize("name", ["poses.bag", "sqlite", "mcap"])
+@pytest.mark.parametrize("kind", [
+    "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "geometry_msgs/msg/TransformStamped", "tf2_msgs/msg/TFMessage",
+])  # fmt: skip
+def test_poses_of_a_bag_are_those_that_were_recorded(kind, name, tmp_path):
+    rng = np.random.default_rng(5)
+    p, q = rng.normal(size=(60, 3)), rng.normal(size=(60, 4))
+    q /= np.linalg.norm(q, axis=1)[:, None]
+    with Bag(tmp_path / name, mcap=name == "mcap") as bag:
+        bag.poses("/pose", kind, START + np.arange(60) * 10**7, p, q)
+    child = "marker" if kind.startswith("tf2") else None
+    table = poses.read(posed(file=name, child=child), tmp_path)
+    np.testing.assert_array_equal(table.position, p)
+    np.testing.assert_array_equal(table.quaternion, q[:, [3, 0, 1, 2]])
+    assert table.reading == "w x y z, body to world"
+    np.testing.assert_allclose(np.diff(table.time), 0.01, atol=1e-6)
+
+
+def test_odometry_is_a_pose_and_transforms_need_a_child(tmp_path):
+    q = np.tile([0.0, 0.0, 0.0, 1.0], (60, 1))
+    stamps, p = START + np.arange(60) * 10**7, np.arange(180.0).reshape(60, 3)
+    with Bag(tmp_path / "odom.bag") as bag:
+        bag.odometry("/odom", stamps, q, p, "room")
+    with refuses("pose.few"):  # it stands where it was: the last pose repeated
+        poses.read(posed(file="odom.bag"), tmp_path)
+    with Bag(tmp_path / "tf.bag") as bag:
+        bag.poses("/tf", "tf2_msgs/msg/TFMessage", stamps, p, q)
+        bag.odometry("/odom", stamps, q, p, "room")
+    with refuses("log.several_topics"):
+        poses.read(posed(file="tf.bag"), tmp_path)
+    for child in (None, "elsewhere"):
+        with refuses("pose.frames"):
+            poses.read(posed(file="tf.bag", topic="/tf", child=child), tmp_path)
+    found = poses.read(posed(file="tf.bag", topic="/tf", child="marker"), tmp_path)
+    np.testing.assert_array_equal(found.position, p)

@@ -184,6 +184,7 @@ def test_a_world_whose_y_axis_is_up_is_no_error():
     assert result.verdict.level is Level.PASS
     level = np.linalg.norm(result.coefficients["pose.level"].values)
     assert np.degrees(level) == pytest.approx(90.0, abs=5.0)
+    assert "pose.upright" in {f.code for f in result.findings}
     assert np.abs(result.coefficients["pose.lever"].values - truth["lever"]).max() < 1e-3
 
 

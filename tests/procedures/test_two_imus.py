@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -216,3 +218,29 @@ def test_declared_noise_is_judged():
 def test_names_are_known_once():
     assert len(set(LAYOUT.names)) == len(LAYOUT.names)
     assert set(layout_of(3).names) == set(LAYOUT.names)
+
+
+REAL = Path(os.environ.get("FOUCAULT_DATA", Path(__file__).parents[3] / "shared" / "data"))
+PAIR = REAL / "mpu9150_hand_rotated"
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(not PAIR.is_dir(), reason=f"real logs are not here: set FOUCAULT_DATA ({PAIR})")
+@pytest.mark.parametrize("first", [0, 1])
+def test_two_boards_that_lost_samples_are_doubtful_for_their_stamps(first):
+    """No column of time, samples lost: offsets leave a line by 0.4 samples, by 2380 ppm drift."""
+    pair = []
+    for k in (first, 1 - first):
+        x = np.loadtxt(PAIR / f"imu{k}.log")
+        pair.append(Log(np.arange(len(x)) / 100.0, x[:, 3:], x[:, :3]))
+    result = two_imus.calibrate(ImuLogs.of(pair[1], pair[0]), site=Site.at(np.radians(45.0)))
+    assert result.verdict.level is Level.DOUBTFUL
+    assert any("stamps do not hold" in reason for reason in result.verdict.reasons)
+    assert {"imus.stamps", "imus.clock"} <= {f.code for f in result.findings}
+    assert result.diagnostics["imus"]["jumps"][0] == pytest.approx(0.4, abs=0.1)
+    c = result.coefficients
+    assert abs(c.value("second.clock")) == pytest.approx(2.38e-3, abs=5e-5)
+    turned = np.degrees(c["second.rotation"].values) * (1 - 2 * first)
+    assert turned == pytest.approx([0.0, 91.0, -105.0], abs=1.0)
+    assert np.abs(c["second.lever"].values / c["second.lever"].sd).max() < 5.0
+    assert c["second.lever"].sd.min() > 1e-3  # nothing of it is to be trusted by millimetres

@@ -8,6 +8,7 @@ looks for the next sync byte by byte, believes a frame by its checksum, and coun
 
 from __future__ import annotations
 
+import re
 import struct
 import tomllib
 import zlib
@@ -83,6 +84,7 @@ class Checksum(Strict):
     final: int = 0  # with which it is combined by exclusive or at the end
     reflected: bool = False
     negated: bool = False  # whether the sum of all bytes and of itself is nothing
+    extra: Bytes = b""  # that are summed up after them, though they are not sent
 
     @property
     def size(self) -> int:
@@ -151,13 +153,22 @@ class Bit(Strict):
     divide: float
 
 
+class Line(Strict):
+    """How lines of text look: `at` of the fields counts their cells from 0."""
+
+    prefix: str = ""  # of the lines that are wanted; it is no cell where a separator follows it
+    separator: str = ","  # "" for spaces of any number
+    # exclusive or of what stands between the first letter and the star, in hexadecimal after it
+    checksum: bool = False
+
+
 class FrameField(Strict):
     """Numbers of a frame: `count` of one type one after the other."""
 
     name: str
     at: int | None = Field(None, ge=0)
     item: Annotated[tuple[int, ...], BeforeValidator(_each)] = ()
-    type: Type
+    type: Type = "f64"  # of text: whole numbers that wrap say how wide they are
     count: int = Field(1, ge=1, le=16)
     multiply: float = 1.0
     divide: float = 1.0
@@ -183,15 +194,24 @@ class Frame(Strict):
     order: Literal["little", "big"] = "little"
     sync: Bytes = b""
     match: Match | None = None
-    length: Length | Annotated[int, Field(ge=2, le=LONGEST)]
+    length: Length | Annotated[int, Field(ge=2, le=LONGEST)] | None = None
+    line: Line | None = None  # text instead of bytes
     checksum: Checksum | None = None
     kind: Literal["rate", "increment"] = "rate"
     items: Items | None = None
+    trimmed: int = 0  # length without the checksum, where zeros at the end are left out [bytes]
+    axes: tuple[str, str, str] = ("x", "y", "z")  # which are right, forward and up, such as "-z"
     fields: tuple[FrameField, ...]
 
     @model_validator(mode="after")
     def _whole(self) -> Frame:
-        if not self.sync and (self.checksum is None or isinstance(self.length, Length)):
+        if (self.line is None) == (self.length is None):
+            raise ValueError("frames need `length`, lines of text `line`")
+        if (
+            self.line is None
+            and not self.sync
+            and (self.checksum is None or isinstance(self.length, Length))
+        ):
             raise ValueError("without sync bytes frames need one length and a checksum")
         for one in self.fields:
             if (one.at is None) == (self.items is None):
@@ -260,6 +280,7 @@ class Heard:
     broken: int = 0  # whose checksum was wrong [1]
     junk: int = 0  # bytes that belong to no frame [bytes]
     lost: int = 0  # frames that a counter says were sent [1]
+    reopened: int = 0  # times that the source was lost and opened again [1]
 
 
 @dataclass
@@ -301,6 +322,14 @@ class Decoder:
                 if len(held) < at + 2 * length:
                     break
                 right = any(raw) and self._right(bytes(held[at + length : at + 2 * length]))
+            if not right and raw and self._other(raw):
+                end = at + len(raw)
+                if len(held) < end + len(sync):
+                    break
+                if held[end : end + len(sync)] == sync:
+                    self.heard.others += 1
+                    at = end
+                    continue
             if not right:
                 self.heard.broken += bool(raw) and (bool(sync) or self._synced)
                 self._synced = False
@@ -327,6 +356,7 @@ class Decoder:
     def _length(self, at: int) -> int | None:
         """Return the length of the frame at `at`, 0 where it cannot be, None: not yet known."""
         said = self.frame.length
+        assert said is not None
         if isinstance(said, int):
             return said
         end = at + said.at + SIZE[said.type]
@@ -344,7 +374,12 @@ class Decoder:
             return False
         start = told.at % len(raw)
         read = int.from_bytes(raw[start : start + told.size], told.order or self.frame.order)
-        return told.of(raw[told.first : told.last % len(raw)]) == read
+        return told.of(raw[told.first : told.last % len(raw)] + told.extra) == read
+
+    def _other(self, raw: bytes) -> bool:
+        """Tell whether it may be another message, whose checksum nobody here can know."""
+        told = self.frame.checksum
+        return told is not None and bool(told.extra) and not self._wanted(raw)
 
     def _wanted(self, raw: bytes) -> bool:
         match = self.frame.match
@@ -362,6 +397,8 @@ class Decoder:
     def _row(self, raw: bytes) -> tuple[float, ...] | None:
         """Return the numbers of a frame, None where it lacks one that is always wanted."""
         places = self._items(raw) if self.frame.items else None
+        if self.frame.trimmed and self.frame.checksum is not None:
+            raw = raw[: self.frame.checksum.last].ljust(self.frame.trimmed, b"\0")
         values: dict[str, tuple[Any, ...]] = {}
         for one, read, size in self._readers:
             at = one.at
@@ -373,6 +410,10 @@ class Decoder:
             if at is None or at + size > len(raw):
                 continue
             values[one.name] = read(raw, at)
+        return self._numbers(values)
+
+    def _numbers(self, values: dict[str, tuple[Any, ...]]) -> tuple[float, ...] | None:
+        """Return the row of the values of a frame, scaled; None where it lacks what is wanted."""
         if not {"accel", "gyro"} & values.keys():
             return None
         out: list[float] = []
@@ -421,3 +462,63 @@ class Decoder:
         total += step
         self._before[one.name] = int(value), total
         return total
+
+
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?$")
+"""A number at the end of a cell: what stands before it names it."""
+
+
+class Lines(Decoder):
+    """Lines of text as they come; a cell may say what it is before its number."""
+
+    def feed(self, data: bytes) -> list[tuple[float, ...]]:
+        """Take bytes that have arrived, and return the rows of all lines that are whole now."""
+        *lines, rest = (self._held + data).replace(b"\r", b"\n").split(b"\n")
+        self._held = bytearray(rest[-LONGEST:])
+        out = list[tuple[float, ...]]()
+        for line in filter(None, lines):
+            row = self._read(bytes(line))
+            if row is not None:
+                out += [*self._missing(len(row)), row]
+                self.heard.frames += 1
+        return out
+
+    def _read(self, line: bytes) -> tuple[float, ...] | None:
+        told, first = self.frame.line, not self._synced
+        assert told is not None
+        self._synced = True  # the first line may have begun before it was heard
+        try:
+            text = line.decode("ascii").strip()
+        except UnicodeDecodeError:
+            self.heard.junk += len(line)
+            return None
+        if not text.startswith(told.prefix):
+            self.heard.others += not first
+            self.heard.junk += len(line) * first
+            return None
+        if told.checksum:
+            text, star, said = text.rpartition("*")
+            if (
+                not star
+                or said.upper()
+                != f"{Checksum(kind='xor8', last=0, at=0).of(text[1:].encode()):02X}"
+            ):
+                self.heard.broken += 1
+                return None
+        inner = text[len(told.prefix) :].removeprefix(told.separator)
+        cells = [NUMBER.search(c.strip()) for c in inner.split(told.separator or None)]
+        values: dict[str, tuple[Any, ...]] = {}
+        for one in self.frame.fields:
+            some = cells[one.at : (one.at or 0) + one.count]
+            if len(some) == one.count and all(some):
+                values[one.name] = tuple(float(c.group()) for c in some if c)
+        row = self._numbers(values) if len(values) == len(self.frame.fields) else None
+        if row is None:
+            self.heard.broken += not first
+            self.heard.junk += len(line) * first
+        return row
+
+
+def decoder_of(frame: Frame, heard: Heard) -> Decoder:
+    """Return what finds the frames of a description: bytes, or lines of text."""
+    return (Decoder if frame.line is None else Lines)(frame, heard)

@@ -122,5 +122,6 @@ def guided(
         pass
     finally:
         source.close()
+        live.recorder.heard.reopened = getattr(source, "lost", 0)
         live.recorder.close(**own)
     return live, campaigns.load(folder / recording.CAMPAIGN)

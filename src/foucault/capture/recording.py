@@ -28,7 +28,7 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.campaign import running, writing
 from foucault.capture.clock import HOST_SD, Clocks, compared
-from foucault.capture.frame import Decoder, Frame, Heard, parsed
+from foucault.capture.frame import Frame, Heard, decoder_of, parsed
 from foucault.capture.source import Source
 from foucault.errors import error
 from foucault.files import atomic, make_folder, write_text
@@ -61,7 +61,7 @@ class Recording:
         make_folder(self.folder)
         if any((self.folder / name).exists() for name in (RAW, LOG)):
             raise error("capture.there", folder=self.folder)
-        self._decoder = Decoder(self.frame, self.heard)
+        self._decoder = decoder_of(self.frame, self.heard)
         self._files = {name: self._open(name) for name in (RAW, ARRIVALS, LOG)}
         self._waiting: list[tuple[float, ...]] = []
         self._written = self._safe = time.monotonic()
@@ -150,6 +150,7 @@ def record(
         pass
     finally:
         source.close()
+        recording.heard.reopened = getattr(source, "lost", 0)
         said = recording.close()
     return said
 
@@ -161,14 +162,15 @@ def again(folder: Path) -> dict[str, Any]:
     frame = parsed((folder / FRAME).read_text(), FRAME)
     raw, arrivals = (folder / RAW).read_bytes(), (folder / ARRIVALS).read_bytes()
     pairs = np.frombuffer(arrivals[: len(arrivals) // 16 * 16]).reshape(-1, 2)
-    decoder, at, rows = Decoder(frame), 0, list[tuple[float, ...]]()
+    decoder, at, rows = decoder_of(frame, Heard()), 0, list[tuple[float, ...]]()
     for size, now in pairs.tolist():
         rows += [(*row, now) for row in decoder.feed(raw[at : at + int(size)])]
         at += int(size)
     rows += [(*row, pairs[-1, 1] if len(pairs) else 0.0) for row in decoder.feed(raw[at:])]
     with atomic(folder / LOG) as temporary:
         temporary.write_bytes(np.array(rows, "<f8").tobytes())
-    return concluded(folder, frame, decoder.heard)
+    told = folder / CAMPAIGN  # of a guided session it says more than how by hand
+    return concluded(folder, frame, decoder.heard, told.read_text() if told.is_file() else None)
 
 
 def rows_of(folder: Path, frame: Frame) -> FloatArray:
@@ -225,9 +227,10 @@ def campaign_of(
     for triad in ("gyro", "accel"):
         told = frame.field_of(triad)
         if told is not None:
-            at = [columns.index(f"{triad}_{axis}") for axis in "xyz"]
+            numbers = [(a[:-1], columns.index(f"{triad}_{a[-1]}")) for a in frame.axes]
+            at = [f"{sign}{number}" if sign else number for sign, number in numbers]
             kind = ', kind = "increment"' if frame.kind == "increment" else ""
-            lines.append(f'{triad} = {{ columns = {at}, unit = "{told.unit}"{kind} }}')
+            lines.append(f'{triad} = {{ columns = {json.dumps(at)}, unit = "{told.unit}"{kind} }}')
     if (warm := frame.field_of("temperature")) is not None and warm.unit:
         at_ = columns.index("temperature")
         lines.append(f'temperature = {{ column = {at_}, unit = "{warm.unit}" }}')

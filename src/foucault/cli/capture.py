@@ -103,6 +103,7 @@ def _lines(said: dict[str, Any]) -> list[str]:
     counted = {
         "lost": "frames lost by their counter", "broken": "with a wrong checksum",
         "junk": "bytes of no frame", "others": "frames of other messages",
+        "reopened": "times that the source was lost and opened again",
     }  # fmt: skip
     odd = [f"{said[key]} {words}" for key, words in counted.items() if said[key]]
     out += ["Besides: " + ", ".join(odd) + "."] if odd else []

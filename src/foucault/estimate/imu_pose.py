@@ -78,6 +78,9 @@ positions alone start too far off to tell [1]."""
 DECIDED = 5
 """Passes after which the noise of the poses, and which are left out, is decided [1]."""
 
+LOUD = 3.0
+"""Noise is too much that is so many times what most poses have [1]."""
+
 SLOWEST = 0.9
 """Correlation of a pose's error with the next that is counted with at most [1]."""
 
@@ -177,6 +180,7 @@ class Readings:
     white: tuple[float, float]  # of gyros and accelerometers [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
     gravity: float  # [m/s^2]
     log: Log
+    jumped: IntArray  # (m,) how often the world has jumped before each pose [1]
 
     @classmethod
     def of(
@@ -196,7 +200,8 @@ class Readings:
             rise = np.diff(log.accel, axis=0, prepend=log.accel[:1])
         broken = np.cumsum(np.asarray(x.dt > GAP * np.median(x.dt), int))
         return cls(x.time, x.dt, x.dtheta_b, x.dvel_b, rise, stamp, float(stamp[0] + stamp[-1]) / 2,
-                   position, C_vm, broken, white, gravity, log)  # fmt: skip
+                   position, C_vm, broken, white, gravity, log,
+                   np.zeros(len(stamp), int))  # fmt: skip
 
     def noisy(self, noise: Noise, rng: np.random.Generator) -> Readings:
         """Return the same readings with their noise once more."""
@@ -208,12 +213,13 @@ class Readings:
                       zip((noise.attitude, noise.position), noise.slow, strict=True))  # fmt: skip
         C = None if self.C_vm is None else self.C_vm @ exp(turn)
         made = Readings.of(log, self.stamp, self.position + move, C, self.white, self.gravity)
-        return replace(made, middle=self.middle)
+        return replace(made, middle=self.middle, jumped=self.jumped)
 
     def __getitem__(self, rows: BoolArray | slice) -> Readings:
         """Return the readings with some of the poses."""
         C = None if self.C_vm is None else self.C_vm[rows]
-        return replace(self, stamp=self.stamp[rows], position=self.position[rows], C_vm=C)
+        return replace(self, stamp=self.stamp[rows], position=self.position[rows], C_vm=C,
+                       jumped=self.jumped[rows])  # fmt: skip
 
     def at(self, tau: float, kappa: float) -> FloatArray:
         """Return when the poses held by the clock of the IMU, shape (m,) [s].
@@ -368,8 +374,8 @@ def one_pass(r: Readings, at: Point, noise: Noise, hold: IntArray) -> Pass:
     u[1:, 3:6] = at.v[:-1] + g_v * T + np.einsum("kij,kj->ki", C, moved[1:, 9:12]) - at.v[1:]
     u[1:, 6:] = (at.p[:-1] + at.v[:-1] * T + g_v * T**2 / 2
                  + np.einsum("kij,kj->ki", C, moved[1:, 12:15]) - at.p[1:])  # fmt: skip
-    # Nothing leads over a gap.
-    apart = np.flatnonzero(np.diff(r.broken[at.node], prepend=0))
+    # Nothing leads over a gap, nor into a world that has jumped.
+    apart = np.flatnonzero(np.diff(r.broken[at.node] + r.jumped, prepend=0))
     u[apart], J[apart], Q[apart] = 0.0, 0.0, np.diag(START_SD**2)
     z, H, D = misses(r, at)
     sd = np.repeat([noise.attitude * noise.slow[0], noise.position * noise.slow[1]], 3)
@@ -446,7 +452,7 @@ def solve(
     sd: tuple[float | None, float | None],
     *,
     robust: bool = True,
-    most: int = 20,
+    most: int = 30,
     hold: IntArray | None = None,
 ) -> Solution:
     """Pass by pass, from a start.
@@ -476,7 +482,8 @@ def solve(
         moved = float(np.max(np.abs(delta) / np.sqrt(np.diag(seen.covariance(prior_sd)))))
         last, cost = cost, float(np.sum(p.left(delta)[p.used] ** 2))
         before = noise
-        if passes <= DECIDED:  # a pose at the edge of the cut would come and go for ever
+        # A pose at the edge of the cut would come and go for ever; wild ones must not stay hidden.
+        if passes <= DECIDED or (robust and _loud(r, at, noise, sd)):
             noise = _weighed(r, at, p.H, P, noise, sd, student=passes <= 2, robust=robust)
         same = bool(((noise.weights > 0.5) == (before.weights > 0.5)).all())
         fallen = abs(last - cost) / max(cost, 1e-12)
@@ -489,6 +496,14 @@ def solve(
         told = told or settled  # what the motion shows is asked once more where all has settled
     p = one_pass(r, at, noise, hold)
     return _stated(r, at, p, made, noise, prior_sd, hold, passes, settled)
+
+
+def _loud(r: Readings, at: Point, noise: Noise, sd: tuple[float | None, float | None]) -> bool:
+    """Tell whether the noise that was found is far more than most poses have, after a bad start."""
+    z = np.median(np.abs(misses(r, at)[0]).reshape(-1, 2, 3), axis=(0, 2)) * 1.4826 * LOUD
+    found = z < (noise.attitude * noise.slow[0], noise.position * noise.slow[1])
+    found[0] &= r.C_vm is not None
+    return bool((found & [given is None for given in sd]).any())
 
 
 def _prior(start: Point, known: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
@@ -536,10 +551,13 @@ def _weighed(
             # Of what is left R (1 - leverage) is seen.
             R = (sds[k] * slow[k]) ** 2
             free = 1 - np.minimum(absorbed[:, own] / R * noise.weights[:, k, None], 0.98)
+            middle = 1.4826 * float(np.median(np.abs(off) / np.sqrt(free)))
             if student or kept.sum() < 10:
-                sds[k] = 1.4826 * float(np.median(np.abs(off) / np.sqrt(free)))
+                sds[k] = middle
             else:
                 sds[k] = float(np.sqrt(np.sum(off[kept] ** 2) / np.sum(free[kept])))
+                if robust:  # from a start that is far off, wild poses would hide in a large noise
+                    sds[k] = min(sds[k], 1.5 * middle)
             sds[k] = max(sds[k], 1e-7)
         if robust:
             square = np.sum((off / sds[k]) ** 2, axis=1)

@@ -26,6 +26,12 @@ ONE_AXIS = 0.05
 GRID, SMOOTH = 0.005, 0.1
 """Grid of the correlation, and window of the derivatives [s]."""
 
+WINDOW = (3.0, 10.0)
+"""Length of windows whose offsets tell the rate of clocks: a sixth of the log, within these [s]."""
+
+NEAR, ALIKE = 0.5, 0.02
+"""How far from a line windows are looked for [s]; by how much another place is worse [1]."""
+
 
 @dataclass(frozen=True)
 class Clocks:
@@ -61,13 +67,30 @@ def clocks(
     return Clocks(tau, kappa, peak, second, slope, jumps)
 
 
-def smooth(x: FloatArray, step: float, order: int = 0) -> FloatArray:
-    """Return `x` (n, q) or its derivative of `order` [1] by parabolas over windows, `step` [s]."""
+def smooth(x: FloatArray, step: float, order: int = 0, over: float = SMOOTH) -> FloatArray:
+    """Return `x` (n, q) or its derivative of `order` [1] by parabolas.
+
+    `step`: between two values [s]; `over`: length of a window, three values at least [s].
+    """
     from scipy.signal import savgol_filter
 
-    window = max(5, 2 * round(SMOOTH / step / 2) + 1)
-    degree = 2 if order < 2 else 3
+    window = max(3, 2 * round(over / step / 2) + 1)
+    degree = min(2 if order < 2 else 3, window - 1)
     return np.asarray(savgol_filter(x, window, degree, deriv=order, delta=step, axis=0))
+
+
+def smoothed_alike(x: FloatArray, step: float, order: int, others: float) -> FloatArray:
+    """Return `x` (n, q) smoothed as is a derivative of `order` [1] that `smooth` finds.
+
+    `step`: between two values [s]; `others`: between two of those whose derivative it is [s].
+    """
+    over = max(2, 2 * round(SMOOTH / others / 2)) * others
+    over = min(over, (len(x) // 3) * step)
+    mean = x.mean(axis=0)
+    total = x - mean
+    for _ in range(order):
+        total = np.cumsum(total + np.vstack([total[:1], total[:-1]]), axis=0) * (step / 2)
+    return np.asarray(smooth(total, step, order, over) + mean)
 
 
 def even(time: FloatArray, x: FloatArray, grid: FloatArray) -> FloatArray:
@@ -108,30 +131,50 @@ def offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, flo
     return (lags[k] + part) * step, float(r[k]), float(max(others, default=-1.0))
 
 
-def drift(
-    a: FloatArray, b: FloatArray, step: float, window: float = 10.0
-) -> tuple[float, float, float]:
+def drift(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, float]:
     """Return drift, offset in the middle of `b`, and what windows leave of that line (rms) [s].
 
-    `a` (n,), `b` (m,): as of `offset` [any unit]; `step`: between two [s]; `window`: length [s].
+    Windows are looked for anywhere, then beside the line of most of them: one of a turn like others
+    has its like far away.
+
+    `a` (n,), `b` (m,): as of `offset` [any unit]; `step`: between two [s].
     """
-    n = round(window / step)
+    slope, middle, found = 0.0, 0.0, np.zeros((0, 2))
+    window = np.clip(len(b) * step / 6, *WINDOW)
+    for reach in (np.inf, NEAR):
+        found = _windows(a, b, step, round(window / step), (slope, middle), reach)
+        if len(found) < 3:
+            return 0.0, np.nan, 0.0
+        t, off = found.T
+        rows, columns = np.tril_indices(len(t), -1)
+        slope = float(np.median((off[rows] - off[columns]) / (t[rows] - t[columns])))
+        middle = float(np.median(off - slope * t))
+    return slope, middle, float((found[:, 1] - slope * found[:, 0] - middle).std())
+
+
+def _windows(
+    a: FloatArray, b: FloatArray, step: float, n: int, line: tuple[float, float], reach: float
+) -> FloatArray:
+    """Return time from the middle of `b` and offset of windows of `n` values, shape (k, 2) [s].
+
+    As far as `reach` [s] from a `line`, drift [1] and offset in the middle [s].
+    """
     found = []
     for first in range(0, len(b) - n + 1, n):
-        part = b[first : first + n]
+        part, t = b[first : first + n], (first + n / 2 - len(b) / 2) * step
         if part.std() < 0.2 * b.std():
             continue
-        lag, peak, _ = offset(a, part, step)
-        found.append((first + n / 2, lag - first * step, peak))
-    good = np.array([f for f in found if f[2] > 0.9])
-    if len(good) < 3:
-        return 0.0, np.nan, 0.0
-    t = (good[:, 0] - len(b) / 2) * step
-    slopes = [(good[j, 1] - good[i, 1]) / (t[j] - t[i])
-              for i in range(len(good)) for j in range(i)]  # fmt: skip
-    slope = float(np.median(slopes))
-    off = good[:, 1] - slope * t
-    return slope, float(np.median(off)), float(off.std())
+        low, high = 0, len(a)
+        if np.isfinite(reach):
+            at = first + round((line[1] + line[0] * t) / step)
+            low = max(at - round(reach / step), 0)
+            high = min(at + n + round(reach / step), len(a))
+        if high - low < n:
+            continue
+        lag, peak, second = offset(a[low:high], part, step)
+        if peak > 0.9 and second < peak - ALIKE:
+            found.append((t, lag + (low - first) * step))
+    return np.array(found).reshape(-1, 2)
 
 
 def wahba(a: FloatArray, b: FloatArray) -> FloatArray:

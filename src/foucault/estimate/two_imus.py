@@ -39,8 +39,15 @@ USUAL = {
 SETTLED = 0.02
 """A step that moves nothing by more of its sd is the last [1]."""
 
-NOISY = (2, 4)
-"""Passes in which what the motion shows is told from what its noise does, before all settles."""
+GROWN = 0.05
+"""Logarithm of a variance by which it grows no more [1]."""
+
+NOISY = 4
+"""Pass in which what the motion shows is told from what its noise does, before all settles."""
+
+QUIET = 2
+"""Passes in which noise is at most that of differences of readings: what a start leaves is none,
+and looks like one in which nothing is seen."""
 
 BLOCK = 2.0
 """What is left of readings farther apart is independent [s]."""
@@ -172,16 +179,17 @@ class Normal:
 
 def normal(
     problem: Problem, slaves: Sequence[Slave], spline: FloatArray, var: FloatArray,
-    other: FloatArray | None = None,
+    other: FloatArray | None = None, still: bool = False,
 ) -> Normal:  # fmt: skip
     """Linearise about slaves and `spline` (m, 6) [SI]; `var` (i, 2): of readings [SI].
 
-    `other` (m, 6) or None: columns are those at this spline less those here [SI].
+    `other` (m, 6) or None: columns are those at this spline less those here [SI]; `still`: only the
+    spline moves.
     """
     from scipy.linalg import cholesky_banded
 
-    n, p = 6 * problem.knots, kernels.COLUMNS * len(slaves)
-    band, border = np.zeros((n, 24)), np.zeros((n, p + 1))
+    n, p = 6 * problem.knots, 0 if still else kernels.COLUMNS * len(slaves)
+    band, border = np.zeros((n, 24)), np.zeros((n, p))
     corner, rhs, left = np.zeros((p, p)), np.zeros(p), []
     grad = np.zeros(n)
     if other is None:
@@ -196,10 +204,10 @@ def normal(
             problem.knot, band, border, corner, grad, rhs, off,
         )  # fmt: skip
         left.append(off)
-    border[:, p] = grad
+    border = np.column_stack([border, grad])
     band[:, 0] += FEWEST * band[:, 0].max()
-    border[:, problem.hold] = 0.0
-    corner[problem.hold] = corner[:, problem.hold] = rhs[problem.hold] = 0.0
+    hold = problem.hold[problem.hold < p]
+    border[:, hold] = corner[hold] = corner[:, hold] = rhs[hold] = 0.0
     L = np.ascontiguousarray(cholesky_banded(band.T, lower=True, check_finite=False))
     kernels.forward(L, border)
     corner = np.tril(corner) + np.tril(corner, -1).T
@@ -275,28 +283,39 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
     var = np.array([_quiet(r) ** 2 if g is None else np.square(g)
                     for r, g in zip(problem.readings, problem.given, strict=True)])  # fmt: skip
     spline = np.zeros((problem.knots, 6))
-    spline += normal(_master(problem), (), spline, var).moved(np.zeros(0))
+    spline += normal(_master(problem), (), spline, var, still=True).moved(np.zeros(0))
     made, converged, passes, told = np.zeros((p, p)), False, 0, False
+    growth = np.zeros_like(var)
     for passes in range(1, most + 1):
         at = normal(problem, slaves, spline, var)
-        if passes in NOISY or told:
+        if passes == NOISY or told:
             made = of_noise(problem, slaves, spline, var)
         seen = shown(at.information, made, problem.prior_sd)
         values = np.concatenate([s.values for s in slaves])
         J = _of_values(slaves)
         delta = seen.step(at.score, np.linalg.solve(J, problem.mean - values), problem.prior_sd)
         delta[problem.hold] = 0.0
+        sd = np.sqrt(np.diag(seen.covariance(problem.prior_sd)))
+        moved = float(np.max(np.abs(delta) / sd))
+        converged = passes > 2 and moved < SETTLED and float(np.abs(growth).max()) < GROWN
+        if converged and told:
+            break
+        told = converged  # what the motion shows is asked once more where all has settled
         size = max(1.0, float(np.abs(delta).max(initial=0.0, where=_is_offset(p))) / 0.05)
         spline = spline + at.moved(delta) / size
         parts = (delta / size).reshape(len(slaves), -1)
         slaves = tuple(s.moved(d) for s, d in zip(slaves, parts, strict=True))
-        sd = np.sqrt(np.diag(seen.covariance(problem.prior_sd)))
-        var = _found(problem, at, var)
-        converged = passes > 2 and float(np.max(np.abs(delta) / sd)) < SETTLED
-        if converged and told:
-            break
-        told = converged  # what the motion shows is asked once more where all has settled
-    return _stated(problem, slaves, spline, made, var, passes, converged)
+        before, growth = growth, _growth(problem, at, var)
+        if passes <= QUIET:
+            growth = np.minimum(growth, 0.0)
+        # Every other pass as far as two of them tell of all that follow [Aitken]: of equal
+        # instruments one gets what the other loses, and the better one settles slowly.
+        ratio = np.divide(growth, before, out=np.zeros_like(growth), where=before != 0)
+        part = np.clip(1 / (1 - np.minimum(ratio, 0.7)), 0.3, 3)
+        var = var * np.exp(growth * (part if passes > NOISY and passes % 2 else 1.0))
+    else:
+        at = normal(problem, slaves, spline, var)
+    return _stated(problem, slaves, spline, made, var, at, passes, converged)
 
 
 def _is_offset(p: int) -> BoolArray:
@@ -306,7 +325,7 @@ def _is_offset(p: int) -> BoolArray:
 
 
 def _master(problem: Problem) -> Problem:
-    return replace(problem, readings=problem.readings[:1], hold=np.zeros(0, int))
+    return replace(problem, readings=problem.readings[:1])
 
 
 def _quiet(r: Readings) -> FloatArray:
@@ -316,10 +335,11 @@ def _quiet(r: Readings) -> FloatArray:
     return np.asarray(np.sqrt(square + 1e-18))
 
 
-def _found(problem: Problem, at: Normal, var: FloatArray) -> FloatArray:
-    """Return the variances that explain what is left, of those that nobody declared."""
-    return np.where([[g is None] * 2 for g in problem.given], var * _ratio(problem, at.left, var),
-                    var)  # fmt: skip
+def _growth(problem: Problem, at: Normal, var: FloatArray) -> FloatArray:
+    """Return the logarithm by which variances have to grow that nobody declared, (i, 2) [1]."""
+    asked = np.log(np.maximum(_ratio(problem, at.left, var), 1e-12))
+    asked[[g is not None for g in problem.given]] = 0.0
+    return np.asarray(asked)
 
 
 def _ratio(problem: Problem, left: Sequence[FloatArray], var: FloatArray) -> FloatArray:
@@ -348,8 +368,7 @@ def of_noise(
     `spline` (m, 6), `var` (i, 2): as of `normal` [SI].
     """
     again = problem.noisy(var, np.random.default_rng(0))
-    p = kernels.COLUMNS * len(slaves)
-    other = spline + normal(again, slaves, spline, var).moved(np.zeros(p))
+    other = spline + normal(again, slaves, spline, var, still=True).moved(np.zeros(0))
     found = normal(problem, slaves, spline, var, other).information
     # Not negative but for rounding.
     size, Q = np.linalg.eigh(found * np.outer(problem.prior_sd, problem.prior_sd))
@@ -359,9 +378,8 @@ def of_noise(
 
 def _stated(
     problem: Problem, slaves: tuple[Slave, ...], spline: FloatArray, made: FloatArray,
-    var: FloatArray, passes: int, converged: bool,
+    var: FloatArray, at: Normal, passes: int, converged: bool,
 ) -> Solution:  # fmt: skip
-    at = normal(problem, slaves, spline, var)
     seen = shown(at.information, made, problem.prior_sd)
     scores = _scores(problem, slaves, spline, var, at)
     cov, spread, halves = _widened(seen, scores, problem.prior_sd)

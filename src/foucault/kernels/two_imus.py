@@ -45,11 +45,13 @@ def _motion(spline, k, h, N, D, E, out):
 
 
 @part
-def _slave(m, x, since, J, Y, out):
-    """Fill J (6, 39), Y (2, 3, 3), out (6): derivatives of a slave's reading, and the reading.
+def _slave(triad, m, x, since, D, B, Y, out, room):
+    """Fill D (3, 9), B (3, 7), out (3): derivatives of a slave's gyros or accelerometers (triad 1).
 
     m (5, 3): motion; x (46): Q, K_g, G, K_a (9 each), r, b_g, b_a, late; since: time from the
-    middle of the stamps. Y: derivatives of f_c by w and by alpha.
+    middle of the stamps. D by what all three hang on: rotation, r, offset, rate of the clocks,
+    late; B by what one alone does: its bias, its row of K_g and of G, or of K_a. Y (2, 3, 3):
+    derivatives of f_c by w and by alpha. room (6, 3, 3): to work in.
     """
     w, a, b, f, df = m[0], m[1], m[2], m[3], m[4]
     r = x[36:39]
@@ -57,15 +59,15 @@ def _slave(m, x, since, J, Y, out):
     for i in range(3):
         wr += w[i] * r[i]
         ww += w[i] * w[i]
-    W, A, Q, y, dy = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(3)
-    T = np.zeros((3, 3))
+    room[:] = 0.0
+    W, A, T, R = room[0], room[1], room[2], room[3]
+    y, dy, wc, fc, ac, dc = (room[4, 0], room[4, 1], room[4, 2], room[5, 0], room[5, 1], room[5, 2])
     A[0, 1], A[0, 2], A[1, 2] = r[2], -r[1], r[0]
     A[1, 0], A[2, 0], A[2, 1] = -r[2], r[1], -r[0]
     T[0, 1], T[0, 2], T[1, 2] = -a[2], a[1], -a[0]
     T[1, 0], T[2, 0], T[2, 1] = a[2], -a[1], a[0]
     for i in range(3):
         for j in range(3):
-            Q[i, j] = x[3 * i + j]
             W[i, j] = w[i] * r[j] - 2.0 * r[i] * w[j]
             T[i, j] += w[i] * w[j]
         W[i, i] += wr
@@ -75,105 +77,128 @@ def _slave(m, x, since, J, Y, out):
         for j in range(3):
             y[i] += T[i, j] * r[j]
             dy[i] += W[i, j] * a[j] + A[i, j] * b[j]
-    wc, fc, ac, dc, R = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros((3, 3))
     Y[:] = 0.0
     for i in range(3):
         for j in range(3):
-            wc[i] += Q[i, j] * w[j]
-            ac[i] += Q[i, j] * a[j]
-            fc[i] += Q[i, j] * y[j]
-            dc[i] += Q[i, j] * dy[j]
+            q = x[3 * i + j]
+            wc[i] += q * w[j]
+            ac[i] += q * a[j]
+            fc[i] += q * y[j]
+            dc[i] += q * dy[j]
             for n in range(3):
-                Y[0, i, j] += Q[i, n] * W[n, j]
-                Y[1, i, j] += Q[i, n] * A[n, j]
-                R[i, j] += Q[i, n] * T[n, j]
-    J[:] = 0.0
+                Y[0, i, n] += q * W[j, n]
+                Y[1, i, n] += q * A[j, n]
+                R[i, n] += q * T[j, n]
+    D[:] = 0.0
     for i in range(3):
-        out[i], out[3 + i] = x[39 + i], x[42 + i]
-        J[i, 8 + i] = J[3 + i, 11 + i] = 1.0
-        column = 23
+        out[i] = x[39 + 3 * triad + i]
+        B[i, 0] = 1.0
         for j in range(3):
-            g, s, k = x[9 + 3 * i + j], x[18 + 3 * i + j], x[27 + 3 * i + j]
+            g = x[9 + 3 * i + j] if triad == 0 else 0.0
+            s = x[(18 if triad == 0 else 27) + 3 * i + j]
             out[i] += g * wc[j] + s * fc[j]
-            out[3 + i] += k * fc[j]
             p, q = (j + 1) % 3, (j + 2) % 3
             # d (e x v)_j = e_p v_q - e_q v_p
-            J[i, p] += g * wc[q] + s * fc[q]
-            J[i, q] -= g * wc[p] + s * fc[p]
-            J[3 + i, p] += k * fc[q]
-            J[3 + i, q] -= k * fc[p]
+            D[i, p] += g * wc[q] + s * fc[q]
+            D[i, q] -= g * wc[p] + s * fc[p]
             for n in range(3):
-                J[i, 3 + n] += s * R[j, n]
-                J[3 + i, 3 + n] += k * R[j, n]
-            J[i, 6] += g * ac[j] + s * dc[j]
-            J[3 + i, 6] += k * dc[j]
-            J[i, 14 + 3 * i + j] = wc[j]
-            J[i, 30 + 3 * i + j] = fc[j]
-            J[3 + i, 29] -= k * dc[j]
-        for n in range(i):
-            column += n + 1
-        for j in range(i + 1):
-            J[3 + i, column + j] = fc[j]
-        J[i, 7], J[3 + i, 7] = since * J[i, 6], since * J[3 + i, 6]
+                D[i, 3 + n] += s * R[j, n]
+            D[i, 6] += g * ac[j] + s * dc[j]
+            D[i, 8] -= s * dc[j]
+            B[i, 1 + j] = wc[j] if triad == 0 else fc[j] if j <= i else 0.0
+            B[i, 4 + j] = fc[j]
+        D[i, 7] = since * D[i, 6]
+
+
+@part
+def _columns(triad, of_all, of_one):
+    """Fill of_all (9), of_one (3, 7) with the columns that `_slave` derives by; none: negative."""
+    for c in range(8):
+        of_all[c] = c
+    of_all[8] = 29 if triad == 1 else -1
+    of_one[:] = -1
+    for i in range(3):
+        of_one[i, 0] = 8 + 3 * triad + i
+        for j in range(3):
+            if triad == 0:
+                of_one[i, 1 + j], of_one[i, 4 + j] = 14 + 3 * i + j, 30 + 3 * i + j
+            elif j <= i:
+                of_one[i, 1 + j] = 23 + i * (i + 1) // 2 + j
 
 
 @part
 def _spread(x, own, triad, Y, N, D, h, S):
     """Fill S (3, 24): derivatives of gyros (triad 0) or accelerometers by the four knots."""
     S[:] = 0.0
-    for j in range(4):
-        for i in range(3):
-            if own < 0:
+    if own < 0:
+        for j in range(4):
+            for i in range(3):
                 S[i, 6 * j + 3 * triad + i] = N[j]
-                continue
-            for c in range(3):
-                by_w, by_f = 0.0, 0.0
-                for n in range(3):
-                    g = x[9 + 3 * i + n] if triad == 0 else 0.0
-                    s = x[(18 if triad == 0 else 27) + 3 * i + n]
-                    q = N[j] * x[3 * n + c]
-                    by_w += g * q + s * (N[j] * Y[0, n, c] + D[j] / h * Y[1, n, c])
-                    by_f += s * q
-                S[i, 6 * j + c], S[i, 6 * j + 3 + c] = by_w, by_f
+        return
+    for i in range(3):
+        for c in range(3):
+            by_w, by_alpha, by_f = 0.0, 0.0, 0.0
+            for n in range(3):
+                s, q = x[(18 if triad == 0 else 27) + 3 * i + n], x[3 * n + c]
+                by_w += s * Y[0, n, c] + (x[9 + 3 * i + n] * q if triad == 0 else 0.0)
+                by_alpha += s * Y[1, n, c]
+                by_f += s * q
+            for j in range(4):
+                S[i, 6 * j + c] = N[j] * by_w + D[j] / h * by_alpha
+                S[i, 6 * j + 3 + c] = N[j] * by_f
 
 
 @part
-def _gather(S, X, one, own, here, total):
-    """Add three rows: S (3, 24) by knots, X (3, 40) by parameters and readings, weight one.
+def _gather(S, A, B, one, own, width, here, cross, total):
+    """Add three rows of weight one: S (3, 24) by knots, A (3, 10) and B (3, 7) by parameters.
 
-    here (24, 64): what an interval holds, by knots and by X; total (40, 40): by X alone.
+    A: what all hang on, and the readings; width: used of B. cross (24, 24): knots by knots, here
+    (24, 31): by A and, row after row, by B; total (31, 31): A and B by themselves.
     """
     for a in range(24):
         u, v, w = one * S[0, a], one * S[1, a], one * S[2, a]
         if u == 0.0 and v == 0.0 and w == 0.0:
             continue
         for b in range(a + 1):
-            here[a, b] += u * S[0, b] + v * S[1, b] + w * S[2, b]
+            cross[a, b] += u * S[0, b] + v * S[1, b] + w * S[2, b]
         if own < 0:
-            here[a, 63] += u * X[0, 39] + v * X[1, 39] + w * X[2, 39]
+            here[a, 9] += u * A[0, 9] + v * A[1, 9] + w * A[2, 9]
             continue
-        for c in range(40):
-            here[a, 24 + c] += u * X[0, c] + v * X[1, c] + w * X[2, c]
-    if own >= 0:
-        for a in range(40):
-            u, v, w = one * X[0, a], one * X[1, a], one * X[2, a]
-            if u == 0.0 and v == 0.0 and w == 0.0:
-                continue
+        for c in range(10):
+            here[a, c] += u * A[0, c] + v * A[1, c] + w * A[2, c]
+        for c in range(width):
+            here[a, 10 + c] += u * B[0, c]
+            here[a, 17 + c] += v * B[1, c]
+            here[a, 24 + c] += w * B[2, c]
+    if own < 0:
+        return
+    for a in range(10):
+        u, v, w = one * A[0, a], one * A[1, a], one * A[2, a]
+        for b in range(a + 1):
+            total[a, b] += u * A[0, b] + v * A[1, b] + w * A[2, b]
+        for c in range(width):
+            total[10 + c, a] += u * B[0, c]
+            total[17 + c, a] += v * B[1, c]
+            total[24 + c, a] += w * B[2, c]
+    for i in range(3):
+        for a in range(width):
             for b in range(a + 1):
-                total[a, b] += u * X[0, b] + v * X[1, b] + w * X[2, b]
+                total[10 + 7 * i + a, 10 + 7 * i + b] += one * B[i, a] * B[i, b]
 
 
 @part
-def _settle(q, own, here, band, border, grad):
-    """Add what an interval q holds, here (24, 64), to the normal equations, and empty it."""
+def _settle(q, own, number, here, cross, band, border, grad):
+    """Add what an interval q holds to the normal equations, and empty it; number (31): columns."""
     for a in range(24):
         for b in range(a + 1):
-            band[6 * q + b, a - b] += here[a, b]
+            band[6 * q + b, a - b] += cross[a, b]
         if own >= 0:
-            for c in range(39):
-                border[6 * q + a, own + c] += here[a, 24 + c]
-        grad[6 * q + a] += here[a, 63]
+            for c in range(31):
+                if number[c] >= 0:
+                    border[6 * q + a, own + number[c]] += here[a, c]
+        grad[6 * q + a] += here[a, 9]
     here[:] = 0.0
+    cross[:] = 0.0
 
 
 @kernel
@@ -185,15 +210,26 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
     gyros and accelerometers; x (46,) its parameters, as `_slave`; own: first of its columns,
     negative: the master; spline (m, 6). other (m, 6) or (0, 6): columns are those there less those
     here. band (6 m, 24), border (6 m, p), corner (p, p), grad (6 m,), rhs (p,) are added to,
-    left (n, 6) is filled: readings less what they should be, NaN beyond the spline.
+    left (n, 6) is filled: readings less what they should be, NaN beyond the spline. Without a
+    column of border, parameters stand still.
     """
     N, D, E, m = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros((5, 3))
-    J, K, Y, Y2 = np.zeros((6, 39)), np.zeros((6, 39)), np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
-    out, out2, S = np.zeros(6), np.zeros(6), np.zeros((3, 24))
-    X, here, total = np.zeros((3, 40)), np.zeros((24, 64)), np.zeros((40, 40))
-    noise = other.shape[0] > 0
+    A, A2, Y, Y2 = np.zeros((3, 10)), np.zeros((3, 10)), np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
+    B, B2, out, out2 = np.zeros((3, 7)), np.zeros((3, 7)), np.zeros(3), np.zeros(3)
+    room = np.zeros((6, 3, 3))
+    S, here, cross = np.zeros((3, 24)), np.zeros((24, 31)), np.zeros((24, 24))
+    of_all, of_one, number = (
+        np.zeros(9, np.int64),
+        np.zeros((3, 7), np.int64),
+        np.zeros(31, np.int64),
+    )
+    noise, to = other.shape[0] > 0, own if border.shape[1] > 0 else -1
     for triad in range(2):
-        now = -1
+        _columns(triad, of_all, of_one)
+        number[:9], number[9] = of_all, -1
+        number[10:] = of_one.ravel()
+        width = 7 if triad == 0 else 4
+        total, now = np.zeros((31, 31)), -1
         for k in range(time.shape[0]):
             at = (time[k] - (triad * x[45] if own >= 0 else 0.0) - first) / h
             q = math.floor(at)
@@ -205,38 +241,42 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
             _motion(spline, q, h, N, D, E, m)
             if own < 0:
                 for i in range(3):
-                    out[i], out[3 + i] = m[0, i], m[3, i]
+                    out[i] = m[3 * triad, i]
             else:
-                _slave(m, x, since[k], J, Y, out)
+                _slave(triad, m, x, since[k], A, B, Y, out, room)
             _spread(x, own, triad, Y, N, D, h, S)
             if noise and own >= 0:
                 _motion(other, q, h, N, D, E, m)
-                _slave(m, x, since[k], K, Y2, out2)
-                for i in range(6):
-                    for c in range(39):
-                        J[i, c] = K[i, c] - J[i, c]
+                _slave(triad, m, x, since[k], A2, B2, Y2, out2, room)
+                for i in range(3):
+                    for c in range(9):
+                        A[i, c] = A2[i, c] - A[i, c]
+                    for c in range(7):
+                        B[i, c] = B2[i, c] - B[i, c]
             for i in range(3):
-                r = read[k, 3 * triad + i] - out[3 * triad + i]
+                r = read[k, 3 * triad + i] - out[i]
                 left[k, 3 * triad + i] = r
-                told = np.isfinite(r)
-                for c in range(39):
-                    X[i, c] = J[3 * triad + i, c] if told else 0.0
-                X[i, 39] = r if told else 0.0
-                if not told:
-                    for a in range(24):
-                        S[i, a] = 0.0
+                A[i, 9] = r
+                if not np.isfinite(r):
+                    A[i], B[i], S[i] = 0.0, 0.0, 0.0
             if q != now:
                 if now >= 0:
-                    _settle(now, own, here, band, border, grad)
+                    _settle(now, to, number, here, cross, band, border, grad)
                 now = q
-            _gather(S, X, 1.0 / var[triad], own, here, total)
+            _gather(S, A, B, 1.0 / var[triad], to, width, here, cross, total)
         if now >= 0:
-            _settle(now, own, here, band, border, grad)
-    if own >= 0:
-        for a in range(39):
-            rhs[own + a] += total[39, a]
+            _settle(now, to, number, here, cross, band, border, grad)
+        if to < 0:
+            continue
+        for a in range(31):
             for b in range(a + 1):
-                corner[own + a, own + b] += total[a, b]
+                s, i, j = total[a, b], number[a], number[b]
+                if a == 9 and j >= 0:
+                    rhs[own + j] += s
+                elif b == 9 and i >= 0:
+                    rhs[own + i] += s
+                elif i >= 0 and j >= 0:
+                    corner[own + max(i, j), own + min(i, j)] += s
 
 
 @kernel
@@ -272,10 +312,13 @@ def scores(time, since, left, var, x, own, spline, Z, first, h, block, out):
     Z (6 m, p): what the spline does with them; block (n,): of each reading; others as in `normal`.
     """
     N, D, E, m = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros((5, 3))
-    J, Y, read = np.zeros((6, 39)), np.zeros((2, 3, 3)), np.zeros(6)
+    A, B, Y, read = np.zeros((3, 10)), np.zeros((3, 7)), np.zeros((2, 3, 3)), np.zeros(3)
+    room = np.zeros((6, 3, 3))
     S, total = np.zeros((3, 24)), np.zeros(24)
-    for k in range(time.shape[0]):
-        for triad in range(2):
+    of_all, of_one = np.zeros(9, np.int64), np.zeros((3, 7), np.int64)
+    for triad in range(2):
+        _columns(triad, of_all, of_one)
+        for k in range(time.shape[0]):
             if not np.isfinite(left[k, 3 * triad]):
                 continue
             at = (time[k] - (triad * x[45] if own >= 0 else 0.0) - first) / h
@@ -283,7 +326,7 @@ def scores(time, since, left, var, x, own, spline, Z, first, h, block, out):
             _weights(at - q, N, D, E)
             _motion(spline, q, h, N, D, E, m)
             if own >= 0:
-                _slave(m, x, since[k], J, Y, read)
+                _slave(triad, m, x, since[k], A, B, Y, read, room)
             _spread(x, own, triad, Y, N, D, h, S)
             # Rows weighted by what is left, added up before they are multiplied by Z.
             for a in range(24):
@@ -291,9 +334,14 @@ def scores(time, since, left, var, x, own, spline, Z, first, h, block, out):
                 for i in range(3):
                     total[a] += S[i, a] * left[k, 3 * triad + i] / var[triad]
             if own >= 0:
-                for i in range(3 * triad, 3 * triad + 3):
-                    for c in range(39):
-                        out[block[k], own + c] += J[i, c] * left[k, i] / var[triad]
+                for i in range(3):
+                    weighed = left[k, 3 * triad + i] / var[triad]
+                    for c in range(9):
+                        if of_all[c] >= 0:
+                            out[block[k], own + of_all[c]] += A[i, c] * weighed
+                    for c in range(7):
+                        if of_one[i, c] >= 0:
+                            out[block[k], own + of_one[i, c]] += B[i, c] * weighed
             for a in range(24):
                 if total[a] != 0.0:
                     for c in range(Z.shape[1]):

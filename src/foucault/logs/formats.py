@@ -265,7 +265,8 @@ IMU, ODOMETRY = "sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry"
 # ``sensor_msgs/Imu`` declares what it holds (REP 103, REP 145): rates in rad/s, specific force in
 # m/s^2 (+1 g up at rest), axes forward-left-up, which are turned to right-forward-up here: right is
 # minus y, forward is x. ``nav_msgs/Odometry`` gives the table of a master: attitude and velocity
-# against axes that REP 103 wants east-north-up.
+# against axes that REP 103 wants east-north-up. Poses beside an IMU are of any world: those of
+# `POSES`, of ``tf`` the transforms to one child.
 #
 # rosbags reads them; it is loaded when a bag is opened.
 
@@ -274,6 +275,15 @@ _NAMES = ("time", "recorded", *(f"{field}.{axis}" for field in (
     "angular_velocity", "linear_acceleration") for axis in "xyz"))  # fmt: skip
 _MASTER = ("time (s)", *(f"velocity {name} (m/s)" for name in ("east", "north", "up")),
            *(f"{name} (rad)" for name in ("heading", "pitch", "roll")))  # fmt: skip
+POSES = {
+    "geometry_msgs/msg/PoseStamped": "pose", "nav_msgs/msg/Odometry": "pose.pose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose",
+    "geometry_msgs/msg/TransformStamped": "transform", "tf2_msgs/msg/TFMessage": "transform",
+    "tf/msg/tfMessage": "transform",
+}  # fmt: skip
+"""Messages that hold poses -> where a message holds its own."""
+
+_POSE = ("time (s)", "x (m)", "y (m)", "z (m)", "qw", "qx", "qy", "qz")
 _TURNED = ("-{0}.y", "{0}.x", "{0}.z")
 """Right, forward, up in the columns of forward, left, up."""
 
@@ -283,6 +293,8 @@ _EAST = ("map", "earth", "utm", "enu", "world")
 
 def open_ros(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a bag; its columns are the fields of the messages of one topic."""
+    if hasattr(description, "child"):
+        return _open_poses(path, description, progress)
     kind = ODOMETRY if hasattr(description, "attitude") else IMU
     with opened_bag(path) as bag:
         topic = topic_of_bag(bag, kind, description.topic, path)
@@ -307,6 +319,36 @@ def open_ros(path: Path, description: FileLayout, progress: Progress | None) -> 
                     declared=declared, sampled="rate")  # fmt: skip
 
 
+def _open_poses(path: Path, description: Any, progress: Progress | None) -> RawTable:
+    child = description.child
+    with opened_bag(path) as bag:
+        topic = topic_of_bag(bag, tuple(POSES), description.topic, path)
+        kind = next(c.msgtype for c in bag.connections if c.topic == topic)
+        several = kind.startswith("tf")
+        if several:
+            seen = {t.child_frame_id for _, m in _messages(bag, topic) for t in m.transforms}
+            if child not in seen and (child is not None or len(seen) != 1):
+                raise error("pose.frames", file=path.name, topic=topic, given=child or "no child",
+                            have=", ".join(sorted(seen)) or "none")  # fmt: skip
+            child = child or seen.pop()
+    fields = POSES[kind].split(".")
+
+    def rows(recorded: int, message: Any) -> list[tuple[float, ...]]:
+        out: list[tuple[float, ...]] = []
+        for one in message.transforms if several else (message,):
+            if not several or one.child_frame_id == child:
+                pose = one
+                for field in fields:
+                    pose = getattr(pose, field)
+                p, q = ((pose.translation, pose.rotation) if fields[-1] == "transform"
+                        else (pose.position, pose.orientation))  # fmt: skip
+                out.append((_seconds(one), p.x, p.y, p.z, q.w, q.x, q.y, q.z))
+        return out
+
+    return RawTable(_POSE, True, _reader(path, topic, rows, progress),
+                    declared={"reading": "w x y z, body to world"})  # fmt: skip
+
+
 def opened_bag(path: Path) -> Any:
     """Open a bag of ROS 1 or ROS 2."""
     reader = library("rosbags.highlevel", "ros", path)
@@ -321,9 +363,11 @@ def instruments_of_bag(path: Path) -> list[str]:
         return sorted({c.topic for c in bag.connections if c.msgtype == IMU and c.msgcount})
 
 
-def topic_of_bag(bag: Any, kind: str, wanted: str | None, path: Path) -> str:
-    """Return the topic of messages of a kind that is wanted, or the only one."""
-    able = sorted({c.topic for c in bag.connections if c.msgtype == kind})
+def topic_of_bag(bag: Any, kind: str | tuple[str, ...], wanted: str | None, path: Path) -> str:
+    """Return the topic of messages of a kind, or of some kinds, that is wanted, or the only one."""
+    kinds = (kind,) if isinstance(kind, str) else kind
+    able = sorted({c.topic for c in bag.connections if c.msgtype in kinds})
+    kind = kinds[0] if len(kinds) == 1 else "poses"
     if wanted in able:
         return str(wanted)
     if wanted is None and len(able) == 1:
@@ -348,7 +392,7 @@ def _reader(path: Path, topic: str, row: Any, progress: Progress | None) -> Any:
             rows: list[tuple[float, ...]] = []
             done = 0
             for recorded, message in _messages(bag, topic):
-                rows.append(row(recorded, message))
+                rows.extend(row(recorded, message))
                 if len(rows) == _ROWS:
                     done += len(rows)
                     if progress:
@@ -368,12 +412,12 @@ def _seconds(message: Any) -> float:
     return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
-def _imu(recorded: int, message: Any) -> tuple[float, ...]:
+def _imu(recorded: int, message: Any) -> list[tuple[float, ...]]:
     w, f = message.angular_velocity, message.linear_acceleration
-    return (_seconds(message), recorded * 1e-9, w.x, w.y, w.z, f.x, f.y, f.z)
+    return [(_seconds(message), recorded * 1e-9, w.x, w.y, w.z, f.x, f.y, f.z)]
 
 
-def _odometry(_recorded: int, message: Any) -> tuple[float, ...]:
+def _odometry(_recorded: int, message: Any) -> list[tuple[float, ...]]:
     """Return a row of `_MASTER`: the twist is in axes of the child, the pose turns it."""
     from scipy.spatial.transform import Rotation
 
@@ -384,7 +428,7 @@ def _odometry(_recorded: int, message: Any) -> tuple[float, ...]:
     heading = np.arctan2(forward[0], forward[1])
     pitch = np.arctan2(forward[2], np.hypot(forward[0], forward[1]))
     roll = np.arctan2(left[2], up[2])
-    return (_seconds(message), *velocity.tolist(), float(heading), float(pitch), float(roll))
+    return [(_seconds(message), *velocity.tolist(), float(heading), float(pitch), float(roll))]
 
 
 def _axes_of_master(message: Any, topic: str, path: Path) -> tuple[Finding, ...]:

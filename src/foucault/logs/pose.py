@@ -5,6 +5,7 @@
     TUM        t x y z qx qy qz qw, blanks between, no titles                 [s], [m]
     EuRoC      #timestamp [ns], p_RS_R_x [m], ..., q_RS_w [], q_RS_x [], ...
     OptiTrack  lines of titles, the last begins with Frame; rotation before position
+    ROS        a bag: PoseStamped, Odometry, TransformStamped, tf with a child
     Vicon      begins with Segments: frame, RX RY RZ, TX TY TZ, or a quaternion
 
 A quaternion is kept as it stands; which of its numbers is the scalar, and whether it turns the
@@ -64,6 +65,9 @@ class PoseDescription(FileLayout):
     position: PositionColumns = Field(default_factory=lambda: PositionColumns.model_validate({}))
     attitude: QuaternionColumns | None = Field(
         default_factory=lambda: QuaternionColumns.model_validate({})
+    )
+    child: str | None = Field(
+        None, description="frame of the tracked body, of a bag's tf", examples=["imu_marker"]
     )
     position_only: bool = Field(False, description="use no attitude, whether there is one or not")
 
@@ -147,7 +151,7 @@ def _of_columns(path: Path, said: PoseDescription) -> Columns:
     stamp = np.arange(len(rows)) / (said.rate or 1.0) if time is None else rows[:, 0] * one
     rows = rows[:, 0 if time is None else 1 :]
     p = rows[:, :3] * scaled_unit(said.position.unit, "length")
-    declared = "x y z w, body to world" if tum else None
+    declared = "x y z w, body to world" if tum else (raw.declared or {}).get("reading")
     return stamp, p, rows[:, 3:] if attitude else None, declared
 
 

@@ -95,7 +95,7 @@ def opened(path: Path, topic: str | None = None) -> Opened:
     """
     try:
         return _opened(path, topic)
-    except (FoucaultError, MemoryError):
+    except (FoucaultError, MemoryError, ImportError):
         raise
     except Exception as problem:  # each library raises its own types for a damaged file
         raise unreadable(path, "text", problem) from problem

@@ -40,12 +40,12 @@ from foucault.models.pose import LAYOUT as OF_POSE
 from foucault.models.pose import PoseTable
 from foucault.models.rotation import log as vector_of
 from foucault.models.size_effect import SizeEffect
-from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
+from foucault.procedures.imu_pose.start import Start, jumps_of, start_of, start_of_places
 from foucault.procedures.record import Beforehand, Given, Procedure, Robust, SampleRate
 from foucault.result import Check, Result, TableData, Verdict
 from foucault.simulate.hand_motion import HandMotion, Tracker, simulate_hand
 from foucault.strict import Strict
-from foucault.tables import Log, temperature_range
+from foucault.tables import AXES, Log, temperature_range
 from foucault.units import AngleSd, Quantity, Seconds, parse, plain
 
 FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
@@ -61,6 +61,12 @@ OTHER_UNIT = 1.5
 
 CLEARLY = 3.0
 """By so many times less must be left over for a mistake to be told [1]."""
+
+MIRRORED = 1.5
+"""The same for axes of positions, whose second derivatives are noisy [1]."""
+
+JUMPS = 0.3
+"""Offsets of windows that leave their line by so many samples are of lost samples [1]."""
 
 HALVES, LEFT_OUT = 3.0, 10.0
 """Limits of the difference of the halves [sd], and of the poses that are left out [%]."""
@@ -96,7 +102,7 @@ class Settings(Robust):
     """Estimate the rate of the two clocks."""
     longest_offset: Seconds = Field(default=1.0, gt=0)
     """Where the offset is looked for by positions alone; with attitudes it is found anywhere."""
-    passes: int = Field(default=20, ge=6, le=40)
+    passes: int = Field(default=30, ge=6, le=40)
     """At most so many passes; fewer where nothing moves any more."""
 
     def held(self, attitude: bool) -> list[int]:
@@ -189,7 +195,8 @@ def _log_table(log: Log | None = None) -> str:
 
 
 _MASTER = """\
-# TUM and EuRoC trajectories, exports of Motive (OptiTrack) and Nexus (Vicon) need no more. Columns:
+# TUM and EuRoC trajectories, exports of Motive (OptiTrack) and Nexus (Vicon) need no more, nor do
+# bags of ROS (topic = "/tf" and child = "marker" where there are several). Columns:
 # time = { column = "t", unit = "s" }
 # position = { columns = ["x", "y", "z"], unit = "mm" }
 # attitude = { columns = ["q0", "q1", "q2", "q3"] }    # order and direction are told by the data
@@ -217,7 +224,7 @@ def quiet_noise(log: Log) -> tuple[float, float]:
     return out[0], out[1]
 
 
-def _readings(log: Log, given: Given[Settings]) -> tuple[Readings, PoseTable, list[Finding]]:
+def _readings(log: Log, given: Given[Settings]) -> tuple[Readings, PoseTable]:
     """Return what is compared, and the poses that lie within the log, by any offset."""
     table = getattr(log, "poses", None)
     if table is None:
@@ -232,7 +239,8 @@ def _readings(log: Log, given: Given[Settings]) -> tuple[Readings, PoseTable, li
     noise = given.noise
     white = quiet_noise(log) if noise is None else (noise.gyro.white, noise.accel.white)
     C = None if table.quaternion is None else table.attitude(table.reading or _ANY)
-    return Readings.of(log, table.time, table.position, C, white, given.site.gravity), table, []
+    r = Readings.of(log, table.time, table.position, C, white, given.site.gravity)
+    return replace(r, jumped=jumps_of(table)), table
 
 
 _ANY = "w x y z, body to world"
@@ -240,7 +248,7 @@ _ANY = "w x y z, body to world"
 
 def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, Start]:
     settings = given.settings
-    r, table, _ = _readings(log, given)
+    r, table = _readings(log, given)
     given.progress(0.1, "matching what both did")
     if table.quaternion is None:
         start, point = start_of_places(log, r, settings.longest_offset)
@@ -270,10 +278,11 @@ def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, Start]:
 def _contradicted(s: Start, gravity: float) -> None:
     """Refuse what makes IMU and poses contradict each other, by its cause."""
     ratio = float(np.median(s.singular))
-    if s.peak < LEAST_PEAK:
-        raise error("pose.apart", peak=plain(s.peak, 2))
-    if s.second > s.peak - SECOND:
-        raise error("pose.periodic", peak=plain(s.peak, 3), second=plain(s.second, 3))
+    c = s.clocks
+    if c.peak < LEAST_PEAK:
+        raise error("pose.apart", peak=plain(c.peak, 2))
+    if c.second > c.peak - SECOND:
+        raise error("pose.periodic", peak=plain(c.peak, 3), second=plain(c.second, 3))
     turning = s.singular > 0.1 * s.singular[0]
     if not 1 / OTHER_UNIT < ratio < OTHER_UNIT and turning.all() and s.free_misfit < MISFIT:
         hint = " That is deg/s." if 0.9 < ratio / np.degrees(1) < 1.1 else ""
@@ -295,6 +304,11 @@ def _contradicted(s: Start, gravity: float) -> None:
     best, k = min(tried)
     if best < now / CLEARLY:
         raise error("pose.force_axes", words=exchange_words(exchanges()[k]), best=plain(best, 2),
+                    now=plain(now, 2))  # fmt: skip
+    tried = [(some.moved(x), k) for k, x in enumerate(exchanges()) if np.trace(x) > -3]
+    best, k = min(tried)
+    if best < now / MIRRORED:
+        raise error("pose.position_axes", words=exchange_words(exchanges()[k]), best=plain(best, 2),
                     now=plain(now, 2))  # fmt: skip
     scale, sd, g, scaled = some.scaled()
     # Where nothing is moved, second derivatives of positions are noise, and best left out; noise
@@ -365,12 +379,22 @@ def _seen(s: Solution) -> Check:
                  {"names": ", ".join(names)})  # fmt: skip
 
 
-def _told(s: Solution, clock_sd: float) -> list[Finding]:
-    told = []
+def _told(s: Solution, start: Start, log: Log) -> list[Finding]:
+    told, clock_sd = [], log.clock.sd
+    jumps = start.clocks.jumps / log.interval
+    if jumps > JUMPS:
+        told.append(finding("pose.stamps", jumps=plain(jumps, 2)))
+    tilt = np.degrees(np.arccos(np.abs(s.point.up_v).max()))
+    axis = int(np.argmax(np.abs(s.point.up_v)))
+    if axis != 2 or s.point.up_v[2] < 0:
+        named = "-" * bool(s.point.up_v[axis] < 0) + AXES[axis]
+        told.append(finding("pose.upright", axis=named, tilt=plain(tilt, 2)))
     kappa, sd = s.point.kappa, float(np.sqrt(s.cov[7, 7]))
     if abs(kappa) > SURE * max(clock_sd, sd):
         told.append(finding("pose.clock", kappa=plain(1e6 * kappa, 3), sd=plain(1e6 * sd, 2),
                             usual=plain(1e6 * clock_sd, 2)))  # fmt: skip
+    if (count := int(s.readings.jumped[-1] - s.readings.jumped[0])) > 0:
+        told.append(finding("pose.jumped", count=count))
     if s.halves > engine.MOVED:
         told.append(finding("pose.moved", factor=plain(s.halves, 2)))
     if s.spread > engine.COLOURED:
@@ -396,7 +420,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
             "attitude_sd": None if s.readings.C_vm is None else s.noise.attitude,
             "position_sd": s.noise.position, "reading": start.reading,
             "colour": s.spread, "halves": s.halves, "lag_one": list(s.lag_one),
-            "peak": None if np.isnan(start.peak) else start.peak,
+            "peak": None if np.isnan(start.clocks.peak) else start.clocks.peak,
+            "jumps": start.clocks.jumps,
             "middle": s.readings.middle, "up": s.point.up_v.tolist(),
             "C_bm": s.point.C_bm.tolist() if s.readings.C_vm is not None else None,
         },
@@ -420,7 +445,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     return Result(
         procedure="imu_pose", coefficients=c, equation=SIZE_EQUATION, frame=FRAME,
         gauge=Gauge.LOWER.value, verdict=Verdict.of(checks), checks=checks,
-        findings=(*log.findings, *_told(s, log.clock.sd)),
+        findings=(*log.findings, *_told(s, start, log)),
         status=Status.CONVERGED if s.converged else Status.NOT_CONVERGED, site=site.as_dict(),
         validity=validity | temperature_range(log), diagnostics=diagnostics, tables=tables,
     )  # fmt: skip

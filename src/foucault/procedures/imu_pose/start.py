@@ -16,16 +16,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.errors import error
 from foucault.estimate.delay_matching import SlaveAttitude
 from foucault.estimate.imu_pose import Point, Readings, corrected, solve
-from foucault.estimate.two_bodies import SMOOTH, clocks, even, gaps, one_axis, smooth, wahba
+from foucault.estimate.two_bodies import (
+    SMOOTH,
+    Clocks,
+    clocks,
+    even,
+    gaps,
+    one_axis,
+    smooth,
+    smoothed_alike,
+    wahba,
+)
 from foucault.guard.mistakes import exchanges
+from foucault.logs.pose import FEWEST
 from foucault.models.pose import READINGS, PoseTable
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.rotation import log as vector_of
 from foucault.navigate.increments import Increments
 from foucault.tables import Log
+from foucault.units import plain
 
 
 @dataclass(frozen=True)
@@ -76,6 +89,13 @@ class Forces:
         fits = [self.fit(x)[1] for x in exchanges()]
         return min(fits) if scaled > 0.7 * self.unmoved() else min(scaled, *fits)
 
+    def moved(self, exchange: FloatArray) -> float:
+        """Return what is left where positions had their axes exchanged (rms) [m/s^2].
+
+        `exchange` (3, 3): axes that are tried [1].
+        """
+        return replace(self, pull=self.pull @ exchange.T).fit()[1]
+
     def some(self, most: int) -> Forces:
         """Return at most so many of them, evenly chosen; `most` [1]."""
         step = max(1, len(self.accel) // most)
@@ -88,9 +108,7 @@ class Start:
 
     point: Point
     reading: str | None  # of the quaternion, a key of `READINGS`
-    peak: float  # correlation of the rates' norms at the offset [1]
-    second: float  # the next highest beside it [1]
-    drift: float  # of the offset, found window by window [1]
+    clocks: Clocks  # NaN of positions alone
     singular: FloatArray  # (3,) of the matrix from the rates of the IMU to those of the body [1]
     sign: float  # of its determinant [1]
     free_misfit: float  # what that matrix leaves of the rates, as a part of them [1]
@@ -111,6 +129,31 @@ def _without_jumps(x: FloatArray) -> FloatArray:
     return np.where(far[:, None], middle, x)
 
 
+STANDS_OUT, BESIDE = 8.0, 10
+"""A step of positions is so many times any within so many poses beside it [1]."""
+
+
+def jumps_of(q: PoseTable) -> IntArray:
+    """Return how often the positions have jumped before each pose, shape (m,).
+
+    A wild pose jumps and comes back; where a tracking system has lost its body and found it again
+    elsewhere there is one step that no motion beside it has the like of.
+    """
+    from scipy.ndimage import maximum_filter1d
+
+    dt = np.diff(q.time)[:, None]
+    v = np.diff(q.position, axis=0) / dt
+    step = np.linalg.norm((v[1:-1] - (v[2:] + v[:-2]) / 2) * dt[1:-1], axis=1)
+    step[(dt > 3 * np.median(dt))[1:-1, 0]] = 0.0  # lost for a while it has moved
+    away = BESIDE // 2 + 2
+    near = maximum_filter1d(step, BESIDE + 1)
+    beside = np.maximum(np.roll(near, away), np.roll(near, -away))
+    # Both intervals beside a step are half as far from their neighbours as it is.
+    far = (step > STANDS_OUT * beside) & (step == maximum_filter1d(step, 7))
+    stays = np.linalg.norm(q.position[3:] - q.position[:-3], axis=1) > step / 2
+    return np.cumsum(np.concatenate([[0, 0], far & stays, [0]]).astype(int))
+
+
 def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
     """Find offset, clock rate, rotation, lever arm and level in closed form, from rates and forces.
 
@@ -118,9 +161,8 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
     """
     assert log.gyro is not None
     assert log.accel is not None
-    step = float(np.median(np.diff(log.time)))
-    w_imu, f_imu = smooth(log.gyro, step), smooth(log.accel, step)
-    usual = float(np.median(np.diff(q.time)))
+    step, usual = (float(np.median(np.diff(t))) for t in (log.time, q.time))
+    w_imu, f_imu = (smoothed_alike(x, step, k, usual) for k, x in ((1, log.gyro), (2, log.accel)))
     own = np.arange(q.time[0], q.time[-1], usual)
     assert q.quaternion is not None
     numbers = q.quaternion / np.linalg.norm(q.quaternion, axis=1)[:, None]
@@ -133,6 +175,7 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
             continue
         w = _body_rate(numbers[:, order] * [1.0, sign, sign, sign], usual)
         w[bad] = 0.0
+        _same_time(log.gyro, w, log.duration, own[-1] - own[0])
         found.append(_with_rates(log, r, q, reading, (own, w, bad), (w_imu, f_imu, step)))
     # Rates do not tell all readings apart, forces do; a mirror image, another unit or sign is no
     # reason for another reading.
@@ -141,6 +184,15 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
         (s for s in found if s.free_misfit < 1.5 * least + 0.05),
         key=lambda s: s.forces.some(500).explained,
     )
+
+
+def _same_time(w_imu: FloatArray, w: FloatArray, lasted: float, poses: float) -> None:
+    """Refuse poses whose time has another unit: they turn slower as they last longer."""
+    ratio = float(np.sqrt(np.mean(np.sum(w_imu**2, axis=1)) / np.mean(np.sum(w**2, axis=1))))
+    power = 3 * round(np.log10(ratio) / 3)
+    if power and 0.2 < ratio / 10.0**power < 5 and 0.1 < poses / lasted / 10.0**power < 10:
+        raise error("pose.time_unit", times=plain(10.0**power, 1), poses=plain(poses, 2),
+                    lasted=plain(lasted, 2))  # fmt: skip
 
 
 def _body_rate(q: FloatArray, step: float) -> FloatArray:
@@ -162,6 +214,8 @@ def _with_rates(
     t = own + tau + kappa * (own - r.middle)
     inside = ~bad & (t > log.time[0] + SMOOTH) & (t < log.time[-1] - SMOOTH)
     inside[:5] = inside[-5:] = False
+    if inside.sum() < FEWEST:
+        raise error("pose.few", file="The time of the log", count=int(inside.sum()), least=FEWEST)
     w_b = even(log.time, w_imu, t[inside])
     w = w_m[inside]
     # Hardly turned, rates are noise: what is centred is what the turning says.
@@ -195,7 +249,7 @@ def _with_rates(
         (bias, np.zeros((3, 3))), (x9[6:], np.zeros((3, 3))), 0.0, node,
         *_motion(r, C_vb, x9[:3]),
     )  # fmt: skip
-    return Start(at, reading, c.peak, c.second, c.drift, np.linalg.svd(free)[1],
+    return Start(at, reading, c, np.linalg.svd(free)[1],
                  float(np.sign(np.linalg.det(free))), loose, left, off, size, forces,
                  usual)  # fmt: skip
 
@@ -233,7 +287,7 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
     assert log.accel is not None
     step = float(np.median(np.diff(log.time)))
     usual = float(np.median(np.diff(r.stamp)))
-    w, f = smooth(log.gyro, step), smooth(log.accel, step)
+    w, f = (smoothed_alike(x, step, k, usual) for k, x in ((1, log.gyro), (2, log.accel)))
     own = np.arange(r.stamp[0], r.stamp[-1], usual)
     pull = smooth(even(r.stamp, _without_jumps(r.position), own), usual, 2)
     bad = gaps(r.stamp, own, max(4 * usual, SMOOTH))
@@ -278,9 +332,9 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
         C, v, p = _motion(some, C_vb, at.lever_b)
         return replace(at, node=some.nodes(at.tau, at.kappa), C=C, v=v, p=p)
 
-    none = np.zeros((3, 3))
-    begun = Point(np.eye(3), x[12:], tau, 0.0, -g_v / max(gravity, 1e-9), (np.zeros(3), none),
-                  (np.zeros(3), none), 0.0, few.nodes(tau, 0.0), none, none, none)  # fmt: skip
+    zero = np.zeros((3, 3))
+    begun = Point(np.eye(3), x[12:], tau, 0.0, -g_v / max(gravity, 1e-9), (np.zeros(3), zero),
+                  (np.zeros(3), zero), 0.0, few.nodes(tau, 0.0), zero, zero, zero)  # fmt: skip
     begun = at_places(few, C_0v.T @ turns.at(few.at(tau, 0.0))[0], begun)
     hold = np.setdiff1d(np.arange(32), FREE_AT_FIRST)
     short = solve(few, begun, {}, (None, None), most=8, hold=hold)
@@ -292,7 +346,8 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
     known = turns.at(few.at(at.tau, at.kappa))[0]
     C_v0 = at.C[middle] @ known[middle].T
     start = at_places(r, C_v0 @ turns.at(r.at(at.tau, at.kappa))[0], at)
-    found = Start(start, None, np.nan, np.nan, 0.0, size, float(np.linalg.det(U @ V)), np.nan,
+    none = Clocks(tau, 0.0, np.nan, np.nan, 0.0, 0.0)
+    found = Start(start, None, none, size, float(np.linalg.det(U @ V)), np.nan,
                   np.nan, left, gravity, forces, usual)  # fmt: skip
     return found, start
 

@@ -23,7 +23,7 @@ from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.diagnose.foresight import Extra
 from foucault.errors import Status
 from foucault.estimate import tumble as estimation
-from foucault.estimate.tumble import Tumble
+from foucault.estimate.tumble import STATES, Tumble
 from foucault.estimate.tumble_solution import Solution, answers
 from foucault.infer.filtered import exchanged
 from foucault.infer.gauss_newton import Component
@@ -164,19 +164,21 @@ def counted(
     prior = replace(s.prior, sd=sd)
     found = estimation.solve(tumble, prior, s.fit.start)
     # What of the readings the terms took up, they leave less of.
-    C, rows = last.cov[p:, p:], both.E[: found.residuals]
+    C = last.cov[p:, p:]
     size, axes = np.linalg.eigh(C)
-    absorbed = rows @ (axes * np.sqrt(np.maximum(size, 0.0)))
+    absorbed = both.E[:-STATES] @ (axes * np.sqrt(np.maximum(size, 0.0)))
     if measured and found.status is Status.CONVERGED:
         scale = found.chi_square / max(found.residuals - p - float(np.sum(absorbed**2)), 1.0)
         absorbed = absorbed / np.sqrt(scale)
         tumble = replace(tumble, accel_variance=tumble.accel_variance * scale)
     found = estimation.linearised(tumble, prior, found, moments=moments)
     beside = both.A @ C @ both.A.T
-    shape = found.rows.shape[:2]
-    absorbed = absorbed.reshape(*shape, -1) if found.rows.size else None
-    out = replace(s, tumble=tumble, prior=prior, fit=found, more={NOT_ESTIMATED: beside},
-                  absorbed=absorbed)  # fmt: skip
+    blocks, width = found.rows.shape[:2]
+    alike = blocks * width == len(absorbed)  # else the rows were averaged otherwise
+    out = replace(
+        s, tumble=tumble, prior=prior, fit=found, more={NOT_ESTIMATED: beside},
+        absorbed=absorbed.reshape(blocks, width, -1) if alike else None,
+    )  # fmt: skip
     return out, _with_references(judged, out)
 
 
