@@ -22,6 +22,7 @@ OWN_WORDS = {
     "--gyro-noise": 2,  # `north plan` takes the name of a grade
     "--seed": 2,  # `simulate` leaves it to the campaign
     "--force": 2,  # what is overruled
+    "--hold": 2,  # of a log that grows, or of a session that is guided
     "--database": 2,  # `serve` has it in its folder
     "--date": 2,  # of a field that changes, or of a log
     "--at": 3,  # a temperature, a time, a day
@@ -34,6 +35,7 @@ OWN_WORDS = {
     "--reason": 2,  # of a review, or of a run that is released
     "--reference": 3,
     "--rest": 2,
+    "--words": 2,  # of a review, or of a guide
     "--workers": 2,
     "--to": 2,  # what to write, or whose file it is
 }

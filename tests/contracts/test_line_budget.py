@@ -12,7 +12,7 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_478,
     "campaign": 5_919,
-    "capture": 2_469,
+    "capture": 2_480,
     "certificate": 2_034,
     "cli": 5_479,
     "detect": 4_774,

@@ -78,7 +78,10 @@ class Way(Protocol):
         ...
 
     def reached(self, log: Log, first: IntArray, last: IntArray) -> Reached | None:
-        """Return how well everything is known by rests `first` to before `last` (n,)."""
+        """Return how well everything is known.
+
+        `first`, `last` (n,): first sample of each rest and the sample after its last.
+        """
         ...
 
     def candidates(self, reached: Reached) -> list[Step]:
@@ -90,7 +93,7 @@ class Way(Protocol):
         ...
 
     def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
-        """Return what would be known after everything that can be done."""
+        """Return what would be known after everything possible; `first`, `last` (n,): rests."""
         ...
 
 

@@ -217,7 +217,8 @@ class ByHand:
     def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
         """Return what would be known after one more rest in every orientation there is.
 
-        What is left out counts: what this does not lower, no rest does. Arguments as of `reached`.
+        What is left out counts: what this does not lower, no rest does. `log`: readings [SI];
+        `first`, `last` (n,): first sample of each rest and the sample after its last.
         """
         C = reached.C_nb[-1]
         turned = (
@@ -260,7 +261,7 @@ def _upright(up: FloatArray) -> FloatArray:
 
 
 def out_and_back(C_nb: FloatArray, steps: list[Step]) -> RestPlan:
-    """Return a plan from `C_nb` (3, 3) to each of `steps` and back."""
+    """Return a plan from `C_nb` (3, 3) [1] to each of `steps` and back."""
     attitudes, turns = [C_nb], []
     for step in steps:
         assert step.C_nb is not None

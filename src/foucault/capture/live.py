@@ -40,7 +40,7 @@ class Live:
     asked: Asked
     guide: Guide | None = None
     silence: float = 0.0  # since something came [s]
-    _held: list[tuple[float, ...]] = field(default_factory=list)
+    _held: list[tuple[float, ...]] = field(default_factory=list)  # rows (k,) [units of the frame]
     _rows: RowFollower | None = None
 
     def take(self, data: bytes, now: float) -> bool:

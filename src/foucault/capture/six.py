@@ -121,7 +121,11 @@ class OnSix:
         return replace(model, scene=scene, noise=noise)
 
     def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
-        """Return what would be known after four more rests on every face; arguments as before."""
+        """Return what would be known after four more rests on every face.
+
+        `log`: readings [SI]; `first`, `last` (n,): first sample of each rest and the sample after
+        its last.
+        """
         more = [Step("rest", sign * EYE[axis], 2 * self.hold) for axis, sign in SIX] * 4
         model = self._with(reached.model, more)
         site, own = self.given.site, reached.prior

@@ -46,7 +46,7 @@ QUICKEST = 1.5
 
 
 def turn_time(rotation: FloatArray) -> FloatArray:
-    """Return how long a hand takes for rotation vectors (..., 3) [rad], shape (...,) [s]."""
+    """Return how long a hand takes, shape (...,) [s]; `rotation`: vectors (..., 3) [rad]."""
     return np.asarray(np.maximum(np.linalg.norm(rotation, axis=-1) / PACE, QUICKEST))
 
 
@@ -111,7 +111,10 @@ class Reached:
         cls, fit: Fit, judged: Judgement | None, model: Model, prior: CoefficientVector,
         C_nb: FloatArray,
     ) -> Reached:  # fmt: skip
-        """Return it of a session that was solved; `prior`: of the campaign [SI]."""
+        """Return it of a session that was solved.
+
+        `prior`: of the campaign [SI]; `C_nb` (n, 3, 3): where the fit has no attitudes [1].
+        """
         sd, floor, by = fit.estimate.coefficients.sd, None, tuple[str, ...]()
         if judged is not None:
             parts = {k: v for k, v in budget(fit).items() if k in judged.groups}
@@ -126,7 +129,11 @@ class Reached:
     def foreseen(
         cls, model: Model, sds: Mapping[str, float], prior: CoefficientVector, C_nb: FloatArray
     ) -> Reached:
-        """Return it of a session that is only linearised; `prior`: wide enough for all [SI]."""
+        """Return it of a session that is only linearised.
+
+        `sds`: size of every source [SI]; `prior`: wide enough for all [SI]; `C_nb` (n, 3, 3):
+        attitudes of the rests [1].
+        """
         at = model.linearise(model.start)
         cov = cov_of(mixed.foreseen(model, prior, sds).jacobian)
         sd = np.sqrt(np.diag(cov)[: len(model.layout)])
@@ -134,7 +141,7 @@ class Reached:
 
 
 def cov_of(white: FloatArray) -> FloatArray:
-    """Return the covariance by white rows (r, m); what nothing shows counts as known (m, m)."""
+    """Return the covariance (m, m) by rows `white` (r, m) [1]; what is not seen is known."""
     size = np.linalg.norm(white, axis=0)
     size[size == 0] = 1.0
     cov = np.linalg.pinv((white / size).T @ (white / size), 1e-13, hermitian=True)

@@ -40,16 +40,14 @@ def capture(
         ),
     ] = None,
     output: options.FolderIfWanted = None,
-    frames: Annotated[
-        str | None, typer.Option(help="Description of the frames: a name of --list, or a file.")
-    ] = None,
+    frames: Annotated[str | None, typer.Option(help=options.FRAMES)] = None,
     baud: Annotated[int | None, typer.Option(help="Of a serial port.", min=300)] = None,
     for_: Annotated[
         Amount | None, quantity("time", 'How long, such as "10 min".', "--for", least="above 0")
     ] = None,
     silence: Annotated[
         Amount | None,
-        quantity("time", 'End when nothing comes for so long, such as "5 s".', least="above 0"),
+        quantity("time", options.SILENCE, least="above 0"),
     ] = None,
     again: Annotated[
         Path | None,

@@ -256,6 +256,9 @@ def epilog(*examples: str, notes: str = "", exits: Mapping[int, str] | None = No
 VERDICT = {0: "pass", 3: "doubtful", 4: "unusable"}
 """Exit codes of a command that ends with a verdict."""
 
+FRAMES = "Frames: a name of `foucault capture --list`, or a file that describes them."
+SILENCE = 'End when nothing comes for so long, such as "5 s".'
+
 # -- what is given -------------------------------------------------------------------------
 
 CampaignFile = Annotated[Path, typer.Argument(help="A campaign file.")]

@@ -47,7 +47,7 @@ def calibrate(
     ] = None,
     frames: Annotated[
         str | None,
-        typer.Option(help="With --live: frames, a name of `foucault capture --list` or a file."),
+        typer.Option(help=options.FRAMES),
     ] = None,
     hold: Annotated[
         Amount | None,
@@ -67,7 +67,7 @@ def calibrate(
     ] = None,
     silence: Annotated[
         Amount | None,
-        quantity("time", "With --live: end when nothing comes for so long.", least="above 0"),
+        quantity("time", options.SILENCE, least="above 0"),
     ] = None,
 ) -> None:
     """Calibrate an instrument from its log, and write the report.
