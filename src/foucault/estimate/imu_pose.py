@@ -501,7 +501,7 @@ def solve(
 def _loud(r: Readings, at: Point, noise: Noise, sd: tuple[float | None, float | None]) -> bool:
     """Tell whether the noise that was found is far more than most poses have, after a bad start."""
     z = np.median(np.abs(misses(r, at)[0]).reshape(-1, 2, 3), axis=(0, 2)) * 1.4826 * LOUD
-    found = z < (noise.attitude * noise.slow[0], noise.position * noise.slow[1])
+    found = z < (noise.attitude, noise.position)  # colour widens all of them: it hides none
     found[0] &= r.C_vm is not None
     return bool((found & [given is None for given in sd]).any())
 
