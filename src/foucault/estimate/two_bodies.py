@@ -134,7 +134,7 @@ def offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, flo
 
 
 def _sums(x: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
-    """Return sums of squares of `x` (n,) [any unit] from `first` to before `last` (k,), shape (k,)."""
+    """Return sums of squares of `x` (n,) [any unit] from `first` to before `last`, shape (k,)."""
     sums = np.concatenate(([0.0], np.cumsum(x**2)))
     return np.asarray(sums[last] - sums[first])
 
