@@ -337,6 +337,7 @@ def test_commands_that_have_no_use_for_it():
         optimisation.beforehand(described)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("loose", ["", 'growth = {"gyro.bias" = "50 deg/h"}\n', "inflate = 1000.0"])
 def test_a_plan_is_judged_with_what_is_known(loose, tmp_path):
     result = make_result()

@@ -79,6 +79,7 @@ def test_a_fleet_is_solved_in_one_batch_and_each_has_a_result(tmp_path):
     assert low < sum(scores) < high
 
 
+@pytest.mark.thorough
 def test_the_batch_is_the_linear_solution_of_calibrate(tmp_path):
     described = bench(tmp_path, 3, extra='plan = "dodecahedron 20"\n')
     log = dict(by_serial(described.log, described.folder))["SN002"]

@@ -60,6 +60,7 @@ def test_from_the_file_to_the_report(session, run):
     assert file.read_text().count("[master]") == 1
 
 
+@pytest.mark.thorough
 def test_a_mounting_is_no_error_of_readings(session, run):
     """Applied to readings and exported are the errors of the sensors alone."""
     _, made, _ = session

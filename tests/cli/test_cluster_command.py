@@ -144,6 +144,7 @@ def test_the_seed_of_a_study_decides_what_is_simulated(quick: Path, tmp_path: Pa
     assert made[0] == made[1] != made[2]
 
 
+@pytest.mark.thorough
 def test_a_study_of_means_goes_to_processes_too(tmp_path: Path) -> None:
     made = []
     for name, way in (("threads", ("--workers", 2)), ("processes", ("--local-cluster", 2))):

@@ -260,6 +260,7 @@ def test_a_malformed_time_limit_is_refused(search, tmp_path, limit, text):
     assert not (tmp_path / "s").exists()
 
 
+@pytest.mark.thorough
 def test_the_folder_of_another_search_is_refused(search, tmp_path):
     campaign, folder, _ = search
     other = write_campaign(tmp_path, f'[optimise]\nrates = ["0.15 deg/s"]\n{BRIEF}')

@@ -17,7 +17,7 @@ BUDGET = {
     "cli": 5_479,
     "detect": 4_774,
     "diagnose": 11_966,
-    "estimate": 8_170,
+    "estimate": 8_184,
     "export": 3_758,
     "guard": 1_941,
     "infer": 3_612,

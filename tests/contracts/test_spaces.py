@@ -28,7 +28,7 @@ WANTED = {
     "multi_position": "integrity = true", "platform_tumble": "truths = 1",
     "systematic": "alike = false",
 }  # fmt: skip
-SLOW = ("systematic", "transfer_alignment")
+SLOW = ("systematic", "transfer_alignment", "continuous_spin")
 NAMES = [
     pytest.param(name, marks=[pytest.mark.thorough] * (name in SLOW))
     for name in PROCEDURES if load(name).space is not None

@@ -248,6 +248,7 @@ def test_halves_of_a_real_vehicle() -> None:
     assert abs(first.delay - second.delay - drifted) < 3 * sd
 
 
+@pytest.mark.thorough
 def test_the_heading_of_a_real_vehicle_closes() -> None:
     """Its gyros, less the bias found, hold the heading of the master within 1.5 arcmin."""
     x, master = vehicle()

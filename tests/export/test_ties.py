@@ -44,6 +44,7 @@ def read(result, form, folder):
     return path.read_text()
 
 
+@pytest.mark.thorough
 def test_the_chain_of_kalibr_has_every_imu(plate, tmp_path):
     result, truths = plate
     chain = yaml.safe_load(read(result, "kalibr-chain", tmp_path))
@@ -67,6 +68,7 @@ def test_both_directions_undo_each_other_and_say_which_they_are(plate, tmp_path)
     assert "where imu1 sits in imu0" in said
 
 
+@pytest.mark.thorough
 def test_a_transform_of_ros_places_the_tracked_body_in_the_imu(tracked, tmp_path):
     result, truth = tracked
     said = read(result, "ros2-tf", tmp_path)

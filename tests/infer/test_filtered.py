@@ -70,6 +70,7 @@ def drawn(seed: int, noise: float = NOISE, **more) -> tuple[Late, float]:
     return Late(clean[:, None] + sd * rng.standard_normal((EPOCHS, 2)), **more), tau
 
 
+@pytest.mark.thorough
 def test_passes_end_where_they_should_and_errors_are_as_large_as_told():
     total, runs = 0.0, 400
     for seed in range(runs):

@@ -120,6 +120,7 @@ def _stepped(x, command, full):
     return wide[42:45].copy(), said, rows[at[0] : at[0] + 3].copy(), rows[at[1] : at[1] + 3].copy()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("full", [True, False])
 @pytest.mark.parametrize("seed", range(3))
 def test_its_slopes_are_those_of_what_it_does(seed, full):
@@ -147,6 +148,7 @@ def test_its_slopes_are_those_of_what_it_does(seed, full):
     np.testing.assert_allclose(H[:, 42:] @ F[:, 42:], by_readings[:, 42:], rtol=3e-4, atol=3e-4)
 
 
+@pytest.mark.thorough
 def test_readings_that_do_not_count_change_nothing():
     _, command, z, _ = recorded(60)
     x, P = believed()

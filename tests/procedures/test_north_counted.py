@@ -120,6 +120,7 @@ def session(case: Case, seed: int):
     )  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CASES)
 def test_with_every_term_at_its_size_uncertainties_are_right_and_sessions_pass(name: str) -> None:
     case, scores, passed, n = CASES[name], [], 0, 12

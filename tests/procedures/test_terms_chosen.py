@@ -91,6 +91,7 @@ def test_it_is_estimated_with_its_size_and_all_else_stays(name) -> None:
     assert (bound <= auto.coefficients.sd[: len(bound)] * (1 + 1e-6)).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CASES)
 def test_preflight_foresees_what_will_be_chosen(name) -> None:
     case = replace(CASES[name], said={"terms": "auto"})
@@ -171,6 +172,7 @@ def consistent(runs: int) -> None:
     assert sum(passed) >= 0.9 * runs
 
 
+@pytest.mark.thorough
 def test_a_choice_by_the_log_leaves_its_uncertainties_right() -> None:
     consistent(12)
 
@@ -188,6 +190,7 @@ def test_a_study_compares_what_every_trial_has() -> None:
 # -- from the command line -------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_the_command_line_chooses_too(tmp_path) -> None:
     file = tmp_path / "c.toml"
     text = campaign().text.replace('terms = "auto"', 'terms = "as set"')

@@ -71,6 +71,7 @@ def test_delay_installation_and_biases(found):
         assert (np.abs(gap) < 3 * np.hypot(c[group].sd, in_units(group, sd))).all()
 
 
+@pytest.mark.thorough
 def test_heading_closes_without_messages(log, found):
     mine, delay = of(found.coefficients)
     assert np.abs(heading_error(log, mine, delay)).max() < 1.5

@@ -13,7 +13,10 @@ from foucault.errors import finding
 from foucault.report.page import counted_once
 from make_result import make_result
 
-CSS = (Path(report.__file__).parent / "page.css").read_text(encoding="utf-8")
+CSS = "".join(
+    (Path(report.__file__).parent / name).read_text(encoding="utf-8")
+    for name in ("colours.css", "page.css")
+)
 
 
 @pytest.fixture(scope="module")

@@ -53,6 +53,7 @@ def test_from_a_log_to_its_result_over_http(served: Served) -> None:
     assert kept["instrument"] == "IMU 7"
 
 
+@pytest.mark.thorough
 def test_two_logs_at_once_and_two_servers_in_one_folder(served: Served) -> None:
     other = Served(served.folder, "--workers", "1")
     try:

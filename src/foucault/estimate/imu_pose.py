@@ -78,6 +78,9 @@ positions alone start too far off to tell [1]."""
 DECIDED = 5
 """Passes after which the noise of the poses, and which are left out, is decided [1]."""
 
+COLOUR_FROM = 4
+"""Pass from which on colour is looked for: before, what a start has wrong looks like it [1]."""
+
 LOUD = 3.0
 """Noise is too much that is so many times what most poses have [1]."""
 
@@ -484,7 +487,8 @@ def solve(
         before = noise
         # A pose at the edge of the cut would come and go for ever; wild ones must not stay hidden.
         if passes <= DECIDED or (robust and _loud(r, at, noise, sd)):
-            noise = _weighed(r, at, p.H, P, noise, sd, student=passes <= 2, robust=robust)
+            noise = _weighed(r, at, p.H, P, noise, sd, student=passes <= 2, robust=robust,
+                             colour=passes >= COLOUR_FROM)  # fmt: skip
         same = bool(((noise.weights > 0.5) == (before.weights > 0.5)).all())
         fallen = abs(last - cost) / max(cost, 1e-12)
         settled = passes > 3 and moved < SETTLED and fallen < 1e-3 and same
@@ -492,7 +496,7 @@ def solve(
             break
         if settled and passes > DECIDED + 2:  # the noise was decided when all was still far off
             noise = replace(noise, slow=(1.0, 1.0))
-            noise = _weighed(r, at, p.H, P, noise, sd, student=False, robust=robust)
+            noise = _weighed(r, at, p.H, P, noise, sd, student=False, robust=robust, colour=True)
         told = told or settled  # what the motion shows is asked once more where all has settled
     p = one_pass(r, at, noise, hold)
     return _stated(r, at, p, made, noise, prior_sd, hold, passes, settled)
@@ -501,7 +505,7 @@ def solve(
 def _loud(r: Readings, at: Point, noise: Noise, sd: tuple[float | None, float | None]) -> bool:
     """Tell whether the noise that was found is far more than most poses have, after a bad start."""
     z = np.median(np.abs(misses(r, at)[0]).reshape(-1, 2, 3), axis=(0, 2)) * 1.4826 * LOUD
-    found = z < (noise.attitude * noise.slow[0], noise.position * noise.slow[1])
+    found = z < (noise.attitude, noise.position)  # colour widens all of them: it hides none
     found[0] &= r.C_vm is not None
     return bool((found & [given is None for given in sd]).any())
 
@@ -534,7 +538,7 @@ def _on_nodes(r: Readings, at: Point) -> Point:
 
 def _weighed(
     r: Readings, at: Point, H: FloatArray, P: FloatArray, noise: Noise,
-    sd: tuple[float | None, float | None], *, student: bool, robust: bool,
+    sd: tuple[float | None, float | None], *, student: bool, robust: bool, colour: bool,
 ) -> Noise:  # fmt: skip
     """Find the noise of the poses from what is left, and what each of them counts."""
     z = misses(r, at)[0]
@@ -565,7 +569,7 @@ def _weighed(
             weights[:, k] = (
                 (STUDENT + 3) / (STUDENT + square) if student else np.where(far, 0.0, 1.0)
             )
-        if not student and slow[k] == 1.0:
+        if colour and slow[k] == 1.0:
             # Once: what counts less is followed less, and would look slower each time.
             rho = _lag_one(off, noise.weights[:, k] > 0.5)
             rho = np.clip(rho, 0.0, SLOWEST) if rho > LAGGED / np.sqrt(kept.sum()) else 0.0
