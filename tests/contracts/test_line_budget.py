@@ -20,7 +20,7 @@ BUDGET = {
     "estimate": 8_184,
     "export": 3_758,
     "guard": 1_941,
-    "infer": 3_613,
+    "infer": 3_614,
     "kernels": 5_218,
     "logs": 7_313,
     "models": 6_359,

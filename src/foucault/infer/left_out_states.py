@@ -165,7 +165,8 @@ def shares(
     """Return the largest share of each group in a variance of what is `reported`."""
     assert states.cov is not None
     total = states.chosen(reported).sd ** 2
-    return {n: float((by / total).max()) for n, by in parts(states, groups, reported).items()}
+    some = np.where(total > 0, total, np.inf)
+    return {n: float((by / some).max()) for n, by in parts(states, groups, reported).items()}
 
 
 def parts(
