@@ -163,7 +163,7 @@ class Problem:
 class Normal:
     """The normal equations of a pass, the spline eliminated."""
 
-    L: FloatArray  # (24, 6 m) Cholesky factor of the spline's part, by its diagonals
+    L: FloatArray  # (6 m, 24) Cholesky factor of the spline's part, column by column
     W: FloatArray  # (6 m, p + 1) columns of the parameters, and what is left, divided by it
     information: FloatArray  # (p, p) [1 / SI^2]
     gradient: FloatArray  # (p,) before the spline is eliminated [1 / SI]
@@ -189,9 +189,8 @@ def normal(
     from scipy.linalg import cholesky_banded
 
     n, p = 6 * problem.knots, 0 if still else kernels.COLUMNS * len(slaves)
-    band, border = np.zeros((n, 24)), np.zeros((n, p))
+    band, border = np.zeros((n, 24)), np.zeros((n, p + 1))
     corner, rhs, left = np.zeros((p, p)), np.zeros(p), []
-    grad = np.zeros(n)
     if other is None:
         other = np.zeros((0, 6))
     for k, r in enumerate(problem.readings):
@@ -201,14 +200,13 @@ def normal(
         own = kernels.COLUMNS * (k - 1) if k else -1
         kernels.normal(
             time, r.time - r.middle, r.read, var[k], x, own, spline, other, problem.first,
-            problem.knot, band, border, corner, grad, rhs, off,
+            problem.knot, band, border, corner, rhs, off,
         )  # fmt: skip
         left.append(off)
-    border = np.column_stack([border, grad])
     band[:, 0] += FEWEST * band[:, 0].max()
     hold = problem.hold[problem.hold < p]
     border[:, hold] = corner[hold] = corner[:, hold] = rhs[hold] = 0.0
-    L = np.ascontiguousarray(cholesky_banded(band.T, lower=True, check_finite=False))
+    L = cholesky_banded(band.T, overwrite_ab=True, lower=True, check_finite=False).T
     kernels.forward(L, border)
     corner = np.tril(corner) + np.tril(corner, -1).T
     pull = border[:, :p].T @ border

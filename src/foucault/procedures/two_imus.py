@@ -229,7 +229,7 @@ def start_of(master: Log, log: Log, who: str) -> Start:
         # The angle about a single axis is left to the forces.
         angles = np.arange(-18, 18) * np.pi / 18
         tried = [C_cb @ exp(a * axis) for a in angles]
-        C_cb = min(tried, key=lambda C: _arm(f_c, f_b, w_b, alpha, C)[1])
+        C_cb = min(tried, key=lambda C: float(_arm(f_c, f_b, w_b, alpha, C)[1]))
     else:
         _rates(who, size, free, *(float(np.sqrt(np.sum((x - y @ C.T) ** 2) / np.sum(x**2)))
                                   for C in (C_cb, free)))  # fmt: skip
@@ -245,15 +245,19 @@ def _smoothed(log: Log) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _arm(
     f_c: FloatArray, f_b: FloatArray, w: FloatArray, alpha: FloatArray, C_cb: FloatArray
-) -> tuple[FloatArray, float]:
-    """Return lever arm and bias, (6,) [SI], by all arguments (n, 3), and what they leave (rms)."""
-    step = max(1, len(f_c) // 1500)
-    f_c, f_b, w, alpha = (v[::step] for v in (f_c, f_b, w, alpha))
+) -> tuple[FloatArray, FloatArray]:
+    """Return lever arm and bias, (6,) or (6, b) [SI], and what they leave (rms), () or (b,).
+
+    `f_c` (n, 3) or (b, n, 3); `f_b`, `w`, `alpha` (n, 3) [SI].
+    """
+    step = max(1, len(f_b) // 1500)
+    f_c, f_b, w, alpha = (v[..., ::step, :] for v in (f_c, f_b, w, alpha))
     Om = cross_matrix(alpha) + cross_matrix(w) @ cross_matrix(w)
     A = np.concatenate([C_cb @ Om, np.broadcast_to(np.eye(3), Om.shape)], axis=2).reshape(-1, 6)
-    y = (f_c - f_b @ C_cb.T).ravel()
+    y = f_c - f_b @ C_cb.T
+    y = y.reshape(*y.shape[:-2], -1).T
     x = np.linalg.lstsq(A, y, rcond=None)[0]
-    return x, float(np.sqrt(np.mean((y - A @ x) ** 2)))
+    return x, np.sqrt(np.mean((y - A @ x) ** 2, axis=0))
 
 
 def _rates(who: str, size: FloatArray, free: FloatArray, misfit: float, loose: float) -> None:
@@ -278,12 +282,12 @@ def _forces(
     f = (f_b @ C_cb.T)[:, :, None]
     A = np.concatenate([C_cb @ Om, np.broadcast_to(np.eye(3), Om.shape), f], axis=2)
     ratio = float(np.linalg.lstsq(A.reshape(-1, 7), f_c.ravel(), rcond=None)[0][6])
-    now = _arm(f_c, f_b, w, alpha, C_cb)[1]
-    scaled = _arm(f_c / max(ratio, 1e-6), f_b, w, alpha, C_cb)[1] * max(ratio, 1e-6)
+    now, scaled = (k * float(_arm(f_c / k, f_b, w, alpha, C_cb)[1])
+                   for k in (1.0, max(ratio, 1e-6)))  # fmt: skip
     if not 1 / OTHER_UNIT < ratio < OTHER_UNIT and ratio > 0 and scaled < now / CLEARLY:
         raise error("imus.accel_unit", who=who, ratio=plain(ratio, 3))
-    tried = [(_arm(f_c @ x.T, f_b, w, alpha, C_cb)[1], k) for k, x in enumerate(exchanges())]
-    best, k = min(tried)
+    tried = _arm(f_c @ np.swapaxes(exchanges(), 1, 2), f_b, w, alpha, C_cb)[1]
+    best, k = float(tried.min()), int(tried.argmin())
     if best < now / CLEARLY:
         raise error("imus.force_axes", who=who, words=exchange_words(exchanges()[k]),
                     best=plain(best, 2), now=plain(now, 2))  # fmt: skip

@@ -298,18 +298,17 @@ def _contradicted(s: Start, gravity: float) -> None:
     if best < now / CLEARLY:
         raise error("pose.two_times", apart=plain(1e3 * apart, 3), best=plain(best, 2),
                     now=plain(now, 2))  # fmt: skip
-    tried = [
-        (some.fit(x)[1], k) for k, x in enumerate(exchanges()) if np.trace(x) > -3
-    ]  # all reversed is a matter of sign, below
-    best, k = min(tried)
+    axes = [x for x in exchanges() if np.trace(x) > -3]  # all reversed is a matter of sign, below
+    tried = some.exchanged(axes)
+    best = float(tried.min())
     if best < now / CLEARLY:
-        raise error("pose.force_axes", words=exchange_words(exchanges()[k]), best=plain(best, 2),
-                    now=plain(now, 2))  # fmt: skip
-    tried = [(some.moved(x), k) for k, x in enumerate(exchanges()) if np.trace(x) > -3]
-    best, k = min(tried)
+        raise error("pose.force_axes", words=exchange_words(axes[int(tried.argmin())]),
+                    best=plain(best, 2), now=plain(now, 2))  # fmt: skip
+    tried = some.exchanged(axes, moved=True)
+    best = float(tried.min())
     if best < now / MIRRORED:
-        raise error("pose.position_axes", words=exchange_words(exchanges()[k]), best=plain(best, 2),
-                    now=plain(now, 2))  # fmt: skip
+        raise error("pose.position_axes", words=exchange_words(axes[int(tried.argmin())]),
+                    best=plain(best, 2), now=plain(now, 2))  # fmt: skip
     scale, sd, g, scaled = some.scaled()
     # Where nothing is moved, second derivatives of positions are noise, and best left out; noise
     # turns no sign.
@@ -329,11 +328,12 @@ def _apart(s: Start) -> tuple[float, float]:
 
     As far as the least squares of forces tells it.
     """
-    step, f, best = s.step, s.forces, (0.0, np.inf)
-    for k in range(-round(APART / step), round(APART / step) + 1, max(1, round(0.02 / step))):
-        later = replace(f, pull=np.roll(f.pull, -k, axis=0)).some(700)
-        best = min(best, (k * step, later.fit()[1]), key=lambda found: found[1])
-    return best
+    step, some = s.step, s.forces.some(700)
+    tried = np.arange(-round(APART / step), round(APART / step) + 1, max(1, round(0.02 / step)))
+    later = [replace(s.forces, pull=np.roll(s.forces.pull, -k, axis=0)).some(700).pull
+             for k in tried]  # fmt: skip
+    left = some.fits(some.accel, np.array(later))[1]
+    return float(tried[left.argmin()] * step), float(left.min())
 
 
 def _estimate(s: Solution, given: Given[Settings]) -> CoefficientVector:
