@@ -19,9 +19,10 @@ from foucault import campaign
 from foucault.capture import recording
 from foucault.capture.clock import compared
 from foucault.capture.frame import parsed, text_of
-from foucault.capture.source import Growing, opened
+from foucault.capture.source import Growing, arrivals, opened
 from foucault.errors import FoucaultError
 from make_frames import sbg
+from make_live import Port
 
 TEXT = text_of("sbg_imu_short")
 FRAME = parsed(TEXT, "sbg_imu_short")
@@ -232,6 +233,7 @@ import sys, time
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from make_frames import sbg
+from make_live import Port
 from foucault.capture import recording
 from foucault.capture.frame import parsed, text_of
 text = text_of("sbg_imu_short")
@@ -274,3 +276,50 @@ def test_killed_at_any_moment_a_second_is_lost_at_most(tmp_path: Path):
     for k in range(12):
         sent, held = killed(tmp_path / str(k), float(rng.uniform(0.3, 1.5)))
         assert sent - held <= 500, k  # frames of a second
+
+
+def test_a_slow_disk_lets_nobody_wait(tmp_path: Path, monkeypatch):
+    """Frames at 2 kHz over a pseudo-terminal, whose buffer holds 50 ms of them."""
+    port, blocked = Port(), list[float]()
+    real = os.fsync
+
+    def slow(number: int) -> None:
+        time.sleep(0.4)
+        real(number)
+
+    monkeypatch.setattr(os, "fsync", slow)
+    monkeypatch.setattr(recording, "SAFE", 0.1)
+    data = stream(3000)
+
+    def work() -> None:
+        time.sleep(0.2)
+        for at in range(0, len(data), 820):
+            begun = time.monotonic()
+            port.send(data[at : at + 820])
+            blocked.append(time.monotonic() - begun)
+            time.sleep(0.01)
+
+    source = opened(f"serial:{port.name}:921600")
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        said = recording.record(source, FRAME, TEXT, tmp_path / "s", silent=1.0)
+    finally:
+        thread.join()
+        port.close()
+    assert said["rows"] == 3000 and said["broken"] == 0
+    assert max(blocked) < 0.8, max(blocked)  # 1.2 s where it is read between writing
+
+
+def test_what_breaks_a_source_is_told_where_it_is_listened_to():
+    class Breaks:
+        name, ended = "breaks", False
+
+        def read(self, wait: float) -> bytes:
+            raise KeyboardInterrupt
+
+        def close(self) -> None:
+            pass
+
+    with pytest.raises(KeyboardInterrupt):
+        next(arrivals(Breaks()))

@@ -19,6 +19,7 @@ import json
 import os
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -29,7 +30,7 @@ from foucault.arrays import FloatArray
 from foucault.campaign import running, writing
 from foucault.capture.clock import HOST_SD, Clocks, compared
 from foucault.capture.frame import Frame, Heard, decoder_of, parsed
-from foucault.capture.source import Source
+from foucault.capture.source import Source, arrivals
 from foucault.errors import error
 from foucault.files import atomic, make_folder, write_text
 
@@ -41,9 +42,6 @@ EVERY = 0.25
 
 SAFE = 1.0
 """And brought to the disk so often [s]."""
-
-WAIT = 0.1
-"""Time to wait for bytes before something else is done [s]."""
 
 
 @dataclass
@@ -136,16 +134,15 @@ def record(
     write_text(folder / CAMPAIGN, campaign_of(frame, folder.name))
     begun = heard = time.monotonic()
     try:
-        while not source.ended:
-            data = source.read(WAIT)
-            now = time.monotonic()
-            heard = now if data else heard
-            recording.take(data, now - begun)
-            tell(recording, now - heard)
-            if seconds is not None and now - begun >= seconds:
-                break
-            if silent is not None and now - heard >= silent:
-                break
+        with closing(arrivals(source)) as coming:
+            for data, now in coming:
+                heard = now if data else heard
+                recording.take(data, now - begun)
+                tell(recording, now - heard)
+                if seconds is not None and now - begun >= seconds:
+                    break
+                if silent is not None and now - heard >= silent:
+                    break
     except KeyboardInterrupt:
         pass
     finally:
@@ -227,7 +224,8 @@ def campaign_of(
     for triad in ("gyro", "accel"):
         told = frame.field_of(triad)
         if told is not None:
-            numbers = [(a[:-1], columns.index(f"{triad}_{a[-1]}")) for a in frame.axes]
+            axes = told.axes or frame.axes
+            numbers = [(a[:-1], columns.index(f"{triad}_{a[-1]}")) for a in axes]
             at = [f"{sign}{number}" if sign else number for sign, number in numbers]
             kind = ', kind = "increment"' if frame.kind == "increment" else ""
             lines.append(f'{triad} = {{ columns = {json.dumps(at)}, unit = "{told.unit}"{kind} }}')
