@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -323,3 +324,20 @@ def test_what_breaks_a_source_is_told_where_it_is_listened_to():
 
     with pytest.raises(KeyboardInterrupt):
         next(arrivals(Breaks()))
+
+
+def test_a_temperature_that_is_not_sent_is_not_in_the_log(tmp_path: Path):
+    """Frames whose items may be left out: the session can be read all the same."""
+    text = text_of("xsens_mtdata2")
+    data = b"".join(_xsens(k) for k in range(50))
+    said = recording.record(Chunks(data), parsed(text, "xsens_mtdata2"), text, tmp_path / "s")
+    log = campaign.read_log(campaign.load(tmp_path / "s" / recording.CAMPAIGN))
+    assert said["rows"] == len(log) == 50 and log.accel[0].tolist() == [0.0, 0.0, 9.75]
+
+
+def _xsens(k: int) -> bytes:
+    items = struct.pack(">HBI", 0x1060, 4, 100 * k)
+    items += struct.pack(">HB3f", 0x4020, 12, 0.0, 0.0, 9.75)
+    items += struct.pack(">HB3f", 0x8020, 12, 0.0, 0.0, 1e-3)
+    body = struct.pack(">BBB", 0xFF, 0x36, len(items)) + items
+    return b"\xfa" + body + bytes([-sum(body) & 0xFF])

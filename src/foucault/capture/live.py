@@ -71,7 +71,8 @@ class Live:
             if rows[-1][-1] - rows[0][-1] < LISTEN:
                 return False
             rate = (len(rows) - 1) / (rows[-1][-1] - rows[0][-1])
-        text = campaign_of(frame, "session", None, rate, self.asked.campaign.text)
+        warm = recording.warm_in(frame, np.array(rows))
+        text = campaign_of(frame, "session", None, rate, self.asked.campaign.text, warm)
         told = campaigns.parse(text, self.recorder.folder / recording.CAMPAIGN)
         self._rows = RowFollower(told.imu_log, len(rows[0]))
         assert self._rows.used is not None

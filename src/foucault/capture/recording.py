@@ -197,18 +197,28 @@ def concluded(folder: Path, frame: Frame, heard: Heard, text: str | None = None)
     if clocks is not None:
         said["clock"] = clocks._asdict()
     write_text(folder / SAID, json.dumps(said, indent=1) + "\n")
-    write_text(folder / CAMPAIGN, campaign_of(frame, folder.name, clocks, rate, text))
+    campaign = campaign_of(frame, folder.name, clocks, rate, text, warm_in(frame, rows))
+    write_text(folder / CAMPAIGN, campaign)
     return said
+
+
+def warm_in(frame: Frame, rows: FloatArray) -> bool:
+    """Tell whether every frame came with its temperature; `rows` (n, columns): as of `rows_of`."""
+    if frame.field_of("temperature") is None:
+        return False
+    lost = np.isnan(rows[:, :-1]).all(axis=1)
+    return not np.isnan(rows[~lost, frame.columns.index("temperature")]).any()
 
 
 def campaign_of(
     frame: Frame, name: str, clocks: Clocks | None = None, rate: float | None = None,
-    text: str | None = None,
+    text: str | None = None, warm: bool = True,
 ) -> str:  # fmt: skip
     """Write the campaign of a session: `text` or None, by hand until somebody says otherwise.
 
     `clocks` or None: how its clock runs against that of the computer, which is then trusted;
-    `rate` or None: of the frames, where they have no time of their own [Hz].
+    `rate` or None: of the frames, where they have no time of their own [Hz]; `warm`: whether each
+    of them has a temperature, where they can have one.
     """
     columns = frame.columns
     time_ = frame.field_of("time")
@@ -229,9 +239,9 @@ def campaign_of(
             at = [f"{sign}{number}" if sign else number for sign, number in numbers]
             kind = ', kind = "increment"' if frame.kind == "increment" else ""
             lines.append(f'{triad} = {{ columns = {json.dumps(at)}, unit = "{told.unit}"{kind} }}')
-    if (warm := frame.field_of("temperature")) is not None and warm.unit:
+    if warm and (told := frame.field_of("temperature")) is not None and told.unit:
         at_ = columns.index("temperature")
-        lines.append(f'temperature = {{ column = {at_}, unit = "{warm.unit}" }}')
+        lines.append(f'temperature = {{ column = {at_}, unit = "{told.unit}" }}')
     if clocks is not None:
         sd = float(np.hypot(clocks.rate_sd, HOST_SD))
         fast = f"It is that of this computer, sd {1e6 * clocks.rate_sd:.1f} ppm"

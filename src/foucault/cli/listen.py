@@ -47,7 +47,7 @@ def listen(
     ] = None,
     taken: options.Taken = None,
 ) -> None:
-    """Listen at ports: baud rate, frames or text, rate, units and axes."""
+    """Listen at ports: baud rate, frames or text, units and axes."""
     from foucault.campaign.recognised import said_of
     from foucault.capture import listen as ears
     from foucault.errors import error
