@@ -157,6 +157,8 @@ class Guide:
         if since is None or since < self._handled:
             if before is not None and since is None and before[0] >= self._handled:
                 self._left_early(*before)
+            elif before is not None and since is None and self.done is not None:
+                self._look(again=True)  # a spin went on after what was asked
             return False
         if found.run < self.step.seconds:
             return False
@@ -187,19 +189,20 @@ class Guide:
 
     # -- after a rest ------------------------------------------------------------------------
 
-    def _look(self) -> None:
+    def _look(self, again: bool = False) -> None:
         first, last = self.still()
         if not len(first):
             return
         log = self.found.log
-        self._wrongs(log, first, last)
+        if not again:
+            self._wrongs(log, first, last)
         reached = self.way.reached(log, first, last)
         if reached is None:
             return
         self.reached = reached
         if reached.C_nb.shape[0] == len(first):
             self._attitude = (int(last[-1]), reached.C_nb[-1])
-        if getattr(self.way, "unlisted", False):
+        if getattr(self.way, "unlisted", False) and not again:
             self._mistake("unlisted", int(first[-1]))
         if reached.solved or self._listed:
             self._floors(log, first, last)
