@@ -75,7 +75,7 @@ class OnTable:
         """Return how long one of the list takes, shape () [s]; `k`: its number [1]."""
         given = None if self.spun[k] else self.hold
         time = float(self.plan.time[k])
-        return max(LONG * time, time - EDGES) if given is None else given
+        return float(max(LONG * time, time - EDGES)) if given is None else given
 
     @property
     def done(self) -> tuple[int, int]:

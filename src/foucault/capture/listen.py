@@ -90,7 +90,8 @@ class Listened:
     text: float = 0.0  # readable part of the bytes [1]
     fits: list[Fit] = field(default_factory=list)  # the best first
     others: dict[str, int] = field(default_factory=dict)  # description -> whole other messages [1]
-    tried: list[tuple[int, int, float]] = field(default_factory=list)  # baud, bytes, readable
+    # baud [Hz], bytes heard, and how much of them is readable [1]
+    tried: list[tuple[int, int, float]] = field(default_factory=list)
     period: tuple[bytes, int] | None = None  # bytes that come again, and after how many [bytes]
     sample: bytes = b""
     lost: str = ""  # why lines of text are not described

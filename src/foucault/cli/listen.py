@@ -24,7 +24,8 @@ KNOWN, UNKNOWN = 0, 3
     'foucault listen /dev/ttyUSB0 udp:5005 --for "20 s"',
     "foucault listen serial:/dev/ttyUSB0:115200 --frames mine.toml -o session",
     notes="Rest the instrument, and turn it by hand a few times while it is listened to: gravity "
-    "and turns tell units and axes.",
+    "and turns tell units and axes. Without --for it listens 5 s; --frames, which may be repeated, "
+    "tries a description beside those that are known.",
     exits={0: "all that was heard is known", 3: "something is not"},
 )
 def listen(
@@ -39,11 +40,11 @@ def listen(
     output: options.FolderIfWanted = None,
     frames: Annotated[
         list[str] | None,
-        typer.Option(help="A file that describes frames, beside those that are known."),
+        typer.Option(help=options.FRAMES),
     ] = None,
     for_: Annotated[
         Amount | None,
-        quantity("time", 'How long, such as "20 s"; 5 s if left out.', "--for", least="above 0"),
+        quantity("time", 'How long, such as "10 min".', "--for", least="above 0"),
     ] = None,
     taken: options.Taken = None,
 ) -> None:
