@@ -23,6 +23,7 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
+from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED
 from foucault.infer.gauss_newton import student
 from foucault.infer.shown import shares, shown
 from foucault.kernels import pose as kernels
@@ -61,16 +62,6 @@ CUT = 5.0
 STUDENT = 4.0
 """Degrees of freedom of the errors of poses before they are told from outliers [1]."""
 
-SETTLED = 0.02
-"""A step that moves nothing by more of its sd is the last, where the cost has settled too [1]."""
-
-BLOCK = 2.0
-"""Errors of poses farther apart are taken as independent [s]."""
-
-COLOURED, MOVED = 1.1, 1.3
-"""More than chance, as sds: scatter of scores beyond that of white rows, and difference of the
-halves beyond what noise makes [1]."""
-
 NOISY, ALONE = (1, 3), (8,)
 """Passes in which what the motion shows is told from what its noise does, before all has settled;
 positions alone start too far off to tell [1]."""
@@ -86,9 +77,6 @@ LOUD = 3.0
 
 SLOWEST = 0.9
 """Correlation of a pose's error with the next that is counted with at most [1]."""
-
-ROUND = 0.1
-"""A rotation that is less certain is none [rad]."""
 
 LAGGED = 3.0
 """Correlation of a pose's error with the next beyond so many standard deviations counts [1]."""

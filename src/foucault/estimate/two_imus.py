@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED
 from foucault.infer.gauss_newton import student
 from foucault.infer.shown import Shown, shown
 from foucault.kernels import two_imus as kernels
@@ -36,9 +37,6 @@ USUAL = {
 }  # fmt: skip
 """Standard deviations where nothing else is said, of offset and rotation about the start [SI]."""
 
-SETTLED = 0.02
-"""A step that moves nothing by more of its sd is the last [1]."""
-
 GROWN = 0.05
 """Logarithm of a variance by which it grows no more [1]."""
 
@@ -48,16 +46,6 @@ NOISY = 4
 QUIET = 2
 """Passes in which noise is at most that of differences of readings: what a start leaves is none,
 and looks like one in which nothing is seen."""
-
-BLOCK = 2.0
-"""What is left of readings farther apart is independent [s]."""
-
-COLOURED, MOVED = 1.1, 1.3
-"""More than chance, as sds: scatter of scores beyond that of white rows, and difference of the
-halves beyond what noise makes [1]."""
-
-ROUND = 0.1
-"""A rotation that is less certain is none [rad]."""
 
 FEWEST = 1e-9
 """Information of a knot that no reading tells of, as a part of that of the others [1]."""
