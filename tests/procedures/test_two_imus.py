@@ -223,7 +223,7 @@ def test_three_on_a_plate_by_the_command_line(tmp_path):
     """What is simulated of three is found jointly: from files that [log] and [master] name."""
     example = (Path(__file__).parents[2] / "examples" / "two_imus.toml").read_text()
     campaign = tmp_path / "campaign.toml"
-    campaign.write_text(example.replace('time = "30 s"', 'time = "12 s"\nimus = 3'))
+    campaign.write_text(example.replace('time = "30 s"', 'time = "12 s"\nimus = 3\nbetter = 1'))
     of_session = tmp_path / "s" / "campaign.toml"
     for words in (["simulate", campaign, "-o", tmp_path / "s"],
                   ["calibrate", of_session, "-o", tmp_path / "c"]):  # fmt: skip
@@ -232,10 +232,10 @@ def test_three_on_a_plate_by_the_command_line(tmp_path):
     assert 'others = ["third.csv"]' in of_session.read_text()
     found = load_result(tmp_path / "c").coefficients
     assert set(found.names) == set(layout_of(2).names)
-    # What both have in common through the first is in the covariance.
+    # What both have in common through the first is in the covariance: of equal ones, half of it.
     both = [found.names.index(f"{k}.lever.x") for k in ("second", "third")]
     P = found.cov[np.ix_(both, both)]
-    assert 0.1 < P[0, 1] / np.sqrt(P[0, 0] * P[1, 1]) < 0.9
+    assert P[0, 1] / np.sqrt(P[0, 0] * P[1, 1]) == pytest.approx(0.5, abs=0.1)
 
 
 def test_names_are_known_once():
