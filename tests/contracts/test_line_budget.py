@@ -12,7 +12,7 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_478,
     "campaign": 5_919,
-    "capture": 3_320,
+    "capture": 3_460,
     "certificate": 2_034,
     "cli": 5_640,
     "detect": 4_774,

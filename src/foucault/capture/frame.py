@@ -451,10 +451,11 @@ class Decoder:
     def _scales(self) -> list[tuple[FrameField, str, bool, Bit | None, float, float]]:
         """Of each name the first field: it, its name, whether it counts, its bit, and scales."""
         first = {one.name: one for one in reversed(self.frame.fields)}
+        named = {one.name: first[one.name] for one in self.frame.fields}
         return [
             (one, name, name in ("time", "counter"), one.bit, one.multiply, one.add)
-            for name, one in ((n, first[n]) for n in dict.fromkeys(f.name for f in self.frame.fields))
-        ]  # fmt: skip
+            for name, one in named.items()
+        ]
 
     def _items(self, raw: bytes) -> dict[int, tuple[int, int]]:
         """Return where the items of a frame stand, and their sizes: identifier -> both [bytes]."""
