@@ -73,9 +73,10 @@ class OnTable:
 
     def seconds(self, k: int) -> float:
         """Return how long one of the list takes, shape () [s]; `k`: its number [1]."""
-        given = None if self.spun[k] else self.hold
+        if self.hold is not None and not self.spun[k]:
+            return self.hold
         time = float(self.plan.time[k])
-        return float(max(LONG * time, time - EDGES)) if given is None else given
+        return max(LONG * time, time - EDGES)
 
     @property
     def done(self) -> tuple[int, int]:
