@@ -12,9 +12,9 @@ ROOT = Path(foucault.__file__).parent
 BUDGET = {
     ".": 3_478,
     "campaign": 5_919,
-    "capture": 2_480,
+    "capture": 3_320,
     "certificate": 2_034,
-    "cli": 5_483,
+    "cli": 5_640,
     "detect": 4_774,
     "diagnose": 11_966,
     "estimate": 8_184,
