@@ -21,7 +21,7 @@ BUDGET = {
     "export": 3_758,
     "guard": 1_941,
     "infer": 3_628,
-    "kernels": 5_218,
+    "kernels": 5_233,
     "logs": 7_313,
     "models": 6_359,
     "navigate": 2_110,
