@@ -287,7 +287,7 @@ def test_a_bad_plan_ends_with_3_and_names_what_it_does_not_see():
 
 def test_the_list_for_the_operator_and_keys_that_say_something_else(tmp_path):
     file = tmp_path / "operator.html"
-    words = ("preflight", EXAMPLE, "--set", "procedure.rate_limit = 0.05 deg/s", "--list", file)
+    words = ("preflight", EXAMPLE, "--set", "procedure.rate_limit = 0.05 deg/s", "--steps", file)
     result = run(*words, code=0)
     assert f"List for the operator: {file}" in result.output
     page = file.read_text(encoding="utf-8")
@@ -297,7 +297,7 @@ def test_the_list_for_the_operator_and_keys_that_say_something_else(tmp_path):
     refused = run("preflight", EXAMPLE, "--set", "rate_limit = 0.05 deg/s", code=1)
     assert "names no table" in refused.output and "procedure.rate_limit" in refused.output
     assert "procedure.x" in run("preflight", EXAMPLE, "--set", "procedure.x = 3", code=1).output
-    other = run("preflight", EXAMPLE, "--plan", "-x", "--list", file, code=3)
+    other = run("preflight", EXAMPLE, "--plan", "-x", "--steps", file, code=3)
     assert "Seen by no leg" in other.output
     assert file.read_text(encoding="utf-8").count('type="checkbox"') == 1
 

@@ -37,7 +37,7 @@ def test_every_procedure_can_be_planned_by_a_form(tmp_path: Path) -> None:
     for name in PROCEDURES:
         assert f"/plan/{name}" in listed
         page = browser.get(f"/plan/{name}")
-        assert page.status_code == 200 and f"foucault preflight {name} --list" in page.text
+        assert page.status_code == 200 and f"foucault preflight {name} --steps" in page.text
         assert 'name="simulate.' in page.text
     assert "procedure.index_limit" in browser.get("/plan/north_seeking").text
     assert browser.get("/plan/nothing").status_code == 400
@@ -51,7 +51,7 @@ def test_what_is_chosen_is_in_the_line_to_copy(tmp_path: Path) -> None:
     assert '--set "simulate.rests = 12" --set "simulate.turn_time = 3 s"' in unescape(page.text)
     job = Store(tmp_path).job(1)
     assert job.words[:2] == ("preflight", "hand_rotated")
-    assert job.words[-3:] == ("-o", "runs/1/expected.csv", "--list=runs/1/operator.html")
+    assert job.words[-3:] == ("-o", "runs/1/expected.csv", "--steps=runs/1/operator.html")
 
 
 def test_a_plan_reaches_no_file(tmp_path: Path) -> None:

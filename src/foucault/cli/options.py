@@ -405,7 +405,7 @@ TableIfWanted = Annotated[
 ListIfWanted = Annotated[
     Path | None,
     typer.Option(
-        "--list", callback=_file,
+        "--steps", callback=_file,
         help="Page to write with the positions in order, for the operator; none if left out.",
     ),
 ]  # fmt: skip

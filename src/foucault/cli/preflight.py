@@ -22,8 +22,8 @@ INCOMPLETE = 3
 @command(
     "foucault preflight campaign.toml -o expected.csv",
     'foucault preflight platform_tumble --plan "-x -z -y +z" --rate "0.2 deg/s"',
-    'foucault preflight norm_observation --plan "dodecahedron 20" --list operator.html',
-    'foucault preflight north_seeking --set "procedure.index_limit = 95 deg" --list operator.html',
+    'foucault preflight norm_observation --plan "dodecahedron 20" --steps operator.html',
+    'foucault preflight north_seeking --set "procedure.index_limit = 95 deg" --steps operator.html',
     notes="What is not tried is as in the campaign file, sampling and noise too.",
     exits={0: "all is seen", 3: "something is hardly seen, or a limit is broken"},
 )

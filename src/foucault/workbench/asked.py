@@ -72,7 +72,7 @@ OFFERS: dict[str, Offer] = {
                      first=("--tolerance",)),
     "preflight": Offer("Preflight", "What a session will show, before it is made.", "procedure",
                        "runs/{job}/expected.csv", ("--plan", "--rate", "--segment"),
-                       ("--list",), ("--list=runs/{job}/operator.html",)),
+                       ("--steps",), ("--steps=runs/{job}/operator.html",)),
 }  # fmt: skip
 """Command -> what it is as an offer."""
 

@@ -94,7 +94,7 @@ def planned(request: Request, name: str) -> Response:
         request, "planned.html", name=name, what=procedure.summary, more=rest,
         groups=[("What is done", done), ("Rig and limits", rig),
                 ("Instrument and place", [grades, *place])],
-        line=shown(["preflight", name, "--list", LIST]),
+        line=shown(["preflight", name, "--steps", LIST]),
     )  # fmt: skip
 
 
