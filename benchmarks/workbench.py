@@ -32,6 +32,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import make_kills
 
 HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent / "tests"))
+from make_workbench import children  # noqa: E402
+
 COMMAND = [sys.executable, "-m", "foucault"]
 
 
@@ -79,20 +82,6 @@ class Served:
                 continue
             total += sum(map(int, parts[11:15]))
         return total / tick
-
-
-def children(of: int) -> list[int]:
-    """Return the processes that a process has begun, and theirs."""
-    out = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
-            except (OSError, ValueError):
-                continue
-            if parent == of:
-                out += [int(entry.name), *children(int(entry.name))]
-    return out
 
 
 def log_of(rows: int, folder: Path) -> Path:

@@ -37,6 +37,20 @@ def make_bench(folder: Path, **more: Any) -> Bench:
     return Bench(Store(made(folder)), str(folder / "records.sqlite"), options, **more)
 
 
+def children(of: int) -> list[int]:
+    """Return the processes that a process has begun, and theirs."""
+    out = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+            except (OSError, ValueError):
+                continue
+            if parent == of:
+                out += [int(entry.name), *children(int(entry.name))]
+    return out
+
+
 def client(bench: Bench) -> TestClient:
     """Return a browser without a script, on this computer."""
     return TestClient(application(bench), base_url="http://127.0.0.1:8400")

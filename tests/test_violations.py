@@ -40,6 +40,12 @@ def test_every_procedure_that_counts_is_violated(violations: ModuleType) -> None
         assert sum(violations.can(which, what) for what in violations.VIOLATIONS) >= 18
 
 
+def test_few_sessions_are_judged_by_chance(violations: ModuleType) -> None:
+    """Of five that pass nine times in ten, two or fewer pass in 1 % of cases, three in 8 %."""
+    assert [violations.often(k, 5, 0.9) for k in range(6)] == [False] * 3 + [True] * 3
+    assert violations.often(90, 100, 0.9) and not violations.often(89, 100, 0.9)
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("which", PROCEDURES)
 def test_no_session_passes_with_numbers_that_are_wrong_and_not_said_to_be(

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from common import each, limits
 from left_out import COUNT, put
+from scipy.special import bdtr
 
 from foucault.diagnose.study import nees
 from foucault.errors import FoucaultError
@@ -452,13 +453,24 @@ def row(which: str, what: str, runs: list[list[Run]]) -> tuple[str, bool]:
     passing = [f for f in found if f.passed]
     if what == ALL:
         low, high = limits(max(f.count for f in found) * len(runs))
-        good = bool(low <= ratio <= high and passed >= 0.9)
+        good = bool(low <= ratio <= high and often(len(passing), len(runs), 0.9))
     elif len(passing) > 0.1 * len(runs) and np.mean([f.nees for f in passing]) > 2.0:
         word = WORDS.get(what.split()[0], what)
         good = all(word in f.unseen.lower() for f in passing)
     words = ", ".join(f"{name} {count}" for name, count in said.most_common(2)) or "nothing"
     right = "yes" if good else "**no**"
     return f"| {which} | {what} | {' | '.join(cells)} | {words} | {right} |", good
+
+
+FEW = 20
+"""Fewer sessions than this are judged by what chance makes of a rate."""
+
+
+def often(passed: int, sessions: int, rate: float) -> bool:
+    """Whether sessions pass at a rate; few may be so few by chance once in a hundred times."""
+    if sessions >= FEW:
+        return passed >= rate * sessions
+    return float(bdtr(passed, sessions, rate)) >= 0.01
 
 
 SLOW = ("transfer_alignment",)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import ClassVar
@@ -9,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.errors import FoucaultError, error
 from foucault.infer import filtered
 from foucault.infer.gauss_newton import chi_square_limits
@@ -270,3 +272,58 @@ def test_more_states_are_more_columns():
     both = kalman(extended(alone, whole.H[:, :, 1:], DELAY_SD))
     np.testing.assert_array_equal(both.states, kalman(whole).states)
     np.testing.assert_array_equal(both.cov, kalman(whole).cov)
+
+
+# -- another prior ---------------------------------------------------------------------------------
+
+
+def measured(A: np.ndarray, y: np.ndarray, mean: np.ndarray, sd: np.ndarray) -> CoefficientVector:
+    """Estimate ``y = A x + e`` with a prior, e of unit variance, by its triangular factor."""
+    Q, R = np.linalg.qr(np.vstack([A, np.diag(1 / sd)]))
+    root = np.linalg.inv(R)
+    names = [f"x{k}" for k in range(len(sd))]
+    layout = Layout(tuple(Coefficient(n, "x", "scale factor error", n) for n in names))
+    values = root @ Q.T @ np.concatenate([y, mean / sd])
+    return CoefficientVector(layout, values, root @ root.T, prior_sd=sd)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_another_prior_is_as_if_it_had_been_there_from_the_start(seed: int) -> None:
+    """Wider, narrower, infinite, and elsewhere: by the information of a well-conditioned case."""
+    rng = np.random.default_rng(seed)
+    A, y = rng.normal(size=(9, 5)), rng.normal(size=9)
+    mean, sd = rng.normal(size=5), rng.uniform(0.2, 2.0, 5)
+    times = np.array([3.0, 0.3, 1.0, np.inf, 0.01])
+    found = measured(A, y, mean, sd)
+    wanted = replace(found, values=rng.normal(size=5), prior_sd=sd * times)
+    got = filtered.exchanged(found, (mean, sd), wanted)
+    D = np.diag(1 / wanted.prior_sd**2)
+    cov = np.linalg.inv(A.T @ A + D)
+    np.testing.assert_allclose(got.cov, cov, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(got.values, cov @ (A.T @ y + D @ wanted.values), rtol=1e-9)
+    assert got.prior_sd is wanted.prior_sd
+    back = filtered.exchanged(got, (wanted.values, wanted.prior_sd), replace(got, values=mean,
+                              prior_sd=np.where(np.isfinite(times), sd, np.inf)))  # fmt: skip
+    known = np.where(np.isfinite(times), 1 / sd**2, 0.0)
+    np.testing.assert_allclose(back.cov, np.linalg.inv(A.T @ A + np.diag(known)), rtol=1e-6)
+
+
+def test_a_prior_is_exchanged_beside_a_sum_that_is_known_for_certain() -> None:
+    """Of two states the sum is known to 1e-9, each little; two are hardly seen, or never."""
+    A = np.diag([1e9, 0.5, 1.0, 1e-9, 0.0])
+    A[0, 1] = 1e9
+    y, mean, sd = np.array([3e8, 0.1, -0.4, 0.0, 0.0]), np.zeros(5), np.ones(5)
+    times = np.array([40.0, 3.0, 1.0, 40.0, 1e3])
+    found, want = measured(A, y, mean, sd), measured(A, y, mean, sd * times)
+    assert found.cov is not None and want.cov is not None
+    with suppress(np.linalg.LinAlgError):  # by information
+        other = np.linalg.inv(np.linalg.inv(found.cov) + np.diag(1 / times**2 - 1))
+        assert np.abs(other / want.cov - 1)[:2, :2].max() > 0.1
+    got = filtered.exchanged(found, (mean, sd), replace(found, values=mean, prior_sd=sd * times))
+    np.testing.assert_allclose(got.cov, want.cov, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(got.values, want.values, atol=1e-6)
+    never = filtered.exchanged(found, (mean, sd), replace(found, values=mean, prior_sd=sd * np.inf))
+    assert never.cov is not None and np.isfinite(never.cov).all()
+    assert never.sd[4] > 1e7 and never.sd[1] == pytest.approx(2.0)
+    certain = filtered.exchanged(found, (mean, sd), replace(found, prior_sd=np.zeros(5)))
+    np.testing.assert_allclose(certain.sd, 0.0, atol=1e-12)

@@ -368,7 +368,10 @@ IRON = {32: (-6.4, -1.3, 58.0), 33: (-2.8, -0.4, 26.9), 34: (-1.6, 0.3, 13.4),
     "run", [pytest.param(r, marks=() if r == 34 else pytest.mark.thorough) for r in IRON]
 )
 def test_a_magnet_on_a_real_instrument_is_found_by_the_imu_alone(run: int) -> None:
-    """By the first 25 s of motion; headings of the 25 s that follow, by the optical attitude."""
+    """By the first 25 s of motion; headings of the 25 s that follow, by the optical attitude.
+
+    The hard iron is found to 1.5 uT as a vector, 1.05 uT in a component.
+    """
     from pyarrow import parquet
 
     def columns(what: str) -> list[np.ndarray]:
@@ -381,10 +384,11 @@ def test_a_magnet_on_a_real_instrument_is_found_by_the_imu_alone(run: int) -> No
     fitted = log[(t > 10.0) & (t < 35.0)]
     result = magnetometer.calibrate(fitted, site=Site.at(52.5 * DEG), settings=settings)
     found = result.coefficients["mag.bias"].values * 1e6
-    assert np.abs(found - IRON[run]).max() < 1.0
+    assert np.linalg.norm(found - IRON[run]) < 1.5
+    assert np.abs(found - IRON[run]).max() < 1.05
     assert 0.008 < result.coefficients.value("mag.delay") < 0.013
     at, w, x, y, z = columns("pose")[:5]
-    later = (at > 35.0) & (at < 55.0)
+    later = (at > 35.0) & (at < 60.0)
     C = Rotation.from_quat(np.column_stack([x, y, z, w])[later]).as_matrix()
     field = np.column_stack([np.interp(at[later], t, c) for c in result.apply(log).mag.T])
     east, north, _ = np.einsum("nij,nj->in", C, field)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -258,3 +259,17 @@ def test_a_tumble_read_as_pulses_knows_how_well_it_is_known(quantisation):
     assert 1 / 1.3 < np.sqrt(np.mean(np.square(off))) < 1.3
     assert 0.75 < np.mean(nees) < 1.25
     assert levels.count(Level.PASS) >= 7
+
+
+def test_a_report_says_what_a_wrong_latitude_does_and_that_no_residual_shows_it():
+    """0.01 deg is 10 sd of the latitude: 10 times its part of the budget, of the drift it hits."""
+    made, session = tumble()
+    log = session.simulation.log
+    result = calibrate(made, log, trial=True)
+    said = next(w for w in result.diagnostics["unseen"] if w.startswith("A wrong latitude"))
+    name, size, unit = re.search(r"moves (\S+) by (\S+) (\S+),", said).groups()
+    part = np.sqrt(result.diagnostics["budget"]["latitude"][result.coefficients.names.index(name)])
+    assert name.startswith("gyro.drift.") and unit == "deg/h"
+    assert float(size) == pytest.approx(10 * part / DEG_H, rel=0.03)
+    exact = campaign_of(f'{PUBLISHED}\nlatitude_sd = "0 deg"')
+    assert "0.003 deg/h" in calibrate(exact, log, trial=True).diagnostics["unseen"][0]

@@ -264,13 +264,17 @@ def test_an_edge_of_a_rest_is_dragged_and_taken(laboratory: Any, opened: Opened)
     if page.is_visible("text=Look at it"):
         page.click("text=Look at it")
     page.wait_for_selector("svg.trace rect.edge", timeout=DONE, state="attached")
+    page.wait_for_load_state()  # until then a page that was loaded anew is scrolled to where it was
     before = float(page.input_value("[name=first] >> nth=1"))
     page.locator("svg.trace").scroll_into_view_if_needed()
     box = page.locator("svg.trace rect.edge").nth(2).bounding_box()
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 40)
     page.mouse.down()
-    page.mouse.move(box["x"] + box["width"] / 2 + 8, box["y"] + 40, steps=4)
+    page.mouse.move(box["x"] + box["width"] / 2 + 4, box["y"] + 40, steps=2)
+    page.evaluate("scrollBy(0, -60)")  # a page that moves, and a mouse that leaves it, lose nothing
+    page.mouse.move(box["x"] + box["width"] / 2 + 8, box["y"] + 400, steps=2)
     page.mouse.up()
+    page.mouse.move(box["x"] + box["width"] / 2 + 90, box["y"] + 40)  # it has ended
     after = float(page.input_value("[name=first] >> nth=1"))
     assert before < after < before + 3
     rects = page.locator("svg.trace rect.edge").count()

@@ -15,7 +15,7 @@ import httpx2 as httpx
 import pytest
 
 from foucault.workbench.store import Store
-from make_workbench import Served, log_text
+from make_workbench import Served, children, log_text
 
 KILLS = int(os.environ.get("FOUCAULT_KILLS", "20"))
 
@@ -25,20 +25,6 @@ def served(tmp_path: Path) -> Iterator[Served]:
     made = Served(tmp_path, "--workers", "2")
     yield made
     made.end()
-
-
-def children(of: int) -> list[int]:
-    """Return the processes that a process has begun, and theirs."""
-    out = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
-            except (OSError, ValueError):
-                continue
-            if parent == of:
-                out += [int(entry.name), *children(int(entry.name))]
-    return out
 
 
 def test_from_a_log_to_its_result_over_http(served: Served) -> None:

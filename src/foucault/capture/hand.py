@@ -8,14 +8,12 @@ instrument lies to each of them and back: of every pair of rows the way out is t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
-from foucault.capture.step import Reached, Step, Wanted, cov_of, turn_time, widely
+from foucault.capture.step import Begun, Reached, Step, cov_of, turn_time
 from foucault.coefficients import CoefficientVector
 from foucault.detect.coverage import named_directions
 from foucault.detect.stretches import Rests
@@ -29,7 +27,6 @@ from foucault.models.rotation import aligning, exp
 from foucault.models.rotation import log as rotation_vector
 from foucault.plans.directions import RestPlan
 from foucault.procedures import hand_rotated, left_out
-from foucault.procedures.record import Given
 from foucault.simulate.hand_rotated import simulate
 from foucault.tables import Log
 
@@ -51,19 +48,8 @@ TOGETHER = 8
 """Steps that are stated at once: more make matrices that are mostly empty [1]."""
 
 
-@dataclass
-class ByHand:
+class ByHand(Begun):
     """What a session by hand has shown, and what it could show next."""
-
-    given: Given[Any]
-    wanted: Wanted
-    hold: float  # time to rest [s]
-    gyro: bool = True
-
-    @cached_property
-    def prior(self) -> CoefficientVector:
-        """What is known beforehand, as wide as instruments differ where nothing is."""
-        return widely(self.wanted, self.given.prior)
 
     def first_step(self) -> Step:
         """Return the rest to begin with."""

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
-from foucault.capture.step import Reached, Step, Wanted, widely
+from foucault.capture.step import Begun, Reached, Step
 from foucault.coefficients import CoefficientVector
 from foucault.detect.faces import OFF_FACE, Faces, face_readings
 from foucault.errors import FoucaultError
@@ -19,7 +17,6 @@ from foucault.models.imu import ImuModel
 from foucault.models.rests_and_turns import SIX, FaceReadings
 from foucault.procedures import left_out, on_faces
 from foucault.procedures.on_faces import Observed
-from foucault.procedures.record import Given
 from foucault.tables import Log
 
 PLACED = 2e-3
@@ -28,19 +25,8 @@ PLACED = 2e-3
 EYE = np.eye(3)
 
 
-@dataclass
-class OnSix:
+class OnSix(Begun):
     """What a session on six faces has shown, and what it could show next."""
-
-    given: Given[Any]
-    wanted: Wanted
-    hold: float  # time to rest [s]
-    gyro: bool = True
-
-    @cached_property
-    def prior(self) -> CoefficientVector:
-        """What is known beforehand, as wide as instruments differ where nothing is."""
-        return widely(self.wanted, self.given.prior)
 
     def first_step(self) -> Step:
         """Return the rest to begin with."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from foucault.infer import mixed
 from foucault.infer.left_out import Judgement
 from foucault.infer.mixed import Fit, Linearisation, Model, budget
 from foucault.models.noise import grade
-from foucault.procedures.record import Prior
+from foucault.procedures.record import Given, Prior
 
 
 @dataclass(frozen=True)
@@ -164,3 +165,18 @@ def widely(wanted: Wanted, prior: Prior) -> CoefficientVector:
     usual = np.where(np.isfinite(wanted.typical), wanted.typical, 1.0)
     sd = np.where(np.isfinite(known.prior_sd), known.prior_sd, 1e3 * usual)
     return replace(known, prior_sd=sd)
+
+
+@dataclass
+class Begun:
+    """A session that has begun: what is asked of it, by whichever way it is recorded."""
+
+    given: Given[Any]
+    wanted: Wanted
+    hold: float  # time to rest [s]
+    gyro: bool = True
+
+    @cached_property
+    def prior(self) -> CoefficientVector:
+        """What is known beforehand, as wide as instruments differ where nothing is."""
+        return widely(self.wanted, self.given.prior)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
-import time as clock
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Any
 
-from foucault.cli.screen import Screen
+from foucault.cli.screen import Drawn, Screen, Shown, Told, shown_by
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
@@ -51,7 +50,7 @@ def guided(
     text = frame.text_of(frames)
     asked = Asked(told, HOLD if hold is None else hold, wants(want or ()))
     said, described = Words.of(words or "en"), frame.parsed(text, frames)
-    display = _display(screen, said)
+    display = shown_by(screen, said, Display, JsonLines, Picture, Lines)
     with display:
         live, recorded = guided(
             opened(source), described, text, output / SESSION, asked,
@@ -61,26 +60,11 @@ def guided(
     return recorded if live.guide is not None and live.guide.rests else None
 
 
-def _display(screen: Screen, words: Words) -> Display:
-    if screen.json:
-        return JsonLines(screen, words)
-    if screen.quiet:
-        return Display(screen, words)
-    return Picture(screen, words) if sys.stdout.isatty() else Lines(screen, words)
-
-
 @dataclass
-class Display:
-    """Shows nothing: what --quiet wants, and what the others begin with."""
+class Display(Shown):
+    """Shows nothing until the end."""
 
-    screen: Screen
-    words: Words
-
-    def __enter__(self) -> Display:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        return None
+    about: Words
 
     def show(self, live: Live, ended: bool) -> None:
         """Show the state; `ended`: whether a rest has just ended."""
@@ -88,7 +72,7 @@ class Display:
     def end(self, live: Live) -> None:
         """Show how it ended."""
         if live.guide is not None and live.guide.stopped:
-            self.screen.say(self.words.end(live.guide))
+            self.screen.say(self.about.end(live.guide))
 
 
 def state(guide: Guide, words: Words, silence: float = 0.0) -> dict[str, Any]:
@@ -113,24 +97,19 @@ def state(guide: Guide, words: Words, silence: float = 0.0) -> dict[str, Any]:
 
 
 @dataclass
-class JsonLines(Display):
+class JsonLines(Display, Told):
     """One JSON document per line: at every change, and once a second."""
 
-    _last: tuple[Any, ...] = ()
-    _at: float = 0.0
-
     def show(self, live: Live, ended: bool) -> None:
-        if live.guide is None:
-            return
         guide = live.guide
-        now = guide.phase, guide.rests, len(guide.mistakes), live.silence > QUIET
-        if now != self._last or clock.monotonic() - self._at > 1.0:
-            self._last, self._at = now, clock.monotonic()
-            print(json.dumps(state(guide, self.words, live.silence)), flush=True)
+        if guide is not None and self.due(
+            (guide.phase, guide.rests, len(guide.mistakes), live.silence > QUIET)
+        ):
+            print(json.dumps(state(guide, self.about, live.silence)), flush=True)
 
     def end(self, live: Live) -> None:
         if live.guide is not None:
-            print(json.dumps(state(live.guide, self.words)), flush=True)
+            print(json.dumps(state(live.guide, self.about)), flush=True)
 
 
 @dataclass
@@ -143,7 +122,7 @@ class Lines(Display):
     _told: set[str] = field(default_factory=set)
 
     def show(self, live: Live, ended: bool) -> None:
-        words, say = self.words, self.screen.say
+        words, say = self.about, self.screen.say
         if live.silence > QUIET:
             seconds = live.silence
             if "silent" not in self._told:
@@ -172,26 +151,14 @@ class Lines(Display):
 
 
 @dataclass
-class Picture(Display):
+class Picture(Display, Drawn):
     """The guide in the terminal, kept up to date in its place; a bell at the end of a rest."""
-
-    _live: Any = None
-
-    def __enter__(self) -> Display:
-        from rich.live import Live
-
-        self._live = Live(auto_refresh=False, vertical_overflow="visible")
-        self._live.__enter__()
-        return self
-
-    def __exit__(self, *problem: Any) -> None:
-        self._live.__exit__(*problem)
 
     def show(self, live: Live, ended: bool) -> None:
         if ended:
             with suppress(OSError):
                 sys.stdout.write("\a")
-        self._live.update(picture(live, self.words), refresh=True)
+        self.draw(picture(live, self.about))
 
 
 def picture(live: Live, words: Words) -> Any:

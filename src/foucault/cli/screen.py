@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import typer
 
@@ -256,6 +257,73 @@ def _console() -> Any:
 
     # Made anew each time: stdout may have been redirected since. Nothing is folded in a file.
     return Console() if sys.stdout.isatty() else Console(width=200, soft_wrap=True)
+
+
+# -- What goes on and is shown while it does -----------------------------------------------------
+
+
+S = TypeVar("S", bound="Shown")
+
+
+@dataclass
+class Shown:
+    """Shows nothing: what --quiet wants, and what all other ways to show begin with."""
+
+    screen: Screen
+    about: Any  # what it speaks of, or in which words
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *problem: Any) -> None:
+        return None
+
+
+@dataclass
+class Drawn(Shown):
+    """A picture in the terminal, kept up to date in its place."""
+
+    _live: Any = None
+
+    def __enter__(self) -> Self:
+        from rich.live import Live
+
+        self._live = Live(auto_refresh=False, vertical_overflow="visible")
+        self._live.__enter__()
+        return self
+
+    def __exit__(self, *problem: Any) -> None:
+        self._live.__exit__(*problem)
+
+    def draw(self, picture: Any) -> None:
+        """Put `picture` in its place."""
+        self._live.update(picture, refresh=True)
+
+
+@dataclass
+class Told(Shown):
+    """One JSON document per line: at every change, and once a second."""
+
+    _last: Any = ()
+    _at: float = 0.0
+
+    def due(self, state: object) -> bool:
+        """Whether something is to be said: `state` is another, or a second is over."""
+        if state == self._last and monotonic() - self._at <= 1.0:
+            return False
+        self._last, self._at = state, monotonic()
+        return True
+
+
+def shown_by(
+    screen: Screen, about: Any, nothing: type[S], json: type[S], picture: type[S], lines: type[S]
+) -> S:
+    """Return the way to show that suits the screen: a picture on a terminal, lines in a file."""
+    if screen.json:
+        return json(screen, about)
+    if screen.quiet:
+        return nothing(screen, about)
+    return (picture if _on_a_terminal() else lines)(screen, about)
 
 
 # -- Folders as commands leave them: what was found, its page, and what a screen shows of it -----

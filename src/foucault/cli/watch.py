@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foucault.cli.options import Amount, command, quantity
-from foucault.cli.screen import INTERRUPTED, Screen
+from foucault.cli.screen import INTERRUPTED, Drawn, Shown, Told, shown_by
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
@@ -66,7 +66,8 @@ def watch(
 ) -> None:
     """Follow a growing log: rests found, orientations missing."""
     session = _open(log, stdin, hold)
-    display = _display(ctx.obj, session.follower.tail.name)
+    name = session.follower.tail.name
+    display = shown_by(ctx.obj, name, Display, JsonLines, Picture, Lines)
     with suppress(KeyboardInterrupt), display:
         _follow(session, display, until_complete, timeout)
     seen = session.finish()
@@ -203,26 +204,11 @@ def _follow(
 # -- what people see ---------------------------------------------------------------------------
 
 
-def _display(screen: Screen, name: str) -> Display:
-    if screen.json:
-        return JsonLines(screen, name)
-    if screen.quiet:
-        return Display(screen, name)
-    return Picture(screen, name) if sys.stdout.isatty() else Lines(screen, name)
-
-
 @dataclass
-class Display:
-    """Shows nothing: what --quiet wants, and what the others begin with."""
+class Display(Shown):
+    """Shows nothing until the end."""
 
-    screen: Screen
-    name: str
-
-    def __enter__(self) -> Display:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        return None
+    about: str  # name of the log
 
     def show(self, seen: Checklist | None, silent: float, missing: bool) -> None:
         """Show the state; `silent` is the time since the last sample [s]."""
@@ -233,24 +219,19 @@ class Display:
 
 
 @dataclass
-class JsonLines(Display):
+class JsonLines(Display, Told):
     """One JSON document per line: at every change, and once a second."""
-
-    _last: tuple[Any, ...] = ()
-    _at: float = 0.0
 
     def show(self, seen: Checklist | None, silent: float, missing: bool) -> None:
         codes = () if seen is None else tuple(item.code for item in seen.findings)
-        state = (missing, seen and (seen.still, len(seen.rests), seen.missing), codes)
-        if state != self._last or clock.monotonic() - self._at > 1.0:
-            self._last, self._at = state, clock.monotonic()
+        if self.due((missing, seen and (seen.still, len(seen.rests), seen.missing), codes)):
             self._print("state", seen, waiting_for_file=missing, silent=round(silent, 1))
 
     def end(self, seen: Checklist | None) -> None:
         self._print("end", seen)
 
     def _print(self, event: str, seen: Checklist | None, **more: Any) -> None:
-        document = {"event": event, "log": self.name, "complete": False} | more
+        document = {"event": event, "log": self.about, "complete": False} | more
         if seen is not None:
             document |= asdict(seen) | {"complete": seen.complete}
             document["visited"] = [words for words, near in seen.visited if near]
@@ -267,13 +248,13 @@ class Lines(Display):
 
     def show(self, seen: Checklist | None, silent: float, missing: bool) -> None:
         if missing:
-            self._once(f"waiting for {self.name} to appear")
+            self._once(f"waiting for {self.about} to appear")
         if seen is None:
             return
         if seen.samples < self._samples:  # the log began anew
             self._rests = 0
         self._samples = seen.samples
-        self._once(f"following {self.name}, {seen.rate:.4g} Hz")
+        self._once(f"following {self.about}, {seen.rate:.4g} Hz")
         for item in seen.findings:
             self._once(f"{item.severity}: {item.message}", f"  {item.cure}", key=item.code)
         ended = len(seen.rests) - bool(seen.still and seen.hold > 0)
@@ -301,23 +282,11 @@ class Lines(Display):
 
 
 @dataclass
-class Picture(Display):
+class Picture(Display, Drawn):
     """The checklist in the terminal, kept up to date in its place."""
 
-    _live: Any = None
-
-    def __enter__(self) -> Display:
-        from rich.live import Live
-
-        self._live = Live(auto_refresh=False, vertical_overflow="visible")
-        self._live.__enter__()
-        return self
-
-    def __exit__(self, *problem: Any) -> None:
-        self._live.__exit__(*problem)
-
     def show(self, seen: Checklist | None, silent: float, missing: bool) -> None:
-        self._live.update(picture(self.name, seen, silent, missing), refresh=True)
+        self.draw(picture(self.about, seen, silent, missing))
 
 
 def summary(seen: Checklist | None) -> str:

@@ -162,23 +162,39 @@ def exchanged(
 ) -> CoefficientVector:
     """Return an estimate with another prior than the one it was made with.
 
-    ``P^-1 = P_u^-1 - D_u + D``, ``P^-1 x = P_u^-1 x_u - D_u m_u + D m``, D the information of the
-    priors and m their means.
+    Where the measurements say little, P is nearly the covariance of the prior, and where they say
+    all, it is nearly singular: it is not inverted. Another mean m, a prior k times as wide (S is
+    1 / sd of the old one, H chooses), and a narrower one as a measurement, one after the other::
+
+        x + P S^2 (m - m_u)
+        V = 1 - S H P H' S    G = P H' S (V + 1 / (k^2 - 1))^-1    x + G S H (x - m)    P + G S H P
+        R = (1 / sd^2 - S^2)^-1    K = P H' (H P H' + R)^-1    x + K H (m - x)    (1 - K H) P
 
     `estimate`: with covariance [SI]; `used` (p,): mean and standard deviation of the prior it was
-    made with [SI]; `prior`: the prior it shall have: values and prior_sd [SI].
+    made with [SI]; `prior`: the prior it shall have: values and prior_sd [SI]. A prior of sd zero
+    stays; an infinite one counts as 7e7 times as wide.
     """
     assert estimate.cov is not None
-    unit = estimate.sd
-    mean, sd = used
-    old, new = (unit / sd) ** 2, (unit / prior.prior_sd) ** 2
-    information = np.linalg.inv(estimate.cov / np.outer(unit, unit)) + np.diag(new - old)
-    cov = np.linalg.inv((information + information.T) / 2)
-    pull = new * (prior.values - estimate.values) - old * (mean - estimate.values)
-    values = estimate.values + unit * (cov @ (pull / unit))
-    return replace(
-        estimate, values=values, cov=cov * np.outer(unit, unit), prior_sd=prior.prior_sd
-    )  # fmt: skip
+    x, P, (mean, old), m, new = estimate.values, estimate.cov, used, prior.values, prior.prior_sd
+    x = x + P @ ((m - mean) / np.where(old > 0, old, np.inf) ** 2)
+    wide, narrow = np.flatnonzero((new > old) & (old > 0)), np.flatnonzero(new < old)
+    if len(wide):
+        s = old[wide]
+        PS = P[:, wide] / s
+        seen, axes = np.linalg.eigh(np.eye(len(s)) - PS[wide] / s[:, None])
+        V = axes * np.maximum(seen, 0.0) @ axes.T
+        more = np.maximum(1 / ((new[wide] / s) ** 2 - 1), np.finfo(float).eps)
+        G = np.linalg.solve(V + np.diag(more), PS.T).T
+        x, P = x + G @ ((x - m)[wide] / s), P + G @ PS.T
+    if len(narrow):
+        R = np.diag(new[narrow] ** 2 / (1 - (new[narrow] / old[narrow]) ** 2))
+        S = P[np.ix_(narrow, narrow)] + R
+        unit = np.sqrt(np.where(np.diag(S) > 0, np.diag(S), 1.0))
+        K = P[:, narrow] / unit @ np.linalg.pinv(S / np.outer(unit, unit), hermitian=True) / unit
+        left = np.eye(len(x))
+        left[:, narrow] -= K
+        x, P = x + K @ (m - x)[narrow], left @ P @ left.T + K @ R @ K.T
+    return replace(estimate, values=x, cov=(P + P.T) / 2, prior_sd=new)
 
 
 @dataclass(frozen=True)

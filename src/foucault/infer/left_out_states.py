@@ -133,8 +133,7 @@ def tested(at: Posterior, groups: Mapping[str, Group], scatter: float = 1.0) -> 
         sd = c.prior_sd[i]
         V = np.eye(len(i)) - c.cov[np.ix_(i, i)] / np.outer(sd, sd)
         others = [k for k in range(len(c)) if k not in i]
-        some = np.ix_(others, i)  # what is known for certain is related to nothing
-        related = np.abs(c.cov[some] / np.where(total[some] > 0, total[some], np.inf))
+        related = np.abs(c.cov[np.ix_(others, i)] / total[np.ix_(others, i)])
         if np.abs(V).max() > SEES_NOTHING or related.max(initial=0.0) > SEES_NOTHING:
             u = (c.values[i] - at.mean[i]) / sd / scatter
             out[name] = seen_of(group.kind, u, (V + V.T) / 2)
@@ -165,8 +164,7 @@ def shares(
     """Return the largest share of each group in a variance of what is `reported`."""
     assert states.cov is not None
     total = states.chosen(reported).sd ** 2
-    some = np.where(total > 0, total, np.inf)
-    return {n: float((by / some).max()) for n, by in parts(states, groups, reported).items()}
+    return {n: float((by / total).max()) for n, by in parts(states, groups, reported).items()}
 
 
 def parts(

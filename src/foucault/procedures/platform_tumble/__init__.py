@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from foucault import units
 from foucault.arrays import FloatArray
 from foucault.diagnose import left_out
 from foucault.diagnose import tumble as judge
@@ -110,7 +111,9 @@ def _result(s: Solution, filter_: str, shown: bool, judged: Judgement | None) ->
     found, checks = s.coefficients, judge.checks(s)
     tables = tumble_report.tables(s) if shown else {}
     budget = {k: np.diag(v).tolist() for k, v in s.parts.items()}
-    more: dict[str, Any] = {"bound": s.bound.tolist(), "budget": budget, "filter": filter_}
+    more: dict[str, Any] = {
+        "bound": s.bound.tolist(), "budget": budget, "filter": filter_, "unseen": [_of_latitude(s)]
+    }  # fmt: skip
     if "local gravity" in s.parts:
         error = _one_error(s.parts["local gravity"], found.names.index("accel.scale.x"))
         more |= of_site(s.site.as_dict(), found.names, error)
@@ -133,6 +136,24 @@ def _result(s: Solution, filter_: str, shown: bool, judged: Judgement | None) ->
         site=s.site.as_dict(),
         diagnostics=tumble_report.diagnostics(s) | more,
         tables=tables,
+    )
+
+
+def _of_latitude(s: Solution) -> str:
+    """Say what a wrong latitude does: to a cluster it is a drift, and no plan tells them apart."""
+    part, sd = s.parts.get("latitude"), s.latitude_sd
+    if part is None:
+        return "A wrong latitude: 0.01 deg is an error of the Earth's rate of 0.003 deg/h."
+    c, moved = s.coefficients, np.sqrt(np.diag(part))
+    beside = np.sqrt(np.maximum(c.sd**2 - moved**2, np.finfo(float).tiny))
+    k = int(np.argmax(moved / beside))
+    moved, one = np.radians(0.01) / sd * moved, c.layout.coefficients[k]
+    unit = units.display_unit(one.kind, moved[k])
+    return (
+        "A wrong latitude: no residual tells it from errors of the gyros. 0.01 deg moves "
+        f"{one.name} by {units.plain(units.convert(moved[k], one.kind, unit), 2)} {unit}, "
+        f"{units.plain(moved[k] / beside[k], 2)} of its standard deviations without it. It counts "
+        f"with latitude_sd, {units.plain(np.degrees(sd), 2)} deg here."
     )
 
 

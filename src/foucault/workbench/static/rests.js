@@ -30,10 +30,15 @@
   };
   const drag = (event, input) => {
     event.preventDefault();
-    const move = (at) => { input.value = time(at).toFixed(3); draw(); };
-    const stop = () => { removeEventListener("pointermove", move); removeEventListener("pointerup", stop); };
-    addEventListener("pointermove", move);
-    addEventListener("pointerup", stop);
+    svg.setPointerCapture(event.pointerId); // wherever it goes: each edge is drawn anew on the way
+    const move = (at) => { if (at.pointerId === event.pointerId) { input.value = time(at).toFixed(3); draw(); } };
+    const stop = (at) => {
+      if (at.pointerId !== event.pointerId) return;
+      svg.removeEventListener("pointermove", move);
+      for (const end of ["pointerup", "pointercancel"]) svg.removeEventListener(end, stop);
+    };
+    svg.addEventListener("pointermove", move);
+    for (const end of ["pointerup", "pointercancel"]) svg.addEventListener(end, stop);
   };
   svg.addEventListener("dblclick", (event) => {
     const empty = rows().find(([first]) => !first.value);
