@@ -175,6 +175,7 @@ class FrameField(Strict):
     add: float = 0.0  # after that
     unit: str = ""
     bit: Bit | None = None
+    axes: tuple[str, str, str] | None = None  # of a triad, where they are not those of the frame
 
 
 class Items(Strict):

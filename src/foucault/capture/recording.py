@@ -19,6 +19,7 @@ import json
 import os
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -29,7 +30,7 @@ from foucault.arrays import FloatArray
 from foucault.campaign import running, writing
 from foucault.capture.clock import HOST_SD, Clocks, compared
 from foucault.capture.frame import Frame, Heard, decoder_of, parsed
-from foucault.capture.source import Source
+from foucault.capture.source import Source, arrivals
 from foucault.errors import error
 from foucault.files import atomic, make_folder, write_text
 
@@ -41,9 +42,6 @@ EVERY = 0.25
 
 SAFE = 1.0
 """And brought to the disk so often [s]."""
-
-WAIT = 0.1
-"""Time to wait for bytes before something else is done [s]."""
 
 
 @dataclass
@@ -136,16 +134,15 @@ def record(
     write_text(folder / CAMPAIGN, campaign_of(frame, folder.name))
     begun = heard = time.monotonic()
     try:
-        while not source.ended:
-            data = source.read(WAIT)
-            now = time.monotonic()
-            heard = now if data else heard
-            recording.take(data, now - begun)
-            tell(recording, now - heard)
-            if seconds is not None and now - begun >= seconds:
-                break
-            if silent is not None and now - heard >= silent:
-                break
+        with closing(arrivals(source)) as coming:
+            for data, now in coming:
+                heard = now if data else heard
+                recording.take(data, now - begun)
+                tell(recording, now - heard)
+                if seconds is not None and now - begun >= seconds:
+                    break
+                if silent is not None and now - heard >= silent:
+                    break
     except KeyboardInterrupt:
         pass
     finally:
@@ -200,18 +197,28 @@ def concluded(folder: Path, frame: Frame, heard: Heard, text: str | None = None)
     if clocks is not None:
         said["clock"] = clocks._asdict()
     write_text(folder / SAID, json.dumps(said, indent=1) + "\n")
-    write_text(folder / CAMPAIGN, campaign_of(frame, folder.name, clocks, rate, text))
+    campaign = campaign_of(frame, folder.name, clocks, rate, text, warm_in(frame, rows))
+    write_text(folder / CAMPAIGN, campaign)
     return said
+
+
+def warm_in(frame: Frame, rows: FloatArray) -> bool:
+    """Tell whether every frame came with its temperature; `rows` (n, columns): as of `rows_of`."""
+    if frame.field_of("temperature") is None:
+        return False
+    lost = np.isnan(rows[:, :-1]).all(axis=1)
+    return not np.isnan(rows[~lost, frame.columns.index("temperature")]).any()
 
 
 def campaign_of(
     frame: Frame, name: str, clocks: Clocks | None = None, rate: float | None = None,
-    text: str | None = None,
+    text: str | None = None, warm: bool = True,
 ) -> str:  # fmt: skip
     """Write the campaign of a session: `text` or None, by hand until somebody says otherwise.
 
     `clocks` or None: how its clock runs against that of the computer, which is then trusted;
-    `rate` or None: of the frames, where they have no time of their own [Hz].
+    `rate` or None: of the frames, where they have no time of their own [Hz]; `warm`: whether each
+    of them has a temperature, where they can have one.
     """
     columns = frame.columns
     time_ = frame.field_of("time")
@@ -227,13 +234,14 @@ def campaign_of(
     for triad in ("gyro", "accel"):
         told = frame.field_of(triad)
         if told is not None:
-            numbers = [(a[:-1], columns.index(f"{triad}_{a[-1]}")) for a in frame.axes]
+            axes = told.axes or frame.axes
+            numbers = [(a[:-1], columns.index(f"{triad}_{a[-1]}")) for a in axes]
             at = [f"{sign}{number}" if sign else number for sign, number in numbers]
             kind = ', kind = "increment"' if frame.kind == "increment" else ""
             lines.append(f'{triad} = {{ columns = {json.dumps(at)}, unit = "{told.unit}"{kind} }}')
-    if (warm := frame.field_of("temperature")) is not None and warm.unit:
+    if warm and (told := frame.field_of("temperature")) is not None and told.unit:
         at_ = columns.index("temperature")
-        lines.append(f'temperature = {{ column = {at_}, unit = "{warm.unit}" }}')
+        lines.append(f'temperature = {{ column = {at_}, unit = "{told.unit}" }}')
     if clocks is not None:
         sd = float(np.hypot(clocks.rate_sd, HOST_SD))
         fast = f"It is that of this computer, sd {1e6 * clocks.rate_sd:.1f} ppm"

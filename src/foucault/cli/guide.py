@@ -38,7 +38,7 @@ def guided(
     from foucault.capture.live import guided
     from foucault.capture.said import Words
     from foucault.capture.source import opened
-    from foucault.capture.ways import HOLD, Asked, wants
+    from foucault.capture.ways import Asked, wants
     from foucault.errors import error
 
     if frames is None:
@@ -48,7 +48,7 @@ def guided(
     else:
         told = campaigns.load(campaign)
     text = frame.text_of(frames)
-    asked = Asked(told, HOLD if hold is None else hold, wants(want or ()))
+    asked = Asked(told, hold, wants(want or ()))
     said, described = Words.of(words or "en"), frame.parsed(text, frames)
     display = shown_by(screen, said, Display, JsonLines, Picture, Lines)
     with display:
