@@ -40,7 +40,7 @@ def test_every_procedure_can_be_planned_by_a_form(tmp_path: Path) -> None:
         assert page.status_code == 200 and f"foucault preflight {name} --steps" in page.text
         assert 'name="simulate.' in page.text
     assert "procedure.index_limit" in browser.get("/plan/north_seeking").text
-    assert browser.get("/plan/nothing").status_code == 400
+    assert browser.get("/plan/nothing").status_code == 404
 
 
 def test_what_is_chosen_is_in_the_line_to_copy(tmp_path: Path) -> None:
