@@ -142,3 +142,14 @@ def test_a_page_is_laid_out_by_what_it_holds() -> None:
 
     assert kind("six_position") == "few" and kind("hand_rotated") == "some"
     assert kind("hand_rotated", "simulate.rests = 40") == "many"
+    text = operator.page("", [], staged("hand_rotated", "simulate.rests = 700")[1])
+    assert text.count('type="checkbox"') == operator.MOST and "and 200 more" in text
+    assert "700 positions" in text
+
+
+def test_known_angles_are_told_axis_by_axis() -> None:
+    told = 'procedure.angle = ["360 deg", "720 deg", "90 deg"]'
+    words = [act.words for one in staged("ferraris", told)[1] for act in one.acts]
+    assert [w for w in words if "turn" in w] == [
+        "turn 90° about z", "turn 360° about x", "turn 720° about y"
+    ]  # fmt: skip

@@ -33,9 +33,9 @@ TIP, NAME, GROUND = 1.08, 1.3, -1.12
 RING, AT = 0.26, 0.98
 """Radius of the arrow of a turn, and where it is along its axis [1]."""
 
-FEW, LINES, SOME = 9, 3, 24
-"""Up to so many positions, each of so few lines, a page is printed large; or in the usual size
-[1]."""
+FEW, LINES, SOME, MOST = 9, 3, 24, 500
+"""Up to so many positions, each of so few lines, a page is printed large; or in the usual size; and
+no more of them are drawn [1]."""
 
 SPACE = "\N{NO-BREAK SPACE}"
 
@@ -112,6 +112,7 @@ def _turn(u: FloatArray) -> str:
 def page(title: str, line: Sequence[str], stages: Sequence[Stage]) -> str:
     """Return the page of a session; `line`: what is said of it in short."""
     begins = np.cumsum([0.0, *(one.time for one in stages)])
+    count, stages = len(stages), stages[:MOST]
     cards = [
         {
             "set": _together(one.set), "acts": [(act.words, lasting(act.time).replace(" ", SPACE))
@@ -124,9 +125,9 @@ def page(title: str, line: Sequence[str], stages: Sequence[Stage]) -> str:
     short = len(cards) <= FEW and max(len(one.acts) for one in stages) <= LINES
     many = "few" if short else "some" if len(cards) <= SOME else "many"
     return str(_template().render(
-        title=title, line=[*line, f"{len(cards)} position{'s' if len(cards) != 1 else ''}",
+        title=title, line=[*line, f"{count} position{'s' if count != 1 else ''}",
                            f"{lasting(float(begins[-1]))} in all"],
-        cards=cards, many=many, motion=_motion(stages),
+        cards=cards, more=count - len(cards), many=many, motion=_motion(stages),
         css="".join(f.read_text("utf-8") for f in (COLOURS, _HERE / "operator.css")),
         js=(_HERE / "operator.js").read_text("utf-8"),
     ))  # fmt: skip
