@@ -74,9 +74,32 @@ def scaled(log: Log) -> bytes:
     )  # fmt: skip
 
 
+def _sentence(body: str) -> str:
+    return f"${body}*{reduce(int.__xor__, body.encode()):02X}\r\n"
+
+
+def vnimu(log: Log) -> bytes:
+    out = ""
+    for _, (_, f, w) in _rows(log):
+        f, w = _vehicle(f), _vehicle(w)
+        out += _sentence(f"VNIMU,+00.2,+00.1,-00.4,{f[0]:+07.3f},{f[1]:+07.3f},{f[2]:+07.3f},"
+                         f"{w[0]:+010.6f},{w[1]:+010.6f},{w[2]:+010.6f},+20.7,+84.322")  # fmt: skip
+    return out.encode()
+
+
+def vnymr(log: Log) -> bytes:
+    out = ""
+    for _, (_, f, w) in _rows(log):
+        f, w = _vehicle(f), _vehicle(w)
+        out += _sentence(f"VNYMR,+1.0,+2.0,+3.0,+00.2,+00.1,-00.4,{f[0]:+07.3f},{f[1]:+07.3f},"
+                         f"{f[2]:+07.3f},{w[0]:+010.6f},{w[1]:+010.6f},{w[2]:+010.6f}")  # fmt: skip
+    return out.encode()
+
+
 SENT: dict[str, Callable[[Log], bytes]] = {
     "sbg_imu_short": sbg, "xsens_mtdata2": xsens, "novatel_corrimudata": novatel,
     "adis16470_burst": adis, "mavlink2_highres_imu": highres, "mavlink2_scaled_imu": scaled,
+    "vectornav_vnimu": vnimu, "vectornav_vnymr": vnymr,
 }  # fmt: skip
 
 

@@ -69,13 +69,14 @@ class OnTable:
         """How far up may be from that of a position, shape () [rad]."""
         apart = np.arccos(np.clip(self.up @ self.up.T, -1.0, 1.0))
         others = apart[apart > np.radians(1.0)]
-        return min(NEAR, float(others.min()) / 2 if len(others) else NEAR)
+        return float(min(NEAR, others.min(initial=np.pi) / 2))
 
     def seconds(self, k: int) -> float:
         """Return how long one of the list takes, shape () [s]; `k`: its number [1]."""
-        given = None if self.spun[k] else self.hold
+        if self.hold is not None and not self.spun[k]:
+            return self.hold
         time = float(self.plan.time[k])
-        return float(max(LONG * time, time - EDGES)) if given is None else given
+        return max(LONG * time, time - EDGES)
 
     @property
     def done(self) -> tuple[int, int]:

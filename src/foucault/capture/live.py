@@ -18,6 +18,7 @@ from foucault.capture.frame import Frame
 from foucault.capture.guide import Guide
 from foucault.capture.recording import Recording, campaign_of
 from foucault.capture.source import Source, arrivals
+from foucault.capture.trouble import Trouble, troubles
 from foucault.capture.ways import Asked, guide_of
 from foucault.files import write_text
 from foucault.logs.follow import RowFollower
@@ -43,6 +44,10 @@ class Live:
     silence: float = 0.0  # since something came [s]
     _held: list[tuple[float, ...]] = field(default_factory=list)  # rows (k,) [units of the frame]
     _rows: RowFollower | None = None
+
+    def troubles(self) -> list[Trouble]:
+        """Return what is wrong between the instrument and here."""
+        return troubles(self.recorder, self.silence)
 
     def take(self, data: bytes, now: float) -> bool:
         """Take bytes that were heard at `now` [s]; tell whether a rest has ended with them."""

@@ -33,6 +33,7 @@ from foucault.capture.frame import Frame, Heard, decoder_of, parsed
 from foucault.capture.source import Source, arrivals
 from foucault.errors import error
 from foucault.files import atomic, make_folder, write_text
+from foucault.logs.layout import scaled_unit
 
 RAW, ARRIVALS, LOG, FRAME = "raw.bin", "arrivals.bin", "log.bin", "frame.toml"
 CAMPAIGN, SAID = "campaign.toml", "capture.json"
@@ -42,6 +43,15 @@ EVERY = 0.25
 
 SAFE = 1.0
 """And brought to the disk so often [s]."""
+
+BEGIN = 2000
+"""So much of what comes first is kept at hand [bytes]."""
+
+STOOD = 1.0
+"""A clock that stands for less is not told [s]."""
+
+POSSIBLE = 0.05, 500.0
+"""What accelerometers read is within these most of the time [m/s^2]."""
 
 
 @dataclass
@@ -53,6 +63,9 @@ class Recording:
     heard: Heard = field(default_factory=Heard)
     rows: int = 0  # written [1]
     size: int = 0  # heard [bytes]
+    start: bytes = b""  # what came first
+    slept: float = 0.0  # how long this computer's clock stood while the instrument's went on [s]
+    absurd: float | None = None  # size of what accelerometers read, where it cannot be [m/s^2]
 
     def __post_init__(self) -> None:
         """Open its files, none of which may be there."""
@@ -62,6 +75,7 @@ class Recording:
         self._decoder = decoder_of(self.frame, self.heard)
         self._files = {name: self._open(name) for name in (RAW, ARRIVALS, LOG)}
         self._waiting: list[tuple[float, ...]] = []
+        self._last = np.zeros((0, 2))  # when the last row was made, and heard [s]
         self._written = self._safe = time.monotonic()
 
     def _open(self, name: str) -> IO[bytes]:
@@ -76,6 +90,7 @@ class Recording:
         rows = list[tuple[float, ...]]()
         if data:
             self.size += len(data)
+            self.start += data[: max(0, BEGIN - len(self.start))]
             self._write(RAW, data)
             self._write(ARRIVALS, np.array([len(data), now]).tobytes())
             rows = [(*row, now) for row in self._decoder.feed(data)]
@@ -87,7 +102,9 @@ class Recording:
     def flush(self) -> None:
         """Write the rows that wait."""
         if self._waiting:
-            self._write(LOG, np.array(self._waiting, "<f8").tobytes())
+            rows = np.array(self._waiting, "<f8")
+            self._write(LOG, rows.tobytes())
+            self._watch(rows)
             self.rows += len(self._waiting)
             self._waiting = []
         self._written = time.monotonic()
@@ -95,6 +112,23 @@ class Recording:
             for file in self._files.values():
                 os.fsync(file.fileno())
             self._safe = time.monotonic()
+
+    def _watch(self, rows: FloatArray) -> None:
+        """Look whether a clock stood, and whether what is read can be; `rows` (n, columns)."""
+        columns, accel = self.frame.columns, self.frame.field_of("accel")
+        if (time_ := self.frame.field_of("time")) is not None:
+            own = rows[:, columns.index("time")] * SECONDS[time_.unit or "s"]
+            both = np.vstack([self._last, np.column_stack([own, rows[:, -1]])])
+            steps = np.diff(both, axis=0)
+            ahead = steps[:, 0] - steps[:, 1]
+            self.slept += float(ahead[ahead > STOOD].sum())
+            self._last = both[-1:]
+        if accel is not None and self.frame.kind == "rate" and accel.unit not in ("", "count"):
+            at = columns.index("accel_x")
+            with np.errstate(over="ignore", invalid="ignore"):
+                size = np.linalg.norm(rows[:, at : at + 3], axis=1)
+                middle = float(np.median(size)) * scaled_unit(accel.unit, "specific force")
+            self.absurd = None if POSSIBLE[0] < middle < POSSIBLE[1] else middle
 
     def _write(self, name: str, data: bytes) -> None:
         try:
@@ -110,7 +144,7 @@ class Recording:
         self.flush()
         for file in self._files.values():
             file.close()
-        return concluded(self.folder, self.frame, self.heard, text)
+        return concluded(self.folder, self.frame, self.heard, text, self.slept)
 
 
 def record(
@@ -180,14 +214,21 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of a time [s]."""
 
 
-def concluded(folder: Path, frame: Frame, heard: Heard, text: str | None = None) -> dict[str, Any]:
-    """Say what was heard, compare the clocks, and describe the log with what they say."""
+def concluded(
+    folder: Path, frame: Frame, heard: Heard, text: str | None = None, slept: float = 0.0
+) -> dict[str, Any]:
+    """Say what was heard, compare the clocks, and describe the log with what they say.
+
+    `slept`: how long the clock of this computer stood [s].
+    """
     rows, clocks = rows_of(folder, frame), None
     told, number = frame.field_of("time"), np.arange(len(rows), dtype=float)
     if told is not None and len(rows):
         own = rows[:, frame.columns.index("time")] * SECONDS[told.unit or "s"]
         clocks = compared(rows[:, -1], own)
-    said: dict[str, Any] = {"rows": len(rows), **asdict(heard)}
+    said: dict[str, Any] = {"rows": len(rows), **asdict(heard)} | (
+        {"slept": slept} if slept else {}
+    )
     rate = None
     if len(rows) > 1 and np.nanmax(rows[:, -1]) > np.nanmin(rows[:, -1]):
         said["rate"] = rate = float((len(rows) - 1) / (np.nanmax(rows[:, -1]) - rows[0, -1]))
