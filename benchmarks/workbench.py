@@ -27,6 +27,10 @@ from typing import Any
 import httpx2 as httpx
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+import make_kills
+
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
 from make_workbench import children  # noqa: E402
@@ -262,16 +266,9 @@ def kills(count: int = 200) -> list[str]:
                 served.end(signal.SIGKILL)
                 served.begin()
             elif what == "records":  # who writes into the database is killed in the middle of it
-                words = [*COMMAND, "-q", "records", "reference", f"table {k}", "table",
-                         "--database", "records.sqlite"]  # fmt: skip
-                writer = subprocess.Popen(words, cwd=home / "bench", stdout=subprocess.DEVNULL,
-                                          stderr=subprocess.DEVNULL)  # fmt: skip
-                try:
-                    if writer.wait(rng.uniform(0.5, 15.0)) == 0:
-                        named.add(f"table {k}")
-                except subprocess.TimeoutExpired:
-                    writer.kill()
-                    writer.wait()
+                writer = make_kills.Writer(home / "bench" / "records.sqlite", f"w{k}")
+                time.sleep(rng.uniform(0.0, 0.05))
+                named |= writer.ended()[0]
             else:
                 own = children(served.process.pid)
                 workers = [p for p in own if children(p)] if what == "fork" else own
@@ -303,7 +300,26 @@ def kills(count: int = 200) -> list[str]:
     return [
         f"| {sum(said.values())} kills ({kinds}) | nothing lost | {len(answered)} jobs that were "
         f"answered all done and whole ({again} had been killed three times), {len(named)} entries "
-        "that were answered all there, audit without a fault |"
+        "that were answered all there, audit without a fault |",
+        *database_kills(count),
+    ]
+
+
+def database_kills(count: int) -> list[str]:
+    """Kill writers in the middle of commits, and the server of PostgreSQL under them."""
+    with tempfile.TemporaryDirectory() as name:
+        wrote = make_kills.writers_killed(Path(name) / "records.sqlite", count)
+    with tempfile.TemporaryDirectory() as name, make_kills.postgres(Path(name) / "pg") as served:
+        some = max(2, count // 8)
+        told = make_kills.servers_killed(served, some)
+    return [
+        f"| {count} writers into a file killed in the middle of commits of "
+        f"{1e3 * wrote['commit']:.0f} ms | nothing lost | {wrote['answered']} entries that were "
+        f"answered all there, {wrote['unanswered']} more that were kept and not yet answered, "
+        "audit after each without a fault |",
+        f"| {some} kills of a PostgreSQL server under two writers | nothing lost | "
+        f"{told['answered']} entries that were answered all there, {told['words']} of {2 * some} "
+        "writers told in words, audit after each without a fault |",
     ]
 
 

@@ -40,10 +40,10 @@ def settled(values: FloatArray, rows: FloatArray, near: float = 1e-6) -> FloatAr
 def of_arrow(column: Any) -> npt.NDArray[Any]:
     """Return a column of a table of pyarrow, numbers that are null as NaN.
 
-    `to_numpy` imports pandas, which takes longer than most tables.
+    `to_numpy` imports pandas, which takes longer than most tables; a cast, all that can be computed
+    with a column.
     """
     import pyarrow as pa
-    import pyarrow.compute as pc
 
     if isinstance(column, pa.ChunkedArray):
         column = column.combine_chunks()
@@ -51,12 +51,12 @@ def of_arrow(column: Any) -> npt.NDArray[Any]:
         return of_arrow(column.cast(pa.uint8())).astype(bool)
     if pa.types.is_timestamp(column.type):
         none = np.iinfo(np.int64).min  # not a time
-        ticks = of_arrow(pc.fill_null(column.cast(pa.int64()), none))
+        ticks = of_arrow(column.cast(pa.int64()).fill_null(none))
         return ticks.view(f"datetime64[{column.type.unit}]")
     if pa.types.is_integer(column.type) and column.null_count:
         column = column.cast(pa.float64())
     if pa.types.is_floating(column.type) and column.null_count:
-        column = pc.fill_null(column, np.nan)
+        column = column.fill_null(np.nan)
     if not pa.types.is_floating(column.type) and not pa.types.is_integer(column.type):
         return np.array(column.to_pylist(), object)
     kind, data = np.dtype(column.type.to_pandas_dtype()), column.buffers()[1]

@@ -6,10 +6,19 @@ import numpy as np
 import pytest
 
 from foucault import campaign
-from foucault.capture.frame import Checksum, Decoder, crc, parsed, shipped, text_of
+from foucault.capture.frame import (
+    Checksum,
+    Decoder,
+    Heard,
+    crc,
+    decoder_of,
+    parsed,
+    shipped,
+    text_of,
+)
 from foucault.capture.recording import campaign_of
 from foucault.errors import FoucaultError
-from make_frames import MADE, adis, crc_bitwise, novatel, sbg, xsens
+from make_frames import MADE, SENTENCES, adis, crc_bitwise, novatel, sbg, xsens
 
 CHECK = b"123456789"
 
@@ -48,7 +57,7 @@ def decoder(name: str) -> Decoder:
 
 
 def test_there_are_frames_for_every_description():
-    assert set(MADE) == set(shipped())
+    assert MADE.keys() | SENTENCES.keys() == set(shipped())
 
 
 @pytest.mark.parametrize("name", MADE)
@@ -90,6 +99,33 @@ def test_torn_anywhere_with_junk_between_none_is_lost(name):
     assert whole.feed(stream + b"\xa7" * 5000) == rows
 
 
+@pytest.mark.parametrize("name", SENTENCES)
+def test_sentences_that_instruments_have_sent_are_read_and_damaged_ones_refused(name):
+    for text, row in SENTENCES[name]:
+        told, line = parsed(text_of(name), name), text.encode() + b"\r\n"
+        heard = decoder_of(told, Heard())
+        assert heard.feed(line) == [pytest.approx(row, rel=1e-12)]
+        assert len(told.columns) == len(row)
+        for at in range(len(text)):
+            for bit in range(8):
+                damaged = bytearray(line)
+                damaged[at] ^= 1 << bit
+                if damaged.upper() == line.upper():  # 4a and 4A are the same number
+                    continue
+                fresh = decoder_of(told, Heard())
+                fresh.feed(line)
+                assert fresh.feed(bytes(damaged) + b"\n") == [], (at, bit)
+
+
+def test_the_attitude_in_a_sentence_predicts_its_accelerations():
+    """Forward, right, down, and +1 g up: so are the axes of these instruments."""
+    for text, row in SENTENCES["vectornav_vnymr"]:
+        _, pitch, roll = np.radians([float(x) for x in text.split(",")[1:4]])
+        f = 9.81 * np.array([np.sin(pitch), -np.cos(pitch) * np.sin(roll),
+                             -np.cos(pitch) * np.cos(roll)])  # fmt: skip
+        assert np.abs(f - row[:3]).max() < 0.25
+
+
 def test_another_scale_another_precision_another_message():
     raw, row = sbg(2, high=True)
     assert decoder("sbg_imu_short").feed(raw) == [pytest.approx(row, rel=1e-12)]
@@ -129,7 +165,7 @@ def test_descriptions_that_cannot_be_meant(text, code, words):
 
 def test_unknown_names_say_what_there_is():
     with pytest.raises(FoucaultError) as problem:
-        text_of("vectornav")
+        text_of("nonsense")
     assert problem.value.code == "capture.unknown"
     assert "sbg_imu_short" in str(problem.value)
 

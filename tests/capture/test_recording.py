@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -19,9 +20,10 @@ from foucault import campaign
 from foucault.capture import recording
 from foucault.capture.clock import compared
 from foucault.capture.frame import parsed, text_of
-from foucault.capture.source import Growing, opened
+from foucault.capture.source import Growing, arrivals, opened
 from foucault.errors import FoucaultError
 from make_frames import sbg
+from make_live import Port
 
 TEXT = text_of("sbg_imu_short")
 FRAME = parsed(TEXT, "sbg_imu_short")
@@ -232,6 +234,7 @@ import sys, time
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from make_frames import sbg
+from make_live import Port
 from foucault.capture import recording
 from foucault.capture.frame import parsed, text_of
 text = text_of("sbg_imu_short")
@@ -274,3 +277,67 @@ def test_killed_at_any_moment_a_second_is_lost_at_most(tmp_path: Path):
     for k in range(12):
         sent, held = killed(tmp_path / str(k), float(rng.uniform(0.3, 1.5)))
         assert sent - held <= 500, k  # frames of a second
+
+
+def test_a_slow_disk_lets_nobody_wait(tmp_path: Path, monkeypatch):
+    """Frames at 2 kHz over a pseudo-terminal, whose buffer holds 50 ms of them."""
+    port, blocked = Port(), list[float]()
+    real = os.fsync
+
+    def slow(number: int) -> None:
+        time.sleep(0.4)
+        real(number)
+
+    monkeypatch.setattr(os, "fsync", slow)
+    monkeypatch.setattr(recording, "SAFE", 0.1)
+    data = stream(3000)
+
+    def work() -> None:
+        time.sleep(0.2)
+        for at in range(0, len(data), 820):
+            begun = time.monotonic()
+            port.send(data[at : at + 820])
+            blocked.append(time.monotonic() - begun)
+            time.sleep(0.01)
+
+    source = opened(f"serial:{port.name}:921600")
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        said = recording.record(source, FRAME, TEXT, tmp_path / "s", silent=1.0)
+    finally:
+        thread.join()
+        port.close()
+    assert said["rows"] == 3000 and said["broken"] == 0
+    assert max(blocked) < 0.8, max(blocked)  # 1.2 s where it is read between writing
+
+
+def test_what_breaks_a_source_is_told_where_it_is_listened_to():
+    class Breaks:
+        name, ended = "breaks", False
+
+        def read(self, wait: float) -> bytes:
+            raise KeyboardInterrupt
+
+        def close(self) -> None:
+            pass
+
+    with pytest.raises(KeyboardInterrupt):
+        next(arrivals(Breaks()))
+
+
+def test_a_temperature_that_is_not_sent_is_not_in_the_log(tmp_path: Path):
+    """Frames whose items may be left out: the session can be read all the same."""
+    text = text_of("xsens_mtdata2")
+    data = b"".join(_xsens(k) for k in range(50))
+    said = recording.record(Chunks(data), parsed(text, "xsens_mtdata2"), text, tmp_path / "s")
+    log = campaign.read_log(campaign.load(tmp_path / "s" / recording.CAMPAIGN))
+    assert said["rows"] == len(log) == 50 and log.accel[0].tolist() == [0.0, 0.0, 9.75]
+
+
+def _xsens(k: int) -> bytes:
+    items = struct.pack(">HBI", 0x1060, 4, 100 * k)
+    items += struct.pack(">HB3f", 0x4020, 12, 0.0, 0.0, 9.75)
+    items += struct.pack(">HB3f", 0x8020, 12, 0.0, 0.0, 1e-3)
+    body = struct.pack(">BBB", 0xFF, 0x36, len(items)) + items
+    return b"\xfa" + body + bytes([-sum(body) & 0xFF])

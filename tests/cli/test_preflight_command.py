@@ -285,6 +285,23 @@ def test_a_bad_plan_ends_with_3_and_names_what_it_does_not_see():
     assert "Seen by no leg\n+0.9" in result.output
 
 
+def test_the_list_for_the_operator_and_keys_that_say_something_else(tmp_path):
+    file = tmp_path / "operator.html"
+    words = ("preflight", EXAMPLE, "--set", "procedure.rate_limit = 0.05 deg/s", "--steps", file)
+    result = run(*words, code=0)
+    assert f"List for the operator: {file}" in result.output
+    page = file.read_text(encoding="utf-8")
+    assert "platform_tumble" in page and page.count('type="checkbox"') == 4
+    assert "-0.05°/s" in page and "http" not in page.replace("http-equiv", "")
+    assert json.loads(run("--json", *words).output)["list"] == str(file)
+    refused = run("preflight", EXAMPLE, "--set", "rate_limit = 0.05 deg/s", code=1)
+    assert "names no table" in refused.output and "procedure.rate_limit" in refused.output
+    assert "procedure.x" in run("preflight", EXAMPLE, "--set", "procedure.x = 3", code=1).output
+    other = run("preflight", EXAMPLE, "--plan", "-x", "--steps", file, code=3)
+    assert "Seen by no leg" in other.output
+    assert file.read_text(encoding="utf-8").count('type="checkbox"') == 1
+
+
 def test_the_document():
     found = json.loads(
         run("--json", "preflight", EXAMPLE, "--plan", "-x -z -y +z", "--rate", "0.2 deg/s",

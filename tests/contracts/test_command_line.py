@@ -20,6 +20,7 @@ ONE_LINE = 64
 OWN_WORDS = {
     "--accel-noise": 2,  # `north plan` has a default
     "--gyro-noise": 2,  # `north plan` takes the name of a grade
+    "--set": 2,  # of [log], or of a campaign with its table
     "--seed": 2,  # `simulate` leaves it to the campaign
     "--force": 2,  # what is overruled
     "--hold": 2,  # of a log that grows, or of a session that is guided

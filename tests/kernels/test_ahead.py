@@ -87,3 +87,26 @@ def test_a_calibration_compiles_nothing_of_the_table_itself(procedure, tmp_path)
         env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
     ).stdout
     assert not set(out.split()) & set(TABLE["signatures"])
+
+
+WARM = """
+import sys
+import numpy as np
+from foucault.kernels.moving import moving_moments
+for kind in sys.argv[1:]:
+    mean, variance = moving_moments(np.arange(12, dtype=kind).reshape(4, 3), 3)
+    assert mean[1].tolist() == [3.0, 4.0, 5.0] and variance[1, 0] == 9.0
+    print(sum(moving_moments.stats.cache_hits.values()), "numba.np.linalg" in sys.modules)
+"""
+
+
+@pytest.mark.thorough
+def test_what_is_compiled_is_loaded_without_what_compiles(tmp_path):
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+
+    def told(*kinds):
+        run = [sys.executable, "-c", WARM, *kinds]
+        return subprocess.run(run, check=True, capture_output=True, text=True, env=env).stdout
+
+    assert told("f8").split() == ["0", "True"]
+    assert told("f8", "i8").split() == ["1", "False", "1", "True"]

@@ -26,6 +26,7 @@ from foucault.recognise.titles import Meaning, meaning, unit_of, units_row
         ("Gyro_Phi", "gyro", 0, ""), ("w_b_q", "gyro", 1, ""), ("pitch_rate (deg/s)", "gyro", 1,
                                                                 "deg/s"),
         ("p", "gyro", 0, ""), ("DeltaThetaX", "dtheta", 0, ""),
+        ("dtheta_x", "dtheta", 0, ""), ("delta_angle_dt", "other", None, ""),
         ("delta_velocity[1]", "dvel", 1, ""),
         ("Beschleunigung Y (m/s²)", "accel", 1, "m/s^2"), ("Drehrate Z [°/s]", "gyro", 2, "deg/s"),
         ("Vitesse angulaire Z (rad/s)", "gyro", 2, "rad/s"), ("加速度X(g)", "accel", 0, "g"),

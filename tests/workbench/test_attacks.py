@@ -252,6 +252,66 @@ def test_passwords_cannot_be_tried_on_and_on(with_accounts: Bench, browser: Any)
     assert log_in(browser, "ann").url.path == "/"
 
 
+def test_wrong_passwords_are_kept_with_whose_when_and_from_where(
+    with_accounts: Bench, browser: Any
+) -> None:
+    """But not what was written; a name without an account may be a password in the wrong field."""
+    for _ in range(7):
+        log_in(browser, "olga", "correct horse olga")
+    log_in(browser, "my secret passphrase", "x")
+    rows = {(r["name"], r["address"]): r for r in with_accounts.people.refused()}
+    assert rows["olga", "testclient"]["count"] == 7 and rows["olga", "testclient"]["locked"]
+    assert rows["", "testclient"]["count"] == 1 and not rows["", "testclient"]["locked"]
+    whole = b"".join(p.read_bytes() for p in with_accounts.folder.glob("*.sqlite*"))
+    assert b"correct horse" not in whole and b"secret passphrase" not in (
+        b"".join(str(tuple(r.values())).encode() for r in with_accounts.people.refused())
+    )
+    log_in(browser, "ann")
+    page = browser.get("/journal").text
+    assert "Wrong passwords" in page and "no account" in page and "locked out" in page
+    with with_accounts.records() as records:
+        told = [e.body for e in records.entries() if "locked out" in e.body]
+        assert len(told) == 1 and "olga" in told[0] and "testclient" in told[0]  # once a day
+        assert not records.audit()
+
+
+def test_who_tries_passwords_cannot_fill_the_disk(with_accounts: Bench, monkeypatch: Any) -> None:
+    """Rows of a day are bounded whatever is tried from wherever, and old ones go."""
+    made = with_accounts.people
+    monkeypatch.setattr(people, "_hasher", lambda: Never())
+    monkeypatch.setattr(people, "_nobody", lambda: "")
+    monkeypatch.setattr(people, "A_DAY", 20)
+    for k in range(60):
+        name = "ann" if k % 2 else f"nobody {k}"
+        with pytest.raises(FoucaultError):
+            made.log_in(name, f"wrong {k}", f"10.0.0.{k}")
+    rows = made.refused()
+    assert len(rows) <= 22 and sum(r["count"] for r in rows) == 60
+    assert {r["name"] for r in rows if r["address"] == people.ANYWHERE} == {"", "ann"}
+    monkeypatch.setattr(people, "now", lambda: "2099-01-01T00:00:00+00:00")
+    with pytest.raises(FoucaultError):
+        made.log_in("ann", "wrong", "10.0.0.1")
+    assert len(made.refused()) == 1
+
+
+class Never:
+    """Verifies no password, and takes no time for it."""
+
+    def verify(self, *_: str) -> bool:
+        return False
+
+
+def test_a_workbench_of_before_keeps_its_jobs_and_accounts(tmp_path: Path) -> None:
+    bench = make_bench(tmp_path)
+    bench.people.add("ann", "administrator", PASSWORD)
+    bench.store.ask("ann", "calibrate", ["calibrate"])
+    with bench.store.writing() as db:
+        db.execute("DROP TABLE refused")
+        db.execute("PRAGMA user_version = 1")
+    again = make_bench(tmp_path)
+    assert again.people.any() and again.store.job(1).who == "ann" and not again.people.refused()
+
+
 def test_after_a_login_one_stays_on_this_site(with_accounts: Bench, browser: Any) -> None:
     for to in ("https://evil.example", "//evil.example", "/\\evil.example"):
         said = post(browser, "/login", {"name": "ann", "password": PASSWORD, "to": to},
@@ -327,7 +387,7 @@ def test_a_newer_a_broken_and_a_held_file_are_said(tmp_path: Path, monkeypatch: 
     store = Store(tmp_path)
     with store.writing() as db:
         db.execute("PRAGMA user_version = 9")
-    with pytest.raises(FoucaultError, match="has version 9; this program knows 1"):
+    with pytest.raises(FoucaultError, match="has version 9; this program knows 2"):
         Store(tmp_path)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "workbench.sqlite").write_bytes(b"no database at all" * 100)

@@ -162,8 +162,8 @@ def test_a_session_is_looked_at_before_it_is_made(bench: Bench, browser: Any) ->
     post(browser, "/do/preflight", {"name": "hand_rotated"})
     job = work_off(bench)[-1]
     page = browser.get(f"/jobs/{job.number}").text
-    assert job.state == "done" and "accel.bias.x" in page and f"{job.number}.csv" in page
-    assert browser.get(f"/jobs/{job.number}/files/{job.number}.csv").status_code == 200
+    assert job.state == "done" and "accel.bias.x" in page and "expected.csv" in page
+    assert browser.get(f"/jobs/{job.number}/files/expected.csv").status_code == 200
 
 
 @pytest.mark.parametrize("command", ["calibrate", "align", "north", "navigate", "allan"])

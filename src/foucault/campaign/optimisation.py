@@ -42,6 +42,7 @@ from foucault.models.noise import grade
 from foucault.plans.limit import Limit
 from foucault.plans.optimise import HOT, Comparison, Space, compare, descend
 from foucault.procedures.record import Beforehand
+from foucault.procedures.stages import Stage
 from foucault.run_folder import CAMPAIGN_FILE
 
 Turned = tuple[float, float, tuple[float, float, float]]
@@ -428,12 +429,7 @@ def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> For
             campaign, campaign.earlier,
             lambda prior: foresee(replace(campaign, prior=prior, earlier=None), changes),
         )  # fmt: skip
-    procedure, changes = procedures.load(campaign.procedure), dict(changes or {})
-    if "plan" in changes and "profile" in type(campaign.session).model_fields:
-        other = {"profile": changes.pop("plan"), "manoeuvres": ()}
-        moved = campaign.session.model_copy(update=other)
-        campaign = replace(campaign, session=moved)
-    campaign = said_otherwise(campaign, changes, PLAN if "plan" in changes else ())
+    procedure, campaign = procedures.load(campaign.procedure), _planned(campaign, changes)
     known, told = beforehand(campaign)
     found = procedure.foreseen(known)
     if found is None:
@@ -441,6 +437,22 @@ def foresee(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> For
     if procedure.more == "recordings" and campaign.log.more:
         told = (*told, finding("systematic.recordings_planned"))
     return replace(found, findings=(*told, *found.findings))
+
+
+def _planned(campaign: Campaign, changes: Mapping[str, Any] | None) -> Campaign:
+    """Return a campaign with another plan."""
+    changes = dict(changes or {})
+    if "plan" in changes and "profile" in type(campaign.session).model_fields:
+        other = {"profile": changes.pop("plan"), "manoeuvres": ()}
+        moved = campaign.session.model_copy(update=other)
+        campaign = replace(campaign, session=moved)
+    return said_otherwise(campaign, changes, PLAN if "plan" in changes else ())
+
+
+def stages(campaign: Campaign, changes: Mapping[str, Any] | None = None) -> tuple[Stage, ...]:
+    """Return what an operator does in the planned session; `changes` as for `foresee`."""
+    c = _planned(campaign, changes)
+    return procedures.load(c.procedure).stages(c.settings, c.session, c.site)
 
 
 def beforehand(campaign: Campaign) -> tuple[Beforehand[Any, Any], tuple[Finding, ...]]:

@@ -13,13 +13,14 @@ from typing import Any
 
 from foucault import logs
 from foucault.campaign.reading import NOWHERE, Campaign, parse
-from foucault.campaign.writing import relocate, table_text
+from foucault.campaign.writing import changed, relocate, table_text
 from foucault.errors import FoucaultError, error
 from foucault.escape import commented
 from foucault.files import parse_toml
 from foucault.procedures import Progress, silent
 from foucault.recognise.reading import SURE, TAKEN, Line, Recognised, question, recognise
 from foucault.recognise.session import Session, session
+from foucault.run_folder import CAMPAIGN_FILE
 from foucault.tables import Log
 
 FILE = "campaign.toml"
@@ -103,6 +104,19 @@ def said_of(texts: Sequence[str]) -> dict[str, Any]:
         return parse_toml(lines)
     except tomllib.TOMLDecodeError as problem:
         raise error("recognise.set", given="; ".join(texts), reason=problem) from None
+
+
+def with_keys(campaign: Campaign, texts: Sequence[str]) -> Campaign:
+    """Return a campaign of which keys say something else, as ``--set`` has them with their tables.
+
+    Raises ``campaign.set``: a key without a table.
+    """
+    said = said_of(texts)
+    lacking = [key for key, value in said.items() if not isinstance(value, Mapping)]
+    if lacking:
+        raise error("campaign.set", given=lacking[0])
+    file = campaign.folder / CAMPAIGN_FILE
+    return parse(changed(campaign, said, "Some keys by --set."), file)
 
 
 def _parts(text: str) -> list[str]:

@@ -173,15 +173,16 @@ def _commented(
         if name in leave_out:
             continue
         out += [f"# {line}" for line in textwrap.wrap(description_of(model, name), 92)]
-        value = values.get(name, _default(field))
-        out.append(f"{name} = {value}" if value is not None else f"# {name} = {_sample(field)}")
+        value = values.get(name, default_text(field))
+        out.append(f"{name} = {value}" if value is not None else f"# {name} = {sample(field)}")
         if len(out[-1]) > WIDTH and value is not None and value.startswith("["):
             items = field.get_default(call_default_factory=True)
             out[-1:] = [f"{name} = [", *(f"    {_text(item)}," for item in items), "]"]
     return out
 
 
-def _default(field: FieldInfo) -> str | None:
+def default_text(field: FieldInfo) -> str | None:
+    """Return the default of a key as TOML, None where it has none."""
     value = field.get_default(call_default_factory=True)
     if value is None:
         return None
@@ -192,7 +193,8 @@ def _default(field: FieldInfo) -> str | None:
     return _text(f"{units.convert(value, kind, unit):.12g} {unit}")
 
 
-def _sample(field: FieldInfo) -> str:
+def sample(field: FieldInfo) -> str:
+    """Return an example of what a key can say, as TOML."""
     kind = kind_of(field)
     if field.examples:
         return _text(field.examples[0])

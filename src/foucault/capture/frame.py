@@ -8,6 +8,7 @@ looks for the next sync byte by byte, believes a frame by its checksum, and coun
 
 from __future__ import annotations
 
+import binascii
 import re
 import struct
 import tomllib
@@ -86,7 +87,7 @@ class Checksum(Strict):
     negated: bool = False  # whether the sum of all bytes and of itself is nothing
     extra: Bytes = b""  # that are summed up after them, though they are not sent
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Its length [bytes]."""
         return {"sum8": 1, "xor8": 1, "crc32": 4}.get(self.kind, 2)
@@ -118,6 +119,10 @@ def crc(data: bytes, bits: int, poly: int, init: int = 0, reflected: bool = Fals
 
     `bits`: its length [1]; `poly`, `init`: polynomial and start, most significant bit first [1].
     """
+    if (bits, poly) == (16, 0x1021):  # a register that shifts right is one that shifts left, turned
+        if not reflected:
+            return binascii.crc_hqx(data, init)
+        return _turned(binascii.crc_hqx(data.translate(TURNED), _turned(init)))
     table, out, mask = _table(bits, poly, reflected), init, (1 << bits) - 1
     if reflected:
         for byte in data:
@@ -126,6 +131,14 @@ def crc(data: bytes, bits: int, poly: int, init: int = 0, reflected: bool = Fals
     for byte in data:
         out = ((out << 8) & mask) ^ table[(out >> (bits - 8)) ^ byte]
     return out
+
+
+TURNED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+"""Bytes with their bits in the other order."""
+
+
+def _turned(word: int) -> int:
+    return TURNED[word & 255] << 8 | TURNED[word >> 8]
 
 
 @lru_cache(8)
@@ -175,6 +188,7 @@ class FrameField(Strict):
     add: float = 0.0  # after that
     unit: str = ""
     bit: Bit | None = None
+    axes: tuple[str, str, str] | None = None  # of a triad, where they are not those of the frame
 
 
 class Items(Strict):
@@ -350,7 +364,7 @@ class Decoder:
     def _missing(self, columns: int) -> Iterator[tuple[float, ...]]:
         """Yield rows of nothing for frames that were lost, where only their number is a clock."""
         count, self._gap = self._gap, 0
-        if count <= GAP and self.frame.field_of("time") is None:
+        if 0 < count <= GAP and self.frame.field_of("time") is None:
             yield from [(float("nan"),) * columns] * count
 
     def _length(self, at: int) -> int | None:
@@ -417,22 +431,31 @@ class Decoder:
         if not {"accel", "gyro"} & values.keys():
             return None
         out: list[float] = []
-        done = set[str]()
-        for one in self.frame.fields:
-            if one.name in done:
-                continue
-            done.add(one.name)
-            got = values.get(one.name)
+        for one, name, counts, bit, multiply, add in self._scales:
+            got = values.get(name)
             if got is None:
                 out += [float("nan")] * one.count
                 continue
-            if one.name in ("time", "counter"):
+            if counts:
                 got = (self._unwrapped(one, got[0]),)
             divide = one.divide
-            if one.bit is not None and one.bit.of in values:
-                divide = one.bit.divide if values[one.bit.of][0] >> one.bit.number & 1 else divide
-            out += [one.multiply * x / divide + one.add for x in got]
+            if bit is not None and bit.of in values:
+                divide = bit.divide if values[bit.of][0] >> bit.number & 1 else divide
+            if multiply == 1.0 and add == 0.0:
+                out += [x / divide for x in got]
+            else:
+                out += [multiply * x / divide + add for x in got]
         return tuple(out)
+
+    @cached_property
+    def _scales(self) -> list[tuple[FrameField, str, bool, Bit | None, float, float]]:
+        """Of each name the first field: it, its name, whether it counts, its bit, and scales."""
+        first = {one.name: one for one in reversed(self.frame.fields)}
+        named = {one.name: first[one.name] for one in self.frame.fields}
+        return [
+            (one, name, name in ("time", "counter"), one.bit, one.multiply, one.add)
+            for name, one in named.items()
+        ]
 
     def _items(self, raw: bytes) -> dict[int, tuple[int, int]]:
         """Return where the items of a frame stand, and their sizes: identifier -> both [bytes]."""

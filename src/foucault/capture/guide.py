@@ -130,7 +130,7 @@ class Guide:
     mistakes: list[Mistake] = field(default_factory=list)
     result: Result | None = None
     floored: dict[str, str] = field(default_factory=dict)  # coefficient -> group that sets a floor
-    stopped: Literal["", "enough", "floor", "verdict"] = ""
+    stopped: Literal["", "enough", "floor", "verdict", "list"] = ""
     sounds: int = 0  # rests that have ended so far: each is told by a sound [1]
 
     def __post_init__(self) -> None:
@@ -157,6 +157,8 @@ class Guide:
         if since is None or since < self._handled:
             if before is not None and since is None and before[0] >= self._handled:
                 self._left_early(*before)
+            elif before is not None and since is None and self.done is not None:
+                self._look(again=True)  # a spin went on after what was asked
             return False
         if found.run < self.step.seconds:
             return False
@@ -177,25 +179,32 @@ class Guide:
         self.mistakes.append(Mistake(key, values, at))
 
     def still(self) -> tuple[IntArray, IntArray]:
-        """Return first and one-past-last sample of every rest so far, shape (n,) each."""
+        """Return first and one-past-last sample of every rest so far, shape (n,) each.
+
+        Spins are among them where the way asks for them.
+        """
         first, last, turns = self.found.rests()
-        return first[~turns], last[~turns]
+        kept = ~turns | getattr(self.way, "spins", False)
+        return first[kept], last[kept]
 
     # -- after a rest ------------------------------------------------------------------------
 
-    def _look(self) -> None:
+    def _look(self, again: bool = False) -> None:
         first, last = self.still()
         if not len(first):
             return
         log = self.found.log
-        self._wrongs(log, first, last)
+        if not again:
+            self._wrongs(log, first, last)
         reached = self.way.reached(log, first, last)
         if reached is None:
             return
         self.reached = reached
         if reached.C_nb.shape[0] == len(first):
             self._attitude = (int(last[-1]), reached.C_nb[-1])
-        if reached.solved:
+        if getattr(self.way, "unlisted", False) and not again:
+            self._mistake("unlisted", int(first[-1]))
+        if reached.solved or self._listed:
             self._floors(log, first, last)
             if self._enough():
                 self._judge(log)
@@ -210,7 +219,12 @@ class Guide:
         return np.asarray(out & [n not in self.floored for n in wanted.names])
 
     def _enough(self) -> bool:
-        return not self.open_().any()
+        return self._listed or not self.open_().any()
+
+    @property
+    def _listed(self) -> bool:
+        """Whether there is a list, and all of it is done."""
+        return self.done is not None and self.done[0] == self.done[1]
 
     def _floors(self, log: Log, first: IntArray, last: IntArray) -> None:
         """Look whether what is left out keeps a coefficient above what is wanted, for good."""
@@ -234,11 +248,15 @@ class Guide:
             self.result = self.judge(log)
         except FoucaultError as problem:
             self._mistake("refused", len(log) - 1, reason=problem.message)
+            self.stopped = "list" if self._listed else ""
+            self.step = None if self.stopped else self.step
             return
         if self.floored:
             self.stopped = "floor"
-        elif self.result.verdict.level == "pass":
+        elif self.result.verdict.level == "pass" and not self.open_().any():
             self.stopped = "enough"
+        elif self._listed:
+            self.stopped = "list"
         elif self._tried > PATIENCE:
             self.stopped = "verdict"
         if self.stopped:
@@ -268,6 +286,10 @@ class Guide:
         assert reached is not None
         steps = self.way.candidates(reached)
         if not steps:
+            return
+        if self.done is not None:  # the list says what is next
+            self.step, self.why = steps[0], None
+            self.expected = self.way.after(reached, steps[:1])[0]
             return
         after, gain = self._gain(reached, steps)
         best = np.argsort(-gain)[:LONGER]
@@ -311,12 +333,12 @@ class Guide:
             if (moved > limit).any():
                 angle = float(np.linalg.norm(moved) / np.linalg.norm(part.mean(axis=0)))
                 self._mistake("pulled", a, angle=np.degrees(angle))
-        if self.step is not None:
+        if self.step is not None and self.done is None:
             up = part.mean(axis=0)
             off = float(np.arccos(np.clip(up @ self.step.up / np.linalg.norm(up), -1, 1)))
             if off > OTHER:
                 self._mistake("other", a, up=up / np.linalg.norm(up), asked=self.step.up)
-        if log.gyro is not None and len(first) > 1:
+        if log.gyro is not None and len(first) > 1 and self.done is None:
             self._too_fast(log, int(last[-2]) - 1, a)
 
     def _too_fast(self, log: Log, first: int, last: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,8 @@ from foucault.capture import recording
 from foucault.capture.frame import Frame
 from foucault.capture.guide import Guide
 from foucault.capture.recording import Recording, campaign_of
-from foucault.capture.source import Source
+from foucault.capture.source import Source, arrivals
+from foucault.capture.trouble import Trouble, troubles
 from foucault.capture.ways import Asked, guide_of
 from foucault.files import write_text
 from foucault.logs.follow import RowFollower
@@ -42,6 +44,10 @@ class Live:
     silence: float = 0.0  # since something came [s]
     _held: list[tuple[float, ...]] = field(default_factory=list)  # rows (k,) [units of the frame]
     _rows: RowFollower | None = None
+
+    def troubles(self) -> list[Trouble]:
+        """Return what is wrong between the instrument and here."""
+        return troubles(self.recorder, self.silence)
 
     def take(self, data: bytes, now: float) -> bool:
         """Take bytes that were heard at `now` [s]; tell whether a rest has ended with them."""
@@ -70,7 +76,8 @@ class Live:
             if rows[-1][-1] - rows[0][-1] < LISTEN:
                 return False
             rate = (len(rows) - 1) / (rows[-1][-1] - rows[0][-1])
-        text = campaign_of(frame, "session", None, rate, self.asked.campaign.text)
+        warm = recording.warm_in(frame, np.array(rows))
+        text = campaign_of(frame, "session", None, rate, self.asked.campaign.text, warm)
         told = campaigns.parse(text, self.recorder.folder / recording.CAMPAIGN)
         self._rows = RowFollower(told.imu_log, len(rows[0]))
         assert self._rows.used is not None
@@ -109,15 +116,16 @@ def guided(
     write_text(folder / recording.CAMPAIGN, campaign_of(frame, folder.name, **own))
     begun = heard = time.monotonic()
     try:
-        while not source.ended and not (live.guide is not None and live.guide.stopped):
-            data = source.read(recording.WAIT)
-            now = time.monotonic()
-            heard = now if data else heard
-            live.silence = now - heard
-            for k in range(0, max(len(data), 1), TOGETHER):
-                tell(live, live.take(data[k : k + TOGETHER], now - begun))
-            if silent is not None and live.silence >= silent:
-                break
+        with closing(arrivals(source)) as coming:
+            for data, now in coming:
+                heard = now if data else heard
+                live.silence = now - heard
+                for k in range(0, max(len(data), 1), TOGETHER):
+                    tell(live, live.take(data[k : k + TOGETHER], now - begun))
+                if live.guide is not None and live.guide.stopped:
+                    break
+                if silent is not None and live.silence >= silent:
+                    break
     except KeyboardInterrupt:
         pass
     finally:

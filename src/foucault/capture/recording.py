@@ -19,6 +19,7 @@ import json
 import os
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -29,9 +30,10 @@ from foucault.arrays import FloatArray
 from foucault.campaign import running, writing
 from foucault.capture.clock import HOST_SD, Clocks, compared
 from foucault.capture.frame import Frame, Heard, decoder_of, parsed
-from foucault.capture.source import Source
+from foucault.capture.source import Source, arrivals
 from foucault.errors import error
 from foucault.files import atomic, make_folder, write_text
+from foucault.logs.layout import scaled_unit
 
 RAW, ARRIVALS, LOG, FRAME = "raw.bin", "arrivals.bin", "log.bin", "frame.toml"
 CAMPAIGN, SAID = "campaign.toml", "capture.json"
@@ -42,8 +44,14 @@ EVERY = 0.25
 SAFE = 1.0
 """And brought to the disk so often [s]."""
 
-WAIT = 0.1
-"""Time to wait for bytes before something else is done [s]."""
+BEGIN = 2000
+"""So much of what comes first is kept at hand [bytes]."""
+
+STOOD = 1.0
+"""A clock that stands for less is not told [s]."""
+
+POSSIBLE = 0.05, 500.0
+"""What accelerometers read is within these most of the time [m/s^2]."""
 
 
 @dataclass
@@ -55,6 +63,9 @@ class Recording:
     heard: Heard = field(default_factory=Heard)
     rows: int = 0  # written [1]
     size: int = 0  # heard [bytes]
+    start: bytes = b""  # what came first
+    slept: float = 0.0  # how long this computer's clock stood while the instrument's went on [s]
+    absurd: float | None = None  # size of what accelerometers read, where it cannot be [m/s^2]
 
     def __post_init__(self) -> None:
         """Open its files, none of which may be there."""
@@ -64,6 +75,7 @@ class Recording:
         self._decoder = decoder_of(self.frame, self.heard)
         self._files = {name: self._open(name) for name in (RAW, ARRIVALS, LOG)}
         self._waiting: list[tuple[float, ...]] = []
+        self._last = np.zeros((0, 2))  # when the last row was made, and heard [s]
         self._written = self._safe = time.monotonic()
 
     def _open(self, name: str) -> IO[bytes]:
@@ -78,6 +90,7 @@ class Recording:
         rows = list[tuple[float, ...]]()
         if data:
             self.size += len(data)
+            self.start += data[: max(0, BEGIN - len(self.start))]
             self._write(RAW, data)
             self._write(ARRIVALS, np.array([len(data), now]).tobytes())
             rows = [(*row, now) for row in self._decoder.feed(data)]
@@ -89,7 +102,9 @@ class Recording:
     def flush(self) -> None:
         """Write the rows that wait."""
         if self._waiting:
-            self._write(LOG, np.array(self._waiting, "<f8").tobytes())
+            rows = np.array(self._waiting, "<f8")
+            self._write(LOG, rows.tobytes())
+            self._watch(rows)
             self.rows += len(self._waiting)
             self._waiting = []
         self._written = time.monotonic()
@@ -97,6 +112,23 @@ class Recording:
             for file in self._files.values():
                 os.fsync(file.fileno())
             self._safe = time.monotonic()
+
+    def _watch(self, rows: FloatArray) -> None:
+        """Look whether a clock stood, and whether what is read can be; `rows` (n, columns)."""
+        columns, accel = self.frame.columns, self.frame.field_of("accel")
+        if (time_ := self.frame.field_of("time")) is not None:
+            own = rows[:, columns.index("time")] * SECONDS[time_.unit or "s"]
+            both = np.vstack([self._last, np.column_stack([own, rows[:, -1]])])
+            steps = np.diff(both, axis=0)
+            ahead = steps[:, 0] - steps[:, 1]
+            self.slept += float(ahead[ahead > STOOD].sum())
+            self._last = both[-1:]
+        if accel is not None and self.frame.kind == "rate" and accel.unit not in ("", "count"):
+            at = columns.index("accel_x")
+            with np.errstate(over="ignore", invalid="ignore"):
+                size = np.linalg.norm(rows[:, at : at + 3], axis=1)
+                middle = float(np.median(size)) * scaled_unit(accel.unit, "specific force")
+            self.absurd = None if POSSIBLE[0] < middle < POSSIBLE[1] else middle
 
     def _write(self, name: str, data: bytes) -> None:
         try:
@@ -112,7 +144,7 @@ class Recording:
         self.flush()
         for file in self._files.values():
             file.close()
-        return concluded(self.folder, self.frame, self.heard, text)
+        return concluded(self.folder, self.frame, self.heard, text, self.slept)
 
 
 def record(
@@ -136,16 +168,15 @@ def record(
     write_text(folder / CAMPAIGN, campaign_of(frame, folder.name))
     begun = heard = time.monotonic()
     try:
-        while not source.ended:
-            data = source.read(WAIT)
-            now = time.monotonic()
-            heard = now if data else heard
-            recording.take(data, now - begun)
-            tell(recording, now - heard)
-            if seconds is not None and now - begun >= seconds:
-                break
-            if silent is not None and now - heard >= silent:
-                break
+        with closing(arrivals(source)) as coming:
+            for data, now in coming:
+                heard = now if data else heard
+                recording.take(data, now - begun)
+                tell(recording, now - heard)
+                if seconds is not None and now - begun >= seconds:
+                    break
+                if silent is not None and now - heard >= silent:
+                    break
     except KeyboardInterrupt:
         pass
     finally:
@@ -183,14 +214,21 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of a time [s]."""
 
 
-def concluded(folder: Path, frame: Frame, heard: Heard, text: str | None = None) -> dict[str, Any]:
-    """Say what was heard, compare the clocks, and describe the log with what they say."""
+def concluded(
+    folder: Path, frame: Frame, heard: Heard, text: str | None = None, slept: float = 0.0
+) -> dict[str, Any]:
+    """Say what was heard, compare the clocks, and describe the log with what they say.
+
+    `slept`: how long the clock of this computer stood [s].
+    """
     rows, clocks = rows_of(folder, frame), None
     told, number = frame.field_of("time"), np.arange(len(rows), dtype=float)
     if told is not None and len(rows):
         own = rows[:, frame.columns.index("time")] * SECONDS[told.unit or "s"]
         clocks = compared(rows[:, -1], own)
-    said: dict[str, Any] = {"rows": len(rows), **asdict(heard)}
+    said: dict[str, Any] = {"rows": len(rows), **asdict(heard)} | (
+        {"slept": slept} if slept else {}
+    )
     rate = None
     if len(rows) > 1 and np.nanmax(rows[:, -1]) > np.nanmin(rows[:, -1]):
         said["rate"] = rate = float((len(rows) - 1) / (np.nanmax(rows[:, -1]) - rows[0, -1]))
@@ -200,18 +238,28 @@ def concluded(folder: Path, frame: Frame, heard: Heard, text: str | None = None)
     if clocks is not None:
         said["clock"] = clocks._asdict()
     write_text(folder / SAID, json.dumps(said, indent=1) + "\n")
-    write_text(folder / CAMPAIGN, campaign_of(frame, folder.name, clocks, rate, text))
+    campaign = campaign_of(frame, folder.name, clocks, rate, text, warm_in(frame, rows))
+    write_text(folder / CAMPAIGN, campaign)
     return said
+
+
+def warm_in(frame: Frame, rows: FloatArray) -> bool:
+    """Tell whether every frame came with its temperature; `rows` (n, columns): as of `rows_of`."""
+    if frame.field_of("temperature") is None:
+        return False
+    lost = np.isnan(rows[:, :-1]).all(axis=1)
+    return not np.isnan(rows[~lost, frame.columns.index("temperature")]).any()
 
 
 def campaign_of(
     frame: Frame, name: str, clocks: Clocks | None = None, rate: float | None = None,
-    text: str | None = None,
+    text: str | None = None, warm: bool = True,
 ) -> str:  # fmt: skip
     """Write the campaign of a session: `text` or None, by hand until somebody says otherwise.
 
     `clocks` or None: how its clock runs against that of the computer, which is then trusted;
-    `rate` or None: of the frames, where they have no time of their own [Hz].
+    `rate` or None: of the frames, where they have no time of their own [Hz]; `warm`: whether each
+    of them has a temperature, where they can have one.
     """
     columns = frame.columns
     time_ = frame.field_of("time")
@@ -227,13 +275,14 @@ def campaign_of(
     for triad in ("gyro", "accel"):
         told = frame.field_of(triad)
         if told is not None:
-            numbers = [(a[:-1], columns.index(f"{triad}_{a[-1]}")) for a in frame.axes]
+            axes = told.axes or frame.axes
+            numbers = [(a[:-1], columns.index(f"{triad}_{a[-1]}")) for a in axes]
             at = [f"{sign}{number}" if sign else number for sign, number in numbers]
             kind = ', kind = "increment"' if frame.kind == "increment" else ""
             lines.append(f'{triad} = {{ columns = {json.dumps(at)}, unit = "{told.unit}"{kind} }}')
-    if (warm := frame.field_of("temperature")) is not None and warm.unit:
+    if warm and (told := frame.field_of("temperature")) is not None and told.unit:
         at_ = columns.index("temperature")
-        lines.append(f'temperature = {{ column = {at_}, unit = "{warm.unit}" }}')
+        lines.append(f'temperature = {{ column = {at_}, unit = "{told.unit}" }}')
     if clocks is not None:
         sd = float(np.hypot(clocks.rate_sd, HOST_SD))
         fast = f"It is that of this computer, sd {1e6 * clocks.rate_sd:.1f} ppm"

@@ -11,9 +11,12 @@ import select
 import socket
 import sys
 import time
+from collections.abc import Generator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Event, Thread
 from typing import Any, Protocol
 
 from foucault.errors import error
@@ -21,8 +24,17 @@ from foucault.errors import error
 MOST = 1 << 16
 """Bytes taken at once [bytes]."""
 
+WAIT = 0.1
+"""Time to wait for bytes before something else is done [s]."""
+
+GATHER = 0.004
+"""What arrives within this is handed on together [s]."""
+
 AGAIN = 0.5
 """Time between two tries to open a source again [s]."""
+
+USUAL = 115200
+"""Rate of a serial port where nothing is said [Hz]."""
 
 FORMS = "serial:PORT[:BAUD], udp:PORT, tcp:HOST:PORT, - for standard input, or a file that grows"
 """How a source is named."""
@@ -55,7 +67,9 @@ def opened(name: str, baud: int | None = None) -> Source:
         port, _, rate = (
             rest.rpartition(":") if rest.rpartition(":")[2].isdigit() else (rest, "", "")
         )
-        return Serial(port, int(rate) if rate else baud or 115200)
+        return Serial(port, int(rate) if rate else baud)
+    if Path(name).is_char_device():
+        return Serial(name, baud)
     if kind == "udp" and rest.isdigit():
         return Udp(int(rest))
     if kind == "tcp" and ":" in rest:
@@ -65,6 +79,48 @@ def opened(name: str, baud: int | None = None) -> Source:
     if Path(name).exists() or (kind == name and Path(name).parent.is_dir() and Path(name).suffix):
         return Growing(Path(name))
     raise error("capture.source", given=name, allowed=FORMS)
+
+
+def arrivals(source: Source) -> Generator[tuple[bytes, float], None, None]:
+    """Yield what arrives at a source, and when; nothing, b"", where it is silent.
+
+    It is read in a thread of its own: whoever sends does not wait until a disk has written what
+    came before, or somebody has thought about it.
+    """
+    heard, stop = SimpleQueue[tuple[bytes, float] | BaseException | None](), Event()
+
+    def work() -> None:
+        try:
+            while not (stop.is_set() or source.ended):
+                if data := source.read(WAIT):
+                    time.sleep(GATHER)
+                    until = time.monotonic() + GATHER
+                    while not source.ended and (more := source.read(0.0)):
+                        data += more
+                        if time.monotonic() > until:
+                            break
+                    heard.put((data, time.monotonic()))
+            heard.put(None)
+        except BaseException as problem:  # whoever listens is told
+            heard.put(problem)
+
+    thread = Thread(target=work, name="source", daemon=True)
+    thread.start()
+    try:
+        while True:
+            try:
+                one = heard.get(timeout=WAIT)
+            except Empty:
+                yield b"", time.monotonic()
+                continue
+            if isinstance(one, BaseException):
+                raise one
+            if one is None:
+                return
+            yield one
+    finally:
+        stop.set()
+        thread.join(2.0)
 
 
 @dataclass
@@ -159,9 +215,11 @@ class _Reopened:
 class Serial(_Reopened):
     """A serial port."""
 
-    def __init__(self, port: str, baud: int) -> None:
-        """Open `port` at `baud` [Hz]."""
-        self.port, self.baud, self.name = port, baud, f"{port} at {baud} baud"
+    def __init__(self, port: str, baud: int | None) -> None:
+        """Open `port` at `baud` [Hz], None where nobody says at which."""
+        self.chosen = baud is None  # whether this program chose the rate
+        self.port, self.baud = port, baud or USUAL
+        self.name = f"{port} at {self.baud} baud"
         try:
             super().__init__()
         except OSError as problem:
@@ -173,7 +231,7 @@ class Serial(_Reopened):
         except ImportError:
             raise error("capture.no_serial") from None
         try:
-            return serial.Serial(self.port, self.baud, timeout=0, exclusive=True)
+            return serial.Serial(self.port, self.baud, timeout=WAIT, exclusive=True)
         except serial.SerialException as problem:
             raise OSError(str(problem)) from None
 
@@ -181,9 +239,10 @@ class Serial(_Reopened):
         import serial
 
         try:
-            self._held.timeout = wait
-            first = self._held.read(1)
-            return bytes(first + self._held.read(self._held.in_waiting)) if first else b""
+            # To set another time to wait would set up the port anew.
+            first = self._held.read(1) if wait > 0.0 else b""
+            there = self._held.in_waiting if first or wait <= 0.0 else 0
+            return bytes(first + (self._held.read(there) if there else b""))
         except serial.SerialException as problem:
             raise OSError(str(problem)) from None
 

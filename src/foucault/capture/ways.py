@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -12,21 +13,27 @@ from foucault import procedures
 from foucault.campaign import Campaign
 from foucault.capture.guide import Guide, Way
 from foucault.capture.hand import ByHand
+from foucault.capture.listed import OnTable
 from foucault.capture.six import PLACED, OnSix
 from foucault.capture.step import Wanted
 from foucault.detect.stretches import How
 from foucault.errors import error
 from foucault.logs.description import LogDescription
 from foucault.models.noise import grade
+from foucault.plans.directions import positions
+from foucault.procedures.on_table.plan import bench
 from foucault.procedures.record import Beforehand, Given, Procedure
 from foucault.result import Result
 from foucault.tables import Log
 
-GUIDED = ("hand_rotated", "six_position")
+TABLES = ("norm_observation", "multi_position", "turntable")
+"""Procedures of which the positions of the plan are ticked."""
+
+GUIDED = ("hand_rotated", "six_position", *TABLES)
 """Procedures whose sessions are guided."""
 
 HOLD = 7.0
-"""Time to rest, where nothing is said [s]."""
+"""Time to rest, where neither a plan nor anyone says it [s]."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +41,7 @@ class Asked:
     """What a guide is asked for."""
 
     campaign: Campaign
-    hold: float = HOLD  # [s]
+    hold: float | None = None  # time to rest, None: of the plan, or `HOLD` [s]
     want: Mapping[str, str] | None = None  # coefficient or group -> uncertainty with its unit
 
 
@@ -85,6 +92,11 @@ def guide_of(asked: Asked, used: LogDescription) -> Guide:
     if campaign.procedure not in GUIDED:
         raise error("guide.procedure", name=campaign.procedure, allowed=", ".join(GUIDED))
     procedure = procedures.load(campaign.procedure)
+    s, judge = campaign.settings, judge_of(procedure, campaign)
+    if campaign.procedure in TABLES:
+        # The rests of a table are those of its plan: none is much shorter.
+        how = How(shortest=min(s.shortest, campaign.session.rest_time / 2))
+        return Guide(_on_table(asked, used.gyro is not None), used, judge, how)
     usual = procedure.planned(_placed(beforehand(campaign)))
     assert usual is not None
     found = usual.found.coefficients
@@ -93,10 +105,23 @@ def guide_of(asked: Asked, used: LogDescription) -> Guide:
     wanted = Wanted.of(found.layout, found.sd, asked.want or {})
     given, gyro = given_of(campaign), used.gyro is not None
     kind: Any = {"hand_rotated": ByHand, "six_position": OnSix}[campaign.procedure]
-    way: Way = kind(given, wanted, asked.hold, gyro)
-    s = campaign.settings
+    way: Way = kind(given, wanted, HOLD if asked.hold is None else asked.hold, gyro)
     how = How(s.window, s.shortest, s.threshold)
-    return Guide(way, used, judge_of(procedure, campaign), how)
+    return Guide(way, used, judge, how)
+
+
+def _on_table(asked: Asked, gyro: bool) -> OnTable:
+    """Return the positions of a campaign's plan."""
+    campaign, b = asked.campaign, beforehand(asked.campaign)
+    task_of = import_module(f"foucault.procedures.{campaign.procedure}").task_of
+    where = (campaign.site,) if campaign.procedure != "norm_observation" else ()
+    site = campaign.site if gyro else replace(campaign.site, latitude=None)
+    task = task_of(campaign.settings, *where).where(b.sizes)
+    made = bench(task, replace(b, site=site))
+    plan = made.plan(positions(campaign.settings.chosen)[1])
+    found = made.bound(plan)
+    wanted = Wanted.of(found.layout, found.sd, asked.want or {})
+    return OnTable(made, plan, wanted, asked.hold, gyro)
 
 
 def _placed(b: Beforehand[Any, Any]) -> Beforehand[Any, Any]:

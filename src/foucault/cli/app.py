@@ -18,6 +18,7 @@ from foucault.cli import (
     certificate,
     compare,
     export,
+    listen,
     navigate,
     north,
     parts,
@@ -160,8 +161,8 @@ for _command in (
     preflight.optimise, sessions.inspect, sessions.simulate, results.calibrate, results.report,
     results.demo, results.merge, compare.compare, compare.fleet, navigate.align, navigate.navigate,
     navigate.delay, sessions.allan, preflight.montecarlo, results.temperature, export.apply,
-    export.export, export.check, watch.watch, capture.capture, certificate.certify,
-    certificate.verify, serve.serve,
+    export.export, export.check, watch.watch, capture.capture, listen.listen,
+    certificate.certify, certificate.verify, serve.serve,
 ):  # fmt: skip
     add(app, _command)
 north.add_to(app)

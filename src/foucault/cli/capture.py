@@ -14,12 +14,6 @@ from foucault.cli.screen import Screen
 if TYPE_CHECKING:
     from foucault.capture.recording import Recording
 
-QUIET = 2.0
-"""Silence that is told [s]."""
-
-ENOUGH = 2000
-"""Bytes in which there should have been a frame [bytes]."""
-
 HEARD, NOTHING = 0, 3
 """Exit codes."""
 
@@ -87,13 +81,13 @@ def capture(
 
 def _now(recording: Recording, silence: float) -> str:
     """Say what is heard; `silence`: since something came [s]."""
+    from foucault.capture.said import Words
+    from foucault.capture.trouble import troubles
+
     heard = recording.heard
     line = f"{heard.frames} frames, {heard.broken} broken, {heard.lost} lost"
-    if silence > QUIET:
-        return line + f"; nothing for {silence:.0f} s: is the cable in?"
-    if recording.size > ENOUGH and not heard.frames and not heard.others:
-        return line + "; no frame in what comes: another baud rate, or other frames?"
-    return line
+    wrong = [Words.of().say(key, **values) for key, values in troubles(recording, silence)]
+    return "; ".join([line, *wrong])
 
 
 def _lines(said: dict[str, Any]) -> list[str]:

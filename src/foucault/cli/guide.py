@@ -21,9 +21,6 @@ if TYPE_CHECKING:
 BAR = 24
 """Width of a bar [1]."""
 
-QUIET = 2.0
-"""Silence that is told [s]."""
-
 SESSION = "session"
 """Folder in the run folder that holds what was recorded."""
 
@@ -38,7 +35,7 @@ def guided(
     from foucault.capture.live import guided
     from foucault.capture.said import Words
     from foucault.capture.source import opened
-    from foucault.capture.ways import HOLD, Asked, wants
+    from foucault.capture.ways import Asked, wants
     from foucault.errors import error
 
     if frames is None:
@@ -48,7 +45,7 @@ def guided(
     else:
         told = campaigns.load(campaign)
     text = frame.text_of(frames)
-    asked = Asked(told, HOLD if hold is None else hold, wants(want or ()))
+    asked = Asked(told, hold, wants(want or ()))
     said, described = Words.of(words or "en"), frame.parsed(text, frames)
     display = shown_by(screen, said, Display, JsonLines, Picture, Lines)
     with display:
@@ -103,13 +100,18 @@ class JsonLines(Display, Told):
     def show(self, live: Live, ended: bool) -> None:
         guide = live.guide
         if guide is not None and self.due(
-            (guide.phase, guide.rests, len(guide.mistakes), live.silence > QUIET)
+            (guide.phase, guide.rests, len(guide.mistakes), [t.key for t in live.troubles()])
         ):
-            print(json.dumps(state(guide, self.about, live.silence)), flush=True)
+            print(json.dumps(self._state(live)), flush=True)
+
+    def _state(self, live: Live) -> dict[str, Any]:
+        assert live.guide is not None
+        troubles = [self.about.say(key, **values) for key, values in live.troubles()]
+        return state(live.guide, self.about, live.silence) | {"troubles": troubles}
 
     def end(self, live: Live) -> None:
         if live.guide is not None:
-            print(json.dumps(state(live.guide, self.about)), flush=True)
+            print(json.dumps(self._state(live)), flush=True)
 
 
 @dataclass
@@ -120,16 +122,14 @@ class Lines(Display):
     _wrong: int = 0
     _task: str = ""
     _told: set[str] = field(default_factory=set)
+    _wrongs: set[str] = field(default_factory=set)  # between the instrument and here, by now
 
     def show(self, live: Live, ended: bool) -> None:
         words, say = self.about, self.screen.say
-        if live.silence > QUIET:
-            seconds = live.silence
-            if "silent" not in self._told:
-                say(words.say("now.silent", seconds=seconds))
-            self._told.add("silent")
-        else:
-            self._told.discard("silent")
+        wrong = dict(live.troubles())
+        for key in wrong.keys() - self._wrongs:
+            say(words.say(key, **wrong[key]))
+        self._wrongs = set(wrong)
         guide = live.guide
         if guide is None:
             return
@@ -170,8 +170,7 @@ def picture(live: Live, words: Words) -> Any:
 
     width = min(get_terminal_size().columns - 4, 96)
     guide, rows = live.guide, list[Any]()
-    if live.silence > QUIET:
-        rows.append(Text(words.say("now.silent", seconds=live.silence), "bold red"))
+    rows += [Text(words.say(key, **values), "bold red") for key, values in live.troubles()]
     if guide is None:
         rows.append(Text(words.say("now.learn"), "bold yellow"))
         return Panel(Group(*rows), width=width, subtitle="Ctrl-C ends")

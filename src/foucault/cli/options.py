@@ -321,6 +321,15 @@ Taken = Annotated[
 ]
 
 
+SaidOfCampaign = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="<str>",
+        help="A key of the campaign with its table, such as procedure.held_out = 3 or "
+        "simulate.rests = 12; may be repeated.",
+    ),
+]
 TermsChosen = Annotated[
     Literal["auto", "as set"] | None,
     typer.Option(
@@ -393,3 +402,10 @@ TableIfWanted = Annotated[
     Path | None,
     typer.Option("-o", "--output", callback=_file, help="CSV file to write; none if left out."),
 ]
+ListIfWanted = Annotated[
+    Path | None,
+    typer.Option(
+        "--steps", callback=_file,
+        help="Page to write with the positions in order, for the operator; none if left out.",
+    ),
+]  # fmt: skip

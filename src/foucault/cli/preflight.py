@@ -22,7 +22,8 @@ INCOMPLETE = 3
 @command(
     "foucault preflight campaign.toml -o expected.csv",
     'foucault preflight platform_tumble --plan "-x -z -y +z" --rate "0.2 deg/s"',
-    'foucault preflight norm_observation --plan "dodecahedron 20"',
+    'foucault preflight norm_observation --plan "dodecahedron 20" --steps operator.html',
+    'foucault preflight north_seeking --set "procedure.index_limit = 95 deg" --steps operator.html',
     notes="What is not tried is as in the campaign file, sampling and noise too.",
     exits={0: "all is seen", 3: "something is hardly seen, or a limit is broken"},
 )
@@ -42,27 +43,37 @@ def preflight(
         typer.Option(help='Try this time for each segment of the plan, such as "900 s".'),
     ] = None,
     terms: options.TermsChosen = None,
+    said: options.SaidOfCampaign = None,
     output: options.TableIfWanted = None,
+    listed: options.ListIfWanted = None,
 ) -> None:
     """Say before a session what it will show, and how well.
 
     Standard deviation of every coefficient, what cannot be told apart, whether the rig can do it.
     """
+    from foucault import procedures
     from foucault.campaign import optimisation
-    from foucault.report import planned
+    from foucault.report import operator, planned
 
     screen: Screen = ctx.obj
     given = {"plan": plan, "rate": rate, "segment": segment, "terms": terms}
     with screen.progress() as tell:
-        campaign = load_or_template(what)
+        campaign = load_or_template(what, said or ())
         tell(0.2, "simulating the plan")
         changes = {key: text for key, text in given.items() if text is not None}
         found = optimisation.foresee(campaign, changes)
+        if listed is not None:
+            tell(0.9, "writing the list")
+            line = [procedures.load(campaign.procedure).summary, found.plan]
+            stages = optimisation.stages(campaign, changes)
+            operator.save(operator.page(campaign.procedure, line, stages), listed)
     if output is not None:
         optimisation.write(found, output)
-    file = None if output is None else str(output)
-    where = [] if file is None else [f"Table: {file}"]
-    data = {"procedure": campaign.procedure} | found.as_dict() | {"file": file}
+    files = {"file": output, "list": listed}
+    words = {"file": "Table", "list": "List for the operator"}
+    where = [f"{words[key]}: {file}" for key, file in files.items() if file is not None]
+    told = {key: None if file is None else str(file) for key, file in files.items()}
+    data = {"procedure": campaign.procedure} | found.as_dict() | told
     raise screen.tell(planned.preflight(found, campaign.findings), data, *where)
 
 

@@ -19,13 +19,19 @@ if TYPE_CHECKING:
     from foucault.diagnose.live import Inspection
 
 
-def load_or_template(name: str) -> Campaign:
-    """Return the campaign of a file, or the template of a procedure."""
+def load_or_template(name: str, said: Sequence[str] = ()) -> Campaign:
+    """Return the campaign of a file or the template of a procedure, with what --set is given."""
     from foucault import campaign, procedures
 
     if name in procedures.PROCEDURES:
-        return campaign.parse(campaign.template(name), f"{name}.toml")
-    return campaign.load(name)
+        found = campaign.parse(campaign.template(name), f"{name}.toml")
+    else:
+        found = campaign.load(name)
+    if said:
+        from foucault.campaign.recognised import with_keys
+
+        found = with_keys(found, said)
+    return found
 
 
 @command(

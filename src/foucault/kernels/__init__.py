@@ -19,7 +19,9 @@ from typing import Any
 
 import numba
 import platformdirs
+from numba.core.caching import FunctionCache
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime import rtsys
 
 
 def _cache_folder() -> str:
@@ -35,6 +37,19 @@ _FOLDER = _cache_folder()
 def cache_folder() -> Path:
     """Return where compiled code is kept."""
     return Path(numba.config.CACHE_DIR or _FOLDER)
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]  # numba has no types
+    """The cache of numba, without all that numba first loads in order to compile.
+
+    What is compiled needs none of it but the memory of arrays; what is not asks for it itself.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what is compiled for a signature, or None."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
 
 class _Part(CPUDispatcher):  # type: ignore[misc]  # numba has no types
@@ -81,8 +96,9 @@ def _compiled(function: Any, **more: Any) -> Any:
     previous = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = previous or _FOLDER  # numba reads it while decorating
     try:
-        return numba.njit(
-            cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, **more
-        )(function)
+        made = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **more)(function)
+        if not numba.config.DISABLE_JIT:
+            made._cache = _Cache(function)
+        return made
     finally:
         numba.config.CACHE_DIR = previous

@@ -217,9 +217,8 @@ def places(slot, gyros):
 @part
 def begin(wide, slot):
     """Make the transition the identity on the nine first states, zero on the others."""
-    for r in range(9):
-        for j in range(slot.size):
-            wide[r * WIDE + slot[j]] = 0.0
+    for k in range(9 * WIDE):
+        wide[k] = 0.0
     for j in range(9):
         wide[j * WIDE + slot[j]] = 1.0
 

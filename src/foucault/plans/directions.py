@@ -65,6 +65,14 @@ class RestPlan:
         return float(self.edges[1][-1])
 
 
+@dataclass(frozen=True)
+class Free:
+    """A motion by hand that has no positions."""
+
+    words: str
+    time: float  # [s]
+
+
 def spread_directions(n: int) -> FloatArray:
     """Return n directions spread evenly over the sphere (Fibonacci spiral), shape (n, 3) [1].
 

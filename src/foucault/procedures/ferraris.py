@@ -198,6 +198,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda settings, session, _: session.perfect.plan(settings, 0),
     simulation=simulate_drawn,
     observe=_stated,
     again=lambda model, log, _: on_faces.again(model, log),

@@ -95,6 +95,14 @@ class Session(Strict):
         """Return what a hand does; `seed`: seed of what is drawn of it [1]."""
         return hand_plan(self.rests, self.rest_time, self.turn_time, self.first_rest_time, seed)
 
+    @property
+    def meant(self) -> RestPlan:
+        """What it is asked for: rests and turns of one length."""
+        rests = np.full(self.rests, self.rest_time)
+        rests[0] = self.first_rest_time
+        turns = np.full(self.rests - 1, self.turn_time)
+        return replace(self.plan(None, 0), rest_time=rests, turn_time=turns)
+
 
 def _solve(log: Log | OnDisk, given: Given[Settings]) -> Result:
     if not isinstance(log, Log):
@@ -275,6 +283,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda _settings, session, _site: session.meant,
     simulation=simulate_drawn,
     observe=lambda log, given: model_of(*_reduced(log, given), given),
     by_hand=True,

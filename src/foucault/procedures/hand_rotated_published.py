@@ -157,6 +157,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda _settings, session, _site: session.meant,
     simulation=hand_rotated.PROCEDURE.simulation,
     names=lambda *_: LINEAR_LOWER,
 )

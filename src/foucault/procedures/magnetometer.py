@@ -50,6 +50,7 @@ from foucault.models.rotation import cross_matrix, exp
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.turning import Cells, Chain, Turning
 from foucault.models.world_field import WorldField, world_field
+from foucault.plans.directions import Free, RestPlan, hand_plan
 from foucault.procedures import record
 from foucault.procedures.record import Given, Procedure, result_of
 from foucault.result import Check, Result, TableData
@@ -954,6 +955,15 @@ def simulated(
     return Simulation(replace(log, mag=mag), model, {"dip": session.dip})
 
 
+def _planned(session: Session) -> RestPlan | Free:
+    """Return what a hand is to do."""
+    if session.motion == "free":
+        return Free("turn it through all directions", session.time)
+    plan = hand_plan(session.rests)
+    rests, turns = np.full(session.rests, session.rest_time), session.turn_time
+    return replace(plan, rest_time=rests, turn_time=np.full(session.rests - 1, turns))
+
+
 FINE = 8
 """Steps that a motion is simulated with between two samples [1]."""
 
@@ -1007,6 +1017,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda _settings, session, _site: _planned(session),
     simulation=simulated,
     observe=observe,
     names=lambda settings, _: settings.estimated(),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from pydantic import Field
@@ -68,6 +68,12 @@ class FaceSession(Strict):
     """How far placements are off, about each of two axes."""
     repeated: int = Field(default=0, ge=0, le=6)
     """So many of the first faces are rested on again at the end, which shows a drift."""
+
+    @property
+    def perfect(self) -> Self:
+        """The session as it is meant: nothing lies askew."""
+        told = type(self).model_fields
+        return self.model_copy(update={key: 0.0 for key in told if key.endswith("_sd")})
 
     def plan(self, settings: Any, seed: int) -> RestPlan:
         """Return the rests; `seed`: seed of what is drawn of them [1]."""

@@ -56,6 +56,7 @@ from foucault.units import AngleSd, Quantity, RatioSd, Seconds
 
 if TYPE_CHECKING:
     from foucault.arrays import FloatArray
+    from foucault.procedures.stages import Stage
 
 
 S = TypeVar("S", bound=BaseModel)
@@ -238,6 +239,8 @@ class Procedure(Generic[S, N]):
     # gravity is in the coefficients [1].
     table_rate_sd: float | None = 0.0
 
+    # Settings, session and site -> what is done, of a kind that `stages` knows.
+    plan: Callable[[S, N, Site], Any] | None = None
     # The plan of a session: what it will show, where not as `observe` has it, and the plans that
     # may be sought.
     foresee: Callable[[Beforehand[S, N]], Foresight] | None = None
@@ -290,6 +293,13 @@ class Procedure(Generic[S, N]):
     def summary(self) -> str:
         """What it does, in a sentence."""
         return self.doc.strip().splitlines()[0].rstrip(".")
+
+    def stages(self, settings: S, session: N, site: Site) -> tuple[Stage, ...]:
+        """Return what an operator does in a session."""
+        from foucault.procedures.stages import stages  # which most runs do not need
+
+        assert self.plan is not None
+        return stages(self.plan(settings, session, site))
 
     def calibrate(
         self,

@@ -54,6 +54,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda settings, session, _: session.perfect.plan(settings, 0),
     simulation=simulate_drawn,
     observe=lambda log, given: _observed(log, given).model(given),
     again=lambda model, log, _: on_faces.again(model, log),

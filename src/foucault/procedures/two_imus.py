@@ -40,6 +40,7 @@ from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.two_imus import LAYOUT, ORDINALS, SENSORS, layout_of
+from foucault.plans.directions import Free
 from foucault.procedures.record import Beforehand, Given, Procedure, SampleRate
 from foucault.result import Check, Result, TableData, Verdict
 from foucault.simulate.hand_motion import HandMotion
@@ -537,6 +538,9 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda _settings, session, _site: Free(
+        f"move all together: {session.motion}", session.time
+    ),
     simulation=_simulated,
     names=lambda settings, session: tuple(
         n for n in LAYOUT.names if n in settings.names(session.imus - 1)

@@ -215,6 +215,9 @@ def _laid_out(lines: list[str]) -> tuple[dict[str, Any], tuple[str, ...], tuple[
 
 
 def _table(lines: Sequence[str], delimiter: str, decimal: str) -> _Table | None:
+    apart = None if delimiter == SPACE else delimiter
+    if sum(len(line.split(apart, 2)) == 3 for line in lines) < 2:
+        return None  # two rows of three numbers are the least
     rows = [_cells(line, delimiter) for line in lines]
     kinds = [tuple(_number(c, decimal) for c in row) if row else () for row in rows]
     for i in range(len(rows)):

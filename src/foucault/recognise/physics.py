@@ -290,19 +290,26 @@ class _Work:
         return np.asarray(C)
 
     def miss(self, C: FloatArray, E: FloatArray, *, shaken: bool = False) -> float:
-        predicted = np.einsum("nji,nj->ni", C, self.before @ E) @ E.T
-        angle = np.arccos(np.clip(np.sum(predicted * self.after, axis=1), -1, 1))
+        return float(self._misses(C, E[None], shaken=shaken)[0])
+
+    def _misses(self, C: FloatArray, E: FloatArray, *, shaken: bool = False) -> FloatArray:
+        """Return how much each of the orders E (k, 3, 3) misses, shape (k,)."""
+        predicted = np.einsum("nji,knj->kni", C, self.before @ E) @ np.swapaxes(E, 1, 2)
+        angle = np.arccos(np.clip(np.sum(predicted * self.after, axis=2), -1, 1))
         if shaken:  # where one turn in five tells the sign of an axis
-            return float(np.mean(angle))
-        return float(np.median(angle) * 1.2 if len(angle) > 4 else np.sqrt(np.mean(angle**2)))
+            return np.asarray(np.mean(angle, axis=1))
+        if angle.shape[1] > 4:
+            return np.asarray(np.median(angle, axis=1) * 1.2)
+        return np.asarray(np.sqrt(np.mean(angle**2, axis=1)))
 
     def ranked(self, scale: float) -> list[tuple[float, FloatArray]]:
         """Return how much each signed order of the columns misses, the best first."""
-        turned = {sense: self.rotations(sense * scale) for sense in (1.0, -1.0)}
-        found = []
-        for E in exchanges():
-            sense = float(np.sign(np.linalg.det(E)))
-            found.append((self.miss(turned[sense], sense * E), E))
+        every = np.array(list(exchanges()))
+        senses, missed = np.sign(np.linalg.det(every)), np.empty(len(every))
+        for sense in (1.0, -1.0):
+            some = senses == sense
+            missed[some] = self._misses(self.rotations(sense * scale), sense * every[some])
+        found = zip(missed.tolist(), every, strict=True)
         return sorted(found, key=lambda pair: pair[0])
 
     def best_scale(self, seed: float) -> float:

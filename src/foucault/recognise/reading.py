@@ -72,6 +72,7 @@ class Recognised:
     questions: tuple[Question, ...] = ()
     asked: tuple[str, ...] = ()  # what no log can say
     described: bool = False  # whether the file says itself what it holds
+    titles: tuple[str, ...] = ()  # of all columns, where they were looked at
 
     def description(self, said: Mapping[str, Any] | None = None) -> LogDescription:
         """Return the description, with what is said instead of some of it."""
@@ -119,7 +120,8 @@ def _of_itself(file: Opened, said: Mapping[str, Any]) -> Recognised:
     named = ", ".join(name for name in (file.raw.declared or {}) if name != "clock")
     line = Line("columns", named, kind, SURE)
     log = merged({"file": file.path.name} | file.layout, said)
-    return Recognised((file.path,), log, (line,), described=True)
+    titles = tuple(map(str, getattr(file.raw, "names", ())))
+    return Recognised((file.path,), log, (line,), described=True, titles=titles)
 
 
 def _whole_rows(data: tell.Data) -> tuple[tell.Data, int]:
@@ -210,8 +212,9 @@ class _Work:
         gyro, accel = self._axes(reading)
         log = self._log(reading, accel, gyro)
         return Recognised(
-            tuple(f.path for f in data.files), log, tuple(self.lines), tuple(self.questions)
-        )
+            tuple(f.path for f in data.files), log, tuple(self.lines), tuple(self.questions),
+            titles=tuple(str(name) for f in data.files for name in f.raw.names),
+        )  # fmt: skip
 
     # -- which columns -------------------------------------------------------------------------
 

@@ -156,9 +156,10 @@ def _role(stem: str) -> str:
         return "time"
     if any(word in stem for word in known["has"]) and "relative" not in stem and "dt" not in stem:
         return "time"
-    for role, words in _words().items():
-        if role in ("units", "gravity", "ignored", "stamp"):
-            continue
-        if stem in words.get("is", ()) or any(word in stem for word in words["has"]):
-            return role
-    return ""
+    roles = {role: words for role, words in _words().items()
+             if role not in ("units", "gravity", "ignored", "stamp")}  # fmt: skip
+    # "dtheta" is no "dt".
+    whole = next((role for role, words in roles.items() if stem in words.get("is", ())), "")
+    return whole or next(
+        (role for role, words in roles.items() if any(word in stem for word in words["has"])), ""
+    )

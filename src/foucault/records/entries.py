@@ -129,9 +129,9 @@ class Account(Body):
 
     kind = "account"
     name: Annotated[Name, Field(description="whose account or token")]
-    change: Literal["made", "changed", "closed", "token made", "token ended"]
+    change: Literal["made", "changed", "closed", "token made", "token ended", "locked out"]
     role: Annotated[Words, Field(description="from now on; empty: as before")] = ""
-    words: Annotated[Words, Field(description="label of a token")] = ""
+    words: Annotated[Words, Field(description="label of a token, or from where")] = ""
 
 
 KINDS: dict[str, type[Body]] = {

@@ -76,6 +76,12 @@ def render(document: Document) -> str:
     )
 
 
+def ready() -> None:
+    """Load what every page needs, before one is asked for."""
+    _template()
+    _plotly()
+
+
 @cache
 def _plotly() -> str:
     """The library that turns and zooms figures, compressed, as a page holds it."""

@@ -172,10 +172,12 @@ def _extremes(x: FloatArray) -> npt.NDArray[np.intp]:
     block = -(-2 * len(x) // POINTS)
     if block <= 2:
         return np.arange(len(x))
-    starts = range(0, len(x), block)
+    starts = np.arange(0, len(x), block)
     filled = np.nan_to_num(x)
-    picks = [s + f(filled[s : s + block]) for s in starts for f in (np.argmin, np.argmax)]
-    return np.unique(np.array(picks, dtype=np.intp))
+    whole = np.append(filled, np.full(len(starts) * block - len(x), filled[-1]))
+    each = whole.reshape(-1, block)
+    picks = [starts + f(each, axis=1) for f in (np.argmin, np.argmax)]
+    return np.unique(np.minimum(picks, len(x) - 1))
 
 
 # -- what a log holds ------------------------------------------------------------------------

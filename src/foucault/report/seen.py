@@ -7,7 +7,6 @@ axes, half a pixel of a figure 400 pixels high (Douglas and Peucker, The Canadia
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -26,17 +25,27 @@ FEW = 30
 
 def seen(figure: Figure) -> Figure:
     """Return a figure whose lines have the points that are seen."""
-    return replace(figure, data=[_slim(trace, figure) for trace in figure.data])
+    axes: dict[tuple[str, Any], Axis] = {}  # which several lines share
+    return replace(figure, data=[_slim(trace, figure, axes) for trace in figure.data])
 
 
-def _slim(trace: dict[str, Any], figure: Figure) -> dict[str, Any]:
+def _slim(
+    trace: dict[str, Any], figure: Figure, axes: dict[tuple[str, Any], Axis]
+) -> dict[str, Any]:
     bent = trace.get("line", {}).get("shape", "linear") == "linear"
     if trace.get("mode") != "lines" or not bent or len(trace.get("x", ())) < FEW:
         return trace
     if trace["type"] == "scatter":
         # Of a figure with choices only the lines of one are drawn at a time.
-        shown = [t for t in figure.data if t.get("meta") == trace.get("meta")]
-        way = [_axis(letter, trace, shown, figure.layout).at(trace[letter]) for letter in "xy"]
+        group = trace.get("meta")
+        way = []
+        for letter in "xy":
+            name = trace.get(f"{letter}axis", letter)
+            if (name, group) not in axes:
+                shown = [t for t in figure.data if t.get("meta") == group]
+                look = figure.layout.get(f"{letter}axis{name[1:]}", {})
+                axes[name, group] = axis_of(name, look, shown, figure.layout)
+            way.append(axes[name, group].at(trace[letter]))
     elif trace["type"] == "scatter3d":  # of directions
         way = [np.array(trace[letter], float) / 2.0 for letter in "xyz"]
     else:
@@ -48,13 +57,6 @@ def _slim(trace: dict[str, Any], figure: Figure) -> dict[str, Any]:
         else value
         for key, value in trace.items()
     }
-
-
-def _axis(
-    letter: str, trace: Mapping[str, Any], data: list[Any], layout: Mapping[str, Any]
-) -> Axis:
-    name = trace.get(f"{letter}axis", letter)
-    return axis_of(name, layout.get(f"{letter}axis{name[1:]}", {}), data, layout)
 
 
 def points(p: FloatArray, off: float) -> BoolArray:
@@ -74,9 +76,10 @@ def points(p: FloatArray, off: float) -> BoolArray:
         along, between = p[b] - p[a], p[a + 1 : b] - p[a]
         length = float(along @ along)
         share = np.clip(between @ along / length, 0.0, 1.0) if length else np.zeros(len(between))
-        far = np.linalg.norm(between - share[:, None] * along, axis=1)
+        away = between - share[:, None] * along
+        far = np.einsum("ni,ni->n", away, away)
         k = int(far.argmax())
-        if far[k] > off:
+        if far[k] > off * off:
             kept[a + 1 + k] = True
             open_ += [(a, a + 1 + k), (a + 1 + k, b)]
     return kept

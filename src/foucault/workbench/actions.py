@@ -18,6 +18,7 @@ from fastapi.responses import Response
 
 from foucault.errors import error
 from foucault.logs.description import LogDescription
+from foucault.records.entries import Account
 from foucault.workbench.asked import OFFERS, files_of, given_log, stays, words_of
 from foucault.workbench.bench import COOKIE, Bench, Form, bench_of, give_cookie, needs, to
 from foucault.workbench.people import Person
@@ -231,8 +232,12 @@ async def log_in(request: Request, said: Form) -> Response:
     """Begin a session."""
     address = request.client.host if request.client else ""
     bench = bench_of(request)
+
+    def told(body: Account) -> None:
+        bench.told("nobody")(body)
+
     token = await aside(bench.people.log_in, str(said.get("name", "")),
-                        str(said.get("password", "")), address)  # fmt: skip
+                        str(said.get("password", "")), address, told)  # fmt: skip
     back = str(said.get("to", "/"))
     out = to(back if back.startswith("/") and not back.startswith(("//", "/\\")) else "/")
     give_cookie(request, out, token)

@@ -47,6 +47,7 @@ class Offer:
     writes: str = "runs/{job}"  # to where; empty: it only says something
     first: tuple[str, ...] = ()  # options that are seen at once
     without: tuple[str, ...] = ()  # options that make no sense here
+    also: tuple[str, ...] = ()  # words that are always said
 
 
 PLACE = ("--latitude", "--height", "--gravity")
@@ -70,9 +71,13 @@ OFFERS: dict[str, Offer] = {
     "compare": Offer("Compare", "What differs between runs, and by how much.", "runs",
                      first=("--tolerance",)),
     "preflight": Offer("Preflight", "What a session will show, before it is made.", "procedure",
-                       "runs/{job}.csv", ("--plan", "--rate", "--segment")),
+                       "runs/{job}/expected.csv", ("--plan", "--rate", "--segment"),
+                       ("--steps",), ("--steps=runs/{job}/operator.html",)),
 }  # fmt: skip
 """Command -> what it is as an offer."""
+
+PLANNED = frozenset(("procedure", "simulate", "site"))
+"""Tables of which a plan without a log may say something."""
 
 LOG = re.compile(r"[0-9a-f]{12}")
 _OWN = re.compile(r"runs/\d{1,9}|logs/[0-9a-f]{12}/[^/\\\0]+")
@@ -175,6 +180,7 @@ def words_of(
         words += _said(folder, option, values, log)
     if offer.writes:
         words += ["-o", offer.writes.replace("{name}", safe_name(name or "calibration.txt"))]
+    words += offer.also
     return words
 
 
@@ -197,7 +203,12 @@ def _said(folder: Path, option: Option, values: Sequence[str], log: str) -> list
     if option.path:
         texts = [inside(folder, t) for t in texts]
     if option.name == "--set" and texts:
-        stays(folder / "logs" / log, said_of(texts))
+        said = said_of(texts)
+        stays(folder / "logs" / log, said)
+        others = [] if log else sorted(said.keys() - PLANNED)  # none of those names a file
+        if others:
+            raise error("workbench.option", given=f"--set {others[0]}"[:40], command="a plan",
+                        hint=f" Keys of {', '.join(sorted(PLANNED))} can be set.")  # fmt: skip
     return [f"{option.name}={t}" for t in (texts if option.many else texts[:1])]
 
 

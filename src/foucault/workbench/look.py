@@ -34,7 +34,7 @@ def look(words: Sequence[str], tell: Tell) -> int:
     folder = Path(next(w for w in words if w.startswith("--plots=")).partition("=")[2]).parent
     make_folder(folder)
     said = said_of([w.partition("=")[2] for w in words if w.startswith("--set=")])
-    out: dict[str, Any] = {"files": [p.name for p in files], "titles": _titles(files)}
+    out: dict[str, Any] = {"files": [p.name for p in files], "titles": []}
     log: Log | None = None
     try:
         if files[0].suffix.lower() == ".toml":
@@ -49,6 +49,7 @@ def look(words: Sequence[str], tell: Tell) -> int:
             out |= {"procedure": reading.load(files[0], calibrates=False).procedure}
         else:
             out["problem"] = {"message": problem.message, "cure": problem.cure}
+            out["titles"] = _titles(files)
     if log is not None:
         tell(0.6, "drawing")
         log, start = log.from_start()
@@ -62,6 +63,9 @@ def look(words: Sequence[str], tell: Tell) -> int:
     write_text(folder / FILE, json.dumps(out, allow_nan=False, default=str))
     return 0
 
+
+TITLES = 200
+"""Of columns that are shown [1]."""
 
 POINTS = 500
 """Of a trace that is drawn [1]."""
@@ -91,6 +95,7 @@ def _rests(seen: live.Inspection) -> dict[str, Any]:
 def _taken(held: Found) -> dict[str, Any]:
     known, session = held.recognised, held.session
     return {
+        "titles": list(known.titles[:TITLES]),
         "lines": [line.as_dict() for line in held.lines],
         "questions": [asdict(q) for q in known.questions],
         "log": known.log,
@@ -111,4 +116,4 @@ def _titles(files: Sequence[Path]) -> list[str]:
                 out += [str(name) for name in getattr(raw, "names", ())]
             except (FoucaultError, OSError, ValueError):
                 pass
-    return out[:200]
+    return out[:TITLES]

@@ -218,7 +218,6 @@ def files_left(bench: Bench, job: Job) -> list[str]:
     """Return the names of the files that a job has left."""
     folder = bench.folder / "runs" / str(job.number)
     found = [p.name for p in folder.iterdir()] if folder.is_dir() else []
-    found += [p.name for p in (bench.folder / "runs").glob(f"{job.number}.csv")]
     return sorted(n for n in found if not n.startswith(".") and n not in (LOOK_FILE, "tables"))
 
 
@@ -227,8 +226,7 @@ def file_left(bench: Bench, number: Number, name: str) -> Path:
     job, folder = bench.run_of(number)
     if name not in files_left(bench, job):
         raise error("workbench.no_name", number=number, given=name[:80])
-    inner = folder / name
-    found = inner if inner.is_file() else folder.with_suffix(".csv")
+    found = folder / name
     if found.is_symlink() or not found.is_file():
         raise error("workbench.no_name", number=number, given=name[:80])
     return found
@@ -359,25 +357,8 @@ def journal(request: Request) -> Response:
     with bench_of(request).records() as records:
         if records is not None:
             entries = list(records.entries())[-MANY:][::-1]
-    return page(request, "journal.html", entries=entries)
-
-
-@router.get("/plan")
-def plan(request: Request) -> Response:
-    """Which procedures there are, and what a session of each will show."""
-    person(request)
-    from foucault.procedures import PROCEDURES, load
-
-    told = {name: _first_line(load(name)) for name in PROCEDURES}
-    return page(request, "plan.html", procedures=told)
-
-
-def _first_line(procedure: Any) -> str:
-    for key in ("summary", "what", "title"):
-        text = getattr(procedure, key, "")
-        if isinstance(text, str) and text:
-            return text
-    return ""
+    refused = bench_of(request).people.refused()
+    return page(request, "journal.html", entries=entries, refused=refused)
 
 
 # -- accounts ------------------------------------------------------------------------------

@@ -14,11 +14,12 @@ import re
 import secrets
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from foucault.errors import error
+from foucault.errors import FoucaultError, error
 from foucault.records.entries import Account
 from foucault.workbench.store import Store, now
 
@@ -30,6 +31,10 @@ LASTS = 12 * 3600.0
 
 ATTEMPTS, WINDOW = 5, 300.0
 """So many wrong passwords of a name, or from an address, within so long [1], [s]."""
+
+KEPT, A_DAY, ANYWHERE = 90, 200, "elsewhere"
+"""Wrong passwords are kept for so many days, from so many names and addresses of a day; those from
+further ones are counted together [1]."""
 
 LEAST, MOST = 12, 256
 """Letters of a password [1]."""
@@ -137,8 +142,51 @@ class People:
             db.execute("DELETE FROM session WHERE name = ?", (name,))
             told(Account(name=name, change="closed"))
 
-    def log_in(self, name: str, password: str, address: str) -> str:
-        """Return the token of a new session; raises ``workbench.login``, ``workbench.attempts``."""
+    def refused(self) -> list[dict[str, Any]]:
+        """Return the wrong passwords of late, newest first: of whom, from where, how many."""
+        with self.store.reading() as db:
+            rows = db.execute("SELECT * FROM refused ORDER BY last DESC LIMIT 200")
+            return [dict(row) for row in rows]
+
+    def _refuse(self, name: str, address: str, locked: bool, told: Told) -> None:
+        """Keep that somebody gave a wrong password; a name without an account may be one itself.
+
+        `told` keeps in the journal once a day that an account is `locked`.
+        """
+        day, at = now()[:10], now()
+        with self.store.writing() as db:
+            row = db.execute("SELECT name FROM account WHERE name = ?", (name.strip(),)).fetchone()
+            whose = "" if row is None else str(row["name"])
+            before = db.execute("SELECT max(locked) FROM refused WHERE day = ? AND name = ?",
+                                (day, whose)).fetchone()[0]  # fmt: skip
+            known = db.execute("SELECT 1 FROM refused WHERE day = ? AND name = ? AND address = ?",
+                               (day, whose, address)).fetchone()  # fmt: skip
+            count = db.execute("SELECT count(*) FROM refused WHERE day = ?", (day,)).fetchone()[0]
+            where = address if known or count < A_DAY else ANYWHERE
+            db.execute(
+                "INSERT INTO refused VALUES (?, ?, ?, 1, ?, ?, ?) ON CONFLICT (day, name, address) "
+                "DO UPDATE SET count = count + 1, last = excluded.last, "
+                "locked = max(locked, excluded.locked)", (day, whose, where, at, at, locked),
+            )  # fmt: skip
+            db.execute("DELETE FROM refused WHERE day < date(?, ?)", (day, f"-{KEPT} days"))
+        if whose and locked and not before:
+            with suppress(FoucaultError):  # records that cannot be written let nobody in
+                told(Account(name=whose, change="locked out", words=f"last from {address}"))
+
+    def log_in(self, name: str, password: str, address: str, told: Told = nobody) -> str:
+        """Return the token of a new session; raises ``workbench.login``, ``workbench.attempts``.
+
+        `told` keeps in the journal that somebody tried too often.
+        """
+        try:
+            return self._logged_in(name, password, address)
+        except FoucaultError as problem:
+            if problem.code in ("workbench.login", "workbench.attempts"):
+                locked = problem.code == "workbench.attempts"
+                self._refuse(name, address[:64], locked, told)
+            raise
+
+    def _logged_in(self, name: str, password: str, address: str) -> str:
         from argon2.exceptions import InvalidHashError, VerificationError
 
         keys = (f"name {name.strip()[:64]}", f"from {address}")

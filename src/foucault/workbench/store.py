@@ -28,7 +28,7 @@ TRIES = 3
 PATIENCE = 15.0
 """So long somebody waits for another who writes [s]."""
 
-VERSION = 1
+VERSION = 2
 """Of the tables."""
 
 TABLES = """
@@ -48,6 +48,14 @@ CREATE TABLE session (
 CREATE TABLE attempt (of TEXT NOT NULL, at REAL NOT NULL);
 CREATE TABLE setting (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 """
+
+REFUSED = """
+CREATE TABLE refused (
+    day TEXT NOT NULL, name TEXT NOT NULL, address TEXT NOT NULL, count INTEGER NOT NULL,
+    first TEXT NOT NULL, last TEXT NOT NULL, locked INTEGER NOT NULL,
+    PRIMARY KEY (day, name, address));
+"""
+"""Since version 2: wrong passwords of a day, by account and address."""
 
 Number = int
 """Of a job: they count from 1 [1]."""
@@ -103,10 +111,11 @@ class Store:
             there = db.execute("PRAGMA user_version").fetchone()[0]
             if there > VERSION:
                 raise error("workbench.newer", path=self.file, there=there, known=VERSION)
-            if there == 0:
-                for line in TABLES.strip().split(";\n"):
+            if there < VERSION:
+                for line in ((TABLES if there == 0 else "") + REFUSED).strip().split(";\n"):
                     db.execute(line)
                 db.execute(f"PRAGMA user_version = {VERSION}")
+            if there == 0:
                 db.execute("INSERT INTO setting VALUES ('secret', ?)", (secrets.token_hex(32),))
         with suppress(OSError):
             self.file.chmod(0o600)

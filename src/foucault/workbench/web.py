@@ -14,7 +14,7 @@ from starlette.exceptions import HTTPException
 from foucault import __version__
 from foucault.errors import FoucaultError, error
 from foucault.report import COLOURS
-from foucault.workbench import actions, api, certify, pages
+from foucault.workbench import actions, api, certify, pages, plan
 from foucault.workbench.bench import HERE, STATUS, Bench, LoginNeededError, page
 from foucault.workbench.uploads import LARGEST
 
@@ -147,6 +147,7 @@ def application(bench: Bench) -> Any:
     app.include_router(pages.router, include_in_schema=False)
     app.include_router(actions.router, include_in_schema=False)
     app.include_router(certify.router, include_in_schema=False)
+    app.include_router(plan.router, include_in_schema=False)
     app.include_router(api.router)
 
     @app.get("/static/{name}", include_in_schema=False)

@@ -45,8 +45,26 @@ _FIRST = (
     "pyarrow.parquet", "foucault.campaign.recognised", "foucault.campaign.running",
     "foucault.procedures.hand_rotated", "foucault.diagnose.live", "foucault.report.calibration",
     "foucault.report.noise", "foucault.report.still", "foucault.workbench.look",
+    "foucault.campaign.vehicle", "foucault.report.evidence", "foucault.report.uncertainty",
+    "foucault.report.seen", "foucault.result_document", "rich.console", "rich.table",
 )  # fmt: skip
 """What most jobs load."""
+
+
+def _load() -> None:
+    """Load what most jobs need, compiled code and templates too: a fork has it at once."""
+    for module in _FIRST:
+        import_module(module)
+    import numpy as np
+
+    from foucault.kernels.moving import moving_moments
+    from foucault.kernels.rotation import integrate_turns
+    from foucault.report import ready
+
+    few, none = np.zeros((4, 3)), np.empty(0, np.int64)
+    moving_moments(few, 1)
+    integrate_turns(np.arange(4.0), few, few, np.zeros((3, 3)), none, none, False)
+    ready()
 
 
 def work(folder: Path, run: Run, look: Run) -> None:
@@ -57,8 +75,7 @@ def work(folder: Path, run: Run, look: Run) -> None:
     name = secrets.token_hex(8)
     lock = hold(folder, name)
     os.chdir(folder)
-    for module in _FIRST:
-        import_module(module)
+    _load()
     looked = 0.0
     try:
         while not _left_alone():
@@ -93,6 +110,7 @@ def _one(store: Store, job: Job, run: Run) -> None:
         finally:
             os._exit(code)
     while True:
+        _until_ended(child, PAUSE)
         done, status = os.waitpid(child, os.WNOHANG)
         if done:
             break
@@ -100,12 +118,24 @@ def _one(store: Store, job: Job, run: Run) -> None:
             os.kill(child, signal.SIGKILL)
             os.waitpid(child, 0)
             return
-        time.sleep(PAUSE)
     if os.WIFSIGNALED(status):
         store.give_back(job)
         return
     code = os.WEXITSTATUS(status)
     store.end(job, "done" if code in DONE else "failed", code)
+
+
+def _until_ended(child: int, most: float) -> None:
+    """Wait until a process has ended, but not longer than `most` [s]."""
+    try:
+        held = os.pidfd_open(child)
+    except (AttributeError, OSError):  # where there is no such call
+        time.sleep(most)
+        return
+    try:
+        select.select([held], [], [], most)
+    finally:
+        os.close(held)
 
 
 def _in_the_fork(store: Store, job: Job, run: Run) -> int:

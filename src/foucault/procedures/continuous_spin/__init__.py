@@ -326,6 +326,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda _settings, session, _site: session.plan(),
     simulation=lambda session, *, settings, model, noise, site, seed: simulate_spins(
         session.plan(), model, noise, site, seed
     ),

@@ -40,6 +40,7 @@ from foucault.models.pose import LAYOUT as OF_POSE
 from foucault.models.pose import PoseTable
 from foucault.models.rotation import log as vector_of
 from foucault.models.size_effect import SizeEffect
+from foucault.plans.directions import Free
 from foucault.procedures.imu_pose.start import Start, jumps_of, start_of, start_of_places
 from foucault.procedures.record import Beforehand, Given, Procedure, Robust, SampleRate
 from foucault.result import Check, Result, TableData, Verdict
@@ -545,6 +546,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda _settings, session, _site: Free(f"move it: {session.motion}", session.time),
     simulation=_simulated,
     names=lambda settings, session: tuple(
         NAMES[i] for i in _order() if i not in settings.held(session.with_attitude)

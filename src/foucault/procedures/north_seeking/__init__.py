@@ -33,7 +33,13 @@ from foucault.models.north_seeker import EQUATION, Compensation, Dwells
 from foucault.procedures.north_seeking.counted import completed, drawn
 from foucault.procedures.north_seeking.fix import Solution, require_latitude, solved
 from foucault.procedures.north_seeking.foresight import Wanted, foresee, space
-from foucault.procedures.north_seeking.settings import Session, Settings, draw_errors, simulated
+from foucault.procedures.north_seeking.settings import (
+    Session,
+    Settings,
+    draw_errors,
+    planned,
+    simulated,
+)
 from foucault.procedures.record import Given, Procedure, result_of
 from foucault.result import Result
 from foucault.tables import IndexedLog, temperature_range
@@ -152,6 +158,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda settings, session, _: planned(settings, session),
     simulation=simulated,
     names=names_in,
     foresee=foresee,

@@ -216,6 +216,20 @@ class Session(Strict):
         return Stops(np.array([s.index for s in self.order]), np.array(lengths), self.move)
 
 
+def planned(settings: Settings, session: Session) -> NorthPlan:
+    """Return the set-ups and what the base does in each."""
+    pitches = [units.parse(text, "angle", "tilts") for text in session.tilts]
+    if any(abs(p) >= np.pi / 2 for p in pitches):
+        raise error("north.tilt_plan", given=", ".join(session.tilts))
+    headings = np.arange(session.headings) * 2 * np.pi / session.headings
+    setups = tuple(
+        Placement(_name(heading, pitch, pitches), float(heading), pitch)
+        for pitch in pitches
+        for heading in headings
+    )
+    return NorthPlan(setups, session.motion(settings.index_limit))
+
+
 def simulated(
     session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
 ) -> NorthSimulation:
@@ -231,15 +245,6 @@ def simulated(
     drift = session.gyro_drift
     if settings.drift_sd is not None and not drift:
         drift = settings.drift_sd * float(rng.standard_normal())
-    pitches = [units.parse(text, "angle", "tilts") for text in session.tilts]
-    if any(abs(p) >= np.pi / 2 for p in pitches):
-        raise error("north.tilt_plan", given=", ".join(session.tilts))
-    headings = np.arange(session.headings) * 2 * np.pi / session.headings
-    setups = tuple(
-        Placement(_name(heading, pitch, pitches), float(heading), pitch)
-        for pitch in pitches
-        for heading in headings
-    )
     lean = (settings.level_sd or 0.0) * np.random.default_rng([seed, 6]).standard_normal(2)
     base, own = parts(model)
     errors = SeekerErrors(
@@ -247,11 +252,10 @@ def simulated(
         heading_sd=settings.heading_sd, heading_offset=common,
         twice_per_turn=(twice[0], twice[1]), lean=(float(lean[0]), float(lean[1])), own=own,
     )  # fmt: skip
-    plan = NorthPlan(setups, session.motion(settings.index_limit))
     accel = None if session.accelerometers == "none" else session.accelerometers
     made = simulate_north(
-        plan, model=base, noise=noise, site=site, errors=errors, accel=accel, rate=session.rate,
-        rows=session.rows, seed=seed,
+        planned(settings, session), model=base, noise=noise, site=site, errors=errors,
+        accel=accel, rate=session.rate, rows=session.rows, seed=seed,
     )  # fmt: skip
     return replace(made, model=model)
 

@@ -38,7 +38,13 @@ from foucault.plans.efficiency import refuse_singular
 from foucault.plans.table import PositionSpace, Wanted
 from foucault.procedures import left_out
 from foucault.procedures.left_out import Again
-from foucault.procedures.on_table.session import LOG_LINES, TableSession, TableSettings, simulate
+from foucault.procedures.on_table.session import (
+    LOG_LINES,
+    TableSession,
+    TableSettings,
+    plan_of,
+    simulate,
+)
 from foucault.procedures.record import Beforehand, Given, Procedure, result_of
 from foucault.result import Result
 from foucault.tables import Log
@@ -433,6 +439,9 @@ def table_procedure(
         Session=Session,
         solve=lambda log, given: solve(
             log, task_of(given.settings, given.site).where(given.sizes), given
+        ),
+        plan=lambda settings, session, site: plan_of(
+            settings, session, spins=site.latitude is not None, judged=None
         ),
         simulation=simulate,
         names=lambda settings, _: settings.estimated(),

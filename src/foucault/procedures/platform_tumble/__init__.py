@@ -168,6 +168,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda settings, _session, _site: settings.planned,
     simulation=simulated,
     names=lambda *_: LAYOUT.names,
     layout=LAYOUT,

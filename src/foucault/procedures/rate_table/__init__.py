@@ -49,6 +49,7 @@ from foucault.procedures.rate_table.model import (
     Settings,
     Solution,
     in_si,
+    planned,
     require_determined,
     simulated,
 )
@@ -278,6 +279,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda settings, session, _: planned(settings, session),
     simulation=simulated,
     observe=_stated,
     again=lambda table, _, given: _again(table, given.site),

@@ -334,6 +334,13 @@ class Session(_Rates):
     rows: record.Rows = "samples"
 
 
+def planned(settings: Settings, session: Session) -> RatePlan:
+    """Return what the table is to do."""
+    rates = in_si(settings.rates or session.rates)
+    plan = RatePlan(settings.axes or session.axes, rates, session.step_time)
+    return plan.with_rests(session.rest_time) if session.rest_time else plan
+
+
 def simulated(
     session: Session, settings: Settings, model: ImuModel, noise: ImuNoise, site: Site, seed: int
 ) -> RateTableSimulation:
@@ -355,12 +362,9 @@ def simulated(
         settings.rate_sd,
         settings.fixture_sd,
     )
-    plan = RatePlan(settings.axes or session.axes, rates, session.step_time)
-    if session.rest_time:
-        plan = plan.with_rests(session.rest_time)
     return simulate_rate_table(
-        plan, model=model, noise=noise, site=site, errors=errors, rate=session.rate,
-        means=session.rows == "means", seed=seed,
+        planned(settings, session), model=model, noise=noise, site=site, errors=errors,
+        rate=session.rate, means=session.rows == "means", seed=seed,
     )  # fmt: skip
 
 

@@ -58,6 +58,7 @@ from foucault.procedures.systematic.settings import (
     draw_errors,
     drawn,
     log_table,
+    planned,
     simulated,
 )
 from foucault.result import Result, TableData, Verdict
@@ -228,6 +229,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda settings, session, _: planned(settings, session),
     simulation=simulated,
     names=lambda settings, _: names_of(settings),
     every_name=every_name,

@@ -248,6 +248,7 @@ PROCEDURE = Procedure(
     Settings=Settings,
     Session=Session,
     solve=_solve,
+    plan=lambda _settings, session, _site: session.motion,
     simulation=simulated,
     names=lambda settings, _: settings.reported,
     layout=chosen.LAYOUT,

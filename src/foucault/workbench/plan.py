@@ -1,0 +1,116 @@
+"""Pages before a session: its procedure, what of it can be chosen, and the list to go by."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+from fastapi import APIRouter, Request
+from fastapi.concurrency import run_in_threadpool as aside
+from fastapi.responses import FileResponse, Response
+from pydantic import BaseModel
+
+from foucault.workbench.actions import ask
+from foucault.workbench.asked import shown
+from foucault.workbench.bench import Form, bench_of, needs, page, person, to
+from foucault.workbench.pages import FRAMED, file_left
+from foucault.workbench.store import Number
+
+router = APIRouter()
+
+LIST = "operator.html"
+
+RIG = {"plan", "positions", "sequence", "start", "rate", "rates", "segment", "axes", "spin_rate",
+       "both_senses", "four_positions", "ramp"}  # fmt: skip
+ENDS = ("_limit", "_range", "_step")
+"""Keys of [procedure], and ends of keys, that say what a rig does and can."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A key of a campaign in a form."""
+
+    key: str  # with its table
+    said: str
+    usual: str  # what it is where nothing is written
+    choices: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """Return its name in words."""
+        return self.key.partition(".")[2].replace("_", " ").capitalize()
+
+
+def choices_of(model: type[BaseModel], table: str) -> list[Choice]:
+    """Return the keys of a table."""
+    from typing import Literal, get_args, get_origin
+
+    from foucault.campaign.writing import default_text, sample
+    from foucault.strict import description_of
+
+    def plain(text: str) -> str:
+        return str(json.loads(text)) if text.startswith('"') else text
+
+    out = []
+    for key, field in model.model_fields.items():
+        usual = default_text(field)
+        words = get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
+        if field.annotation is bool:
+            words = ("true", "false")
+        usual = f"none, such as {plain(sample(field))}" if usual is None else plain(usual)
+        said = description_of(model, key).removeprefix("Planning. ").replace("`", "")
+        out.append(Choice(f"{table}.{key}", said, usual[:120], tuple(map(str, words))))
+    return out
+
+
+@router.get("/plan")
+def plan(request: Request) -> Response:
+    """Which procedures there are."""
+    person(request)
+    from foucault.procedures import PROCEDURES, load
+
+    told = {name: load(name).summary for name in PROCEDURES}
+    return page(request, "plan.html", procedures=told)
+
+
+@router.get("/plan/{name}")
+def planned(request: Request, name: str) -> Response:
+    """What can be chosen of a session and of the rig."""
+    person(request)
+    from foucault.campaign.tables import SiteTable
+    from foucault.models.noise import GRADES
+    from foucault.procedures import load
+
+    procedure = load(name)
+    settings = choices_of(procedure.Settings, "procedure")
+    session = choices_of(procedure.Session, "simulate")
+    rig = [c for c in settings if c.key.endswith(ENDS) or c.key.partition(".")[2] in RIG]
+    place = [c for c in choices_of(SiteTable, "site") if c.key.endswith(("latitude", "height"))]
+    grades = Choice("simulate.grade", "Class of the instrument, whose noise is reckoned with.",
+                    procedure.grade, tuple(GRADES))  # fmt: skip
+    done = [c for c in session if not c.key.endswith("_sd")]
+    rest = [c for c in (*settings, *session) if c not in rig and c not in done]
+    return page(
+        request, "planned.html", name=name, what=procedure.summary, more=rest,
+        groups=[("What is done", done), ("Rig and limits", rig),
+                ("Instrument and place", [grades, *place])],
+        line=shown(["preflight", name, "--steps", LIST]),
+    )  # fmt: skip
+
+
+@router.post("/plan/{name}")
+async def foresee(request: Request, said: Form, name: str) -> Response:
+    """Ask what a session will show."""
+    who = needs(request, "operator")
+    told = [f"{key} = {str(value).strip()}" for key, value in said.multi_items()
+            if "." in key and isinstance(value, str) and value.strip()]  # fmt: skip
+    job = await aside(ask, bench_of(request), who, "preflight", {"--set": told}, "", [], name)
+    return to(f"/jobs/{job.number}")
+
+
+@router.get("/jobs/{number}/list")
+def listed(request: Request, number: Number) -> Response:
+    """The list for the operator: a page to print, which reaches nothing."""
+    person(request)
+    file = file_left(bench_of(request), number, LIST)
+    return FileResponse(file, media_type="text/html", headers={"content-security-policy": FRAMED})
