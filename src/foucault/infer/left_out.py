@@ -265,7 +265,7 @@ class Judgement:
     sizes: Mapping[str, tuple[float, str]] = field(default_factory=dict)  # [SI], and their basis
     # group -> the term of it that is farthest off, and how many times its size that is [1]
     worst: Mapping[str, tuple[str, float]] = field(default_factory=dict)
-    # group -> how many terms of it are not seen though they matter, and at how many sizes one was
+    # group -> how many terms of it are not seen though they matter, at how many sizes one was [1]
     hidden: Mapping[str, tuple[int, float]] = field(default_factory=dict)
 
     @property
