@@ -64,11 +64,13 @@ class Wire:
         self._thread.start()
 
     def _send(self) -> None:
-        at = 0.0
+        at, before = 0.0, time.monotonic()
         while not self._stop.is_set():
             heard = RATES.get(termios.tcgetattr(self.master)[5], 0)
             stream = self._heard.get(heard, b"")
-            n = max(1, int(self._rate * 0.01))
+            now = time.monotonic()  # its pace is that of the clock, whoever else wants the computer
+            n = min(2000, max(1, round(self._rate * (now - before))))
+            before = now
             k = int(at * len(stream)) if stream else 0
             part = stream[k : k + n]
             at = (k + n) / len(stream) if stream and k + n < len(stream) else 0.0

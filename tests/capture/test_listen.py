@@ -177,7 +177,8 @@ def test_an_own_description_is_tried_beside_those_of_the_program():
                          ("novatel_corrimudata", 230400), ("arduino", 9600)])  # fmt: skip
 def test_the_baud_rate_of_a_port_is_found(name, baud, tmp_path):
     """A line that is sampled at another rate gives what its bits are at that rate."""
-    wire = Wire((SENT | PRINTED)[name](turned()), baud, 6000.0)
+    data = (SENT | PRINTED)[name](turned())
+    wire = Wire(data, baud, len(data) / turned().duration)
     try:
         made = run("listen", wire.name, "--for", "3 s", "-o", tmp_path / "s", "--json")
     finally:

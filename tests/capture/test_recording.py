@@ -230,7 +230,7 @@ def test_a_clock_is_compared_through_delays():
 
 
 CHILD = """
-import sys, time
+import os, sys, time
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from make_frames import sbg
@@ -240,13 +240,15 @@ from foucault.capture.frame import parsed, text_of
 text = text_of("sbg_imu_short")
 class Endless:
     name, ended = "endless", False
-    def __init__(self): self.begun, self.sent = time.monotonic(), 0
+    def __init__(self): self.begun, self.sent = None, 0
     def read(self, wait):
+        self.begun = self.begun or time.monotonic()
         time.sleep(0.005)
         n = int((time.monotonic() - self.begun) * 500)
         data = b"".join(sbg(k)[0] for k in range(self.sent, n))
         self.sent = n
-        Path(sys.argv[1] + ".sent").write_text(str(n))
+        Path(sys.argv[1] + ".now").write_text(str(n))
+        os.replace(sys.argv[1] + ".now", sys.argv[1] + ".sent")
         return data
     def close(self): pass
 recording.record(Endless(), parsed(text, "sbg"), text, Path(sys.argv[1]))
@@ -263,7 +265,8 @@ def killed(folder: Path, after: float) -> tuple[int, int]:
     time.sleep(after)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    sent = int(Path(f"{folder}.sent").read_text() or 0)
+    told = Path(f"{folder}.sent")
+    sent = int(told.read_text()) if told.is_file() else 0
     whole = len(recording.rows_of(folder, FRAME))
     raw = (folder / recording.RAW).read_bytes()
     assert recording.again(folder)["rows"] == len(raw) // len(sbg(0)[0])

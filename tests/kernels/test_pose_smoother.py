@@ -96,5 +96,5 @@ def test_filter_and_smoother_are_one_least_squares(form):
     rows = M.reshape(-1, p)
     delta = np.linalg.solve(rows.T @ rows + known**2 * np.eye(p), rows.T @ nu.ravel())
     np.testing.assert_allclose(delta, best[wide:], atol=1e-7)
-    assert of("backward", form)(C, moved, J, Q, u, G, delta, x, U, P)
+    assert of("backward", form)(C, moved, J, Q, u, G, delta, True, x, U, P)
     np.testing.assert_allclose(x.ravel(), best[:wide], atol=1e-6)

@@ -63,9 +63,9 @@ def test_both_forms_say_the_same(name: str, calls: dict[str, list[list[Any]]]) -
 @pytest.mark.parametrize("form", ["compiled", "python"])
 def test_a_banded_triangle_is_solved_both_ways(form: str) -> None:
     rng = np.random.default_rng(2)
-    L = rng.standard_normal((4, 9))
-    L[0] = 2.0 + np.abs(L[0])
-    full = sum(np.diag(L[k, : 9 - k], -k) for k in range(4))
+    L = rng.standard_normal((9, 4))
+    L[:, 0] = 2.0 + np.abs(L[:, 0])
+    full = sum(np.diag(L[: 9 - k, k], -k) for k in range(4))
     wanted = rng.standard_normal((9, 3))
     for name, A in (("forward", full), ("backward", np.transpose(full))):
         found = np.ascontiguousarray(A @ wanted)

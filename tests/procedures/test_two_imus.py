@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
 import make_pose
 import make_two
+from foucault.cli import app
 from foucault.estimate import two_imus as engine
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
@@ -22,6 +24,7 @@ from foucault.models.two_imus import LAYOUT, layout_of
 from foucault.procedures import two_imus
 from foucault.procedures.two_imus import ImuLogs, Settings
 from foucault.result import Level
+from foucault.run_folder import load_result
 from foucault.tables import Log
 from refusals import refuses
 
@@ -213,6 +216,26 @@ def test_declared_noise_is_judged():
     assert solved(log, noise=NOISE).verdict.level is Level.PASS
     much = ImuNoise(TriadNoise(white=4e-3), TriadNoise(white=3.2e-4))
     assert solved(log, noise=much).verdict.level is not Level.PASS
+
+
+@pytest.mark.thorough
+def test_three_on_a_plate_by_the_command_line(tmp_path):
+    """What is simulated of three is found jointly: from files that [log] and [master] name."""
+    example = (Path(__file__).parents[2] / "examples" / "two_imus.toml").read_text()
+    campaign = tmp_path / "campaign.toml"
+    campaign.write_text(example.replace('time = "30 s"', 'time = "12 s"\nimus = 3\nbetter = 1'))
+    of_session = tmp_path / "s" / "campaign.toml"
+    for words in (["simulate", campaign, "-o", tmp_path / "s"],
+                  ["calibrate", of_session, "-o", tmp_path / "c"]):  # fmt: skip
+        done = CliRunner().invoke(app, [*map(str, words), "-q"])
+        assert done.exit_code == 0, done.output
+    assert 'others = ["third.csv"]' in of_session.read_text()
+    found = load_result(tmp_path / "c").coefficients
+    assert set(found.names) == set(layout_of(2).names)
+    # What both have in common through the first is in the covariance: of equal ones, half of it.
+    both = [found.names.index(f"{k}.lever.x") for k in ("second", "third")]
+    P = found.cov[np.ix_(both, both)]
+    assert P[0, 1] / np.sqrt(P[0, 0] * P[1, 1]) == pytest.approx(0.5, abs=0.1)
 
 
 def test_names_are_known_once():

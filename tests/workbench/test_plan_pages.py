@@ -10,7 +10,9 @@ from typing import Any
 
 import pytest
 
-from foucault.procedures import PROCEDURES
+from foucault import campaign
+from foucault.procedures import PROCEDURES, load
+from foucault.report import operator
 from foucault.workbench.store import Store
 from make_workbench import client, make_bench, post, work_off
 
@@ -173,3 +175,16 @@ def test_a_list_is_printed_on_one_page(laboratory: Any, opened: Opened, planned:
     page.emulate_media(media="screen")
     page.set_viewport_size({"width": 420, "height": 800})
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+@pytest.mark.thorough
+def test_lists_of_up_to_two_dozen_positions_fit_on_a_page(browser: Any) -> None:
+    page = browser.new_page()
+    for name in PROCEDURES:
+        c = campaign.parse(campaign.template(name), f"{name}.toml")
+        found = load(name).stages(c.settings, c.session, c.site)
+        page.set_content(operator.page(name, [load(name).summary], found))
+        made = page.pdf(prefer_css_page_size=True, print_background=True)
+        if len(found) <= operator.SOME:
+            assert re.findall(rb"/Count (\d+)", made) == [b"1"], name
+    page.close()

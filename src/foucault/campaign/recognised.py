@@ -7,7 +7,8 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,17 @@ from foucault.campaign.writing import changed, relocate, table_text
 from foucault.errors import FoucaultError, error
 from foucault.escape import commented
 from foucault.files import parse_toml
+from foucault.logs import pose
 from foucault.procedures import Progress, silent
-from foucault.recognise.reading import SURE, TAKEN, Line, Recognised, question, recognise
+from foucault.recognise.reading import (
+    SURE,
+    TAKEN,
+    Line,
+    Question,
+    Recognised,
+    question,
+    recognise,
+)
 from foucault.recognise.session import Session, session
 from foucault.run_folder import CAMPAIGN_FILE
 from foucault.tables import Log
@@ -40,6 +50,7 @@ class Found:
     site: Mapping[str, str]  # what is known of the place, as a campaign writes it
     log: Log
     name: str = ""  # of the instrument, where the file is that of a vehicle
+    master: Mapping[str, Any] | None = None  # how to read what the instrument is compared with
 
     @property
     def head(self) -> str:
@@ -54,7 +65,7 @@ class Found:
     @property
     def text(self) -> str:
         """The campaign, as it lies beside the log."""
-        return self._written(dict(self.recognised.log))
+        return self._written(self._files)
 
     def log_of(self, campaign: Campaign) -> Log | None:
         """Return the log if `campaign` reads it as it was read here."""
@@ -64,12 +75,18 @@ class Found:
     def beside(self, output: Path | None) -> str:
         """Return the campaign as it is written to `output`, from where its files are found."""
         folder = self.recognised.files[0].parent
-        log = json.loads(json.dumps(self.recognised.log))
+        files = json.loads(json.dumps(self._files))
         if output is not None:
-            relocate(log, folder, output.parent)
-        return self._written(log)
+            relocate(files, folder, output.parent)
+        return self._written(files)
 
-    def _written(self, log: dict[str, Any]) -> str:
+    @property
+    def _files(self) -> dict[str, Any]:
+        """Tables that name files."""
+        master = {} if self.master is None else {"master": dict(self.master)}
+        return {"log": dict(self.recognised.log)} | master
+
+    def _written(self, files: dict[str, Any]) -> str:
         place, held = dict(self.site), self.session
         note = ""
         if not {"latitude", "gravity"} & place.keys():
@@ -80,7 +97,8 @@ class Found:
             note = "# Write latitude and height instead: gravity then follows from them.\n"
         settings = {"name": held.procedure or "hand_rotated"} | held.settings
         named = [table_text("instrument", {"name": self.name})] if self.name else []
-        tables = [*named, table_text("site", place) + note, table_text("log", log),
+        tables = [*named, table_text("site", place) + note,
+                  *(table_text(key, said) for key, said in files.items()),
                   table_text("procedure", settings)]  # fmt: skip
         return "\n\n".join(block.strip() for block in (self.head, *tables)) + "\n"
 
@@ -94,6 +112,8 @@ class Found:
         if self.session.procedure is None:
             raise error("recognise.no_session", file=name, what=self.session.what,
                         why=self.session.why, todo=self.session.todo.format(file=name))  # fmt: skip
+        if self.session.procedure == "imu_pose" and not {"latitude", "gravity"} & self.site.keys():
+            raise error("recognise.place", file=name)
         return parse(self.text, self.recognised.files[0].parent / FILE)
 
 
@@ -160,7 +180,8 @@ def found(
     if len(folder) > 1:
         raise error("recognise.folders", files=", ".join(map(str, paths)))
     progress(0.05, "reading the log")
-    known = recognise(paths, said)
+    beside = _beside_it(paths)
+    known = recognise(paths if beside is None else [p for p in paths if p != beside[0]], said)
     try:
         description = known.description()
     except (FoucaultError, ValueError) as problem:
@@ -168,6 +189,10 @@ def found(
     progress(0.2, "reading the log")
     log = logs.read(description, paths[0].parent)
     held = session(log)
+    if beside is not None:
+        path, held, master = beside
+        asked = (*_unit_of_motion(known, said or {}), *master.questions)
+        known = replace(known, files=(*known.files, path), questions=known.questions + asked)
     where = dict(site or {})
     lines = [*known.lines, Line("session", held.what, held.why, held.sure)]
     if held.procedure:
@@ -177,7 +202,40 @@ def found(
     if log.accel is not None and not {"latitude", "gravity"} & where.keys():
         lines.append(Line("place", "unknown", "g is 9.807 +- 0.03 m/s^2, and so is the scale of "
                           "the accelerometers: --latitude, --height", TAKEN))  # fmt: skip
-    return Found(known, held, tuple(_shortened(lines)), where, log)
+    return Found(known, held, tuple(_shortened(lines)), where, log,
+                 master=None if beside is None else master.log)  # fmt: skip
+
+
+def _beside_it(paths: Sequence[Path]) -> tuple[Path, Session, Recognised] | None:
+    """Return which of two files tells of the same motion: poses of the body, or a second IMU."""
+    if len(paths) != 2:
+        return None
+    for path in paths:
+        said = pose.PoseDescription.model_validate({"file": path.name})
+        with suppress(FoucaultError):
+            if pose.read(said, path.parent).quaternion is not None:
+                why = f"{path.name} says where the body was"
+                held = Session("motion beside poses", why, "imu_pose")
+                return path, held, Recognised((path,), {"file": path.name}, ())
+    with suppress(FoucaultError):
+        one, other = (recognise([path]) for path in paths)
+        if all(each.described or {"accel", "gyro"} <= each.log.keys() for each in (one, other)):
+            why = (
+                f"{paths[1].name} is the one to compare with; the other order, the other way round"
+            )
+            held = Session("two IMUs moved together", why, "two_imus", sure=TAKEN)
+            return paths[1], held, other
+    return None
+
+
+def _unit_of_motion(known: Recognised, said: Mapping[str, Any]) -> tuple[Question, ...]:
+    """Ask for the unit of accelerometers that no title says: a body that is moved does not rest."""
+    scale = known.log.get("accel", {}).get("scale")
+    if scale is None or "scale" in said.get("accel", {}):
+        return ()
+    what = f"'{known.files[0].name}' has no unit of its accelerometers, and nothing rests."
+    return (Question(what, 'accel.unit = "m/s^2"', "as is usual", f'accel.scale = "{scale}"',
+                     "as their length says, were it at rest"),)  # fmt: skip
 
 
 def _beside(path: Path) -> str | None:

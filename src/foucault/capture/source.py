@@ -28,7 +28,7 @@ WAIT = 0.1
 """Time to wait for bytes before something else is done [s]."""
 
 GATHER = 0.004
-"""What arrives within this is handed on together [s]."""
+"""What arrives within this after something is handed on together [s]."""
 
 AGAIN = 0.5
 """Time between two tries to open a source again [s]."""
@@ -93,13 +93,8 @@ def arrivals(source: Source) -> Generator[tuple[bytes, float], None, None]:
         try:
             while not (stop.is_set() or source.ended):
                 if data := source.read(WAIT):
-                    time.sleep(GATHER)
-                    until = time.monotonic() + GATHER
-                    while not source.ended and (more := source.read(0.0)):
-                        data += more
-                        if time.monotonic() > until:
-                            break
                     heard.put((data, time.monotonic()))
+                    time.sleep(GATHER)
             heard.put(None)
         except BaseException as problem:  # whoever listens is told
             heard.put(problem)
@@ -240,9 +235,8 @@ class Serial(_Reopened):
 
         try:
             # To set another time to wait would set up the port anew.
-            first = self._held.read(1) if wait > 0.0 else b""
-            there = self._held.in_waiting if first or wait <= 0.0 else 0
-            return bytes(first + (self._held.read(there) if there else b""))
+            first = self._held.read(1)
+            return bytes(first + self._held.read(self._held.in_waiting)) if first else b""
         except serial.SerialException as problem:
             raise OSError(str(problem)) from None
 
@@ -267,7 +261,10 @@ class Udp(_Reopened):
     def _take(self, wait: float) -> bytes:
         if not select.select([self._held], [], [], wait)[0]:
             return b""
-        return bytes(self._held.recv(MOST))
+        data = bytes(self._held.recv(MOST))
+        while len(data) < MOST and select.select([self._held], [], [], 0.0)[0]:
+            data += self._held.recv(MOST)  # each is short: take all that are there
+        return data
 
 
 class Tcp(_Reopened):

@@ -23,6 +23,7 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
+from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED
 from foucault.infer.gauss_newton import student
 from foucault.infer.shown import shares, shown
 from foucault.kernels import pose as kernels
@@ -61,16 +62,6 @@ CUT = 5.0
 STUDENT = 4.0
 """Degrees of freedom of the errors of poses before they are told from outliers [1]."""
 
-SETTLED = 0.02
-"""A step that moves nothing by more of its sd is the last, where the cost has settled too [1]."""
-
-BLOCK = 2.0
-"""Errors of poses farther apart are taken as independent [s]."""
-
-COLOURED, MOVED = 1.1, 1.3
-"""More than chance, as sds: scatter of scores beyond that of white rows, and difference of the
-halves beyond what noise makes [1]."""
-
 NOISY, ALONE = (1, 3), (8,)
 """Passes in which what the motion shows is told from what its noise does, before all has settled;
 positions alone start too far off to tell [1]."""
@@ -86,9 +77,6 @@ LOUD = 3.0
 
 SLOWEST = 0.9
 """Correlation of a pose's error with the next that is counted with at most [1]."""
-
-ROUND = 0.1
-"""A rotation that is less certain is none [rad]."""
 
 LAGGED = 3.0
 """Correlation of a pose's error with the next beyond so many standard deviations counts [1]."""
@@ -298,73 +286,94 @@ class Pass:
         """Return the white rows after a step `delta` (32,) [SI], (m, 6) [1]."""
         return np.asarray(self.nu - self.M @ delta)
 
-    def smoothed(self, delta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def smoothed(
+        self, delta: FloatArray, spread: bool = False
+    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
         """Return the step of the motion for that of the parameters, (m, 9), and its covariance.
 
-        `delta` (32,): that of the parameters [SI].
+        `delta` (p,): that of the parameters [SI]; `spread`: find the covariance (m, 9, 9) too, else
+        that of the filter is returned.
         """
-        x, U, P = (a.copy() for a in self.filtered)
-        if not kernels.backward(*self.motion, delta, x, U, P):
+        x, U, P = self.filtered
+        x, P = x.copy(), P.copy() if spread else P
+        if not kernels.backward(*self.motion, delta, spread, x, U, P):
             raise np.linalg.LinAlgError("the motion between two poses has no covariance")
         return x, P
 
 
-def _between(
-    r: Readings, node: IntArray, c: Corrected, d: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what is turned from nodes to times `d` (m, 1) [s] later, rate there, and force.
+@dataclass(frozen=True)
+class Seen:
+    """What poses should be, and how that hangs on motion and gyros."""
 
-    By the parabola of the rate whose means over three intervals are the increments': their mean
-    alone misses what an oscillation does in between, and that would look like a scale factor.
+    z: FloatArray  # (m, 6) pose less that: attitude [rad] before position [m]
+    d: FloatArray  # (m, 1) since the node [s]
+    E: FloatArray  # (m, 3, 3) turned since the node [1]
+    CE: FloatArray  # (m, 3, 3) attitude [1]
+    w: FloatArray  # (m, 3) rate [rad/s]
+    fast: FloatArray  # (m, 3) velocity of the point [m/s]
+
+
+def seen(r: Readings, at: Point, c: Corrected) -> Seen:
+    """Compare poses with a point [SI].
+
+    What is turned since a node is that of the parabola of the rate whose means over three intervals
+    are the increments': their mean alone misses what an oscillation does in between, and that would
+    look like a scale factor.
     """
-    h = r.dt[node + 1, None]
-    m0, m1, m2 = (c.theta[node + k] / r.dt[node + k, None] for k in (0, 1, 2))
+    d = (r.at(at.tau, at.kappa) - r.time[at.node])[:, None]
+    h = r.dt[at.node + 1, None]
+    m0, m1, m2 = (c.theta[at.node + k] / r.dt[at.node + k, None] for k in (0, 1, 2))
     bend = (m2 - 2 * m1 + m0) / (2 * h**2)
     w, dw = (m0 + m1) / 2 - bend * h**2 / 3, (m1 - m0) / h
-    f = (c.force[node] / r.dt[node, None] + c.force[node + 1] / h) / 2
-    return d * (w + d * (dw / 2 + d * bend / 3)), w + d * (dw + d * bend), f
-
-
-def misses(r: Readings, at: Point) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Compare poses with a point.
-
-    Returns `z` (m, 6), `H` (m, 6, 9), `D` (m, 6, 32): pose less nominal, attitude [rad] before
-    position [m], and its derivatives by the motion and by the parameters [SI].
-    """
-    m, c = len(r.stamp), corrected(r, at)
-    d = (r.at(at.tau, at.kappa) - r.time[at.node])[:, None]
-    turn, w, f = _between(r, at.node, c, d)
-    E = exp(turn)
+    f = (c.force[at.node] / r.dt[at.node, None] + c.force[at.node + 1] / h) / 2
+    E = exp(d * (w + d * (dw / 2 + d * bend / 3)))
+    w = w + d * (dw + d * bend)
     a = np.einsum("kij,kj->ki", at.C, f) - r.gravity * at.up_v
-    arm = np.einsum("kij,j->ki", E, at.lever_b)
     CE = at.C @ E
     fast = at.v + a * d + np.einsum("kij,kj->ki", CE, np.cross(w, at.lever_b))
-    z, H, D = np.zeros((m, 6)), np.zeros((m, 6, 9)), np.zeros((m, 6, 32))
-    since = (r.stamp - r.middle)[:, None]
+    z = np.zeros((len(d), 6))
     z[:, 3:] = r.position - (at.p + at.v * d + a * d**2 / 2 + CE @ at.lever_b)
-    H[:, 3:, :3] = -at.C @ cross_matrix(arm)
-    H[:, 3:, 3:6] = np.eye(3) * d[:, :, None]
-    H[:, 3:, 6:] = np.eye(3)
-    D[:, 3:, 3:6], D[:, 3:, 6], D[:, 3:, 7] = CE, fast, fast * since
-    # What was turned since the node hangs on the errors of the gyros.
-    turned = np.zeros((m, 3, 32))
-    turned[:, :, 10:13] = -c.K_g * d[:, :, None]
-    raw = c.raw_g[at.node + 1] / r.dt[at.node + 1, None] * d
-    turned[:, :, 16:25] = -np.einsum("ij,kc->kijc", c.K_g, raw).reshape(m, 3, 9)
-    D[:, 3:] -= CE @ cross_matrix(at.lever_b) @ turned
     if r.C_vm is not None:
         z[:, :3] = vector_of(np.swapaxes(CE @ at.C_bm, 1, 2) @ r.C_vm)
-        H[:, :3, :3] = at.C_bm.T @ np.swapaxes(E, 1, 2)
-        D[:, :3] = at.C_bm.T @ turned
-        D[:, :3, :3], D[:, :3, 6] = np.eye(3), w @ at.C_bm
+    return Seen(z, d, E, CE, w, fast)
+
+
+def misses(r: Readings, at: Point) -> FloatArray:
+    """Return poses less those of a point, (m, 6): attitude [rad] before position [m]."""
+    return seen(r, at, corrected(r, at)).z
+
+
+def slopes(r: Readings, at: Point, c: Corrected, s: Seen) -> tuple[FloatArray, FloatArray]:
+    """Return what poses change by with motion, (m, 6, 9), and parameters, (m, 6, 32) [SI]."""
+    H, D = np.zeros((len(s.d), 6, 9)), np.zeros((len(s.d), 6, 32))
+    since = (r.stamp - r.middle)[:, None]
+    H[:, 3:, :3] = -at.C @ cross_matrix(s.E @ at.lever_b)
+    H[:, [3, 4, 5], [3, 4, 5]], H[:, [3, 4, 5], [6, 7, 8]] = s.d, 1.0
+    D[:, 3:, 3:6], D[:, 3:, 6], D[:, 3:, 7] = s.CE, s.fast, s.fast * since
+    # What was turned since the node hangs on the errors of the gyros.
+    raw = c.raw_g[at.node + 1] / r.dt[at.node + 1, None] * s.d
+
+    def turning(by: FloatArray, rows: slice) -> None:
+        by_K = by @ c.K_g
+        D[:, rows, 10:13] = -by_K * s.d[:, :, None]
+        D[:, rows, 16:25] = -(by_K[..., None] * raw[:, None, None]).reshape(-1, 3, 9)
+
+    turning(-s.CE @ cross_matrix(at.lever_b), slice(3, 6))
+    if r.C_vm is not None:
+        H[:, :3, :3] = at.C_bm.T @ np.swapaxes(s.E, 1, 2)
+        turning(at.C_bm.T, slice(0, 3))
+        D[:, [0, 1, 2], [0, 1, 2]], D[:, :3, 6] = 1.0, s.w @ at.C_bm
         D[:, :3, 7] = D[:, :3, 6] * since
-    return z, H, D
+    return H, D
 
 
-def one_pass(r: Readings, at: Point, noise: Noise, hold: IntArray) -> Pass:
+def one_pass(
+    r: Readings, at: Point, noise: Noise, hold: IntArray, motion: bool = False
+) -> Pass:  # fmt: skip
     """Linearise about a point and eliminate the motion.
 
-    `hold` (k,): numbers of parameters that are not estimated [1].
+    `hold` (k,): numbers of parameters that are not estimated [1]; `motion`: alone, without any
+    parameters.
     """
     m, c = len(r.stamp), corrected(r, at)
     moved, J, Q = np.zeros((m, 16)), np.zeros((m, 9, 22)), np.zeros((m, 9, 9))
@@ -380,7 +389,8 @@ def one_pass(r: Readings, at: Point, noise: Noise, hold: IntArray) -> Pass:
     # Nothing leads over a gap, nor into a world that has jumped.
     apart = np.flatnonzero(np.diff(r.broken[at.node] + r.jumped, prepend=0))
     u[apart], J[apart], Q[apart] = 0.0, 0.0, np.diag(START_SD**2)
-    z, H, D = misses(r, at)
+    compared = seen(r, at, c)
+    H, D = slopes(r, at, c, compared)
     sd = np.repeat([noise.attitude * noise.slow[0], noise.position * noise.slow[1]], 3)
     weights = np.repeat(noise.weights, 3, axis=1)
     if r.C_vm is None:
@@ -389,13 +399,14 @@ def one_pass(r: Readings, at: Point, noise: Noise, hold: IntArray) -> Pass:
     R = np.where(used, sd**2 / np.where(used, weights, 1.0), np.inf)
     D[:, :, hold] = 0.0
     J[:, :, hold[hold >= 10] - 10] = 0.0
+    D = D[:, :, :0] if motion else D
     G = -r.gravity * at.across
     if 8 in hold:
         G = 0.0 * G
-    nu, M = np.zeros((m, 6)), np.zeros((m, 6, 32))
-    x, U, P = np.zeros((m, 9)), np.zeros((m, 9, 32)), np.zeros((m, 9, 9))
+    nu, M = np.zeros((m, 6)), np.zeros(D.shape)
+    x, U, P = np.zeros((m, 9)), np.zeros((m, 9, D.shape[2])), np.zeros((m, 9, 9))
     fine = kernels.forward(
-        at.C, moved, J, Q, u, G, z, H, D, R, np.diag(START_SD**2), nu, M, x, U, P
+        at.C, moved, J, Q, u, G, compared.z, H, D, R, np.diag(START_SD**2), nu, M, x, U, P
     )
     if not fine or not np.isfinite(nu).all():
         raise np.linalg.LinAlgError("the motion between two poses has no covariance")
@@ -408,7 +419,7 @@ def of_noise(r: Readings, at: Point, p: Pass, noise: Noise, hold: IntArray) -> F
     `hold` (k,): numbers of parameters that are not estimated [1].
     """
     again = r.noisy(noise, np.random.default_rng(0))
-    x, _ = one_pass(again, at, noise, hold).smoothed(np.zeros(32))
+    x, _ = one_pass(again, at, noise, hold, motion=True).smoothed(np.zeros(0))
     off = one_pass(again, at.moved(np.zeros(32), x), noise, hold).rows - p.rows
     return np.asarray(off.T @ off)
 
@@ -440,7 +451,7 @@ class Solution:
     @property
     def residuals(self) -> FloatArray:
         """Poses less those that were found, (m, 6): attitude [rad] before position [m]."""
-        return misses(self.readings, self.point)[0]
+        return misses(self.readings, self.point)
 
     @property
     def unseen(self) -> BoolArray:
@@ -478,7 +489,7 @@ def solve(
         off = np.asarray(np.linalg.solve(at.of_values(), mean - at.values), float)
         delta = seen.step(p.rows.T @ p.nu.ravel(), off, prior_sd)
         delta[hold] = 0.0
-        x, P = p.smoothed(delta)
+        x, P = p.smoothed(delta, spread=passes <= DECIDED)
         # Terms of second order make a start that is far off overshoot: as far as can be linear.
         size = max(1.0, float(np.abs(delta[:3]).max()) / 0.5, float(np.abs(delta[6])) / 0.05)
         at = _on_nodes(r, at.moved(delta / size, x / size))
@@ -487,6 +498,7 @@ def solve(
         before = noise
         # A pose at the edge of the cut would come and go for ever; wild ones must not stay hidden.
         if passes <= DECIDED or (robust and _loud(r, at, noise, sd)):
+            P = P if passes <= DECIDED else p.smoothed(delta, spread=True)[1]
             noise = _weighed(r, at, p.H, P, noise, sd, student=passes <= 2, robust=robust,
                              colour=passes >= COLOUR_FROM)  # fmt: skip
         same = bool(((noise.weights > 0.5) == (before.weights > 0.5)).all())
@@ -496,6 +508,7 @@ def solve(
             break
         if settled and passes > DECIDED + 2:  # the noise was decided when all was still far off
             noise = replace(noise, slow=(1.0, 1.0))
+            P = p.smoothed(delta, spread=True)[1]
             noise = _weighed(r, at, p.H, P, noise, sd, student=False, robust=robust, colour=True)
         told = told or settled  # what the motion shows is asked once more where all has settled
     p = one_pass(r, at, noise, hold)
@@ -504,7 +517,7 @@ def solve(
 
 def _loud(r: Readings, at: Point, noise: Noise, sd: tuple[float | None, float | None]) -> bool:
     """Tell whether the noise that was found is far more than most poses have, after a bad start."""
-    z = np.median(np.abs(misses(r, at)[0]).reshape(-1, 2, 3), axis=(0, 2)) * 1.4826 * LOUD
+    z = np.median(np.abs(misses(r, at)).reshape(-1, 2, 3), axis=(0, 2)) * 1.4826 * LOUD
     found = z < (noise.attitude, noise.position)  # colour widens all of them: it hides none
     found[0] &= r.C_vm is not None
     return bool((found & [given is None for given in sd]).any())
@@ -541,8 +554,8 @@ def _weighed(
     sd: tuple[float | None, float | None], *, student: bool, robust: bool, colour: bool,
 ) -> Noise:  # fmt: skip
     """Find the noise of the poses from what is left, and what each of them counts."""
-    z = misses(r, at)[0]
-    absorbed = np.einsum("kqi,kij,kqj->kq", H, P, H)
+    z = misses(r, at)
+    absorbed = np.sum(H @ P * H, axis=2)
     sds, weights = [noise.attitude, noise.position], np.ones_like(noise.weights)
     slow = list(noise.slow)
     for k in range(2):

@@ -32,6 +32,34 @@ WINDOW = (3.0, 10.0)
 SOME = 40
 """Windows that are looked for in the whole of the other log [1]."""
 
+SETTLED = 0.02
+"""A step that moves nothing by more of its sd is the last [1]."""
+
+BLOCK = 2.0
+"""Errors of what is farther apart are taken as independent [s]."""
+
+COLOURED, MOVED = 1.1, 1.3
+"""More than chance, as sds: scatter of scores beyond that of white rows, and difference of the
+halves beyond what noise makes [1]."""
+
+ROUND = 0.1
+"""A rotation that is less certain is none [rad]."""
+
+LEAST_PEAK, SECOND, MISFIT = 0.5, 0.02, 0.5
+"""Correlation of the rates below which nothing is in common, by how much another offset has to be
+worse, and the part of the rates that a rotation may leave before errors are known [1]."""
+
+OTHER_UNIT, CLEARLY = 1.5, 3.0
+"""Factor in size of another unit, and by how many times less must be left over for a mistake to be
+told [1]."""
+
+HALVES, SURE, SHORTEST, JUMPS = 3.0, 5.0, 5.0, 0.3
+"""Limit of the difference of the halves [sd]; from where clocks differ [sd]; the shortest log [s];
+offsets of windows that leave their line by so many samples are of lost samples [1]."""
+
+UNSURE_DELAY = 1e-3
+"""An offset that is less sure than this is none [s]."""
+
 NEAR, ALIKE = 0.5, 0.02
 """How far from a line windows are looked for [s]; by how much another place is worse [1]."""
 
@@ -184,6 +212,11 @@ def _windows(
         if peak > 0.9 and second < peak - ALIKE:
             found.append((t, lag + (low - first) * step))
     return np.array(found).reshape(-1, 2)
+
+
+def of_a_unit(ratio: float) -> bool:
+    """Tell whether two sizes are of one unit, by their `ratio` [1]."""
+    return bool(1 / OTHER_UNIT < ratio < OTHER_UNIT)
 
 
 def wahba(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED
 from foucault.infer.gauss_newton import student
 from foucault.infer.shown import Shown, shown
 from foucault.kernels import two_imus as kernels
@@ -36,9 +37,6 @@ USUAL = {
 }  # fmt: skip
 """Standard deviations where nothing else is said, of offset and rotation about the start [SI]."""
 
-SETTLED = 0.02
-"""A step that moves nothing by more of its sd is the last [1]."""
-
 GROWN = 0.05
 """Logarithm of a variance by which it grows no more [1]."""
 
@@ -48,16 +46,6 @@ NOISY = 4
 QUIET = 2
 """Passes in which noise is at most that of differences of readings: what a start leaves is none,
 and looks like one in which nothing is seen."""
-
-BLOCK = 2.0
-"""What is left of readings farther apart is independent [s]."""
-
-COLOURED, MOVED = 1.1, 1.3
-"""More than chance, as sds: scatter of scores beyond that of white rows, and difference of the
-halves beyond what noise makes [1]."""
-
-ROUND = 0.1
-"""A rotation that is less certain is none [rad]."""
 
 FEWEST = 1e-9
 """Information of a knot that no reading tells of, as a part of that of the others [1]."""
@@ -163,7 +151,7 @@ class Problem:
 class Normal:
     """The normal equations of a pass, the spline eliminated."""
 
-    L: FloatArray  # (24, 6 m) Cholesky factor of the spline's part, by its diagonals
+    L: FloatArray  # (6 m, 24) Cholesky factor of the spline's part, column by column
     W: FloatArray  # (6 m, p + 1) columns of the parameters, and what is left, divided by it
     information: FloatArray  # (p, p) [1 / SI^2]
     gradient: FloatArray  # (p,) before the spline is eliminated [1 / SI]
@@ -189,9 +177,8 @@ def normal(
     from scipy.linalg import cholesky_banded
 
     n, p = 6 * problem.knots, 0 if still else kernels.COLUMNS * len(slaves)
-    band, border = np.zeros((n, 24)), np.zeros((n, p))
+    band, border = np.zeros((n, 24)), np.zeros((n, p + 1))
     corner, rhs, left = np.zeros((p, p)), np.zeros(p), []
-    grad = np.zeros(n)
     if other is None:
         other = np.zeros((0, 6))
     for k, r in enumerate(problem.readings):
@@ -201,14 +188,13 @@ def normal(
         own = kernels.COLUMNS * (k - 1) if k else -1
         kernels.normal(
             time, r.time - r.middle, r.read, var[k], x, own, spline, other, problem.first,
-            problem.knot, band, border, corner, grad, rhs, off,
+            problem.knot, band, border, corner, rhs, off,
         )  # fmt: skip
         left.append(off)
-    border = np.column_stack([border, grad])
     band[:, 0] += FEWEST * band[:, 0].max()
     hold = problem.hold[problem.hold < p]
     border[:, hold] = corner[hold] = corner[:, hold] = rhs[hold] = 0.0
-    L = np.ascontiguousarray(cholesky_banded(band.T, lower=True, check_finite=False))
+    L = cholesky_banded(band.T, overwrite_ab=True, lower=True, check_finite=False).T
     kernels.forward(L, border)
     corner = np.tril(corner) + np.tril(corner, -1).T
     pull = border[:, :p].T @ border

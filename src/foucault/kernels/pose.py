@@ -168,6 +168,8 @@ def _step(k, C, moved, J, G, Phi, B):
             Phi[r, 0] = -(C[i, 1] * u[2] - C[i, 2] * u[1])
             Phi[r, 1] = -(C[i, 2] * u[0] - C[i, 0] * u[2])
             Phi[r, 2] = -(C[i, 0] * u[1] - C[i, 1] * u[0])
+        if B.shape[1] == 0:
+            continue
         for c in range(22):
             B[i, 10 + c] = J[k, i, c]
             for d in range(2):
@@ -218,7 +220,8 @@ def forward(C, moved, J, Q, u, G, z, H, D, R, P0, nu, M, x_f, U_f, P_f):
 
     C (m, 3, 3): attitude of the nodes; u (m, 9): predicted less nominal; G (3, 2): gravity by
     level; z (m, 6), H (m, 6, 9), D (m, 6, p), R (m, 6): pose less nominal, its derivatives,
-    variances, infinite where there is none. False where a covariance is none.
+    variances, infinite where there is none. Without parameters, p = 0, the motion alone. False
+    where a covariance is none.
     """
     m, p = z.shape[0], D.shape[2]
     Phi, B, W, N = np.zeros((9, 9)), np.zeros((9, p)), np.zeros((9, 9)), np.zeros((9, 9))
@@ -288,10 +291,10 @@ def forward(C, moved, J, Q, u, G, z, H, D, R, P0, nu, M, x_f, U_f, P_f):
 
 
 @kernel
-def backward(C, moved, J, Q, u, G, delta, x_f, U_f, P_f):
-    """Replace x_f (m, 9) by the smoothed errors for the step delta (p,), P_f by their covariance.
+def backward(C, moved, J, Q, u, G, delta, spread, x_f, U_f, P_f):
+    """Replace x_f (m, 9) by the smoothed errors for the step delta (p,); spread: P_f too.
 
-    False where a covariance is none.
+    P_f by their covariance, else it is left as it was. False where a covariance is none.
     """
     m, p = x_f.shape[0], delta.shape[0]
     Phi, B, W, N = np.zeros((9, 9)), np.zeros((9, p)), np.zeros((9, 9)), np.zeros((9, 9))
@@ -322,16 +325,19 @@ def backward(C, moved, J, Q, u, G, delta, x_f, U_f, P_f):
         for i in range(9):
             for n in range(9):
                 x_f[k, i] += gain[i, n] * ahead[n]
+        if not spread:
+            continue
         for i in range(9):
             for n in range(9):
-                s = 0.0
-                for o in range(9):
-                    s += gain[i, o] * (P_f[k + 1, o, n] - N[o, n])
-                W[i, n] = s
+                N[i, n] = P_f[k + 1, i, n] - N[i, n]
+                W[i, n] = 0.0
+                L[i, n] = gain[n, i]
         for i in range(9):
-            for n in range(9):
-                s = 0.0
-                for o in range(9):
-                    s += W[i, o] * gain[n, o]
-                P_f[k, i, n] += s
+            for o in range(9):
+                for n in range(9):
+                    W[i, n] += gain[i, o] * N[o, n]
+        for i in range(9):
+            for o in range(9):
+                for n in range(9):
+                    P_f[k, i, n] += W[i, o] * L[o, n]
     return True

@@ -19,95 +19,105 @@ COLUMNS = 39
 
 
 @part
-def _weights(u, N, D, E):
-    """Fill N, D, E (4): cubic B-spline weights at u in [0, 1], first and second derivatives."""
-    v = 1.0 - u
+def _weights(u, h, N, D, E):
+    """Fill N, D, E (4): cubic B-spline weights at u in [0, 1], and derivatives by time, knots h."""
+    v, one, two = 1.0 - u, 1.0 / h, 1.0 / (h * h)
     N[0], N[3] = v * v * v / 6.0, u * u * u / 6.0
     N[1] = (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0
     N[2] = 1.0 - N[0] - N[1] - N[3]
-    D[0], D[3] = -0.5 * v * v, 0.5 * u * u
-    D[1] = 1.5 * u * u - 2.0 * u
+    D[0], D[3] = -0.5 * v * v * one, 0.5 * u * u * one
+    D[1] = (1.5 * u * u - 2.0 * u) * one
     D[2] = -D[0] - D[1] - D[3]
-    E[0], E[1], E[2], E[3] = v, 3.0 * u - 2.0, 1.0 - 3.0 * u, u
+    E[0], E[1], E[2], E[3] = v * two, (3.0 * u - 2.0) * two, (1.0 - 3.0 * u) * two, u * two
 
 
 @part
-def _motion(spline, k, h, N, D, E, out):
+def _motion(spline, k, N, D, E, out):
     """Fill out (5, 3): w, alpha, alpha', f, f' of a spline (n, 6) in the interval k."""
-    out[:] = 0.0
-    for j in range(4):
-        for i in range(3):
-            out[0, i] += N[j] * spline[k + j, i]
-            out[1, i] += D[j] * spline[k + j, i] / h
-            out[2, i] += E[j] * spline[k + j, i] / (h * h)
-            out[3, i] += N[j] * spline[k + j, 3 + i]
-            out[4, i] += D[j] * spline[k + j, 3 + i] / h
+    for i in range(3):
+        w, alpha, change, f, pull = 0.0, 0.0, 0.0, 0.0, 0.0
+        for j in range(4):
+            turn, force = spline[k + j, i], spline[k + j, 3 + i]
+            w += N[j] * turn
+            alpha += D[j] * turn
+            change += E[j] * turn
+            f += N[j] * force
+            pull += D[j] * force
+        out[0, i], out[1, i], out[2, i], out[3, i], out[4, i] = w, alpha, change, f, pull
 
 
 @part
-def _slave(triad, m, x, since, D, B, Y, out, room):
-    """Fill D (3, 9), B (3, 7), out (3): derivatives of a slave's gyros or accelerometers (triad 1).
+def _products(triad, x, P, F):
+    """Fill P, F (3, 3): what rates and forces of the master do to gyros or accelerometers."""
+    for i in range(3):
+        for j in range(3):
+            P[i, j], F[i, j] = 0.0, 0.0
+            for n in range(3):
+                if triad == 0:
+                    P[i, j] += x[9 + 3 * i + n] * x[3 * n + j]
+                F[i, j] += x[(18 if triad == 0 else 27) + 3 * i + n] * x[3 * n + j]
 
-    m (5, 3): motion; x (46): Q, K_g, G, K_a (9 each), r, b_g, b_a, late; since: time from the
-    middle of the stamps. D by what all three hang on: rotation, r, offset, rate of the clocks,
-    late; B by what one alone does: its bias, its row of K_g and of G, or of K_a. Y (2, 3, 3):
-    derivatives of f_c by w and by alpha. room (6, 3, 3): to work in.
+
+@part
+def _slave(triad, m, x, P, F, since, A, B, S, out):
+    """Fill A (3, 9), B (3, 7), S (3, 9), out (3): derivatives of gyros or accelerometers (triad 1).
+
+    m (5, 3): motion; x (46): Q, K_g, G, K_a (9 each), r, b_g, b_a, late; P, F: of `_products`;
+    since: time from the middle of the stamps. A by what all three hang on: rotation, r, offset,
+    rate of the clocks, late; B by what one alone does: its bias, its row of K_g and of G, or of
+    K_a; S by w, alpha and f. With y = f + Om r, rows are those of K (d x w_c), F dOm r and so on.
     """
-    w, a, b, f, df = m[0], m[1], m[2], m[3], m[4]
-    r = x[36:39]
-    wr, ww = 0.0, 0.0
+    w0, w1, w2, a0, a1, a2 = m[0, 0], m[0, 1], m[0, 2], m[1, 0], m[1, 1], m[1, 2]
+    r0, r1, r2 = x[36], x[37], x[38]
+    wr, ww = w0 * r0 + w1 * r1 + w2 * r2, w0 * w0 + w1 * w1 + w2 * w2
+    ra, wa = r0 * a0 + r1 * a1 + r2 * a2, w0 * a0 + w1 * a1 + w2 * a2
+    y0 = m[3, 0] + a1 * r2 - a2 * r1 + w0 * wr - r0 * ww
+    y1 = m[3, 1] + a2 * r0 - a0 * r2 + w1 * wr - r1 * ww
+    y2 = m[3, 2] + a0 * r1 - a1 * r0 + w2 * wr - r2 * ww
+    d0 = m[4, 0] + wr * a0 + w0 * ra - 2.0 * r0 * wa + m[2, 1] * r2 - m[2, 2] * r1
+    d1 = m[4, 1] + wr * a1 + w1 * ra - 2.0 * r1 * wa + m[2, 2] * r0 - m[2, 0] * r2
+    d2 = m[4, 2] + wr * a2 + w2 * ra - 2.0 * r2 * wa + m[2, 0] * r1 - m[2, 1] * r0
+    u0, u1, u2 = (  # w_c and f_c
+        x[0] * w0 + x[1] * w1 + x[2] * w2,
+        x[3] * w0 + x[4] * w1 + x[5] * w2,
+        x[6] * w0 + x[7] * w1 + x[8] * w2,
+    )
+    f0, f1, f2 = (
+        x[0] * y0 + x[1] * y1 + x[2] * y2,
+        x[3] * y0 + x[4] * y1 + x[5] * y2,
+        x[6] * y0 + x[7] * y1 + x[8] * y2,
+    )
     for i in range(3):
-        wr += w[i] * r[i]
-        ww += w[i] * w[i]
-    room[:] = 0.0
-    W, A, T, R = room[0], room[1], room[2], room[3]
-    y, dy, wc, fc, ac, dc = (room[4, 0], room[4, 1], room[4, 2], room[5, 0], room[5, 1], room[5, 2])
-    A[0, 1], A[0, 2], A[1, 2] = r[2], -r[1], r[0]
-    A[1, 0], A[2, 0], A[2, 1] = -r[2], r[1], -r[0]
-    T[0, 1], T[0, 2], T[1, 2] = -a[2], a[1], -a[0]
-    T[1, 0], T[2, 0], T[2, 1] = a[2], -a[1], a[0]
-    for i in range(3):
-        for j in range(3):
-            W[i, j] = w[i] * r[j] - 2.0 * r[i] * w[j]
-            T[i, j] += w[i] * w[j]
-        W[i, i] += wr
-        T[i, i] -= ww
-    for i in range(3):
-        y[i], dy[i] = f[i], df[i]
-        for j in range(3):
-            y[i] += T[i, j] * r[j]
-            dy[i] += W[i, j] * a[j] + A[i, j] * b[j]
-    Y[:] = 0.0
-    for i in range(3):
-        for j in range(3):
-            q = x[3 * i + j]
-            wc[i] += q * w[j]
-            ac[i] += q * a[j]
-            fc[i] += q * y[j]
-            dc[i] += q * dy[j]
-            for n in range(3):
-                Y[0, i, n] += q * W[j, n]
-                Y[1, i, n] += q * A[j, n]
-                R[i, n] += q * T[j, n]
-    D[:] = 0.0
-    for i in range(3):
-        out[i] = x[39 + 3 * triad + i]
+        k = (18 if triad == 0 else 27) + 3 * i
+        s0, s1, s2 = x[k], x[k + 1], x[k + 2]
+        F0, F1, F2, P0, P1, P2 = F[i, 0], F[i, 1], F[i, 2], P[i, 0], P[i, 1], P[i, 2]
+        Fw, Fr = F0 * w0 + F1 * w1 + F2 * w2, F0 * r0 + F1 * r1 + F2 * r2
+        Fd = F0 * d0 + F1 * d1 + F2 * d2
+        out[i] = x[39 + 3 * triad + i] + P0 * w0 + P1 * w1 + P2 * w2 + F0 * y0 + F1 * y1 + F2 * y2
+        A[i, 0] = f1 * s2 - f2 * s1
+        A[i, 1] = f2 * s0 - f0 * s2
+        A[i, 2] = f0 * s1 - f1 * s0
+        A[i, 3] = F1 * a2 - F2 * a1 + Fw * w0 - ww * F0
+        A[i, 4] = F2 * a0 - F0 * a2 + Fw * w1 - ww * F1
+        A[i, 5] = F0 * a1 - F1 * a0 + Fw * w2 - ww * F2
+        A[i, 6] = P0 * a0 + P1 * a1 + P2 * a2 + Fd
+        A[i, 7] = since * A[i, 6]
+        A[i, 8] = -Fd
+        S[i, 0] = P0 + wr * F0 + Fw * r0 - 2.0 * Fr * w0
+        S[i, 1] = P1 + wr * F1 + Fw * r1 - 2.0 * Fr * w1
+        S[i, 2] = P2 + wr * F2 + Fw * r2 - 2.0 * Fr * w2
+        S[i, 3], S[i, 4], S[i, 5] = r1 * F2 - r2 * F1, r2 * F0 - r0 * F2, r0 * F1 - r1 * F0
+        S[i, 6], S[i, 7], S[i, 8] = F0, F1, F2
         B[i, 0] = 1.0
-        for j in range(3):
-            g = x[9 + 3 * i + j] if triad == 0 else 0.0
-            s = x[(18 if triad == 0 else 27) + 3 * i + j]
-            out[i] += g * wc[j] + s * fc[j]
-            p, q = (j + 1) % 3, (j + 2) % 3
-            # d (e x v)_j = e_p v_q - e_q v_p
-            D[i, p] += g * wc[q] + s * fc[q]
-            D[i, q] -= g * wc[p] + s * fc[p]
-            for n in range(3):
-                D[i, 3 + n] += s * R[j, n]
-            D[i, 6] += g * ac[j] + s * dc[j]
-            D[i, 8] -= s * dc[j]
-            B[i, 1 + j] = wc[j] if triad == 0 else fc[j] if j <= i else 0.0
-            B[i, 4 + j] = fc[j]
-        D[i, 7] = since * D[i, 6]
+        if triad == 0:
+            g0, g1, g2 = x[9 + 3 * i], x[10 + 3 * i], x[11 + 3 * i]
+            A[i, 0] += u1 * g2 - u2 * g1
+            A[i, 1] += u2 * g0 - u0 * g2
+            A[i, 2] += u0 * g1 - u1 * g0
+            B[i, 1], B[i, 2], B[i, 3] = u0, u1, u2
+            B[i, 4], B[i, 5], B[i, 6] = f0, f1, f2
+        else:
+            B[i, 1], B[i, 2], B[i, 3] = f0, f1 if i > 0 else 0.0, f2 if i > 1 else 0.0
 
 
 @part
@@ -127,109 +137,98 @@ def _columns(triad, of_all, of_one):
 
 
 @part
-def _spread(x, own, triad, Y, N, D, h, S):
-    """Fill S (3, 24): derivatives of gyros (triad 0) or accelerometers by the four knots."""
-    S[:] = 0.0
-    if own < 0:
-        for j in range(4):
-            for i in range(3):
-                S[i, 6 * j + 3 * triad + i] = N[j]
-        return
-    for i in range(3):
+def _spread(S, N, D, one, out):
+    """Fill out (24) by the four knots with one times a row S (9) by w, alpha and f."""
+    for j in range(4):
+        n, d = one * N[j], one * D[j]
         for c in range(3):
-            by_w, by_alpha, by_f = 0.0, 0.0, 0.0
-            for n in range(3):
-                s, q = x[(18 if triad == 0 else 27) + 3 * i + n], x[3 * n + c]
-                by_w += s * Y[0, n, c] + (x[9 + 3 * i + n] * q if triad == 0 else 0.0)
-                by_alpha += s * Y[1, n, c]
-                by_f += s * q
-            for j in range(4):
-                S[i, 6 * j + c] = N[j] * by_w + D[j] / h * by_alpha
-                S[i, 6 * j + 3 + c] = N[j] * by_f
+            out[6 * j + c] = n * S[c] + d * S[3 + c]
+            out[6 * j + 3 + c] = n * S[6 + c]
 
 
 @part
-def _gather(S, A, B, one, own, width, here, cross, total):
-    """Add three rows of weight one: S (3, 24) by knots, A (3, 10) and B (3, 7) by parameters.
+def _gather(R, width, shared, alone):
+    """Add rows to the sums of their products, and empty them.
 
-    A: what all hang on, and the readings; width: used of B. cross (24, 24): knots by knots, here
-    (24, 31): by A and, row after row, by B; total (31, 31): A and B by themselves.
+    R (3, 4, 41): four readings of each axis, by knots (24), by what all axes hang on, and the
+    reading (10), by what one alone does (7, of which width are used). shared (34, 34): products of
+    the first 34, lower half; alone (3, 7, 41): of the others with all, axis by axis.
+    """
+    for i in range(3):
+        Q, T = R[i], alone[i]
+        for a in range(34 + width):
+            u, v, w, x = Q[0, a], Q[1, a], Q[2, a], Q[3, a]
+            if u == 0.0 and v == 0.0 and w == 0.0 and x == 0.0:
+                continue
+            if a < 34:
+                for b in range(a + 1):
+                    shared[a, b] += u * Q[0, b] + v * Q[1, b] + w * Q[2, b] + x * Q[3, b]
+            else:
+                for b in range(a + 1):
+                    T[a - 34, b] += u * Q[0, b] + v * Q[1, b] + w * Q[2, b] + x * Q[3, b]
+        for k in range(4):
+            for a in range(41):
+                Q[k, a] = 0.0
+
+
+@part
+def _settle(q, own, number, shared, alone, band, border):
+    """Add what an interval q holds of its knots to the normal equations, and empty that.
+
+    number (31): columns of what all hang on, then of what one axis alone does; own negative: none.
     """
     for a in range(24):
-        u, v, w = one * S[0, a], one * S[1, a], one * S[2, a]
-        if u == 0.0 and v == 0.0 and w == 0.0:
-            continue
         for b in range(a + 1):
-            cross[a, b] += u * S[0, b] + v * S[1, b] + w * S[2, b]
-        if own < 0:
-            here[a, 9] += u * A[0, 9] + v * A[1, 9] + w * A[2, 9]
-            continue
-        for c in range(10):
-            here[a, c] += u * A[0, c] + v * A[1, c] + w * A[2, c]
-        for c in range(width):
-            here[a, 10 + c] += u * B[0, c]
-            here[a, 17 + c] += v * B[1, c]
-            here[a, 24 + c] += w * B[2, c]
-    if own < 0:
-        return
-    for a in range(10):
-        u, v, w = one * A[0, a], one * A[1, a], one * A[2, a]
-        for b in range(a + 1):
-            total[a, b] += u * A[0, b] + v * A[1, b] + w * A[2, b]
-        for c in range(width):
-            total[10 + c, a] += u * B[0, c]
-            total[17 + c, a] += v * B[1, c]
-            total[24 + c, a] += w * B[2, c]
+            band[6 * q + b, a - b] += shared[a, b]
+            shared[a, b] = 0.0
+        border[6 * q + a, border.shape[1] - 1] += shared[33, a]
+    if own >= 0:
+        for c in range(31):
+            if number[c] >= 0:
+                for a in range(24):
+                    s = shared[24 + c, a] if c < 10 else alone[(c - 10) // 7, (c - 10) % 7, a]
+                    border[6 * q + a, own + number[c]] += s
+    for c in range(10):
+        for a in range(24):
+            shared[24 + c, a] = 0.0
     for i in range(3):
-        for a in range(width):
-            for b in range(a + 1):
-                total[10 + 7 * i + a, 10 + 7 * i + b] += one * B[i, a] * B[i, b]
-
-
-@part
-def _settle(q, own, number, here, cross, band, border, grad):
-    """Add what an interval q holds to the normal equations, and empty it; number (31): columns."""
-    for a in range(24):
-        for b in range(a + 1):
-            band[6 * q + b, a - b] += cross[a, b]
-        if own >= 0:
-            for c in range(31):
-                if number[c] >= 0:
-                    border[6 * q + a, own + number[c]] += here[a, c]
-        grad[6 * q + a] += here[a, 9]
-    here[:] = 0.0
-    cross[:] = 0.0
+        for c in range(7):
+            for a in range(24):
+                alone[i, c, a] = 0.0
 
 
 @kernel
-def normal(time, since, read, var, x, own, spline, other, first, h, band, border, corner, grad, rhs,
-           left):  # fmt: skip
+def normal(
+    time, since, read, var, x, own, spline, other, first, h, band, border, corner, rhs, left
+):
     """Add readings of one instrument to the normal equations.
 
     time, since (n,): clock of the master, and own time from the middle; read (n, 6); var (2,) of
     gyros and accelerometers; x (46,) its parameters, as `_slave`; own: first of its columns,
     negative: the master; spline (m, 6). other (m, 6) or (0, 6): columns are those there less those
-    here. band (6 m, 24), border (6 m, p), corner (p, p), grad (6 m,), rhs (p,) are added to,
-    left (n, 6) is filled: readings less what they should be, NaN beyond the spline. Without a
-    column of border, parameters stand still.
+    here. band (6 m, 24), border (6 m, p + 1), the gradient last, corner (p, p), rhs (p,) are added
+    to, left (n, 6) is filled: readings less what they should be, NaN beyond the spline. Where p is
+    0, parameters stand still.
     """
     N, D, E, m = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros((5, 3))
-    A, A2, Y, Y2 = np.zeros((3, 10)), np.zeros((3, 10)), np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
-    B, B2, out, out2 = np.zeros((3, 7)), np.zeros((3, 7)), np.zeros(3), np.zeros(3)
-    room = np.zeros((6, 3, 3))
-    S, here, cross = np.zeros((3, 24)), np.zeros((24, 31)), np.zeros((24, 24))
+    A, A2, B, B2 = np.zeros((3, 9)), np.zeros((3, 9)), np.zeros((3, 7)), np.zeros((3, 7))
+    S, S2, out, out2 = np.zeros((3, 9)), np.zeros((3, 9)), np.zeros(3), np.zeros(3)
+    P, F = np.zeros((3, 3)), np.zeros((3, 3))
     of_all, of_one, number = (
         np.zeros(9, np.int64),
         np.zeros((3, 7), np.int64),
         np.zeros(31, np.int64),
     )
-    noise, to = other.shape[0] > 0, own if border.shape[1] > 0 else -1
+    noise, to = other.shape[0] > 0, own if rhs.shape[0] > 0 else -1
+    R = np.zeros((3, 4, 41))
     for triad in range(2):
         _columns(triad, of_all, of_one)
+        _products(triad, x, P, F)
         number[:9], number[9] = of_all, -1
         number[10:] = of_one.ravel()
-        width = 7 if triad == 0 else 4
-        total, now = np.zeros((31, 31)), -1
+        width = 0 if to < 0 else 7 if triad == 0 else 4
+        shared, alone, now, held = np.zeros((34, 34)), np.zeros((3, 7, 41)), -1, 0
+        root = 1.0 / math.sqrt(var[triad])
         for k in range(time.shape[0]):
             at = (time[k] - (triad * x[45] if own >= 0 else 0.0) - first) / h
             q = math.floor(at)
@@ -237,17 +236,30 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
                 left[k, i] = np.nan
             if q < 0 or q > spline.shape[0] - 4:
                 continue
-            _weights(at - q, N, D, E)
-            _motion(spline, q, h, N, D, E, m)
-            if own < 0:
+            _weights(at - q, h, N, D, E)
+            _motion(spline, q, N, D, E, m)
+            if own < 0:  # its readings are the spline
                 for i in range(3):
-                    out[i] = m[3 * triad, i]
-            else:
-                _slave(triad, m, x, since[k], A, B, Y, out, room)
-            _spread(x, own, triad, Y, N, D, h, S)
-            if noise and own >= 0:
-                _motion(other, q, h, N, D, E, m)
-                _slave(triad, m, x, since[k], A2, B2, Y2, out2, room)
+                    r = read[k, 3 * triad + i] - m[3 * triad, i]
+                    left[k, 3 * triad + i] = r
+                    if not np.isfinite(r):
+                        continue
+                    for j in range(4):
+                        row, u = 6 * (q + j) + 3 * triad + i, N[j] / var[triad]
+                        border[row, rhs.shape[0]] += u * r
+                        for b in range(j + 1):
+                            band[row - 6 * (j - b), 6 * (j - b)] += u * N[b]
+                continue
+            if q != now or held == 4:
+                _gather(R, width, shared, alone)
+                held = 0
+                if q != now and now >= 0:
+                    _settle(now, to, number, shared, alone, band, border)
+                now = q
+            _slave(triad, m, x, P, F, since[k], A, B, S, out)
+            if noise:
+                _motion(other, q, N, D, E, m)
+                _slave(triad, m, x, P, F, since[k], A2, B2, S2, out2)
                 for i in range(3):
                     for c in range(9):
                         A[i, c] = A2[i, c] - A[i, c]
@@ -256,21 +268,34 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
             for i in range(3):
                 r = read[k, 3 * triad + i] - out[i]
                 left[k, 3 * triad + i] = r
-                A[i, 9] = r
                 if not np.isfinite(r):
-                    A[i], B[i], S[i] = 0.0, 0.0, 0.0
-            if q != now:
-                if now >= 0:
-                    _settle(now, to, number, here, cross, band, border, grad)
-                now = q
-            _gather(S, A, B, 1.0 / var[triad], to, width, here, cross, total)
-        if now >= 0:
-            _settle(now, to, number, here, cross, band, border, grad)
+                    continue
+                row = R[i, held]
+                _spread(S[i], N, D, root, row)
+                row[33] = root * r
+                if to >= 0:
+                    for c in range(9):
+                        row[24 + c] = root * A[i, c]
+                    for c in range(width):
+                        row[34 + c] = root * B[i, c]
+            held += 1
+        if now < 0:
+            continue
+        _gather(R, width, shared, alone)
+        _settle(now, to, number, shared, alone, band, border)
         if to < 0:
             continue
         for a in range(31):
             for b in range(a + 1):
-                s, i, j = total[a, b], number[a], number[b]
+                i, j = number[a], number[b]
+                if a < 10:
+                    s = shared[24 + a, 24 + b]
+                elif b < 10:
+                    s = alone[(a - 10) // 7, (a - 10) % 7, 24 + b]
+                elif (a - 10) // 7 == (b - 10) // 7:
+                    s = alone[(a - 10) // 7, (a - 10) % 7, 34 + (b - 10) % 7]
+                else:
+                    continue
                 if a == 9 and j >= 0:
                     rhs[own + j] += s
                 elif b == 9 and i >= 0:
@@ -279,15 +304,26 @@ def normal(time, since, read, var, x, own, spline, other, first, h, band, border
                     corner[own + max(i, j), own + min(i, j)] += s
 
 
+@part
+def _take(W, i, j, n, u, v, w, x):
+    """Take u, v, w and x times rows j, j + n .. j + 3 n of W off its row i."""
+    for c in range(W.shape[1]):
+        W[i, c] -= u * W[j, c] + v * W[j + n, c] + w * W[j + 2 * n, c] + x * W[j + 3 * n, c]
+
+
 @kernel
 def forward(L, W):
-    """Solve with a banded triangle, L (b, m) by its diagonals; W (m, c) is overwritten."""
+    """Solve with a banded triangle, L (m, b) column by column; W (m, c) is overwritten."""
     for i in range(W.shape[0]):
-        for j in range(max(0, i - L.shape[0] + 1), i):
-            v = L[i - j, j]
-            for c in range(W.shape[1]):
-                W[i, c] -= v * W[j, c]
-        one = 1.0 / L[0, i]
+        j = max(0, i - L.shape[1] + 1)
+        while j + 3 < i:
+            _take(W, i, j, 1, L[j, i - j], L[j + 1, i - j - 1], L[j + 2, i - j - 2],
+                  L[j + 3, i - j - 3])  # fmt: skip
+            j += 4
+        while j < i:
+            _take(W, i, j, 0, L[j, i - j], 0.0, 0.0, 0.0)
+            j += 1
+        one = 1.0 / L[i, 0]
         for c in range(W.shape[1]):
             W[i, c] *= one
 
@@ -296,13 +332,28 @@ def forward(L, W):
 def backward(L, W):
     """Solve with the transpose of a banded triangle, as `forward`."""
     for i in range(W.shape[0] - 1, -1, -1):
-        one = 1.0 / L[0, i]
+        last = min(W.shape[0] - 1, i + L.shape[1] - 1)
+        j = i + 1
+        while j + 3 <= last:
+            _take(W, i, j, 1, L[i, j - i], L[i, j - i + 1], L[i, j - i + 2], L[i, j - i + 3])
+            j += 4
+        while j <= last:
+            _take(W, i, j, 0, L[i, j - i], 0.0, 0.0, 0.0)
+            j += 1
+        one = 1.0 / L[i, 0]
         for c in range(W.shape[1]):
             W[i, c] *= one
-        for j in range(max(0, i - L.shape[0] + 1), i):
-            v = L[i - j, j]
-            for c in range(W.shape[1]):
-                W[j, c] -= v * W[i, c]
+
+
+@part
+def _told(total, Z, q, out):
+    """Take what an interval q says of the spline, total (24), off what it says, out (p,)."""
+    for a in range(24):
+        u = total[a]
+        total[a] = 0.0
+        if u != 0.0:
+            for c in range(Z.shape[1]):
+                out[c] -= u * Z[6 * q + a, c]
 
 
 @kernel
@@ -312,37 +363,42 @@ def scores(time, since, left, var, x, own, spline, Z, first, h, block, out):
     Z (6 m, p): what the spline does with them; block (n,): of each reading; others as in `normal`.
     """
     N, D, E, m = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros((5, 3))
-    A, B, Y, read = np.zeros((3, 10)), np.zeros((3, 7)), np.zeros((2, 3, 3)), np.zeros(3)
-    room = np.zeros((6, 3, 3))
-    S, total = np.zeros((3, 24)), np.zeros(24)
+    A, B, S, read = np.zeros((3, 9)), np.zeros((3, 7)), np.zeros((3, 9)), np.zeros(3)
+    P, F = np.zeros((3, 3)), np.zeros((3, 3))
+    row, total = np.zeros(24), np.zeros(24)
     of_all, of_one = np.zeros(9, np.int64), np.zeros((3, 7), np.int64)
     for triad in range(2):
         _columns(triad, of_all, of_one)
+        _products(triad, x, P, F)
+        now, last = -1, -1
         for k in range(time.shape[0]):
             if not np.isfinite(left[k, 3 * triad]):
                 continue
             at = (time[k] - (triad * x[45] if own >= 0 else 0.0) - first) / h
             q = math.floor(at)
-            _weights(at - q, N, D, E)
-            _motion(spline, q, h, N, D, E, m)
-            if own >= 0:
-                _slave(triad, m, x, since[k], A, B, Y, read, room)
-            _spread(x, own, triad, Y, N, D, h, S)
+            if now >= 0 and (q != now or block[k] != last):
+                _told(total, Z, now, out[last])
+            now, last = q, block[k]
+            _weights(at - q, h, N, D, E)
             # Rows weighted by what is left, added up before they are multiplied by Z.
-            for a in range(24):
-                total[a] = 0.0
-                for i in range(3):
-                    total[a] += S[i, a] * left[k, 3 * triad + i] / var[triad]
-            if own >= 0:
+            if own < 0:
                 for i in range(3):
                     weighed = left[k, 3 * triad + i] / var[triad]
-                    for c in range(9):
-                        if of_all[c] >= 0:
-                            out[block[k], own + of_all[c]] += A[i, c] * weighed
-                    for c in range(7):
-                        if of_one[i, c] >= 0:
-                            out[block[k], own + of_one[i, c]] += B[i, c] * weighed
-            for a in range(24):
-                if total[a] != 0.0:
-                    for c in range(Z.shape[1]):
-                        out[block[k], c] -= total[a] * Z[6 * q + a, c]
+                    for j in range(4):
+                        total[6 * j + 3 * triad + i] += N[j] * weighed
+                continue
+            _motion(spline, q, N, D, E, m)
+            _slave(triad, m, x, P, F, since[k], A, B, S, read)
+            for i in range(3):
+                weighed = left[k, 3 * triad + i] / var[triad]
+                _spread(S[i], N, D, weighed, row)
+                for a in range(24):
+                    total[a] += row[a]
+                for c in range(9):
+                    if of_all[c] >= 0:
+                        out[last, own + of_all[c]] += A[i, c] * weighed
+                for c in range(7):
+                    if of_one[i, c] >= 0:
+                        out[last, own + of_one[i, c]] += B[i, c] * weighed
+        if now >= 0:
+            _told(total, Z, now, out[last])

@@ -50,9 +50,19 @@ class Chain:
 
     C: FloatArray  # (n, 3, 3) body axes at each row to those at the first row [1]
     w: FloatArray  # (n, 3) rate [rad/s]
-    # (n, 3, 12) rotation, in axes of the first row, per error of rates: bias [s], then per element
-    # of a matrix that is multiplied with them, row by row [rad]
-    slopes: FloatArray
+    # by_bias, by_matrix: (n - 1, 3, 3) [s], (n - 1, 3, 9) [rad] what errors of the rates turn each
+    # step by, in axes of its beginning
+    by_bias: FloatArray
+    by_matrix: FloatArray
+
+    @cached_property
+    def slopes(self) -> FloatArray:
+        """Rotation, in axes of the first row, per error of rates, (n, 3, 12).
+
+        By bias [s], then by element of a matrix that is multiplied with them, row by row [rad].
+        """
+        made = self.C[:-1] @ np.concatenate([self.by_bias, self.by_matrix], axis=2)
+        return np.concatenate([np.zeros((1, 3, 12)), -np.cumsum(made, axis=0)])
 
     def seen(self, cells: Cells, v: FloatArray) -> FloatArray:
         """Return the means of a vector that stands still, ``mean(C' v)``, shape (k, 3).
@@ -113,9 +123,7 @@ class Turning:
             self.time, w, measured, np.zeros((3, 3)), n[:-1], n[1:], self.sampled == "increment"
         )
         C = np.concatenate([np.eye(3)[None], running_product(step)])
-        made = C[:-1] @ np.concatenate([by_bias, by_matrix], axis=2)
-        slopes = np.concatenate([np.zeros((1, 3, 12)), -np.cumsum(made, axis=0)])
-        return Chain(C, w, slopes)
+        return Chain(C, w, by_bias, by_matrix)
 
 
 def running_product(step: FloatArray) -> FloatArray:

@@ -28,6 +28,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import check, plausible_scales, status_check
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, Status, error, finding
+from foucault.estimate import two_bodies as bodies
 from foucault.estimate import two_imus as engine
 from foucault.estimate.two_bodies import SMOOTH, Clocks, clocks, even, one_axis, smooth, wahba
 from foucault.estimate.two_imus import Readings, Slave, Solution
@@ -50,22 +51,6 @@ from foucault.tables import AXES, Log, temperature_range, whole_samples
 from foucault.units import Seconds, parse, plain
 
 FRAME = "body axes of the IMU that is calibrated, as its accelerometers define them (see gauge)"
-LEAST_PEAK, SECOND = 0.5, 0.02
-"""Correlation of the rates below which nothing is in common, and by how much another offset has to
-be worse [1]."""
-
-MISFIT, OTHER_UNIT, CLEARLY = 0.5, 1.5, 3.0
-"""Part of the rates that a rotation may leave, factor of another unit, and by how many times less
-must be left over for a mistake to be told [1]."""
-
-HALVES, SURE, SHORTEST = 3.0, 5.0, 5.0
-"""Limit of the difference of the halves [sd]; what is told of clocks [sd]; shortest log [s]."""
-
-JUMPS = 0.3
-"""Offsets of windows that leave their line by so many samples are of lost samples [1]."""
-
-UNSURE_DELAY = 1e-3
-"""An offset that is less sure than this is none [s]."""
 
 
 class Settings(Strict):
@@ -214,9 +199,9 @@ def start_of(master: Log, log: Log, who: str) -> Start:
     """
     (t_b, w_b, f_b), (t_c, w_c, f_c) = (_smoothed(x) for x in (master, log))
     c = clocks((t_b, w_b), (t_c, w_c), float(log.time[0] + log.time[-1]) / 2)
-    if c.peak < LEAST_PEAK:
+    if c.peak < bodies.LEAST_PEAK:
         raise error("imus.apart", who=who, peak=plain(c.peak, 2))
-    if c.second > c.peak - SECOND:
+    if c.second > c.peak - bodies.SECOND:
         raise error("imus.periodic", peak=plain(c.peak, 3), second=plain(c.second, 3))
     t = t_c + c.tau + c.kappa * (t_c - float(log.time[0] + log.time[-1]) / 2)
     inside = (t > t_b[0] + SMOOTH) & (t < t_b[-1] - SMOOTH)
@@ -230,7 +215,7 @@ def start_of(master: Log, log: Log, who: str) -> Start:
         # The angle about a single axis is left to the forces.
         angles = np.arange(-18, 18) * np.pi / 18
         tried = [C_cb @ exp(a * axis) for a in angles]
-        C_cb = min(tried, key=lambda C: _arm(f_c, f_b, w_b, alpha, C)[1])
+        C_cb = min(tried, key=lambda C: float(_arm(f_c, f_b, w_b, alpha, C)[1]))
     else:
         _rates(who, size, free, *(float(np.sqrt(np.sum((x - y @ C.T) ** 2) / np.sum(x**2)))
                                   for C in (C_cb, free)))  # fmt: skip
@@ -246,29 +231,33 @@ def _smoothed(log: Log) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _arm(
     f_c: FloatArray, f_b: FloatArray, w: FloatArray, alpha: FloatArray, C_cb: FloatArray
-) -> tuple[FloatArray, float]:
-    """Return lever arm and bias, (6,) [SI], by all arguments (n, 3), and what they leave (rms)."""
-    step = max(1, len(f_c) // 1500)
-    f_c, f_b, w, alpha = (v[::step] for v in (f_c, f_b, w, alpha))
+) -> tuple[FloatArray, FloatArray]:
+    """Return lever arm and bias, (6,) or (6, b) [SI], and what they leave (rms), () or (b,).
+
+    `f_c` (n, 3) or (b, n, 3); `f_b`, `w`, `alpha` (n, 3) [SI].
+    """
+    step = max(1, len(f_b) // 1500)
+    f_c, f_b, w, alpha = (v[..., ::step, :] for v in (f_c, f_b, w, alpha))
     Om = cross_matrix(alpha) + cross_matrix(w) @ cross_matrix(w)
     A = np.concatenate([C_cb @ Om, np.broadcast_to(np.eye(3), Om.shape)], axis=2).reshape(-1, 6)
-    y = (f_c - f_b @ C_cb.T).ravel()
+    y = f_c - f_b @ C_cb.T
+    y = y.reshape(*y.shape[:-2], -1).T
     x = np.linalg.lstsq(A, y, rcond=None)[0]
-    return x, float(np.sqrt(np.mean((y - A @ x) ** 2)))
+    return x, np.sqrt(np.mean((y - A @ x) ** 2, axis=0))
 
 
 def _rates(who: str, size: FloatArray, free: FloatArray, misfit: float, loose: float) -> None:
     ratio = float(np.median(size))
     turning = bool((size > 0.1 * size[0]).all())
-    if not 1 / OTHER_UNIT < ratio < OTHER_UNIT and turning and loose < MISFIT:
+    if not bodies.of_a_unit(ratio) and turning and loose < bodies.MISFIT:
         hint = " That is deg/s." if 0.9 < ratio / np.degrees(1) < 1.1 else ""
         hint = " That is rad/s read as deg/s." if 0.9 < ratio * np.degrees(1) < 1.1 else hint
         raise error("imus.gyro_unit", who=who, ratio=plain(ratio, 3), hint=hint)
     det = float(np.sign(np.linalg.det(free)))
-    if det < 0 and misfit > MISFIT:
+    if det < 0 and misfit > bodies.MISFIT:
         raise error("imus.mirror", who=who, det=plain(det, 1), misfit=plain(misfit, 2))
-    if misfit > MISFIT:
-        raise error("imus.rates", who=who, misfit=plain(misfit, 2), allowed=plain(MISFIT, 2))
+    if misfit > bodies.MISFIT:
+        raise error("imus.rates", who=who, misfit=plain(misfit, 2), allowed=plain(bodies.MISFIT, 2))
 
 
 def _forces(
@@ -279,13 +268,13 @@ def _forces(
     f = (f_b @ C_cb.T)[:, :, None]
     A = np.concatenate([C_cb @ Om, np.broadcast_to(np.eye(3), Om.shape), f], axis=2)
     ratio = float(np.linalg.lstsq(A.reshape(-1, 7), f_c.ravel(), rcond=None)[0][6])
-    now = _arm(f_c, f_b, w, alpha, C_cb)[1]
-    scaled = _arm(f_c / max(ratio, 1e-6), f_b, w, alpha, C_cb)[1] * max(ratio, 1e-6)
-    if not 1 / OTHER_UNIT < ratio < OTHER_UNIT and ratio > 0 and scaled < now / CLEARLY:
+    now, scaled = (k * float(_arm(f_c / k, f_b, w, alpha, C_cb)[1])
+                   for k in (1.0, max(ratio, 1e-6)))  # fmt: skip
+    if not bodies.of_a_unit(ratio) and ratio > 0 and scaled < now / bodies.CLEARLY:
         raise error("imus.accel_unit", who=who, ratio=plain(ratio, 3))
-    tried = [(_arm(f_c @ x.T, f_b, w, alpha, C_cb)[1], k) for k, x in enumerate(exchanges())]
-    best, k = min(tried)
-    if best < now / CLEARLY:
+    tried = _arm(f_c @ np.swapaxes(exchanges(), 1, 2), f_b, w, alpha, C_cb)[1]
+    best, k = float(tried.min()), int(tried.argmin())
+    if best < now / bodies.CLEARLY:
         raise error("imus.force_axes", who=who, words=exchange_words(exchanges()[k]),
                     best=plain(best, 2), now=plain(now, 2))  # fmt: skip
 
@@ -302,9 +291,9 @@ def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, list[Start]]:
         missing = "gyros" if one.gyro is None else "accelerometers" if one.accel is None else ""
         if missing:
             raise error("imus.no_triad", who=who, triad=missing)
-        if one.duration < SHORTEST:
+        if one.duration < bodies.SHORTEST:
             raise error("imus.short", who=who, span=plain(one.duration, 2),
-                        least=plain(SHORTEST, 2))  # fmt: skip
+                        least=plain(bodies.SHORTEST, 2))  # fmt: skip
     given.progress(0.1, "matching what all did")
     starts = [start_of(every[0], one, who) for one, who in zip(every[1:], ORDINALS, strict=False)]
     noise, sd = given.noise, None
@@ -340,7 +329,7 @@ def _checks(s: Solution, c: CoefficientVector) -> tuple[Check, ...]:
         status_check(status, ()), *plausible_scales(c),
         check("seen in the motion", "seen", float(len(names)), None, 0.5,
               {"names": ", ".join(names)}),
-        check("imus halves", "halves of the log", s.halves, None, HALVES),
+        check("imus halves", "halves of the log", s.halves, None, bodies.HALVES),
     ]  # fmt: skip
     if s.problem.given[1] is not None:
         dof = 3.0 * len(s.problem.readings[1].time)
@@ -356,14 +345,14 @@ def _told(s: Solution, starts: Sequence[Start], clock_sd: float) -> list[Finding
     for k, (who, one) in enumerate(zip(ORDINALS, starts, strict=False)):
         row = (8 + len(SENSORS)) * k + 7
         kappa, sd = s.slaves[k].kappa, float(np.sqrt(s.cov[row, row]))
-        if one.jumps > JUMPS:
+        if one.jumps > bodies.JUMPS:
             told.append(finding("imus.stamps", who=who, jumps=plain(one.jumps, 2)))
-        if abs(kappa) > SURE * max(np.sqrt(2) * clock_sd, sd):
+        if abs(kappa) > bodies.SURE * max(np.sqrt(2) * clock_sd, sd):
             told.append(finding("imus.clock", who=who, kappa=plain(1e6 * kappa, 3),
                                 sd=plain(1e6 * sd, 2), usual=plain(1e6 * clock_sd, 2)))  # fmt: skip
-    if s.halves > engine.MOVED:
+    if s.halves > bodies.MOVED:
         told.append(finding("imus.moved", factor=plain(s.halves, 2)))
-    if s.spread > engine.COLOURED:
+    if s.spread > bodies.COLOURED:
         gyro, accel = (plain(float(x), 2) for x in s.lag_one[1])
         told.append(finding("imus.coloured", gyro=gyro, accel=accel, factor=plain(s.spread, 2)))
     return told
@@ -519,7 +508,7 @@ def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
     lost = _unseen(s)
     words = dict.fromkeys(w for n in lost for k, w in MOTION.items() if k in n)
     names = [f"{who}.delay" for who in ORDINALS[: len(s.slaves)]]
-    unsure = [n for n in names if c.chosen([n]).sd[0] > UNSURE_DELAY]
+    unsure = [n for n in names if c.chosen([n]).sd[0] > bodies.UNSURE_DELAY]
     told = []
     if lost or unsure:
         reason = "; " + "; ".join(words or {MOTION["delay"]: None})

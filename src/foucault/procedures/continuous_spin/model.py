@@ -200,8 +200,9 @@ def _likeliest_walk(
     x = path * np.array([1.0, spin.step, spin.step**2])
     right, gram = np.einsum("nki,nk->ni", S, miss), np.swapaxes(S, 1, 2) @ S
     unlikely = []
+    of_one = _prior(spin, 1.0, path)
     for walk in RATE_WALKS:
-        on, below, slope = _prior(spin, float(walk), path)
+        on, below, slope = (part / walk**2 for part in of_one)
         band = cholesky_banded(_band(on + gram, below), lower=True, check_finite=False)
         b = (right - slope).ravel()
         gained = b @ cho_solve_banded((band, True), b, check_finite=False)

@@ -27,6 +27,7 @@ from foucault.diagnose.checks import check, plausible_scales, status_check
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate import imu_pose as engine
+from foucault.estimate import two_bodies as bodies
 from foucault.estimate.imu_pose import LAYOUT, NAMES, Readings, Solution
 from foucault.guard.mistakes import exchange_words, exchanges
 from foucault.infer.filtered import component
@@ -50,42 +51,15 @@ from foucault.tables import AXES, Log, temperature_range
 from foucault.units import AngleSd, Quantity, Seconds, parse, plain
 
 FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
-LEAST_PEAK, SECOND = 0.5, 0.02
-"""Correlation of the rates below which nothing is in common, and by how much another offset has to
-be worse [1]."""
-
-MISFIT = 0.5
-"""Part of the rates that a rotation may leave before scale factors and biases are known [1]."""
-
-OTHER_UNIT = 1.5
-"""Rates or gravity that differ in size by such a factor have another unit [1]."""
-
-CLEARLY = 3.0
-"""By so many times less must be left over for a mistake to be told [1]."""
-
-MIRRORED = 1.5
-"""The same for axes of positions, whose second derivatives are noisy [1]."""
-
-JUMPS = 0.3
-"""Offsets of windows that leave their line by so many samples are of lost samples [1]."""
-
-HALVES, LEFT_OUT = 3.0, 10.0
-"""Limits of the difference of the halves [sd], and of the poses that are left out [%]."""
-
-SURE = 5.0
-"""Clocks that differ by so many standard deviations are told [1]."""
-
-SHORTEST = 5.0
-"""Shorter logs tell nothing [s]."""
+MIRRORED, LEFT_OUT = 1.5, 10.0
+"""By so many times less must be left over for axes of positions, whose second derivatives are
+noisy [1]; limit of poses that are left out [%]."""
 
 APART = 0.3
 """Stamps of positions and attitudes are tried so far apart [s]."""
 
 QUIET = 0.05
 """Part of the stretches of half a second that are the stillest [1]."""
-
-UNSURE_DELAY = 1e-3
-"""An offset that is less sure than this is none [s]."""
 
 Length = Annotated[float, Quantity("length")]
 
@@ -235,8 +209,8 @@ def _readings(log: Log, given: Given[Settings]) -> tuple[Readings, PoseTable]:
     if len(table) < poses.FEWEST:
         raise error("pose.few", file="The table", count=len(table), least=poses.FEWEST)
     span = float(min(table.time[-1] - table.time[0], log.duration))
-    if span < SHORTEST:
-        raise error("pose.short", span=plain(span, 2), least=plain(SHORTEST, 2))
+    if span < bodies.SHORTEST:
+        raise error("pose.short", span=plain(span, 2), least=plain(bodies.SHORTEST, 2))
     noise = given.noise
     white = quiet_noise(log) if noise is None else (noise.gyro.white, noise.accel.white)
     C = None if table.quaternion is None else table.attitude(table.reading or _ANY)
@@ -280,48 +254,47 @@ def _contradicted(s: Start, gravity: float) -> None:
     """Refuse what makes IMU and poses contradict each other, by its cause."""
     ratio = float(np.median(s.singular))
     c = s.clocks
-    if c.peak < LEAST_PEAK:
+    if c.peak < bodies.LEAST_PEAK:
         raise error("pose.apart", peak=plain(c.peak, 2))
-    if c.second > c.peak - SECOND:
+    if c.second > c.peak - bodies.SECOND:
         raise error("pose.periodic", peak=plain(c.peak, 3), second=plain(c.second, 3))
     turning = s.singular > 0.1 * s.singular[0]
-    if not 1 / OTHER_UNIT < ratio < OTHER_UNIT and turning.all() and s.free_misfit < MISFIT:
+    if not bodies.of_a_unit(ratio) and turning.all() and s.free_misfit < bodies.MISFIT:
         hint = " That is deg/s." if 0.9 < ratio / np.degrees(1) < 1.1 else ""
         hint = " That is rad/s read as deg/s." if 0.9 < ratio * np.degrees(1) < 1.1 else hint
         raise error("pose.gyro_unit", ratio=plain(ratio, 3), hint=hint)
-    if s.sign < 0 and s.misfit > MISFIT and turning.all():
+    if s.sign < 0 and s.misfit > bodies.MISFIT and turning.all():
         raise error("pose.mirror", det=plain(s.sign, 1), misfit=plain(s.misfit, 2))
-    if s.misfit > MISFIT and turning.all():
-        raise error("pose.rates", misfit=plain(s.misfit, 2), allowed=plain(MISFIT, 2))
+    if s.misfit > bodies.MISFIT and turning.all():
+        raise error("pose.rates", misfit=plain(s.misfit, 2), allowed=plain(bodies.MISFIT, 2))
     some = s.forces.some(1500)
     now = some.fit()[1]
     apart, best = _apart(s)
-    if best < now / CLEARLY:
+    if best < now / bodies.CLEARLY:
         raise error("pose.two_times", apart=plain(1e3 * apart, 3), best=plain(best, 2),
                     now=plain(now, 2))  # fmt: skip
-    tried = [
-        (some.fit(x)[1], k) for k, x in enumerate(exchanges()) if np.trace(x) > -3
-    ]  # all reversed is a matter of sign, below
-    best, k = min(tried)
-    if best < now / CLEARLY:
-        raise error("pose.force_axes", words=exchange_words(exchanges()[k]), best=plain(best, 2),
-                    now=plain(now, 2))  # fmt: skip
-    tried = [(some.moved(x), k) for k, x in enumerate(exchanges()) if np.trace(x) > -3]
-    best, k = min(tried)
+    axes = [x for x in exchanges() if np.trace(x) > -3]  # all reversed is a matter of sign, below
+    tried = some.exchanged(axes)
+    best = float(tried.min())
+    if best < now / bodies.CLEARLY:
+        raise error("pose.force_axes", words=exchange_words(axes[int(tried.argmin())]),
+                    best=plain(best, 2), now=plain(now, 2))  # fmt: skip
+    tried = some.exchanged(axes, moved=True)
+    best = float(tried.min())
     if best < now / MIRRORED:
-        raise error("pose.position_axes", words=exchange_words(exchanges()[k]), best=plain(best, 2),
-                    now=plain(now, 2))  # fmt: skip
+        raise error("pose.position_axes", words=exchange_words(axes[int(tried.argmin())]),
+                    best=plain(best, 2), now=plain(now, 2))  # fmt: skip
     scale, sd, g, scaled = some.scaled()
     # Where nothing is moved, second derivatives of positions are noise, and best left out; noise
     # turns no sign.
-    told = scaled * OTHER_UNIT < min(now, some.unmoved()) or scale < -SURE * 2 * sd
-    told &= not 1 / OTHER_UNIT < scale < OTHER_UNIT
-    if told and 1 / OTHER_UNIT < g / gravity / scale < OTHER_UNIT:
+    told = scaled * bodies.OTHER_UNIT < min(now, some.unmoved()) or scale < -bodies.SURE * 2 * sd
+    told &= not bodies.of_a_unit(scale)
+    if told and bodies.of_a_unit(g / gravity / scale):
         raise error("pose.accel_unit", found=plain(g, 3), site=plain(gravity, 4))
     if told:
         raise error("pose.position_unit", ratio=plain(scale, 3), best=plain(scaled, 2),
                     now=plain(now, 2))  # fmt: skip
-    if not 1 / OTHER_UNIT < s.gravity / gravity < OTHER_UNIT:
+    if not bodies.of_a_unit(s.gravity / gravity):
         raise error("pose.accel_unit", found=plain(s.gravity, 3), site=plain(gravity, 4))
 
 
@@ -330,11 +303,12 @@ def _apart(s: Start) -> tuple[float, float]:
 
     As far as the least squares of forces tells it.
     """
-    step, f, best = s.step, s.forces, (0.0, np.inf)
-    for k in range(-round(APART / step), round(APART / step) + 1, max(1, round(0.02 / step))):
-        later = replace(f, pull=np.roll(f.pull, -k, axis=0)).some(700)
-        best = min(best, (k * step, later.fit()[1]), key=lambda found: found[1])
-    return best
+    step, some = s.step, s.forces.some(700)
+    tried = np.arange(-round(APART / step), round(APART / step) + 1, max(1, round(0.02 / step)))
+    later = [replace(s.forces, pull=np.roll(s.forces.pull, -k, axis=0)).some(700).pull
+             for k in tried]  # fmt: skip
+    left = some.fits(some.accel, np.array(later))[1]
+    return float(tried[left.argmin()] * step), float(left.min())
 
 
 def _estimate(s: Solution, given: Given[Settings]) -> CoefficientVector:
@@ -354,7 +328,7 @@ def _checks(s: Solution, c: CoefficientVector, settings: Settings) -> tuple[Chec
     left = 100 * float(np.mean(s.noise.weights[:, -1 if s.readings.C_vm is None else 0 :] < 0.5))
     out = [
         status_check(status, ()), *plausible_scales(c), _seen(s),
-        check("pose halves", "halves of the log", s.halves, None, HALVES),
+        check("pose halves", "halves of the log", s.halves, None, bodies.HALVES),
         check("pose outliers", "outliers", left, None, LEFT_OUT),
     ]  # fmt: skip
     declared = {"attitude": settings.attitude_sd, "position": settings.position_sd}
@@ -383,7 +357,7 @@ def _seen(s: Solution) -> Check:
 def _told(s: Solution, start: Start, log: Log) -> list[Finding]:
     told, clock_sd = [], log.clock.sd
     jumps = start.clocks.jumps / log.interval
-    if jumps > JUMPS:
+    if jumps > bodies.JUMPS:
         told.append(finding("pose.stamps", jumps=plain(jumps, 2)))
     tilt = np.degrees(np.arccos(np.abs(s.point.up_v).max()))
     axis = int(np.argmax(np.abs(s.point.up_v)))
@@ -391,14 +365,14 @@ def _told(s: Solution, start: Start, log: Log) -> list[Finding]:
         named = "-" * bool(s.point.up_v[axis] < 0) + AXES[axis]
         told.append(finding("pose.upright", axis=named, tilt=plain(tilt, 2)))
     kappa, sd = s.point.kappa, float(np.sqrt(s.cov[7, 7]))
-    if abs(kappa) > SURE * max(clock_sd, sd):
+    if abs(kappa) > bodies.SURE * max(clock_sd, sd):
         told.append(finding("pose.clock", kappa=plain(1e6 * kappa, 3), sd=plain(1e6 * sd, 2),
                             usual=plain(1e6 * clock_sd, 2)))  # fmt: skip
     if (count := int(s.readings.jumped[-1] - s.readings.jumped[0])) > 0:
         told.append(finding("pose.jumped", count=count))
-    if s.halves > engine.MOVED:
+    if s.halves > bodies.MOVED:
         told.append(finding("pose.moved", factor=plain(s.halves, 2)))
-    if s.spread > engine.COLOURED:
+    if s.spread > bodies.COLOURED:
         attitude, position = (plain(x, 2) for x in s.lag_one)
         told.append(finding("pose.coloured", attitude=attitude, position=position,
                             factor=plain(s.spread, 2)))  # fmt: skip
@@ -528,7 +502,7 @@ def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
     if lost:
         told.append(finding("preflight.not_shown", names=", ".join(lost),
                             reason="; " + "; ".join(words)))  # fmt: skip
-    elif float(np.sqrt(s.cov[6, 6])) > UNSURE_DELAY:
+    elif float(np.sqrt(s.cov[6, 6])) > bodies.UNSURE_DELAY:
         told.append(finding("preflight.not_shown", names="pose.delay",
                             reason="; " + MOTION["pose.delay"]))  # fmt: skip
     parts = engine.budget(s)

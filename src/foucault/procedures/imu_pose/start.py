@@ -12,7 +12,9 @@ C_b0b Om l`` is solved for one offset after the other.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -50,19 +52,27 @@ class Forces:
     pull: FloatArray  # (k, 3) second derivative of the position, world of the pose [m/s^2]
     Om: FloatArray  # (k, 3, 3) what a lever arm is multiplied by [1/s^2]
 
-    def fit(self, exchange: FloatArray | None = None) -> tuple[FloatArray, float]:
-        """Return lever arm, gravity and bias, (9,) [SI], and what they leave (rms) [m/s^2].
-
-        `exchange` (3, 3) or None: axes of the accelerometers that are tried [1].
-        """
-        k = len(self.accel)
-        one = np.broadcast_to(np.eye(3), (k, 3, 3))
+    @cached_property
+    def _rows(self) -> FloatArray:
+        """What lever arm, gravity and bias do to what is read, (3 k + 3, 9) [SI]."""
+        one = np.broadcast_to(np.eye(3), self.C_bv.shape)
         A = np.concatenate([-self.Om, -self.C_bv, one], axis=2).reshape(-1, 9)
-        read = self.accel if exchange is None else self.accel @ exchange.T
-        y = (read - np.einsum("kij,kj->ki", self.C_bv, self.pull)).ravel()
-        # A bias that cannot be told from gravity stays small.
-        x = np.linalg.lstsq(np.vstack([A, np.eye(9)[6:]]), np.append(y, np.zeros(3)), rcond=None)[0]
-        return x, float(np.sqrt(np.mean((y - A @ x) ** 2)))
+        return np.vstack([A, np.eye(9)[6:]])  # a bias that cannot be told from gravity stays small
+
+    def fits(self, accel: FloatArray, pull: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return lever arm, gravity and bias, (9, b) [SI], and what they leave (rms), (b,) [m/s^2].
+
+        `accel`, `pull` (b, k, 3) or one of them (k, 3): b times as the attributes of these names.
+        """
+        y = accel - np.einsum("kij,...kj->...ki", self.C_bv, pull)
+        y = np.pad(y.reshape(len(y), -1).T, ((0, 3), (0, 0)))
+        x = np.linalg.lstsq(self._rows, y, rcond=None)[0]
+        return x, np.sqrt(np.mean((y - self._rows @ x)[:-3] ** 2, axis=0))
+
+    def fit(self) -> tuple[FloatArray, float]:
+        """Return lever arm, gravity and bias, (9,) [SI], and what they leave (rms) [m/s^2]."""
+        x, left = self.fits(self.accel[None], self.pull)
+        return x[:, 0], float(left[0])
 
     def scaled(self) -> tuple[float, float, float, float]:
         """Return how large positions had to be, its sd, gravity, and what is left (rms) [SI]."""
@@ -80,21 +90,23 @@ class Forces:
 
     def unmoved(self) -> float:
         """Return what is left where positions are not looked at (rms) [m/s^2]."""
-        return Forces(self.accel, self.C_bv, 0.0 * self.pull, self.Om).fit()[1]
+        return float(self.fits(self.accel[None], 0.0 * self.pull)[1][0])
 
     @property
     def explained(self) -> float:
         """What is left with any unit of the positions, or any axes of the forces (rms) [m/s^2]."""
-        scaled = self.scaled()[3]
-        fits = [self.fit(x)[1] for x in exchanges()]
-        return min(fits) if scaled > 0.7 * self.unmoved() else min(scaled, *fits)
+        scaled, fits = self.scaled()[3], float(self.exchanged(exchanges()).min())
+        return fits if scaled > 0.7 * self.unmoved() else min(scaled, fits)
 
-    def moved(self, exchange: FloatArray) -> float:
-        """Return what is left where positions had their axes exchanged (rms) [m/s^2].
+    def exchanged(self, tried: Sequence[FloatArray], moved: bool = False) -> FloatArray:
+        """Return what is left where accelerometers have other axes, (b,) (rms) [m/s^2].
 
-        `exchange` (3, 3): axes that are tried [1].
+        `tried`: axes, (3, 3) each [1]; `moved`: those of the positions, not of accelerometers.
         """
-        return replace(self, pull=self.pull @ exchange.T).fit()[1]
+        turns = np.swapaxes(np.array(tried), 1, 2)
+        if moved:
+            return self.fits(self.accel, self.pull @ turns)[1]
+        return self.fits(self.accel @ turns, self.pull)[1]
 
     def some(self, most: int) -> Forces:
         """Return at most so many of them, evenly chosen; `most` [1]."""

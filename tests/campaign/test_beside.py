@@ -1,0 +1,87 @@
+"""Two bare files of one motion: an IMU beside poses of its body, or beside another IMU."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from foucault import logs
+from foucault.campaign import calibrate
+from foucault.campaign.recognised import found, said_of
+from foucault.cli.app import app
+from foucault.errors import FoucaultError
+
+PLACE = {"latitude": "48.8462 deg", "height": "60 m"}
+SI = "time [s],gx [rad/s],gy [rad/s],gz [rad/s],ax [m/s^2],ay [m/s^2],az [m/s^2]"
+BARE = "time,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
+
+
+def session(procedure: str, folder: Path) -> Path:
+    run = CliRunner().invoke
+    campaign, out = folder / f"{procedure}.toml", folder / procedure
+    assert run(app, ["init", procedure, "-o", str(campaign)]).exit_code == 0
+    assert run(app, ["simulate", str(campaign), "-o", str(out)]).exit_code == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def beside_poses(tmp_path_factory):
+    folder = session("imu_pose", tmp_path_factory.mktemp("poses"))
+    x = np.genfromtxt(folder / "poses.csv", delimiter=",", skip_header=1)
+    np.savetxt(folder / "poses.tum", x[:, [0, 1, 2, 3, 5, 6, 7, 4]], fmt="%.9f")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def beside_another(tmp_path_factory):
+    return session("two_imus", tmp_path_factory.mktemp("imus"))
+
+
+def bare(file: Path, head: str, name: str) -> Path:
+    rows = file.read_text().splitlines()[2:]
+    out = file.with_name(name)
+    out.write_text("\n".join([head, *rows]) + "\n")
+    return out
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("first", [True, False])
+def test_an_imu_and_poses_are_calibrated_as_they_are(beside_poses, first):
+    files = [bare(beside_poses / "log.csv", SI, "imu.csv"), beside_poses / "poses.tum"]
+    files = files if first else files[::-1]
+    with pytest.raises(FoucaultError, match="needs gravity"):
+        _ = found(files).campaign
+    seen = found(files, site=PLACE)
+    assert seen.session.procedure == "imu_pose"
+    assert seen.campaign.master.file == "poses.tum"
+    (beside_poses / "bare.toml").write_text(seen.text)
+    result = calibrate(beside_poses / "bare.toml")
+    want = calibrate(beside_poses / "campaign.toml")
+    # In m/s^2 and rad/s as the program's own file has them: the same readings.
+    assert list(result.coefficients.names) == list(want.coefficients.names)
+    apart = result.coefficients.values - want.coefficients.values
+    assert np.abs(apart / want.coefficients.sd).max() < 0.01
+
+
+@pytest.mark.thorough
+def test_two_imus_are_calibrated_one_against_the_other(beside_another):
+    files = [bare(beside_another / f"{n}.csv", SI, f"imu_{n}.csv") for n in ("log", "first")]
+    seen = found(files)
+    assert seen.session.procedure == "two_imus"
+    assert not seen.recognised.questions
+    read = logs.read(seen.campaign.log, beside_another)
+    own = logs.read(logs.LogDescription(file="log.csv"), beside_another)
+    np.testing.assert_allclose(read.accel, own.accel)
+    assert seen.campaign.master.file == "imu_first.csv"
+
+
+@pytest.mark.thorough
+def test_accelerometers_without_a_unit_are_asked_for(beside_another):
+    files = [bare(beside_another / "log.csv", BARE, "none.csv"), beside_another / "first.csv"]
+    with pytest.raises(FoucaultError, match="no unit of its accelerometers"):
+        _ = found(files).campaign
+    seen = found(files, said_of(["accel.unit = m/s^2"]))
+    assert seen.campaign.procedure == "two_imus"
