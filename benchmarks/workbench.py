@@ -30,11 +30,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import make_kills
+from make_workbench import children
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent / "tests"))
-from make_workbench import children  # noqa: E402
-
 COMMAND = [sys.executable, "-m", "foucault"]
 
 

@@ -339,7 +339,9 @@ def _distance(key: str, a: Any, b: Any, before: Lines) -> tuple[float, str, int]
         scale, unit = 1.0, "of one"
     elif ".budget." in key and not key.startswith("diagnostics."):  # one of several documents
         whole = key.partition(".budget.")[0] + ".budget."
-        parts = [v for k, v in before.items() if k.startswith(whole) and isinstance(v, list)]
+        tail = "" if isinstance(a, list) else key[key.rindex(".") :]  # of each quantity by itself
+        parts = [v for k, v in before.items()
+                 if k.startswith(whole) and k.endswith(tail) and type(v) is type(a)]  # fmt: skip
         scale, unit = np.maximum(np.sum(parts, axis=0), 1e-300), "of the variance"
     elif key.startswith("diagnostics.budget.") and len(x) == len(sd):
         scale, unit = np.maximum(np.square(sd), 1e-300), "of the variance"

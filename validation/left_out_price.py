@@ -24,6 +24,10 @@ from foucault.models.noise import grade
 from sessions import SITE, Case, made
 
 PROCEDURES = ("hand_rotated", "six_position", "ferraris", "rate_table", "north_seeking")
+FEWER = {"platform_tumble": 8, "norm_observation": 20, "multi_position": 20, "turntable": 20,
+         "systematic": 40, "transfer_alignment": 40}  # fmt: skip
+"""Procedures whose sessions take longer: of the clean ones one in so many [1]."""
+
 CLASSES = {"consumer MEMS": "mems", "tactical MEMS": "tactical", "tactical FOG": "navigation"}
 """Grade of the sizes -> class of the simulated instrument's noise and errors."""
 
@@ -129,14 +133,16 @@ def main(
         prices.append(
             f"| {which} | {name} | " + " | ".join(f"{r:.2f}" for r in ratios) + f" | {makers} |"
         )
-    runs = list(each(named, [(w, "", k) for w in wanted for k in range(clean)]))
-    for k, which in enumerate(wanted):
-        wrong = [set(r) for r in runs[k * clean : (k + 1) * clean] if r]
-        most = binom.isf(0.005, clean, 0.01)
+    counts = dict.fromkeys(wanted, clean)
+    counts |= {w: max(clean // k, 1) for w, k in FEWER.items() if not only or w in only}
+    runs = list(each(named, [(w, "", k) for w, count in counts.items() for k in range(count)]))
+    for which, count in counts.items():
+        wrong, runs = [set(r) for r in runs[:count] if r], runs[count:]
+        most = binom.isf(0.005, count, 0.01)
         good &= len(wrong) <= most
         said = Counter(n for r in wrong for n in r).most_common(3)
         words = ", ".join(f"{n} {c}" for n, c in said) or "nothing"
-        names.append(f"| {which} | {clean} | {len(wrong)} | {most:.0f} | {words} |")
+        names.append(f"| {which} | {count} | {len(wrong)} | {most:.0f} | {words} |")
     runs = list(each(named, [(w, g, k) for w, g in tried.items() for k in range(power)]))
     for k, (which, group) in enumerate(tried.items()):
         right = sum(group in r for r in runs[k * power : (k + 1) * power])

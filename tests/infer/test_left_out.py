@@ -161,6 +161,17 @@ def test_a_term_of_the_size_that_is_said_to_be_needed_is_named_in_nine_of_ten_se
     assert 0.9 - 3 * np.sqrt(0.09 / trials) < named / trials
 
 
+def test_terms_that_matter_and_are_not_seen_are_counted_beside_one_that_is() -> None:
+    seen = left_out.seen_of("source", np.zeros(4), np.diag([0.9, 1e-3, 4e-3, 1e-3]))
+    needed = left_out.detectable(seen, 20)
+    assert needed[0] < left_out.UNSEEN < needed[2] < needed[1]
+    # The first is seen, the last does not matter.
+    found = left_out.hidden(seen, 20, np.array([0.5, 0.5, 0.02, 0.009]))
+    assert found == (2, pytest.approx(needed[2]))
+    assert left_out.hidden(seen, 20, np.array([0.9, 0.0, 0.0, 0.0])) is None
+    assert left_out.hidden(seen, 20, np.array([0.0, 0.5, 0.0, 0.0])) == (1, needed[1])
+
+
 def test_what_is_not_there_or_looks_like_a_coefficient_is_no_suspect() -> None:
     model = drawn(np.random.default_rng(5), {})
     J = design()[0]

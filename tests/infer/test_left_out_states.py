@@ -114,6 +114,9 @@ def test_states_and_covariance_are_the_same_estimator(sizes):
     assert [set(n) for n in judged.named] == [set(n) for n in other.named]
     for group in judged.groups:
         assert judged.share[group] == pytest.approx(other.share[group], rel=1e-4, abs=1e-9)
+    assert {n: k for n, (k, _) in judged.hidden.items()} == {
+        n: k for n, (k, _) in other.hidden.items()
+    }
 
 
 def test_the_term_is_named_and_enlarged_and_the_bias_is_right_again():

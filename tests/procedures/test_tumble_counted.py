@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
@@ -11,6 +12,7 @@ import pytest
 
 from foucault import campaign
 from foucault.infer.gauss_newton import chi_square_limits
+from foucault.infer.left_out import UNSEEN
 from foucault.models.left_out import sizes_of
 from foucault.procedures import platform_tumble
 from foucault.procedures.platform_tumble.foresight import noise_of, prior_of, solved, tumble_of
@@ -131,3 +133,11 @@ def test_with_everything_at_its_size_the_uncertainties_are_right():
     low, high = chi_square_limits(count, 0.01)
     assert low < total < high
     assert np.median(before) > 10
+
+
+def test_terms_of_a_group_that_no_reading_shows_are_counted_in_the_report():
+    """Some products of axes show and others do not: the report counts these, of all 15."""
+    result = trial(session()[0])
+    said = next(c.sentence for c in result.checks if c.name == "terms not shown")
+    assert re.search(r"products of two axes [^;]*, \d+ of its 15 terms below \d+", said), said
+    assert result.diagnostics["left_out"]["accel.cross"]["needed"] < UNSEEN  # the best seen

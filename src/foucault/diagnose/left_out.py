@@ -61,12 +61,15 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
         terms = {"terms": ", ".join(f"{_what(n)} ({_size(judged, n, _left(judged.seen[n]))} "
                                     f"instead of {_size(judged, n)})" for n in clear)}  # fmt: skip
         out.append(check("left out seen", "terms that show", float(len(clear)), given=terms))
-    if judged.unseen:
+    some = {n: (0, k) for n, k in judged.unseen.items()}
+    some = {n: x for n, x in judged.hidden.items() if n not in some} | some
+    if some:
         parts = [
             f"{_what(n)} ({_size(judged, n)})"
+            + (f", {count} of its {len(judged.seen[n].u)} terms" if count else "")
             + ("" if np.isinf(k) else f" below {_size(judged, n, k)}")
             + f": {typical().groups[n].shown_by}"
-            for n, k in judged.unseen.items()
+            for n, (count, k) in some.items()
         ]
         terms = {"terms": "; ".join(parts)}
         out.append(check("left out unseen", "terms not shown", float(len(parts)), given=terms))

@@ -229,6 +229,20 @@ def detectable(seen: Seen, groups: int, power: float = 0.9) -> FloatArray:
     return np.where(share > VISIBLE, np.sqrt(need / np.maximum(share, VISIBLE)), np.inf)
 
 
+def hidden(seen: Seen, groups: int, share: FloatArray) -> tuple[int, float] | None:
+    """Return how many terms matter that are not seen, and how many sizes the nearest of them needs.
+
+    A group may be named by one term while others of it go unnoticed. None where all that matter
+    are seen.
+
+    `groups`: tests that share the false alarms [1]; `share` (c,): largest of each term in a
+    variance [1].
+    """
+    needed = detectable(seen, groups)
+    some = (needed > UNSEEN) & (share > MATTERS)
+    return (int(some.sum()), float(needed[some].min())) if some.any() else None
+
+
 def guilty(seen: Mapping[str, Seen]) -> dict[str, Seen]:
     """Return the likeliest of the suspects, and all that the readings cannot tell from it."""
     suspects = {n: s for n, s in seen.items() if s.p < FALSE_ALARM / len(seen) and s.gain > 0}
@@ -251,6 +265,8 @@ class Judgement:
     sizes: Mapping[str, tuple[float, str]] = field(default_factory=dict)  # [SI], and their basis
     # group -> the term of it that is farthest off, and how many times its size that is [1]
     worst: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    # group -> how many terms of it are not seen though they matter, at how many sizes one was [1]
+    hidden: Mapping[str, tuple[int, float]] = field(default_factory=dict)
 
     @property
     def unseen(self) -> dict[str, float]:
@@ -344,7 +360,14 @@ def _judged(
     share = {n: float((v / total).max()) for n, v in parts.items()}
     groups = tuple(dict.fromkeys(s.name for s in more if s not in extra))
     needed = {n: float(detectable(s, len(first)).min()) for n, s in first.items()}
-    return Judgement(first, joined(named), needed, share, groups)
+    terms, n, d = dict[str, tuple[int, float]](), *last.at.residuals.shape
+    for s in last.at.sources:
+        if s.name in groups and s.name in first and s.shared is not None:
+            moved = np.einsum("pnd,ndk->pk", last.gain.reshape(-1, n, d), s.shared)
+            of_each = mixed.size_of(s, last.sds) ** 2 * moved**2 / total[:, None]
+            if (found := hidden(first[s.name], len(first), of_each.max(axis=0))) is not None:
+                terms[s.name] = found
+    return Judgement(first, joined(named), needed, share, groups, hidden=terms)
 
 
 def _as_free(at: Fit, held: set[str]) -> Fit:

@@ -29,6 +29,7 @@ from foucault.infer.left_out import (
     detectable,
     farthest,
     guilty,
+    hidden,
     joined,
     seen_of,
 )
@@ -111,8 +112,13 @@ def _judged(
         n: (groups[n].names[far[0]].removeprefix(OF), far[1])
         for n in out if (far := farthest(seen[n])) is not None
     }  # fmt: skip
-    share = shares(last, groups, reported)
-    return Judgement(seen, joined(named), needed, share, out, sized, worst)
+    share, terms = shares(last, groups, reported), dict[str, tuple[int, float]]()
+    for n in out:
+        each = {name: Group("source", (name,)) for name in groups[n].names}
+        of_each = np.array([*shares(last, each, reported).values()])
+        if (found := hidden(seen[n], len(seen), of_each)) is not None:
+            terms[n] = found
+    return Judgement(seen, joined(named), needed, share, out, sized, worst, terms)
 
 
 OF = "left out "
