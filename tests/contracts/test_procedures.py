@@ -441,6 +441,18 @@ def test_all_errors_at_once_return_exactly(case: str) -> None:
     assert np.abs(beyond(case, values)).max() < EXACT[case][0]
 
 
+@pytest.mark.parametrize("name", [n for n in SESSIONS if n != "two_imus"])
+def test_what_is_not_known_of_gravity_is_not_known_of_a_scale(name: str) -> None:
+    """Of every procedure that holds specific force against gravity; two side by side share it."""
+    known = fitted(name)[0].coefficients
+    scales = [n for n in known.names if n.startswith("accel.scale.")]
+    if not scales:
+        pytest.skip("no scale is held against gravity")
+    placed = replace(SESSIONS[name], site=replace(SITE, gravity_sd=0.03))
+    unsure = solved(placed, session(name).log, noise=told(name)).coefficients
+    assert max(unsure.chosen(scales).sd / known.chosen(scales).sd) > 2.0
+
+
 # -- a plan ----------------------------------------------------------------------------------------
 
 PALINDROME = {"accelerometers": "case", "order": "palindrome"}

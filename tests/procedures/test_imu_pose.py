@@ -48,6 +48,29 @@ def off(result, truth):
     return c.values - np.array([true[n] for n in c.names]), c.cov
 
 
+def test_the_uncertainty_of_gravity_is_counted():
+    """What it moves is what the calibration with another gravity says; the rest stays as it was."""
+    log, table, _ = session()
+    sd = 0.03
+    known = solved(log, table).coefficients
+    placed = replace(SITE, gravity_sd=sd)
+    unsure = imu_pose.calibrate(PoseLog.of(log, table), site=placed, noise=NOISE)
+    heavier = imu_pose.calibrate(
+        PoseLog.of(log, table), site=replace(SITE, gravity=SITE.gravity + sd), noise=NOISE
+    )
+    moved = heavier.coefficients.values - known.values
+    stated = unsure.diagnostics["gravity_errors"][0]["error"]
+    assert moved / known.sd == pytest.approx(
+        [stated[n] / s for n, s in zip(known.names, known.sd, strict=True)], abs=0.05
+    )
+    assert np.abs(moved / known.sd).max() > 3  # a scale of .3 %, of which .006 % was said
+    unit = np.outer(known.sd, known.sd)
+    expected = known.cov + np.outer(moved, moved)
+    np.testing.assert_allclose(unsure.coefficients.cov / unit, expected / unit, atol=0.3, rtol=0.03)
+    total = sum(np.array(v) for v in unsure.diagnostics["budget"].values())
+    np.testing.assert_allclose(total, unsure.coefficients.sd**2, rtol=1e-6)
+
+
 def as_sure_as_stated(result, truth, tests=4, without=()):
     """Tell whether all errors together, but of names that begin so, are those that are stated."""
     e, cov = off(result, truth)

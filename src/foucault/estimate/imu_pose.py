@@ -169,19 +169,19 @@ class Readings:
     C_vm: FloatArray | None  # (m, 3, 3) [1]
     broken: IntArray  # (n,) how many gaps of the log lie before each sample [1]
     white: tuple[float, float]  # of gyros and accelerometers [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
-    gravity: float  # [m/s^2]
+    gravity: tuple[float, float]  # and its standard uncertainty [m/s^2]
     log: Log
     jumped: IntArray  # (m,) how often the world has jumped before each pose [1]
 
     @classmethod
     def of(
         cls, log: Log, stamp: FloatArray, position: FloatArray, C_vm: FloatArray | None,
-        white: tuple[float, float], gravity: float,
+        white: tuple[float, float], gravity: tuple[float, float],
     ) -> Readings:  # fmt: skip
         """Take a log and poses.
 
         `stamp` (m,) [s], `position` (m, 3) [m], `C_vm` (m, 3, 3) or None [1]; `white`: of gyros and
-        accelerometers [SI]; `gravity` [m/s^2].
+        accelerometers [SI]; `gravity` and its standard uncertainty [m/s^2].
         """
         x = increments_of(log, gaps="bridge")
         assert log.accel is not None
@@ -328,7 +328,7 @@ def seen(r: Readings, at: Point, c: Corrected) -> Seen:
     f = (c.force[at.node] / r.dt[at.node, None] + c.force[at.node + 1] / h) / 2
     E = exp(d * (w + d * (dw / 2 + d * bend / 3)))
     w = w + d * (dw + d * bend)
-    a = np.einsum("kij,kj->ki", at.C, f) - r.gravity * at.up_v
+    a = np.einsum("kij,kj->ki", at.C, f) - r.gravity[0] * at.up_v
     CE = at.C @ E
     fast = at.v + a * d + np.einsum("kij,kj->ki", CE, np.cross(w, at.lever_b))
     z = np.zeros((len(d), 6))
@@ -379,7 +379,7 @@ def one_pass(
     moved, J, Q = np.zeros((m, 16)), np.zeros((m, 9, 22)), np.zeros((m, 9, 9))
     kernels.preintegrate(at.node, r.dt, c.theta, c.force, c.middle, c.K_g, c.K_a, c.raw_g, c.raw_a,
                          c.late, r.white[0]**2, r.white[1]**2, moved, J, Q)  # fmt: skip
-    g_v, T = -r.gravity * at.up_v, moved[1:, 15:]
+    g_v, T = -r.gravity[0] * at.up_v, moved[1:, 15:]
     u = np.zeros((m, 9))
     C, turn = at.C[:-1], moved[1:, :9].reshape(-1, 3, 3)
     u[1:, :3] = vector_of(np.swapaxes(at.C[1:], 1, 2) @ C @ turn)
@@ -400,7 +400,7 @@ def one_pass(
     D[:, :, hold] = 0.0
     J[:, :, hold[hold >= 10] - 10] = 0.0
     D = D[:, :, :0] if motion else D
-    G = -r.gravity * at.across
+    G = -r.gravity[0] * at.across
     if 8 in hold:
         G = 0.0 * G
     nu, M = np.zeros((m, 6)), np.zeros(D.shape)
@@ -434,7 +434,8 @@ class Solution:
     made: FloatArray  # (32, 32) information that noise makes by itself [1 / SI^2]
     noise: Noise
     cov: FloatArray  # (32, 32) as it is stated [SI]
-    formal: FloatArray  # (32, 32) as if the noise of the poses were white [SI]
+    formal: FloatArray  # (32, 32) as if their noise were white, and gravity known [SI]
+    of_gravity: FloatArray  # (32,) what one standard uncertainty of gravity makes of each [SI]
     spread: float  # by how much scores scatter more than white rows, as an sd [1]
     halves: float  # rms of the difference of the halves over its sd [1]
     lag_one: tuple[float, float]  # correlation of attitude and position rows with the next [1]
@@ -544,7 +545,7 @@ def _on_nodes(r: Readings, at: Point) -> Point:
     dt = r.dt[at.node + 1, None]
     w, f = c.theta[at.node + 1] / dt, c.force[at.node + 1] / dt
     d = (r.time[node] - r.time[at.node])[:, None]
-    a = np.einsum("kij,kj->ki", at.C, f) - r.gravity * at.up_v
+    a = np.einsum("kij,kj->ki", at.C, f) - r.gravity[0] * at.up_v
     return replace(at, node=node, C=at.C @ exp(w * d), v=at.v + a * d,
                    p=at.p + at.v * d + a * d**2 / 2)  # fmt: skip
 
@@ -625,13 +626,17 @@ def _stated(
         halves = float(np.sqrt(abs(off @ np.linalg.solve(both, off)) / len(own)))
     factor = halves if halves > MOVED else 1.0
     J = at.of_values()
+    # Poses tell the size of what is added to gravity: its error is no scale of all that is read.
+    heavier = replace(r, gravity=(r.gravity[0] + r.gravity[1], 0.0))
+    off = one_pass(heavier, at, noise, hold).nu - left
+    of_gravity = J @ gain @ np.einsum("kqp,kq->p", M, off)
     scaled = formal * np.outer(wide, wide) * factor**2
     held = np.minimum(1.0, prior_sd / np.sqrt(np.diag(scaled)))  # no more than was known before
-    cov = J @ (scaled * np.outer(held, held)) @ J.T
+    cov = J @ (scaled * np.outer(held, held)) @ J.T + np.outer(of_gravity, of_gravity)
     cov = _without_circles(cov, at.lever_b, prior_sd)
     lag = tuple(_lag_one(left[:, k : k + 3], p.used[:, k]) for k in (0, 3))
-    return Solution(r, at, p, made, noise, cov, J @ formal @ J.T, spread, halves, (lag[0], lag[1]),
-                    passes, settled, prior_sd, hold)  # fmt: skip
+    return Solution(r, at, p, made, noise, cov, J @ formal @ J.T, of_gravity, spread, halves,
+                    (lag[0], lag[1]), passes, settled, prior_sd, hold)  # fmt: skip
 
 
 def _without_circles(cov: FloatArray, lever: FloatArray, prior_sd: FloatArray) -> FloatArray:
@@ -678,7 +683,9 @@ def budget(s: Solution) -> dict[str, FloatArray]:
         name: np.maximum(cov(name, 1 + STEP) - cov(name, 1 - STEP), 0.0) / (4 * STEP)
         for name in names
     }
-    return shares(parts, np.diag(s.formal), np.diag(s.cov), "colour of the poses' noise")
+    gravity = s.of_gravity**2
+    out = shares(parts, np.diag(s.formal), np.diag(s.cov) - gravity, "colour of the poses' noise")
+    return out | {"local gravity": gravity}
 
 
 STEP = 0.02

@@ -24,6 +24,7 @@ from pydantic import Field
 from foucault import logs
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import check, plausible_scales, status_check
+from foucault.diagnose.comparable import of_site
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate import imu_pose as engine
@@ -214,7 +215,8 @@ def _readings(log: Log, given: Given[Settings]) -> tuple[Readings, PoseTable]:
     noise = given.noise
     white = quiet_noise(log) if noise is None else (noise.gyro.white, noise.accel.white)
     C = None if table.quaternion is None else table.attitude(table.reading or _ANY)
-    r = Readings.of(log, table.time, table.position, C, white, given.site.gravity)
+    gravity = given.site.gravity, given.site.gravity_sd
+    r = Readings.of(log, table.time, table.position, C, white, gravity)
     return replace(r, jumped=jumps_of(table)), table
 
 
@@ -387,7 +389,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     site = given.site
     diagnostics: dict[str, Any] = {
         "gravity": site.gravity,
-        "bound": np.sqrt(np.diag(s.formal))[kept].tolist(),
+        "bound": np.sqrt(np.diag(s.formal) + s.of_gravity**2)[kept].tolist(),
         "unseen": _unseen(s),
         "iterations": s.passes,
         "pose": {
@@ -401,7 +403,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
             "C_bm": s.point.C_bm.tolist() if s.readings.C_vm is not None else None,
         },
         "noise": {"gyro": s.readings.white[0], "accel": s.readings.white[1]},
-    }  # fmt: skip
+    } | of_site(site.as_dict(), c.names, s.of_gravity[kept])  # fmt: skip
     tables: dict[str, TableData] = {}
     if given.shown:
         given.progress(0.8, "looking at what it rests on")
@@ -509,7 +511,7 @@ def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
     return Foresight(
         coefficients=replace(c, values=np.zeros(len(c))), linearised_at="no errors",
         plan=b.session.motion, duration=b.session.time, states=len(c), rank=len(c) - len(lost),
-        hardly=tuple(lost), bound=np.sqrt(np.diag(s.formal))[kept],
+        hardly=tuple(lost), bound=np.sqrt(np.diag(s.formal) + s.of_gravity**2)[kept],
         budget={k: v[kept] for k, v in parts.items()}, findings=tuple(told),
     )  # fmt: skip
 
