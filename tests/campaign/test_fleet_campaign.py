@@ -112,6 +112,7 @@ def test_the_order_of_the_positions_does_not_matter(tmp_path):
     np.testing.assert_allclose(two.values, one.values, rtol=0, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_broken_instruments_are_listed_and_the_others_go_on(tmp_path):
     described = bench(tmp_path / "bench", 12)
     before = fleet.run(described, tmp_path / "out")

@@ -63,6 +63,7 @@ def test_positions_are_ticked_to_the_verdict(name):
     assert not guide.mistakes
 
 
+@pytest.mark.thorough
 def test_in_another_order_with_one_forgotten_and_one_of_no_list():
     angles = positions("icosahedron 12")[1]
     other = angles[[5, 3, 0, 8, 11, 1, 2, 10, 9, 7, 6]]  # without the fifth
@@ -78,6 +79,7 @@ def test_in_another_order_with_one_forgotten_and_one_of_no_list():
     assert said[-1] == 22 and "22 of 24 done" in tasks[-1]
 
 
+@pytest.mark.thorough
 def test_it_stops_when_enough_is_known():
     want = {"accel.scale": "2 percent", "accel.bias": "0.1 m/s^2"}
     guide, said, _ = guided("norm_observation", made(), want)

@@ -74,7 +74,7 @@ def test_a_key_of_the_same_name_is_not_the_trusted_one(
     assert found.level is Level.DOUBTFUL and "not the trusted one" in found.doubts[0]
 
 
-@pytest.mark.parametrize("name", ["c.pdf", "c.xml"])
+@pytest.mark.parametrize("name", [pytest.param("c.pdf", marks=pytest.mark.thorough), "c.xml"])
 def test_no_edited_byte_goes_unseen(name: str, signed: Path, tmp_path: Path) -> None:
     """Bytes all over the file; in a tag of the DCC white space says nothing."""
     data = (signed / name).read_bytes()

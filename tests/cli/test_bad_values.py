@@ -66,7 +66,7 @@ def options_with_values() -> list[Any]:
             spelling = option.opts[-1]
             if option.param_type_name == "option" and not option.is_flag:
                 bad = "-1" if option.type_descriptor.annotation is int else "nonsense"
-                bad = "log.csv/below" if option.name in ("output", "plots") else bad
+                bad = "log.csv/below" if spelling in ("--output", "--plots", "--steps") else bad
                 if spelling not in ANY_WORDS:
                     out.append(pytest.param(words, spelling, bad, id=f"{words} {spelling}"))
     return out

@@ -285,6 +285,7 @@ def test_a_bad_plan_ends_with_3_and_names_what_it_does_not_see():
     assert "Seen by no leg\n+0.9" in result.output
 
 
+@pytest.mark.thorough
 def test_the_list_for_the_operator_and_keys_that_say_something_else(tmp_path):
     file = tmp_path / "operator.html"
     words = ("preflight", EXAMPLE, "--set", "procedure.rate_limit = 0.05 deg/s", "--steps", file)

@@ -42,12 +42,17 @@ def space_of(name: str):
     return optimisation.space_of(campaign.parse(f"{text}\n[optimise]\n{WANTED.get(name, '')}\n"))
 
 
+SLOW = ("multi_position", "turntable", "rate_table")
+QUICK = [pytest.param(n, marks=pytest.mark.thorough if n in SLOW else ()) for n in NAMES]
+"""Those that take seconds each only with the thorough tests."""
+
+
 def some_plan(space, seed: int = 0):
     """The best of some plans that are allowed."""
     return descend(space, np.random.default_rng(seed), 40).plan
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", QUICK)
 def test_what_is_compared_has_a_unit_a_weight_and_an_sd(name):
     space = space_of(name)
     assert len(space.names) == len(space.kinds) == len(space.weights) > 0
@@ -72,7 +77,7 @@ def test_a_plan_is_kept_written_and_shown(name):
     assert set(space.changes(plan)) <= {"procedure", "simulate"}
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", QUICK)
 def test_a_seed_finds_the_same_plan_here_and_in_another_process(name):
     space = space_of(name)
     plan, there = some_plan(space, 3), pickle.loads(pickle.dumps(space))

@@ -253,6 +253,7 @@ def test_held_out_parts_scatter_as_foreseen() -> None:
     assert sum(one.score > one.high for one in found) <= 11  # 1 %: more once in 1000
 
 
+@pytest.mark.thorough
 def test_errors_are_as_large_as_the_covariance_says() -> None:
     rng, total, trials = np.random.default_rng(5), 0.0, 400
     for _ in range(trials):

@@ -51,6 +51,7 @@ def test_what_noise_does_not_explain_is_repeatability() -> None:
 
 
 @pytest.mark.parametrize("runs", [6, 8])
+@pytest.mark.thorough
 def test_the_next_run_is_within_two_sd_as_often_as_it_should(runs: int) -> None:
     """Few runs tell how much they scatter: without Student's factor 7 to 8 % are outside."""
     rng, time, n = np.random.default_rng(5), np.arange(runs) * YEAR, 3000

@@ -70,6 +70,7 @@ def test_moved_added_and_removed(bench: Bench) -> None:
         assert rows(browser.get(page).text) == found
 
 
+@pytest.mark.thorough
 def test_a_campaign_is_written_anew_with_them(bench: Bench) -> None:
     """The file that is sent back holds the rests, and the command line takes it as it is."""
     campaign = b'[log]\nfile = "drive.csv"\n' \
