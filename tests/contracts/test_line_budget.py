@@ -17,7 +17,7 @@ BUDGET = {
     "cli": 5_668,
     "detect": 4_774,
     "diagnose": 11_969,
-    "estimate": 8_215,
+    "estimate": 8_222,
     "export": 3_758,
     "guard": 1_941,
     "infer": 3_657,
@@ -26,13 +26,13 @@ BUDGET = {
     "models": 6_367,
     "navigate": 2_110,
     "plans": 6_028,
-    "procedures": 20_028,
+    "procedures": 20_030,
     "recognise": 2_860,
     "report": 10_701,
     "records": 1_518,
     "simulate": 3_680,
     "symptoms": 87,
-    "workbench": 2_999,
+    "workbench": 3_007,
 }
 
 SLACK = 100

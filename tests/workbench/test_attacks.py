@@ -275,6 +275,15 @@ def test_wrong_passwords_are_kept_with_whose_when_and_from_where(
         assert not records.audit()
 
 
+def test_a_wrong_token_is_kept_as_a_wrong_password_is(with_accounts: Bench, browser: Any) -> None:
+    for token in ("a guess", "another one"):
+        said = browser.get("/api/jobs", headers={"Authorization": f"Bearer {token}"})
+        assert said.status_code == 401
+    assert browser.get("/api/jobs").status_code == 401  # none was given: nobody guessed
+    (row,) = with_accounts.people.refused()
+    assert (row["name"], row["address"], row["count"]) == ("", "testclient", 2)
+
+
 def test_who_tries_passwords_cannot_fill_the_disk(with_accounts: Bench, monkeypatch: Any) -> None:
     """Rows of a day are bounded whatever is tried from wherever, and old ones go."""
     made = with_accounts.people

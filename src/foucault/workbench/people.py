@@ -173,6 +173,13 @@ class People:
             with suppress(FoucaultError):  # records that cannot be written let nobody in
                 told(Account(name=whose, change="locked out", words=f"last from {address}"))
 
+    def of_token(self, token: str, address: str) -> Person | None:
+        """Return whose token a program gave, None for nobody's, which is kept as a wrong one."""
+        found = self.who(token, "token")
+        if found is None:
+            self._refuse("", address[:64], False, nobody)
+        return found
+
     def log_in(self, name: str, password: str, address: str, told: Told = nobody) -> str:
         """Return the token of a new session; raises ``workbench.login``, ``workbench.attempts``.
 

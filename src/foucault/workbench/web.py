@@ -105,8 +105,9 @@ class Guard:
         if scope["path"].startswith("/api/") and scope["path"] != "/api/openapi.json":
             kind, _, token = headers.get("authorization", "").partition(" ")
             if not alone or self.bench.open_to_others:  # before anything is read
-                who = self.bench.people.who(token.strip(), "token")
-                if kind.lower() != "bearer" or who is None:
+                address = (scope.get("client") or ("",))[0]
+                given = token.strip() if kind.lower() == "bearer" else ""
+                if not given or self.bench.people.of_token(given, address) is None:
                     return error("workbench.token")
         if scope["method"] not in ("GET", "HEAD", "OPTIONS"):
             # A page of another site may send a form here, but not hide where it is from.
