@@ -10,6 +10,7 @@ import subprocess
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 
 import uvicorn
@@ -84,6 +85,16 @@ class Crew:
             one.kill()
 
 
+def _ahead() -> None:
+    """Load what pages need when they are opened first: nobody then waits for it."""
+    from foucault.procedures import PROCEDURES, load
+
+    for name in ("foucault.records.history", "foucault.records.shown", "scipy.optimize"):
+        import_module(name)
+    for name in PROCEDURES:
+        load(name)
+
+
 def serve(
     folder: Path, host: str, port: int, database: str | None, workers: int,
     worker: Sequence[str], options: Callable[[str], list[Option]],
@@ -113,6 +124,7 @@ def serve(
     bench = Bench(store, database or str(folder / RECORDS), options, open_to_others,
                   below)  # fmt: skip
     crew = Crew(worker, workers)
+    threading.Thread(target=_ahead, daemon=True).start()
     shown = f"[{host}]" if ":" in host else host
     say(f"The workbench is at http://{shown}:{listening.getsockname()[1]}/ until Ctrl-C.")
     try:
