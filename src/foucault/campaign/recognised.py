@@ -112,8 +112,6 @@ class Found:
         if self.session.procedure is None:
             raise error("recognise.no_session", file=name, what=self.session.what,
                         why=self.session.why, todo=self.session.todo.format(file=name))  # fmt: skip
-        if self.session.procedure == "imu_pose" and not {"latitude", "gravity"} & self.site.keys():
-            raise error("recognise.place", file=name)
         return parse(self.text, self.recognised.files[0].parent / FILE)
 
 

@@ -72,6 +72,8 @@ class Way(Protocol):
 
     wanted: Wanted
     gyro: bool
+    spins: bool  # whether quiet times that turn are looked at, too
+    unlisted: bool  # whether the last was none of a list
 
     def first_step(self) -> Step:
         """Return what to begin with."""
@@ -184,7 +186,7 @@ class Guide:
         Spins are among them where the way asks for them.
         """
         first, last, turns = self.found.rests()
-        kept = ~turns | getattr(self.way, "spins", False)
+        kept = ~turns | self.way.spins
         return first[kept], last[kept]
 
     # -- after a rest ------------------------------------------------------------------------
@@ -202,7 +204,7 @@ class Guide:
         self.reached = reached
         if reached.C_nb.shape[0] == len(first):
             self._attitude = (int(last[-1]), reached.C_nb[-1])
-        if getattr(self.way, "unlisted", False) and not again:
+        if self.way.unlisted and not again:
             self._mistake("unlisted", int(first[-1]))
         if reached.solved or self._listed:
             self._floors(log, first, last)

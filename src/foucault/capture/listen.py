@@ -130,13 +130,13 @@ def listen(
     `name`: as of `opened`; `seconds`: how long [s]; `own`: files that describe frames, beside those
     of the program; `said`: keys of [log] that are known; `tell`: told what is being done.
     """
-    known = {one: frames.text_of(one) for one in (*own, *frames.shipped())}
-    known_ = {one: (text, frames.parsed(text, one)) for one, text in known.items()}
+    texts = {one: frames.text_of(one) for one in (*own, *frames.shipped())}
+    known = {one: (text, frames.parsed(text, one)) for one, text in texts.items()}
     first = opened(name)
     out = Listened(name)
     if isinstance(first, Serial) and first.chosen:
         first.close()
-        baud = _baud(first.port, known_, out, tell)
+        baud = _baud(first.port, known, out, tell)
         if baud is None:
             return out, b"", np.zeros((0, 2))
         out.name = f"serial:{first.port}:{baud}"
@@ -148,7 +148,7 @@ def listen(
     if len(when) > 1 and not isinstance(first, Growing):  # which may have been there before
         out.seconds = float(when[-1, 1] - when[0, 1])
     tell(f"{out.name}: looking for frames")
-    _judge(out, data, known_, said or {})
+    _judge(out, data, known, said or {})
     return out, data, when
 
 

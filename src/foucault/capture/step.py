@@ -175,6 +175,8 @@ class Begun:
     wanted: Wanted
     hold: float  # time to rest [s]
     gyro: bool = True
+    spins = False
+    unlisted = False
 
     @cached_property
     def prior(self) -> CoefficientVector:

@@ -629,7 +629,7 @@ def _stated(
     # Poses tell the size of what is added to gravity: its error is no scale of all that is read.
     heavier = replace(r, gravity=(r.gravity[0] + r.gravity[1], 0.0))
     off = one_pass(heavier, at, noise, hold).nu - left
-    of_gravity = J @ gain @ np.einsum("kqp,kq->p", M, off)
+    of_gravity = np.clip(J @ gain @ np.einsum("kqp,kq->p", M, off), -prior_sd, prior_sd)
     scaled = formal * np.outer(wide, wide) * factor**2
     held = np.minimum(1.0, prior_sd / np.sqrt(np.diag(scaled)))  # no more than was known before
     cov = J @ (scaled * np.outer(held, held)) @ J.T + np.outer(of_gravity, of_gravity)
