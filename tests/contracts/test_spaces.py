@@ -29,10 +29,17 @@ WANTED = {
     "systematic": "alike = false",
 }  # fmt: skip
 SLOW = ("systematic", "transfer_alignment", "continuous_spin")
-NAMES = [
-    pytest.param(name, marks=[pytest.mark.thorough] * (name in SLOW))
-    for name in PROCEDURES if load(name).space is not None
-]  # fmt: skip
+SEARCHED = ("multi_position", "turntable", "rate_table")
+"""Those whose searches, not one plan, take seconds: with the thorough tests too."""
+
+
+def searched(slow: tuple[str, ...]) -> list:
+    """The procedures with a space of plans, those of `slow` with the thorough tests."""
+    names = [name for name in PROCEDURES if load(name).space is not None]
+    return [pytest.param(n, marks=[pytest.mark.thorough] * (n in slow)) for n in names]
+
+
+NAMES, QUICK = searched(SLOW), searched(SLOW + SEARCHED)
 
 
 @cache
@@ -40,11 +47,6 @@ def space_of(name: str):
     text, _, _ = campaign.template(name).partition("# [optimise]")
     text += NOISE if name == "north_seeking" else ""  # it has to be known
     return optimisation.space_of(campaign.parse(f"{text}\n[optimise]\n{WANTED.get(name, '')}\n"))
-
-
-SLOW = ("multi_position", "turntable", "rate_table")
-QUICK = [pytest.param(n, marks=pytest.mark.thorough if n in SLOW else ()) for n in NAMES]
-"""Those that take seconds each only with the thorough tests."""
 
 
 def some_plan(space, seed: int = 0):
