@@ -299,6 +299,7 @@ def test_coloured_noise_widens_what_is_stated():
         result = solved(log, table)
         assert min(result.diagnostics["pose"]["lag_one"]) > 0.7
         e, cov = off(result, truth)
+        assert result.diagnostics["pose"]["colour"] < 1.4  # rows are white
         total += e @ np.linalg.solve(cov, e)
     low, high = chi_square_limits(n * len(e), tests=2)
     assert low < total < high

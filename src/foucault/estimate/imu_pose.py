@@ -10,8 +10,15 @@ Nodes are the samples before the poses. A pass is linear about parameters and mo
 eliminated by the filter of `kernels.pose`, whose white rows are all that is left.
 
 The noise of poses is coloured: their errors come from the cluster of markers, and stay for a while.
-White rows then are none, and the covariance of the fit is too small. The scores of blocks tell
+They are states beside those of the motion, ``e_k = rho e_k-1 + white``; size and rho are those that
+the smoothed errors have with their covariance, again and again, which is maximum likelihood [1].
+Where rows are not white even so, the covariance of the fit is too small: the scores of blocks tell
 their true scatter, ``P (sum s s') P``, and the two halves of the log whether that holds.
+
+References
+----------
+.. [1] R. H. Shumway, D. S. Stoffer, "An approach to time series smoothing and forecasting using the
+   EM algorithm", Journal of Time Series Analysis 3(4), 1982.
 """
 
 from __future__ import annotations
@@ -494,7 +501,7 @@ class Solution:
     of_gravity: FloatArray  # (32,) what one standard uncertainty of gravity makes of each [SI]
     spread: float  # by how much scores scatter more than white rows, as an sd [1]
     halves: float  # rms of the difference of the halves over its sd [1]
-    lag_one: tuple[float, float]  # correlation of attitude and position rows with the next [1]
+    lag_one: tuple[float, float]  # correlation of errors of attitude and position with the next [1]
     passes: int  # that were made [1]
     converged: bool
     prior_sd: FloatArray  # (32,)
@@ -717,7 +724,7 @@ def _stated(
     held = np.minimum(1.0, prior_sd / np.sqrt(np.diag(scaled)))  # no more than was known before
     cov = J @ (scaled * np.outer(held, held)) @ J.T + np.outer(of_gravity, of_gravity)
     cov = _without_circles(cov, at.lever_b, prior_sd)
-    lag = tuple(_lag_one(left[:, k : k + 3], p.used[:, k]) for k in (0, 3))
+    lag = [noise.stays[k] or _lag_one(left[:, 3 * k : 3 * k + 3], p.used[:, 3 * k]) for k in (0, 1)]
     return Solution(r, at, p, made, noise, cov, J @ formal @ J.T, of_gravity, spread, halves,
                     (lag[0], lag[1]), passes, settled, prior_sd, hold)  # fmt: skip
 
@@ -749,23 +756,26 @@ def budget(s: Solution) -> dict[str, FloatArray]:
     r, n = s.readings, s.noise
     about, J = linear(r, s.point, s.hold), s.point.of_values()
     gyros = linear(replace(r, white=(r.white[0], 0.0)), s.point, s.hold, motion=True).Q
-    more = (1 + STEP) ** 2 - 1
-    tried = {
-        "gyros": (replace(about, Q=about.Q + more * gyros), n),
-        "accelerometers": (replace(about, Q=about.Q + more * (about.Q - gyros)), n),
-        "position of the poses": (about, replace(n, position=n.position * (1 + STEP))),
+
+    def cov(of: str, by: float) -> FloatArray:
+        more = {"gyros": gyros, "accelerometers": about.Q - gyros}.get(of, 0.0 * gyros)
+        noise = replace(n, attitude=n.attitude * (by if of == "attitude of the poses" else 1.0),
+                        position=n.position * (by if of == "position of the poses" else 1.0)
+                        )  # fmt: skip
+        rows = eliminated(r, replace(about, Q=about.Q + (by**2 - 1) * more), noise).rows
+        seen = shown(rows.T @ rows, s.made, s.prior_sd)
+        return np.asarray(np.diag(J @ seen.covariance(s.prior_sd) @ J.T))
+
+    names = ["gyros", "accelerometers", "position of the poses"]
+    names += ["attitude of the poses"] * (r.C_vm is not None)
+    parts = {
+        name: np.maximum(cov(name, 1 + STEP) - cov(name, 1 - STEP), 0.0) / (4 * STEP)
+        for name in names
     }
-    if r.C_vm is not None:
-        tried["attitude of the poses"] = about, replace(n, attitude=n.attitude * (1 + STEP))
-    parts, formal = {}, np.diag(s.formal)
-    for name, (by, noise) in tried.items():
-        rows = eliminated(r, by, noise).rows
-        cov = shown(rows.T @ rows, s.made, s.prior_sd).covariance(s.prior_sd)
-        parts[name] = np.maximum(np.diag(J @ cov @ J.T) - formal, 0.0) / (2 * STEP)
     gravity = s.of_gravity**2
-    out = shares(parts, formal, np.diag(s.cov) - gravity, "colour of the poses' noise")
+    out = shares(parts, np.diag(s.formal), np.diag(s.cov) - gravity, "colour of the poses' noise")
     return out | {"local gravity": gravity}
 
 
-STEP = 1e-3
+STEP = 0.02
 """Part of a noise by which it is changed to see what hangs on it [1]."""

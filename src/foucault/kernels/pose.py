@@ -237,9 +237,9 @@ def forward(C, moved, J, Q, u, G, keep, stays, z, H, D, R, P0, nu, M, x_f, U_f, 
     """Filter the poses; fill nu (m, 6), M (m, 6, p) white, and x_f, U_f, P_f after each pose.
 
     C (m, 3, 3): attitude of the nodes; u (m, d): predicted less nominal; G (3, 2): gravity by
-    level; keep (m, d - 9), stays (d - 9,): of errors that stay; z (m, 6), H (m, 6, d), D (m, 6, p), R (m, 6): pose less nominal, its derivatives,
-    variances, infinite where there is none. Without parameters, p = 0, the motion alone. False
-    where a covariance is none.
+    level; keep (m, d - 9), stays (d - 9,): of errors that stay; z (m, 6), H (m, 6, d),
+    D (m, 6, p), R (m, 6): pose less nominal, its derivatives, variances, infinite where there is
+    none. Without parameters, p = 0, the motion alone. False where a covariance is none.
     """
     m, p, d = z.shape[0], D.shape[2], P0.shape[0]
     Phi, B, W, N = np.zeros((d, d)), np.zeros((d, p)), np.zeros((d, d)), np.zeros((d, d))
