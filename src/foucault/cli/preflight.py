@@ -111,6 +111,7 @@ def optimise(
         ),
     ] = None,
     seed: options.Seed = 0,
+    said: options.SaidOfCampaign = None,
     size: Annotated[
         int,
         typer.Option(
@@ -131,7 +132,7 @@ def optimise(
     from foucault.run_folder import CAMPAIGN_FILE
 
     screen: Screen = ctx.obj
-    campaign = load_or_template(what)
+    campaign = load_or_template(what, said or ())
     there = optimisation.finished(output)
     with (
         cluster.spread(screen, workers, scheduler, local_cluster) as map_,
