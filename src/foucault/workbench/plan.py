@@ -91,7 +91,7 @@ def planned(request: Request, name: str) -> Response:
                     procedure.grade, tuple(GRADES))  # fmt: skip
     done = [c for c in session if not c.key.endswith("_sd")]
     rest = [c for c in (*settings, *session) if c not in rig and c not in done]
-    from foucault.campaign.optimisation import improvable
+    from foucault.campaign.reading import improvable
 
     return page(
         request, "planned.html", name=name, what=procedure.summary, more=rest,
