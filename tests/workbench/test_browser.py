@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,12 @@ def pages(lab: Any) -> dict[str, str]:
 
 NAMES = ["start", "log", "run", "jobs", "logs", "instruments", "instrument", "due", "plan",
          "journal", "accounts", "login", "form", "compare", "export"]  # fmt: skip
+
+
+def slow_but(*quick: str, among: Sequence[str] = NAMES) -> list[Any]:
+    """Return pages to try; but for the `quick` ones with the thorough tests."""
+    slow = pytest.mark.thorough
+    return [pytest.param(name, marks=() if name in quick else slow) for name in among]
 
 
 # -- from the drop to what is kept -------------------------------------------------------------
@@ -381,7 +387,7 @@ CONTRAST = """() => {
 }"""
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", slow_but("start", "run", "form"))
 def test_a_page_is_read_narrow_dark_and_by_a_reader(
     laboratory: Any, opened: Opened, name: str
 ) -> None:
@@ -398,7 +404,7 @@ def test_a_page_is_read_narrow_dark_and_by_a_reader(
     assert page.evaluate(CONTRAST) == []
 
 
-@pytest.mark.parametrize("name", ["run", "instrument", "log"])
+@pytest.mark.parametrize("name", slow_but("run", among=("run", "instrument", "log")))
 def test_a_page_is_printed_without_what_is_clicked(
     laboratory: Any, opened: Opened, name: str
 ) -> None:
@@ -482,7 +488,7 @@ def test_all_of_it_goes_without_a_script(laboratory: Any, opened: Opened) -> Non
     assert held.value.suggested_filename == "result.json"
 
 
-@pytest.mark.parametrize("name", ["start", "instrument", "form", "plan"])
+@pytest.mark.parametrize("name", slow_but("form", among=("start", "instrument", "form", "plan")))
 def test_a_page_says_the_same_without_a_script(laboratory: Any, opened: Opened, name: str) -> None:
     address = laboratory.address + pages(laboratory)[name]
     texts = [opened(address, java_script_enabled=on).inner_text("main") for on in (True, False)]

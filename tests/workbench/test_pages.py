@@ -6,15 +6,15 @@ import io
 import json
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from commands import run
 from foucault.workbench.asked import shown
 from foucault.workbench.bench import Bench
 from make_records import make_records
@@ -63,8 +63,8 @@ def test_a_job_finds_what_the_command_line_finds(bench: Bench, browser: Any) -> 
     assert line.startswith("foucault calibrate logs/") and '--latitude "47.3 deg"' in line
     words = shlex.split(line)[1:]
     words[words.index("runs/2")] = "runs/by_hand"
-    subprocess.run([sys.executable, "-m", "foucault", *words], cwd=bench.folder, check=True,
-                   capture_output=True)  # fmt: skip
+    with chdir(bench.folder):
+        run(*words, code=0)
     texts = [(bench.folder / "runs" / k / "result.json").read_text() for k in ("2", "by_hand")]
     plain = []
     for text in texts:
@@ -250,7 +250,7 @@ def test_north_is_found_from_a_drop(tmp_path: Path) -> None:
     where = tmp_path / "north"
     for words in (["init", "north_seeking", "-o", str(tmp_path / "c.toml")],
                   ["simulate", str(tmp_path / "c.toml"), "-o", str(where)]):  # fmt: skip
-        subprocess.run([sys.executable, "-m", "foucault", "-q", *words], check=True)
+        run("-q", *words, code=0)
     sent = [("file", (f.name, f.read_bytes())) for f in sorted(where.iterdir())
             if f.name in ("campaign.toml", "log.csv")]  # fmt: skip
     bench = make_bench(tmp_path / "bench")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import subprocess
-import sys
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from commands import run
 from foucault.workbench.asked import shown
 from foucault.workbench.bench import Bench
 from make_workbench import client, log_text, make_bench, post, work_off
@@ -36,8 +36,8 @@ def by_hand(bench: Bench, job: Any) -> dict[str, Any]:
     """Return what the line that the page shows finds by itself."""
     words = shlex.split(shown(job.words))[1:]
     words[words.index("-o") + 1] = f"runs/hand{job.number}"
-    subprocess.run([sys.executable, "-m", "foucault", *words], cwd=bench.folder, check=True,
-                   capture_output=True)  # fmt: skip
+    with chdir(bench.folder):
+        run(*words, code=0)
     return result(bench, f"hand{job.number}")
 
 
