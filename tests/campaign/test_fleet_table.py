@@ -91,6 +91,7 @@ def test_those_that_are_alike_are_never_read_alone(tmp_path, monkeypatch) -> Non
     assert read == ["SN001"] and table.counts()["pass"] == 30
 
 
+@pytest.mark.thorough
 def test_a_table_is_read_back_and_has_its_page(tmp_path) -> None:
     described = bench(tmp_path / "bench", 12, extra=DECLARED)
     spoil(tmp_path / "bench", less)
