@@ -381,7 +381,8 @@ def test_template_loads_as_it_is(name: str) -> None:
     assert max(len(line) for line in text.splitlines()) <= 100
 
 
-LONG = ("transfer_alignment", "systematic", "imu_pose", "two_imus", "continuous_spin")
+LONG = {"transfer_alignment", "systematic", "imu_pose", "two_imus", "continuous_spin",
+        "magnetometer", "rate_table", "turntable", "multi_position"}  # fmt: skip
 """Procedures whose sessions are long as their templates have them."""
 
 

@@ -86,6 +86,7 @@ def test_it_stops_when_enough_is_known():
     assert guide.stopped == "enough" and 4 < said[-1] < 24
 
 
+@pytest.mark.thorough
 def test_accelerometers_alone_have_no_spins():
     log = made()
     used = LogDescription.model_validate({

@@ -429,7 +429,7 @@ def test_every_procedure_of_means_is_asked_to_be_exact() -> None:
     assert asked == set(MIXED) - {"hand_rotated"}, "which has test_one_error of its own"
 
 
-LONG = ("everything", "continuous_spin", "magnetometer")
+LONG = ("everything", "magnetometer", "rate_table", "turntable")
 """Ends of cases of many coefficients: each is given an error of its own."""
 
 
