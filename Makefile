@@ -35,8 +35,8 @@ plotly:
 # fixtures already. Programs that tests start should find what was compiled of Python.
 PYTEST = OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -n auto --dist worksteal
 
-# To rewrite what is asserted takes as long as a fifth of the tests, once for each worker in a fresh
-# clone: only what fails runs again with it, and then says its numbers.
+# To rewrite what is asserted takes each worker half a minute in a fresh clone: only what fails runs
+# again with it, and then says its numbers.
 tests: .venv/installed-dev
 	$(PYTEST) -m "not thorough" --assert=plain || \
 	  { $(PYTEST) -m "not thorough" --last-failed --last-failed-no-failures=none; exit 1; }

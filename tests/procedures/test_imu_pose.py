@@ -80,7 +80,11 @@ def as_sure_as_stated(result, truth, tests=4, without=()):
     return low < e[k] @ np.linalg.solve(cov[np.ix_(k, k)], e[k]) < high
 
 
-@pytest.mark.parametrize("how", [{}, {"late": 1.5e-3}, {"pose_rate": 30.0, "sd": (5e-3, 3e-3)}])
+@pytest.mark.parametrize("how", [
+    pytest.param({}, marks=pytest.mark.thorough),
+    pytest.param({"late": 1.5e-3}, marks=pytest.mark.thorough),
+    {"pose_rate": 30.0, "sd": (5e-3, 3e-3)},
+])  # fmt: skip
 def test_it_finds_what_another_simulator_put_in(how):
     log, table, truth = session(3, **how)
     result = solved(log, table)

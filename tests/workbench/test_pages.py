@@ -137,6 +137,7 @@ def test_what_a_run_leaves_is_downloaded_and_never_opened(bench: Bench, browser:
     assert "has left no file" in browser.get("/jobs/2/files/look.json").text
 
 
+@pytest.mark.thorough
 def test_a_result_is_exported_applied_and_compared(bench: Bench, browser: Any) -> None:
     log = log_of(bench)
     sent = post(browser, "/logs", files={"file": ("later.csv", log_text(2))})
@@ -219,8 +220,9 @@ def still() -> bytes:
 @pytest.mark.parametrize(("command", "options", "words"), [
     ("align", {"--latitude": "47.3 deg", "--gyro-bias-sd": "0.01 deg/h"},
      ("north is seen", "heading (deg)")),
-    ("navigate", {"--latitude": "47.3 deg", "--longitude": "8.5 deg", "--still": "yes"},
-     ("Report", "report.html")),
+    pytest.param("navigate", {"--latitude": "47.3 deg", "--longitude": "8.5 deg",
+                              "--still": "yes"}, ("Report", "report.html"),
+                 marks=pytest.mark.thorough),
 ])  # fmt: skip
 def test_a_heading_and_a_path_come_from_the_same_drop(
     tmp_path: Path, command: str, options: dict[str, str], words: tuple[str, ...]
