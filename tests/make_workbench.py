@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
+from contextlib import chdir
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ import httpx2 as httpx
 import typer.main
 from starlette.testclient import TestClient
 
+import commands
 import make_bare
 from foucault.cli.app import app
 from foucault.cli.serve import options_of, run
@@ -85,6 +88,12 @@ def work_off(bench: Bench) -> list[Job]:
         os.close(lock)
         os.chdir(before)
     return done
+
+
+def by_itself(words: Iterable[str], folder: Path) -> None:
+    """Run a line of the command line in a folder, without the workbench."""
+    with chdir(folder):
+        commands.run(*words, code=0)
 
 
 class Served:

@@ -7,18 +7,16 @@ import json
 import re
 import shlex
 from collections.abc import Iterator
-from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from commands import run
 from foucault.workbench.asked import shown
 from foucault.workbench.bench import Bench
 from make_records import make_records
-from make_workbench import client, log_text, make_bench, post, work_off
+from make_workbench import by_itself, client, log_text, make_bench, post, work_off
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +61,7 @@ def test_a_job_finds_what_the_command_line_finds(bench: Bench, browser: Any) -> 
     assert line.startswith("foucault calibrate logs/") and '--latitude "47.3 deg"' in line
     words = shlex.split(line)[1:]
     words[words.index("runs/2")] = "runs/by_hand"
-    with chdir(bench.folder):
-        run(*words, code=0)
+    by_itself(words, bench.folder)
     texts = [(bench.folder / "runs" / k / "result.json").read_text() for k in ("2", "by_hand")]
     plain = []
     for text in texts:
@@ -252,7 +249,7 @@ def test_north_is_found_from_a_drop(tmp_path: Path) -> None:
     where = tmp_path / "north"
     for words in (["init", "north_seeking", "-o", str(tmp_path / "c.toml")],
                   ["simulate", str(tmp_path / "c.toml"), "-o", str(where)]):  # fmt: skip
-        run("-q", *words, code=0)
+        by_itself(["-q", *words], tmp_path)
     sent = [("file", (f.name, f.read_bytes())) for f in sorted(where.iterdir())
             if f.name in ("campaign.toml", "log.csv")]  # fmt: skip
     bench = make_bench(tmp_path / "bench")
