@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterable
-from contextlib import chdir
+from contextlib import chdir, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -112,6 +113,12 @@ class Served:
         )  # fmt: skip
         said = self.process.stdout.readline()
         self.address = re.search(r"http://[\w.:]+", said)[0]
+        host, port = self.address.removeprefix("http://").split(":")
+        for _ in range(600):  # what pages need is loaded after the address is said
+            with suppress(OSError), socket.create_connection((host, int(port))):
+                return
+            time.sleep(0.05)
+        raise AssertionError(f"{self.address} does not answer")
 
     def end(self, how: int = signal.SIGTERM) -> None:
         self.process.send_signal(how)
