@@ -89,6 +89,7 @@ def test_it_is_built_as_an_archive_asks_signed_and_unsigned(tmp_path: Path) -> N
     assert PdfFileReader(io.BytesIO(pdf)).embedded_signatures[0].field_name == "Laboratory"
 
 
+@pytest.mark.thorough
 def test_the_same_content_makes_the_same_bytes(tmp_path: Path) -> None:
     made = make_certificate(tmp_path)
     first = issue.made(made)
