@@ -90,6 +90,7 @@ def test_it_is_built_as_an_archive_asks_signed_and_unsigned(tmp_path: Path) -> N
     assert PdfFileReader(io.BytesIO(pdf)).embedded_signatures[0].field_name == "Laboratory"
 
 
+@pytest.mark.thorough
 def test_another_program_takes_it_for_an_archive_and_sees_what_is_broken(tmp_path: Path) -> None:
     """A validator that is not ours; it looks at fonts, metadata and attachments, not at all."""
     made = make_full(tmp_path)
@@ -110,6 +111,7 @@ def validated(folder: Path, data: bytes) -> list[str]:
     return list(found["errors"])
 
 
+@pytest.mark.thorough
 def test_the_same_content_makes_the_same_bytes(tmp_path: Path) -> None:
     made = make_certificate(tmp_path)
     first = issue.made(made)

@@ -21,7 +21,7 @@ BUDGET = {
     "export": 3_758,
     "guard": 1_941,
     "infer": 3_657,
-    "kernels": 5_295,
+    "kernels": 5_300,
     "logs": 7_313,
     "models": 6_367,
     "navigate": 2_110,
