@@ -16,7 +16,7 @@ BUDGET = {
     "certificate": 2_034,
     "cli": 5_668,
     "detect": 4_774,
-    "diagnose": 11_969,
+    "diagnose": 11_983,
     "estimate": 8_222,
     "export": 3_758,
     "guard": 1_941,
@@ -29,10 +29,10 @@ BUDGET = {
     "procedures": 20_230,
     "recognise": 2_860,
     "report": 10_701,
-    "records": 1_518,
+    "records": 1_609,
     "simulate": 3_680,
     "symptoms": 87,
-    "workbench": 3_019,
+    "workbench": 3_061,
 }
 
 SLACK = 100
