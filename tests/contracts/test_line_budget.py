@@ -17,7 +17,7 @@ BUDGET = {
     "cli": 5_668,
     "detect": 4_774,
     "diagnose": 11_983,
-    "estimate": 8_311,
+    "estimate": 8_315,
     "export": 3_758,
     "guard": 1_941,
     "infer": 3_657,

@@ -448,7 +448,11 @@ def linear(r: Readings, at: Point, hold: IntArray, motion: bool = False) -> Line
 def one_pass(
     r: Readings, at: Point, noise: Noise, hold: IntArray, motion: bool = False
 ) -> Pass:  # fmt: skip
-    """Linearise about a point and eliminate the motion; arguments as of `linear`."""
+    """Linearise about a point and eliminate the motion.
+
+    `hold` (k,): numbers of parameters that are not estimated [1]; `motion`: alone, without any
+    parameters.
+    """
     return eliminated(r, linear(r, at, hold, motion), noise)
 
 
