@@ -35,6 +35,9 @@ LONGEST = 4096
 """Longest frame that is waited for; a length beyond it is taken for junk [bytes]."""
 
 
+BESIDES = frozenset(("time", "counter", "serial"))
+"""Fields that are no readings."""
+
 GAP = 20_000
 """More frames than these are not made up for: the counter began anew [1]."""
 
@@ -233,9 +236,17 @@ class Frame(Strict):
                     f"field {one.name} needs `item` where there are `items`, else `at`"
                 )
         names = [one.name for one in self.fields]
-        if not {"accel", "gyro"} & set(names):
-            raise ValueError("neither accel nor gyro is among the fields")
+        if not set(names) - BESIDES:
+            raise ValueError(
+                "neither accel nor gyro is among the fields, nor another reading, as of a "
+                "temperature or the angles of a table"
+            )
         return self
+
+    @cached_property
+    def imu(self) -> bool:
+        """Whether it is of an IMU, or of something beside one."""
+        return bool({"accel", "gyro"} & {one.name for one in self.fields})
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
@@ -428,7 +439,7 @@ class Decoder:
 
     def _numbers(self, values: dict[str, tuple[Any, ...]]) -> tuple[float, ...] | None:
         """Return the row of the values of a frame, scaled; None where it lacks what is wanted."""
-        if not {"accel", "gyro"} & values.keys():
+        if not self._needed & values.keys():
             return None
         out: list[float] = []
         for one, name, counts, bit, multiply, add in self._scales:
@@ -446,6 +457,12 @@ class Decoder:
             else:
                 out += [multiply * x / divide + add for x in got]
         return tuple(out)
+
+    @cached_property
+    def _needed(self) -> set[str]:
+        """Fields of which a frame has to have one."""
+        names = {one.name for one in self.frame.fields}
+        return {"accel", "gyro"} & names or names - BESIDES
 
     @cached_property
     def _scales(self) -> list[tuple[FrameField, str, bool, Bit | None, float, float]]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.capture.step import Reached, Step, Wanted
+from foucault.capture.step import UP, Reached, Step, Wanted
 from foucault.coefficients import CoefficientVector
 from foucault.models.rotation import aligning
 from foucault.models.turntable import TablePlan, chain
@@ -32,8 +32,6 @@ EDGES = 1.0
 
 AS_FAST = 0.5
 """A quiet time that turns by so much of the rate of a spin is one [1]."""
-
-UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass
