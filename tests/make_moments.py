@@ -81,6 +81,9 @@ def moments(made: Fed, page: Any) -> Iterator[str]:
     page.wait_for_selector("#guide.learn, #guide.rest", timeout=60_000)
     made.send(5.5)
     page.wait_for_selector("#guide.rest", timeout=60_000)
+    while made.state()["ring"] < 0.5:
+        page.wait_for_timeout(200)
+    page.wait_for_timeout(1000)
     yield "rest"
     made.send(6.0)
     page.wait_for_selector("#rests:has-text('1')", timeout=60_000)

@@ -163,10 +163,8 @@ def test_enough_calibrates_what_was_recorded(tmp_path: Path, opened: Callable[..
         page = opened("about:blank")
         made.begin(page)
         made.send(90.0)
-        while (
-            "state" not in vars(made)
-            and not (made.served.folder / "runs" / str(made.number) / STATE_FILE).exists()
-        ):
+        file = made.served.folder / "runs" / str(made.number) / STATE_FILE
+        while not file.exists():
             page.wait_for_timeout(100)
         while made.state()["rests"] < 6:
             page.wait_for_timeout(200)

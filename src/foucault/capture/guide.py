@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -101,6 +102,10 @@ class Way(Protocol):
 
     def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
         """Return what would be known after everything possible; `first`, `last` (n,): rests."""
+        ...
+
+    def leave(self, folder: Path) -> Path | None:
+        """Write what is calibrated beside the log; return its campaign, None: that of the log."""
         ...
 
 

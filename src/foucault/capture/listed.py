@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -155,3 +156,7 @@ class OnTable:
     def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
         """Return what will be known after all of the list; `first`, `last` (n,): rests."""
         return self._known(np.ones(len(self.ticked), bool), reached.C_nb)
+
+    def leave(self, folder: Path) -> Path | None:
+        """Leave nothing but the log."""
+        return None

@@ -72,7 +72,7 @@ class Recording:
             raise error("capture.there", folder=self.folder)
         self._decoder = decoder_of(self.frame, self.heard)
         self._files = {name: self._open(name) for name in (RAW, ARRIVALS, LOG)}
-        self._waiting: list[tuple[float, ...]] = []
+        self._waiting: list[FloatArray] = []
         self._last = np.zeros((0, 2))  # when the last row was made, and heard [s]
         self._written = self._safe = time.monotonic()
 
@@ -83,16 +83,16 @@ class Recording:
             reason = problem.strerror or str(problem)
             raise error("output.unwritable", path=self.folder / name, reason=reason) from None
 
-    def take(self, data: bytes, now: float) -> list[tuple[float, ...]]:
-        """Take bytes that were heard at `now` [s], and return the rows that they complete."""
-        rows = list[tuple[float, ...]]()
+    def take(self, data: bytes, now: float) -> FloatArray:
+        """Take bytes that were heard at `now` [s]; return the rows that they complete, (n, k)."""
+        rows = np.zeros((0, len(self.frame.columns) + 1))
         if data:
             self.size += len(data)
             self.start += data[: max(0, BEGIN - len(self.start))]
             self._write(RAW, data)
             self._write(ARRIVALS, np.array([len(data), now]).tobytes())
-            rows = [(*row, now) for row in self._decoder.feed(data)]
-            self._waiting += rows
+            rows = heard_at(self._decoder.rows(data), now)
+            self._waiting += [rows] * bool(len(rows))
         if time.monotonic() - self._written > EVERY:
             self.flush()
         return rows
@@ -100,10 +100,10 @@ class Recording:
     def flush(self) -> None:
         """Write the rows that wait."""
         if self._waiting:
-            rows = np.array(self._waiting, "<f8")
-            self._write(LOG, rows.tobytes())
+            rows = np.concatenate(self._waiting)
+            self._write(LOG, rows.astype("<f8").tobytes())
             self._watch(rows)
-            self.rows += len(self._waiting)
+            self.rows += len(rows)
             self._waiting = []
         self._written = time.monotonic()
         if self._written - self._safe > SAFE:
@@ -145,6 +145,11 @@ class Recording:
         for file in self._files.values():
             file.close()
         return concluded(self.folder, self.frame, self.heard, text, self.slept)
+
+
+def heard_at(rows: FloatArray, now: float) -> FloatArray:
+    """Return rows (n, k) with when they were heard, `now`, as their last column, (n, k + 1) [s]."""
+    return np.column_stack([rows, np.full(len(rows), now)])
 
 
 class Plug(NamedTuple):
@@ -203,13 +208,13 @@ def again(folder: Path) -> dict[str, Any]:
     frame = parsed((folder / FRAME).read_text(), FRAME)
     raw, arrivals = (folder / RAW).read_bytes(), (folder / ARRIVALS).read_bytes()
     pairs = np.frombuffer(arrivals[: len(arrivals) // 16 * 16]).reshape(-1, 2)
-    decoder, at, rows = decoder_of(frame, Heard()), 0, list[tuple[float, ...]]()
+    decoder, at, rows = decoder_of(frame, Heard()), 0, list[FloatArray]()
     for size, now in pairs.tolist():
-        rows += [(*row, now) for row in decoder.feed(raw[at : at + int(size)])]
+        rows.append(heard_at(decoder.rows(raw[at : at + int(size)]), now))
         at += int(size)
-    rows += [(*row, pairs[-1, 1] if len(pairs) else 0.0) for row in decoder.feed(raw[at:])]
+    rows.append(heard_at(decoder.rows(raw[at:]), pairs[-1, 1] if len(pairs) else 0.0))
     with atomic(folder / LOG) as temporary:
-        temporary.write_bytes(np.array(rows, "<f8").tobytes())
+        temporary.write_bytes(np.concatenate(rows).astype("<f8").tobytes())
     told = folder / CAMPAIGN  # of a guided session it says more than how by hand
     return concluded(folder, frame, decoder.heard, told.read_text() if told.is_file() else None)
 

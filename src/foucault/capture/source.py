@@ -27,8 +27,9 @@ MOST = 1 << 16
 WAIT = 0.1
 """Time to wait for bytes before something else is done [s]."""
 
-GATHER = 0.004
-"""What arrives within this after something is handed on together [s]."""
+GATHER, MUCH = 0.015, 2000
+"""What arrives within this after something is handed on together [s]; sooner where it was so much
+[bytes], that no buffer of a port runs over."""
 
 AGAIN = 0.5
 """Time between two tries to open a source again [s]."""
@@ -94,7 +95,7 @@ def together(sources: Sequence[Source]) -> Generator[tuple[int, bytes, float], N
             while not (stop.is_set() or source.ended):
                 if data := source.read(WAIT):
                     heard.put((number, data, time.monotonic()))
-                    time.sleep(GATHER)
+                    time.sleep(GATHER if len(data) < MUCH else GATHER / 8)
             heard.put(None)
         except BaseException as problem:  # whoever listens is told
             heard.put(problem)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -191,3 +192,7 @@ class Begun:
     def prior(self) -> CoefficientVector:
         """What is known beforehand, as wide as instruments differ where nothing is."""
         return widely(self.wanted, self.given.prior)
+
+    def leave(self, folder: Path) -> Path | None:
+        """Leave nothing but the log."""
+        return None

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -17,6 +19,9 @@ if TYPE_CHECKING:
 
 HEARD, NOTHING = 0, 3
 """Exit codes."""
+
+OFTEN = 0.25
+"""What is heard is told so often [s]."""
 
 
 @command(
@@ -91,12 +96,18 @@ def capture(
             (name, frame.parsed(text, of), text)
             for name, (of, text) in zip(sources, texts, strict=True)
         ]
-        folder = output
+        folder, told = output, [0.0]
+
+        def now(heard: Sequence[tuple[Recording, float]]) -> None:
+            if monotonic() - told[0] > OFTEN:
+                told[0] = monotonic()
+                tell(0.0, _now(heard))
+
         with screen.progress() as tell:
             said = several.record(
                 [recording.Plug(opened(name, baud), made, text) for name, made, text in plugs],
                 output, serial or (), seconds=for_, silent=silence,
-                tell=lambda now: tell(0.0, _now(now)),
+                tell=now,
             )  # fmt: skip
     for k, one in enumerate(said.get("each", [said])):
         head = f"{k + 1}: {said['sources'][k]}: " if "each" in said else ""
@@ -115,11 +126,10 @@ def capture(
 
 def _now(now: Sequence[tuple[Recording, float]]) -> str:
     """Say what is heard of each source, and what is wrong."""
-    from foucault.capture.said import Words
     from foucault.capture.several import twins
     from foucault.capture.trouble import troubles
 
-    words, out = Words.of(), []
+    words, out = _words(), []
     for k, (one, silence) in enumerate(now):
         heard = one.heard
         line = f"{heard.frames} frames, {heard.broken} broken, {heard.lost} lost"
@@ -129,6 +139,13 @@ def _now(now: Sequence[tuple[Recording, float]]) -> str:
     serial = twins([one for one, _ in now])
     out += [] if serial is None else [words.say("trouble.twins", serial=serial)]
     return "; ".join(out)
+
+
+@cache
+def _words() -> Any:
+    from foucault.capture.said import Words
+
+    return Words.of()
 
 
 def _together(said: dict[str, Any]) -> list[str]:
