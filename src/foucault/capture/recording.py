@@ -148,7 +148,10 @@ class Recording:
 
 
 def heard_at(rows: FloatArray, now: float) -> FloatArray:
-    """Return rows (n, k) with when they were heard, `now`, as their last column, (n, k + 1) [s]."""
+    """Return rows with when they were heard as their last column, shape (n, k + 1).
+
+    `rows` (n, k): numbers of frames [units of the frame]; `now`: when they were heard [s].
+    """
     return np.column_stack([rows, np.full(len(rows), now)])
 
 

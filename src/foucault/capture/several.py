@@ -51,7 +51,8 @@ def record(
     """Record sources together until they end, and return what there is to say of the session.
 
     `serials`: of the IMUs in the order of their sources, else what their frames say, else their
-    number; the others as of `recording.record` [s].
+    number; `seconds` or None: how long [s]; `silent` or None: end where nothing comes of any for
+    so long [s]; `tell`: as of `recording.record`.
     """
     names = [plug.source.name for plug in plugs]
     if twice := {n for n in names if names.count(n) > 1}:

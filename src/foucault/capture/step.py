@@ -186,7 +186,7 @@ class Begun:
     gyro: bool = True
     spins = False
     unlisted = False
-    done: tuple[int, int] | None = None
+    done: tuple[int, int] | None = None  # of a list, which there is not [1]
 
     @cached_property
     def prior(self) -> CoefficientVector:

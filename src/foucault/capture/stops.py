@@ -71,7 +71,7 @@ class AtStops:
     gyro: bool = True
     spins = False
     unlisted: bool = False  # whether the last rest was none of the list
-    # Of each stop that is done: first sample and the sample after its last.
+    # first sample of each stop that is done, and the sample after its last [1]
     at: list[tuple[int, int]] = field(default_factory=list)
     _log: IndexedLog | None = None
     _sd: FloatArray | None = None  # (p,) after the last whole set-up [SI]
