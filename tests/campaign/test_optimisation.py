@@ -164,10 +164,10 @@ def test_another_search_is_refused(searched):
 
 
 def test_a_procedure_without_plan_is_refused(tmp_path):
-    with refuses("optimise.procedure", "ferraris"):
-        optimisation.run(campaign.parse(campaign.template("ferraris")), tmp_path)
+    with refuses("optimise.procedure", "hand_rotated"):
+        optimisation.run(campaign.parse(campaign.template("hand_rotated")), tmp_path)
     with refuses("optimise.procedure"):
-        campaign.parse(campaign.template("ferraris") + '\n[optimise]\naxes = "x"\n')
+        campaign.parse(campaign.template("hand_rotated") + '\n[optimise]\naxes = "x"\n')
 
 
 def test_a_folder_without_search_is_refused(tmp_path):

@@ -29,7 +29,7 @@ WANTED = {
     "systematic": "alike = false",
 }  # fmt: skip
 SLOW = ("systematic", "transfer_alignment", "continuous_spin")
-SEARCHED = ("multi_position", "turntable", "rate_table")
+SEARCHED = ("six_position", "ferraris", "multi_position", "turntable", "rate_table")
 """Those whose searches, not one plan, take seconds: with the thorough tests too."""
 
 

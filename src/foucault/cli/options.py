@@ -277,7 +277,7 @@ SearchedOrName = Annotated[
     typer.Argument(
         help="A campaign file, or the name of a procedure whose plan can be searched for: "
         "rate_table, norm_observation, multi_position, turntable, north_seeking, platform_tumble, "
-        "systematic, transfer_alignment, continuous_spin."
+        "systematic, transfer_alignment, continuous_spin, six_position, ferraris."
     ),
 ]
 LogFile = Annotated[

@@ -123,10 +123,10 @@ def face_plan(
     placement_sd: float = 0.0,
     level_sd: float = 0.0,
     angle_sd: float = 0.0,
-    repeated: int = 0,
+    faces: Sequence[tuple[int, int]] = (*SIX[4:], *SIX[:4]),
     seed: int = 0,
 ) -> RestPlan:
-    """Plan the six faces, and a turn and another rest on each face with an axis up.
+    """Plan the six faces, and a turn and another rest where an axis is up for the first time.
 
     A rest on a face is off by a random angle about each of two level axes, the placement. A turn
     is about an axis that is off the vertical by another one, for the support is not level, and its
@@ -136,22 +136,21 @@ def face_plan(
     turn [s]; `angle`: angle of the turns about the axis that is up, of all or of x, y and z, None
     plans no turns [rad]; `placement_sd`, `level_sd`, `angle_sd`: standard deviation of the tilt
     of each placement about each axis, of the axis of a turn against the vertical, and of its
-    angle [rad]; `repeated`: faces, from the first on, that are rested on again at the end [1];
-    `seed`: seed of headings and errors [1].
+    angle [rad]; `faces`: in their order, each by its axis and +1 where that points up, z up first,
+    as logs are described by default [1]; `seed`: seed of headings and errors [1].
     """
     rng = np.random.default_rng(seed)
     attitudes: list[FloatArray] = []
     rotations: list[FloatArray] = []
     times: list[float] = []
-    order = (*SIX[4:], *SIX[:4])  # z up first, as logs are described by default
-    for k, (axis, sign) in enumerate((*order, *order[:repeated])):
+    for k, (axis, sign) in enumerate(faces):
         up_b = _tilted(sign * np.eye(3)[axis], placement_sd, rng)
         C = exp(rng.uniform(-np.pi, np.pi) * _UP) @ aligning(up_b, _UP)
         if attitudes:
             rotations.append(log(attitudes[-1].T @ C))
             times.append(move_time)
         attitudes.append(C)
-        if angle is not None and sign > 0 and k < len(order):
+        if angle is not None and sign > 0 and (axis, sign) not in faces[:k]:
             nominal = float(np.broadcast_to(angle, 3)[axis])
             turned = (nominal + angle_sd * rng.standard_normal()) * _tilted(up_b, level_sd, rng)
             rotations.append(turned)

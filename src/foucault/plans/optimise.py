@@ -128,6 +128,25 @@ class Space:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StatedSpace(Space):
+    """A space every plan of which is judged by what a calibration would state of it."""
+
+    def fits(self, plan: Any) -> bool:
+        """Whether a plan may be compared with others."""
+        return plan is not None
+
+    def cost(self, plan: Any) -> float:
+        """Return the weighted mean logarithm of sd over that of the plan to beat."""
+        if plan is None or not self.fits(plan):
+            return inf
+        counts = self.weights > 0
+        ours, theirs = (self.sd(p, self.cases[0])[counts] for p in (plan, self.reference))
+        theirs = np.where(np.isfinite(theirs), theirs, 1.0)
+        total = float(self.weights[counts] @ np.log(ours / theirs)) / self.weights.sum()
+        return total if np.isfinite(total) else inf
+
+
+@dataclass(frozen=True, kw_only=True)
 class QuickSpace(Space):
     """A space whose plans are judged nearly while it is searched, and exactly in the end."""
 

@@ -15,6 +15,7 @@ References
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -36,6 +37,7 @@ from foucault.estimate.faces import (
 from foucault.guard.rest import between_rests
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.plans.directions import RestPlan, face_plan
+from foucault.procedures import faces_search as search
 from foucault.procedures import on_faces
 from foucault.procedures.on_faces import FaceSession, FaceSettings, Observed
 from foucault.procedures.record import Given, Procedure
@@ -103,7 +105,7 @@ class Session(FaceSession):
         return face_plan(
             rest_time=self.rest_time, move_time=self.move_time, turn_time=self.turn_time,
             angle=settings.angle, placement_sd=placement, level_sd=level, angle_sd=angle,
-            repeated=self.repeated, seed=seed,
+            faces=self.placed, seed=seed,
         )  # fmt: skip
 
     @property
@@ -203,6 +205,9 @@ PROCEDURE = Procedure(
     observe=_stated,
     again=lambda model, log, _: on_faces.again(model, log),
     additions=on_faces.additions,
+    space=partial(search.space, "ferraris"),
+    Wanted=search.Wanted,
+    evaluations=search.EVALUATIONS,
     sizes=lambda session, _: session.sizes,
     names=lambda settings, _: names_of(settings),
 )

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from itertools import groupby, pairwise
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
@@ -36,6 +37,10 @@ from foucault.result import Result
 from foucault.strict import Strict
 from foucault.tables import SPIKES, Log, range_below_g
 from foucault.units import AngleSd, Seconds
+
+FaceName = Literal["z_p", "z_a", "x_p", "x_a", "y_p", "y_a"]
+FACES = {name: ("xyz".index(name[0]), 1 if name[2] == "p" else -1) for name in get_args(FaceName)}
+"""Name of a face as `sections` has it, z up first -> its axis, and +1 where that points up."""
 
 
 class FaceSettings(record.EarthRate, record.Terms):
@@ -68,6 +73,33 @@ class FaceSession(Strict):
     """How far placements are off, about each of two axes."""
     repeated: int = Field(default=0, ge=0, le=6)
     """So many of the first faces are rested on again at the end, which shows a drift."""
+    order: tuple[FaceName, ...] = Field(
+        default=(), examples=[["z_p", "x_p", "y_p", "z_a", "x_a", "y_a", "z_p"]]
+    )
+    """Faces in the order of the rests, each by name, p with the axis up and a with it down; empty:
+    z first, then x and y."""
+
+    @field_validator("order")
+    @classmethod
+    def _known(cls, order: tuple[str, ...]) -> tuple[str, ...]:
+        missing = [name for name in FACES if name not in order] if order else []
+        if missing:
+            raise ValueError(f"each of the six faces is needed; {', '.join(missing)} is missing")
+        twice = [a for a, b in pairwise(order) if a == b]
+        if twice:
+            raise ValueError(f"{twice[0]} twice in turn is one rest: make the rests longer")
+        return order
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of the faces that are rested on, in their order; one twice in turn is one rest."""
+        order = self.order or tuple(FACES)
+        return tuple(face for face, _ in groupby((*order, *order[: self.repeated])))
+
+    @property
+    def placed(self) -> list[tuple[int, int]]:
+        """The faces that are rested on as `plans.directions.face_plan` has them [1]."""
+        return [FACES[name] for name in self.faces]
 
     @property
     def perfect(self) -> Self:
@@ -79,7 +111,7 @@ class FaceSession(Strict):
         """Return the rests; `seed`: seed of what is drawn of them [1]."""
         return face_plan(
             rest_time=self.rest_time, move_time=self.move_time,
-            placement_sd=self.placement_sd, repeated=self.repeated, seed=seed,
+            placement_sd=self.placement_sd, faces=self.placed, seed=seed,
         )  # fmt: skip
 
 

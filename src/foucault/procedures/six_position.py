@@ -13,8 +13,11 @@ References
 
 from __future__ import annotations
 
+from functools import partial
+
 from foucault.detect.noise import without_spikes
 from foucault.guard import rest as turns
+from foucault.procedures import faces_search as search
 from foucault.procedures import on_faces
 from foucault.procedures.on_faces import FaceSession, FaceSettings, Observed
 from foucault.procedures.record import Given, Procedure
@@ -59,6 +62,9 @@ PROCEDURE = Procedure(
     observe=lambda log, given: _observed(log, given).model(given),
     again=lambda model, log, _: on_faces.again(model, log),
     additions=on_faces.additions,
+    space=partial(search.space, "six_position"),
+    Wanted=search.Wanted,
+    evaluations=search.EVALUATIONS,
     sizes=lambda session, _: {"placement": session.placement_sd},
     names=lambda settings, _: settings.estimated(turns=False),
 )

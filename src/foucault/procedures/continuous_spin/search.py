@@ -7,7 +7,7 @@ same time, that which fills the time of the session. It is judged by what a cali
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf, log
+from math import log
 from typing import Any, get_args
 
 import numpy as np
@@ -17,7 +17,7 @@ from foucault import procedures, units
 from foucault.arrays import FloatArray
 from foucault.models.imu import LAYOUT
 from foucault.plans.limit import Limit
-from foucault.plans.optimise import Space, require_seen, weights_of
+from foucault.plans.optimise import StatedSpace, require_seen, weights_of
 from foucault.procedures.continuous_spin.model import SPAN
 from foucault.procedures.rate_table.model import in_si
 from foucault.procedures.record import Beforehand, Stated
@@ -107,17 +107,8 @@ class Tool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpinSpace(Space):
+class SpinSpace(StatedSpace):
     """The spins that a tool allows."""
-
-    def cost(self, plan: Plan | None) -> float:
-        """Return the weighted mean logarithm of sd over that of the plan to beat."""
-        if plan is None:
-            return inf
-        counts = self.weights > 0
-        ours, theirs = (self.sd(p, HERE)[counts] for p in (plan, self.reference))
-        total = float(self.weights[counts] @ np.log(ours / theirs)) / self.weights.sum()
-        return total if np.isfinite(total) else inf
 
     def changes(self, plan: Plan) -> dict[str, dict[str, Any]]:
         """Return what makes a campaign do this plan: keys of its tables, as in the file."""

@@ -23,7 +23,7 @@ from foucault import procedures, units
 from foucault.arrays import FloatArray
 from foucault.models.imu import LAYOUT
 from foucault.plans.limit import Limit
-from foucault.plans.optimise import Space, require_seen, weights_of
+from foucault.plans.optimise import StatedSpace, require_seen, weights_of
 from foucault.procedures.rate_table.model import Session, Settings, in_si
 from foucault.procedures.record import Beforehand, Stated
 from foucault.simulate.rate_table import RatePlan
@@ -174,7 +174,7 @@ def _sd(known: Beforehand[Settings, Session], plan: Plan, _: str) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RateSpace(Space):
+class RateSpace(StatedSpace):
     """The rates that a table allows, for the coefficients of the gyros."""
 
     allowed: Table
@@ -185,15 +185,9 @@ class RateSpace(Space):
         """Those that no allowed plan shows."""
         return self.blind
 
-    def cost(self, plan: Plan | None) -> float:
-        """Return the weighted mean logarithm of sd over that of the plan to beat."""
-        if plan is None or not self.allowed.fits(plan):
-            return inf
-        counts = self.weights > 0
-        ours, theirs = (self.sd(p, HERE)[counts] for p in (plan, self.reference))
-        theirs = np.where(np.isfinite(theirs), theirs, 1.0)
-        total = float(self.weights[counts] @ np.log(ours / theirs)) / self.weights.sum()
-        return total if np.isfinite(total) else inf
+    def fits(self, plan: Plan) -> bool:
+        """Whether enough of its speeds are well apart."""
+        return self.allowed.fits(plan)
 
     def changes(self, plan: Plan) -> dict[str, dict[str, Any]]:
         """Return what makes a campaign do this plan: keys of its tables, as in the file."""

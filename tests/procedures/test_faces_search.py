@@ -1,0 +1,76 @@
+"""Orders of faces that are sought: every one calibrates, and what drifts makes faces repeat."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from foucault import campaign
+from foucault.campaign import optimisation
+from foucault.plans.optimise import descend
+from foucault.procedures import ferraris, load, six_position
+from foucault.procedures.faces_search import NAMES, FaceSpace
+from foucault.procedures.on_faces import FACES
+
+
+@cache
+def space_of(name: str, wanted: str = "") -> FaceSpace:
+    text, _, _ = campaign.template(name).partition("# [optimise]")
+    return optimisation.space_of(campaign.parse(f"{text}\n[optimise]\n{wanted}\n"))
+
+
+def test_every_plan_rests_on_each_face_in_the_time_there_is() -> None:
+    bench = space_of("ferraris", 'time = "3 min"\nrests = 12\nrest_time = "4 s"').allowed
+    rng, plan, kept = np.random.default_rng(2), None, 0
+    for _ in range(400):
+        plan = bench.draw(rng) if plan is None else bench.moved(plan, rng, 0.5)
+        if plan is None:
+            continue
+        kept += 1
+        rest, faces = plan
+        assert set(faces) == set(FACES) and len(faces) <= 12 and rest >= 4
+        assert all(a != b for a, b in pairwise(faces))
+        done = bench.steps(plan)
+        assert 180 - 0.1 * len(done.rest_time) <= done.duration <= 180 + 1e-6
+        assert len(done.rest_time) == len(faces) + 3  # one turn about each axis, whatever repeats
+    assert kept > 100
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ["six_position", "ferraris"])
+def test_faces_are_rested_on_again_where_that_shows_more(name: str) -> None:
+    space = space_of(name)
+    found = descend(space, np.random.default_rng(0), 25)
+    rest, faces = found.plan
+    assert space.reference[1] == NAMES and len(faces) > len(NAMES) and found.cost < -0.02
+    assert all(limit.kept for limit in space.needs(found.plan))
+    # The file does what was judged.
+    told = space.changes(found.plan)["simulate"]
+    session = load(name).Session.model_validate({"order": told["order"], "rest_time": rest})
+    assert session.faces == faces
+    assert session.plan(load(name).Settings(), 0).duration == pytest.approx(
+        space.duration(found.plan)
+    )
+
+
+def test_only_sizes_of_what_drifts_ask_for_faces_again() -> None:
+    """With white noise alone a rest again costs the time of a move and shows nothing."""
+    text, _, _ = campaign.template("six_position").partition("# [optimise]")
+    text = text.replace("[instrument]\n", "[instrument]\nleft_out = false\n")
+    text = text.replace('# placement_sd = "5 arcmin"', 'placement_sd = "0 arcmin"')
+    space = optimisation.space_of(campaign.parse(f"{text}\n[optimise]\n"))
+    again = space.allowed.filled([*NAMES, *NAMES])
+    assert space.cost(again) > -0.01
+    assert space_of("six_position").cost(again) < -0.1
+
+
+@pytest.mark.parametrize("module", [six_position, ferraris])
+def test_an_order_without_a_face_or_with_one_twice_in_turn_is_refused(module) -> None:
+    with pytest.raises(ValidationError, match="y_a is missing"):
+        module.Session(order=("z_p", "z_a", "x_p", "x_a", "y_p"))
+    with pytest.raises(ValidationError, match="z_p twice in turn"):
+        module.Session(order=("z_p", "z_p", "z_a", "x_p", "x_a", "y_p", "y_a"))
