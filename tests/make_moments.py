@@ -16,7 +16,7 @@ WANT = {"accel.bias": "0.3 mg", "accel.scale": "300 ppm"}
 HOLD = 4.0
 """Time to rest [s]."""
 
-FRAME = 40
+FRAME = 43
 """Length of a frame of the simulated instrument [bytes]."""
 
 

@@ -32,7 +32,7 @@ USED = LogDescription.model_validate({
 
 def told(simulate: str = PLAN) -> campaign.Campaign:
     text = campaign.template("north_seeking")
-    head, _, rest = text.partition("[simulate]")
+    head, _, _rest = text.partition("[simulate]")
     head = head.replace("# left_out = false", "left_out = false", 1)
     return campaign.parse(f"{head}[simulate]\n{simulate}\n", "north.toml")
 
@@ -72,7 +72,7 @@ class Rig:
 
 
 def fed(guide: Guide, log: Log) -> None:
-    for k in range(0, len(log), 50):
+    for k in range(0, len(log), 10):
         guide.add(log[k : k + 10])
 
 
@@ -80,6 +80,7 @@ def guide_of(said: campaign.Campaign, **more: Any) -> Guide:
     return ways.guide_of(ways.Asked(said, hold=16.0, **more), USED)
 
 
+@pytest.mark.thorough
 def test_the_list_is_gone_through_and_what_was_turned_too_far_is_said():
     said = told()
     guide, rig, words = guide_of(said), Rig(said), Words.of()

@@ -129,6 +129,7 @@ def guided(
             for data, now in coming:
                 heard = now if data else heard
                 live.silence = now - heard
+                live.recorder.heard.reopened = getattr(source, "lost", 0)
                 for k in range(0, max(len(data), 1), TOGETHER):
                     ended = live.take(data[k : k + TOGETHER], now - begun)
                     if ended and live.guide is not None:

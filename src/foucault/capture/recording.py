@@ -188,6 +188,7 @@ def record(
         with closing(together([plug.source for plug in plugs])) as coming:
             for k, data, now in coming:
                 heard[k] = now if data else heard[k]
+                held[k].heard.reopened = getattr(plugs[k].source, "lost", 0)
                 held[k].take(data, now - begun)
                 tell([(one, now - last) for one, last in zip(held, heard, strict=True)])
                 if seconds is not None and now - begun >= seconds:
