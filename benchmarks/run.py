@@ -76,6 +76,11 @@ print(json.dumps(best))
 """
 )
 
+# Another program's time is that of its process, which reads the files too.
+TIME_WITH_READING = TIME_SOLVE.replace("log = read_log(campaign)\n", "").replace(
+    "    module.calibrate(log,", "    module.calibrate(read_log(campaign),"
+)
+
 COMMAND = (
     LOAD_XSENS
     + """
@@ -234,11 +239,12 @@ def calibration_rows() -> list[Row]:
         solve = measure(likelihood + TIME_SOLVE)
         recipe = measure(published + TIME_SOLVE)
         peer = measure(published + SCIPY_PEER)
-        imu_tk = "imu_tk, C++, with reading its files, recorded"
+        read = measure(published + TIME_WITH_READING)
+        imu_tk = "imu_tk, C++, its process, which reads too, recorded"
         out += [
             Row("51,175-row log, full calibration with checks and held-out rests, CPU", solve,
-                0.25, imu_tk, 0.76),
-            Row("same log, published recipe, CPU", recipe, None, imu_tk, 0.76),
+                0.25),
+            Row("same log, published recipe with reading its files, CPU", read, None, imu_tk, 0.76),
             Row("same log, published recipe, CPU", recipe, None,
                 "its gyro cost alone in NumPy and SciPy, CPU", peer),
             Row("`foucault calibrate` end to end with report, wall", measure(likelihood + COMMAND),
@@ -328,7 +334,7 @@ def tumble_rows() -> list[Row]:
     every, averaged, published, whole = measure(platform_tumble.PASS)
     dense, filterpy = measure(platform_tumble.DENSE), measure(platform_tumble.FILTERPY)
     what = "tumble of 27,000 readings, 45 unknowns"
-    given = "of 45 states, matrices given, CPU"
+    given = "of 45 states, dense, matrices given, CPU"
     return [
         Row(f"{what}, one Gauss-Newton pass, CPU", every, 0.022, f"NumPy filter {given}", dense),
         Row(f"{what}, one Gauss-Newton pass, CPU", every, 0.022, f"filterpy {given}", filterpy),
@@ -460,7 +466,8 @@ def main() -> None:
         "",
         "Not compared: what does other work. pyins navigates to latitude, longitude and angles at "
         "every step and its filter takes in an update at every sample; PSINS was timed on another "
-        "machine. imu_tk reads its files within its time.",
+        "machine. The peers of the tumble multiply whole matrices; ours knows their zeros, as any "
+        "filter written for this problem would.",
         "",
         "What misses its target, and why: of the averaged pass over a tumble, integrating 27,000 "
         "steps of attitude takes 2.5 ms. The history of 250,000 navigated samples, 24 MB, stands "

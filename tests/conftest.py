@@ -7,6 +7,7 @@ the values it was filled with.
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 from collections.abc import Iterator
@@ -55,6 +56,12 @@ def every_text_reads_well(request: pytest.FixtureRequest) -> Iterator[None]:
     yield
     if request.node.path.parent.name not in ("fuzz", "contracts"):
         assert not _odd
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Keep what was collected, a million objects, out of every later search for garbage."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
+from contextlib import chdir, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,7 @@ import httpx2 as httpx
 import typer.main
 from starlette.testclient import TestClient
 
+import commands
 import make_bare
 from foucault.cli.app import app
 from foucault.cli.serve import options_of, run
@@ -87,6 +91,12 @@ def work_off(bench: Bench) -> list[Job]:
     return done
 
 
+def by_itself(words: Iterable[str], folder: Path) -> None:
+    """Run a line of the command line in a folder, without the workbench."""
+    with chdir(folder):
+        commands.run(*words, code=0)
+
+
 class Served:
     """A workbench that `foucault serve` serves."""
 
@@ -103,6 +113,12 @@ class Served:
         )  # fmt: skip
         said = self.process.stdout.readline()
         self.address = re.search(r"http://[\w.:]+", said)[0]
+        host, port = self.address.removeprefix("http://").split(":")
+        for _ in range(600):  # what pages need is loaded after the address is said
+            with suppress(OSError), socket.create_connection((host, int(port))):
+                return
+            time.sleep(0.05)
+        raise AssertionError(f"{self.address} does not answer")
 
     def end(self, how: int = signal.SIGTERM) -> None:
         self.process.send_signal(how)

@@ -381,7 +381,15 @@ def test_template_loads_as_it_is(name: str) -> None:
     assert max(len(line) for line in text.splitlines()) <= 100
 
 
-@pytest.mark.parametrize("name", procedures.PROCEDURES)
+LONG = {"transfer_alignment", "systematic", "imu_pose", "two_imus", "continuous_spin",
+        "magnetometer", "rate_table", "turntable", "multi_position"}  # fmt: skip
+"""Procedures whose sessions are long as their templates have them."""
+
+
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=[pytest.mark.thorough] * (name in LONG))
+    for name in procedures.PROCEDURES
+])  # fmt: skip
 def test_template_runs_as_it_is_on_its_simulated_log(name: str, tmp_path: Path) -> None:
     session = campaign.simulate(campaign.parse(campaign.template(name)))
     result = campaign.calibrate(campaign.save_session(session, tmp_path))

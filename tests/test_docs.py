@@ -74,7 +74,14 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("code", blocks("python"))
+STUDIES = ("trust", "plans", "delay", "transfer_alignment")
+"""Pages whose Python takes seconds."""
+
+
+@pytest.mark.parametrize("code", [
+    pytest.param(*p.values, id=p.id, marks=[pytest.mark.thorough] * (Path(p.id).stem in STUDIES))
+    for p in blocks("python")
+])  # fmt: skip
 def test_python_in_the_docs_runs(
     code: str, session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -153,7 +160,8 @@ def test_every_procedure_has_an_example_and_the_guide_names_each() -> None:
         assert f"]({file.name})" in guide, file.name
 
 
-LONG = ("transfer_alignment", "systematic")
+LONG = ("transfer_alignment", "systematic", "platform_tumble", "imu_pose", "continuous_spin",
+        "two_imus", "turntable")  # fmt: skip
 """Examples that take seconds."""
 
 

@@ -55,7 +55,10 @@ def told(folder) -> dict[str, dict[str, object]]:
     return {s: {n: v[i] for n, v in saved.items()} for i, s in enumerate(saved["serial"])}
 
 
-@pytest.mark.parametrize("change", [less, mixed], ids=["spoiled", "rows mixed"])
+@pytest.mark.parametrize("change", [
+    pytest.param(less, id="spoiled", marks=pytest.mark.thorough),
+    pytest.param(mixed, id="rows mixed"),
+])  # fmt: skip
 def test_the_table_is_that_of_the_folders(tmp_path, change) -> None:
     described = bench(tmp_path / "bench", 14, extra=DECLARED)
     spoil(tmp_path / "bench", change)
@@ -91,6 +94,7 @@ def test_those_that_are_alike_are_never_read_alone(tmp_path, monkeypatch) -> Non
     assert read == ["SN001"] and table.counts()["pass"] == 30
 
 
+@pytest.mark.thorough
 def test_a_table_is_read_back_and_has_its_page(tmp_path) -> None:
     described = bench(tmp_path / "bench", 12, extra=DECLARED)
     spoil(tmp_path / "bench", less)

@@ -95,6 +95,7 @@ def spread_of(name: str) -> float:
     return grade("mems").spread[name.rpartition(".")[0]]
 
 
+@pytest.mark.thorough
 def test_the_same_bytes_for_any_number_of_workers_and_after_an_interruption(tmp_path: Path):
     c = described(SIX)
     for workers in (1, 2, 4):

@@ -224,6 +224,7 @@ def test_what_is_wanted_must_be_estimated():
     assert problem.value.code == "guide.procedure"
 
 
+@pytest.mark.thorough
 def test_over_a_pseudo_terminal(tmp_path: Path):
     """What is recorded while it is guided calibrates to what the guide has said."""
     told = asked(want=LOOSE)

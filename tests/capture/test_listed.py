@@ -35,20 +35,20 @@ def made(name: str = "norm_observation", seed: int = 3, **settings) -> Log:
 
 def guided(name: str, log: Log, want: dict[str, str] | None = None, **settings):
     guide, said, tasks = ways.guide_of(ways.Asked(told(name, **settings), want=want), USED), [], []
+    words = Words.of()
     assert guide.done == (0, len(guide.way.plan))
     for k in range(0, len(log), 20):
         guide.add(log[k : k + 20])
         said.append(guide.done[0])
-        tasks.append(Words.of().task(guide))
+        tasks.append(words.task(guide))
         if guide.stopped:
             break
     return guide, said, tasks
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [
-    "norm_observation",
-    pytest.param("multi_position", marks=pytest.mark.thorough),
-    pytest.param("turntable", marks=pytest.mark.thorough),
+    "norm_observation", "multi_position", "turntable",
 ])  # fmt: skip
 def test_positions_are_ticked_to_the_verdict(name):
     guide, said, tasks = guided(name, made(name))
@@ -79,13 +79,13 @@ def test_in_another_order_with_one_forgotten_and_one_of_no_list():
     assert said[-1] == 22 and "22 of 24 done" in tasks[-1]
 
 
-@pytest.mark.thorough
 def test_it_stops_when_enough_is_known():
     want = {"accel.scale": "2 percent", "accel.bias": "0.1 m/s^2"}
     guide, said, _ = guided("norm_observation", made(), want)
     assert guide.stopped == "enough" and 4 < said[-1] < 24
 
 
+@pytest.mark.thorough
 def test_accelerometers_alone_have_no_spins():
     log = made()
     used = LogDescription.model_validate({

@@ -213,6 +213,7 @@ def test_a_port_of_no_one_and_a_silent_one(monkeypatch):
         os.close(slave)
 
 
+@pytest.mark.thorough
 def test_a_file_and_what_is_made_of_it(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(listen, "END", 0.1)
     log = turned()

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pdf_oxide
 import pytest
 from pyhanko.pdf_utils.reader import PdfFileReader
 
@@ -89,6 +90,28 @@ def test_it_is_built_as_an_archive_asks_signed_and_unsigned(tmp_path: Path) -> N
     assert PdfFileReader(io.BytesIO(pdf)).embedded_signatures[0].field_name == "Laboratory"
 
 
+@pytest.mark.thorough
+def test_another_program_takes_it_for_an_archive_and_sees_what_is_broken(tmp_path: Path) -> None:
+    """A validator that is not ours; it looks at fonts, metadata and attachments, not at all."""
+    made = make_full(tmp_path)
+    key = signature.load(make_key(tmp_path)[0], PASSWORD)
+    for pdf in (issue.made(made)[1], issue.made(made, key)[1]):
+        assert validated(tmp_path, pdf) == []
+        for part, word in ((b"/Metadata", "XMP"), (b"/FontFile", "FONT"),
+                           (b"/AFRelationship", "FILE")):  # fmt: skip
+            found = validated(tmp_path, pdf.replace(part, part[:-1] + b"z"))
+            assert found and all(f"[{word}-" in line for line in found)
+
+
+def validated(folder: Path, data: bytes) -> list[str]:
+    """Return what pdf_oxide finds wrong with a PDF/A-3b."""
+    (folder / "looked_at.pdf").write_bytes(data)
+    found = pdf_oxide.PdfDocument(str(folder / "looked_at.pdf")).validate_pdf_a("3b")
+    assert found["valid"] == (not found["errors"])
+    return list(found["errors"])
+
+
+@pytest.mark.thorough
 def test_the_same_content_makes_the_same_bytes(tmp_path: Path) -> None:
     made = make_certificate(tmp_path)
     first = issue.made(made)

@@ -36,6 +36,7 @@ def test_a_session_is_guided_to_its_report(heard: Path, tmp_path: Path):
         assert (tmp_path / "run" / name).is_file(), name
 
 
+@pytest.mark.thorough
 def test_as_json_in_another_language(heard: Path, tmp_path: Path):
     made = run("calibrate", heard / "campaign.toml", "--live", heard / "heard.bin", "--frames",
                "sbg_imu_short", "-o", tmp_path / "run", "--hold", "5 s", *WANTED,
@@ -71,6 +72,7 @@ def test_bars():
     assert bar(10.0).count("█") == BAR and bar(0.1).count("█") == 1
 
 
+@pytest.mark.thorough
 def test_pictures_of_every_moment(heard: Path, tmp_path: Path):
     """What a terminal is drawn, from silence to the end."""
     from rich.console import Console

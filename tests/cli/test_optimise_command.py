@@ -104,6 +104,19 @@ def test_the_report_can_be_written_again(search):
     assert page.read_bytes() == before
 
 
+@pytest.mark.thorough
+def test_a_search_keeps_what_is_set(tmp_path):
+    """Another key makes another search, and the plan that is written says it."""
+    campaign, folder = write_campaign(tmp_path), tmp_path / "search"
+    few = ("--restarts", 1, "--evaluations", 20, "--round", 2, "--workers", 1)
+    said = run(
+        "optimise", campaign, "-o", folder, *few, "--set", "procedure.rate_limit = 0.3 deg/s"
+    )
+    assert said.exit_code in (0, 3), said.output
+    assert 'rate_limit = "0.3 deg/s"' in (folder / "campaign.toml").read_text(encoding="utf-8")
+    assert run("optimise", campaign, "-o", folder, *few).exit_code == 1
+
+
 # -- a search that goes on -------------------------------------------------------------------------
 
 

@@ -6,7 +6,7 @@ model, an estimate, a budget and a plan have to be is here. `SESSIONS` has one q
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -136,6 +136,11 @@ def fitted(name: str) -> tuple[Result, Any]:
             (SESSIONS | VARIANTS)[name], session(name).log, noise=told(name), whole=True
         )
     return result, found[-1] if found else None
+
+
+def quick_for(names: Iterable[str]) -> list[Any]:
+    """Return the procedures, those that are not named with the thorough tests."""
+    return [pytest.param(n, marks=[pytest.mark.thorough] * (n not in names)) for n in PROCEDURES]
 
 
 def test_every_procedure_has_a_session() -> None:
@@ -336,7 +341,7 @@ def test_nothing_is_known_without_any_doubt(name: str) -> None:
     assert np.linalg.eigvalsh(c.cov / np.outer(c.sd, c.sd)).min() > 0
 
 
-@pytest.mark.parametrize("name", PROCEDURES)
+@pytest.mark.parametrize("name", quick_for(PROCEDURES.keys() - {"transfer_alignment", "imu_pose"}))
 def test_the_same_log_gives_the_same_bits_and_a_trial_the_same_numbers(name: str) -> None:
     case, log, one = SESSIONS[name], session(name).log, fitted(name)[0]
     two = solved(case, log, noise=told(name), whole=True)
@@ -424,8 +429,12 @@ def test_every_procedure_of_means_is_asked_to_be_exact() -> None:
     assert asked == set(MIXED) - {"hand_rotated"}, "which has test_one_error of its own"
 
 
+LONG = ("everything", "magnetometer", "rate_table", "turntable")
+"""Ends of cases of many coefficients: each is given an error of its own."""
+
+
 @pytest.mark.parametrize("case", [
-    pytest.param(case, marks=pytest.mark.thorough if case.endswith("everything") else ())
+    pytest.param(case, marks=pytest.mark.thorough if case.endswith(LONG) else ())
     for case in EXACT
 ])  # fmt: skip
 def test_one_error_returns_exactly_that_error(case: str) -> None:
@@ -672,7 +681,7 @@ class Trial:
         return dict(zip(c.names, c.values.tolist(), strict=True))
 
 
-@pytest.mark.parametrize("name", PROCEDURES)
+@pytest.mark.parametrize("name", quick_for(["six_position", "north_seeking", "norm_observation"]))
 def test_one_worker_and_four_find_the_same_bits(name: str) -> None:
     alone = list(monte_carlo.run(Trial(name), range(3), 7))
     together = list(monte_carlo.run(Trial(name), range(3), 7, monte_carlo.threads(4)))

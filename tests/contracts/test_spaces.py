@@ -65,7 +65,7 @@ def test_what_is_compared_has_a_unit_a_weight_and_an_sd(name):
     assert space.limits and space.reference_name
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", QUICK)
 def test_a_plan_is_kept_written_and_shown(name):
     space = space_of(name)
     plan = some_plan(space)

@@ -7,6 +7,7 @@ import re
 import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from string import Formatter
 from typing import Any
@@ -26,12 +27,14 @@ WINDOW = 12
 """So many letters of a text that no three rows share are words of its own [1]."""
 
 
-CODE = "\n".join(
-    re.sub(r"(?ms)^ *#[^\n]*$|\"\"\".*?\"\"\"", "", path.read_text(encoding="utf-8"))
-    for path in sorted(SOURCE.rglob("*.py"))
-    if path.parent.name != "symptoms"
-)
-"""The program without its remarks and docstrings."""
+@cache
+def code() -> str:
+    """Return the program without its remarks and docstrings."""
+    return "\n".join(
+        re.sub(r"(?ms)^ *#[^\n]*$|\"\"\".*?\"\"\"", "", path.read_text(encoding="utf-8"))
+        for path in sorted(SOURCE.rglob("*.py"))
+        if path.parent.name != "symptoms"
+    )
 
 
 def spoken() -> Iterator[str]:
@@ -75,7 +78,7 @@ class Anything:
 
 
 def test_every_symptom_is_raised_somewhere() -> None:
-    assert set(SYMPTOMS) <= set(re.findall(r'"([\w.]+)"', CODE))
+    assert set(SYMPTOMS) <= set(re.findall(r'"([\w.]+)"', code()))
 
 
 @pytest.mark.thorough
@@ -84,29 +87,29 @@ def test_every_symptom_is_told_in_a_test() -> None:
 
 
 def test_every_code_that_is_raised_has_a_row() -> None:
-    used = re.findall(r'\b(?:error|finding)\(\s*"([\w.]+)"', CODE)
+    used = re.findall(r'\b(?:error|finding)\(\s*"([\w.]+)"', code())
     assert len(used) > 20
     assert set(used) <= set(SYMPTOMS)
 
 
-@pytest.mark.parametrize("row", SYMPTOMS.values(), ids=list(SYMPTOMS))
-def test_its_words_can_be_filled_in(row) -> None:
-    fields = {
-        name.split(".")[0].split("[")[0]
-        for text in (row.message, row.cure)
-        for _, name, _, _ in Formatter().parse(text)
-        if name is not None
-    }
-    assert "" not in fields, "fields have names"
-    values = dict.fromkeys(fields, Anything())
-    made = finding(row.code, **values)
-    assert row.severity in ("error", "warning", "note")
-    assert made.severity == row.severity
-    for text in (row.symptom, made.message, made.cure):
-        assert text.strip() and "{" not in text
-    problem = error(row.code, **values)
-    assert isinstance(problem, FoucaultError)
-    assert str(problem) == f"{made.message} {made.cure}"
+def test_their_words_can_be_filled_in() -> None:
+    for code, row in SYMPTOMS.items():
+        fields = {
+            name.split(".")[0].split("[")[0]
+            for text in (row.message, row.cure)
+            for _, name, _, _ in Formatter().parse(text)
+            if name is not None
+        }
+        assert "" not in fields, f"{code}: fields have names"
+        values = dict.fromkeys(fields, Anything())
+        made = finding(row.code, **values)
+        assert row.severity in ("error", "warning", "note"), code
+        assert made.severity == row.severity, code
+        for text in (row.symptom, made.message, made.cure):
+            assert text.strip() and "{" not in text, code
+        problem = error(row.code, **values)
+        assert isinstance(problem, FoucaultError), code
+        assert str(problem) == f"{made.message} {made.cure}", code
 
 
 def keys_in(schema: Any) -> Iterator[str]:
@@ -120,7 +123,6 @@ def keys_in(schema: Any) -> Iterator[str]:
             yield from keys_in(value)
 
 
-KEYS = set(keys_in(campaign.schema()))
 OTHER_KEYS = {
     "axis",  # "body axis = declared column"
     "end", "orientation", "diagnostics",  # of Python
@@ -133,6 +135,7 @@ SPELLINGS = {s for c in COMMANDS.values() for o in options(c) for s in (*o.opts,
 
 
 def test_what_they_advise_exists() -> None:
+    keys_of_files = set(keys_in(campaign.schema()))
     for text in (text for row in SYMPTOMS.values() for text in (row.message, row.cure)):
         assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", text)) <= SPELLINGS, text
         for line in re.findall(r"`foucault ([^`]*)`", text):
@@ -146,4 +149,4 @@ def test_what_they_advise_exists() -> None:
         assert not re.search(r"--[a-z-]+ '|install '", text), 'cmd.exe knows only "'
         keys = re.findall(r"(?<![\w.`\"{-])([a-z][a-z_.]+) = ", text)
         keys += re.findall(r"`([a-z][a-z_]+)`", text) + re.findall(r"\[([a-z][a-z_.]+)\]", text)
-        assert {key.split(".")[-1] for key in keys} <= KEYS | OTHER_KEYS, text
+        assert {key.split(".")[-1] for key in keys} <= keys_of_files | OTHER_KEYS, text

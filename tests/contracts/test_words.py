@@ -7,6 +7,7 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from string import Formatter
 
@@ -35,12 +36,14 @@ def _assigned(name: ast.expr, around: ast.AST) -> Iterator[ast.expr]:
             yield from (value for one, value in pairs if ast.unparse(one) == ast.unparse(name))
 
 
-PARSED = {
-    str(file.relative_to(ROOT)): ast.parse(text)
-    for file in ROOT.rglob("*.py")
-    if re.search(r"\b[cC]heck\(", text := file.read_text())
-}
-"""File -> what it says, where it makes a check."""
+@cache
+def parsed() -> dict[str, ast.Module]:
+    """Return file -> what it says, where it makes a check."""
+    return {
+        str(file.relative_to(ROOT)): ast.parse(text)
+        for file in ROOT.rglob("*.py")
+        if re.search(r"\b[cC]heck\(", text := file.read_text())
+    }
 
 
 class Use:
@@ -81,10 +84,11 @@ class Use:
         return {field for part in parts for field in self.fields(part)}
 
 
-def _uses() -> dict[str, list[Use]]:
+@cache
+def uses() -> dict[str, list[Use]]:
     """Return the uses of every key."""
     out = defaultdict(list)
-    for module in PARSED.values():
+    for module in parsed().values():
         for around in (n for n in ast.walk(module) if isinstance(n, ast.FunctionDef)):
             for node in ast.walk(around):
                 named = isinstance(node, ast.Call) and ast.unparse(node.func)
@@ -95,28 +99,23 @@ def _uses() -> dict[str, list[Use]]:
     return out
 
 
-USES = _uses()
-WORDS = sentences()
-
-
 def test_every_row_is_used_and_every_use_has_a_row() -> None:
-    assert set(USES) == set(WORDS)
+    assert set(uses()) == set(sentences())
 
 
-@pytest.mark.parametrize("key", WORDS)
-def test_every_use_gives_what_the_sentences_say(key: str) -> None:
-    wanted = {field for text in WORDS[key] for _, field, _, _ in Formatter().parse(text) if field}
-    for use in USES[key]:
-        assert wanted <= use.given | {"value", "low", "high"}
+def test_every_use_gives_what_the_sentences_say() -> None:
+    for key, row in sentences().items():
+        wanted = {field for text in row for _, field, _, _ in Formatter().parse(text) if field}
+        for use in uses()[key]:
+            assert wanted <= use.given | {"value", "low", "high"}, key
 
 
-@pytest.mark.parametrize("key", WORDS)
-def test_sentences_have_single_blanks_and_end_in_a_full_stop(key: str) -> None:
-    row = WORDS[key]
-    for text in filter(None, (row.fine, row.below, row.above, row.unlikely)):
-        assert "  " not in text and text == text.strip()
-        assert text.endswith(".") or re.split(r"[{}]", text)[-2] in LEFT_TO_THE_VALUES
-    assert not row.fine.startswith("...")
+def test_sentences_have_single_blanks_and_end_in_a_full_stop() -> None:
+    for key, row in sentences().items():
+        for text in filter(None, (row.fine, row.below, row.above, row.unlikely)):
+            assert "  " not in text and text == text.strip(), key
+            assert text.endswith(".") or re.split(r"[{}]", text)[-2] in LEFT_TO_THE_VALUES, key
+        assert not row.fine.startswith("..."), key
 
 
 def test_sentences_of_kept_results_have_single_blanks_and_end_in_a_full_stop() -> None:
@@ -132,7 +131,7 @@ def test_sentences_of_kept_results_have_single_blanks_and_end_in_a_full_stop() -
 
 def test_no_other_module_writes_the_sentence_of_a_check() -> None:
     found = {
-        file for file, module in PARSED.items() for node in ast.walk(module)
+        file for file, module in parsed().items() for node in ast.walk(module)
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "Check"
         and any(k.arg for k in node.keywords) | bool(node.args)
     }  # fmt: skip

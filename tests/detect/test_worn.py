@@ -88,7 +88,7 @@ def test_a_window_with_missing_samples_is_left_out(tmp_path):
     assert "log.gap" in [f.code for f in found.findings]
 
 
-@pytest.mark.parametrize("suffix", ["parquet", "csv.gz"])
+@pytest.mark.parametrize("suffix", ["parquet", pytest.param("csv.gz", marks=pytest.mark.thorough)])
 def test_the_campaign_calibrates_it_block_by_block(tmp_path, monkeypatch, suffix):
     worn_log(tmp_path, everywhere(), suffix=suffix)
     monkeypatch.setattr(running, "STREAMED", 1)

@@ -32,6 +32,7 @@ def made(seed=0, share=0.0, size=20.0, noisier=1.0, rounded=0.0):
     return Log(np.arange(n) / RATE, gyro=out[0], accel=out[1])
 
 
+@pytest.mark.thorough
 def test_the_declared_noise_of_a_clean_log_is_kept_in_99_of_100():
     told = [noise_at_rest(made(seed), RESTS, DECLARED) for seed in range(100)]
     assert sum(t.noise != DECLARED for t in told) <= 4  # binomial, 1 % a log, 1 in 300

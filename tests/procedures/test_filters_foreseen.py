@@ -112,6 +112,7 @@ def test_what_a_motion_shows_is_a_matter_of_the_motion():
     assert told.share[told.names.index("gyro.bias.x")] > 0.8
 
 
+@pytest.mark.thorough
 def test_one_setting_takes_a_slave_back_to_the_published_states():
     c = planned("transfer_alignment", declared=False)
     source = replace(c, settings=c.settings.model_copy(update={"left_out": False}))

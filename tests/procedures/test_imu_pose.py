@@ -48,6 +48,7 @@ def off(result, truth):
     return c.values - np.array([true[n] for n in c.names]), c.cov
 
 
+@pytest.mark.thorough
 def test_the_uncertainty_of_gravity_is_counted():
     """What it moves is what the calibration with another gravity says; the rest stays as it was."""
     log, table, _ = session()
@@ -79,7 +80,11 @@ def as_sure_as_stated(result, truth, tests=4, without=()):
     return low < e[k] @ np.linalg.solve(cov[np.ix_(k, k)], e[k]) < high
 
 
-@pytest.mark.parametrize("how", [{}, {"late": 1.5e-3}, {"pose_rate": 30.0, "sd": (5e-3, 3e-3)}])
+@pytest.mark.parametrize("how", [
+    pytest.param({}, marks=pytest.mark.thorough),
+    pytest.param({"late": 1.5e-3}, marks=pytest.mark.thorough),
+    {"pose_rate": 30.0, "sd": (5e-3, 3e-3)},
+])  # fmt: skip
 def test_it_finds_what_another_simulator_put_in(how):
     log, table, truth = session(3, **how)
     result = solved(log, table)
@@ -88,6 +93,7 @@ def test_it_finds_what_another_simulator_put_in(how):
     assert result.coefficients["pose.lever"].sd.max() < (2e-4 if "sd" not in how else 2e-3)
 
 
+@pytest.mark.thorough
 def test_positions_alone_tell_all_but_the_rotation():
     log, table, truth = session(4)
     result = solved(log, replace(table, quaternion=None))
@@ -95,6 +101,7 @@ def test_positions_alone_tell_all_but_the_rotation():
     assert not [n for n in result.coefficients.names if n.startswith("pose.rotation")]
 
 
+@pytest.mark.thorough
 def test_two_percent_of_outliers_and_lost_seconds_do_no_harm():
     log, table, truth = session(5)
     rng = np.random.default_rng(2)
@@ -202,7 +209,10 @@ def test_preflight_says_the_motion_to_make():
 # -- what people do wrong --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("reading", READINGS)
+@pytest.mark.parametrize("reading", [
+    pytest.param(reading, marks=[pytest.mark.thorough] * (k > 0))
+    for k, reading in enumerate(READINGS)
+])  # fmt: skip
 def test_order_and_direction_of_a_quaternion_are_told_by_the_data(reading):
     log, table, truth = session()
     order, sign = READINGS[reading]
@@ -213,6 +223,7 @@ def test_order_and_direction_of_a_quaternion_are_told_by_the_data(reading):
     assert as_sure_as_stated(result, truth)
 
 
+@pytest.mark.thorough
 def test_a_world_whose_y_axis_is_up_is_no_error():
     log, table, truth = session()
     C = Rotation.from_euler("x", -90, degrees=True)

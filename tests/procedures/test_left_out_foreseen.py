@@ -58,7 +58,9 @@ def foreseen(name, sizes=True, **session):
     return procedures.load(name).foreseen(asked)
 
 
-@pytest.mark.parametrize("name", PLANS)
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=[pytest.mark.thorough] * (name == "hand_rotated")) for name in PLANS
+])  # fmt: skip
 def test_preflight_says_what_a_calibration_states(name) -> None:
     procedure, (settings, session) = procedures.load(name), PLANS[name]
     sim = procedure.simulate(
@@ -242,7 +244,10 @@ MANY = 16
 
 
 @pytest.mark.parametrize("rows", ["samples", "means"])
-@pytest.mark.parametrize("name", ["norm_observation", "multi_position", "turntable"])
+@pytest.mark.parametrize("name", [
+    "norm_observation", *(pytest.param(n, marks=pytest.mark.thorough)
+                          for n in ("multi_position", "turntable")),
+])  # fmt: skip
 def test_with_declared_noise_preflight_of_a_table_is_exact_with_all_sizes(name, rows) -> None:
     perfect = dict.fromkeys(("plumb_sd", "orthogonality_sd", "zero_sd", "position_sd"), 0.0)
     session = {"rows": rows, "rest_time": 10.0} | (perfect if name == "multi_position" else {})
@@ -255,7 +260,8 @@ def test_with_declared_noise_preflight_of_a_table_is_exact_with_all_sizes(name, 
 
 
 @pytest.mark.parametrize(("name", "drawn"), [
-    ("hand_rotated", True), ("continuous_spin", True), ("six_position", False),
+    ("hand_rotated", True), ("six_position", False),
+    pytest.param("continuous_spin", True, marks=pytest.mark.thorough),
 ])  # fmt: skip
 def test_other_draws_of_a_motion_by_hand_are_told(name: str, drawn: bool) -> None:
     """Of a table each session is the same; what a hand does is not, and its sds are not."""

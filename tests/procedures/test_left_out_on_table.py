@@ -95,7 +95,9 @@ def test_undeclared_they_are_taken_for_nothing_there() -> None:
     assert "left_out" not in solved("multi_position", log, None).tables
 
 
-@pytest.mark.parametrize("white", ["tactical", "navigation"])
+@pytest.mark.parametrize(
+    "white", ["tactical", pytest.param("navigation", marks=pytest.mark.thorough)]
+)
 def test_a_table_that_is_believed_is_not_exact(white: str) -> None:
     """1 arcsec is 5 ug, more than the noise of long rests: it is an error of the table."""
     made, noise = campaign("multi_position"), grade(white).noise

@@ -62,7 +62,11 @@ def scores(survey: Survey) -> np.ndarray:
     return off**2 / survey.fixes.cov[:, 0, 0]
 
 
-@pytest.mark.parametrize("stops", [PALINDROME, SEQUENTIAL, THREE], ids=["eight", "four", "three"])
+@pytest.mark.parametrize("stops", [
+    pytest.param(PALINDROME, id="eight", marks=pytest.mark.thorough),
+    pytest.param(SEQUENTIAL, id="four", marks=pytest.mark.thorough),
+    pytest.param(THREE, id="three"),
+])  # fmt: skip
 def test_with_every_term_at_its_size_headings_are_as_sure_as_they_say(stops) -> None:
     """Set-ups of a file share the terms: one of them from each of many files is a fair sample."""
     found, without, passed = [], [], 0

@@ -134,6 +134,7 @@ def test_accelerometers_without_noise_are_told_where_they_are_read():
     assert "preflight.accel_noise" not in [f.code for f in known("level").findings]
 
 
+@pytest.mark.thorough
 def test_from_a_campaign():
     text = """
 [site]

@@ -85,7 +85,7 @@ def counted(seeds: range, folder: Path) -> dict[str, list[int]]:
 
 
 def test_shuffled_files_are_read_right_or_asked_about(log, tmp_path):
-    out = [make.judged(seed, tmp_path, log) for seed in range(20)]
+    out = [make.judged(seed, tmp_path, log) for seed in range(8)]
     assert not [one for one in out if one[0] == "wrong"]
     assert sum(one[0] == "question" for one in out) <= 2
 
@@ -312,6 +312,7 @@ def test_a_sequence_on_a_table_is_told_from_faces(tmp_path):
 
 
 @needs_real
+@pytest.mark.thorough
 def test_real_logs_go_from_the_bare_file_to_the_numbers_of_other_programs():
     mpu = campaign.calibrate(found([REAL / "mpu9150_hand_rotated" / "imu0.log"]).campaign)
     scale = [mpu.coefficients.value(f"accel.scale.{a}") for a in "xyz"]

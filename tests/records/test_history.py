@@ -15,18 +15,19 @@ from foucault import run_folder
 from foucault.campaign import tolerance
 from foucault.campaign.comparison import moment
 from foucault.diagnose.compare import YEAR
+from foucault.errors import FoucaultError
 from foucault.records import Records
 from foucault.records import history as h
 from foucault.result import Level
 from make_compare import make_results
-from make_records import make_records, make_runs
+from make_records import edit, make_records, make_runs
 
 NOW = moment("2027-03-14")
 LIMITS = '"accel.bias" = "{bias}"\n'
 
 
 def simple(time: np.ndarray, x: np.ndarray, sd: np.ndarray, how: str = "drift") -> h._Line:
-    return h._line(time, x, sd, how, 0, float(time[-1]))
+    return h._line(time, x, sd, how, 0)
 
 
 def test_a_line_is_extended_with_the_uncertainty_of_its_slope() -> None:
@@ -58,7 +59,7 @@ def test_the_next_run_is_within_two_sd_as_often_as_it_should(runs: int) -> None:
     outside = 0
     for _ in range(n):
         x = 2.0 + rng.normal(size=runs) * math.hypot(0.3, 0.05)
-        line = h._line(time, x, np.full(runs, 0.05), "steady", 0, float(time[-1]))
+        line = h._line(time, x, np.full(runs, 0.05), "steady", 0)
         value, spread = line.at(float(time[-1]))
         outside += abs(value - 2.0 - rng.normal() * 0.3) > 2 * spread
         assert line.wide >= line.repeatability
@@ -73,7 +74,7 @@ def test_a_prediction_is_as_far_off_as_it_says() -> None:
     for _ in range(400):
         slope, sd = rng.normal() * 0.2, np.full(8, 0.3)
         x = 2.0 + slope * time / YEAR + rng.normal(size=8) * 0.3
-        line = h._line(time, x, sd, "steady", 0, float(time[-1]))
+        line = h._line(time, x, sd, "steady", 0)
         there = 2.0 + slope * 5.0
         value, spread = line.at(5 * YEAR)
         own = line.wide
@@ -91,18 +92,18 @@ def test_conformity_is_the_probability_between_the_limits(value: float, sd: floa
 
 def test_a_drift_is_told_with_the_day_it_reaches_its_limit() -> None:
     time, sd = np.arange(6) * YEAR, np.full(6, 1e-6)
-    line = h._line(time, 0.1 * np.arange(6), sd, "drift", 0, float(time[-1]))
-    outlook = line.outlook("accel.bias.x", "specific force", 1.0, 7 * YEAR)
+    line = h._line(time, 0.1 * np.arange(6), sd, "drift", 0)
+    outlook = line.outlook("accel.bias.x", "specific force", 1.0, 7 * YEAR, 5 * YEAR)
     assert outlook.reaches == pytest.approx(10 * YEAR, abs=0.02 * YEAR)
     assert outlook.due_value == pytest.approx(0.7)
     assert (outlook.decision, outlook.due_decision) == ("pass", "pass")
-    assert math.isnan(line.outlook("x", "specific force", math.inf, math.nan).reaches)
+    assert math.isnan(line.outlook("x", "specific force", math.inf, math.nan, 5 * YEAR).reaches)
 
 
 def test_after_a_step_only_later_runs_count() -> None:
     time, sd = np.arange(5) * YEAR, np.full(5, 0.01)
     x = np.array([1.0, 1.0, 3.0, 3.0, 3.0])
-    line = h._line(time, x, sd, "step", 1, float(time[-1]))
+    line = h._line(time, x, sd, "step", 1)
     assert line.runs == 3 and line.at(float(time[-1]))[0] == pytest.approx(3.0)
 
 
@@ -209,3 +210,37 @@ def test_of_one_log_the_run_that_was_taken_in_last_counts(tmp_path: Path) -> Non
     records.review(str(taken[1].number), "rejected", "moved wrongly")
     assert taken[0].number in {r.number for r in h.past(records, name).counted}
     records.close()
+
+
+def test_what_was_worked_out_is_never_old(records: Records, tmp_path: Path) -> None:
+    """Asked again it is the same, and another as soon as a run, a limit or a byte is another."""
+    first = h.past(records, "0042", NOW)
+    worked = h._lines.cache_info().misses
+    assert h.past(records, "0042", NOW).outlooks == first.outlooks
+    assert h._lines.cache_info().misses == worked
+    limits(records, tmp_path, "1 ug")
+    assert h.past(records, "0042", NOW).level is Level.UNUSABLE
+    records.add(make_runs(tmp_path, 1, seed=51, folder="newest"), date="2027-03-01")
+    added = h.past(records, "0042", NOW)
+    assert len(added.counted) == 5 and added.outlooks[0].value != first.outlooks[0].value
+    edit(records.folder_of(added.counted[0]))
+    with pytest.raises(FoucaultError, match="not the one that was taken in"):
+        h.past(records, "0042", NOW)
+
+
+def test_records_in_the_place_of_others_are_others(tmp_path: Path) -> None:
+    """They are held open by all who ask, but a file that takes their place is another."""
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+    first = make_records(tmp_path / "one", 2)
+    second = make_records(tmp_path / "two", 3)
+    second.close()
+    (tmp_path / "two" / "records.sqlite").replace(tmp_path / "one" / "records.sqlite")
+    for end in ("-wal", "-shm"):
+        (tmp_path / "one" / f"records.sqlite{end}").unlink(missing_ok=True)
+    again = Records(tmp_path / "one" / "records.sqlite")
+    assert again.database.engine is not first.database.engine and len(again.runs()) == 3
+    third = Records(tmp_path / "one" / "records.sqlite")
+    assert third.database.engine is again.database.engine
+    for one in (first, again, third):
+        one.close()

@@ -16,6 +16,8 @@ from foucault.workbench import people
 from foucault.workbench.web import application
 from make_workbench import PASSWORD, log_text, make_bench
 
+pytestmark = pytest.mark.thorough
+
 Opened = Callable[..., Any]
 
 FILE = {"name": "walk 3.csv", "mimeType": "text/csv"}
@@ -66,7 +68,6 @@ def test_a_chosen_log_is_calibrated_and_kept(laboratory: Any, opened: Opened) ->
     assert "2026-04-01" in page.inner_text("main") and not page.query_selector("h1 b")
 
 
-@pytest.mark.thorough
 def test_a_log_is_dropped_anywhere(laboratory: Any, opened: Opened) -> None:
     page = opened(laboratory.address)
     held = page.evaluate_handle("""text => {
@@ -97,7 +98,6 @@ def test_without_a_file_nothing_is_sent(laboratory: Any, opened: Opened) -> None
     assert page.url.rstrip("/") == laboratory.address
 
 
-@pytest.mark.thorough
 def test_what_was_taken_is_corrected(laboratory: Any, opened: Opened) -> None:
     """A unit that is said otherwise is looked at again, and is in the line to copy."""
     page = opened(f"{laboratory.address}/logs/{laboratory.log}")
@@ -126,7 +126,6 @@ def test_a_run_is_shown_with_its_verdict_and_coefficients(laboratory: Any, opene
     assert "Kept as run 1 of IMU 7" in page.inner_text("main")
 
 
-@pytest.mark.thorough
 def test_a_run_stands_beside_the_last_one(laboratory: Any, opened: Opened) -> None:
     """The second run has no name of its own: once it is kept, its page compares it."""
     page = opened(f"{laboratory.address}/jobs/{laboratory.second}")
@@ -164,7 +163,6 @@ def test_what_a_run_leaves_is_downloaded(laboratory: Any, opened: Opened) -> Non
     assert page.url.endswith(f"/jobs/{laboratory.run}")
 
 
-@pytest.mark.thorough
 def test_two_runs_are_compared(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/jobs/{laboratory.run}")
     page.click("text=Compare …")
@@ -176,7 +174,6 @@ def test_two_runs_are_compared(laboratory: Any, opened: Opened) -> None:
     assert set(line[:2]) == {f"runs/{laboratory.run}", f"runs/{laboratory.second}"}
 
 
-@pytest.mark.thorough
 def test_a_run_is_exported_and_fetched(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/do/export?run={laboratory.run}")
     page.fill("[name='--to']", "c")
@@ -188,7 +185,6 @@ def test_a_run_is_exported_and_fetched(laboratory: Any, opened: Opened) -> None:
     assert "foucault" in Path(held.value.path()).read_text(encoding="utf-8").lower()
 
 
-@pytest.mark.thorough
 def test_a_session_is_planned(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/plan")
     page.click("a:has-text('hand_rotated')")
@@ -197,7 +193,6 @@ def test_a_session_is_planned(laboratory: Any, opened: Opened) -> None:
     assert "accel.bias.x" in page.inner_text("main")
 
 
-@pytest.mark.thorough
 def test_a_mistake_is_said_and_the_way_back_is_shown(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/do/calibrate?log={laboratory.log}")
     page.fill("[name='--latitude']", "147 deg")
@@ -223,7 +218,6 @@ def test_an_instrument_is_found_and_its_limits_are_set(laboratory: Any, opened: 
     assert "IMU 7" in page.inner_text("main")
 
 
-@pytest.mark.thorough
 def test_a_job_goes_on_when_its_page_is_closed(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/do/calibrate?log={laboratory.log}")
     page.click("button.main")
@@ -233,7 +227,6 @@ def test_a_job_goes_on_when_its_page_is_closed(laboratory: Any, opened: Opened) 
     assert laboratory.served.ended(number)["state"] == "done"
 
 
-@pytest.mark.thorough
 def test_a_job_is_stopped(laboratory: Any, opened: Opened) -> None:
     """The first is at work, so that the second waits: both are stopped from their pages."""
     page = opened(f"{laboratory.address}/do/calibrate?log={laboratory.log}")
@@ -257,7 +250,6 @@ def test_a_page_that_is_not_there_says_so(laboratory: Any, browser: Any) -> None
     page.close()
 
 
-@pytest.mark.thorough
 def test_an_edge_of_a_rest_is_dragged_and_taken(laboratory: Any, opened: Opened) -> None:
     """With the mouse on the traces; what is taken is in the line to copy."""
     page = opened(f"{laboratory.address}/logs/{laboratory.log}")
@@ -294,7 +286,6 @@ def test_an_edge_of_a_rest_is_dragged_and_taken(laboratory: Any, opened: Opened)
     page.wait_for_selector(f"[name=first][value='{before:.10g}']", timeout=DONE, state="attached")
 
 
-@pytest.mark.thorough
 def test_a_certificate_is_asked_for_issued_and_fetched(laboratory: Any, opened: Opened) -> None:
     from test_certify import SAID
 
@@ -431,7 +422,6 @@ def test_the_first_tab_leads_past_the_bar(laboratory: Any, opened: Opened) -> No
     assert page.evaluate("document.activeElement.closest('main') !== null")
 
 
-@pytest.mark.thorough
 def test_from_a_log_to_its_verdict_by_the_keyboard(laboratory: Any, opened: Opened) -> None:
     page = opened(laboratory.address)
     choose(page)
@@ -468,7 +458,6 @@ def test_what_is_folded_opens_by_the_keyboard(laboratory: Any, opened: Opened) -
 # -- without a script --------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
 def test_all_of_it_goes_without_a_script(laboratory: Any, opened: Opened) -> None:
     page = opened(laboratory.address, java_script_enabled=False)
     choose(page)

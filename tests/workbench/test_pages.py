@@ -6,8 +6,6 @@ import io
 import json
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,7 +16,7 @@ import pytest
 from foucault.workbench.asked import shown
 from foucault.workbench.bench import Bench
 from make_records import make_records
-from make_workbench import client, log_text, make_bench, post, work_off
+from make_workbench import by_itself, client, log_text, make_bench, post, work_off
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +61,7 @@ def test_a_job_finds_what_the_command_line_finds(bench: Bench, browser: Any) -> 
     assert line.startswith("foucault calibrate logs/") and '--latitude "47.3 deg"' in line
     words = shlex.split(line)[1:]
     words[words.index("runs/2")] = "runs/by_hand"
-    subprocess.run([sys.executable, "-m", "foucault", *words], cwd=bench.folder, check=True,
-                   capture_output=True)  # fmt: skip
+    by_itself(words, bench.folder)
     texts = [(bench.folder / "runs" / k / "result.json").read_text() for k in ("2", "by_hand")]
     plain = []
     for text in texts:
@@ -137,6 +134,7 @@ def test_what_a_run_leaves_is_downloaded_and_never_opened(bench: Bench, browser:
     assert "has left no file" in browser.get("/jobs/2/files/look.json").text
 
 
+@pytest.mark.thorough
 def test_a_result_is_exported_applied_and_compared(bench: Bench, browser: Any) -> None:
     log = log_of(bench)
     sent = post(browser, "/logs", files={"file": ("later.csv", log_text(2))})
@@ -219,8 +217,9 @@ def still() -> bytes:
 @pytest.mark.parametrize(("command", "options", "words"), [
     ("align", {"--latitude": "47.3 deg", "--gyro-bias-sd": "0.01 deg/h"},
      ("north is seen", "heading (deg)")),
-    ("navigate", {"--latitude": "47.3 deg", "--longitude": "8.5 deg", "--still": "yes"},
-     ("Report", "report.html")),
+    pytest.param("navigate", {"--latitude": "47.3 deg", "--longitude": "8.5 deg",
+                              "--still": "yes"}, ("Report", "report.html"),
+                 marks=pytest.mark.thorough),
 ])  # fmt: skip
 def test_a_heading_and_a_path_come_from_the_same_drop(
     tmp_path: Path, command: str, options: dict[str, str], words: tuple[str, ...]
@@ -250,7 +249,7 @@ def test_north_is_found_from_a_drop(tmp_path: Path) -> None:
     where = tmp_path / "north"
     for words in (["init", "north_seeking", "-o", str(tmp_path / "c.toml")],
                   ["simulate", str(tmp_path / "c.toml"), "-o", str(where)]):  # fmt: skip
-        subprocess.run([sys.executable, "-m", "foucault", "-q", *words], check=True)
+        by_itself(["-q", *words], tmp_path)
     sent = [("file", (f.name, f.read_bytes())) for f in sorted(where.iterdir())
             if f.name in ("campaign.toml", "log.csv")]  # fmt: skip
     bench = make_bench(tmp_path / "bench")

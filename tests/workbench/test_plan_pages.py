@@ -188,3 +188,25 @@ def test_lists_of_up_to_two_dozen_positions_fit_on_a_page(browser: Any) -> None:
         if len(found) <= operator.SOME:
             assert re.findall(rb"/Count (\d+)", made) == [b"1"], name
     page.close()
+
+
+@pytest.mark.thorough
+def test_a_better_plan_is_searched_for_and_its_list_made(tmp_path: Path) -> None:
+    """The line of the job is that of the command line; what was found is planned as any other."""
+    bench = make_bench(tmp_path)
+    browser = client(bench)
+    assert "Search for a better plan" not in browser.get("/plan/hand_rotated").text
+    assert "Search for a better plan" in browser.get("/plan/norm_observation").text
+    said = {"restarts": "1", "time-limit": "1 s", "search": "yes"}
+    post(browser, "/plan/norm_observation", said)
+    job = bench.store.job(1)
+    assert job.words[:3] == ("optimise", "norm_observation", "--restarts=1")
+    assert job.words[3:] == ("--time-limit=1 s", "-o", "runs/1")
+    assert work_off(bench)[0].state == "done"
+    page = browser.get("/jobs/1").text
+    assert "found" in page and "/jobs/1/foresee" in page and "/jobs/1/report" in page
+    post(browser, "/jobs/1/foresee", {})
+    assert bench.store.job(2).words[:2] == ("preflight", "runs/1/campaign.toml")
+    assert work_off(bench)[0].state == "done"
+    assert "List to print" in browser.get("/jobs/2").text
+    assert post(browser, "/jobs/9/foresee", {}).status_code == 400

@@ -53,13 +53,14 @@ def proxy(to: str) -> type[BaseHTTPRequestHandler]:
     return Proxy
 
 
-@pytest.fixture
-def below(tmp_path: Path) -> Iterator[tuple[Served, str]]:
+@pytest.fixture(scope="module")
+def below(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Served, str]]:
     """A workbench with an account behind a proxy, and the address of that."""
     from foucault.workbench.serving import add_account, made
 
-    add_account(made(tmp_path), "ann", "administrator", PASSWORD, None)
-    served = Served(tmp_path, "--workers", "1", "--prefix", PREFIX)
+    folder = tmp_path_factory.mktemp("below")
+    add_account(made(folder), "ann", "administrator", PASSWORD, None)
+    served = Served(folder, "--workers", "1", "--prefix", PREFIX)
     front = ThreadingHTTPServer(("127.0.0.1", 0), proxy(served.address))
     thread = threading.Thread(target=front.serve_forever)
     thread.start()

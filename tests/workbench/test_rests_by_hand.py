@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,7 @@ import pytest
 
 from foucault.workbench.asked import shown
 from foucault.workbench.bench import Bench
-from make_workbench import client, log_text, make_bench, post, work_off
+from make_workbench import by_itself, client, log_text, make_bench, post, work_off
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +34,7 @@ def by_hand(bench: Bench, job: Any) -> dict[str, Any]:
     """Return what the line that the page shows finds by itself."""
     words = shlex.split(shown(job.words))[1:]
     words[words.index("-o") + 1] = f"runs/hand{job.number}"
-    subprocess.run([sys.executable, "-m", "foucault", *words], cwd=bench.folder, check=True,
-                   capture_output=True)  # fmt: skip
+    by_itself(words, bench.folder)
     return result(bench, f"hand{job.number}")
 
 

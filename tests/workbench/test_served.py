@@ -27,6 +27,7 @@ def served(tmp_path: Path) -> Iterator[Served]:
     made.end()
 
 
+@pytest.mark.thorough  # the browser's tests begin with the same
 def test_from_a_log_to_its_result_over_http(served: Served) -> None:
     log = served.api("POST", "/logs", files={"file": ("x.csv", log_text())})["log"]
     asked = {"command": "calibrate", "log": log, "options": {"latitude": "47.3 deg"}}

@@ -83,6 +83,7 @@ def preflight(
 @command(
     "foucault optimise campaign.toml -o search",
     'foucault optimise platform_tumble -o search --time-limit "60 s"',
+    'foucault optimise north_seeking -o search --set "procedure.index_limit = 95 deg"',
     notes="What may be changed of the plan stands in the table [optimise] of the campaign. "
     "The same command again continues a search; with more --restarts it goes further.",
     exits={
@@ -111,6 +112,7 @@ def optimise(
         ),
     ] = None,
     seed: options.Seed = 0,
+    said: options.SaidOfCampaign = None,
     size: Annotated[
         int,
         typer.Option(
@@ -131,7 +133,7 @@ def optimise(
     from foucault.run_folder import CAMPAIGN_FILE
 
     screen: Screen = ctx.obj
-    campaign = load_or_template(what)
+    campaign = load_or_template(what, said or ())
     there = optimisation.finished(output)
     with (
         cluster.spread(screen, workers, scheduler, local_cluster) as map_,

@@ -158,18 +158,19 @@ def show(
     With its drift, its repeatability, its limits and when it will reach them.
     """
     from foucault.campaign import comparison
-    from foucault.records.history import past
+    from foucault.records.history import compared, past
 
     screen: Screen = ctx.obj
     with _open(database) as records, screen.work(output, "comparison"):
         found = past(records, instrument, comparison.moment(at) if at else None)
         issued = [c for run in found.runs for c in records.certificates(run)]
         if output is not None:
-            if found.compared is None:
+            read = compared(records, found)
+            if read is None:
                 from foucault.errors import error
 
                 raise error("records.one", name=found.instrument, count=len(found.counted))
-            page = kept(comparison.record(found.compared), output)
+            page = kept(comparison.record(read), output)
             written(output, "comparison", *page.held)
     _say(screen, found, issued)
     if output is not None:

@@ -111,26 +111,38 @@ class Fit:
 
 def fit(series: Series, design: FloatArray) -> Fit:
     """Solve ``x_i = sum_j design_ij beta_j`` [SI]; `design` (n, r), its first column 1 [any]."""
-    (n, p), r, q = series.values.shape, design.shape[1], series.shared.shape[2]
+    (n, p), r = series.values.shape, design.shape[1]
     if p == 0:
         return Fit(np.zeros((r, 0)), np.zeros((r, 0)), 0.0, 0)
+    J, y, scale = _whitened(series, design[None])
+    Q, R = np.linalg.qr(J[0])
+    beta = np.linalg.solve(R, Q.T @ y)
+    left = y - J[0] @ beta
+    sd = np.linalg.norm(np.linalg.inv(R), axis=1)[: r * p].reshape(r, p) * scale
+    values = beta[: r * p].reshape(r, p) * scale
+    values[0] += series.values[0]
+    return Fit(values, sd, float(left @ left), (n - r) * p)
+
+
+def _whitened(
+    series: Series, designs: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """Return the equations of `designs` (m, n, r) [any] with errors of unit variance, and scales.
+
+    Equations (m, n p + q, r p + q) with their right side (n p + q,) [1], and scales (p,) [SI].
+    """
+    (n, p), (m, _, r), q = series.values.shape, designs.shape, series.shared.shape[2]
     scale = np.median(series.sd, axis=0)
     shared = series.shared / scale[:, None]
     own = series.cov / np.outer(scale, scale) - shared @ shared.swapaxes(1, 2)
     white = np.linalg.inv(np.linalg.cholesky(own))
     moved = (series.values - series.values[0]) / scale  # values are many sd: keep the digits
-    J = np.zeros((n * p + q, r * p + q))
-    J[: n * p, : r * p] = np.einsum("ij,iab->iajb", design, white).reshape(n * p, r * p)
-    J[: n * p, r * p :] = (white @ shared).reshape(n * p, q)
-    J[n * p :, r * p :] = np.eye(q)
+    J = np.zeros((m, n * p + q, r * p + q))
+    J[:, : n * p, : r * p] = np.einsum("mij,iab->miajb", designs, white).reshape(m, n * p, r * p)
+    J[:, : n * p, r * p :] = (white @ shared).reshape(n * p, q)
+    J[:, n * p :, r * p :] = np.eye(q)
     y = np.concatenate([np.einsum("iab,ib->ia", white, moved).ravel(), np.zeros(q)])
-    Q, R = np.linalg.qr(J)
-    beta = np.linalg.solve(R, Q.T @ y)
-    left = y - J @ beta
-    sd = np.linalg.norm(np.linalg.inv(R), axis=1)[: r * p].reshape(r, p) * scale
-    values = beta[: r * p].reshape(r, p) * scale
-    values[0] += series.values[0]
-    return Fit(values, sd, float(left @ left), (n - r) * p)
+    return J, y, scale
 
 
 def constant(series: Series) -> Fit:
@@ -150,12 +162,14 @@ def _from_middle(time: FloatArray) -> FloatArray:
 def step(series: Series) -> tuple[int, Fit]:
     """Fit a step after one of the results of a `series`, shape (n,): which, and the fit [SI]."""
     n = len(series)
-    fits = {
-        after: fit(series, np.stack([np.ones(n), np.arange(n) > after], axis=1))
-        for after in range(n - 1)
-    }
-    best = min(fits, key=lambda after: fits[after].chi_square)
-    return best, fits[best]
+    after = np.arange(n - 1)
+    designs = np.ones((n - 1, n, 2))
+    designs[:, :, 1] = np.arange(n) > after[:, None]
+    J, y, _ = _whitened(series, designs)
+    Q = np.linalg.qr(J)[0]
+    left = y - (Q @ (Q.swapaxes(1, 2) @ y)[..., None])[..., 0]
+    best = int(np.argmin(np.sum(left**2, axis=1)))
+    return best, fit(series, designs[best])
 
 
 Site = tuple[Any, ...]

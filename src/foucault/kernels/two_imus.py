@@ -224,8 +224,12 @@ def normal(
     for triad in range(2):
         _columns(triad, of_all, of_one)
         _products(triad, x, P, F)
-        number[:9], number[9] = of_all, -1
-        number[10:] = of_one.ravel()
+        # One by one: of slices Numba compiles how it would name their lengths, 2.5 s of strings.
+        for i in range(9):
+            number[i] = of_all[i]
+        number[9] = -1
+        for i in range(21):
+            number[10 + i] = of_one[i // 7, i % 7]
         width = 0 if to < 0 else 7 if triad == 0 else 4
         shared, alone, now, held = np.zeros((34, 34)), np.zeros((3, 7, 41)), -1, 0
         root = 1.0 / math.sqrt(var[triad])

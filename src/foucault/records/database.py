@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,13 @@ from foucault.errors import FoucaultError, error
 
 try:
     import sqlalchemy as sa
-    from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
+    from sqlalchemy.exc import (
+        ArgumentError,
+        DBAPIError,
+        NoSuchModuleError,
+        OperationalError,
+        ProgrammingError,
+    )
 except ImportError:
     raise error("records.library") from None
 
@@ -112,7 +119,7 @@ class Database:
         if self.file is not None and not make and not self.file.is_file():
             raise error("records.none", path=self.file)
         try:
-            self.engine = _engine(said if self.file is None else f"sqlite:///{self.file}")
+            self.engine = _engine_of(said, self.file)
         except (ArgumentError, NoSuchModuleError, ImportError, ValueError) as problem:
             raise error("records.address", given=self.shown, reason=problem) from None
         with self._said():
@@ -152,6 +159,9 @@ class Database:
             raise _in_words(self.shown, problem) from problem
 
     def _up_to_date(self, make: bool) -> None:
+        with suppress(ProgrammingError, OperationalError), self.engine.connect() as connection:
+            if connection.scalar(sa.text("SELECT version_num FROM alembic_version")) == HEAD:
+                return
         with self.engine.connect() as connection:
             names = sa.inspect(connection).get_table_names()
             there: str | None = None
@@ -201,6 +211,26 @@ def migrate(engine: sa.Engine, to: str = "head") -> None:
         connection.commit()
 
 
+def _engine_of(said: str, file: Path | None) -> sa.Engine:
+    """Return an engine, shared by all that open the same: what it has compiled serves them too.
+
+    A file that takes the place of another is another, and a fork shares nothing.
+    """
+    if file is None:
+        return _engine(said) if said == "sqlite://" else _shared(said, os.getpid())
+    address = f"sqlite:///{file.absolute()}"
+    if not file.is_file():
+        return _engine(address)
+    there = file.stat()
+    return _shared(address, os.getpid(), there.st_dev, there.st_ino)
+
+
+@lru_cache(maxsize=8)
+def _shared(address: str, *which: int) -> sa.Engine:
+    del which
+    return _engine(address)
+
+
 def _engine(address: str) -> sa.Engine:
     """Return an engine; SQLite gets its log, foreign keys and transactions that begin when told."""
     url = sa.engine.make_url(address)
@@ -209,8 +239,10 @@ def _engine(address: str) -> sa.Engine:
     if url.get_backend_name() not in ("sqlite", "postgresql"):
         raise ArgumentError("only SQLite and PostgreSQL are known")
     more: dict[str, Any] = {}
+    if address != "sqlite://":
+        more["max_overflow"] = -1  # nobody waits for a connection of another
     if url.get_backend_name() == "sqlite":
-        more = {"connect_args": {"timeout": PATIENCE}}
+        more["connect_args"] = {"timeout": PATIENCE}
     engine = sa.create_engine(url, **more)
     if url.get_backend_name() == "sqlite":
 

@@ -2,16 +2,17 @@
 
 A coefficient of run i, at the time t_i, is taken for
 
-    x_i = a + b (t_i - t_now) + r_i + e_i,      e_i ~ N(0, sd_i^2),   r_i ~ N(0, s^2)
+    x_i = a + b (t_i - t_n) + r_i + e_i,      e_i ~ N(0, sd_i^2),   r_i ~ N(0, s^2)
 
-with b = 0 of fewer than three dated runs, and with runs before a step or an event left out. The
-slope counts whether or not it is more than chance, so that what is not known of a drift stands in
-the uncertainty of a day to come; only one that is more than chance is told when it reaches a limit.
+of n runs, with b = 0 of fewer than three dated ones, and with runs before a step or an event left
+out. The slope counts whether or not it is more than chance, so that what is not known of a drift
+stands in the uncertainty of a day to come; only one that is more than chance is told when it
+reaches a limit.
 s is the repeatability from one turn-on to the next apart from drift and noise: where the residuals
 are larger than the sd of the calibrations, the s that makes their weighted sum of squares equal to
 its degrees of freedom [1]_. What runs share, such as local gravity, is in the sd of each. Then
 
-    x(t) = a + b (t - t_now),      var x(t) = d' C d + s^2,      d = (1, t - t_now)
+    x(t) = a + b (t - t_n),      var x(t) = d' C d + s^2,      d = (1, t - t_n)
 
 where s counts with Student's factor for the few runs that tell it (`infer.gauss_newton.student`).
 
@@ -31,16 +32,17 @@ from __future__ import annotations
 
 import datetime
 import math
+import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.campaign import comparison
-from foucault.campaign.tolerance import DECISIONS, GUARD, Tolerance, conformity, decided
+from foucault.campaign import comparison, tolerance
+from foucault.campaign.tolerance import DECISIONS, GUARD, conformity, decided
 from foucault.diagnose.comparable import DAY
-from foucault.diagnose.comparable import Entry as Compared
 from foucault.diagnose.compare import YEAR
 from foucault.infer.gauss_newton import student
 from foucault.records.entries import Event, Interval
@@ -93,7 +95,6 @@ class Past:
     events: tuple[Event, ...]
     due: float  # since 1970; NaN where no interval is set or nothing is dated [s]
     outlooks: tuple[Outlook, ...]
-    compared: comparison.Comparison | None  # of the runs that count; None of fewer than two
 
     @property
     def level(self) -> Level:
@@ -120,28 +121,38 @@ class Past:
 
 
 def past(records: Records, instrument: str, now: float | None = None) -> Past:
-    """Return what the records say of an instrument; `now`: since 1970, None for today [s]."""
+    """Return what the records say of an instrument; `now`: since 1970, None for today [s].
+
+    Raises ``records.edited``: a run that counts is not as it was.
+    """
     name = records.instrument(instrument)
     at = datetime.datetime.now(datetime.UTC).timestamp() if now is None else now
     runs = records.runs(name)
     events = [b for _, b in records.said(Event) if b.instrument == name]
     events.sort(key=lambda e: comparison.moment(e.on))
     broke = [comparison.moment(e.on) for e in events if e.what in BREAKS]
-    logs = records.logs()
+    logs = records.logs(name)
     counted = _counted(runs, max((b for b in broke if b <= at), default=-math.inf), logs)
-    read = records.compared(name, counted)
-    limits = records.limits(name)
-    found = comparison.of(read, limits) if len(read) > 1 else None
+    for run in counted:
+        records.refuse_edited(run)
     months = [b.months for _, b in records.said(Interval) if b.instrument == name]
     due = _due(counted, months)
-    outlooks = _outlooks(read, found, limits, at, due) if read else ()
-    return Past(name, at, tuple(runs), tuple(counted), tuple(events), due, outlooks, found)
+    with _ONE:
+        lines = _lines(_Asked(name, tuple(counted), records.limits_text(name), records))
+    outlooks = tuple(line.outlook(*said, due, at) for said, line in lines)
+    return Past(name, at, tuple(runs), tuple(counted), tuple(events), due, outlooks)
+
+
+def compared(records: Records, found: Past) -> comparison.Comparison | None:
+    """Return the runs that count compared with one another; None of fewer than two."""
+    read = records.compared(found.instrument, found.counted)
+    return comparison.of(read, records.limits(found.instrument)) if len(read) > 1 else None
 
 
 def _due(counted: Sequence[Run], months: Sequence[float]) -> float:
     """Return when an instrument is due; NaN where no interval is set or nothing is dated [s]."""
-    dates = [comparison.moment(r.holds) for r in counted if r.holds]
-    return max(dates) + months[-1] * MONTH if months and dates else math.nan
+    dates = [r.holds for r in counted if r.holds]  # all in UTC
+    return comparison.moment(max(dates)) + months[-1] * MONTH if months and dates else math.nan
 
 
 def fleet(records: Records) -> list[tuple[str, list[Run], list[Run], float]]:
@@ -179,7 +190,7 @@ def _counted(
     kept = [
         r for r in runs
         if r.counts and r.sha256 not in again
-        and (not r.holds or comparison.moment(r.holds) >= since)
+        and (since == -math.inf or not r.holds or comparison.moment(r.holds) >= since)
     ]  # fmt: skip
     # Calibrated once more, as with rests that were moved, a log says nothing new.
     seen: set[str] = set()
@@ -191,11 +202,32 @@ def _counted(
     return [r for r in kept if r.number in newest]
 
 
-def _outlooks(
-    read: Sequence[Compared], found: comparison.Comparison | None,
-    limits: Tolerance | None, now: float, due: float,
-) -> tuple[Outlook, ...]:  # fmt: skip
-    """Judge every coefficient of the newest run; those that runs share by all of them."""
+@dataclass(frozen=True)
+class _Asked:
+    """All that the lines of an instrument rest on: runs by their hashes, and its limits."""
+
+    instrument: str
+    runs: tuple[Run, ...]
+    limits: str  # a tolerance file; empty: none
+    records: Records = field(compare=False)
+
+
+_ONE = threading.Lock()
+"""Who asks for the same at the same time waits for it, and does not work it out again."""
+
+
+@lru_cache(maxsize=1024)
+def _lines(asked: _Asked) -> tuple[tuple[tuple[str, str, float], _Line], ...]:
+    """Return name, kind and limit [SI] of every coefficient of the newest run, with its line.
+
+    Those that runs share go by all of them. Where nothing was added since, it is what it was: what
+    is asked with names every run by its hash.
+    """
+    read = asked.records.compared(asked.instrument, asked.runs)
+    if not read:
+        return ()
+    limits = tolerance.parse(asked.limits) if asked.limits else None
+    found = comparison.of(read, limits) if len(read) > 1 else None
     last = read[-1].result.coefficients
     history = found.instruments[0].history if found is not None else None
     names = last.names
@@ -208,70 +240,69 @@ def _outlooks(
         series = None if history is None or c.name not in history.series.names else history.series
         if series is None or history is None:
             one = _Line(1, "one run", np.array([last.values[i], 0.0]), np.diag([sd**2, 0.0]),
-                        math.nan, 0.0, now)  # fmt: skip
+                        math.nan, 0.0, 0.0)  # fmt: skip
         else:
             k = series.names.index(c.name)
             one = _line(series.time, series.values[:, k], series.sd[:, k], history.courses[k].how,
-                        history.courses[k].step_after, now)  # fmt: skip
-        out.append(one.outlook(c.name, c.kind, float(limit[i]), due))
+                        history.courses[k].step_after)  # fmt: skip
+        out.append(((c.name, c.kind, float(limit[i])), one))
     return tuple(out)
 
 
 @dataclass(frozen=True)
 class _Line:
-    """A coefficient as a line in time about now, with what it scatters by."""
+    """A coefficient as a line in time about the newest run, with what it scatters by."""
 
     runs: int
     how: str
-    x: FloatArray  # (2,) value now and slope [SI, SI/s]
+    x: FloatArray  # (2,) value then and slope [SI, SI/s]
     cov: FloatArray  # (2, 2)
     repeatability: float  # [SI]
     wide: float  # the same with Student's factor for the runs that tell it [SI]
-    now: float  # [s]
+    about: float  # the time of that run; 0 where there is no slope [s]
 
     def at(self, time: float) -> tuple[float, float]:
         """Return the value and its sd at a time [SI]."""
-        d = np.array([1.0, time - self.now])
+        d = np.array([1.0, time - self.about])
         return float(d @ self.x), math.sqrt(float(d @ self.cov @ d) + self.wide**2)
 
-    def outlook(self, name: str, kind: str, limit: float, due: float) -> Outlook:
-        """Judge it against a limit [SI], now and at the time `due` [s]."""
-        value, sd = self.at(self.now)
+    def outlook(self, name: str, kind: str, limit: float, due: float, now: float) -> Outlook:
+        """Judge it against a limit [SI], at the times `now` and `due` [s]."""
+        value, sd = self.at(now)
         later, later_sd = self.at(due) if math.isfinite(due) else (math.nan, math.nan)
         slope_sd = math.sqrt(self.cov[1, 1]) * YEAR
         return Outlook(
             name, kind, self.runs, self.how, value, sd, float(self.x[1]) * YEAR,
             slope_sd if slope_sd > 0 else math.nan, self.repeatability, later, later_sd, limit,
             conformity(value, sd, limit), conformity(later, later_sd, limit),
-            _decided(value, sd, limit), _decided(later, later_sd, limit), self._reaches(limit),
+            _decided(value, sd, limit), _decided(later, later_sd, limit), self._reaches(limit, now),
         )  # fmt: skip
 
-    def _reaches(self, limit: float) -> float:
+    def _reaches(self, limit: float, now: float) -> float:
         """Return when the guard band reaches the limit; NaN where not within `FAR` years [s]."""
         if not math.isfinite(limit) or "drift" not in self.how:
             return math.nan
-        times = self.now + np.linspace(0.0, FAR * YEAR, 2001)
+        times = now + np.linspace(0.0, FAR * YEAR, 2001)
         near = [abs(v) + GUARD * s >= limit for v, s in map(self.at, times)]
         return float(times[near.index(True)]) if True in near else math.nan
 
 
-def _line(
-    time: FloatArray, x: FloatArray, sd: FloatArray, how: str, after: int, now: float
-) -> _Line:
+def _line(time: FloatArray, x: FloatArray, sd: FloatArray, how: str, after: int) -> _Line:
     """Fit `x` (n,) with `sd` (n,) [SI] at `time` (n,) [s], as `how` says that it goes."""
     if how == "step":
         time, x, sd = time[after + 1 :], x[after + 1 :], sd[after + 1 :]
     sloped = len(x) > 2 and np.isfinite(time).all() and np.ptp(time) >= DAY
+    about = float(time[-1]) if sloped else 0.0
     design = np.ones((len(x), 1))
     if sloped:
-        design = np.stack([np.ones(len(x)), time - now], axis=1)
+        design = np.stack([np.ones(len(x)), time - about], axis=1)
     own = _repeatability(design, x, sd)
     wide = 0.0 if math.isnan(own) else own * student(len(x) - design.shape[1])
     beta, cov = _solved(design, x, sd, wide)
     whole, whole_cov = np.zeros(2), np.zeros((2, 2))
     n = design.shape[1]
     whole[:n], whole_cov[:n, :n] = beta, cov
-    return _Line(len(x), how, whole, whole_cov, own, wide, now)
+    return _Line(len(x), how, whole, whole_cov, own, wide, about)
 
 
 def _solved(

@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -246,7 +247,7 @@ class Records:
         if instrument:
             chosen = chosen.where(db.run.c.instrument == self.instrument(instrument))
         with self.database.reading() as connection:
-            return [Run(**row) for row in connection.execute(chosen).mappings()]
+            return [Run(*row) for row in connection.execute(chosen).all()]
 
     def run(self, which: str) -> Run:
         """Return a run by its number, its hash or the beginning of it, or its folder."""
@@ -262,6 +263,10 @@ class Records:
         if found is None:
             raise error("records.no_run", given=which)
         return found
+
+    def of_hash(self, digest: str) -> Run | None:
+        """Return the run whose result.json has this hash, None where it is not in."""
+        return self._by("sha256", digest)
 
     def _by(self, column: str, value: Any) -> Run | None:
         chosen = sa.select(*_RUN).where(db.run.c[column] == value)
@@ -289,7 +294,13 @@ class Records:
         """Yield the chain in order."""
         with self.database.reading() as connection:
             for row in connection.execute(sa.select(db.entry).order_by(db.entry.c.number)):
-                yield Entry(**row._mapping)
+                yield Entry(*row)
+
+    def newest(self, most: int) -> list[Entry]:
+        """Return the newest entries, the last first; `most`: so many [1]."""
+        chosen = sa.select(db.entry).order_by(db.entry.c.number.desc()).limit(most)
+        with self.database.reading() as connection:
+            return [Entry(*row) for row in connection.execute(chosen).all()]
 
     def said(self, kind: type[Body]) -> list[tuple[Entry, Any]]:
         """Return the entries of a kind in order, with what they say."""
@@ -300,8 +311,13 @@ class Records:
 
     def limits(self, instrument: str) -> tolerances.Tolerance | None:
         """Return the limits that hold for an instrument, None where there are none."""
+        text = self.limits_text(instrument)
+        return tolerances.parse(text) if text else None
+
+    def limits_text(self, instrument: str) -> str:
+        """Return the tolerance file of an instrument; empty where there is none."""
         texts = [b.text for _, b in self.said(Limits) if b.instrument == instrument]
-        return tolerances.parse(texts[-1]) if texts else None
+        return texts[-1] if texts else ""
 
     def references(self) -> dict[str, Reference]:
         """Return what is known of each reference: its newest entry."""
@@ -326,11 +342,14 @@ class Records:
 
     def checked(self, run: Run) -> Result:
         """Return the result of a run; a folder that is gone or was edited is refused."""
-        folder = self.folder_of(run)
+        self.refuse_edited(run)
+        return _of_hash(self.folder_of(run), run.sha256)
+
+    def refuse_edited(self, run: Run) -> None:
+        """Refuse a run whose folder is gone or was edited; raises ``records.edited``."""
         fault = self._fault(run)
         if fault:
-            raise error("records.edited", folder=folder, what=fault)
-        return load_result(folder, with_tables=False)
+            raise error("records.edited", folder=self.folder_of(run), what=fault)
 
     def logs_of(self, run: Run) -> list[str]:
         """Return the hashes of the logs that a run was made from."""
@@ -338,12 +357,14 @@ class Records:
             of = db.log.c.run == run.number
             return list(connection.scalars(sa.select(db.log.c.sha256).where(of)))
 
-    def logs(self) -> dict[int, tuple[str, ...]]:
-        """Return the hashes of the logs of each run, by its number."""
+    def logs(self, instrument: str = "") -> dict[int, tuple[str, ...]]:
+        """Return the hashes of the logs of each run, or of an instrument's, by its number."""
         chosen = sa.select(db.log.c.run, db.log.c.sha256).order_by(db.log.c.run, db.log.c.sha256)
+        if instrument:
+            chosen = chosen.join(db.run).where(db.run.c.instrument == instrument)
         out: dict[int, tuple[str, ...]] = {}
         with self.database.reading() as connection:
-            for number, digest in connection.execute(chosen):
+            for number, digest in connection.execute(chosen).all():
                 out[number] = (*out.get(number, ()), digest)
         return out
 
@@ -457,6 +478,13 @@ class Records:
         with self.database.reading() as connection:
             chosen = sa.select(db.entry.c.number).where(db.entry.c.hash == digest)
             return connection.execute(chosen).first() is not None
+
+
+@lru_cache(maxsize=64)
+def _of_hash(folder: Path, digest: str) -> Result:
+    """Return the result in a folder whose result.json has this hash: it is the same each time."""
+    del digest
+    return load_result(folder, with_tables=False)
 
 
 def _body(kind: type[Said], **said: Any) -> Said:

@@ -73,13 +73,19 @@ OFFERS: dict[str, Offer] = {
     "preflight": Offer("Preflight", "What a session will show, before it is made.", "procedure",
                        "runs/{job}/expected.csv", ("--plan", "--rate", "--segment"),
                        ("--steps",), ("--steps=runs/{job}/operator.html",)),
+    "optimise": Offer("Optimise", "A plan that shows more, within the limits of the rig.",
+                      "procedure", first=("--restarts", "--time-limit"),
+                      without=("--workers", "--scheduler", "--local-cluster", "--round")),
 }  # fmt: skip
 """Command -> what it is as an offer."""
 
-PLANNED = frozenset(("procedure", "simulate", "site"))
+PLANNED = frozenset(("procedure", "simulate", "site", "optimise"))
 """Tables of which a plan without a log may say something."""
 
 LOG = re.compile(r"[0-9a-f]{12}")
+_FOUND = re.compile(r"runs/\d{1,9}/campaign\.toml")
+"""A plan that was found can be looked at as a procedure can."""
+
 _OWN = re.compile(r"runs/\d{1,9}|logs/[0-9a-f]{12}/[^/\\\0]+")
 
 LONG, LONGEST = 2000, 40_000
@@ -165,7 +171,8 @@ def words_of(
     if offer.takes == "log":
         words += given_log(folder, log)
     elif offer.takes == "procedure":
-        words.append(_procedure(name))
+        found = _FOUND.fullmatch(name) and (folder / name).is_file()
+        words.append(name if found else _procedure(name))
     else:
         if not runs or (offer.takes == "runs" and len(runs) < 2):
             raise error("workbench.few_runs", command=command)

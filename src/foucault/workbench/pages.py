@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from fastapi.responses import FileResponse, Response
 
 from foucault import run_folder
 from foucault.errors import FoucaultError, error
+from foucault.files import sha256
+from foucault.result import Result
 from foucault.workbench.asked import OFFERS, PLACE, files_of, given_log, shown
 from foucault.workbench.bench import Bench, Form, bench_of, needs, page, person, to
 from foucault.workbench.look import FILE as LOOK_FILE
@@ -159,7 +162,9 @@ def _left(bench: Bench, job: Job) -> dict[str, Any]:
     if job.command != "calibrate":
         return out
     try:
-        result = run_folder.load_result(folder, with_tables=False)
+        file = run_folder.result_file(folder)
+        digest = sha256(file) if file.is_file() else ""
+        result = _result(folder, digest)
     except FoucaultError as problem:
         return out | {"problem": problem}
     out["reasons"] = list(result.verdict.reasons)
@@ -167,15 +172,11 @@ def _left(bench: Bench, job: Job) -> dict[str, Any]:
     last: dict[str, float] = {}
     with bench.records() as records:
         if records is not None:
-            from foucault.files import sha256
-            from foucault.run_folder import RESULT_FILE
-
-            digest = sha256(folder / RESULT_FILE)
-            runs = records.runs()
-            out["kept"] = next((r for r in runs if r.sha256 == digest), None)
+            out["kept"] = records.of_hash(digest)
             out["references"] = sorted(records.references())
             of = out["kept"].instrument if out["kept"] is not None else str(instrument)
-            own = [r for r in runs if r.sha256 != digest and r.counts and r.instrument == of
+            runs = records.runs(of) if of in records.instruments() else []
+            own = [r for r in runs if r.sha256 != digest and r.counts
                    and r.procedure == result.procedure]  # fmt: skip
             if own:
                 out["before"] = own[-1]
@@ -187,6 +188,13 @@ def _left(bench: Bench, job: Job) -> dict[str, Any]:
     out["rows"] = [_row(row, last) for row in result.coefficients.rows()]
     out["instrument"] = str(instrument)
     return out
+
+
+@lru_cache(maxsize=32)
+def _result(folder: Path, digest: str) -> Result:
+    """Return the result in a folder whose result.json has this hash: it is the same each time."""
+    del digest
+    return run_folder.load_result(folder, with_tables=False)
 
 
 def _row(row: dict[str, Any], last: dict[str, float]) -> tuple[str, ...]:
@@ -328,14 +336,15 @@ def history(request: Request, name: str) -> Response:
     """Coefficients over time, for a frame that reaches nothing."""
     person(request)
     from foucault.campaign import comparison
-    from foucault.records.history import past
+    from foucault.records.history import compared, past
     from foucault.report import compare, render
 
     with bench_of(request).records() as records:
         found = None if records is None else past(records, name)
-    if found is None or found.compared is None:
+        read = None if records is None or found is None else compared(records, found)
+    if found is None or read is None:
         raise error("records.one", name=name, count=0 if found is None else len(found.counted))
-    text = render(compare.document(comparison.record(found.compared)))
+    text = render(compare.document(comparison.record(read)))
     return Response(text, media_type="text/html", headers=_framed())
 
 
@@ -366,7 +375,7 @@ def journal(request: Request) -> Response:
     entries: list[Any] = []
     with bench_of(request).records() as records:
         if records is not None:
-            entries = list(records.entries())[-MANY:][::-1]
+            entries = records.newest(MANY)
     refused = bench_of(request).people.refused()
     return page(request, "journal.html", entries=entries, refused=refused)
 

@@ -10,6 +10,7 @@ from fastapi.concurrency import run_in_threadpool as aside
 from fastapi.responses import FileResponse, Response
 from pydantic import BaseModel
 
+from foucault.run_folder import CAMPAIGN_FILE
 from foucault.workbench.actions import ask
 from foucault.workbench.asked import shown
 from foucault.workbench.bench import Form, bench_of, needs, page, person, to
@@ -90,8 +91,11 @@ def planned(request: Request, name: str) -> Response:
                     procedure.grade, tuple(GRADES))  # fmt: skip
     done = [c for c in session if not c.key.endswith("_sd")]
     rest = [c for c in (*settings, *session) if c not in rig and c not in done]
+    from foucault.campaign.reading import improvable
+
     return page(
         request, "planned.html", name=name, what=procedure.summary, more=rest,
+        searched=name in improvable(),
         groups=[("What is done", done), ("Rig and limits", rig),
                 ("Instrument and place", [grades, *place])],
         line=shown(["preflight", name, "--steps", LIST]),
@@ -100,11 +104,25 @@ def planned(request: Request, name: str) -> Response:
 
 @router.post("/plan/{name}")
 async def foresee(request: Request, said: Form, name: str) -> Response:
-    """Ask what a session will show."""
+    """Ask what a session will show, or search for one that shows more."""
     who = needs(request, "operator")
     told = [f"{key} = {str(value).strip()}" for key, value in said.multi_items()
             if "." in key and isinstance(value, str) and value.strip()]  # fmt: skip
-    job = await aside(ask, bench_of(request), who, "preflight", {"--set": told}, "", [], name)
+    given = {"--set": told}
+    command = "preflight"
+    if said.get("search"):
+        command = "optimise"
+        given |= {f"--{k}": [str(said.get(k, ""))] for k in ("restarts", "time-limit")}
+    job = await aside(ask, bench_of(request), who, command, given, "", [], name)
+    return to(f"/jobs/{job.number}")
+
+
+@router.post("/jobs/{number}/foresee")
+async def foresee_found(request: Request, said: Form, number: Number) -> Response:
+    """Ask what a plan that was found will show, with its list for the operator."""
+    who = needs(request, "operator")
+    name = f"runs/{number}/{CAMPAIGN_FILE}"
+    job = await aside(ask, bench_of(request), who, "preflight", {}, "", [], name)
     return to(f"/jobs/{job.number}")
 
 

@@ -17,7 +17,8 @@ import uvicorn
 
 from foucault.errors import error
 from foucault.files import make_folder
-from foucault.workbench.asked import Option
+from foucault.workbench.asked import OFFERS, Option
+from foucault.workbench.bench import templates
 from foucault.workbench.people import People
 from foucault.workbench.store import Store
 from foucault.workbench.web import Bench, application
@@ -85,14 +86,20 @@ class Crew:
             one.kill()
 
 
-def _ahead() -> None:
+def _ahead(bench: Bench) -> None:
     """Load what pages need when they are opened first: nobody then waits for it."""
     from foucault.procedures import PROCEDURES, load
 
-    for name in ("foucault.records.history", "foucault.records.shown", "scipy.optimize"):
+    for name in ("foucault.records.history", "foucault.records.shown", "scipy.optimize",
+                 "scipy.stats", "foucault.result_document", "foucault.report.page",
+                 "foucault.campaign.tables"):  # fmt: skip
         import_module(name)
     for name in PROCEDURES:
         load(name)
+    for name in OFFERS:
+        bench.options(name)
+    for name in templates().list_templates():
+        templates().get_template(name)
 
 
 def serve(
@@ -118,13 +125,14 @@ def serve(
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind((host, port))
+        listening.listen(2048)  # whoever comes before all is loaded waits and is not refused
     except OSError as problem:
         listening.close()
         raise error("workbench.port", host=host, port=port, reason=problem.strerror) from None
     bench = Bench(store, database or str(folder / RECORDS), options, open_to_others,
                   below)  # fmt: skip
     crew = Crew(worker, workers)
-    threading.Thread(target=_ahead, daemon=True).start()
+    threading.Thread(target=_ahead, args=(bench,), daemon=True).start()
     shown = f"[{host}]" if ":" in host else host
     say(f"The workbench is at http://{shown}:{listening.getsockname()[1]}/ until Ctrl-C.")
     try:
