@@ -54,6 +54,8 @@ RESULT_FILE = "result.json"
 CAMPAIGN_FILE = "campaign.toml"
 REPORT_FILE = "report.html"
 TABLE_FOLDER = "tables"
+SESSION_FOLDER, STATE_FILE, ENOUGH_FILE = "session", "guide.json", "enough"
+"""Of a guided session: what was recorded, what it shows by now, and a file that ends it."""
 
 RESOLVED = b"# The campaign with every default filled in"
 """So begins the campaign of a run."""

@@ -81,7 +81,9 @@ def test_a_session_of_lines_is_a_log_and_is_made_again(tmp_path: Path):
         def close(self) -> None:
             pass
 
-    said = recording.record(Once(), parsed(PRINTS, "mine"), PRINTS, tmp_path / "s")
+    said = recording.record(
+        [recording.Plug(Once(), parsed(PRINTS, "mine"), PRINTS)], [tmp_path / "s"]
+    )[0]
     assert said["rows"] == 300
     log = campaign.read_log(campaign.load(tmp_path / "s" / "campaign.toml"))
     assert log.accel[10].tolist() == [5.0, -1.25, 9.81]

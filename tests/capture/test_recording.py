@@ -52,7 +52,7 @@ class Chunks:
 
 
 def test_a_session_is_a_log_that_can_be_read(tmp_path: Path):
-    said = recording.record(Chunks(stream()), FRAME, TEXT, tmp_path / "s")
+    said = recording.record([recording.Plug(Chunks(stream()), FRAME, TEXT)], [tmp_path / "s"])[0]
     assert said["rows"] == MANY and said["broken"] == said["junk"] == 0
     rows = recording.rows_of(tmp_path / "s", FRAME)
     np.testing.assert_allclose(rows[:, :-1], [sbg(k)[1] for k in range(MANY)], rtol=1e-12)
@@ -65,7 +65,7 @@ def test_a_session_is_a_log_that_can_be_read(tmp_path: Path):
 
 def test_read_again_it_gives_the_same_bits(tmp_path: Path):
     junk = stream(50) + b"\xff\x5a\x00" + stream(60)[50:] + b"\xff"
-    recording.record(Chunks(junk, 31), FRAME, TEXT, tmp_path / "s")
+    recording.record([recording.Plug(Chunks(junk, 31), FRAME, TEXT)], [tmp_path / "s"])[0]
     log = (tmp_path / "s" / recording.LOG).read_bytes()
     (tmp_path / "s" / recording.LOG).write_bytes(log[:100])
     recording.again(tmp_path / "s")
@@ -73,9 +73,9 @@ def test_read_again_it_gives_the_same_bits(tmp_path: Path):
 
 
 def test_nothing_is_recorded_over(tmp_path: Path):
-    recording.record(Chunks(stream(5)), FRAME, TEXT, tmp_path)
+    recording.record([recording.Plug(Chunks(stream(5)), FRAME, TEXT)], [tmp_path])[0]
     with pytest.raises(FoucaultError) as problem:
-        recording.record(Chunks(stream(5)), FRAME, TEXT, tmp_path)
+        recording.record([recording.Plug(Chunks(stream(5)), FRAME, TEXT)], [tmp_path])[0]
     assert problem.value.code == "capture.there"
     with pytest.raises(FoucaultError) as problem:
         recording.again(tmp_path / "none")
@@ -138,7 +138,7 @@ def test_every_source_hands_out_all_that_comes(name: str, tmp_path: Path):
     source, sender = send(name, stream(), tmp_path)
     held = opened(source)
     sender.start()
-    said = recording.record(held, FRAME, TEXT, tmp_path / "s", silent=0.6)
+    said = recording.record([recording.Plug(held, FRAME, TEXT)], [tmp_path / "s"], silent=0.6)[0]
     sender.join()
     assert said["rows"] == MANY and said["broken"] == 0
 
@@ -159,7 +159,7 @@ def test_what_was_lost_and_opened_again_is_counted(tmp_path: Path):
     thread = threading.Thread(target=serve)
     thread.start()
     source = opened(f"tcp:127.0.0.1:{server.getsockname()[1]}")
-    said = recording.record(source, FRAME, TEXT, tmp_path / "s", silent=3.0)
+    said = recording.record([recording.Plug(source, FRAME, TEXT)], [tmp_path / "s"], silent=3.0)[0]
     thread.join()
     assert said["reopened"] >= 1 and said["rows"] == 60
     assert json.loads((tmp_path / "s" / recording.SAID).read_text())["reopened"] >= 1
@@ -251,7 +251,7 @@ class Endless:
         os.replace(sys.argv[1] + ".now", sys.argv[1] + ".sent")
         return data
     def close(self): pass
-recording.record(Endless(), parsed(text, "sbg"), text, Path(sys.argv[1]))
+recording.record([recording.Plug(Endless(), parsed(text, "sbg"), text)], [Path(sys.argv[1])])[0]
 """
 
 
@@ -307,7 +307,9 @@ def test_a_slow_disk_lets_nobody_wait(tmp_path: Path, monkeypatch):
     thread = threading.Thread(target=work)
     thread.start()
     try:
-        said = recording.record(source, FRAME, TEXT, tmp_path / "s", silent=1.0)
+        said = recording.record(
+            [recording.Plug(source, FRAME, TEXT)], [tmp_path / "s"], silent=1.0
+        )[0]
     finally:
         thread.join()
         port.close()
@@ -333,7 +335,9 @@ def test_a_temperature_that_is_not_sent_is_not_in_the_log(tmp_path: Path):
     """Frames whose items may be left out: the session can be read all the same."""
     text = text_of("xsens_mtdata2")
     data = b"".join(_xsens(k) for k in range(50))
-    said = recording.record(Chunks(data), parsed(text, "xsens_mtdata2"), text, tmp_path / "s")
+    said = recording.record(
+        [recording.Plug(Chunks(data), parsed(text, "xsens_mtdata2"), text)], [tmp_path / "s"]
+    )[0]
     log = campaign.read_log(campaign.load(tmp_path / "s" / recording.CAMPAIGN))
     assert said["rows"] == len(log) == 50 and log.accel[0].tolist() == [0.0, 0.0, 9.75]
 

@@ -12,7 +12,8 @@ from foucault.capture import recording
 from foucault.capture.frame import parsed, text_of
 from foucault.capture.said import Words
 from foucault.capture.trouble import troubles
-from make_frames import kermit, sbg, xsens
+from foucault.cli.capture import _now
+from make_frames import adis, kermit, sbg, xsens
 from make_heard import PRINTED
 from make_uart import misheard
 
@@ -95,3 +96,34 @@ def test_the_guide_says_it_in_words(tmp_path):
         made = run("calibrate", "--live", path, "--frames", "sbg_imu_short", "--silence", "0.3 s",
                    "-o", tmp_path / f"run{len(more)}", *more, code=1)  # fmt: skip
         assert ("Baudrate" if more else "baud rate") in made.output
+
+
+def test_frames_that_are_lost_by_their_counter(tmp_path):
+    data = b"".join(adis(k)[0] for k in range(0, 65536 * 2, 400))  # it wraps, and goes on
+    assert "lost beside" in heard(tmp_path, data, text_of("adis16470_burst"))
+    whole = b"".join(adis(k)[0] for k in range(65400, 65700))
+    assert heard(tmp_path / "whole", whole, text_of("adis16470_burst")) == ""
+
+
+def test_a_cable_that_is_put_back_is_told_while_it_happens(tmp_path):
+    """A port that goes away and comes again: said in the lines of `capture` as it goes on."""
+
+    class Pulled:
+        name, ended, lost = "a port", False, 0
+
+        def __init__(self) -> None:
+            self.parts = [STREAM[:2000], b"", STREAM[2000:4000]]
+
+        def read(self, wait: float) -> bytes:
+            part = self.parts.pop(0)
+            self.lost += not part
+            self.ended = not self.parts
+            return part
+
+        def close(self) -> None:
+            pass
+
+    told: list[str] = []
+    plug = recording.Plug(Pulled(), parsed(TEXT, "sbg"), TEXT)
+    recording.record([plug], [tmp_path / "s"], tell=lambda now: told.append(_now(now)))
+    assert "opened again" not in told[0] and "opened again, 1 times" in told[-1]

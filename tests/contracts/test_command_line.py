@@ -36,6 +36,8 @@ OWN_WORDS = {
     "--reason": 2,  # of a review, or of a run that is released
     "--reference": 3,
     "--rest": 2,
+    "--frames": 2,  # of one source, or of several
+    "--serial": 2,  # of what is looked for, or of each IMU that is recorded
     "--words": 2,  # of a review, or of a guide
     "--workers": 2,
     "--to": 2,  # what to write, or whose file it is

@@ -64,3 +64,27 @@ def compared(host: FloatArray, sensor: FloatArray) -> Clocks | None:
     if abs(rate) > UNLIKELY:
         return None
     return Clocks(rate, sd, float(np.quantile(beyond - beyond.min(), 0.95)))
+
+
+STOOD = 1.0
+"""One of two clocks that stands for less is not told [s]."""
+
+
+def on_host(host: FloatArray, sensor: FloatArray) -> FloatArray:
+    """Return when each row was made by the computer's clock, shape (n,) [s].
+
+    `host` (n,): when each row was heard [s]; `sensor` (n,): when it was made, by its own clock [s].
+    The least delay is taken for none: what every row needs at least nobody here can know. Where
+    one of the clocks stood or began anew, the line begins anew.
+    """
+    found = compared(host, sensor)
+    slope = 0.0 if found is None else 1 / (1 + found.rate) - 1
+    t = sensor - sensor[0]
+    late, out = host - (1 + slope) * t, np.empty(len(t))
+    breaks = np.flatnonzero(np.abs(np.diff(late)) > STOOD) + 1
+    for part in np.split(np.arange(len(t)), breaks):
+        k = part[0]
+        out[part] = (1 + slope) * t[part] + np.nanmin(late[part])
+        if k and out[k] <= out[k - 1]:  # what was kept somewhere comes at once: no time of day
+            out[part] += out[k - 1] - out[k] + max(t[k] - t[k - 1], 0.0)
+    return out

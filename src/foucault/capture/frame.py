@@ -20,8 +20,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
+from foucault.arrays import FloatArray
 from foucault.errors import error
 from foucault.strict import Strict
 
@@ -34,6 +36,9 @@ SIZE = {name: struct.calcsize("<" + code) for name, code in CODE.items()}
 LONGEST = 4096
 """Longest frame that is waited for; a length beyond it is taken for junk [bytes]."""
 
+
+BESIDES = frozenset(("time", "counter", "serial"))
+"""Fields that are no readings."""
 
 GAP = 20_000
 """More frames than these are not made up for: the counter began anew [1]."""
@@ -92,6 +97,13 @@ class Checksum(Strict):
         """Its length [bytes]."""
         return {"sum8": 1, "xor8": 1, "crc32": 4}.get(self.kind, 2)
 
+    def function(self) -> Callable[[bytes], int]:
+        """Return what computes it, the quickest there is."""
+        if (self.kind, self.poly, self.reflected) == ("crc16", 0x1021, True):
+            init, final, of = _turned(self.init), self.final, binascii.crc_hqx
+            return lambda data: TURNED_WORDS[of(data.translate(TURNED), init)] ^ final
+        return self.of
+
     def of(self, data: bytes) -> int:
         """Compute it."""
         bits = 8 * self.size
@@ -139,6 +151,10 @@ TURNED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 def _turned(word: int) -> int:
     return TURNED[word & 255] << 8 | TURNED[word >> 8]
+
+
+TURNED_WORDS = tuple(map(_turned, range(1 << 16)))
+"""Words of 16 bits with their bits in the other order."""
 
 
 @lru_cache(8)
@@ -233,9 +249,17 @@ class Frame(Strict):
                     f"field {one.name} needs `item` where there are `items`, else `at`"
                 )
         names = [one.name for one in self.fields]
-        if not {"accel", "gyro"} & set(names):
-            raise ValueError("neither accel nor gyro is among the fields")
+        if not set(names) - BESIDES:
+            raise ValueError(
+                "neither accel nor gyro is among the fields, nor another reading, as of a "
+                "temperature or the angles of a table"
+            )
         return self
+
+    @cached_property
+    def imu(self) -> bool:
+        """Whether it is of an IMU, or of something beside one."""
+        return bool({"accel", "gyro"} & {one.name for one in self.fields})
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
@@ -308,13 +332,91 @@ class Decoder:
     _before: dict[str, tuple[int, float]] = field(default_factory=dict)
     _synced: bool = False
     _gap: int = 0  # frames that were lost before the one that is read [1]
+    _layouts: dict[int, Any] = field(default_factory=dict)  # length -> how fields lie [bytes]
 
     def feed(self, data: bytes) -> list[tuple[float, ...]]:
         """Take bytes that have arrived, and return the rows of all frames that are whole now."""
-        self._held += data
-        return [*self._rows()]
+        return [tuple(row) for row in self.rows(data).tolist()]
 
-    def _rows(self) -> Iterator[tuple[float, ...]]:
+    def rows(self, data: bytes) -> FloatArray:
+        """Take bytes; return rows of whole frames, shape (n, columns) [units of the frame]."""
+        self._held += data
+        raws = [*self._raws()]
+        if len(raws) > 1 and self._fixed and len({*map(len, raws)}) == 1:
+            layout = self._layout(len(raws[0]))
+            if layout is not None:
+                self.heard.frames += len(raws)
+                return self._block(np.frombuffer(b"".join(raws), layout))
+        out = list[tuple[float, ...]]()
+        for raw in raws:
+            row = self._row(raw)
+            if row is None:
+                self.heard.others += 1
+            else:
+                out += [*self._missing(len(row)), row]
+                self.heard.frames += 1
+        return np.array(out, float).reshape(len(out), len(self.frame.columns))
+
+    @cached_property
+    def _fixed(self) -> bool:
+        """Whether every frame holds the same fields at the same places."""
+        names = [one.name for one in self.frame.fields]
+        return not self.frame.items and not self.frame.trimmed and len(names) == len({*names})
+
+    def _layout(self, size: int) -> Any:
+        """Return how frames of a length are laid out, None where they lack a field [bytes]."""
+        if size not in self._layouts:
+            sign, fields = "<" if self.frame.order == "little" else ">", self.frame.fields
+            ends = [(one.at or 0) + SIZE[one.type] * one.count for one in fields]
+            kinds = [f"{sign}{one.type[0]}{SIZE[one.type]}" for one in fields]
+            said: Any = {
+                "names": [one.name for one in fields],
+                "formats": [(kind, (f.count,)) for kind, f in zip(kinds, fields, strict=True)],
+                "offsets": [one.at for one in fields], "itemsize": size,
+            }  # fmt: skip
+            self._layouts[size] = np.dtype(said) if max(ends) <= size else None
+        return self._layouts[size]
+
+    def _block(self, raws: Any) -> FloatArray:
+        """Return the rows of frames one after the other, as `_numbers` has them of each."""
+        out = np.empty((len(raws), len(self.frame.columns)))
+        gaps, at = np.zeros(len(raws), np.int64), 0
+        for one, name, counts, bit, multiply, add in self._scales:
+            x = raws[name]
+            if counts and not one.type.startswith("f"):
+                x = self._unwrapped_all(one, x[:, 0], gaps)[:, None]
+            divide: Any = one.divide
+            if bit is not None:
+                divide = np.where(raws[bit.of] >> bit.number & 1, bit.divide, divide)
+            scaled = x / divide if multiply == 1.0 and add == 0.0 else multiply * x / divide + add
+            out[:, at : at + one.count] = scaled
+            at += one.count
+        gaps[gaps > GAP] = 0
+        if not gaps.any() or self.frame.field_of("time") is not None:
+            return out
+        whole = np.full((len(out) + int(gaps.sum()), out.shape[1]), np.nan)
+        whole[np.arange(len(out)) + np.cumsum(gaps)] = out
+        return whole
+
+    def _unwrapped_all(self, one: FrameField, x: Any, gaps: Any) -> FloatArray:
+        """Return counters `x` (n,) as `_unwrapped` does of each, and what is missing in `gaps`."""
+        words = np.ascontiguousarray(x).astype(
+            f"u{SIZE[one.type]}"
+        )  # differences wrap by themselves
+        first = int(words[0]) if x.dtype.kind == "u" else int(x[0])
+        last, total = self._before.get(one.name, (first, float(first)))
+        step = np.diff(words, prepend=np.array([last % (1 << 8 * SIZE[one.type])], words.dtype))
+        step[step >= 1 << (8 * SIZE[one.type] - 1)] = 0  # it began anew
+        step = step.astype(np.int64)
+        if one.name == "counter":
+            gaps += np.maximum(step - 1, 0)
+            self.heard.lost += int(np.maximum(step - 1, 0).sum())
+        every = total + np.cumsum(step)
+        self._before[one.name] = int(x[-1]), float(every[-1])
+        return np.asarray(every)
+
+    def _raws(self) -> Iterator[bytes]:
+        """Yield the frames that are whole, right and wanted."""
         held, sync, at = self._held, self.frame.sync, 0
         while True:
             found = held.find(sync, at) if sync else at
@@ -352,13 +454,10 @@ class Decoder:
                 continue
             self._synced = True
             at += length
-            row = self._row(raw) if self._wanted(raw) else None
-            if row is None:
-                self.heard.others += 1
+            if self._wanted(raw):
+                yield raw
             else:
-                yield from self._missing(len(row))
-                self.heard.frames += 1
-                yield row
+                self.heard.others += 1
         del held[:at]
 
     def _missing(self, columns: int) -> Iterator[tuple[float, ...]]:
@@ -380,15 +479,24 @@ class Decoder:
         length = value + said.add
         return length if value < said.below and length <= LONGEST else 0
 
-    def _right(self, raw: bytes) -> bool:
-        told = self.frame.checksum
+    @cached_property
+    def _right(self) -> Callable[[bytes], bool]:
+        """What tells whether a frame is as it was sent."""
+        told, order = self.frame.checksum, self.frame.order
         if told is None:
-            return True
-        if len(raw) < told.size + len(self.frame.sync):
-            return False
-        start = told.at % len(raw)
-        read = int.from_bytes(raw[start : start + told.size], told.order or self.frame.order)
-        return told.of(raw[told.first : told.last % len(raw)] + told.extra) == read
+            return lambda _raw: True
+        check, order = told.function(), told.order or order
+        size, at, first, last, extra = told.size, told.at, told.first, told.last, told.extra
+        least = size + len(self.frame.sync)
+
+        def right(raw: bytes) -> bool:
+            if len(raw) < least:
+                return False
+            start = at % len(raw)
+            read = int.from_bytes(raw[start : start + size], order)
+            return check(raw[first : last % len(raw)] + extra) == read
+
+        return right
 
     def _other(self, raw: bytes) -> bool:
         """Tell whether it may be another message, whose checksum nobody here can know."""
@@ -428,7 +536,7 @@ class Decoder:
 
     def _numbers(self, values: dict[str, tuple[Any, ...]]) -> tuple[float, ...] | None:
         """Return the row of the values of a frame, scaled; None where it lacks what is wanted."""
-        if not {"accel", "gyro"} & values.keys():
+        if not self._needed & values.keys():
             return None
         out: list[float] = []
         for one, name, counts, bit, multiply, add in self._scales:
@@ -446,6 +554,12 @@ class Decoder:
             else:
                 out += [multiply * x / divide + add for x in got]
         return tuple(out)
+
+    @cached_property
+    def _needed(self) -> set[str]:
+        """Fields of which a frame has to have one."""
+        names = {one.name for one in self.frame.fields}
+        return {"accel", "gyro"} & names or names - BESIDES
 
     @cached_property
     def _scales(self) -> list[tuple[FrameField, str, bool, Bit | None, float, float]]:
@@ -494,8 +608,8 @@ NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?$")
 class Lines(Decoder):
     """Lines of text as they come; a cell may say what it is before its number."""
 
-    def feed(self, data: bytes) -> list[tuple[float, ...]]:
-        """Take bytes that have arrived, and return the rows of all lines that are whole now."""
+    def rows(self, data: bytes) -> FloatArray:
+        """Take bytes; return rows of whole lines, shape (n, columns) [units of the frame]."""
         *lines, rest = (self._held + data).replace(b"\r", b"\n").split(b"\n")
         self._held = bytearray(rest[-LONGEST:])
         out = list[tuple[float, ...]]()
@@ -504,7 +618,7 @@ class Lines(Decoder):
             if row is not None:
                 out += [*self._missing(len(row)), row]
                 self.heard.frames += 1
-        return out
+        return np.array(out, float).reshape(len(out), len(self.frame.columns))
 
     def _read(self, line: bytes) -> tuple[float, ...] | None:
         told, first = self.frame.line, not self._synced

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -75,6 +76,11 @@ class Way(Protocol):
     spins: bool  # whether quiet times that turn are looked at, too
     unlisted: bool  # whether the last was none of a list
 
+    @property
+    def done(self) -> tuple[int, int] | None:
+        """How much of a list is done, and how much it has; None where there is no list [1]."""
+        ...
+
     def first_step(self) -> Step:
         """Return what to begin with."""
         ...
@@ -96,6 +102,10 @@ class Way(Protocol):
 
     def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
         """Return what would be known after everything possible; `first`, `last` (n,): rests."""
+        ...
+
+    def leave(self, folder: Path) -> Path | None:
+        """Write what is calibrated beside the log; return its campaign, None: that of the log."""
         ...
 
 
@@ -370,7 +380,7 @@ class Guide:
     @property
     def done(self) -> tuple[int, int] | None:
         """How much of a list is done, and how much it has; None where there is no list [1]."""
-        return getattr(self.way, "done", None)
+        return self.way.done
 
     def findings(self) -> tuple[Finding, ...]:
         """Return what looks wrong in the readings so far."""
@@ -417,6 +427,17 @@ class Guide:
             C = C @ exp(some.mean(axis=0) * len(some) * self.found.interval)
         self._attitude = (n, C)
         return np.asarray(C)
+
+    @property
+    def heading(self) -> float:
+        """Which way the front of the first rest points, shape () [rad].
+
+        Clockwise from the second level axis of n: whoever is guided looks that way.
+        """
+        if self.reached is None or not len(self.reached.C_nb):
+            return 0.0
+        front = self.reached.C_nb[0][:, 1]
+        return float(np.arctan2(front[0], front[1]))
 
     def bars(self) -> list[tuple[str, str, float, float, float]]:
         """Return of each group its worst coefficient: group, name, reached, expected, wanted [SI].

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
-from foucault.capture.step import Begun, Reached, Step, cov_of, turn_time
+from foucault.capture.step import UP, Begun, Reached, Step, cov_of, turn_time
 from foucault.coefficients import CoefficientVector
 from foucault.detect.coverage import named_directions
 from foucault.detect.stretches import Rests
@@ -29,8 +29,6 @@ from foucault.plans.directions import RestPlan
 from foucault.procedures import hand_rotated, left_out
 from foucault.simulate.hand_rotated import simulate
 from foucault.tables import Log
-
-UP = np.array([0.0, 0.0, 1.0])
 
 ENOUGH = hand_rotated.NEEDED + 1
 """Rests from which on the session is solved [1]."""

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.capture.step import Reached, Step, Wanted
+from foucault.capture.step import UP, Reached, Step, Wanted
 from foucault.coefficients import CoefficientVector
 from foucault.models.rotation import aligning
 from foucault.models.turntable import TablePlan, chain
@@ -32,8 +33,6 @@ EDGES = 1.0
 
 AS_FAST = 0.5
 """A quiet time that turns by so much of the rate of a spin is one [1]."""
-
-UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass
@@ -157,3 +156,7 @@ class OnTable:
     def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
         """Return what will be known after all of the list; `first`, `last` (n,): rests."""
         return self._known(np.ones(len(self.ticked), bool), reached.C_nb)
+
+    def leave(self, folder: Path) -> Path | None:
+        """Leave nothing but the log."""
+        return None

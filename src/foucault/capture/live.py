@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from foucault import campaign as campaigns
+from foucault.arrays import FloatArray
 from foucault.campaign import Campaign
 from foucault.capture import recording
 from foucault.capture.frame import Frame
@@ -21,6 +22,7 @@ from foucault.capture.source import Source, arrivals
 from foucault.capture.trouble import Trouble, troubles
 from foucault.capture.ways import Asked, guide_of
 from foucault.files import write_text
+from foucault.logs.description import LogDescription
 from foucault.logs.follow import RowFollower
 from foucault.tables import Log
 
@@ -42,7 +44,7 @@ class Live:
     asked: Asked
     guide: Guide | None = None
     silence: float = 0.0  # since something came [s]
-    _held: list[tuple[float, ...]] = field(default_factory=list)  # rows (k,) [units of the frame]
+    _held: list[FloatArray] = field(default_factory=list)  # rows (n, k) [units of the frame]
     _rows: RowFollower | None = None
 
     def troubles(self) -> list[Trouble]:
@@ -51,14 +53,14 @@ class Live:
 
     def take(self, data: bytes, now: float) -> bool:
         """Take bytes that were heard at `now` [s]; tell whether a rest has ended with them."""
-        self._held += self.recorder.take(data, now)
-        if len(self._held) < 3:
+        self._held += [self.recorder.take(data, now)]
+        if sum(map(len, self._held)) < 3:
             return False
         if self._rows is None and not self._begin():
             return False
         assert self._rows is not None
         assert self.guide is not None
-        part = self._rows.take(np.array(self._held))
+        part = self._rows.take(np.concatenate(self._held))
         self._held, ended = [], False
         if part is None:
             return False
@@ -71,19 +73,26 @@ class Live:
         return ended
 
     def _begin(self) -> bool:
-        frame, rows, rate = self.recorder.frame, self._held, None
+        frame, rows, rate = self.recorder.frame, np.concatenate(self._held), None
         if frame.field_of("time") is None:
             if rows[-1][-1] - rows[0][-1] < LISTEN:
                 return False
-            rate = (len(rows) - 1) / (rows[-1][-1] - rows[0][-1])
-        warm = recording.warm_in(frame, np.array(rows))
-        text = campaign_of(frame, "session", None, rate, self.asked.campaign.text, warm)
+            rate = float((len(rows) - 1) / (rows[-1][-1] - rows[0][-1]))
+        warm = recording.warm_in(frame, rows)
+        asked = self.asked.campaign
+        text = campaign_of(frame, "session", None, rate, own_text(asked), warm)
         told = campaigns.parse(text, self.recorder.folder / recording.CAMPAIGN)
         self._rows = RowFollower(told.imu_log, len(rows[0]))
         assert self._rows.used is not None
-        campaign = replace(told, noise=self.asked.campaign.noise, sizes=self.asked.campaign.sizes)
+        campaign = replace(told, noise=asked.noise, sizes=asked.sizes)
+        campaign = asked if own_text(asked) is None else campaign
         self.guide = guide_of(replace(self.asked, campaign=campaign), self._rows.used)
         return True
+
+
+def own_text(campaign: Campaign) -> str | None:
+    """Return the text that says how a log of samples is calibrated; None: its stops are."""
+    return campaign.text if isinstance(campaign.log, LogDescription) else None
 
 
 def _fresh(guide: Guide, part: Log) -> Log:
@@ -112,7 +121,7 @@ def guided(
     """
     live = Live(Recording(folder, frame), asked)
     write_text(folder / recording.FRAME, text)
-    own: dict[str, Any] = {"text": asked.campaign.text}
+    own: dict[str, Any] = {"text": own_text(asked.campaign)}
     write_text(folder / recording.CAMPAIGN, campaign_of(frame, folder.name, **own))
     begun = heard = time.monotonic()
     try:
@@ -120,8 +129,12 @@ def guided(
             for data, now in coming:
                 heard = now if data else heard
                 live.silence = now - heard
+                live.recorder.heard.reopened = getattr(source, "lost", 0)
                 for k in range(0, max(len(data), 1), TOGETHER):
-                    tell(live, live.take(data[k : k + TOGETHER], now - begun))
+                    ended = live.take(data[k : k + TOGETHER], now - begun)
+                    if ended and live.guide is not None:
+                        live.guide.way.leave(folder)
+                    tell(live, ended)
                 if live.guide is not None and live.guide.stopped:
                     break
                 if silent is not None and live.silence >= silent:
@@ -132,4 +145,5 @@ def guided(
         source.close()
         live.recorder.heard.reopened = getattr(source, "lost", 0)
         live.recorder.close(**own)
-    return live, campaigns.load(folder / recording.CAMPAIGN)
+    left = None if live.guide is None else live.guide.way.leave(folder)
+    return live, campaigns.load(left or folder / recording.CAMPAIGN)

@@ -18,19 +18,19 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.campaign import running, writing
-from foucault.capture.clock import HOST_SD, Clocks, compared
+from foucault.capture.clock import HOST_SD, STOOD, Clocks, compared
 from foucault.capture.frame import Frame, Heard, decoder_of, parsed
-from foucault.capture.source import Source, arrivals
+from foucault.capture.source import Source, together
 from foucault.errors import error
 from foucault.files import atomic, make_folder, write_text
 from foucault.logs.layout import scaled_unit
@@ -46,9 +46,6 @@ SAFE = 1.0
 
 BEGIN = 2000
 """So much of what comes first is kept at hand [bytes]."""
-
-STOOD = 1.0
-"""A clock that stands for less is not told [s]."""
 
 POSSIBLE = 0.05, 500.0
 """What accelerometers read is within these most of the time [m/s^2]."""
@@ -66,6 +63,7 @@ class Recording:
     start: bytes = b""  # what came first
     slept: float = 0.0  # how long this computer's clock stood while the instrument's went on [s]
     absurd: float | None = None  # size of what accelerometers read, where it cannot be [m/s^2]
+    serial: int | None = None  # of the instrument, where its frames say it [1]
 
     def __post_init__(self) -> None:
         """Open its files, none of which may be there."""
@@ -74,7 +72,7 @@ class Recording:
             raise error("capture.there", folder=self.folder)
         self._decoder = decoder_of(self.frame, self.heard)
         self._files = {name: self._open(name) for name in (RAW, ARRIVALS, LOG)}
-        self._waiting: list[tuple[float, ...]] = []
+        self._waiting: list[FloatArray] = []
         self._last = np.zeros((0, 2))  # when the last row was made, and heard [s]
         self._written = self._safe = time.monotonic()
 
@@ -85,16 +83,16 @@ class Recording:
             reason = problem.strerror or str(problem)
             raise error("output.unwritable", path=self.folder / name, reason=reason) from None
 
-    def take(self, data: bytes, now: float) -> list[tuple[float, ...]]:
-        """Take bytes that were heard at `now` [s], and return the rows that they complete."""
-        rows = list[tuple[float, ...]]()
+    def take(self, data: bytes, now: float) -> FloatArray:
+        """Take bytes that were heard at `now` [s]; return the rows that they complete, (n, k)."""
+        rows = np.zeros((0, len(self.frame.columns) + 1))
         if data:
             self.size += len(data)
             self.start += data[: max(0, BEGIN - len(self.start))]
             self._write(RAW, data)
             self._write(ARRIVALS, np.array([len(data), now]).tobytes())
-            rows = [(*row, now) for row in self._decoder.feed(data)]
-            self._waiting += rows
+            rows = heard_at(self._decoder.rows(data), now)
+            self._waiting += [rows] * bool(len(rows))
         if time.monotonic() - self._written > EVERY:
             self.flush()
         return rows
@@ -102,10 +100,10 @@ class Recording:
     def flush(self) -> None:
         """Write the rows that wait."""
         if self._waiting:
-            rows = np.array(self._waiting, "<f8")
-            self._write(LOG, rows.tobytes())
+            rows = np.concatenate(self._waiting)
+            self._write(LOG, rows.astype("<f8").tobytes())
             self._watch(rows)
-            self.rows += len(self._waiting)
+            self.rows += len(rows)
             self._waiting = []
         self._written = time.monotonic()
         if self._written - self._safe > SAFE:
@@ -116,6 +114,8 @@ class Recording:
     def _watch(self, rows: FloatArray) -> None:
         """Look whether a clock stood, and whether what is read can be; `rows` (n, columns)."""
         columns, accel = self.frame.columns, self.frame.field_of("accel")
+        if "serial" in columns and np.isfinite(told := rows[-1, columns.index("serial")]):
+            self.serial = int(told)
         if (time_ := self.frame.field_of("time")) is not None:
             own = rows[:, columns.index("time")] * SECONDS[time_.unit or "s"]
             both = np.vstack([self._last, np.column_stack([own, rows[:, -1]])])
@@ -147,42 +147,61 @@ class Recording:
         return concluded(self.folder, self.frame, self.heard, text, self.slept)
 
 
+def heard_at(rows: FloatArray, now: float) -> FloatArray:
+    """Return rows with when they were heard as their last column, shape (n, k + 1).
+
+    `rows` (n, k): numbers of frames [units of the frame]; `now`: when they were heard [s].
+    """
+    return np.column_stack([rows, np.full(len(rows), now)])
+
+
+class Plug(NamedTuple):
+    """A source, and what its bytes mean."""
+
+    source: Source
+    frame: Frame
+    text: str  # the description of the frames as it was written
+
+
 def record(
-    source: Source,
-    frame: Frame,
-    text: str,
-    folder: Path,
+    plugs: Sequence[Plug],
+    folders: Sequence[Path],
     *,
     seconds: float | None = None,
     silent: float | None = None,
-    tell: Callable[[Recording, float], None] = lambda _recording, _silence: None,
-) -> dict[str, Any]:
-    """Record a source until it ends, and return what there is to say of the session.
+    tell: Callable[[Sequence[tuple[Recording, float]]], None] = lambda _now: None,
+) -> list[dict[str, Any]]:
+    """Record sources until they end, and return what there is to say of each session.
 
-    `text`: the description of the frames as it was written; `seconds` or None: how long [s];
-    `silent` or None: end where nothing comes for so long [s]; `tell`: called several times a second
-    with the time since something was heard [s].
+    `folders`: of each source its own; `seconds` or None: how long [s]; `silent` or None: end where
+    nothing comes of any for so long [s]; `tell`: called several times a second with each session
+    and the time since something of it was heard [s].
     """
-    recording = Recording(folder, frame)
-    write_text(folder / FRAME, text)
-    write_text(folder / CAMPAIGN, campaign_of(frame, folder.name))
-    begun = heard = time.monotonic()
+    held = [Recording(folder, plug.frame) for plug, folder in zip(plugs, folders, strict=True)]
+    for plug, folder in zip(plugs, folders, strict=True):
+        write_text(folder / FRAME, plug.text)
+        if plug.frame.imu:
+            write_text(folder / CAMPAIGN, campaign_of(plug.frame, folder.name))
+    begun = time.monotonic()
+    heard = [begun] * len(held)
     try:
-        with closing(arrivals(source)) as coming:
-            for data, now in coming:
-                heard = now if data else heard
-                recording.take(data, now - begun)
-                tell(recording, now - heard)
+        with closing(together([plug.source for plug in plugs])) as coming:
+            for k, data, now in coming:
+                heard[k] = now if data else heard[k]
+                held[k].heard.reopened = getattr(plugs[k].source, "lost", 0)
+                held[k].take(data, now - begun)
+                tell([(one, now - last) for one, last in zip(held, heard, strict=True)])
                 if seconds is not None and now - begun >= seconds:
                     break
-                if silent is not None and now - heard >= silent:
+                if silent is not None and now - max(heard) >= silent:
                     break
     except KeyboardInterrupt:
         pass
     finally:
-        source.close()
-        recording.heard.reopened = getattr(source, "lost", 0)
-        said = recording.close()
+        for one, plug in zip(held, plugs, strict=True):
+            plug.source.close()
+            one.heard.reopened = getattr(plug.source, "lost", 0)
+        said = [one.close() for one in held]
     return said
 
 
@@ -193,13 +212,13 @@ def again(folder: Path) -> dict[str, Any]:
     frame = parsed((folder / FRAME).read_text(), FRAME)
     raw, arrivals = (folder / RAW).read_bytes(), (folder / ARRIVALS).read_bytes()
     pairs = np.frombuffer(arrivals[: len(arrivals) // 16 * 16]).reshape(-1, 2)
-    decoder, at, rows = decoder_of(frame, Heard()), 0, list[tuple[float, ...]]()
+    decoder, at, rows = decoder_of(frame, Heard()), 0, list[FloatArray]()
     for size, now in pairs.tolist():
-        rows += [(*row, now) for row in decoder.feed(raw[at : at + int(size)])]
+        rows.append(heard_at(decoder.rows(raw[at : at + int(size)]), now))
         at += int(size)
-    rows += [(*row, pairs[-1, 1] if len(pairs) else 0.0) for row in decoder.feed(raw[at:])]
+    rows.append(heard_at(decoder.rows(raw[at:]), pairs[-1, 1] if len(pairs) else 0.0))
     with atomic(folder / LOG) as temporary:
-        temporary.write_bytes(np.array(rows, "<f8").tobytes())
+        temporary.write_bytes(np.concatenate(rows).astype("<f8").tobytes())
     told = folder / CAMPAIGN  # of a guided session it says more than how by hand
     return concluded(folder, frame, decoder.heard, told.read_text() if told.is_file() else None)
 
@@ -222,25 +241,41 @@ def concluded(
     `slept`: how long the clock of this computer stood [s].
     """
     rows, clocks = rows_of(folder, frame), None
-    told, number = frame.field_of("time"), np.arange(len(rows), dtype=float)
-    if told is not None and len(rows):
-        own = rows[:, frame.columns.index("time")] * SECONDS[told.unit or "s"]
-        clocks = compared(rows[:, -1], own)
+    told = frame.field_of("time")
     said: dict[str, Any] = {"rows": len(rows), **asdict(heard)} | (
         {"slept": slept} if slept else {}
     )
     rate = None
     if len(rows) > 1 and np.nanmax(rows[:, -1]) > np.nanmin(rows[:, -1]):
         said["rate"] = rate = float((len(rows) - 1) / (np.nanmax(rows[:, -1]) - rows[0, -1]))
-    if told is None and rate is not None:  # rows are their own clock
-        clocks = compared(rows[:, -1], number / rate)
+    if told is not None and len(rows):
+        clocks = compared(rows[:, -1], times_of(frame, rows))
+    elif told is None and rate is not None:  # rows are their own clock
+        clocks = compared(rows[:, -1], np.arange(len(rows)) / rate)
         rate = rate if clocks is None else rate * (1 + clocks.rate)
     if clocks is not None:
         said["clock"] = clocks._asdict()
     write_text(folder / SAID, json.dumps(said, indent=1) + "\n")
-    campaign = campaign_of(frame, folder.name, clocks, rate, text, warm_in(frame, rows))
-    write_text(folder / CAMPAIGN, campaign)
+    if frame.imu:
+        campaign = campaign_of(frame, folder.name, clocks, rate, text, warm_in(frame, rows))
+        write_text(folder / CAMPAIGN, campaign)
     return said
+
+
+def times_of(frame: Frame, rows: FloatArray) -> FloatArray:
+    """Return when each row was made by the clock of its log, shape (n,) [s].
+
+    `rows` (n, columns): as of `rows_of`. Rows without a time of their own count.
+    """
+    told = frame.field_of("time")
+    if told is not None:
+        return np.asarray(rows[:, frame.columns.index("time")] * SECONDS[told.unit or "s"])
+    number, spans = np.arange(len(rows), dtype=float), rows[-1, -1] - rows[0, -1]
+    if not spans > 0:
+        return np.asarray(rows[:, -1])
+    rate = (len(rows) - 1) / spans
+    clocks = compared(rows[:, -1], number / rate)
+    return np.asarray(number / (rate if clocks is None else rate * (1 + clocks.rate)))
 
 
 def warm_in(frame: Frame, rows: FloatArray) -> bool:

@@ -11,8 +11,8 @@ import select
 import socket
 import sys
 import time
-from collections.abc import Generator
-from contextlib import suppress
+from collections.abc import Generator, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -27,8 +27,9 @@ MOST = 1 << 16
 WAIT = 0.1
 """Time to wait for bytes before something else is done [s]."""
 
-GATHER = 0.004
-"""What arrives within this after something is handed on together [s]."""
+GATHER, MUCH = 0.015, 2000
+"""What arrives within this after something is handed on together [s]; sooner where it was so much
+[bytes], that no buffer of a port runs over."""
 
 AGAIN = 0.5
 """Time between two tries to open a source again [s]."""
@@ -81,41 +82,52 @@ def opened(name: str, baud: int | None = None) -> Source:
     raise error("capture.source", given=name, allowed=FORMS)
 
 
-def arrivals(source: Source) -> Generator[tuple[bytes, float], None, None]:
-    """Yield what arrives at a source, and when; nothing, b"", where it is silent.
+def together(sources: Sequence[Source]) -> Generator[tuple[int, bytes, float], None, None]:
+    """Yield what arrives at sources: number of the source, bytes and when; b"" where all is silent.
 
-    It is read in a thread of its own: whoever sends does not wait until a disk has written what
-    came before, or somebody has thought about it.
+    Each is read in a thread of its own: whoever sends does not wait until a disk has written what
+    came before, or somebody has thought about it. All are stamped by one clock.
     """
-    heard, stop = SimpleQueue[tuple[bytes, float] | BaseException | None](), Event()
+    heard, stop = SimpleQueue[tuple[int, bytes, float] | BaseException | None](), Event()
 
-    def work() -> None:
+    def work(number: int, source: Source) -> None:
         try:
             while not (stop.is_set() or source.ended):
                 if data := source.read(WAIT):
-                    heard.put((data, time.monotonic()))
-                    time.sleep(GATHER)
+                    heard.put((number, data, time.monotonic()))
+                    time.sleep(GATHER if len(data) < MUCH else GATHER / 8)
             heard.put(None)
         except BaseException as problem:  # whoever listens is told
             heard.put(problem)
 
-    thread = Thread(target=work, name="source", daemon=True)
-    thread.start()
+    threads = [Thread(target=work, args=one, name="source", daemon=True)
+               for one in enumerate(sources)]  # fmt: skip
+    for thread in threads:
+        thread.start()
+    left = len(threads)
     try:
-        while True:
+        while left:
             try:
                 one = heard.get(timeout=WAIT)
             except Empty:
-                yield b"", time.monotonic()
+                yield 0, b"", time.monotonic()
                 continue
             if isinstance(one, BaseException):
                 raise one
             if one is None:
-                return
-            yield one
+                left -= 1
+            else:
+                yield one
     finally:
         stop.set()
-        thread.join(2.0)
+        for thread in threads:
+            thread.join(2.0)
+
+
+def arrivals(source: Source) -> Generator[tuple[bytes, float], None, None]:
+    """Yield what arrives at a source, and when; nothing, b"", where it is silent."""
+    with closing(together([source])) as coming:
+        yield from ((data, now) for _, data, now in coming)
 
 
 @dataclass

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -18,6 +19,7 @@ from foucault.infer import mixed
 from foucault.infer.left_out import Judgement
 from foucault.infer.mixed import Fit, Linearisation, Model, budget
 from foucault.models.noise import grade
+from foucault.models.rotation import aligning
 from foucault.procedures.record import Given, Prior
 
 
@@ -37,6 +39,13 @@ class Step:
     def turn_time(self) -> float:
         """Time that a hand takes to get there, shape () [s]."""
         return QUICKEST if self.rotation is None else float(turn_time(self.rotation))
+
+    def attitude(self) -> FloatArray:
+        """Return how it then lies, C_nb, shape (3, 3) [1]; any way round where none is asked."""
+        return aligning(self.up, UP) if self.C_nb is None else self.C_nb
+
+
+UP = np.array([0.0, 0.0, 1.0])
 
 
 PACE = np.radians(90.0)
@@ -177,8 +186,13 @@ class Begun:
     gyro: bool = True
     spins = False
     unlisted = False
+    done: tuple[int, int] | None = None  # of a list, which there is not [1]
 
     @cached_property
     def prior(self) -> CoefficientVector:
         """What is known beforehand, as wide as instruments differ where nothing is."""
         return widely(self.wanted, self.given.prior)
+
+    def leave(self, folder: Path) -> Path | None:
+        """Leave nothing but the log."""
+        return None

@@ -47,6 +47,10 @@ def troubles(recording: Recording, silence: float) -> list[Trouble]:
             out.append(Trouble("trouble.broken", counts))
         else:
             out.append(Trouble("trouble.no_frame", {"size": recording.size}))
+    if heard.lost > max(FEW, (heard.frames + heard.lost) / 100):
+        out.append(Trouble("trouble.lost", {"lost": heard.lost, "frames": heard.frames}))
+    if heard.reopened:
+        out.append(Trouble("trouble.reopened", {"count": heard.reopened}))
     if recording.slept:
         out.append(Trouble("trouble.slept", {"seconds": recording.slept}))
     if recording.absurd is not None:

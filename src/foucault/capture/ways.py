@@ -16,6 +16,7 @@ from foucault.capture.hand import ByHand
 from foucault.capture.listed import OnTable
 from foucault.capture.six import PLACED, OnSix
 from foucault.capture.step import Wanted
+from foucault.capture.stops import AtStops
 from foucault.detect.stretches import How
 from foucault.errors import error
 from foucault.logs.description import LogDescription
@@ -24,12 +25,11 @@ from foucault.plans.directions import positions
 from foucault.procedures.on_table.plan import bench
 from foucault.procedures.record import Beforehand, Given, Procedure
 from foucault.result import Result
-from foucault.tables import Log
 
 TABLES = ("norm_observation", "multi_position", "turntable")
 """Procedures of which the positions of the plan are ticked."""
 
-GUIDED = ("hand_rotated", "six_position", *TABLES)
+GUIDED = ("hand_rotated", "six_position", *TABLES, "north_seeking")
 """Procedures whose sessions are guided."""
 
 HOLD = 7.0
@@ -74,10 +74,10 @@ def given_of(campaign: Campaign) -> Given[Any]:
                  campaign.sizes)  # fmt: skip
 
 
-def judge_of(procedure: Procedure[Any, Any], campaign: Campaign) -> Callable[[Log], Result]:
+def judge_of(procedure: Procedure[Any, Any], campaign: Campaign) -> Callable[[Any], Result]:
     """Return what calibrates a log as the campaign would."""
 
-    def judge(log: Log) -> Result:
+    def judge(log: Any) -> Result:
         return procedure.calibrate(
             log, site=campaign.site, settings=campaign.settings, noise=campaign.noise,
             prior=campaign.prior, sizes=campaign.sizes, instrument=campaign.instrument,
@@ -97,6 +97,9 @@ def guide_of(asked: Asked, used: LogDescription) -> Guide:
         # The rests of a table are those of its plan: none is much shorter.
         how = How(shortest=min(s.shortest, campaign.session.rest_time / 2))
         return Guide(_on_table(asked, used.gyro is not None), used, judge, how)
+    if campaign.procedure == "north_seeking":
+        way = _at_stops(asked, procedure, used.gyro is not None)
+        return Guide(way, used, lambda _log: way.result(), How())
     usual = procedure.planned(_placed(beforehand(campaign)))
     assert usual is not None
     found = usual.found.coefficients
@@ -105,9 +108,26 @@ def guide_of(asked: Asked, used: LogDescription) -> Guide:
     wanted = Wanted.of(found.layout, found.sd, asked.want or {})
     given, gyro = given_of(campaign), used.gyro is not None
     kind: Any = {"hand_rotated": ByHand, "six_position": OnSix}[campaign.procedure]
-    way: Way = kind(given, wanted, HOLD if asked.hold is None else asked.hold, gyro)
+    by: Way = kind(given, wanted, HOLD if asked.hold is None else asked.hold, gyro)
     how = How(s.window, s.shortest, s.threshold)
-    return Guide(way, used, judge, how)
+    return Guide(by, used, judge, how)
+
+
+def _at_stops(asked: Asked, procedure: Procedure[Any, Any], gyro: bool) -> AtStops:
+    """Return the stops of a campaign's plan."""
+    from foucault.procedures.north_seeking.settings import planned
+
+    campaign = asked.campaign
+    if not gyro:
+        raise error("guide.no_gyro")
+    plan = planned(campaign.settings, campaign.session)
+    usual = procedure.foreseen(beforehand(campaign), more=False)
+    assert usual is not None
+    found = usual.coefficients
+    wanted = Wanted.of(found.layout, found.sd, asked.want or {})
+    session, judge = campaign.session, judge_of(procedure, campaign)
+    stops = session.motion(campaign.settings.index_limit)
+    return AtStops(plan, stops, wanted, session.accelerometers, judge, campaign.text, asked.hold)
 
 
 def _on_table(asked: Asked, gyro: bool) -> OnTable:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -17,24 +20,43 @@ if TYPE_CHECKING:
 HEARD, NOTHING = 0, 3
 """Exit codes."""
 
+OFTEN = 0.25
+"""What is heard is told so often [s]."""
+
 
 @command(
     "foucault capture serial:/dev/ttyUSB0:921600 --frames sbg_imu_short -o session",
     'foucault capture udp:5005 --frames mine.toml -o session --for "10 min"',
+    "foucault capture COM3 COM4 --frames sbg_imu_short --frames chamber.toml -o session",
     "foucault capture --again session",
     notes="It ends with Ctrl-C. Then: `foucault inspect session/campaign.toml`.",
     exits={0: "frames were heard", 3: "none was"},
 )
 def capture(
     ctx: typer.Context,
-    source: Annotated[
-        str | None,
+    sources: Annotated[
+        list[str] | None,
         typer.Argument(
-            help="One of serial:PORT[:BAUD], udp:PORT, tcp:HOST:PORT, - or a growing file."
+            help="Each one of serial:PORT[:BAUD], udp:PORT, tcp:HOST:PORT, - or a growing file. "
+            "Several are recorded together, on one clock.",
+            metavar="SOURCE...",
         ),
     ] = None,
     output: options.FolderIfWanted = None,
-    frames: Annotated[str | None, typer.Option(help=options.FRAMES)] = None,
+    frames: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="<str>", help=options.FRAMES + " One for all sources, or one for each."
+        ),
+    ] = None,
+    serial: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="<str>",
+            help="Serial number of an IMU, one for each in the order of the sources; what its "
+            "frames say, or the number of its source, if left out.",
+        ),
+    ] = None,
     baud: Annotated[int | None, typer.Option(help="Of a serial port.", min=300)] = None,
     for_: Annotated[
         Amount | None, quantity("time", 'How long, such as "10 min".', "--for", least="above 0")
@@ -50,7 +72,7 @@ def capture(
     known: Annotated[bool, typer.Option("--list", help="List the frames that are known.")] = False,
 ) -> None:
     """Record an instrument: from its port to a log."""
-    from foucault.capture import frame, recording
+    from foucault.capture import frame, recording, several
     from foucault.capture.source import opened
     from foucault.errors import error
 
@@ -61,33 +83,78 @@ def capture(
         screen.data({"frames": dict(rows)})
         return
     if again is not None:
-        said, folder = recording.again(again), again
-    elif source is None or output is None or frames is None:
+        said, folder = several.again(again), again
+    elif not sources or output is None or not frames:
         raise error("capture.incomplete")
     else:
-        text, folder = frame.text_of(frames), output
-        described = frame.parsed(text, frames)
+        if len(frames) not in (1, len(sources)):
+            raise error("capture.frames", frames=len(frames), sources=len(sources))
+        if twice := next((name for name in sources if sources.count(name) > 1), None):
+            raise error("capture.twice", name=twice)
+        texts = [(name, frame.text_of(name)) for name in frames] * (len(sources) // len(frames))
+        plugs = [
+            (name, frame.parsed(text, of), text)
+            for name, (of, text) in zip(sources, texts, strict=True)
+        ]
+        folder, told = output, [0.0]
+
+        def now(heard: Sequence[tuple[Recording, float]]) -> None:
+            if monotonic() - told[0] > OFTEN:
+                told[0] = monotonic()
+                tell(0.0, _now(heard))
+
         with screen.progress() as tell:
-            said = recording.record(
-                opened(source, baud), described, text, output,
-                seconds=for_, silent=silence, tell=lambda *now: tell(0.0, _now(*now)),
+            said = several.record(
+                [recording.Plug(opened(name, baud), made, text) for name, made, text in plugs],
+                output, serial or (), seconds=for_, silent=silence,
+                tell=now,
             )  # fmt: skip
-    for line in _lines(said):
+    for k, one in enumerate(said.get("each", [said])):
+        head = f"{k + 1}: {said['sources'][k]}: " if "each" in said else ""
+        first, *rest = _lines(one)
+        for line in (head + first, *rest):
+            screen.say(line)
+    for line in _together(said):
         screen.say(line)
-    screen.say(f"Next: foucault inspect {folder / recording.CAMPAIGN}")
+    command = "fleet" if len(said.get("imus", ())) > 1 else "inspect"
+    into = f" -o {folder / 'run'}" if command == "fleet" else ""
+    screen.say(f"Next: foucault {command} {folder / recording.CAMPAIGN}{into}")
     screen.data(said)
-    raise typer.Exit(HEARD if said["rows"] else NOTHING)
+    counts = said["imus"].values() if "imus" in said else [said["rows"]]
+    raise typer.Exit(HEARD if sum(counts) else NOTHING)
 
 
-def _now(recording: Recording, silence: float) -> str:
-    """Say what is heard; `silence`: since something came [s]."""
-    from foucault.capture.said import Words
+def _now(now: Sequence[tuple[Recording, float]]) -> str:
+    """Say what is heard of each source, and what is wrong."""
+    from foucault.capture.several import twins
     from foucault.capture.trouble import troubles
 
-    heard = recording.heard
-    line = f"{heard.frames} frames, {heard.broken} broken, {heard.lost} lost"
-    wrong = [Words.of().say(key, **values) for key, values in troubles(recording, silence)]
-    return "; ".join([line, *wrong])
+    words, out = _words(), []
+    for k, (one, silence) in enumerate(now):
+        heard = one.heard
+        line = f"{heard.frames} frames, {heard.broken} broken, {heard.lost} lost"
+        wrong = [words.say(key, **values) for key, values in troubles(one, silence)]
+        head = f"{k + 1}: " if len(now) > 1 else ""
+        out.append(head + "; ".join([line, *wrong]))
+    serial = twins([one for one, _ in now])
+    out += [] if serial is None else [words.say("trouble.twins", serial=serial)]
+    return "; ".join(out)
+
+
+@cache
+def _words() -> Any:
+    from foucault.capture.said import Words
+
+    return Words.of()
+
+
+def _together(said: dict[str, Any]) -> list[str]:
+    """Say what was made of several sources."""
+    if "imus" not in said:
+        return []
+    out = [f"{name}: {count} rows on the clock of this computer." for name, count
+           in said["imus"].items()]  # fmt: skip
+    return out + [f"{name} is left out: {why}" for name, why in said["left_out"].items()]
 
 
 def _lines(said: dict[str, Any]) -> list[str]:

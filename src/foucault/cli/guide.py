@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,18 +12,18 @@ from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Any
 
 from foucault.cli.screen import Drawn, Screen, Shown, Told, shown_by
+from foucault.run_folder import ENOUGH_FILE, SESSION_FOLDER, STATE_FILE
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
-    from foucault.capture.guide import Guide
     from foucault.capture.live import Live
     from foucault.capture.said import Words
 
 BAR = 24
 """Width of a bar [1]."""
 
-SESSION = "session"
-"""Folder in the run folder that holds what was recorded."""
+OFTEN = 0.2
+"""Time between two states that are kept [s]."""
 
 
 def guided(
@@ -48,11 +49,18 @@ def guided(
     asked = Asked(told, hold, wants(want or ()))
     said, described = Words.of(words or "en"), frame.parsed(text, frames)
     display = shown_by(screen, said, Display, JsonLines, Picture, Lines)
+    kept = Kept(output, said)
+
+    def tell(live: Live, ended: bool) -> None:
+        display.show(live, ended)
+        kept.show(live)
+
     with display:
         live, recorded = guided(
-            opened(source), described, text, output / SESSION, asked,
-            tell=display.show, silent=silence,
+            opened(source), described, text, output / SESSION_FOLDER, asked, tell=tell,
+            silent=silence,
         )  # fmt: skip
+    kept.show(live, now=True)
     display.end(live)
     return recorded if live.guide is not None and live.guide.rests else None
 
@@ -72,25 +80,52 @@ class Display(Shown):
             self.screen.say(self.about.end(live.guide))
 
 
-def state(guide: Guide, words: Words, silence: float = 0.0) -> dict[str, Any]:
-    """Return all that is shown, as JSON; `silence`: since something came [s]."""
+def state(live: Live, words: Words) -> dict[str, Any]:
+    """Return all that is shown, as JSON."""
+    troubles = [words.say(key, **values) for key, values in live.troubles()]
+    guide, silence = live.guide, round(live.silence, 1)
+    if guide is None:
+        now = words.say("now.learn")
+        return {"phase": "learn", "task": now, "now": now, "ring": 0.0, "rests": 0, "sounds": 0,
+                "silence": silence, "troubles": troubles, "stopped": ""}  # fmt: skip
     bars = [
         {"name": name, "reached": reached, "after": after, "wanted": wanted,
          "ratio": ratio if ratio < float("inf") else None}
         for name, reached, after, wanted, ratio in words.bars(guide)
     ]  # fmt: skip
-    step = guide.step
+    asked = None if guide.step is None else guide.step.attitude()
     return {
         "phase": guide.phase, "task": words.task(guide), "now": words.now(guide),
         "ring": round(guide.ring, 3), "rests": guide.rests, "sounds": guide.sounds, "bars": bars,
         "mistakes": [words.wrong(m) for m in guide.mistakes[-3:]],
         "findings": [f"{f.message} {f.cure}" for f in guide.findings()],
-        "stopped": guide.stopped, "silence": round(silence, 1),
+        "stopped": guide.stopped, "silence": silence, "troubles": troubles,
         "verdict": None if guide.result is None else str(guide.result.verdict.level),
         "attitude": guide.attitude().round(4).tolist() if guide.found.samples else None,
-        "asked": None if step is None or step.C_nb is None else step.C_nb.round(4).tolist(),
-        "list": guide.done,
+        "asked": None if asked is None else asked.round(4).tolist(),
+        "heading": round(guide.heading, 4), "list": guide.done,
     }  # fmt: skip
+
+
+@dataclass
+class Kept:
+    """The state in a file, several times a second: a page shows it, or another program."""
+
+    folder: Path  # of the run
+    about: Words
+    _at: float = 0.0  # when it was written last [s]
+
+    def show(self, live: Live, *, now: bool = False) -> None:
+        """Write it where it is time; ends the session where somebody says that it is enough."""
+        if time.monotonic() - self._at < OFTEN and not now:
+            return
+        self._at = time.monotonic()
+        part = self.folder / f".{STATE_FILE}"
+        with suppress(OSError):  # a full disk is told by what is recorded
+            part.write_text(json.dumps(state(live, self.about)), encoding="utf-8")
+            part.replace(self.folder / STATE_FILE)
+        if not now and (self.folder / ENOUGH_FILE).exists():
+            raise KeyboardInterrupt
 
 
 @dataclass
@@ -102,16 +137,11 @@ class JsonLines(Display, Told):
         if guide is not None and self.due(
             (guide.phase, guide.rests, len(guide.mistakes), [t.key for t in live.troubles()])
         ):
-            print(json.dumps(self._state(live)), flush=True)
-
-    def _state(self, live: Live) -> dict[str, Any]:
-        assert live.guide is not None
-        troubles = [self.about.say(key, **values) for key, values in live.troubles()]
-        return state(live.guide, self.about, live.silence) | {"troubles": troubles}
+            print(json.dumps(state(live, self.about)), flush=True)
 
     def end(self, live: Live) -> None:
         if live.guide is not None:
-            print(json.dumps(self._state(live)), flush=True)
+            print(json.dumps(state(live, self.about)), flush=True)
 
 
 @dataclass

@@ -30,7 +30,7 @@ HERE = Path(__file__).parent
 STATUS = {
     "workbench.not_kept": 409,
     "workbench.no_job": 404, "workbench.no_log": 404, "workbench.no_name": 404,
-    "workbench.no_account": 404,
+    "workbench.no_account": 404, "workbench.no_session": 404, "workbench.source": 403,
     "campaign.procedure": 404, "records.no_instrument": 404, "records.no_run": 404,
     "workbench.not_done": 409,
     "workbench.role_needed": 403, "workbench.form": 403, "workbench.foreign": 403,

@@ -222,11 +222,21 @@ def state(request: Request, number: Number) -> Response:
     return out
 
 
+ASIDE = (
+    LOOK_FILE,
+    "tables",
+    run_folder.SESSION_FOLDER,
+    run_folder.STATE_FILE,
+    run_folder.ENOUGH_FILE,
+)
+"""What a job leaves and nobody takes with a browser."""
+
+
 def files_left(bench: Bench, job: Job) -> list[str]:
     """Return the names of the files that a job has left."""
     folder = bench.folder / "runs" / str(job.number)
     found = [p.name for p in folder.iterdir()] if folder.is_dir() else []
-    return sorted(n for n in found if not n.startswith(".") and n not in (LOOK_FILE, "tables"))
+    return sorted(n for n in found if not n.startswith(".") and n not in ASIDE)
 
 
 def file_left(bench: Bench, number: Number, name: str) -> Path:

@@ -14,7 +14,7 @@ from starlette.exceptions import HTTPException
 from foucault import __version__
 from foucault.errors import FoucaultError, error
 from foucault.report import COLOURS
-from foucault.workbench import actions, api, certify, pages, plan
+from foucault.workbench import actions, api, certify, live, pages, plan
 from foucault.workbench.bench import HERE, STATUS, Bench, LoginNeededError, page
 from foucault.workbench.uploads import LARGEST
 
@@ -149,6 +149,7 @@ def application(bench: Bench) -> Any:
     app.include_router(actions.router, include_in_schema=False)
     app.include_router(certify.router, include_in_schema=False)
     app.include_router(plan.router, include_in_schema=False)
+    app.include_router(live.router, include_in_schema=False)
     app.include_router(api.router)
 
     @app.get("/static/{name}", include_in_schema=False)
