@@ -62,32 +62,40 @@ def test_increments_add_up_and_their_slopes_are_differences(form):
 
 
 @FORMS
-def test_filter_and_smoother_are_one_least_squares(form):
+@pytest.mark.parametrize("n", [0, 6], ids=["white", "errors that stay"])
+def test_filter_and_smoother_are_one_least_squares(form, n):
     rng = np.random.default_rng(3)
     moved, J, Q = added(form, *increments())
-    m, p = len(moved), 32
+    m, p, d = len(moved), 32, 9 + n
     C = exp(rng.standard_normal((m, 3)))
-    u, G = 0.01 * rng.standard_normal((m, 9)), rng.standard_normal((3, 2))
-    z, H, D = (rng.standard_normal(s) for s in ((m, 6), (m, 6, 9), (m, 6, p)))
-    R, P0 = rng.uniform(0.5, 1.0, (m, 6)), 4.0 * np.eye(9)
+    u, G = np.zeros((m, d)), rng.standard_normal((3, 2))
+    u[:, :9] = 0.01 * rng.standard_normal((m, 9))
+    z, H, D = (rng.standard_normal(s) for s in ((m, 6), (m, 6, d), (m, 6, p)))
+    H[:, :, 9:] = np.eye(6)[:, :n]
+    keep, stays = rng.uniform(0.5, 0.9, (m, n)), rng.uniform(0.5, 2.0, n)
+    R = rng.uniform(0.5, 1.0, (m, 6))
+    P0 = np.diag(np.append(np.full(9, 4.0), stays))
     R[1, 2] = np.inf
     nu, M = np.zeros((m, 6)), np.zeros((m, 6, p))
-    x, U, P = np.zeros((m, 9)), np.zeros((m, 9, p)), np.zeros((m, 9, 9))
-    assert of("forward", form)(C, moved, J, Q, u, G, z, H, D, R, P0, nu, M, x, U, P)
+    x, U, P = np.zeros((m, d)), np.zeros((m, d, p)), np.zeros((m, d, d))
+    motion = (C, moved, J, Q, u, G, keep, stays)
+    assert of("forward", form)(*motion, z, H, D, R, P0, nu, M, x, U, P)
     # The same as one system: rows of the start, of each step, of each measurement.
-    wide = 9 * m
-    A, b = [np.eye(9, wide + p) / 2.0], [np.zeros(9)]
+    wide = d * m
+    A, b = [np.diag(np.diag(P0) ** -0.5) @ np.eye(d, wide + p)], [np.zeros(d)]
     for k in range(1, m):
-        Phi, B = np.zeros((9, 9)), np.zeros((9, p))
-        kernels._step.py_func(k, C[k - 1], moved, J, G, Phi, B)
+        Phi, B = np.zeros((d, d)), np.zeros((d, p))
+        kernels._step.py_func(k, C[k - 1], moved, J, G, keep, Phi, B)
         T = np.kron(np.diag([0.0, 1.0, 1.0]), C[k - 1]) + np.kron(np.diag([1.0, 0, 0]), np.eye(3))
-        L = np.linalg.inv(np.linalg.cholesky(T @ Q[k] @ T.T))
-        row = np.zeros((9, wide + p))
-        row[:, 9 * k : 9 * k + 9], row[:, 9 * k - 9 : 9 * k], row[:, wide:] = np.eye(9), -Phi, -B
+        cov = np.diag(np.append(np.zeros(9), (1 - keep[k] ** 2) * stays))
+        cov[:9, :9] = T @ Q[k] @ T.T
+        L = np.linalg.inv(np.linalg.cholesky(cov))
+        row = np.zeros((d, wide + p))
+        row[:, d * k : d * k + d], row[:, d * k - d : d * k], row[:, wide:] = np.eye(d), -Phi, -B
         A, b = [*A, L @ row], [*b, L @ u[k]]
     for k in range(m):
         row = np.zeros((6, wide + p))
-        row[:, 9 * k : 9 * k + 9], row[:, wide:] = H[k], D[k]
+        row[:, d * k : d * k + d], row[:, wide:] = H[k], D[k]
         s = np.where(np.isfinite(R[k]), 1 / np.sqrt(R[k]), 0.0)[:, None]
         A, b = [*A, s * row], [*b, s[:, 0] * z[k]]
     known = 3.0
@@ -96,5 +104,12 @@ def test_filter_and_smoother_are_one_least_squares(form):
     rows = M.reshape(-1, p)
     delta = np.linalg.solve(rows.T @ rows + known**2 * np.eye(p), rows.T @ nu.ravel())
     np.testing.assert_allclose(delta, best[wide:], atol=1e-7)
-    assert of("backward", form)(C, moved, J, Q, u, G, delta, True, x, U, P)
+    following = np.zeros((m, n))
+    assert of("backward", form)(*motion, delta, True, x, U, P, following)
     np.testing.assert_allclose(x.ravel(), best[:wide], atol=1e-6)
+    # The covariance of the motion, the parameters known.
+    dense = np.linalg.inv(np.vstack(A)[:, :wide].T @ np.vstack(A)[:, :wide]).reshape(m, d, m, d)
+    for k in range(m):
+        np.testing.assert_allclose(P[k], dense[k, :, k], atol=1e-7)
+        if k + 1 < m:
+            np.testing.assert_allclose(following[k], np.diag(dense[k, :, k + 1])[9:], atol=1e-7)

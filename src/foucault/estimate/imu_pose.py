@@ -10,8 +10,15 @@ Nodes are the samples before the poses. A pass is linear about parameters and mo
 eliminated by the filter of `kernels.pose`, whose white rows are all that is left.
 
 The noise of poses is coloured: their errors come from the cluster of markers, and stay for a while.
-White rows then are none, and the covariance of the fit is too small. The scores of blocks tell
+They are states beside those of the motion, ``e_k = rho e_k-1 + white``; size and rho are those that
+the smoothed errors have with their covariance, again and again, which is maximum likelihood [1].
+Where rows are not white even so, the covariance of the fit is too small: the scores of blocks tell
 their true scatter, ``P (sum s s') P``, and the two halves of the log whether that holds.
+
+References
+----------
+.. [1] R. H. Shumway, D. S. Stoffer, "An approach to time series smoothing and forecasting using the
+   EM algorithm", Journal of Time Series Analysis 3(4), 1982.
 """
 
 from __future__ import annotations
@@ -75,8 +82,15 @@ COLOUR_FROM = 4
 LOUD = 3.0
 """Noise is too much that is so many times what most poses have [1]."""
 
-SLOWEST = 0.9
+SLOWEST = 0.98
 """Correlation of a pose's error with the next that is counted with at most [1]."""
+
+FRESH = 0.01
+"""Part of an error that stays which is not like the one before, so that rows keep a noise [1]."""
+
+AGAIN, ALIKE = 20, 0.003
+"""Times that the noise of poses is found from what it makes of them, at most, and by what part it
+still moves then [1]."""
 
 LAGGED = 3.0
 """Correlation of a pose's error with the next beyond so many standard deviations counts [1]."""
@@ -200,8 +214,8 @@ class Readings:
                 for w in self.white)  # fmt: skip
         assert self.log.gyro is not None and self.log.accel is not None
         log = replace(self.log, gyro=self.log.gyro + g, accel=self.log.accel + a)
-        turn, move = (sd * slow * rng.standard_normal((len(self.stamp), 3)) for sd, slow in
-                      zip((noise.attitude, noise.position), noise.slow, strict=True))  # fmt: skip
+        turn, move = (sd * _drawn(len(self.stamp), rho, rng) for sd, rho in
+                      zip((noise.attitude, noise.position), noise.stays, strict=True))  # fmt: skip
         C = None if self.C_vm is None else self.C_vm @ exp(turn)
         made = Readings.of(log, self.stamp, self.position + move, C, self.white, self.gravity)
         return replace(made, middle=self.middle, jumped=self.jumped)
@@ -262,8 +276,12 @@ class Noise:
     attitude: float  # [rad]
     position: float  # [m]
     weights: FloatArray  # (m, 2) what attitude and position of each pose count [1]
-    # by how much the mean of many scatters more than if they were independent, as an sd [1]
-    slow: tuple[float, float] = (1.0, 1.0)
+    stays: tuple[float, float] = (0.0, 0.0)  # correlation of an error with that before [1]
+
+    @property
+    def sd(self) -> FloatArray:
+        """Of the numbers of a pose, (6,): attitude [rad] before position [m]."""
+        return np.repeat([self.attitude, self.position], 3)
 
 
 @dataclass(frozen=True)
@@ -275,7 +293,7 @@ class Pass:
     used: BoolArray  # (m, 6)
     H: FloatArray  # (m, 6, 9) derivative of the poses by the motion
     motion: tuple[FloatArray, ...]  # C (m, 3, 3) and what `kernels.backward` takes beside [SI]
-    filtered: tuple[FloatArray, FloatArray, FloatArray]  # x (m, 9), U, P of it [SI]
+    filtered: tuple[FloatArray, FloatArray, FloatArray]  # x (m, d), U, P of it [SI]
 
     @property
     def rows(self) -> FloatArray:
@@ -286,19 +304,27 @@ class Pass:
         """Return the white rows after a step `delta` (32,) [SI], (m, 6) [1]."""
         return np.asarray(self.nu - self.M @ delta)
 
-    def smoothed(
-        self, delta: FloatArray, spread: bool = False
-    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-        """Return the step of the motion for that of the parameters, (m, 9), and its covariance.
+    def smoothed(self, delta: FloatArray, spread: bool = False) -> Smoothed:
+        """Return the motion's step for that of the parameters.
 
-        `delta` (p,): that of the parameters [SI]; `spread`: find the covariance (m, 9, 9) too, else
-        that of the filter is returned.
+        `delta` (p,): that of the parameters [SI]; `spread`: find its covariance too.
         """
         x, U, P = self.filtered
         x, P = x.copy(), P.copy() if spread else P
-        if not kernels.backward(*self.motion, delta, spread, x, U, P):
+        following = np.zeros((len(x), x.shape[1] - 9))
+        if not kernels.backward(*self.motion, delta, spread, x, U, P, following):
             raise np.linalg.LinAlgError("the motion between two poses has no covariance")
-        return x, P
+        absorbed = np.sum(self.H @ P[:, :9, :9] * self.H, axis=2)
+        return Smoothed(x[:, :9], absorbed, following)
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A step of the motion, and how well poses are known once it is."""
+
+    x: FloatArray  # (m, 9) [SI]
+    absorbed: FloatArray  # (m, 6) variance of what poses should be [rad^2], [m^2]
+    following: FloatArray  # (m, 6) covariance with the next, none where noise is white
 
 
 @dataclass(frozen=True)
@@ -343,12 +369,21 @@ def misses(r: Readings, at: Point) -> FloatArray:
     return seen(r, at, corrected(r, at)).z
 
 
-def slopes(r: Readings, at: Point, c: Corrected, s: Seen) -> tuple[FloatArray, FloatArray]:
-    """Return what poses change by with motion, (m, 6, 9), and parameters, (m, 6, 32) [SI]."""
-    H, D = np.zeros((len(s.d), 6, 9)), np.zeros((len(s.d), 6, 32))
+def slopes(
+    r: Readings, at: Point, c: Corrected, s: Seen, motion: bool = False
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Return what poses change by with motion, (m, 6, 9), and parameters, (m, 6, 32) [SI].
+
+    `motion`: alone, without any parameters.
+    """
+    H, D = np.zeros((len(s.d), 6, 9)), np.zeros((len(s.d), 6, 0 if motion else 32))
     since = (r.stamp - r.middle)[:, None]
     H[:, 3:, :3] = -at.C @ cross_matrix(s.E @ at.lever_b)
     H[:, [3, 4, 5], [3, 4, 5]], H[:, [3, 4, 5], [6, 7, 8]] = s.d, 1.0
+    if r.C_vm is not None:
+        H[:, :3, :3] = at.C_bm.T @ np.swapaxes(s.E, 1, 2)
+    if motion:
+        return H, D
     D[:, 3:, 3:6], D[:, 3:, 6], D[:, 3:, 7] = s.CE, s.fast, s.fast * since
     # What was turned since the node hangs on the errors of the gyros.
     raw = c.raw_g[at.node + 1] / r.dt[at.node + 1, None] * s.d
@@ -360,17 +395,29 @@ def slopes(r: Readings, at: Point, c: Corrected, s: Seen) -> tuple[FloatArray, F
 
     turning(-s.CE @ cross_matrix(at.lever_b), slice(3, 6))
     if r.C_vm is not None:
-        H[:, :3, :3] = at.C_bm.T @ np.swapaxes(s.E, 1, 2)
         turning(at.C_bm.T, slice(0, 3))
         D[:, [0, 1, 2], [0, 1, 2]], D[:, :3, 6] = 1.0, s.w @ at.C_bm
         D[:, :3, 7] = D[:, :3, 6] * since
     return H, D
 
 
-def one_pass(
-    r: Readings, at: Point, noise: Noise, hold: IntArray, motion: bool = False
-) -> Pass:  # fmt: skip
-    """Linearise about a point and eliminate the motion.
+@dataclass(frozen=True)
+class Linear:
+    """Motion and poses about a point, whatever the noise of the poses."""
+
+    moved: FloatArray  # (m, 16) from the node before: see `kernels.pose` [SI]
+    J: FloatArray  # (m, 9, 22) its derivative by errors of the IMU [SI]
+    Q: FloatArray  # (m, 9, 9) its covariance [SI]
+    u: FloatArray  # (m, 9) what was moved less that of the point [SI]
+    z: FloatArray  # (m, 6) poses less those of the point [rad], [m]
+    H: FloatArray  # (m, 6, 9) their derivative by the motion [SI]
+    D: FloatArray  # (m, 6, p) and by the parameters [SI]
+    G: FloatArray  # (3, 2) of gravity by level [m/s^2]
+    C: FloatArray  # (m, 3, 3) attitude [1]
+
+
+def linear(r: Readings, at: Point, hold: IntArray, motion: bool = False) -> Linear:
+    """Linearise about a point.
 
     `hold` (k,): numbers of parameters that are not estimated [1]; `motion`: alone, without any
     parameters.
@@ -390,27 +437,47 @@ def one_pass(
     apart = np.flatnonzero(np.diff(r.broken[at.node] + r.jumped, prepend=0))
     u[apart], J[apart], Q[apart] = 0.0, 0.0, np.diag(START_SD**2)
     compared = seen(r, at, c)
-    H, D = slopes(r, at, c, compared)
-    sd = np.repeat([noise.attitude * noise.slow[0], noise.position * noise.slow[1]], 3)
+    H, D = slopes(r, at, c, compared, motion)
+    if not motion:
+        D[:, :, hold] = 0.0
+    J[:, :, hold[hold >= 10] - 10] = 0.0
+    G = -r.gravity[0] * at.across
+    return Linear(moved, J, Q, u, compared.z, H, D, 0.0 * G if 8 in hold else G, at.C)
+
+
+def one_pass(
+    r: Readings, at: Point, noise: Noise, hold: IntArray, motion: bool = False
+) -> Pass:  # fmt: skip
+    """Linearise about a point and eliminate the motion.
+
+    `hold` (k,): numbers of parameters that are not estimated [1]; `motion`: alone, without any
+    parameters.
+    """
+    return eliminated(r, linear(r, at, hold, motion), noise)
+
+
+def eliminated(r: Readings, about: Linear, noise: Noise) -> Pass:
+    """Filter the motion away; errors of poses that stay are states of it."""
+    m, p = len(r.stamp), about.D.shape[2]
+    n = 6 * any(noise.stays)
     weights = np.repeat(noise.weights, 3, axis=1)
     if r.C_vm is None:
         weights[:, :3] = 0.0
     used = weights > 0
-    R = np.where(used, sd**2 / np.where(used, weights, 1.0), np.inf)
-    D[:, :, hold] = 0.0
-    J[:, :, hold[hold >= 10] - 10] = 0.0
-    D = D[:, :, :0] if motion else D
-    G = -r.gravity[0] * at.across
-    if 8 in hold:
-        G = 0.0 * G
-    nu, M = np.zeros((m, 6)), np.zeros(D.shape)
-    x, U, P = np.zeros((m, 9)), np.zeros((m, 9, D.shape[2])), np.zeros((m, 9, 9))
-    fine = kernels.forward(
-        at.C, moved, J, Q, u, G, compared.z, H, D, R, np.diag(START_SD**2), nu, M, x, U, P
-    )
+    R = np.where(used, noise.sd**2 / np.where(used, weights, 1.0), np.inf)
+    R = FRESH**2 * R if n else R
+    since = np.diff(r.stamp, prepend=2 * r.stamp[0] - r.stamp[1]) / np.median(np.diff(r.stamp))
+    keep = (np.repeat(noise.stays, 3) ** since[:, None])[:, :n]
+    start = np.diag(np.concatenate([START_SD, noise.sd[:n]]) ** 2)
+    H = np.concatenate([about.H, np.tile(np.eye(6), (m, 1, 1))[:, :, :n]], axis=2)
+    u = np.pad(about.u, ((0, 0), (0, n)))
+    nu, M, d = np.zeros((m, 6)), np.zeros((m, 6, p)), 9 + n
+    x, U, P = np.zeros((m, d)), np.zeros((m, d, p)), np.zeros((m, d, d))
+    motion = (about.C, about.moved, about.J, about.Q, u, about.G, keep, noise.sd[:n] ** 2)
+    fine = kernels.forward(*motion, about.z, H, about.D, R, start, nu, M, x, U, P)
     if not fine or not np.isfinite(nu).all():
         raise np.linalg.LinAlgError("the motion between two poses has no covariance")
-    return Pass(nu, M, used, H, (at.C, moved, J, Q, u, G), (x, U, P))
+    return Pass(nu, M, used, about.H, motion, (x, U, P))
 
 
 def of_noise(r: Readings, at: Point, p: Pass, noise: Noise, hold: IntArray) -> FloatArray:
@@ -419,7 +486,7 @@ def of_noise(r: Readings, at: Point, p: Pass, noise: Noise, hold: IntArray) -> F
     `hold` (k,): numbers of parameters that are not estimated [1].
     """
     again = r.noisy(noise, np.random.default_rng(0))
-    x, _ = one_pass(again, at, noise, hold, motion=True).smoothed(np.zeros(0))
+    x = one_pass(again, at, noise, hold, motion=True).smoothed(np.zeros(0)).x
     off = one_pass(again, at.moved(np.zeros(32), x), noise, hold).rows - p.rows
     return np.asarray(off.T @ off)
 
@@ -438,7 +505,7 @@ class Solution:
     of_gravity: FloatArray  # (32,) what one standard uncertainty of gravity makes of each [SI]
     spread: float  # by how much scores scatter more than white rows, as an sd [1]
     halves: float  # rms of the difference of the halves over its sd [1]
-    lag_one: tuple[float, float]  # correlation of attitude and position rows with the next [1]
+    lag_one: tuple[float, float]  # correlation of errors of attitude and position with the next [1]
     passes: int  # that were made [1]
     converged: bool
     prior_sd: FloatArray  # (32,)
@@ -490,27 +557,26 @@ def solve(
         off = np.asarray(np.linalg.solve(at.of_values(), mean - at.values), float)
         delta = seen.step(p.rows.T @ p.nu.ravel(), off, prior_sd)
         delta[hold] = 0.0
-        x, P = p.smoothed(delta, spread=passes <= DECIDED)
+        motion = p.smoothed(delta, spread=passes <= DECIDED)
         # Terms of second order make a start that is far off overshoot: as far as can be linear.
         size = max(1.0, float(np.abs(delta[:3]).max()) / 0.5, float(np.abs(delta[6])) / 0.05)
-        at = _on_nodes(r, at.moved(delta / size, x / size))
+        at = _on_nodes(r, at.moved(delta / size, motion.x / size))
         moved = float(np.max(np.abs(delta) / np.sqrt(np.diag(seen.covariance(prior_sd)))))
         last, cost = cost, float(np.sum(p.left(delta)[p.used] ** 2))
         before = noise
         # A pose at the edge of the cut would come and go for ever; wild ones must not stay hidden.
         if passes <= DECIDED or (robust and _loud(r, at, noise, sd)):
-            P = P if passes <= DECIDED else p.smoothed(delta, spread=True)[1]
-            noise = _weighed(r, at, p.H, P, noise, sd, student=passes <= 2, robust=robust,
+            motion = motion if passes <= DECIDED else p.smoothed(delta, spread=True)
+            noise = _weighed(r, at, motion, noise, sd, student=passes <= 2, robust=robust,
                              colour=passes >= COLOUR_FROM)  # fmt: skip
         same = bool(((noise.weights > 0.5) == (before.weights > 0.5)).all())
         fallen = abs(last - cost) / max(cost, 1e-12)
         settled = passes > 3 and moved < SETTLED and fallen < 1e-3 and same
         if settled and told:
             break
-        if settled and passes > DECIDED + 2:  # the noise was decided when all was still far off
-            noise = replace(noise, slow=(1.0, 1.0))
-            P = p.smoothed(delta, spread=True)[1]
-            noise = _weighed(r, at, p.H, P, noise, sd, student=False, robust=robust, colour=True)
+        # The noise was decided when all was still far off, and what stays is not found at once.
+        if settled and (passes > DECIDED + 2 or any(noise.stays)):
+            noise = _decided(r, at, noise, sd, robust=robust, hold=hold)
         told = told or settled  # what the motion shows is asked once more where all has settled
     p = one_pass(r, at, noise, hold)
     return _stated(r, at, p, made, noise, prior_sd, hold, passes, settled)
@@ -550,25 +616,39 @@ def _on_nodes(r: Readings, at: Point) -> Point:
                    p=at.p + at.v * d + a * d**2 / 2)  # fmt: skip
 
 
+def _decided(
+    r: Readings, at: Point, noise: Noise, sd: tuple[float | None, float | None], *, robust: bool,
+    hold: IntArray,
+) -> Noise:  # fmt: skip
+    """Find the noise of the poses again until it stays, about a point that does."""
+    for _ in range(AGAIN):
+        before = noise
+        motion = one_pass(r, at, noise, hold, motion=True).smoothed(np.zeros(0), spread=True)
+        noise = _weighed(r, at, motion, noise, sd, student=False, robust=robust, colour=True)
+        now, last = (np.array([n.attitude, n.position, *1 - np.array(n.stays)])
+                     for n in (noise, before))  # fmt: skip
+        if (np.abs(now - last) < ALIKE * last).all():
+            break
+    return noise
+
+
 def _weighed(
-    r: Readings, at: Point, H: FloatArray, P: FloatArray, noise: Noise,
+    r: Readings, at: Point, motion: Smoothed, noise: Noise,
     sd: tuple[float | None, float | None], *, student: bool, robust: bool, colour: bool,
 ) -> Noise:  # fmt: skip
     """Find the noise of the poses from what is left, and what each of them counts."""
     z = misses(r, at)
-    absorbed = np.sum(H @ P * H, axis=2)
     sds, weights = [noise.attitude, noise.position], np.ones_like(noise.weights)
-    slow = list(noise.slow)
+    stays = list(noise.stays)
     for k in range(2):
         own = slice(3 * k, 3 * k + 3)
         if k == 0 and r.C_vm is None:
             continue
-        off, kept = z[:, own], noise.weights[:, k] > 0.5
+        off, kept, absorbed = z[:, own], noise.weights[:, k] > 0.5, motion.absorbed[:, own]
         given = sd[k]
         if given is None:
             # Of what is left R (1 - leverage) is seen.
-            R = (sds[k] * slow[k]) ** 2
-            free = 1 - np.minimum(absorbed[:, own] / R * noise.weights[:, k, None], 0.98)
+            free = 1 - np.minimum(absorbed / sds[k] ** 2 * noise.weights[:, k, None], 0.98)
             middle = 1.4826 * float(np.median(np.abs(off) / np.sqrt(free)))
             if student or kept.sum() < 10:
                 sds[k] = middle
@@ -583,12 +663,26 @@ def _weighed(
             weights[:, k] = (
                 (STUDENT + 3) / (STUDENT + square) if student else np.where(far, 0.0, 1.0)
             )
-        if colour and slow[k] == 1.0:
-            # Once: what counts less is followed less, and would look slower each time.
-            rho = _lag_one(off, noise.weights[:, k] > 0.5)
-            rho = np.clip(rho, 0.0, SLOWEST) if rho > LAGGED / np.sqrt(kept.sum()) else 0.0
-            slow[k] = float(np.sqrt((1 + rho) / (1 - rho)))
-    return Noise(sds[0], sds[1], weights, (slow[0], slow[1]))
+        if not colour:
+            continue
+        if motion.following.size:  # what was followed is like the next one's too
+            both = kept[1:] & kept[:-1]
+            like = off[1:] * off[:-1] + motion.following[:-1, own]
+            rho = float(np.sum(like[both]) / np.sum((off**2 + absorbed)[1:][both]))
+        else:
+            rho = _lag_one(off, kept)
+            rho = rho if rho > LAGGED / np.sqrt(kept.sum()) else 0.0
+        stays[k] = float(np.clip(rho, 0.0, SLOWEST))
+    return Noise(sds[0], sds[1], weights, (stays[0], stays[1]))
+
+
+def _drawn(count: int, rho: float, rng: np.random.Generator) -> FloatArray:
+    """Return noise of variance 1 whose correlation with the next is `rho` [1], (count, 3) [1]."""
+    from scipy.signal import lfilter
+
+    white = rng.standard_normal((count, 3))
+    white[1:] *= np.sqrt(1 - rho**2)
+    return np.asarray(lfilter([1.0], [1.0, -rho], white, axis=0))
 
 
 def _stated(
@@ -628,13 +722,13 @@ def _stated(
     J = at.of_values()
     # Poses tell the size of what is added to gravity: its error is no scale of all that is read.
     heavier = replace(r, gravity=(r.gravity[0] + r.gravity[1], 0.0))
-    off = one_pass(heavier, at, noise, hold).nu - left
+    off = one_pass(heavier, at, noise, hold, motion=True).nu - left
     of_gravity = np.clip(J @ gain @ np.einsum("kqp,kq->p", M, off), -prior_sd, prior_sd)
     scaled = formal * np.outer(wide, wide) * factor**2
     held = np.minimum(1.0, prior_sd / np.sqrt(np.diag(scaled)))  # no more than was known before
     cov = J @ (scaled * np.outer(held, held)) @ J.T + np.outer(of_gravity, of_gravity)
     cov = _without_circles(cov, at.lever_b, prior_sd)
-    lag = tuple(_lag_one(left[:, k : k + 3], p.used[:, k]) for k in (0, 3))
+    lag = [noise.stays[k] or _lag_one(left[:, 3 * k : 3 * k + 3], p.used[:, 3 * k]) for k in (0, 1)]
     return Solution(r, at, p, made, noise, cov, J @ formal @ J.T, of_gravity, spread, halves,
                     (lag[0], lag[1]), passes, settled, prior_sd, hold)  # fmt: skip
 
@@ -664,17 +758,16 @@ def _lag_one(rows: FloatArray, used: BoolArray) -> float:
 def budget(s: Solution) -> dict[str, FloatArray]:
     """Return the variance of every parameter by source, (32,) each [SI]; they add up to `cov`."""
     r, n = s.readings, s.noise
-    hold = s.hold
+    about, J = linear(r, s.point, s.hold), s.point.of_values()
+    gyros = linear(replace(r, white=(r.white[0], 0.0)), s.point, s.hold, motion=True).Q
 
     def cov(of: str, by: float) -> FloatArray:
-        g, a = (w * (by if name == of else 1.0)
-                for name, w in zip(("gyros", "accelerometers"), r.white, strict=True))  # fmt: skip
+        more = {"gyros": gyros, "accelerometers": about.Q - gyros}.get(of, 0.0 * gyros)
         noise = replace(n, attitude=n.attitude * (by if of == "attitude of the poses" else 1.0),
                         position=n.position * (by if of == "position of the poses" else 1.0)
                         )  # fmt: skip
-        at = one_pass(replace(r, white=(g, a)), s.point, noise, hold)
-        J = s.point.of_values()
-        seen = shown(at.rows.T @ at.rows, s.made, s.prior_sd)
+        rows = eliminated(r, replace(about, Q=about.Q + (by**2 - 1) * more), noise).rows
+        seen = shown(rows.T @ rows, s.made, s.prior_sd)
         return np.asarray(np.diag(J @ seen.covariance(s.prior_sd) @ J.T))
 
     names = ["gyros", "accelerometers", "position of the poses"]

@@ -5,6 +5,10 @@ and position in the world of the pose. A Kalman filter of x carries ``U``, the d
 state by the parameters [Friedland]: what it makes white are rows ``nu = M delta + e`` that hold
 all that poses say of the parameters, the motion eliminated. Once the step delta is known a
 Rauch-Tung-Striebel pass returns the motion that goes with it.
+
+Where errors of poses are like those before them they are states too, ``x = (phi, dv, dp, e)``, the
+errors of the 6 numbers of a pose: each keeps the part `keep` of itself from pose to pose, and has
+the variance `stays`. Without them both are of no length.
 """
 
 import math
@@ -150,11 +154,13 @@ def preintegrate(node, dt, theta, force, middle, K_g, K_a, raw_g, raw_a, late, q
 
 
 @part
-def _step(k, C, moved, J, G, Phi, B):
-    """Fill Phi (9, 9) and B (9, p): from the errors of node k - 1 to those of node k."""
+def _step(k, C, moved, J, G, keep, Phi, B):
+    """Fill Phi (d, d) and B (d, p): from the errors of node k - 1 to those of node k."""
     T = moved[k, 15]
     Phi[:] = 0.0
     B[:] = 0.0
+    for i in range(keep.shape[1]):
+        Phi[9 + i, 9 + i] = keep[k, i]
     a, b = moved[k, 9:12], moved[k, 12:15]
     for i in range(3):
         for j in range(3):
@@ -183,67 +189,79 @@ def _step(k, C, moved, J, G, Phi, B):
 
 
 @part
-def _predicted(C, Q, Phi, P, W, out):
-    """Fill out (9, 9) with Phi P Phi' + Q, the noise of velocity and position turned by C."""
-    for i in range(9):
-        for j in range(9):
-            s = 0.0
-            for n in range(9):
-                s += Phi[i, n] * P[n, j]
-            W[i, j] = s
-    for i in range(9):
-        for j in range(i + 1):
-            s = 0.0
-            for n in range(9):
-                s += W[i, n] * Phi[j, n]
-            out[i, j] = s
+def _predicted(C, Q, Phi, P, stays, W, out):
+    """Fill W (d, d) with Phi P and out with Phi P Phi' + Q, that of velocity, position by C."""
+    d = Phi.shape[0]
+    for i in range(d):
+        for j in range(d):
+            W[i, j] = 0.0
+        for n in range(d):
+            s = Phi[i, n]
+            if s != 0.0:
+                for j in range(d):
+                    W[i, j] += s * P[n, j]
+    for j in range(d):  # of the lower half, column by column of Phi'
+        for i in range(j, d):
+            out[i, j] = 0.0
+        for n in range(d):
+            s = Phi[j, n]
+            if s != 0.0:
+                for i in range(j, d):
+                    out[i, j] += s * W[i, n]
+    for i in range(9, d):
+        out[i, i] += (1.0 - Phi[i, i] * Phi[i, i]) * stays[i - 9]
+    # Q with velocity and position turned: rows, then columns.
     for a in range(3):
         for b in range(a + 1):
             for i in range(3):
-                for j in range(3):
-                    s = 0.0
+                x, y, z = Q[3 * a + i, 3 * b], Q[3 * a + i, 3 * b + 1], Q[3 * a + i, 3 * b + 2]
+                if a > 0:
+                    x, y, z = 0.0, 0.0, 0.0
                     for n in range(3):
-                        for o in range(3):
-                            left = C[i, n] if a > 0 else (1.0 if i == n else 0.0)
-                            right = C[j, o] if b > 0 else (1.0 if j == o else 0.0)
-                            s += left * Q[3 * a + n, 3 * b + o] * right
-                    if 3 * b + j <= 3 * a + i:
+                        x += C[i, n] * Q[3 * a + n, 3 * b]
+                        y += C[i, n] * Q[3 * a + n, 3 * b + 1]
+                        z += C[i, n] * Q[3 * a + n, 3 * b + 2]
+                for j in range(3):
+                    s = x if j == 0 else (y if j == 1 else z)
+                    if b > 0:
+                        s = x * C[j, 0] + y * C[j, 1] + z * C[j, 2]
+                    if a != b or j <= i:
                         out[3 * a + i, 3 * b + j] += s
-    for i in range(9):
+    for i in range(d):
         for j in range(i):
             out[j, i] = out[i, j]
 
 
 @kernel
-def forward(C, moved, J, Q, u, G, z, H, D, R, P0, nu, M, x_f, U_f, P_f):
+def forward(C, moved, J, Q, u, G, keep, stays, z, H, D, R, P0, nu, M, x_f, U_f, P_f):
     """Filter the poses; fill nu (m, 6), M (m, 6, p) white, and x_f, U_f, P_f after each pose.
 
-    C (m, 3, 3): attitude of the nodes; u (m, 9): predicted less nominal; G (3, 2): gravity by
-    level; z (m, 6), H (m, 6, 9), D (m, 6, p), R (m, 6): pose less nominal, its derivatives,
-    variances, infinite where there is none. Without parameters, p = 0, the motion alone. False
-    where a covariance is none.
+    C (m, 3, 3): attitude of the nodes; u (m, d): predicted less nominal; G (3, 2): gravity by
+    level; keep (m, d - 9), stays (d - 9,): of errors that stay; z (m, 6), H (m, 6, d),
+    D (m, 6, p), R (m, 6): pose less nominal, its derivatives, variances, infinite where there is
+    none. Without parameters, p = 0, the motion alone. False where a covariance is none.
     """
-    m, p = z.shape[0], D.shape[2]
-    Phi, B, W, N = np.zeros((9, 9)), np.zeros((9, p)), np.zeros((9, 9)), np.zeros((9, 9))
-    x, U, P, V = np.zeros(9), np.zeros((9, p)), P0.copy(), np.zeros((9, p))
-    h, row = np.zeros(9), np.zeros(p)
+    m, p, d = z.shape[0], D.shape[2], P0.shape[0]
+    Phi, B, W, N = np.zeros((d, d)), np.zeros((d, p)), np.zeros((d, d)), np.zeros((d, d))
+    x, U, P, V = np.zeros(d), np.zeros((d, p)), P0.copy(), np.zeros((d, p))
+    h, row = np.zeros(d), np.zeros(p)
     for k in range(m):
         if k:
-            _step(k, C[k - 1], moved, J, G, Phi, B)
-            _predicted(C[k - 1], Q[k], Phi, P, W, N)
+            _step(k, C[k - 1], moved, J, G, keep, Phi, B)
+            _predicted(C[k - 1], Q[k], Phi, P, stays, W, N)
             copy(N, P)
-            for i in range(9):
+            for i in range(d):
                 s = u[k, i]
-                for n in range(9):
+                for n in range(d):
                     s += Phi[i, n] * x[n]
                 h[i] = s
                 for c in range(p):
                     V[i, c] = B[i, c]
-                for n in range(9):
+                for n in range(d):
                     if Phi[i, n] != 0.0:
                         for c in range(p):
                             V[i, c] += Phi[i, n] * U[n, c]
-            for i in range(9):
+            for i in range(d):
                 x[i] = h[i]
             copy(V, U)
         # The numbers of a pose are independent of one another: one after the other.
@@ -254,18 +272,18 @@ def forward(C, moved, J, Q, u, G, z, H, D, R, P0, nu, M, x_f, U_f, P_f):
             if not R[k, q] < 1e30:
                 continue
             var, off = R[k, q], z[k, q]
-            for i in range(9):
+            for i in range(d):
                 h[i] = 0.0
-                for n in range(9):
+                for n in range(d):
                     h[i] += P[i, n] * H[k, q, n]
                 off -= H[k, q, i] * x[i]
-            for i in range(9):
+            for i in range(d):
                 var += H[k, q, i] * h[i]
             if not var > 0.0:
                 return False
             for c in range(p):
                 row[c] = D[k, q, c]
-            for n in range(9):
+            for n in range(d):
                 if H[k, q, n] != 0.0:
                     for c in range(p):
                         row[c] += H[k, q, n] * U[n, c]
@@ -273,17 +291,17 @@ def forward(C, moved, J, Q, u, G, z, H, D, R, P0, nu, M, x_f, U_f, P_f):
             nu[k, q] = off / root
             for c in range(p):
                 M[k, q, c] = row[c] / root
-            for i in range(9):
+            for i in range(d):
                 gain = h[i] / var
                 x[i] += gain * off
                 for c in range(p):
                     U[i, c] -= gain * row[c]
-                for n in range(9):
+                for n in range(d):
                     P[i, n] -= gain * h[n]
-        for i in range(9):
+        for i in range(d):
             for n in range(i):
                 P[i, n] = P[n, i] = 0.5 * (P[i, n] + P[n, i])
-        for i in range(9):
+        for i in range(d):
             x_f[k, i] = x[i]
         copy(U, U_f[k])
         copy(P, P_f[k])
@@ -291,53 +309,57 @@ def forward(C, moved, J, Q, u, G, z, H, D, R, P0, nu, M, x_f, U_f, P_f):
 
 
 @kernel
-def backward(C, moved, J, Q, u, G, delta, spread, x_f, U_f, P_f):
-    """Replace x_f (m, 9) by the smoothed errors for the step delta (p,); spread: P_f too.
+def backward(C, moved, J, Q, u, G, keep, stays, delta, spread, x_f, U_f, P_f, next_f):
+    """Replace x_f (m, d) by the smoothed errors for the step delta (p,); spread: P_f too.
 
-    P_f by their covariance, else it is left as it was. False where a covariance is none.
+    P_f by their covariance, else it is left as it was, and next_f (m, d - 9) by that of an error
+    that stays with its next. False where a covariance is none.
     """
-    m, p = x_f.shape[0], delta.shape[0]
-    Phi, B, W, N = np.zeros((9, 9)), np.zeros((9, p)), np.zeros((9, 9)), np.zeros((9, 9))
-    L, g, gain, ahead = np.zeros((9, 9)), np.zeros(9), np.zeros((9, 9)), np.zeros(9)
+    m, p, d = x_f.shape[0], delta.shape[0], x_f.shape[1]
+    Phi, B, W, N = np.zeros((d, d)), np.zeros((d, p)), np.zeros((d, d)), np.zeros((d, d))
+    L, g, gain, ahead = np.zeros((d, d)), np.zeros(d), np.zeros((d, d)), np.zeros(d)
     for k in range(m):
-        for i in range(9):
+        for i in range(d):
             for c in range(p):
                 x_f[k, i] += U_f[k, i, c] * delta[c]
     for k in range(m - 2, -1, -1):
-        _step(k + 1, C[k], moved, J, G, Phi, B)
-        _predicted(C[k], Q[k + 1], Phi, P_f[k], W, N)
+        _step(k + 1, C[k], moved, J, G, keep, Phi, B)
+        _predicted(C[k], Q[k + 1], Phi, P_f[k], stays, W, N)
         copy(N, L)
         if not cholesky(L, g.size):
             return False
-        for i in range(9):
+        for i in range(d):
             s = x_f[k + 1, i] - u[k + 1, i]
-            for n in range(9):
+            for n in range(d):
                 s -= Phi[i, n] * x_f[k, n]
             for c in range(p):
                 s -= B[i, c] * delta[c]
             ahead[i] = s
-        for j in range(9):  # W holds Phi P_f; a row of the gain is N^-1 of its column
-            for i in range(9):
+        for j in range(d):  # W holds Phi P_f; a row of the gain is N^-1 of its column
+            for i in range(d):
                 g[i] = W[i, j]
             substitute(L, g, g.size)
-            for i in range(9):
+            for i in range(d):
                 gain[j, i] = g[i]
-        for i in range(9):
-            for n in range(9):
+        for i in range(d):
+            for n in range(d):
                 x_f[k, i] += gain[i, n] * ahead[n]
         if not spread:
             continue
-        for i in range(9):
-            for n in range(9):
+        for i in range(d):
+            for n in range(d):
                 N[i, n] = P_f[k + 1, i, n] - N[i, n]
                 W[i, n] = 0.0
                 L[i, n] = gain[n, i]
-        for i in range(9):
-            for o in range(9):
-                for n in range(9):
+        for i in range(d):
+            for o in range(d):
+                for n in range(d):
                     W[i, n] += gain[i, o] * N[o, n]
-        for i in range(9):
-            for o in range(9):
-                for n in range(9):
+        for i in range(d):
+            for o in range(d):
+                for n in range(d):
                     P_f[k, i, n] += W[i, o] * L[o, n]
+        for i in range(9, d):
+            for n in range(d):
+                next_f[k, i - 9] += gain[i, n] * P_f[k + 1, n, i]
     return True
