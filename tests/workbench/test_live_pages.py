@@ -139,9 +139,8 @@ def test_a_session_in_a_browser(tmp_path: Path, opened: Callable[..., Any]) -> N
                 assert "more" in page.inner_text("#now")
             if name == "move":
                 first = turned
-                assert (
-                    page.get_attribute("#guide", "data-beeps") == "2"
-                )  # one to hear whether it can
+                beeps = int(page.get_attribute("#guide", "data-beeps"))
+                assert 2 <= beeps <= made.state()["sounds"] + 1  # one to hear whether it can
             if name == "mistake":
                 assert turned != first
                 assert page.locator("#rows tr").count() >= 4
@@ -171,3 +170,4 @@ def test_enough_calibrates_what_was_recorded(tmp_path: Path, opened: Callable[..
         page.click("text=Enough: calibrate")
         assert made.served.ended(made.number)["state"] in ("done", "failed")
         assert made.state()["rests"] >= 6
+        page.goto("about:blank")  # it asks for the state for as long as it is open
