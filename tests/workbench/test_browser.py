@@ -66,7 +66,6 @@ def test_a_chosen_log_is_calibrated_and_kept(laboratory: Any, opened: Opened) ->
     assert "2026-04-01" in page.inner_text("main") and not page.query_selector("h1 b")
 
 
-@pytest.mark.thorough
 def test_a_log_is_dropped_anywhere(laboratory: Any, opened: Opened) -> None:
     page = opened(laboratory.address)
     held = page.evaluate_handle("""text => {
@@ -81,7 +80,6 @@ def test_a_log_is_dropped_anywhere(laboratory: Any, opened: Opened) -> None:
     assert page.inner_text("h1") == "dropped.csv"
 
 
-@pytest.mark.thorough
 def test_what_is_dropped_and_no_file_stays(laboratory: Any, opened: Opened) -> None:
     page = opened(laboratory.address)
     held = page.evaluate_handle("() => { const d = new DataTransfer(); d.setData('text/plain', "
@@ -91,7 +89,6 @@ def test_what_is_dropped_and_no_file_stays(laboratory: Any, opened: Opened) -> N
     assert "over" not in page.get_attribute("form.drop", "class")
 
 
-@pytest.mark.thorough
 def test_without_a_file_nothing_is_sent(laboratory: Any, opened: Opened) -> None:
     page = opened(laboratory.address)
     page.click("text=Look at it")
@@ -99,7 +96,6 @@ def test_without_a_file_nothing_is_sent(laboratory: Any, opened: Opened) -> None
     assert page.url.rstrip("/") == laboratory.address
 
 
-@pytest.mark.thorough
 def test_what_was_taken_is_corrected(laboratory: Any, opened: Opened) -> None:
     """A unit that is said otherwise is looked at again, and is in the line to copy."""
     page = opened(f"{laboratory.address}/logs/{laboratory.log}")
@@ -119,7 +115,6 @@ def test_what_was_taken_is_corrected(laboratory: Any, opened: Opened) -> None:
     page.wait_for_selector("[name='key:gyro.unit'][value='rad/s']", timeout=DONE)
 
 
-@pytest.mark.thorough
 def test_a_run_is_shown_with_its_verdict_and_coefficients(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/jobs/{laboratory.run}")
     assert page.inner_text(".verdict .big") == "Pass"
@@ -129,7 +124,6 @@ def test_a_run_is_shown_with_its_verdict_and_coefficients(laboratory: Any, opene
     assert "Kept as run 1 of IMU 7" in page.inner_text("main")
 
 
-@pytest.mark.thorough
 def test_a_run_stands_beside_the_last_one(laboratory: Any, opened: Opened) -> None:
     """The second run has no name of its own: once it is kept, its page compares it."""
     page = opened(f"{laboratory.address}/jobs/{laboratory.second}")
@@ -143,7 +137,6 @@ def test_a_run_stands_beside_the_last_one(laboratory: Any, opened: Opened) -> No
     assert page.inner_text("[aria-label=Coefficients] thead").split()[-2:] == ["Last", "Change"]
 
 
-@pytest.mark.thorough
 def test_a_report_runs_in_a_frame_that_reaches_nothing(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/jobs/{laboratory.run}", complains=True)
     frame = page.frame_locator("iframe[title=Report]")
@@ -157,7 +150,6 @@ def test_a_report_runs_in_a_frame_that_reaches_nothing(laboratory: Any, opened: 
     assert reached == "no"
 
 
-@pytest.mark.thorough
 def test_what_a_run_leaves_is_downloaded(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/jobs/{laboratory.run}")
     for name in ("result.json", "report.html"):
@@ -169,7 +161,6 @@ def test_what_a_run_leaves_is_downloaded(laboratory: Any, opened: Opened) -> Non
     assert page.url.endswith(f"/jobs/{laboratory.run}")
 
 
-@pytest.mark.thorough
 def test_two_runs_are_compared(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/jobs/{laboratory.run}")
     page.click("text=Compare …")
@@ -181,7 +172,6 @@ def test_two_runs_are_compared(laboratory: Any, opened: Opened) -> None:
     assert set(line[:2]) == {f"runs/{laboratory.run}", f"runs/{laboratory.second}"}
 
 
-@pytest.mark.thorough
 def test_a_run_is_exported_and_fetched(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/do/export?run={laboratory.run}")
     page.fill("[name='--to']", "c")
@@ -193,7 +183,6 @@ def test_a_run_is_exported_and_fetched(laboratory: Any, opened: Opened) -> None:
     assert "foucault" in Path(held.value.path()).read_text(encoding="utf-8").lower()
 
 
-@pytest.mark.thorough
 def test_a_session_is_planned(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/plan")
     page.click("a:has-text('hand_rotated')")
@@ -202,7 +191,6 @@ def test_a_session_is_planned(laboratory: Any, opened: Opened) -> None:
     assert "accel.bias.x" in page.inner_text("main")
 
 
-@pytest.mark.thorough
 def test_a_mistake_is_said_and_the_way_back_is_shown(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/do/calibrate?log={laboratory.log}")
     page.fill("[name='--latitude']", "147 deg")
@@ -211,7 +199,6 @@ def test_a_mistake_is_said_and_the_way_back_is_shown(laboratory: Any, opened: Op
     assert "latitude" in page.inner_text(".verdict") and page.is_visible("text=its log")
 
 
-@pytest.mark.thorough
 def test_an_instrument_is_found_and_its_limits_are_set(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/instruments")
     page.fill("#find", "imu 7")
@@ -229,7 +216,6 @@ def test_an_instrument_is_found_and_its_limits_are_set(laboratory: Any, opened: 
     assert "IMU 7" in page.inner_text("main")
 
 
-@pytest.mark.thorough
 def test_a_job_goes_on_when_its_page_is_closed(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/do/calibrate?log={laboratory.log}")
     page.click("button.main")
@@ -239,7 +225,6 @@ def test_a_job_goes_on_when_its_page_is_closed(laboratory: Any, opened: Opened) 
     assert laboratory.served.ended(number)["state"] == "done"
 
 
-@pytest.mark.thorough
 def test_a_job_is_stopped(laboratory: Any, opened: Opened) -> None:
     """The first is at work, so that the second waits: both are stopped from their pages."""
     page = opened(f"{laboratory.address}/do/calibrate?log={laboratory.log}")
@@ -254,7 +239,6 @@ def test_a_job_is_stopped(laboratory: Any, opened: Opened) -> None:
     assert laboratory.served.ended(int(numbers[0]))["state"] == "done"
 
 
-@pytest.mark.thorough
 def test_a_page_that_is_not_there_says_so(laboratory: Any, browser: Any) -> None:
     page = browser.new_page()
     assert page.goto(f"{laboratory.address}/nowhere").status == 404
@@ -264,7 +248,6 @@ def test_a_page_that_is_not_there_says_so(laboratory: Any, browser: Any) -> None
     page.close()
 
 
-@pytest.mark.thorough
 def test_an_edge_of_a_rest_is_dragged_and_taken(laboratory: Any, opened: Opened) -> None:
     """With the mouse on the traces; what is taken is in the line to copy."""
     page = opened(f"{laboratory.address}/logs/{laboratory.log}")
@@ -301,7 +284,6 @@ def test_an_edge_of_a_rest_is_dragged_and_taken(laboratory: Any, opened: Opened)
     page.wait_for_selector(f"[name=first][value='{before:.10g}']", timeout=DONE, state="attached")
 
 
-@pytest.mark.thorough
 def test_a_certificate_is_asked_for_issued_and_fetched(laboratory: Any, opened: Opened) -> None:
     from test_certify import SAID
 
@@ -388,7 +370,6 @@ CONTRAST = """() => {
 }"""
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_a_page_is_read_narrow_dark_and_by_a_reader(
     laboratory: Any, opened: Opened, name: str
@@ -406,7 +387,6 @@ def test_a_page_is_read_narrow_dark_and_by_a_reader(
     assert page.evaluate(CONTRAST) == []
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["run", "instrument", "log"])
 def test_a_page_is_printed_without_what_is_clicked(
     laboratory: Any, opened: Opened, name: str
@@ -429,7 +409,6 @@ def tab_to(page: Any, selector: str, most: int = 60) -> None:
     raise AssertionError(f"{selector} is not reached by Tab")
 
 
-@pytest.mark.thorough
 def test_the_first_tab_leads_past_the_bar(laboratory: Any, opened: Opened) -> None:
     page = opened(laboratory.address)
     page.keyboard.press("Tab")
@@ -441,7 +420,6 @@ def test_the_first_tab_leads_past_the_bar(laboratory: Any, opened: Opened) -> No
     assert page.evaluate("document.activeElement.closest('main') !== null")
 
 
-@pytest.mark.thorough
 def test_from_a_log_to_its_verdict_by_the_keyboard(laboratory: Any, opened: Opened) -> None:
     page = opened(laboratory.address)
     choose(page)
@@ -460,7 +438,6 @@ def test_from_a_log_to_its_verdict_by_the_keyboard(laboratory: Any, opened: Open
     page.wait_for_selector("h1:has-text('IMU 9')")
 
 
-@pytest.mark.thorough
 def test_whatever_has_the_focus_shows_it(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/do/calibrate?log={laboratory.log}")
     for _ in range(12):
@@ -469,7 +446,6 @@ def test_whatever_has_the_focus_shows_it(laboratory: Any, opened: Opened) -> Non
         assert seen != "none", page.evaluate("document.activeElement.outerHTML")
 
 
-@pytest.mark.thorough
 def test_what_is_folded_opens_by_the_keyboard(laboratory: Any, opened: Opened) -> None:
     page = opened(f"{laboratory.address}/instrument?name=IMU%207")
     tab_to(page, "summary")
@@ -480,7 +456,6 @@ def test_what_is_folded_opens_by_the_keyboard(laboratory: Any, opened: Opened) -
 # -- without a script --------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
 def test_all_of_it_goes_without_a_script(laboratory: Any, opened: Opened) -> None:
     page = opened(laboratory.address, java_script_enabled=False)
     choose(page)
@@ -494,7 +469,6 @@ def test_all_of_it_goes_without_a_script(laboratory: Any, opened: Opened) -> Non
     assert held.value.suggested_filename == "result.json"
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["start", "instrument", "form", "plan"])
 def test_a_page_says_the_same_without_a_script(laboratory: Any, opened: Opened, name: str) -> None:
     address = laboratory.address + pages(laboratory)[name]
@@ -535,7 +509,6 @@ def log_in(page: Any, name: str, password: str = PASSWORD) -> None:
     page.click("button.main")
 
 
-@pytest.mark.thorough
 def test_who_is_not_known_is_asked_and_led_back(shared: Any, opened: Opened) -> None:
     page = opened(f"{shared[0]}/instruments")
     assert "/login" in page.url
@@ -551,7 +524,6 @@ def test_who_is_not_known_is_asked_and_led_back(shared: Any, opened: Opened) -> 
     assert "/login" in page.url
 
 
-@pytest.mark.thorough
 def test_a_wrong_password_is_said(shared: Any, browser: Any) -> None:
     page = browser.new_page()
     page.goto(shared[0])
@@ -560,7 +532,6 @@ def test_a_wrong_password_is_said(shared: Any, browser: Any) -> None:
     page.close()
 
 
-@pytest.mark.thorough
 def test_one_sees_what_the_other_does_and_may_do_what_she_may(
     shared: Any, opened: Opened, laboratory: Any
 ) -> None:
@@ -595,7 +566,6 @@ def test_one_sees_what_the_other_does_and_may_do_what_she_may(
     assert "the stand was bumped" in rob.inner_text("tbody tr:first-child")
 
 
-@pytest.mark.thorough
 def test_an_account_is_closed_under_who_uses_it(shared: Any, opened: Opened) -> None:
     address = shared[0]
     ann, eve = opened(address), opened(address)
@@ -613,7 +583,6 @@ def test_an_account_is_closed_under_who_uses_it(shared: Any, opened: Opened) -> 
     assert "/login" in eve.url
 
 
-@pytest.mark.thorough
 def test_a_page_of_another_site_cannot_act(shared: Any, browser: Any) -> None:
     """Logged in here, she opens a page of somebody else that sends a form to us."""
     address, bench = shared
