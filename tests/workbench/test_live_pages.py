@@ -119,7 +119,8 @@ def test_the_state_is_what_the_guide_keeps(tmp_path: Path) -> None:
     assert (folder / ENOUGH_FILE).exists()
     bench.store.ask("ann", "allan", ["allan", "x"])
     for where in ("/live/2", "/live/2/state"):
-        assert browser.get(where).status_code == 404
+        answer = browser.get(where)
+        assert answer.status_code == 404 and "Job 2 is no guided session." in answer.text
     bench.store.stop(1)
     assert "Under way" not in browser.get("/live").text
 
