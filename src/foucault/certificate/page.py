@@ -8,6 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import pickle
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -54,15 +58,39 @@ def made(of: Certificate, dcc: bytes, *, signed: bool) -> bytes:
         template = Path(__file__).with_name("page.typ")
         (folder / "page.typ").write_text(template.read_text(encoding="utf-8"), encoding="utf-8")
         try:
-            return bytes(typst.compile(
-                folder / "page.typ", root=folder, format="pdf", ignore_system_fonts=True,
-                pdf_standards=["a-3b"], timestamp=of.dated,
-            ))  # fmt: skip
+            return _compiled(
+                input=str(folder / "page.typ"), root=str(folder), format="pdf",
+                ignore_system_fonts=True, pdf_standards=["a-3b"], timestamp=of.dated,
+            )  # fmt: skip
         except typst.TypstError as problem:
             if not logo:
                 raise
             raise error("certificate.logo", path=of.laboratory.logo, reason=problem.message,
                         allowed=", ".join(LOGOS)) from None  # fmt: skip
+
+
+_threads_in: list[int] = []
+"""The process in which Typst has its threads."""
+
+
+def _compiled(**how: Any) -> bytes:
+    """Return what Typst makes; where it ran before this fork, whose threads it lacks, by another.
+
+    Without them it would wait for ever.
+    """
+    import typst
+
+    if _threads_in and os.getpid() not in _threads_in:
+        code = "import pickle, sys, typst; k = pickle.load(sys.stdin.buffer); "
+        code += "sys.stdout.buffer.write(typst.compile(**k))"
+        done = subprocess.run(
+            [sys.executable, "-c", code], input=pickle.dumps(how), stdout=subprocess.PIPE
+        )
+        if done.returncode == 0:
+            return done.stdout
+        raise typst.TypstError("it cannot be read")
+    _threads_in.append(os.getpid())
+    return bytes(typst.compile(**how))
 
 
 def _logo(path: str, folder: Path) -> str:
