@@ -13,7 +13,7 @@ BUDGET = {
     ".": 3_480,
     "campaign": 6_005,
     "capture": 4_135,
-    "certificate": 2_060,
+    "certificate": 2_070,
     "cli": 5_765,
     "detect": 4_774,
     "diagnose": 11_983,

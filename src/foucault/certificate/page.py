@@ -62,10 +62,11 @@ def made(of: Certificate, dcc: bytes, *, signed: bool) -> bytes:
                 input=str(folder / "page.typ"), root=str(folder), format="pdf",
                 ignore_system_fonts=True, pdf_standards=["a-3b"], timestamp=of.dated,
             )  # fmt: skip
-        except typst.TypstError as problem:
+        except (typst.TypstError, subprocess.CalledProcessError) as problem:
             if not logo:
                 raise
-            raise error("certificate.logo", path=of.laboratory.logo, reason=problem.message,
+            reason = getattr(problem, "message", "it cannot be read")
+            raise error("certificate.logo", path=of.laboratory.logo, reason=reason,
                         allowed=", ".join(LOGOS)) from None  # fmt: skip
 
 
@@ -83,12 +84,12 @@ def _compiled(**how: Any) -> bytes:
     if _threads_in and os.getpid() not in _threads_in:
         code = "import pickle, sys, typst; k = pickle.load(sys.stdin.buffer); "
         code += "sys.stdout.buffer.write(typst.compile(**k))"
-        done = subprocess.run(
-            [sys.executable, "-c", code], input=pickle.dumps(how), stdout=subprocess.PIPE
-        )
-        if done.returncode == 0:
-            return done.stdout
-        raise typst.TypstError("it cannot be read")
+        return subprocess.run(
+            [sys.executable, "-c", code],
+            input=pickle.dumps(how),
+            stdout=subprocess.PIPE,
+            check=True,
+        ).stdout
     _threads_in.append(os.getpid())
     return bytes(typst.compile(**how))
 
