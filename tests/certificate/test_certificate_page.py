@@ -8,8 +8,10 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -245,3 +247,22 @@ def test_a_risk_is_never_nothing(tmp_path: Path) -> None:
     made = make_conforming(tmp_path, "guarded", '"accel.bias" = "90 mg"\n')
     assert made.risk < 1e-10 and "here it is at most 0.01 %" in words(made)
     assert "> 99.9 %" in words(made)
+
+
+def test_a_fork_of_a_process_that_has_made_one_makes_one(tmp_path: Path) -> None:
+    """Threads are not forked: whoever waits for those of Typst in a fork waits for ever."""
+    made = make_certificate(tmp_path)
+    here, file = issue.made(made)[1], tmp_path / "there.pdf"
+    child = os.fork()
+    if child == 0:
+        try:
+            file.write_bytes(issue.made(made)[1])
+        finally:
+            os._exit(0)
+    until = time.monotonic() + 60.0
+    while (ended := os.waitpid(child, os.WNOHANG)[0]) == 0 and time.monotonic() < until:
+        time.sleep(0.05)
+    if not ended:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    assert ended and file.read_bytes() == here
