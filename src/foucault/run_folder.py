@@ -23,6 +23,7 @@ import re
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -277,6 +278,16 @@ def load_result(path: str | Path, *, with_tables: bool = True) -> Result:
     if problem:
         raise error("result.covariance", file=file, problem=problem)
     return result
+
+
+@lru_cache(maxsize=64)
+def result_of_hash(folder: Path, digest: str) -> Result:
+    """Return the result, without tables [SI], of a folder whose result.json has this hash.
+
+    It is the same each time.
+    """
+    del digest
+    return load_result(folder, with_tables=False)
 
 
 def result_schema() -> dict[str, Any]:

@@ -77,20 +77,19 @@ def test_what_cannot_be_asked_for(more: dict[str, str], words: str, tmp_path: Pa
     assert not bench.store.jobs()
 
 
-def test_an_operator_takes_the_ports_of_this_computer(tmp_path: Path, monkeypatch: Any) -> None:
+def test_an_operator_takes_the_ports_of_this_computer(monkeypatch: Any) -> None:
     """No file, server or device that the workbench could read and an operator could not."""
-    bench = make_bench(tmp_path)
     monkeypatch.setattr(live, "ports", lambda: [("/dev/ttyUSB0", "an adapter")])
     operator, administrator = Person("ann", "operator"), Person("bob", "administrator")
     may = ["udp:5005", "serial:/dev/ttyUSB0", "serial:/dev/ttyUSB0:921600"]
     may_not = ["udp:80", "tcp:10.0.0.1:4000", "/etc/shadow", "serial:/dev/sda", "/dev/ttyUSB1",
                "serial:/dev/ttyUSB1:9600", "serial:", "udp:"]  # fmt: skip
     for given in may:
-        assert live.source_of(bench, operator, given) == given
+        assert live.source_of(operator, given) == given
     for given in may_not:
         with pytest.raises(Exception, match="may not be recorded"):
-            live.source_of(bench, operator, given)
-        assert live.source_of(bench, administrator, given) == given
+            live.source_of(operator, given)
+        assert live.source_of(administrator, given) == given
 
 
 def test_whoever_is_not_known_sees_nothing(tmp_path: Path) -> None:

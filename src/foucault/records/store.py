@@ -10,7 +10,6 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -42,7 +41,7 @@ from foucault.records.entries import (
     plain,
 )
 from foucault.result import Result
-from foucault.run_folder import RESULT_FILE, load_result, result_file
+from foucault.run_folder import RESULT_FILE, load_result, result_file, result_of_hash
 
 BATCH = 50
 """Runs that are taken in at once; what is taken in stays where the work is interrupted."""
@@ -343,7 +342,7 @@ class Records:
     def checked(self, run: Run) -> Result:
         """Return the result of a run; a folder that is gone or was edited is refused."""
         self.refuse_edited(run)
-        return _of_hash(self.folder_of(run), run.sha256)
+        return result_of_hash(self.folder_of(run), run.sha256)
 
     def refuse_edited(self, run: Run) -> None:
         """Refuse a run whose folder is gone or was edited; raises ``records.edited``."""
@@ -478,13 +477,6 @@ class Records:
         with self.database.reading() as connection:
             chosen = sa.select(db.entry.c.number).where(db.entry.c.hash == digest)
             return connection.execute(chosen).first() is not None
-
-
-@lru_cache(maxsize=64)
-def _of_hash(folder: Path, digest: str) -> Result:
-    """Return the result in a folder whose result.json has this hash: it is the same each time."""
-    del digest
-    return load_result(folder, with_tables=False)
 
 
 def _body(kind: type[Said], **said: Any) -> Said:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ def ports() -> list[tuple[str, str]]:
     return [(one.device, one.description) for one in comports()]
 
 
-def source_of(bench: Bench, who: Person, given: str) -> str:
+def source_of(who: Person, given: str) -> str:
     """Return a source that may be recorded; raises ``workbench.source``.
 
     Whoever is no administrator takes the ports of this computer: a file or a server elsewhere
@@ -68,7 +69,7 @@ def words_of(bench: Bench, who: Person, said: Any) -> list[str]:
         return str(said.get(key, "")).strip()
 
     home = make_folder(bench.folder / "guides")
-    words = ["calibrate", f"--live={source_of(bench, who, text('source'))}"]
+    words = ["calibrate", f"--live={source_of(who, text('source'))}"]
     how = text("how") or "hand_rotated"
     if "/" in how:
         log = how.partition("/")[2]
@@ -87,9 +88,8 @@ def words_of(bench: Bench, who: Person, said: Any) -> list[str]:
         name = f"{hashlib.sha256(own.encode()).hexdigest()[:12]}.frames.toml"
         write_text(home / name, own)
         frames = f"guides/{name}"
-    else:
-        if frames not in frame.shipped():
-            raise error("capture.unknown", name=frames[:40], allowed=", ".join(frame.shipped()))
+    elif frames not in frame.shipped():
+        raise error("capture.unknown", name=frames[:40], allowed=", ".join(frame.shipped()))
     words.append(f"--frames={frames}")
     language = text("words") or "en"
     if language != "en":
@@ -170,18 +170,12 @@ def state(request: Request, number: Number) -> Response:
     file: Path = bench.folder / "runs" / str(number) / STATE_FILE
     try:
         out |= json.loads(file.read_text(encoding="utf-8"))
-        out["age"] = round(_since(file), 1)
+        out["age"] = round(max(0.0, time.time() - file.stat().st_mtime), 1)
     except (OSError, ValueError):
         out |= {"phase": "wait"}
     if job.over and job.state != "done":
         out["said"] = bench.said(job)[-LONG:].strip()
     return JSONResponse(out)
-
-
-def _since(file: Path) -> float:
-    import time
-
-    return max(0.0, time.time() - file.stat().st_mtime)
 
 
 @router.post("/live/{number}/enough")

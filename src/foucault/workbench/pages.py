@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from fastapi.responses import FileResponse, Response
 from foucault import run_folder
 from foucault.errors import FoucaultError, error
 from foucault.files import sha256
-from foucault.result import Result
 from foucault.workbench.asked import OFFERS, PLACE, files_of, given_log, shown
 from foucault.workbench.bench import Bench, Form, bench_of, needs, page, person, to
 from foucault.workbench.look import FILE as LOOK_FILE
@@ -164,7 +162,7 @@ def _left(bench: Bench, job: Job) -> dict[str, Any]:
     try:
         file = run_folder.result_file(folder)
         digest = sha256(file) if file.is_file() else ""
-        result = _result(folder, digest)
+        result = run_folder.result_of_hash(folder, digest)
     except FoucaultError as problem:
         return out | {"problem": problem}
     out["reasons"] = list(result.verdict.reasons)
@@ -188,13 +186,6 @@ def _left(bench: Bench, job: Job) -> dict[str, Any]:
     out["rows"] = [_row(row, last) for row in result.coefficients.rows()]
     out["instrument"] = str(instrument)
     return out
-
-
-@lru_cache(maxsize=32)
-def _result(folder: Path, digest: str) -> Result:
-    """Return the result in a folder whose result.json has this hash: it is the same each time."""
-    del digest
-    return run_folder.load_result(folder, with_tables=False)
 
 
 def _row(row: dict[str, Any], last: dict[str, float]) -> tuple[str, ...]:
