@@ -337,12 +337,16 @@ def broad(run):
 @THERE
 @pytest.mark.thorough
 def test_five_runs_of_one_mounting_agree():
-    found = [solved(*broad(run)).coefficients for run in ("32", "33", "34", "35", "36")]
+    runs = [solved(*broad(run)) for run in ("32", "33", "34", "35", "36")]
+    found = [run.coefficients for run in runs]
     lever = 1e3 * np.array([c["pose.lever"].values for c in found])
     late = 1e3 * np.array([c.value(LATE) for c in found])
     # 0.1 mm is asked for and 0.09, 0.11, 0.14 are found: as much as is stated, by chi-square.
     sd = 1e3 * np.array([c["pose.lever"].sd for c in found])
-    assert sd.max() < 0.25  # one run whose halves differ by 1.35 sd
+    # What passes is as sure as was asked for; halves that differ widen a run, and it is doubtful.
+    passed = np.array([run.verdict.level == "pass" for run in runs])
+    assert passed.sum() >= 3 and sd[passed].max() < 0.2
+    assert max(run.diagnostics["pose"]["halves"] for run in runs) < 1.5
     low, high = chi_square_limits(12)
     assert low < np.sum(((lever - lever.mean(axis=0)) / sd) ** 2) < high
     assert np.abs(lever.mean(axis=0) - [1.9, -0.6, -7.4]).max() < 0.15
