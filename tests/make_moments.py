@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -36,14 +36,25 @@ class Fed:
         self.log = self.served.api("POST", "/logs", files=[*file.items(), *more.items()])["log"]
 
     def send(self, seconds: float | None = None) -> None:
-        """Let so much of it come, None: all the rest [s]."""
+        """Let so much of it come, None: all the rest [s]; ends when the page shows what it made."""
         end = len(self.data) if seconds is None else self.sent + FRAME * round(100 * seconds)
         with self.port.open("ab") as file:
             file.write(self.data[self.sent : end])
         self.sent = min(end, len(self.data))
+        self.page.wait_for_function(
+            "rows => { const g = document.getElementById('guide');"
+            " return Number(g.dataset.rows) >= rows || g.className === 'done'; }",
+            arg=self.sent // FRAME, timeout=120_000,
+        )  # fmt: skip
+
+    def until(self, there: Callable[[], Any], step: float) -> None:
+        """Send steps [s] until something is on the page."""
+        while not there() and self.sent < len(self.data):
+            self.send(step)
 
     def begin(self, page: Any) -> None:
         """Fill in the form as somebody would."""
+        self.page = page
         page.goto(f"{self.served.address}/live")
         page.fill("[name=source]", str(self.port))
         page.select_option("[name=frames]", "sbg_imu_short")
@@ -77,31 +88,19 @@ def moments(made: Fed, page: Any) -> Iterator[str]:
     """Go through a session; yield the name of each of five moments while the page shows it."""
     made.begin(page)
     page.click("#sound")
+
+    def phase() -> str:
+        return str(page.get_attribute("#guide", "class"))
+
     made.send(1.0)
-    page.wait_for_selector("#guide.learn, #guide.rest", timeout=60_000)
-    made.send(5.5)
-    page.wait_for_selector("#guide.rest", timeout=60_000)
-    while made.state()["ring"] < 0.5:
-        page.wait_for_timeout(200)
-    page.wait_for_timeout(1000)
+    made.until(lambda: phase() == "rest" and made.state()["ring"] > 0.5, 0.5)
     yield "rest"
-    made.send(6.0)
-    page.wait_for_selector("#rests:has-text('1')", timeout=60_000)
-    page.wait_for_selector("#rows tr", timeout=60_000)
-    while page.get_attribute("#guide", "class") != "move":
-        made.send(0.3)
-        page.wait_for_timeout(300)
+    made.until(lambda: phase() == "move", 0.3)
     yield "move"
-    while not page.locator("#wrong li:has-text('another side')").count():
-        made.send(1.0)
-        page.wait_for_timeout(250)
+    made.until(page.locator("#wrong li:has-text('another side')").count, 1.0)
     yield "mistake"
-    while made.state()["rests"] < made.rests - 2 and made.sent < len(made.data):
-        made.send(2.0)
-        page.wait_for_timeout(250)
-    while page.get_attribute("#guide", "class") != "next" and made.sent < len(made.data):
-        made.send(0.4)
-        page.wait_for_timeout(300)
+    made.until(lambda: made.state()["rests"] >= made.rests - 2, 2.0)
+    made.until(lambda: phase() == "next", 0.4)
     yield "next"
     made.send()
     page.wait_for_selector("#guide.done", timeout=120_000)

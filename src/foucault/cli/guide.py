@@ -84,10 +84,11 @@ def state(live: Live, words: Words) -> dict[str, Any]:
     """Return all that is shown, as JSON."""
     troubles = [words.say(key, **values) for key, values in live.troubles()]
     guide, silence = live.guide, round(live.silence, 1)
+    rows = live.recorder.heard.frames
     if guide is None:
         now = words.say("now.learn")
-        return {"phase": "learn", "task": now, "now": now, "ring": 0.0, "rests": 0, "sounds": 0,
-                "silence": silence, "troubles": troubles, "stopped": ""}  # fmt: skip
+        return {"rows": rows, "phase": "learn", "task": now, "now": now, "ring": 0.0, "rests": 0,
+                "sounds": 0, "silence": silence, "troubles": troubles, "stopped": ""}  # fmt: skip
     bars = [
         {"name": name, "reached": reached, "after": after, "wanted": wanted,
          "ratio": ratio if ratio < float("inf") else None}
@@ -95,7 +96,7 @@ def state(live: Live, words: Words) -> dict[str, Any]:
     ]  # fmt: skip
     asked = None if guide.step is None else guide.step.attitude()
     return {
-        "phase": guide.phase, "task": words.task(guide), "now": words.now(guide),
+        "rows": rows, "phase": guide.phase, "task": words.task(guide), "now": words.now(guide),
         "ring": round(guide.ring, 3), "rests": guide.rests, "sounds": guide.sounds, "bars": bars,
         "mistakes": [words.wrong(m) for m in guide.mistakes[-3:]],
         "findings": [f"{f.message} {f.cure}" for f in guide.findings()],

@@ -72,6 +72,7 @@
   const over = (state) => ["done", "failed", "stopped"].includes(state.job);
   const show = (state) => {
     root.className = state.phase;
+    root.dataset.rows = state.rows || 0;
     if (state.phase === "wait" && !over(state)) say("task", "Waiting for a worker …");
     if (state.task) say("task", state.task);
     if (state.now) say("now", state.now);
