@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from functools import cache
 from itertools import pairwise
 
@@ -66,6 +68,22 @@ def test_only_sizes_of_what_drifts_ask_for_faces_again() -> None:
     again = space.allowed.filled([*NAMES, *NAMES])
     assert space.cost(again) > -0.01
     assert space_of("six_position").cost(again) < -0.1
+
+
+@pytest.mark.parametrize("name", ["six_position", "ferraris"])
+def test_a_session_that_begins_on_another_face_is_calibrated_as_it_is_written(name, tmp_path):
+    """`simulate` and `calibrate` of a plan that was found, with the file between them."""
+    order = ["x_a", "z_a", "z_p", "y_p", "z_a", "y_a", "x_p", "z_a", "x_a"]
+    text, _, _ = campaign.template(name).partition("# [optimise]")
+    text = re.sub(r"^order = .*$", f"order = {order}", text, flags=re.MULTILINE)
+    file = campaign.save_session(campaign.simulate(campaign.parse(text), 5), tmp_path)
+    result = campaign.calibrate(campaign.load(file))
+    assert 'first_rest = "x down"' in file.read_text() and result.verdict.level != "unusable"
+    truth = json.loads((tmp_path / "truth.json").read_text())["coefficients"]
+    true = {row["name"]: row["value"] for row in truth}
+    c = result.coefficients
+    off = (c.values - [true[n] for n in c.names]) / c.sd
+    assert np.abs(off).max() < 5
 
 
 @pytest.mark.parametrize("module", [six_position, ferraris])

@@ -279,7 +279,8 @@ def save_session(session: Session, folder: str | Path) -> Path:
     if hasattr(session.simulation, "write_beside"):
         session.simulation.write_beside(folder)
     write_text(folder / TRUTH_FILE, json.dumps(_truth(session), indent=1) + "\n")
-    own = log_table(session.campaign.procedure, log)
+    up = getattr(session.campaign.session, "first_rest", "z up")
+    own = log_table(session.campaign.procedure, log, up=up)
     text = with_own_log(session.campaign.text, own)
     if session.seed != session.campaign.simulate.seed:
         text = with_seed(text, session.seed)

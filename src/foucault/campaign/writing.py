@@ -49,14 +49,16 @@ AVERAGED = 'averaged = { column = "averaged", unit = "s" }   # every row is a me
 
 
 def log_table(
-    procedure: str, log: Log | IndexedLog | None = None, *, averaged: bool = False
-) -> str:
+    procedure: str, log: Log | IndexedLog | None = None, *, averaged: bool = False,
+    up: str = "z up",
+) -> str:  # fmt: skip
     """Write the table [log] for a log as `foucault simulate` writes it.
 
     `procedure`: a key of `procedures.PROCEDURES`, one that uses a table says what its log has
     more, and one with a log of its own writes all of it; `log`: the log that was simulated [SI],
     None for the template, where what a user's log may lack is commented out; `averaged`: whether
-    a simulated log holds means, where it is not given itself.
+    a simulated log holds means, where it is not given itself; `up`: how a session by hand or on
+    faces begins.
     """
     record = procedures.load(procedure)
     if record.log_table is not None:
@@ -66,7 +68,8 @@ def log_table(
     if log is None and not averaged:
         lines = more.splitlines()
         more = "".join(f"{'# ' * (line[:1] not in ('#', ''))}{line}\n" for line in lines)
-    return (LOG_TABLE.replace(*NOT_Z_UP) if more else LOG_TABLE) + AVERAGED * averaged + more
+    first = NOT_Z_UP if more else ('"z up"', f'"{up}"')
+    return LOG_TABLE.replace(*first) + AVERAGED * averaged + more
 
 
 EXAMPLE = "example IMU"

@@ -97,6 +97,11 @@ class FaceSession(Strict):
         return tuple(face for face, _ in groupby((*order, *order[: self.repeated])))
 
     @property
+    def first_rest(self) -> str:
+        """The face that it begins on, as [log.accel] has it."""
+        return face_name(*FACES[self.faces[0]])
+
+    @property
     def placed(self) -> list[tuple[int, int]]:
         """The faces that are rested on as `plans.directions.face_plan` has them [1]."""
         return [FACES[name] for name in self.faces]
