@@ -204,11 +204,11 @@ def normal(
     """Add readings of one instrument to the normal equations.
 
     time, since (n,): clock of the master, and own time from the middle; read (n, 6); var (2,) of
-    gyros and accelerometers; x (46,) its parameters, as `_slave`; own: first of its columns,
-    negative: the master; spline (m, 6). other (m, 6) or (0, 6): columns are those there less those
-    here. band (6 m, 24), border (6 m, p + 1), the gradient last, corner (p, p), rhs (p,) are added
-    to, left (n, 6) is filled: readings less what they should be, NaN beyond the spline. Where p is
-    0, parameters stand still.
+    gyros and accelerometers, infinite: do not count; x (46,) its parameters, as `_slave`; own:
+    first of its columns, negative: the master; spline (m, 6). other (m, 6) or (0, 6): columns are
+    those there less those here. band (6 m, 24), border (6 m, p + 1), the gradient last,
+    corner (p, p), rhs (p,) are added to, left (n, 6) is filled: readings less what they should be,
+    NaN beyond the spline. Where p is 0, parameters stand still.
     """
     N, D, E, m = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros((5, 3))
     A, A2, B, B2 = np.zeros((3, 9)), np.zeros((3, 9)), np.zeros((3, 7)), np.zeros((3, 7))
@@ -222,6 +222,8 @@ def normal(
     noise, to = other.shape[0] > 0, own if rhs.shape[0] > 0 else -1
     R = np.zeros((3, 4, 41))
     for triad in range(2):
+        if not var[triad] < np.inf:
+            continue
         _columns(triad, of_all, of_one)
         _products(triad, x, P, F)
         # One by one: of slices Numba compiles how it would name their lengths, 2.5 s of strings.
@@ -306,47 +308,6 @@ def normal(
                     rhs[own + i] += s
                 elif i >= 0 and j >= 0:
                     corner[own + max(i, j), own + min(i, j)] += s
-
-
-@part
-def _take(W, i, j, n, u, v, w, x):
-    """Take u, v, w and x times rows j, j + n .. j + 3 n of W off its row i."""
-    for c in range(W.shape[1]):
-        W[i, c] -= u * W[j, c] + v * W[j + n, c] + w * W[j + 2 * n, c] + x * W[j + 3 * n, c]
-
-
-@kernel
-def forward(L, W):
-    """Solve with a banded triangle, L (m, b) column by column; W (m, c) is overwritten."""
-    for i in range(W.shape[0]):
-        j = max(0, i - L.shape[1] + 1)
-        while j + 3 < i:
-            _take(W, i, j, 1, L[j, i - j], L[j + 1, i - j - 1], L[j + 2, i - j - 2],
-                  L[j + 3, i - j - 3])  # fmt: skip
-            j += 4
-        while j < i:
-            _take(W, i, j, 0, L[j, i - j], 0.0, 0.0, 0.0)
-            j += 1
-        one = 1.0 / L[i, 0]
-        for c in range(W.shape[1]):
-            W[i, c] *= one
-
-
-@kernel
-def backward(L, W):
-    """Solve with the transpose of a banded triangle, as `forward`."""
-    for i in range(W.shape[0] - 1, -1, -1):
-        last = min(W.shape[0] - 1, i + L.shape[1] - 1)
-        j = i + 1
-        while j + 3 <= last:
-            _take(W, i, j, 1, L[i, j - i], L[i, j - i + 1], L[i, j - i + 2], L[i, j - i + 3])
-            j += 4
-        while j <= last:
-            _take(W, i, j, 0, L[i, j - i], 0.0, 0.0, 0.0)
-            j += 1
-        one = 1.0 / L[i, 0]
-        for c in range(W.shape[1]):
-            W[i, c] *= one
 
 
 @part
