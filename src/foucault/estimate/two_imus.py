@@ -169,43 +169,17 @@ class Normal:
         return out.reshape(-1, 6)
 
 
-@dataclass(frozen=True)
-class Sums:
-    """The normal equations of a pass, the spline in them."""
-
-    band: FloatArray  # (6 m, 24) of the spline, lower half [1 / SI^2]
-    border: FloatArray  # (6 m, p + 1) of spline and parameters, and the spline's gradient
-    corner: FloatArray  # (p, p) of the parameters, lower half [1 / SI^2]
-    rhs: FloatArray  # (p,) their gradient [1 / SI]
-    left: tuple[FloatArray, ...]  # as of `Normal`
-
-    def less(self, other: Sums, times: float) -> Sums:
-        """Return these less `times` [1] those of `other`."""
-        mine, theirs = ((x.band, x.border, x.corner, x.rhs) for x in (self, other))
-        return Sums(*(a - times * b for a, b in zip(mine, theirs, strict=True)), self.left)
-
-    def eliminated(self) -> Normal:
-        """Eliminate the spline; these are overwritten."""
-        from scipy.linalg import cholesky_banded
-
-        band, border, p = self.band, self.border, len(self.rhs)
-        band[:, 0] += FEWEST * band[:, 0].max()
-        L = cholesky_banded(band.T, overwrite_ab=True, lower=True, check_finite=False).T
-        banded.forward(L, border)
-        corner = np.tril(self.corner) + np.tril(self.corner, -1).T
-        pull = border[:, :p].T @ border
-        return Normal(L, border, corner - pull[:, :p], self.rhs, self.rhs - pull[:, p], self.left)
-
-
-def summed(
+def normal(
     problem: Problem, slaves: Sequence[Slave], spline: FloatArray, var: FloatArray,
     other: FloatArray | None = None, still: bool = False,
-) -> Sums:  # fmt: skip
-    """Linearise about slaves and `spline` (m, 6) [SI].
+) -> Normal:  # fmt: skip
+    """Linearise about slaves and `spline` (m, 6) [SI]; `var` (i, 2): of readings [SI].
 
-    `var` (i, 2): of readings, infinite where they do not count [SI]; `other` (m, 6) or None:
-    columns are those at this spline less those here [SI]; `still`: only the spline moves.
+    `other` (m, 6) or None: columns are those at this spline less those here [SI]; `still`: only the
+    spline moves.
     """
+    from scipy.linalg import cholesky_banded
+
     n, p = 6 * problem.knots, 0 if still else kernels.COLUMNS * len(slaves)
     band, border = np.zeros((n, 24)), np.zeros((n, p + 1))
     corner, rhs, left = np.zeros((p, p)), np.zeros(p), []
@@ -221,20 +195,14 @@ def summed(
             problem.knot, band, border, corner, rhs, off,
         )  # fmt: skip
         left.append(off)
+    band[:, 0] += FEWEST * band[:, 0].max()
     hold = problem.hold[problem.hold < p]
     border[:, hold] = corner[hold] = corner[:, hold] = rhs[hold] = 0.0
-    return Sums(band, border, corner, rhs, tuple(left))
-
-
-def normal(
-    problem: Problem, slaves: Sequence[Slave], spline: FloatArray, var: FloatArray,
-    other: FloatArray | None = None, still: bool = False,
-) -> Normal:  # fmt: skip
-    """Linearise as `summed`, and eliminate the spline.
-
-    `spline`, `other` (m, 6), `var` (i, 2) [SI].
-    """
-    return summed(problem, slaves, spline, var, other, still).eliminated()
+    L = cholesky_banded(band.T, overwrite_ab=True, lower=True, check_finite=False).T
+    banded.forward(L, border)
+    corner = np.tril(corner) + np.tril(corner, -1).T
+    pull = border[:, :p].T @ border
+    return Normal(L, border, corner - pull[:, :p], rhs, rhs - pull[:, p], tuple(left))
 
 
 @dataclass(frozen=True)
@@ -418,25 +386,12 @@ def _stated(
                     at.left, passes, converged)  # fmt: skip
 
 
-def by_source(s: Solution) -> FloatArray:
-    """Return what part of `formal` is by the noise of each triad, (i, 2, p) [SI].
-
-    As the derivative by the logarithm of its variance.
-    """
-    every, J = summed(s.problem, s.slaves, s.spline, s.var), _of_values(s.slaves)
-    known, out = np.diag(s.formal), np.zeros((*s.var.shape, len(s.formal)))
-    for at in np.ndindex(s.var.shape):
-        only = np.full_like(s.var, np.inf)
-        only[at] = s.var[at]
-        part = summed(s.problem, s.slaves, s.spline, only)
-        information = every.less(part, STEP / (1 + STEP)).eliminated().information
-        P = shown(information, s.made, s.problem.prior_sd).covariance(s.problem.prior_sd)
-        out[at] = np.maximum(np.diag(J @ P @ J.T) - known, 0.0) / STEP
-    return out
-
-
-STEP = 0.02
-"""Part of a variance by which it is changed to see what hangs on it [1]."""
+def formal(s: Solution, var: FloatArray) -> FloatArray:
+    """Return what the covariance would be, were `var` (i, 2) the noise and white [SI]."""
+    at = normal(s.problem, s.slaves, s.spline, var)
+    J = _of_values(s.slaves)
+    P = shown(at.information, s.made, s.problem.prior_sd).covariance(s.problem.prior_sd)
+    return np.asarray(J @ P @ J.T)
 
 
 def _scores(

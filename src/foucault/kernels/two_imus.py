@@ -204,11 +204,11 @@ def normal(
     """Add readings of one instrument to the normal equations.
 
     time, since (n,): clock of the master, and own time from the middle; read (n, 6); var (2,) of
-    gyros and accelerometers, infinite: do not count; x (46,) its parameters, as `_slave`; own:
-    first of its columns, negative: the master; spline (m, 6). other (m, 6) or (0, 6): columns are
-    those there less those here. band (6 m, 24), border (6 m, p + 1), the gradient last,
-    corner (p, p), rhs (p,) are added to, left (n, 6) is filled: readings less what they should be,
-    NaN beyond the spline. Where p is 0, parameters stand still.
+    gyros and accelerometers; x (46,) its parameters, as `_slave`; own: first of its columns,
+    negative: the master; spline (m, 6). other (m, 6) or (0, 6): columns are those there less those
+    here. band (6 m, 24), border (6 m, p + 1), the gradient last, corner (p, p), rhs (p,) are added
+    to, left (n, 6) is filled: readings less what they should be, NaN beyond the spline. Where p is
+    0, parameters stand still.
     """
     N, D, E, m = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros((5, 3))
     A, A2, B, B2 = np.zeros((3, 9)), np.zeros((3, 9)), np.zeros((3, 7)), np.zeros((3, 7))
@@ -222,8 +222,6 @@ def normal(
     noise, to = other.shape[0] > 0, own if rhs.shape[0] > 0 else -1
     R = np.zeros((3, 4, 41))
     for triad in range(2):
-        if not var[triad] < np.inf:
-            continue
         _columns(triad, of_all, of_one)
         _products(triad, x, P, F)
         # One by one: of slices Numba compiles how it would name their lengths, 2.5 s of strings.

@@ -47,29 +47,19 @@ class Moved:
     f: FloatArray  # (n, 3) [m/s^2]
     w: FloatArray  # (n, 3) [rad/s]
     C_bm: FloatArray  # (3, 3) [p q e]
-    # by_path, by_grip: (n, 3, 3) and (n, 3, 7) derivatives of both in axes of the mounting [SI]
-    by_path: tuple[FloatArray, FloatArray]
-    by_grip: tuple[FloatArray, FloatArray]
+    # path, grip: (n, 3, 3), (n, 3, 7) derivatives of both, in axes of the mounting [SI]
+    path: tuple[FloatArray, FloatArray]
+    grip: tuple[FloatArray, FloatArray]
 
     @property
-    def f_by_path(self) -> FloatArray:
-        """Specific force by phase, rate, acceleration, (n, 3, 3) [SI]."""
-        return np.asarray(self.C_bm @ self.by_path[0])
+    def by_path(self) -> tuple[FloatArray, FloatArray]:
+        """Specific force and rate by phase, rate and acceleration, (n, 3, 3) each [SI]."""
+        return self.C_bm @ self.path[0], self.C_bm @ self.path[1]
 
     @property
-    def w_by_path(self) -> FloatArray:
-        """Rate by the same, (n, 3, 3) [SI]."""
-        return np.asarray(self.C_bm @ self.by_path[1])
-
-    @property
-    def f_by_grip(self) -> FloatArray:
-        """Specific force by the grip, (n, 3, 7) [SI]."""
-        return np.asarray(self.C_bm @ self.by_grip[0])
-
-    @property
-    def w_by_grip(self) -> FloatArray:
-        """Rate by the grip, (n, 3, 7) [SI]."""
-        return np.asarray(self.C_bm @ self.by_grip[1])
+    def by_grip(self) -> tuple[FloatArray, FloatArray]:
+        """Specific force and rate by the grip, (n, 3, 7) each [SI]."""
+        return self.C_bm @ self.grip[0], self.C_bm @ self.grip[1]
 
 
 def moved(grip: Grip, path: FloatArray, site: Site, shrunk: FloatArray) -> Moved:

@@ -362,9 +362,17 @@ def _budget(s: Solution) -> dict[str, FloatArray]:
     """Return the variance of every parameter by source, (p,) each [SI]; they add up to `cov`."""
     names = [f"{sensor} of the {who} IMU" for who in ("first", *ORDINALS[: len(s.slaves)])
              for sensor in ("gyros", "accelerometers")]  # fmt: skip
-    parts = engine.by_source(s).reshape(len(names), -1)
-    return shares(dict(zip(names, parts, strict=True)), np.diag(s.formal), np.diag(s.cov),
-                  "colour of what is left")  # fmt: skip
+    formal = np.diag(s.formal)
+    parts = {}
+    for k, name in enumerate(names):
+        var = s.var.copy()
+        var.flat[k] *= 1 + STEP
+        parts[name] = np.maximum(np.diag(engine.formal(s, var)) - formal, 0.0) / STEP
+    return shares(parts, formal, np.diag(s.cov), "colour of what is left")
+
+
+STEP = 0.02
+"""Part of a variance by which it is changed to see what hangs on it [1]."""
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:

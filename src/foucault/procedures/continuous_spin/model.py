@@ -142,16 +142,15 @@ def passed(
     np.matmul(S_t, probes, out=right[:, :, u + 1 :])
     right[:, :, u] = np.einsum("nki,nk->ni", S, miss) - slope
     L = cholesky_banded(_band(on, below), lower=True, check_finite=False).T
-    right = right.reshape(3 * n, -1)
-    banded.forward(L, right)
-    by_states = right[:, :u].T @ right[:, :u]
-    banded.backward(L, right)
-    moves = right.reshape(n, 3, -1)
-    taken = S @ moves[:, :, u:]
-    flat, left = X.reshape(6 * n, u), miss - taken[:, :, 0]
+    flat = right.reshape(3 * n, -1)
+    banded.forward(L, flat)
+    by_states = flat[:, :u].T @ flat[:, :u]
+    banded.backward(L, flat)
+    taken = S @ right[:, :, u:]
+    rows, left = X.reshape(6 * n, u), miss - taken[:, :, 0]
     free = np.einsum("nkj,nkj->k", probes, probes - taken[:, :, 1:]) / max(draws, 1)
-    return Passed(flat.T @ flat - by_states, flat.T @ left.ravel(), left, free,
-                  path + moves[:, :, u] / unit, unit, X, S, moves[:, :, :u])  # fmt: skip
+    return Passed(rows.T @ rows - by_states, rows.T @ left.ravel(), left, free,
+                  path + right[:, :, u] / unit, unit, X, S, right[:, :, :u])  # fmt: skip
 
 
 def _white(
@@ -167,11 +166,12 @@ def _white(
     slopes, by = model.slopes(mean.f, mean.w, names), model.slopes(at.f, at.w, ())
     X = np.empty((len(path), 6, p + GRIP))
     X[:, :3, :p], X[:, 3:, :p] = slopes.accel, slopes.gyro
-    X[:, :3, p:] = slopes.accel_by_force @ mean.f_by_grip
-    X[:, 3:, p:] = slopes.gyro_by_force @ mean.f_by_grip + slopes.gyro_by_rate @ mean.w_by_grip
+    (f_by_grip, w_by_grip), (f_by_path, w_by_path) = mean.by_grip, at.by_path
+    X[:, :3, p:] = slopes.accel_by_force @ f_by_grip
+    X[:, 3:, p:] = slopes.gyro_by_force @ f_by_grip + slopes.gyro_by_rate @ w_by_grip
     S = np.empty((len(path), 6, 3))
-    S[:, :3] = by.accel_by_force @ at.f_by_path
-    S[:, 3:] = by.gyro_by_force @ at.f_by_path + by.gyro_by_rate @ at.w_by_path
+    S[:, :3] = by.accel_by_force @ f_by_path
+    S[:, 3:] = by.gyro_by_force @ f_by_path + by.gyro_by_rate @ w_by_path
     miss = spin.readings - np.column_stack(model.measure(at.f, at.w))
     X /= sizes.sd[:, None]
     S /= sizes.sd[:, None] * np.array([1.0, spin.step, spin.step**2])
