@@ -303,7 +303,7 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
         # instruments one gets what the other loses, and the better one settles slowly.
         ratio = np.divide(growth, before, out=np.zeros_like(growth), where=before != 0)
         part = np.clip(1 / (1 - np.minimum(ratio, 0.7)), 0.3, 3)
-        var = var * np.exp(growth * (part if passes > QUIET and passes % 2 else 1.0))
+        var = var * np.exp(growth * (part if passes > NOISY and passes % 2 else 1.0))
     else:
         at = normal(problem, slaves, spline, var)
     return _stated(problem, slaves, spline, made, var, at, passes, converged)
