@@ -98,18 +98,6 @@ def test_values_are_written_to_the_second_digit_of_their_sd(
     assert format_value(value, sd) == text
 
 
-def test_a_group_is_a_name_or_all_names_below_it() -> None:
-    names = LAYOUT.names
-    for prefix in {*names, *(n.rpartition(".")[0] for n in names), "gyro", "accel"}:
-        below = [i for i, n in enumerate(names) if n == prefix or n.startswith(f"{prefix}.")]
-        assert LAYOUT.group(prefix).tolist() == below
-    LAYOUT.group("gyro.bias")[:] = 0  # whoever is given it may change it
-    assert LAYOUT.group("gyro.bias").tolist() == [names.index(f"gyro.bias.{a}") for a in "xyz"]
-    for unknown in ("gyro.", "gyro.b", "", "bias"):
-        with pytest.raises(FoucaultError):
-            LAYOUT.group(unknown)
-
-
 def test_rows_agree_in_si_and_display_units() -> None:
     row = _vector().rows()[0]
     assert row["unit"] == "rad/s"

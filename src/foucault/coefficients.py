@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -69,15 +68,6 @@ class Layout:
     def _index(self) -> dict[str, int]:
         return {name: i for i, name in enumerate(self.names)}
 
-    @cached_property
-    def _below(self) -> dict[str, list[int]]:
-        """Positions of each name, and of all names below each part of one."""
-        out: dict[str, list[int]] = {}
-        for i, name in enumerate(self.names):
-            for prefix in accumulate(name.split("."), "{}.{}".format):
-                out.setdefault(prefix, []).append(i)
-        return out
-
     def __len__(self) -> int:
         return len(self.coefficients)
 
@@ -98,9 +88,10 @@ class Layout:
 
     def group(self, prefix: str) -> npt.NDArray[np.intp]:
         """Return the positions of `prefix` itself or of all names below ``prefix.``."""
-        if prefix not in self._below:
+        found = [i for i, n in enumerate(self.names) if n == prefix or n.startswith(prefix + ".")]
+        if not found:
             self.index(prefix)  # raises with a suggestion
-        return np.array(self._below[prefix], dtype=np.intp)
+        return np.array(found, dtype=np.intp)
 
     def subset(self, names: Iterable[str]) -> Layout:
         """Return the layout of `names`, in the order given."""

@@ -21,7 +21,6 @@ is told apart by what is known of hemisphere and rough heading, and the next bes
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -132,10 +131,11 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
     chi_square, dof = np.zeros((m, 2)), np.zeros((m, 2), np.int64)
     accel_white = np.zeros((n, 1) if dwells.accel is None else dwells.accel.shape)
     gyro_weights, accel_weights = np.zeros((n, 2)), np.zeros((*accel_white.shape, 2))
+    known: dict[bytes, tuple[FloatArray | None, ...]] = {}
     # Wrong index angles act by the slope of each set-up's own curve: then none share weights.
-    for setups, rows, plain in _weighed(dwells, noise, nuisance):
+    for setups, rows in _alike(dwells, apart=nuisance.index_sd > 0):
         first = dwells.rows(rows[0])
-        wrong = _index_variance(first, plain, nuisance)
+        wrong = _index_variance(first, noise, nuisance, known)
         gyro = _gyro_fit(first, noise.gyro, nuisance, wrong[0])
         said = dwells.gyro[rows] - nuisance.offset
         unknowns = said @ gyro.weights.T
@@ -186,53 +186,52 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
                  chi_square, dof, accel_white, gyro_weights, accel_weights)  # fmt: skip
 
 
-def _weighed(
-    dwells: Dwells, noise: ImuNoise, nuisance: Nuisance
-) -> Iterator[tuple[IntArray, IntArray, list[FloatArray]]]:
-    """Yield set-ups that share weights: their numbers (g,), their rows (g, k), and `plain`.
+def _alike(dwells: Dwells, *, apart: bool) -> list[tuple[IntArray, IntArray]]:
+    """Return groups of set-ups with the same stops: their numbers (g,), and their rows (g, k).
 
-    `plain`: weights of a gyro and of an accelerometer without wrong index angles, which those with
-    the same stops share even where they share no others; empty where nothing asks for them.
+    With `apart` every set-up is a group of its own.
     """
-    for setups, rows in _alike(dwells):
-        d, plain, none = dwells.rows(rows[0]), list[FloatArray](), np.zeros(rows.shape[1])
-        if not nuisance.index_sd:
-            yield setups, rows, plain
-            continue
-        if not d.rotates:  # one error of a rotation leaves no residual
-            plain.append(_gyro_fit(d, noise.gyro, nuisance, none).weights)
-            if d.accel is not None and d.accel.shape[1] == 1:
-                plain.append(_accel_fit(d, noise.accel, none).weights)
-        for k in range(len(setups)):
-            yield setups[k : k + 1], rows[k : k + 1], plain
-
-
-def _alike(dwells: Dwells) -> list[tuple[IntArray, IntArray]]:
-    """Return groups of set-ups with the same stops: their numbers (g,), and their rows (g, k)."""
     order = np.argsort(dwells.setup, kind="stable")
     edges = np.searchsorted(dwells.setup[order], np.arange(len(dwells.names) + 1))
     groups: dict[bytes, list[int]] = {}
     for i in range(len(dwells.names)):
         rows = order[edges[i] : edges[i + 1]]
-        start = dwells.start[rows] - dwells.start[rows[:1]]
-        shape = np.stack([dwells.cosine[rows], dwells.sine[rows], dwells.time[rows], start])
-        groups.setdefault(np.round(shape, 9).tobytes(), []).append(i)
+        key = str(i).encode() if apart else _stops(dwells.rows(rows))
+        groups.setdefault(key, []).append(i)
     return [
         (np.array(found), np.array([order[edges[i] : edges[i + 1]] for i in found]))
         for found in groups.values()
     ]
 
 
-def _index_variance(d: Dwells, plain: list[FloatArray], nuisance: Nuisance) -> list[FloatArray]:
+def _stops(d: Dwells) -> bytes:
+    """Return what set-ups with the same stops have in common."""
+    return bytes(np.round([d.cosine, d.sine, d.time, d.start - d.start[0]], 9).tobytes())
+
+
+def _index_variance(
+    d: Dwells,
+    noise: ImuNoise,
+    nuisance: Nuisance,
+    known: dict[bytes, tuple[FloatArray | None, ...]],
+) -> tuple[FloatArray, ...]:
     """Return what wrong index angles add to the variance of gyro and accelerometer, (k,) each.
 
-    `plain`: as of `_weighed`.
+    `known`: weights without them, of the same stops; what is new is added.
     """
-    out = [np.zeros(len(d)), np.zeros(len(d))]
-    for k, W in enumerate(plain):
-        x, y = (W @ (d.accel[:, 0] if k and d.accel is not None else d.gyro - nuisance.offset))[:2]
-        out[k] = (nuisance.index_sd * (x * d.cosine - y * d.sine)) ** 2
-    return out
+    none = np.zeros(len(d))
+    if not nuisance.index_sd or d.rotates:  # one error of a rotation leaves no residual
+        return none, none
+    single = d.accel is not None and d.accel.shape[1] == 1
+    if (stops := _stops(d)) not in known:
+        of_accel = _accel_fit(d, noise.accel, none).weights if single else None
+        known[stops] = _gyro_fit(d, noise.gyro, nuisance, none).weights, of_accel
+    out = []
+    said = d.gyro - nuisance.offset, none if d.accel is None else d.accel[:, 0]
+    for W, reading in zip(known[stops], said, strict=True):
+        x, y = (0.0, 0.0) if W is None else (W @ reading)[:2]
+        out.append((nuisance.index_sd * (x * d.cosine - y * d.sine)) ** 2)
+    return tuple(out)
 
 
 def _gyro_fit(d: Dwells, noise: TriadNoise, nuisance: Nuisance, more: FloatArray) -> _Fit:

@@ -74,8 +74,8 @@ def terms_of(t: Tumble, s: Solution, sizes: Sizes) -> Iterator[Term]:
     some = {g: size for g, size in sizes.items() if g not in (*OTHERWISE, *SIZE_EFFECT)}
     weight = t.used[:, None] / t.gravity
     every = (terms(CONSTANTS.names, s.site, {g: size}) for g, size in some.items())
-    # A few at a time: what they have in common is computed once, and little is held.
-    for few in (mine[k : k + FEW] for mine in every for k in range(0, len(mine), FEW)):
+    # Six at a time: what they have in common is computed once, and little is held.
+    for few in (mine[k : k + 6] for mine in every for k in range(0, len(mine), 6)):
         for term, by in zip(few, changes(few, ImuModel(), motion), strict=True):
             reading = None if by.accel is None else by.accel * weight
             yield Term(term.name, term.group, reading, by.gyro)
@@ -85,10 +85,6 @@ def terms_of(t: Tumble, s: Solution, sizes: Sizes) -> Iterator[Term]:
         yield Term(f"{LEVER}.{AXES[i]}{AXES[k]}", LEVER, arms=arms)
     if not s.prior.sd[-1] > 0:
         yield Term(DELAY, DELAY, late=sizes[DELAY][0])
-
-
-FEW = 6
-"""Terms of one group that are computed together [1]."""
 
 
 @dataclass(frozen=True)

@@ -180,8 +180,7 @@ def _earth(decision: Decided) -> EarthSeen | None:
     assert p.site.latitude is not None
 
     def filtered(increments: Increments) -> FilterRun:
-        again = replace(p, increments=increments)
-        return resumed(again, found, found.states.names, keep=False).run
+        return resumed(replace(p, increments=increments), found, found.states.names, keep=False).run
 
     return earth_seen(filtered, p.increments, p.site.latitude)
 

@@ -190,7 +190,6 @@ def resumed(
     same: Sequence[str],
     other: CoefficientVector | None = None,
     passes: int = PASSES,
-    *,
     keep: bool = True,
 ) -> Solution:
     """Filter once more, from a result.
