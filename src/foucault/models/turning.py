@@ -50,7 +50,6 @@ class Chain:
 
     C: FloatArray  # (n, 3, 3) body axes at each row to those at the first row [1]
     w: FloatArray  # (n, 3) rate [rad/s]
-    ends: FloatArray  # (n, 3) the same at the time of each attitude, where `w` are means [rad/s]
     # by_bias, by_matrix: (n - 1, 3, 3) [s], (n - 1, 3, 9) [rad] what errors of the rates turn each
     # step by, in axes of its beginning
     by_bias: FloatArray
@@ -71,15 +70,6 @@ class Chain:
         `v` (3,): the vector in body axes of the first row.
         """
         return cells.mean(np.swapaxes(self.C[cells.rows], 1, 2) @ v)
-
-    def seen_later(self, cells: Cells, v: FloatArray) -> FloatArray:
-        """Return the derivative of `seen` by the delay of all rows, shape (k, 3) [1 / s].
-
-        ``dC/ddelay = [w_0 x] C - C [w x]``: first row and others are attitudes of other times. `v`
-        (3,): the vector in body axes of the first row.
-        """
-        back, ends = np.swapaxes(self.C[cells.rows], 1, 2), self.ends
-        return cells.mean(np.cross(ends[cells.rows], back @ v) - back @ np.cross(ends[0], v))
 
     def seen_by(self, cells: Cells, v: FloatArray) -> FloatArray:
         """Return the slopes of `seen`, (k, 3, 15): by v, by bias and by matrix of the gyros.
@@ -133,8 +123,7 @@ class Turning:
             self.time, w, measured, np.zeros((3, 3)), n[:-1], n[1:], self.sampled == "increment"
         )
         C = np.concatenate([np.eye(3)[None], running_product(step)])
-        ends = w if self.sampled == "rate" else (w + np.concatenate([w[1:], w[-1:]])) / 2
-        return Chain(C, w, ends, by_bias, by_matrix)
+        return Chain(C, w, by_bias, by_matrix)
 
 
 def running_product(step: FloatArray) -> FloatArray:

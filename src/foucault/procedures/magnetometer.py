@@ -268,6 +268,7 @@ def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float, f
     step[step > 10 * np.median(step)] = 0.0  # between cells that were left out
     width = max(round(0.25 / float(np.median(step))), 2)
     ends = np.arange(0, len(x) - 1, width)
+    cross = cross_matrix(x)
     whole = np.array([step[a : a + width].min(initial=1.0) > 0 for a in ends[:-1]])
     scan = np.arange(-LATEST, LATEST + 1e-9, 0.005)
     left, every = [], []
@@ -275,11 +276,10 @@ def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float, f
         w = np.column_stack([np.interp(time - delay, o.log.time, o.turning.gyro[:, k])
                              for k in range(3)])  # fmt: skip
         full = np.column_stack([w, np.ones(len(w))])
-        each = full[:, :, None] * x[:, None, :]
+        each = np.einsum("nij,nk->nijk", cross, full).reshape(len(x), 3, 12)
         area = 0.5 * (each[1:] + each[:-1]) * step[:, None, None]
-        total = np.concatenate([np.zeros((1, 4, 3)), np.cumsum(area, axis=0)])
-        rows = cross_matrix(np.diff(total[ends], axis=0)[whole])  # by column of Q and c
-        rows = np.moveaxis(rows, 1, 3).reshape(-1, 12)
+        total = np.concatenate([np.zeros((1, 3, 12)), np.cumsum(area, axis=0)])
+        rows = np.diff(total[ends], axis=0)[whole].reshape(-1, 12)
         change = np.diff(x[ends], axis=0)[whole].ravel()
         q = np.linalg.lstsq(rows, change, rcond=1e-6)[0]
         left.append(float(np.sum((change - rows @ q) ** 2)))
@@ -429,13 +429,17 @@ class FieldModel:
         o, B, A = self.observed, self.sizes.intensity, state.mag.matrix
         mag, force, warm = self._read
         n, k = len(o.cells), len(o.still)
-        chain = o.turning.chain(state.mag.delay, state.bias, state.matrix)
+        chain, before, after = (
+            o.turning.chain(state.mag.delay + late, state.bias, state.matrix)
+            for late in (0.0, -SOON, SOON)
+        )
+        both = (after, 0.5 / SOON), (before, -0.5 / SOON)
         m_0 = B * state.field
         seen, moved = chain.seen(o.cells, m_0), A @ chain.seen_by(o.cells, m_0)
         iron = state.mag.bias + np.outer(warm, state.mag.bias_temperature)
         every = np.zeros((n + k, 3, len(LAYOUT)))
         every[:n] = sensor.slopes(seen, warm)
-        every[:n, :, 12] = chain.seen_later(o.cells, m_0) @ A.T
+        every[:n, :, 12] = sum(f * c.seen(o.cells, m_0) for c, f in both) @ A.T
         other = np.zeros((n + k, 3, 18 if k else 15))
         other[:n, :, :3], other[:n, :, -12:] = B * moved[:, :, :3], moved[:, :, 3:]
         miss = mag - seen @ A.T - iron
@@ -443,7 +447,7 @@ class FieldModel:
         if k:
             by = chain.seen_by(o.still, state.up)
             other[n:, :, 3:6], other[n:, :, 6:] = by[:, :, :3], by[:, :, 3:]
-            every[n:, :, 12] = chain.seen_later(o.still, state.up)
+            every[n:, :, 12] = sum(f * c.seen(o.still, state.up) for c, f in both)
             miss = np.concatenate([miss, force - chain.seen(o.still, state.up)])
             tilting = np.concatenate([tilting, by[:, :, :3] @ cross_matrix(state.up)])
         chosen = [LAYOUT.index(name) for name in self.names]
@@ -523,6 +527,9 @@ class FieldModel:
             ]  # fmt: skip
         return tuple(out)
 
+
+SOON = 1e-4
+"""Two chains so much before and after say what the delay does [s]."""
 
 KNOTS = 60
 """Steps of the random walk of the attitude [1]."""
