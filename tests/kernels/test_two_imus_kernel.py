@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import make_two
+from foucault.kernels import banded
 from foucault.kernels import two_imus as kernels
 from foucault.models.earth import Site
 from foucault.procedures import two_imus
@@ -69,5 +70,5 @@ def test_a_banded_triangle_is_solved_both_ways(form: str) -> None:
     wanted = rng.standard_normal((9, 3))
     for name, A in (("forward", full), ("backward", np.transpose(full))):
         found = np.ascontiguousarray(A @ wanted)
-        kernel(form, kernels, name)(L, found)
+        kernel(form, banded, name)(L, found)
         np.testing.assert_allclose(found, wanted, rtol=1e-12)

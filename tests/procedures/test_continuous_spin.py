@@ -114,12 +114,12 @@ def test_its_slopes_are_differences() -> None:
     at, h = moved(grip, path, site, one), 1e-5
     for k in range(7):
         up, down = (moved(grip.moved(s * h * np.eye(7)[k]), path, site, one) for s in (1, -1))
-        np.testing.assert_allclose((up.f - down.f) / 2 / h, at.f_by_grip[:, :, k], atol=1e-6)
-        np.testing.assert_allclose((up.w - down.w) / 2 / h, at.w_by_grip[:, :, k], atol=1e-8)
+        np.testing.assert_allclose((up.f - down.f) / 2 / h, at.by_grip[0][:, :, k], atol=1e-6)
+        np.testing.assert_allclose((up.w - down.w) / 2 / h, at.by_grip[1][:, :, k], atol=1e-8)
     for k in range(3):
         up, down = (moved(grip, path + s * h * np.eye(3)[k], site, one) for s in (1, -1))
-        np.testing.assert_allclose((up.f - down.f) / 2 / h, at.f_by_path[:, :, k], atol=1e-6)
-        np.testing.assert_allclose((up.w - down.w) / 2 / h, at.w_by_path[:, :, k], atol=1e-8)
+        np.testing.assert_allclose((up.f - down.f) / 2 / h, at.by_path[0][:, :, k], atol=1e-6)
+        np.testing.assert_allclose((up.w - down.w) / 2 / h, at.by_path[1][:, :, k], atol=1e-8)
 
 
 def test_means_over_an_interval_are_shorter_as_the_method_says() -> None:

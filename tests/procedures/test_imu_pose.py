@@ -269,6 +269,16 @@ def test_a_mistake_is_named(name):
         solved(*spoil(log, table))
 
 
+@pytest.mark.thorough
+def test_markers_that_moved_half_way_are_told_by_the_halves():
+    imu, (t, p, C), _ = make_pose.session(1, duration=30.0)
+    late = (t > t.mean())[:, None]
+    table = PoseTable(t, p + late * (C @ [1e-3, 0, 0]), make_pose.quaternion(C))
+    result = solved(Log(*imu), table)
+    assert {"pose.moved", "pose.coloured"} <= {f.code for f in result.findings}
+    assert result.verdict.level is Level.DOUBTFUL
+
+
 def test_a_swing_tells_no_offset():
     t = np.arange(0.0, 30.0, 0.005)
     rate = 2.0 * np.sin(2 * np.pi * t)[:, None] * [0.3, 0.5, 0.8]

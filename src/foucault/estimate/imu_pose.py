@@ -761,7 +761,8 @@ def budget(s: Solution) -> dict[str, FloatArray]:
     about, J = linear(r, s.point, s.hold), s.point.of_values()
     gyros = linear(replace(r, white=(r.white[0], 0.0)), s.point, s.hold, motion=True).Q
 
-    def cov(of: str, by: float) -> FloatArray:
+    def cov(of: str) -> FloatArray:
+        by = 1 + STEP
         more = {"gyros": gyros, "accelerometers": about.Q - gyros}.get(of, 0.0 * gyros)
         noise = replace(n, attitude=n.attitude * (by if of == "attitude of the poses" else 1.0),
                         position=n.position * (by if of == "position of the poses" else 1.0)
@@ -773,7 +774,7 @@ def budget(s: Solution) -> dict[str, FloatArray]:
     names = ["gyros", "accelerometers", "position of the poses"]
     names += ["attitude of the poses"] * (r.C_vm is not None)
     parts = {
-        name: np.maximum(cov(name, 1 + STEP) - cov(name, 1 - STEP), 0.0) / (4 * STEP)
+        name: np.maximum(cov(name) - np.diag(s.formal), 0.0) / ((1 + STEP) ** 2 - 1)
         for name in names
     }
     gravity = s.of_gravity**2
@@ -781,5 +782,5 @@ def budget(s: Solution) -> dict[str, FloatArray]:
     return out | {"local gravity": gravity}
 
 
-STEP = 0.02
+STEP = 1e-3
 """Part of a noise by which it is changed to see what hangs on it [1]."""

@@ -24,6 +24,7 @@ from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED
 from foucault.infer.gauss_newton import student
 from foucault.infer.shown import Shown, shown
+from foucault.kernels import banded
 from foucault.kernels import two_imus as kernels
 from foucault.models.rotation import exp, right_jacobian_inverse
 from foucault.models.rotation import log as vector_of
@@ -37,15 +38,18 @@ USUAL = {
 }  # fmt: skip
 """Standard deviations where nothing else is said, of offset and rotation about the start [SI]."""
 
-GROWN = 0.05
+GROWN = 0.02
 """Logarithm of a variance by which it grows no more [1]."""
 
 NOISY = 4
 """Pass in which what the motion shows is told from what its noise does, before all settles."""
 
-QUIET = 2
-"""Passes in which noise is at most that of differences of readings: what a start leaves is none,
-and looks like one in which nothing is seen."""
+QUIET, ABOUT = 2, 0.3
+"""Passes in which noise grows by no more than that of differences of readings may be off, in its
+logarithm: what a start leaves is none, and looks like one in which nothing is seen [1]."""
+
+NEAR = 0.1
+"""Steps since that was told that do not change it, together [sd]."""
 
 FEWEST = 1e-9
 """Information of a knot that no reading tells of, as a part of that of the others [1]."""
@@ -161,7 +165,7 @@ class Normal:
     def moved(self, delta: FloatArray) -> FloatArray:
         """Return what the spline moves by beside a step `delta` (p,) of parameters, (m, 6) [SI]."""
         out = np.ascontiguousarray((self.W[:, -1] - self.W[:, :-1] @ delta)[:, None])
-        kernels.backward(self.L, out)
+        banded.backward(self.L, out)
         return out.reshape(-1, 6)
 
 
@@ -195,7 +199,7 @@ def normal(
     hold = problem.hold[problem.hold < p]
     border[:, hold] = corner[hold] = corner[:, hold] = rhs[hold] = 0.0
     L = cholesky_banded(band.T, overwrite_ab=True, lower=True, check_finite=False).T
-    kernels.forward(L, border)
+    banded.forward(L, border)
     corner = np.tril(corner) + np.tril(corner, -1).T
     pull = border[:, :p].T @ border
     return Normal(L, border, corner - pull[:, :p], rhs, rhs - pull[:, p], tuple(left))
@@ -271,11 +275,11 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
     spline = np.zeros((problem.knots, 6))
     spline += normal(_master(problem), (), spline, var, still=True).moved(np.zeros(0))
     made, converged, passes, told = np.zeros((p, p)), False, 0, False
-    growth = np.zeros_like(var)
+    growth, since = np.zeros_like(var), np.inf
     for passes in range(1, most + 1):
         at = normal(problem, slaves, spline, var)
         if passes == NOISY or told:
-            made = of_noise(problem, slaves, spline, var)
+            made, since = of_noise(problem, slaves, spline, var), 0.0
         seen = shown(at.information, made, problem.prior_sd)
         values = np.concatenate([s.values for s in slaves])
         J = _of_values(slaves)
@@ -284,16 +288,17 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
         sd = np.sqrt(np.diag(seen.covariance(problem.prior_sd)))
         moved = float(np.max(np.abs(delta) / sd))
         converged = passes > 2 and moved < SETTLED and float(np.abs(growth).max()) < GROWN
-        if converged and told:
+        if converged and since < NEAR:
             break
         told = converged  # what the motion shows is asked once more where all has settled
+        since += moved
         size = max(1.0, float(np.abs(delta).max(initial=0.0, where=_is_offset(p))) / 0.05)
         spline = spline + at.moved(delta) / size
         parts = (delta / size).reshape(len(slaves), -1)
         slaves = tuple(s.moved(d) for s, d in zip(slaves, parts, strict=True))
         before, growth = growth, _growth(problem, at, var)
         if passes <= QUIET:
-            growth = np.minimum(growth, 0.0)
+            growth = np.minimum(growth, ABOUT)
         # Every other pass as far as two of them tell of all that follow [Aitken]: of equal
         # instruments one gets what the other loses, and the better one settles slowly.
         ratio = np.divide(growth, before, out=np.zeros_like(growth), where=before != 0)
@@ -315,9 +320,12 @@ def _master(problem: Problem) -> Problem:
 
 
 def _quiet(r: Readings) -> FloatArray:
-    """Return the noise of a reading of gyros and accelerometers, by its second differences [SI]."""
-    bend = r.read[2:] - 2 * r.read[1:-1] + r.read[:-2]
-    square = np.median(bend.reshape(-1, 2, 3) ** 2, axis=(0, 2)) / 0.4549 / 6
+    """Return the noise of a reading of gyros and accelerometers, by its fourth differences [SI].
+
+    Second ones of a quiet instrument are those of the motion.
+    """
+    bend = np.diff(r.read, 4, axis=0)
+    square = np.median(bend.reshape(-1, 2, 3) ** 2, axis=(0, 2)) / 0.4549 / 70
     return np.asarray(np.sqrt(square + 1e-18))
 
 
@@ -394,7 +402,7 @@ def _scores(
     last = problem.first + problem.knot * problem.knots
     out = np.zeros((int((last - problem.first) / BLOCK) + 2, p))
     Z = np.ascontiguousarray(at.W[:, :p])
-    kernels.backward(at.L, Z)
+    banded.backward(at.L, Z)
     for k, (r, left) in enumerate(zip(problem.readings, at.left, strict=True)):
         one = None if k == 0 else slaves[k - 1]
         time, x = (r.time, np.zeros(46)) if one is None else (one.at(r), one.flat)

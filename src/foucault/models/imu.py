@@ -400,7 +400,7 @@ class ImuModel:
             return self.accel_matrix
         sense = np.sign(_times(self.accel_matrix, f_b))
         slope = (1.0 + self.accel_asymmetry * sense)[..., None] * self.accel_matrix
-        slope += np.einsum("...ik,...kj->...ij", self.accel_quadratic, products_slope(f_b))
+        slope += self.accel_quadratic @ products_slope(f_b)
         return np.asarray(slope)
 
     def _compensate_accel(self, accel: FloatArray) -> FloatArray:
@@ -471,10 +471,11 @@ def products(f_b: FloatArray) -> FloatArray:
 
 def products_slope(f_b: FloatArray) -> FloatArray:
     """Return dq/df, shape (..., 6, 3) [m/s^2], of `f_b`, shape (..., 3) [m/s^2]."""
-    x, y, z = f_b[..., 0], f_b[..., 1], f_b[..., 2]
-    o = np.zeros_like(x)
-    rows = [(2 * x, o, o), (o, 2 * y, o), (o, o, 2 * z), (y, x, o), (z, o, x), (o, z, y)]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    out = np.zeros((*f_b.shape[:-1], 6, 3))
+    out[..., [0, 1, 2], [0, 1, 2]] = 2 * f_b
+    for row, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)), 3):
+        out[..., row, i], out[..., row, j] = f_b[..., j], f_b[..., i]
+    return out
 
 
 def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:

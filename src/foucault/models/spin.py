@@ -46,12 +46,20 @@ class Moved:
 
     f: FloatArray  # (n, 3) [m/s^2]
     w: FloatArray  # (n, 3) [rad/s]
-    # f_by_path, w_by_path: (n, 3, 3) by phase, rate, acceleration [SI]
-    f_by_path: FloatArray
-    w_by_path: FloatArray
-    # f_by_grip, w_by_grip: (n, 3, 7) [SI]
-    f_by_grip: FloatArray
-    w_by_grip: FloatArray
+    C_bm: FloatArray  # (3, 3) [p q e]
+    # path, grip: (n, 3, 3), (n, 3, 7) derivatives of both, in axes of the mounting [SI]
+    path: tuple[FloatArray, FloatArray]
+    grip: tuple[FloatArray, FloatArray]
+
+    @property
+    def by_path(self) -> tuple[FloatArray, FloatArray]:
+        """Specific force and rate by phase, rate and acceleration, (n, 3, 3) each [SI]."""
+        return self.C_bm @ self.path[0], self.C_bm @ self.path[1]
+
+    @property
+    def by_grip(self) -> tuple[FloatArray, FloatArray]:
+        """Specific force and rate by the grip, (n, 3, 7) each [SI]."""
+        return self.C_bm @ self.grip[0], self.C_bm @ self.grip[1]
 
 
 def moved(grip: Grip, path: FloatArray, site: Site, shrunk: FloatArray) -> Moved:
@@ -94,7 +102,7 @@ def moved(grip: Grip, path: FloatArray, site: Site, shrunk: FloatArray) -> Moved
         by[:, 1, 0], by[:, 2, 0] = -v[:, 2], v[:, 1]
         by[:, 0, 1], by[:, 2, 1] = v[:, 2], -v[:, 0]
     C = grip.C_bm
-    return Moved(f @ C.T, rate @ C.T, C @ f_path, C @ w_path, C @ f_grip, C @ w_grip)
+    return Moved(f @ C.T, rate @ C.T, C, (f_path, w_path), (f_grip, w_grip))
 
 
 def across(axis: FloatArray) -> FloatArray:

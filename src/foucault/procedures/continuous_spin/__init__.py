@@ -138,8 +138,10 @@ def _read(log: Log, settings: Settings) -> tuple[tuple[Spin, ...], list[FloatArr
     return tuple(spins), axes
 
 
-def _contradicted(spins: tuple[Spin, ...], axes: list[FloatArray], gravity: float) -> None:
-    """Refuse triads that do not belong together, by what is wrong with them."""
+def _begun(
+    spins: tuple[Spin, ...], axes: list[FloatArray], gravity: float
+) -> tuple[FloatArray, ...]:
+    """Return the path of every spin to start from; refuse triads that do not belong together."""
     planes = [steady.plane(s) for s in spins]
     units = [w / np.linalg.norm(w) for w in (s.readings[:, 3:].mean(axis=0) for s in spins)]
 
@@ -165,6 +167,7 @@ def _contradicted(spins: tuple[Spin, ...], axes: list[FloatArray], gravity: floa
         raise error("spun.not_level", percent=f"{100 * size:.0f}")
     if size > 1.25:
         raise error("spun.accel_unit", words="another unit", size=plain(size * gravity, 3))
+    return tuple(f[0] for f in first)
 
 
 LEVEL = 0.9
@@ -179,9 +182,9 @@ def observe(log: Log, given: Given[Settings]) -> SpinModel:
     for told in _spared(log, spins):
         if told.code == "log.saturated" and told.severity != "note":
             raise error("spun.saturated", what=told.message)
-    _contradicted(spins, axes, given.site.gravity)
+    paths = _begun(spins, axes, given.site.gravity)
     physics.require_spread(spins, axes)
-    solved = physics.solve(spins, axes, s.estimated(), given.site, given.noise)
+    solved = physics.solve(spins, axes, paths, s.estimated(), given.site, given.noise)
     swaying = physics.leaning(solved)[0]
     if np.median(swaying) > SWAYS:
         raise error("spun.sways", sway=plain(float(np.degrees(np.median(swaying))), 2),

@@ -24,6 +24,7 @@ from foucault.coefficients import Layout
 from foucault.detect.steady import Spin
 from foucault.errors import error
 from foucault.infer.mixed import NOISE_BASIS, UNEXPLAINED_BASIS, Linearisation, Source
+from foucault.kernels import banded
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.left_out import Change
@@ -127,26 +128,29 @@ def passed(
 
     `draws`: of noise, to tell how much of it the phase takes up [1].
     """
-    from scipy.linalg import cho_solve_banded, cholesky_banded
+    from scipy.linalg import cholesky_banded
 
     miss, X, S = _white(spin, grip, path, model, names, sizes, site)
     n, p = len(miss), len(names)
     unit = np.array([1.0, spin.step, spin.step**2])
     on, below, slope = _prior(spin, sizes.walk, path)
-    on = on + np.swapaxes(S, 1, 2) @ S
+    on += np.swapaxes(S, 1, 2) @ S
     probes = np.random.default_rng(n).standard_normal((n, 6, draws))
-    right = np.swapaxes(S, 1, 2) @ np.concatenate([X, miss[:, :, None], probes], axis=2)
-    u = p + GRIP
-    right[:, :, u] -= slope
-    band = cholesky_banded(_band(on, below), lower=True, check_finite=False)
-    moves = cho_solve_banded((band, True), right.reshape(3 * n, -1), check_finite=False)
-    moves = moves.reshape(n, 3, -1)
-    taken = S @ moves[:, :, u:]
-    flat, left = X.reshape(6 * n, u), miss - taken[:, :, 0]
-    by_states = right[:, :, :u].reshape(3 * n, u).T @ moves[:, :, :u].reshape(3 * n, u)
+    u, S_t = p + GRIP, np.swapaxes(S, 1, 2)
+    right = np.empty((n, 3, u + 1 + draws))
+    np.matmul(S_t, X, out=right[:, :, :u])
+    np.matmul(S_t, probes, out=right[:, :, u + 1 :])
+    right[:, :, u] = np.einsum("nki,nk->ni", S, miss) - slope
+    L = cholesky_banded(_band(on, below), lower=True, check_finite=False).T
+    flat = right.reshape(3 * n, -1)
+    banded.forward(L, flat)
+    by_states = flat[:, :u].T @ flat[:, :u]
+    banded.backward(L, flat)
+    taken = S @ right[:, :, u:]
+    rows, left = X.reshape(6 * n, u), miss - taken[:, :, 0]
     free = np.einsum("nkj,nkj->k", probes, probes - taken[:, :, 1:]) / max(draws, 1)
-    return Passed(flat.T @ flat - by_states, flat.T @ left.ravel(), left, free,
-                  path + moves[:, :, u] / unit, unit, X, S, moves[:, :, :u])  # fmt: skip
+    return Passed(rows.T @ rows - by_states, rows.T @ left.ravel(), left, free,
+                  path + right[:, :, u] / unit, unit, X, S, right[:, :, :u])  # fmt: skip
 
 
 def _white(
@@ -162,11 +166,12 @@ def _white(
     slopes, by = model.slopes(mean.f, mean.w, names), model.slopes(at.f, at.w, ())
     X = np.empty((len(path), 6, p + GRIP))
     X[:, :3, :p], X[:, 3:, :p] = slopes.accel, slopes.gyro
-    X[:, :3, p:] = slopes.accel_by_force @ mean.f_by_grip
-    X[:, 3:, p:] = slopes.gyro_by_force @ mean.f_by_grip + slopes.gyro_by_rate @ mean.w_by_grip
+    (f_by_grip, w_by_grip), (f_by_path, w_by_path) = mean.by_grip, at.by_path
+    X[:, :3, p:] = slopes.accel_by_force @ f_by_grip
+    X[:, 3:, p:] = slopes.gyro_by_force @ f_by_grip + slopes.gyro_by_rate @ w_by_grip
     S = np.empty((len(path), 6, 3))
-    S[:, :3] = by.accel_by_force @ at.f_by_path
-    S[:, 3:] = by.gyro_by_force @ at.f_by_path + by.gyro_by_rate @ at.w_by_path
+    S[:, :3] = by.accel_by_force @ f_by_path
+    S[:, 3:] = by.gyro_by_force @ f_by_path + by.gyro_by_rate @ w_by_path
     miss = spin.readings - np.column_stack(model.measure(at.f, at.w))
     X /= sizes.sd[:, None]
     S /= sizes.sd[:, None] * np.array([1.0, spin.step, spin.step**2])
@@ -285,16 +290,15 @@ class Solved:
 
 
 def solve(
-    spins: tuple[Spin, ...], axes: list[FloatArray], names: tuple[str, ...], site: Site,
-    declared: ImuNoise | None, most: int = 12,
+    spins: tuple[Spin, ...], axes: list[FloatArray], paths: tuple[FloatArray, ...],
+    names: tuple[str, ...], site: Site, declared: ImuNoise | None, most: int = 12,
 ) -> Solved:  # fmt: skip
-    """Find coefficients, grips, phases and the noise of every spin, from no start.
+    """Find coefficients, grips, phases and the noise of every spin.
 
-    `axes`: of the mountings, (3,) each [1]; `declared` or None: noise of the sensors [SI]; `most`:
-    passes [1].
+    `axes`: of the mountings, (3,) each [1]; `paths`: of the spins by `first_phase`, (n, 3) each
+    [SI]; `declared` or None: noise of the sensors [SI]; `most`: passes [1].
     """
     grips = tuple(Grip(across(axis)) for axis in axes)
-    paths = tuple(first_phase(s, grips[s.mounting].C_bm)[0] for s in spins)
     sizes = tuple(Sizes(np.maximum(_rough(s), floor(s, declared)), 1.0) for s in spins)
     at = Solved(spins, names, site, Point(ImuModel(), grips, paths, sizes), (), False)
     last, size = np.inf, np.inf
