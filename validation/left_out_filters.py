@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from common import each, limits, must, word
 from left_out import COUNT, put
-from left_out_price import SHEET, SURVEYED
+from left_out_price import DEAR, SHEET, SURVEYED, most, shares
 from scipy.stats import binom
 
 from foucault import campaign, procedures
@@ -73,7 +73,9 @@ class Run:
     named: tuple[str, ...]  # sets of causes
     # median sd over that without sizes: with all, with each declaration, with both [1]
     price: tuple[float, ...] = ()
-    share: Mapping[str, float] | None = None  # of each group in a variance [1]
+    # of each group in a variance: with all, and with both declarations [1]
+    share: Mapping[str, float] | None = None
+    dear: Mapping[str, float] | None = None
 
 
 def one(job: tuple[str, str, int, bool]) -> Run:
@@ -122,19 +124,19 @@ def one(job: tuple[str, str, int, bool]) -> Run:
         x[int(np.argmax(most[0]))] = needed * sizes[DRIFT][0]
         log = put(sim.log, ImuModel(), {DRIFT: x})
     plain, found = trial(None), trial(sizes)
-    price: tuple[float, ...] = ()
+    price, dear = tuple[float, ...](), None
     if asked:
         sheet = {g: (s * SHEET.get(g, 1.0), b) for g, (s, b) in sizes.items()}
         others = ((sizes, SURVEYED), (sheet, site.gravity_sd), (sheet, SURVEYED))
         every = [found, *(trial(some, sd) for some, sd in others)]
         price = tuple(float(np.median(r.coefficients.sd / plain.coefficients.sd)) for r in every)
-    table = found.tables["left_out"]
+        dear = shares(every[-1])
     return Run(
         off_by(plain), off_by(found), len(found.coefficients),
         found.verdict.level is Level.PASS,
         tuple(check.name for check in found.checks if not check.passed),
         tuple(" = ".join(causes) for causes in found.diagnostics["named"]), price,
-        dict(zip(table["group"].tolist(), table["share"].tolist(), strict=True)),
+        shares(found), dear,
     )  # fmt: skip
 
 
@@ -177,12 +179,10 @@ def main(sessions: int = 20, price: int = 4, power: int = 30) -> tuple[bool, dic
             good &= fine
         asked = [run for j, run in found.items() if j[0] == which and run.price]
         ratios = np.median([run.price for run in asked], axis=0)
-        most: Counter[str] = Counter()
-        for run in asked:
-            most.update(run.share)
-        made_by = ", ".join(f"{g} {s / len(asked):.2f}" for g, s in most.most_common(3))
-        prices.append(f"| {which} | {KINDS[which].grade} | "
-                      + " | ".join(f"{r:.2f}" for r in ratios) + f" | {made_by} |")  # fmt: skip
+        dear = most([run.dear for run in asked]) if ratios[-1] > DEAR else ""
+        cells = " | ".join(f"{r:.2f}" for r in ratios)
+        makers = most([run.share for run in asked])
+        prices.append(f"| {which} | {KINDS[which].grade} | {cells} | {makers} | {dear} |")
         right = sum(any(DRIFT in name for name in found[j].named) for j in powers if j[0] == which)
         low, high = binom.ppf(0.005 / 3, power, 0.9), binom.isf(0.005 / 3, power, 0.9)
         good &= low <= right

@@ -9,6 +9,7 @@ nine of ten sessions is put into the samples by its formula and has to be.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -51,6 +52,9 @@ SHEET = {"accel.quadratic": 0.1, "accel.cross": 0.1, "accel.asymmetry": 0.1, "gy
 PLACE = ("local gravity", "latitude", "common error of the headings")
 """What else makes the price, of place and rig."""
 
+DEAR = 1.3
+"""What a sheet, gravity and clock that are declared have to leave of a price, at most [1]."""
+
 POWER = {
     "hand_rotated": "accel.quadratic", "ferraris": "gyro.g_sensitivity",
     "rate_table": "gyro.bias drift", "north_seeking": "gyro.g_sensitivity",
@@ -64,24 +68,41 @@ def trial(case: Case, log: Any, sizes: Any, gravity_sd: float = 4e-4) -> Any:
     return case.record.trial(log, site=site, settings=case.stated, sizes=sizes, noise=noise)
 
 
-def priced(job: tuple[str, str, int]) -> tuple[list[float], dict[str, float]]:
-    """Return the median sd over that without sizes: with all, with each declaration, with both."""
+def shares(found: Any) -> dict[str, float]:
+    """Return the largest share of each group in a variance."""
+    table = found.tables["left_out"]
+    return dict(zip(table["group"].tolist(), table["share"].tolist(), strict=True))
+
+
+def most(runs: Sequence[Mapping[str, float]]) -> str:
+    """Return the three groups that make most, and their mean share."""
+    total = Counter[str]()
+    for run in runs:
+        total.update(run)
+    return ", ".join(f"{group} {share / len(runs):.2f}" for group, share in total.most_common(3))
+
+
+def priced(job: tuple[str, str, int]) -> tuple[list[float], dict[str, float], dict[str, float]]:
+    """Return the median sd over that without sizes: with all, with each declaration, with both.
+
+    Then what makes the first, and what makes the last.
+    """
     which, name, seed = job
     case = replace(SESSIONS[which], grade=CLASSES[name], noise=grade(CLASSES[name]).noise)
     log, sizes = made(case, 40_000 + seed).log, sizes_of(name)
     sheet = {g: (s * SHEET.get(g, 1.0), b) for g, (s, b) in sizes.items()}
     plain = trial(case, log, None).coefficients.sd
     with_all = trial(case, log, sizes)
-    out = [with_all.coefficients.sd / plain]
-    out += [
-        trial(case, log, some, sd).coefficients.sd / plain
+    declared = [
+        trial(case, log, some, sd)
         for some, sd in ((sizes, SURVEYED), (sheet, 4e-4), (sheet, SURVEYED))
     ]
+    out = [float(np.median(r.coefficients.sd / plain)) for r in (with_all, *declared)]
     budget = with_all.diagnostics["budget"]
     total = np.sum([np.array(v) for v in budget.values()], axis=0)
     largest = {n: float(np.max(np.array(v) / total)) for n, v in budget.items() if n in COUNT or
                n in PLACE}  # fmt: skip
-    return [float(np.median(r)) for r in out], largest
+    return out, largest, shares(declared[-1])
 
 
 def named(job: tuple[str, str, int]) -> list[str]:
@@ -126,23 +147,19 @@ def main(
     for k, (which, name) in enumerate(cells):
         mine = runs[k * price : (k + 1) * price]
         ratios = np.median([r[0] for r in mine], axis=0)
-        most = Counter()
-        for _, shares in mine:
-            most.update(shares)
-        makers = ", ".join(f"{n} {v / price:.2f}" for n, v in most.most_common(3))
-        prices.append(
-            f"| {which} | {name} | " + " | ".join(f"{r:.2f}" for r in ratios) + f" | {makers} |"
-        )
+        dear = most([r[2] for r in mine]) if ratios[-1] > DEAR else ""
+        prices.append(f"| {which} | {name} | " + " | ".join(f"{r:.2f}" for r in ratios)
+                      + f" | {most([r[1] for r in mine])} | {dear} |")  # fmt: skip
     counts = dict.fromkeys(wanted, clean)
     counts |= {w: max(clean // k, 1) for w, k in FEWER.items() if not only or w in only}
     runs = list(each(named, [(w, "", k) for w, count in counts.items() for k in range(count)]))
     for which, count in counts.items():
         wrong, runs = [set(r) for r in runs[:count] if r], runs[count:]
-        most = binom.isf(0.005, count, 0.01)
-        good &= len(wrong) <= most
+        highest = binom.isf(0.005, count, 0.01)
+        good &= len(wrong) <= highest
         said = Counter(n for r in wrong for n in r).most_common(3)
         words = ", ".join(f"{n} {c}" for n, c in said) or "nothing"
-        names.append(f"| {which} | {count} | {len(wrong)} | {most:.0f} | {words} |")
+        names.append(f"| {which} | {count} | {len(wrong)} | {highest:.0f} | {words} |")
     runs = list(each(named, [(w, g, k) for w, g in tried.items() for k in range(power)]))
     for k, (which, group) in enumerate(tried.items()):
         right = sum(group in r for r in runs[k * power : (k + 1) * power])

@@ -313,7 +313,12 @@ def _not_too_deep(value: Any) -> None:
 
 def plain_json(value: Any) -> Any:
     """Return what JSON can hold of a value; None for what is not finite."""
-    if isinstance(value, Mapping):
+    kind = type(value)  # millions of these: to ask each of them what it is a kind of takes longer
+    if kind is float:
+        return value if math.isfinite(value) else None
+    if kind is str or kind is int or kind is bool or value is None:
+        return value
+    if kind is dict or isinstance(value, Mapping):
         return {str(k): plain_json(v) for k, v in value.items()}
     if hasattr(value, "tolist"):  # an array, or one number of one
         value = value.tolist()

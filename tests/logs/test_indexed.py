@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.logs.indexed import read
+from foucault.logs.indexed import _swing, read
 from foucault.logs.indexed_own import IndexedDescription, description_of, log_table, write
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
@@ -293,3 +293,23 @@ def test_names_that_no_table_can_hold(tmp_path):
     described, _ = description_of(tmp_path / "log.parquet")
     assert read(described, tmp_path).names == ("pit, level 3",)
     assert refused(write, log, tmp_path / "log.xlsx").code == "log.cannot_write"
+
+
+def test_the_largest_swing_is_that_of_fits_one_by_one():
+    """Whatever stops a set-up has: four, two opposite ones, one alone, a bias over all."""
+    rng = np.random.default_rng(4)
+    stops = [[0, 90, 180, 270], [0, 180], [90], [0, 120, 240], [0, 90, 180, 270]]
+    setup = np.repeat(np.arange(5), [len(s) for s in stops])
+    index = np.radians(np.concatenate(stops))
+    size = np.array([1.0, 0.3, 50.0, 0.8, 1.2])[setup]
+    gyro = 40.0 + size * np.cos(index - setup) + 0.01 * rng.standard_normal(len(setup))
+    log = IndexedLog(np.arange(15.0)[: len(setup)], index, gyro, None, setup, tuple("abcde"))
+    found, sd = _swing(log, gyro)
+    A = np.column_stack([np.ones(4), np.cos(index[-4:]), np.sin(index[-4:])])
+    fit, left, _, _ = np.linalg.lstsq(A, gyro[-4:] - 40.0)
+    assert found == pytest.approx(np.hypot(*fit[1:]), rel=1e-12)
+    assert sd == pytest.approx(np.sqrt(left[0] / 1 * 2 / 4), rel=1e-9)
+    alone = _swing(
+        IndexedLog(np.zeros(1), index[6:7], gyro[6:7], None, setup[:1], ("c",)), gyro[6:7]
+    )
+    assert alone == (0.0, np.inf)

@@ -144,6 +144,19 @@ def test_nothing_is_known_worse_than_by_the_filter():
     assert np.all(smoothed.sd[0, 12:15] < 0.6 * found.sd[0, 12:15])
 
 
+def test_a_constant_was_always_what_it_is_at_the_end():
+    found, *_ = session(2)
+    smoothed, last = smooth(found), found.after[-1][9:, 9:]
+    sd = np.sqrt(np.diag(last))
+    assert np.all(found.sd[0, 12:] > 1.1 * sd[3:])
+    np.testing.assert_allclose(
+        smoothed.cov[:, 9:, 9:] / np.outer(sd, sd), [last / np.outer(sd, sd)] * len(found.time),
+        rtol=0, atol=1e-9,
+    )  # fmt: skip
+    away = (smoothed.coefficients - found.coefficients[-1]) / sd
+    assert np.abs(away).max() < 1e-6
+
+
 @pytest.mark.thorough
 def test_smoothed_states_are_nearer_to_the_truth():
     """Many runs: the NEES of every fourth epoch, and the mean square beside the filter's."""

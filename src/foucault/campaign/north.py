@@ -217,7 +217,7 @@ def _setup(survey: Survey, i: int) -> dict[str, Any]:
         "measured": float(dwells.time.sum()),
         "start": float(dwells.start.min()),
         "duration": end - float(dwells.start.min()),
-        "checks": [asdict(c) for c in survey.checks[i]],
+        "checks": [dict(vars(c)) for c in survey.checks[i]],
         "findings": [f.as_dict() for f in survey.setup_findings[i]],
     }
 

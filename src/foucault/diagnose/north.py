@@ -99,12 +99,11 @@ def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
     given. Raises ``north.stops`` and ``north.stops_tilt`` where they do not show the heading or
     the tilt.
     """
-    patterns = [_pattern(dwells.of(i)) for i in range(len(dwells.names))]
+    patterns = _patterns(dwells)
     found: list[Finding] = []
-    times = Counter(map(tuple, patterns))
-    for pattern, count in times.items():  # set-ups with the same stops are named once
-        angles = list(pattern)
-        name = dwells.names[patterns.index(angles)]
+    first = dict(zip(reversed(patterns), reversed(dwells.names), strict=True))
+    for pattern, count in Counter(patterns).items():  # set-ups with the same stops are named once
+        angles, name = list(pattern), first[pattern]
         name += f" and {count - 1} more" * (count > 1)
         distinct = sorted(set(angles))
         if not spans(distinct):
@@ -115,20 +114,22 @@ def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
                 raise error("north.stops_tilt", name=name, stops=_list(distinct))
         found += _opposites(name, angles, distinct) if len(angles) < 24 else []
     found += _overlaps(dwells)
-    usual, often = Counter(map(tuple, map(sorted, patterns))).most_common(1)[0]
+    usual, often = Counter(tuple(sorted(p)) for p in patterns).most_common(1)[0]
     if often > 1 and often > len(patterns) / 2:
-        for name, angles in zip(dwells.names, patterns, strict=True):
-            if len(angles) != len(usual):
+        for name, pattern in zip(dwells.names, patterns, strict=True):
+            if len(pattern) != len(usual):
                 found.append(
-                    finding("north.stops_differ", name=name, given=len(angles),
-                            angles=_list(angles), most=len(usual))
+                    finding("north.stops_differ", name=name, given=len(pattern),
+                            angles=_list([*pattern]), most=len(usual))
                 )  # fmt: skip
     return tuple(found)
 
 
-def _pattern(d: Dwells) -> list[int]:
-    """Return the index angles of a set-up in order, in whole degrees."""
-    return [round(float(np.degrees(a))) % 360 for a in d.index]
+def _patterns(d: Dwells) -> list[tuple[int, ...]]:
+    """Return the index angles of every set-up in order, in whole degrees."""
+    whole = (np.rint(np.degrees(d.index)).astype(int) % 360).tolist()
+    edges = np.searchsorted(d.setup, np.arange(len(d.names) + 1)).tolist()
+    return [tuple(whole[lo:hi]) for lo, hi in pairwise(edges)]
 
 
 def _list(angles: list[int]) -> str:
@@ -471,7 +472,7 @@ def _worst(j: Judged, i: int) -> tuple[int, float, float] | None:
     """
     from scipy.special import fdtri
 
-    rows = np.flatnonzero(j.dwells.setup == i)
+    rows = np.arange(*np.searchsorted(j.dwells.setup, [i, i + 1]))
     total = int(j.pairs.dof[:, 0].sum())
     if j.pairs.dof[i, 0] < 1:
         return None

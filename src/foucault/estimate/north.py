@@ -121,7 +121,7 @@ class Fixes:
     def __len__(self) -> int:
         return len(self.angles)
 
-    @property
+    @cached_property
     def sd(self) -> FloatArray:
         """Standard deviations, shape (m, 4) [rad]."""
         return np.asarray(np.sqrt(np.einsum("nii->ni", self.cov)))

@@ -107,16 +107,16 @@ class Pairs:
 
 @dataclass
 class _Fit:
-    """One linear fit: weights of its unknowns, and what they leave of the readings."""
+    """One linear fit of g set-ups with the same stops, or of 1 whose weights all of them share."""
 
-    weights: FloatArray
-    design: FloatArray
-    root: FloatArray
-    white: FloatArray
-    slow: FloatArray
-    redundancy: FloatArray
-    dof: int
-    drift: FloatArray = field(default_factory=lambda: np.zeros(0))
+    weights: FloatArray  # (g, p, k) of p unknowns from k readings
+    design: FloatArray  # (k, p) readings from unknowns
+    root: FloatArray  # (g, k, k) of the covariance of the readings
+    white: FloatArray  # (k,) its white part
+    slow: FloatArray  # (k, k) what wanders
+    redundancy: FloatArray  # (g, k) of each reading [1]
+    dof: IntArray  # (g,) readings that are not spent [1]
+    drift: FloatArray = field(default_factory=lambda: np.zeros(0))  # (k,) times of the readings [s]
 
 
 def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) -> Pairs:
@@ -134,48 +134,43 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
     # Wrong index angles act by the slope of each set-up's own curve: then none share weights.
     for setups, rows in _alike(dwells, apart=nuisance.index_sd > 0):
         first = dwells.rows(rows[0])
-        wrong = _index_variance(first, noise, nuisance)
+        wrong = _index_variance(dwells, rows, noise, nuisance)
         gyro = _gyro_fit(first, noise.gyro, nuisance, wrong[0])
-        said = dwells.gyro[rows] - nuisance.offset
-        unknowns = said @ gyro.weights.T
+        unknowns = _times(gyro.weights, dwells.gyro[rows] - nuisance.offset)
         values[setups, :2], offset[setups] = unknowns[:, :2], unknowns[:, 2] + nuisance.offset
         drift[setups] = unknowns[:, 3] if unknowns.shape[1] > 3 else 0.0
         fit[rows] = unknowns @ gyro.design.T + nuisance.offset
         _judge(gyro, dwells.gyro[rows] - fit[rows], setups, rows, 0, residuals, chi_square, dof)
-        W = gyro.weights[:2]
-        gyro_weights[rows] = W.T
-        parts[GYRO_NOISE][setups, :2, :2] = (W * gyro.white) @ W.T + _unseen(gyro, EARTH_RATE)
-        parts[GYRO_DRIFT][setups, :2, :2] = W @ gyro.slow @ W.T
+        W = gyro.weights[:, :2]
+        gyro_weights[rows] = W.mT
+        parts[GYRO_NOISE][setups, :2, :2] = (W * gyro.white) @ W.mT + _unseen(gyro, EARTH_RATE)
+        parts[GYRO_DRIFT][setups, :2, :2] = W @ gyro.slow @ W.mT
         slope[setups, :2] = moved = W @ gyro.drift
         if np.isfinite(nuisance.drift_sd):  # what the prior leaves of it, at its full size
-            parts[GYRO_DRIFT][setups, :2, :2] += nuisance.drift_sd**2 * np.outer(moved, moved)
+            parts[GYRO_DRIFT][setups, :2, :2] += nuisance.drift_sd**2 * _square(moved)
         if np.isfinite(nuisance.offset_sd):
-            moved = W.sum(axis=1)
-            parts[GYRO_OFFSET][setups, :2, :2] = nuisance.offset_sd**2 * np.outer(moved, moved)
-        all_weights = np.zeros((2, 4, rows.shape[1]))
-        all_weights[0, :2] = W
+            moved = W.sum(axis=2)
+            parts[GYRO_OFFSET][setups, :2, :2] = nuisance.offset_sd**2 * _square(moved)
+        all_weights = np.zeros((len(W), 2, 4, rows.shape[1]))
+        all_weights[:, 0, :2] = W
         if dwells.accel is not None:
             accel = _accel_fit(first, noise.accel, wrong[1])
             A = dwells.accel[rows].reshape(len(rows), -1)
-            found = A @ accel.weights.T
+            found = _times(accel.weights, A)
             values[setups, 2:] = found[:, :2]
             left = A - found @ accel.design.T
-            each = left.reshape(*rows.shape, -1)
-            accel_white[rows] = np.moveaxis(
-                np.linalg.solve(accel.root, np.moveaxis(each, 0, 1).reshape(rows.shape[1], -1))
-                .reshape(rows.shape[1], len(rows), -1), 0, 1,
-            )  # fmt: skip
+            accel_white[rows] = _whitened(accel.root, left.reshape(*rows.shape, -1))
             if dwells.accel.shape[1] == 1:
                 _judge(accel, left, setups, rows, 1, residuals, chi_square, dof)
-                all_weights[1, 2:] = accel.weights[:2]
+                all_weights[:, 1, 2:] = accel.weights[:, :2]
             else:  # two a row: of the scatter alone
                 chi_square[setups, 1] = np.sum(accel_white[rows] ** 2, axis=(1, 2))
                 dof[setups, 1] = 2 * accel.dof
-            V = accel.weights[:2]
-            accel_weights[rows] = V.T.reshape(rows.shape[1], -1, 2)
+            V = accel.weights[:, :2]
+            accel_weights[rows] = V.mT.reshape(len(V), rows.shape[1], -1, 2)
             unseen = _unseen(accel, GRAVITY)
-            parts[TILT_NOISE][setups, 2:, 2:] = (V * accel.white) @ V.T + unseen
-            parts[TILT_DRIFT][setups, 2:, 2:] = V @ accel.slow @ V.T
+            parts[TILT_NOISE][setups, 2:, 2:] = (V * accel.white) @ V.mT + unseen
+            parts[TILT_DRIFT][setups, 2:, 2:] = V @ accel.slow @ V.mT
         else:
             parts[TILT_NOISE][setups, 2:, 2:] = UNSEEN * GRAVITY**2 * np.eye(2)
         if nuisance.index_sd or nuisance.lag_sd:
@@ -185,42 +180,75 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
                  chi_square, dof, accel_white, gyro_weights, accel_weights)  # fmt: skip
 
 
+AT_ONCE = 1 << 22
+"""Numbers that the covariances of set-ups fitted together may have [1]."""
+
+
 def _alike(dwells: Dwells, *, apart: bool) -> list[tuple[IntArray, IntArray]]:
     """Return groups of set-ups with the same stops: their numbers (g,), and their rows (g, k).
 
-    With `apart` every set-up is a group of its own.
+    With `apart` each has weights of its own, so that not too many are in one.
     """
     order = np.argsort(dwells.setup, kind="stable")
     edges = np.searchsorted(dwells.setup[order], np.arange(len(dwells.names) + 1))
-    groups: dict[bytes, list[int]] = {}
-    for i in range(len(dwells.names)):
-        rows = order[edges[i] : edges[i + 1]]
-        start = dwells.start[rows] - dwells.start[rows[:1]]
-        shape = np.stack([dwells.cosine[rows], dwells.sine[rows], dwells.time[rows], start])
-        key = str(i).encode() if apart else np.round(shape, 9).tobytes()
-        groups.setdefault(key, []).append(i)
-    return [
-        (np.array(found), np.array([order[edges[i] : edges[i + 1]] for i in found]))
-        for found in groups.values()
-    ]
+    count = np.diff(edges)
+    out = []
+    for k in np.unique(count):
+        setups = np.flatnonzero(count == k)
+        rows = order[edges[setups, None] + np.arange(k)]
+        start = dwells.start[rows] - dwells.start[rows[:, :1]]
+        shape = np.stack([dwells.cosine[rows], dwells.sine[rows], dwells.time[rows], start], 1)
+        groups: dict[bytes, list[int]] = {}
+        for i, one in enumerate(np.round(shape, 9)):
+            groups.setdefault(one.tobytes(), []).append(i)
+        for found in groups.values():
+            most = max(AT_ONCE // int(k) ** 2, 1) if apart else len(found)
+            pieces = [found[i : i + most] for i in range(0, len(found), most)]
+            out += [(setups[piece], rows[piece]) for piece in pieces]
+    return out
 
 
-def _index_variance(d: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[FloatArray, ...]:
-    """Return what wrong index angles add to the variance of gyro and accelerometer, (k,) each."""
-    none = np.zeros(len(d))
+def _times(weights: FloatArray, x: FloatArray) -> FloatArray:
+    """Return what readings `x` (g, k) say of the unknowns, shape (g, p)."""
+    if len(weights) == 1:
+        return np.asarray(x @ weights[0].T)
+    return np.asarray((weights @ x[..., None])[..., 0])
+
+
+def _square(x: FloatArray) -> FloatArray:
+    """Return the product of each row of `x` (g, p) with itself, shape (g, p, p)."""
+    return x[:, :, None] * x[:, None, :]
+
+
+def _whitened(root: FloatArray, x: FloatArray) -> FloatArray:
+    """Return readings `x` (g, k, q) of covariance `root` (g, k, k) or (1, k, k) as white ones."""
+    if len(root) > 1:
+        return np.asarray(np.linalg.solve(root, x))
+    g, k, q = x.shape
+    side_by_side = np.moveaxis(x, 0, 1).reshape(k, -1)
+    return np.moveaxis(np.linalg.solve(root[0], side_by_side).reshape(k, g, q), 0, 1)
+
+
+def _index_variance(
+    dwells: Dwells, rows: IntArray, noise: ImuNoise, nuisance: Nuisance
+) -> tuple[FloatArray, FloatArray]:
+    """Return what wrong index angles add to the variance of gyro and accelerometer, (g, k) each.
+
+    `rows` (g, k): of set-ups with the same stops. What adds nothing has one row.
+    """
+    d = dwells.rows(rows[0])
+    none = np.zeros((1, len(d)))
     if not nuisance.index_sd or d.rotates:  # one error of a rotation leaves no residual
         return none, none
-    out = []
-    accel = d.accel
-    for fit, said in (
-        (_gyro_fit(d, noise.gyro, nuisance, none), d.gyro - nuisance.offset),
-        (_accel_fit(d, noise.accel, none), accel[:, 0])
-        if accel is not None and accel.shape[1] == 1
-        else (None, none),
-    ):
-        x, y = (0.0, 0.0) if fit is None else (fit.weights @ said)[:2]
-        out.append((nuisance.index_sd * (x * d.cosine - y * d.sine)) ** 2)
-    return tuple(out)
+
+    def of(fit: _Fit, said: FloatArray) -> FloatArray:
+        x, y = _times(fit.weights, said)[:, :2].T
+        return (nuisance.index_sd * (np.outer(x, d.cosine) - np.outer(y, d.sine))) ** 2
+
+    gyro = of(_gyro_fit(d, noise.gyro, nuisance, none), dwells.gyro[rows] - nuisance.offset)
+    if dwells.accel is None or dwells.accel.shape[1] > 1:
+        return gyro, none
+    return gyro, of(_accel_fit(d, noise.accel, none), dwells.accel[rows, 0])
 
 
 def _gyro_fit(d: Dwells, noise: TriadNoise, nuisance: Nuisance, more: FloatArray) -> _Fit:
@@ -241,47 +269,55 @@ def _accel_fit(d: Dwells, noise: TriadNoise, more: FloatArray) -> _Fit:
         design = np.stack([d.sine, d.cosine, np.ones(len(d))], 1)
         return _fit(design, np.full(3, np.inf), d, noise, GRAVITY, more)
     # Two accelerometers that stay with the case: each the mean of its rows, in the order of rows.
-    one = _fit(np.ones((len(d), 1)), np.full(1, np.inf), d, noise, GRAVITY, np.zeros(len(d)))
+    one = _fit(np.ones((len(d), 1)), np.full(1, np.inf), d, noise, GRAVITY, np.zeros((1, len(d))))
     both = np.eye(2)
     weights, design, slow = (
-        np.asarray(np.kron(part, both), float) for part in (one.weights, one.design, one.slow)
+        np.asarray(np.kron(part, both), float) for part in (one.weights[0], one.design, one.slow)
     )
-    return _Fit(weights, design, one.root, np.repeat(one.white, 2), slow, one.redundancy, one.dof)
+    white = np.repeat(one.white, 2)
+    return _Fit(weights[None], design, one.root, white, slow, one.redundancy, one.dof)
 
 
 def _fit(
     design: FloatArray, sd: FloatArray, d: Dwells, noise: TriadNoise, size: float, more: FloatArray
 ) -> _Fit:
-    """Weigh readings for unknowns with prior standard deviations `sd`, by least squares."""
+    """Weigh readings for unknowns with prior standard deviations `sd`, by least squares.
+
+    `d`: stops that all have; `more` (g, k): variance of the readings of each beside the noise.
+    """
     white = mean_variance(replace(noise, bias_instability=0.0, random_walk=0.0), d.time, d.interval)
     begin = d.start - d.start.min()
     slow = np.zeros((len(d), len(d)))
     if noise.bias_instability or noise.random_walk:
         slow = window_covariance(begin, begin + d.time, noise)
-    root = np.asarray(np.linalg.cholesky(np.diag(white + more) + slow), float)
+    own = (white + more)[:, :, None] * np.eye(len(d))
+    root = np.asarray(np.linalg.cholesky(own + slow), float)
     J = np.linalg.solve(root, design)
     # The first two unknowns get the widest prior that still counts as one: without it a component
     # that no reading shows would have no variance at all.
     known = np.where(np.isfinite(sd), 1.0 / np.maximum(sd, 1e-300) ** 2, 0.0)
     if design.shape[1] > 1:
         known[:2] += 1.0 / (UNSEEN * size**2)
-    scale = np.sqrt(np.sum(J**2, axis=0) + known)
+    scale = np.sqrt(np.sum(J**2, axis=1) + known)
     scale[scale == 0] = 1.0
-    normal = (J / scale).T @ (J / scale) + np.diag(known / scale**2)
-    gain = np.linalg.pinv(normal, rcond=1e-13, hermitian=True) @ (J / scale).T
-    hat = (J / scale) @ gain
-    weights = np.linalg.solve(root.T, (gain / scale[:, None]).T).T
-    dof = max(len(d) - round(float(np.trace(hat))), 0)
-    return _Fit(np.asarray(weights, float), design, root, white, slow, 1.0 - np.diag(hat), dof)
+    J = J / scale[:, None]
+    normal = J.mT @ J + (known / scale**2)[:, :, None] * np.eye(len(known))
+    gain = np.linalg.pinv(normal, rcond=1e-13, hermitian=True) @ J.mT
+    hat = J @ gain
+    weights = np.linalg.solve(root.mT, (gain / scale[:, :, None]).mT).mT
+    spent = np.rint(np.trace(hat, axis1=1, axis2=2)).astype(np.int64)
+    redundancy = 1.0 - np.diagonal(hat, axis1=1, axis2=2)
+    dof = np.maximum(len(d) - spent, 0)
+    return _Fit(np.asarray(weights, float), design, root, white, slow, redundancy, dof)
 
 
 def _unseen(fit: _Fit, size: float) -> FloatArray:
-    """Return the variance of what the readings do not show of the first two unknowns, (2, 2)."""
+    """Return the variance of what the readings do not show of the first two unknowns, (g, 2, 2)."""
     # With its weights a visible component is returned in full, W X = I; what is missing is unseen.
-    missing = np.eye(2) - (fit.weights @ fit.design)[:2, :2]
+    missing = np.eye(2) - (fit.weights @ fit.design)[:, :2, :2]
     U, s, _ = np.linalg.svd(missing)  # a direction is unseen or seen, rounding apart
-    U = U[:, s > 0.5]
-    return np.asarray(UNSEEN * size**2 * U @ U.T)
+    U = U * (s > 0.5)[:, None]
+    return np.asarray(UNSEEN * size**2 * U @ U.mT)
 
 
 def _judge(
@@ -289,7 +325,7 @@ def _judge(
     residuals: FloatArray, chi_square: FloatArray, dof: IntArray,
 ) -> None:  # fmt: skip
     """Standardize what the fit has left of the readings of alike set-ups."""
-    white = np.linalg.solve(fit.root, left.T).T
+    white = _whitened(fit.root, left[..., None])[..., 0]
     controlled = fit.redundancy > 1e-6
     share = np.sqrt(np.where(controlled, fit.redundancy, 1.0))
     residuals[sensor, rows] = np.where(controlled, white / share, np.nan)
@@ -303,18 +339,18 @@ def turn_rate(d: Dwells) -> float:
 
 
 def _indexing(d: Dwells, weights: FloatArray, values: FloatArray, nuisance: Nuisance) -> FloatArray:
-    """Covariance of wrong index angles, shape (g, 4, 4).
+    """Covariance of wrong index angles, shape (g, 4, 4), by `weights` (g or 1, 2, 4, k).
 
     Stops are each off by themselves; a base that turns is off by the same angle all the time.
     """
     across = np.stack([d.cosine, -d.sine])  # d e / d a = (cos a, -sin a)
-    slope = np.stack([values[:, :2] @ across, values[:, 2:] @ across])  # of gyro, of accelerometer
-    moved = np.einsum("sik,spk->pik", weights, slope)
+    slope = np.stack([values[:, :2] @ across, values[:, 2:] @ across], 1)  # gyro, accelerometer
+    moved = np.sum(weights * slope[:, :, None], axis=1)
     variance = nuisance.index_sd**2
     if d.rotates:
         moved = moved.sum(axis=2, keepdims=True)
         variance += (turn_rate(d) * nuisance.lag_sd) ** 2
-    return np.asarray(variance * np.einsum("pik,pjk->pij", moved, moved))
+    return np.asarray(variance * moved @ moved.mT)
 
 
 Hemisphere = Literal["north", "south"]

@@ -442,12 +442,13 @@ def answers(
     [1] and how the solution moves (46, c), in the order of `Fit.cov`.
     """
 
+    miss, slope = prior.rows(at)
+
     def left(log_: Tumble) -> tuple[FloatArray, FloatArray, FloatArray]:
         found = look(log_, prior, at, rows=True)
         Y, C_ip = found.out[1][0], found.out[3][0]
         psi = Y[:, :STATES] @ found.x - Y[:, RESIDUAL]
         rows = found.rows[..., RESIDUAL] - found.rows[..., :STATES] @ found.x
-        miss, slope = prior.rows(at)
         r = np.concatenate([rows.ravel(), miss - slope @ found.x])
         C_np = exp(log_.w_ie_n * log_.dt.sum()).T @ exp(psi) @ C_ip
         return r, C_np, (found.x * prior.unit)[3:]

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -51,6 +51,7 @@ def student(dof: float) -> float:
     return float(np.sqrt(n / (n - 2.0))) if np.isfinite(n) else 1.0
 
 
+@lru_cache(1024)
 def chi_square_limits(
     dof: float, false_alarm: float = FALSE_ALARM, tests: int = 1
 ) -> tuple[float, float]:

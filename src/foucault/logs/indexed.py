@@ -8,6 +8,7 @@ gyro, at most gravity for an accelerometer. Biases that stay the same do not cou
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain, pairwise
@@ -84,18 +85,26 @@ def _index(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
 
 def _swing(log: IndexedLog, x: FloatArray) -> tuple[float, float]:
     """Return the largest half-swing of `x` over the index angles of a set-up, and its sd."""
-    best = (0.0, np.inf)
-    for number in range(len(log.names)):
-        lo, hi = np.searchsorted(log.setup, [number, number + 1])
-        angle, y = log.index[lo:hi], x[lo:hi]
-        A = np.column_stack([np.ones(hi - lo), np.cos(angle), np.sin(angle)])
-        fit, _, rank, _ = np.linalg.lstsq(A, y, rcond=1e-6)
-        if rank < 2:  # one stop: nothing but the offset
-            continue
-        left = y - A @ fit
-        sd = float(np.sqrt(left @ left / max(hi - lo - rank, 1) * 2 / (hi - lo)))
-        best = max(best, (float(np.hypot(*fit[1:])), sd))
-    return best
+    number, m = log.setup, len(log.names)
+
+    def sums(y: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(number, y, m), float)
+
+    rows = sums(np.ones(len(x)))
+    y = x - (sums(x) / rows)[number]
+    A = np.column_stack([np.ones(len(x)), np.cos(log.index), np.sin(log.index)])
+    normal = np.array([[sums(a * b) for b in A.T] for a in A.T]) / rows  # (3, 3, m)
+    values, vectors = np.linalg.eigh(np.moveaxis(normal, 2, 0))
+    seen = values > 1e-12 * values[:, 2:]
+    right = np.stack([sums(a * y) for a in A.T], 1) / rows[:, None]
+    parts = np.where(seen, (vectors.mT @ right[..., None])[..., 0] / np.where(seen, values, 1.0), 0)
+    fit = (vectors @ parts[..., None])[..., 0]
+    left = y - np.sum(A * fit[number], axis=1)
+    rank = seen.sum(axis=1)
+    sd = np.sqrt(sums(left**2) / np.maximum(rows - rank, 1) * 2 / rows)
+    size = np.where(rank < 2, 0.0, np.hypot(*fit[:, 1:].T))  # one stop: nothing but the offset
+    best = int(np.argmax(size))
+    return float(size[best]), float(sd[best]) if size[best] > 0 else np.inf
 
 
 def _gyro(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
@@ -331,8 +340,10 @@ def _setups(
         plain = [f"{k + 1}" for k in range(len(first))]
     names: list[str] = []
     found = []
+    times: Counter[str] = Counter()
     for row, name in zip(first, plain, strict=True):
-        count = plain[: len(names)].count(name)
+        count = times[name]
+        times[name] += 1
         new_name = f"{name} ({count + 1})" if count else name
         if count:
             words = {"name": name, "row": row, "new": new_name}
@@ -344,12 +355,16 @@ def _setups(
 def _timing(log: IndexedLog) -> tuple[Finding, ...]:
     """Check the time of each set-up; a clock may start anew with every one."""
     found: list[Finding] = []
-    for number in range(len(log.names)):
+    numbers = np.arange(len(log.names))
+    if log.averaged is not None:  # means may well be far apart, but not run backward
+        back = (np.diff(log.time) <= 0) & (np.diff(log.setup) == 0)
+        numbers = np.unique(log.setup[1:][back])
+    for number in numbers:
         lo, hi = np.searchsorted(log.setup, [number, number + 1])
         told = checks.timing(log.time[lo:hi], start=int(lo))
         if _only_moves(log, int(lo), int(hi)):
             told = tuple(f for f in told if f.code != "log.gap")
-        if log.averaged is None:  # means may well be far apart
+        if log.averaged is None:
             found += [f for f in told if f.code not in {g.code for g in found}]
     return tuple(found)
 

@@ -185,7 +185,7 @@ class Dwells:
 
         `setup`: its number [1].
         """
-        return self.rows(np.flatnonzero(self.setup == setup))
+        return self.rows(np.arange(*np.searchsorted(self.setup, [setup, setup + 1])))
 
     def rows(self, keep: IntArray) -> Dwells:
         """Return some rows; set-ups keep their numbers.

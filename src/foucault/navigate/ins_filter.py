@@ -398,15 +398,23 @@ def smooth(found: FilterRun) -> Smoothed:
     for begin in found.begins:
         kept[begin - 1], forgotten[begin] = found.decay == 0, 0.0
     size = np.sqrt(np.diagonal(found.before, axis1=1, axis2=2))
-    A = np.empty((n, n))
     for k in range(m - 2, -1, -1):
-        before = found.before[k + 1]
+        before, after, F = found.before[k + 1], found.after[k], found.transitions[k + 1]
+        # What is constant is before the epoch what it is after it: its rows of the gain are (0 I).
+        still = np.diagonal(before) == np.diagonal(after)
+        still[:9] = False
+        rows = np.flatnonzero(~still)
         # P+ F', of whose rows those of the coefficients are diagonal.
-        A[:, :9] = forgotten[k + 1] * (found.after[k] @ found.transitions[k + 1].T)
-        A[:, 9:] = found.after[k][:, 9:] * kept[k]
+        A = np.hstack([forgotten[k + 1] * (after[rows] @ F.T), after[rows, 9:] * kept[k]])
         G = _divided(A, before, size[k + 1])
-        c[k] = G @ (c[k + 1] + found.corrections[k + 1])
-        cov[k] += G @ (cov[k + 1] - before) @ G.T
+        c[k] = c[k + 1] + found.corrections[k + 1]
+        c[k, rows] = G @ c[k]
+        # Of its rows those of what moves; then G D G'.
+        D = cov[k + 1] - before
+        across = G @ D
+        D[rows], D[:, rows] = across, across.T
+        D[np.ix_(rows, rows)] = across @ G.T
+        cov[k] += D
     states = corrected(found.trajectory.history, c)
     return Smoothed(Trajectory(found.time, states), found.coefficients + c[:, 9:], cov)
 

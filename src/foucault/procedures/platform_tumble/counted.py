@@ -72,10 +72,13 @@ def terms_of(t: Tumble, s: Solution, sizes: Sizes) -> Iterator[Term]:
     time = np.cumsum(t.dt)
     motion = Motion(time, t.reading * t.gravity, t.command, 0.0, float(time[-1]))
     some = {g: size for g, size in sizes.items() if g not in (*OTHERWISE, *SIZE_EFFECT)}
-    for term in terms(CONSTANTS.names, s.site, some):
-        (by,) = changes([term], ImuModel(), motion)
-        reading = None if by.accel is None else by.accel / t.gravity * t.used[:, None]
-        yield Term(term.name, term.group, reading, by.gyro)
+    weight = t.used[:, None] / t.gravity
+    every = (terms(CONSTANTS.names, s.site, {g: size}) for g, size in some.items())
+    # Six at a time: what they have in common is computed once, and little is held.
+    for few in (mine[k : k + 6] for mine in every for k in range(0, len(mine), 6)):
+        for term, by in zip(few, changes(few, ImuModel(), motion), strict=True):
+            reading = None if by.accel is None else by.accel * weight
+            yield Term(term.name, term.group, reading, by.gyro)
     for i, k in np.ndindex(3, 3):
         arms = np.zeros((3, 3))
         arms[i, k] = sizes[LEVER][0]
@@ -99,9 +102,14 @@ class Stages:
     def of(cls, s: Solution, sizes: Sizes) -> Stages:
         """Join what was found with what the log says of all that was not sought."""
         t = s.tumble  # over longer averages slopes are too rough for what is left of a term
-        some = [(one.name, one.group) for one in terms_of(t, s, sizes)]
-        changed = (one.put(t) for one in terms_of(t, s, sizes))
-        e, E, A = answers(t, s.prior, s.fit.start, changed)
+        some = list[tuple[str, str]]()
+
+        def changed() -> Iterator[Tumble]:
+            for one in terms_of(t, s, sizes):
+                some.append((one.name, one.group))
+                yield one.put(t)
+
+        e, E, A = answers(t, s.prior, s.fit.start, changed())
         count, p, units = len(some), len(CONSTANTS), 1 / normalised(s.site.gravity)
         C = np.linalg.inv(E.T @ E + np.eye(count))
         G, found = A[3:45] * units[:, None], C @ (E.T @ e)

@@ -180,7 +180,7 @@ def _earth(decision: Decided) -> EarthSeen | None:
     assert p.site.latitude is not None
 
     def filtered(increments: Increments) -> FilterRun:
-        return resumed(replace(p, increments=increments), found, found.states.names).run
+        return resumed(replace(p, increments=increments), found, found.states.names, keep=False).run
 
     return earth_seen(filtered, p.increments, p.site.latitude)
 

@@ -190,11 +190,12 @@ def resumed(
     same: Sequence[str],
     other: CoefficientVector | None = None,
     passes: int = PASSES,
+    keep: bool = True,
 ) -> Solution:
     """Filter once more, from a result.
 
     `other`: where others begin, None begins at the mean of the prior [SI]; `passes`: after it at
-    most [1].
+    most [1]; `keep`: whether the run of a single pass keeps what a smoother needs.
     """
     layout = p.sensors.layout
     values, sd = p.prior.values.copy(), p.prior.prior_sd.copy()
@@ -203,7 +204,7 @@ def resumed(
     if other is not None:
         values[[layout.index(name) for name in other.names]] = other.values
     near = CoefficientVector(layout, values, np.diag(sd**2))
-    return again(p, near, begins(found.run), passes)
+    return again(p, near, begins(found.run), passes, keep=keep)
 
 
 def with_settings(p: SystematicProblem, settings: Settings, given: Given) -> SystematicProblem:

@@ -124,7 +124,7 @@ class Beside:
         if not size or site.latitude is None:
             return states, judged
         there = replace(problem, site=replace(site, latitude=site.latitude + size))
-        off = resumed(there, s, s.states.names).states.chosen(self.names)
+        off = resumed(there, s, s.states.names, keep=False).states.chosen(self.names)
         moved = off.values - states.values
         assert states.cov is not None
         states = replace(states, cov=states.cov + np.outer(moved, moved))

@@ -416,20 +416,22 @@ def begins(
 
 def again(
     p: SystematicProblem, near: CoefficientVector,
-    begun: Sequence[tuple[FloatArray, FloatArray]], passes: int,
+    begun: Sequence[tuple[FloatArray, FloatArray]], passes: int, *, keep: bool = True,
 ) -> Solution:  # fmt: skip
     """Filter again, from a result that is near, until passes settle.
 
     `near`: the result, with covariance [SI]; `begun` (3, 3): attitude at the start of every
-    recording [1] and its uncertainty, E N U [rad]; `passes`: most passes [1].
+    recording [1] and its uncertainty, E N U [rad]; `passes`: most passes [1]; `keep`: whether the
+    run of a single pass keeps what a smoother needs.
     """
+    keep = keep or passes > 1
     stay = ~p.sensors.wanders  # what wanders is at the start not what it is at the end
     sd = np.where(stay, np.minimum(p.prior.prior_sd, NARROWED * near.sd), p.prior.prior_sd)
     narrow = [NARROWED * phi_sd for _, phi_sd in begun]
     C_nb, values = [C for C, _ in begun], [np.where(stay, near.values, 0.0)]
     while True:
         starts = p.starts(list(zip(C_nb, narrow, strict=True)))
-        found = p.model.filtered(starts, values[-1], sd, keep=True)
+        found = p.model.filtered(starts, values[-1], sd, keep=keep)
         # With the prior that counts: what the session hardly shows would wander on and on without.
         estimate = exchanged(found.estimate, (values[-1], sd), p.prior)
         moved = float((np.abs(estimate.values - values[-1]) / estimate.sd)[stay].max())

@@ -189,6 +189,7 @@ SHOWN = ("velocity_sd", "attitude_sd", "attitude_form", "shift", "load", "flexur
 
 def _filter(s: Solution) -> dict[str, Any]:
     settings, bounded = s.problem.settings, not s.fit.nominal
+    reported = settings.reported
     return {
         "name": settings.filter,
         "gamma": s.gamma if bounded else None,
@@ -196,7 +197,7 @@ def _filter(s: Solution) -> dict[str, Any]:
         "wanted": settings.wanted if bounded else None,
         **{key: getattr(settings, key) for key in SHOWN},
         # What is counted with and not in the result.
-        "left_out": [r for r in s.states.rows() if r["name"] not in settings.reported],
+        "left_out": [r for r in s.states.rows() if r["name"] not in reported],
         "states": len(s.model.names),
     }
 
