@@ -92,7 +92,7 @@ class Recording:
         return self.take_all([(data, now)])
 
     def take_all(self, pieces: Sequence[tuple[bytes, float]]) -> FloatArray:
-        """Take bytes, and when each piece was heard [s]; return the rows as `take` does."""
+        """Take bytes as `take` does; `pieces` (m,): bytes, and when they were heard [s]."""
         pieces = [(data, now) for data, now in pieces if data]
         rows = np.zeros((0, len(self.frame.columns) + 1))
         if pieces:
@@ -171,9 +171,9 @@ class Reader:
         self._size = 0  # taken [bytes]
 
     def take(self, pieces: Iterable[tuple[bytes, float]]) -> FloatArray:
-        """Take bytes, and when each piece was heard [s]; return rows, shape (n, k + 1).
+        """Take bytes, and return rows, shape (n, k + 1) [units of the frame].
 
-        The last column is when each row was heard [s], the others are in units of the frame.
+        `pieces` (m,): bytes, and when they were heard, as the last column then says [s].
         """
         held = list[bytes]()
         for data, now in pieces:
