@@ -63,6 +63,26 @@ def test_somebody_who_obeys_is_soon_done():
     assert "Enough" in Words.of().task(guide)
 
 
+def test_why_it_was_not_enough_is_shown_until_the_next_rest(monkeypatch):
+    told = asked()
+    guide, hands = ways.guide_of(told, USED), operator(told)
+    look = guide._look
+
+    def refuse(again: bool = False) -> None:
+        look(again)
+        if guide.rests == 1:
+            guide._mistake("moved", 0, held=1.0, wanted=5.0)
+            guide._mistake("refused", 0, reason="only 1 rest")
+
+    monkeypatch.setattr(guide, "_look", refuse)
+    guide.add(hands.rest(guide.step.seconds + 1))
+    assert [m.key for m in guide.recent(3)] == ["moved", "refused"]
+    guide.add(hands.obey(guide.step, None))
+    assert guide.rests == 2 and "refused" in {m.key for m in guide.mistakes}
+    assert "refused" not in {m.key for m in guide.recent(9)}
+    assert "moved" in {m.key for m in guide.recent(9)}
+
+
 def test_what_is_expected_of_a_step_is_what_it_then_gives():
     told = asked()
     guide, hands = ways.guide_of(told, USED), operator(told, 2, sloppy=0.01)

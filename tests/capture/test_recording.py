@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,10 @@ import pytest
 from foucault import campaign
 from foucault.capture import recording
 from foucault.capture.clock import compared
-from foucault.capture.frame import parsed, text_of
+from foucault.capture.frame import Heard, parsed, text_of
 from foucault.capture.source import Growing, arrivals, opened
 from foucault.errors import FoucaultError
-from make_frames import sbg
+from make_frames import MADE, SENTENCES, sbg
 from make_live import Port
 
 TEXT = text_of("sbg_imu_short")
@@ -70,6 +71,26 @@ def test_read_again_it_gives_the_same_bits(tmp_path: Path):
     (tmp_path / "s" / recording.LOG).write_bytes(log[:100])
     recording.again(tmp_path / "s")
     assert (tmp_path / "s" / recording.LOG).read_bytes() == log
+
+
+@pytest.mark.parametrize("name", ["sbg_imu_short", "adis16470_burst", "vectornav_vnymr"])
+def test_when_a_row_was_heard_does_not_hang_on_how_much_is_read_at_once(name: str):
+    """Torn and broken frames, junk and counters with gaps, in pieces, one by one or together."""
+    frame = parsed(text_of(name), name)
+    if frame.line is None:
+        data = [MADE[name](k)[0] for k in (*range(40), *range(43, 60))]
+        data[20] = data[20][:-3] + bytes([data[20][-3] ^ 1]) + data[20][-2:]
+        data[30] += b"\xff\x5a\x08"
+    else:
+        data = [SENTENCES[name][0][0].encode() + b"\r\n"] * 57
+        data[20] = data[20].replace(b",", b";")
+    stream, sizes = b"".join(data), np.random.default_rng(3).integers(1, 90, 400)
+    at = [0, *np.cumsum(sizes).tolist()]
+    pieces = [(stream[a:b], 0.01 * k) for k, (a, b) in enumerate(pairwise(at)) if stream[a:b]]
+    single, heard = recording.Reader(frame, one := Heard()), Heard()
+    rows = np.concatenate([single.take([piece]) for piece in pieces])
+    np.testing.assert_array_equal(recording.Reader(frame, heard).take(pieces), rows)
+    assert len(rows) > 50 and one == heard and len(np.unique(rows[:, -1])) > 20
 
 
 def test_nothing_is_recorded_over(tmp_path: Path):

@@ -115,6 +115,8 @@ def test_a_cable_that_is_put_back_is_told_while_it_happens(tmp_path):
             self.parts = [STREAM[:2000], b"", STREAM[2000:4000]]
 
         def read(self, wait: float) -> bytes:
+            if len(self.parts) < 3 and not told:
+                return b""  # what came first is told before the cable is pulled
             part = self.parts.pop(0)
             self.lost += not part
             self.ended = not self.parts

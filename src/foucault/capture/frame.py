@@ -13,7 +13,7 @@ import re
 import struct
 import tomllib
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from importlib import resources
@@ -23,7 +23,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import error
 from foucault.strict import Strict
 
@@ -327,6 +327,9 @@ class Decoder:
 
     frame: Frame
     heard: Heard = field(default_factory=Heard)
+    # Of the rows that came last: up to which byte of all each was heard, shape (n,) [bytes].
+    ended: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    begun: int = 0  # before this byte of all nothing can be of a row any more [bytes]
     _held: bytearray = field(default_factory=bytearray)
     # Counter -> what it said last, and without wraps [1].
     _before: dict[str, tuple[int, float]] = field(default_factory=dict)
@@ -341,20 +344,26 @@ class Decoder:
     def rows(self, data: bytes) -> FloatArray:
         """Take bytes; return rows of whole frames, shape (n, columns) [units of the frame]."""
         self._held += data
-        raws = [*self._raws()]
+        raws, ended = self._raws()
+        self.ended = np.array(ended, np.int64)
         if len(raws) > 1 and self._fixed and len({*map(len, raws)}) == 1:
             layout = self._layout(len(raws[0]))
             if layout is not None:
                 self.heard.frames += len(raws)
                 return self._block(np.frombuffer(b"".join(raws), layout))
-        out = list[tuple[float, ...]]()
-        for raw in raws:
-            row = self._row(raw)
+        return self._each((self._row(raw) for raw in raws), ended)
+
+    def _each(self, rows: Iterable[tuple[float, ...] | None], ended: list[int]) -> FloatArray:
+        """Return rows one by one, without those that are None, with what is missing before them."""
+        out, ends = list[tuple[float, ...]](), list[int]()
+        for row, end in zip(rows, ended, strict=True):
             if row is None:
-                self.heard.others += 1
+                self.heard.others += self.frame.line is None
             else:
                 out += [*self._missing(len(row)), row]
+                ends += [end] * (len(out) - len(ends))
                 self.heard.frames += 1
+        self.ended = np.array(ends, np.int64)
         return np.array(out, float).reshape(len(out), len(self.frame.columns))
 
     @cached_property
@@ -396,6 +405,7 @@ class Decoder:
             return out
         whole = np.full((len(out) + int(gaps.sum()), out.shape[1]), np.nan)
         whole[np.arange(len(out)) + np.cumsum(gaps)] = out
+        self.ended = np.repeat(self.ended, gaps + 1)
         return whole
 
     def _unwrapped_all(self, one: FrameField, x: Any, gaps: Any) -> FloatArray:
@@ -415,9 +425,18 @@ class Decoder:
         self._before[one.name] = int(x[-1]), float(every[-1])
         return np.asarray(every)
 
-    def _raws(self) -> Iterator[bytes]:
-        """Yield the frames that are whole, right and wanted."""
-        held, sync, at = self._held, self.frame.sync, 0
+    @cached_property
+    def _head(self) -> int:
+        """How much of a frame says how long it is, and whether it is wanted [bytes]."""
+        said, match = self.frame.length, self.frame.match
+        long = said.at + SIZE[said.type] if isinstance(said, Length) else 0
+        told = [match.at + len(b) for b in match.bytes] if match is not None else []
+        return max(len(self.frame.sync), long, *told)
+
+    def _raws(self) -> tuple[list[bytes], list[int]]:
+        """Return the frames that are whole, right and wanted, and up to which byte each was."""
+        held, sync, at, right_ = self._held, self.frame.sync, 0, self._right
+        out, ended = list[bytes](), list[int]()
         while True:
             found = held.find(sync, at) if sync else at
             if found < 0:  # all but what may be the beginning of a sync
@@ -431,13 +450,13 @@ class Decoder:
             if length is None or (length > 0 and len(held) < at + length):
                 break
             raw = bytes(held[at : at + length]) if length > 0 else b""
-            right = bool(raw) and self._right(raw)
+            right = bool(raw) and right_(raw)
             if (
                 right and not sync and not self._synced
             ):  # sums of few bytes fit by chance: two do not
                 if len(held) < at + 2 * length:
                     break
-                right = any(raw) and self._right(bytes(held[at + length : at + 2 * length]))
+                right = any(raw) and right_(bytes(held[at + length : at + 2 * length]))
             if not right and raw and self._other(raw):
                 end = at + len(raw)
                 if len(held) < end + len(sync):
@@ -454,11 +473,20 @@ class Decoder:
                 continue
             self._synced = True
             at += length
-            if self._wanted(raw):
-                yield raw
-            else:
+            if not self._wanted(raw):
                 self.heard.others += 1
+                continue
+            head = raw[: self._head]
+            while True:  # most of those that follow begin alike
+                out.append(raw)
+                ended.append(self.begun + at)
+                raw = bytes(held[at : at + length])
+                if len(raw) < length or not raw.startswith(head) or not right_(raw):
+                    break
+                at += length
         del held[:at]
+        self.begun += at
+        return out, ended
 
     def _missing(self, columns: int) -> Iterator[tuple[float, ...]]:
         """Yield rows of nothing for frames that were lost, where only their number is a clock."""
@@ -611,14 +639,12 @@ class Lines(Decoder):
     def rows(self, data: bytes) -> FloatArray:
         """Take bytes; return rows of whole lines, shape (n, columns) [units of the frame]."""
         *lines, rest = (self._held + data).replace(b"\r", b"\n").split(b"\n")
+        ended = self.begun + np.cumsum([len(line) + 1 for line in lines], dtype=np.int64)
         self._held = bytearray(rest[-LONGEST:])
-        out = list[tuple[float, ...]]()
-        for line in filter(None, lines):
-            row = self._read(bytes(line))
-            if row is not None:
-                out += [*self._missing(len(row)), row]
-                self.heard.frames += 1
-        return np.array(out, float).reshape(len(out), len(self.frame.columns))
+        self.begun += len(rest) - len(self._held) + sum(len(line) + 1 for line in lines)
+        full = [(line[-LONGEST:], end) for line, end in zip(lines, ended.tolist(), strict=True)
+                if line]  # fmt: skip
+        return self._each((self._read(bytes(line)) for line, _ in full), [end for _, end in full])
 
     def _read(self, line: bytes) -> tuple[float, ...] | None:
         told, first = self.frame.line, not self._synced

@@ -153,6 +153,7 @@ class Guide:
         self._still: tuple[int, float] | None = None  # rest that lasts: where it began, its length
         self._attitude: tuple[int, FloatArray] | None = None
         self._tried, self._asked = 0, 0
+        self._before = 0  # mistakes before the rest that ended last [1]
         self._best: FloatArray | None = None
         self.step = self.way.first_step()
 
@@ -177,6 +178,7 @@ class Guide:
         self._handled = len(found)
         self.rests += 1
         self.sounds += 1
+        self._before = len(self.mistakes)
         self._look()
         return True
 
@@ -189,6 +191,15 @@ class Guide:
         time = self.found.log.time
         at = float(time[min(sample, len(time) - 1)] - time[0])
         self.mistakes.append(Mistake(key, values, at))
+
+    def recent(self, count: int) -> list[Mistake]:
+        """Return the last mistakes; why it was not enough only until the next rest.
+
+        `count`: of how many [1].
+        """
+        first = max(0, len(self.mistakes) - count)
+        return [m for k, m in enumerate(self.mistakes)
+                if k >= first and (k >= self._before or m.key != "refused")]  # fmt: skip
 
     def still(self) -> tuple[IntArray, IntArray]:
         """Return first and one-past-last sample of every rest so far, shape (n,) each.

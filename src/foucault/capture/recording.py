@@ -18,7 +18,8 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -43,6 +44,9 @@ EVERY = 0.25
 
 SAFE = 1.0
 """And brought to the disk so often [s]."""
+
+BATCH = 1000
+"""So many pieces of what came are read again at once [1]."""
 
 BEGIN = 2000
 """So much of what comes first is kept at hand [bytes]."""
@@ -70,7 +74,7 @@ class Recording:
         make_folder(self.folder)
         if any((self.folder / name).exists() for name in (RAW, LOG)):
             raise error("capture.there", folder=self.folder)
-        self._decoder = decoder_of(self.frame, self.heard)
+        self._reader = Reader(self.frame, self.heard)
         self._files = {name: self._open(name) for name in (RAW, ARRIVALS, LOG)}
         self._waiting: list[FloatArray] = []
         self._last = np.zeros((0, 2))  # when the last row was made, and heard [s]
@@ -85,13 +89,19 @@ class Recording:
 
     def take(self, data: bytes, now: float) -> FloatArray:
         """Take bytes that were heard at `now` [s]; return the rows that they complete, (n, k)."""
+        return self.take_all([(data, now)])
+
+    def take_all(self, pieces: Sequence[tuple[bytes, float]]) -> FloatArray:
+        """Take bytes as `take` does; `pieces` (m,): bytes, and when they were heard [s]."""
+        pieces = [(data, now) for data, now in pieces if data]
         rows = np.zeros((0, len(self.frame.columns) + 1))
-        if data:
+        if pieces:
+            data = b"".join(data for data, _ in pieces)
             self.size += len(data)
             self.start += data[: max(0, BEGIN - len(self.start))]
             self._write(RAW, data)
-            self._write(ARRIVALS, np.array([len(data), now]).tobytes())
-            rows = heard_at(self._decoder.rows(data), now)
+            self._write(ARRIVALS, np.array([(len(data), now) for data, now in pieces]).tobytes())
+            rows = self._reader.take(pieces)
             self._waiting += [rows] * bool(len(rows))
         if time.monotonic() - self._written > EVERY:
             self.flush()
@@ -147,12 +157,38 @@ class Recording:
         return concluded(self.folder, self.frame, self.heard, text, self.slept)
 
 
-def heard_at(rows: FloatArray, now: float) -> FloatArray:
-    """Return rows with when they were heard as their last column, shape (n, k + 1).
+class Reader:
+    """Rows of bytes as they come, each with when its last byte was heard.
 
-    `rows` (n, k): numbers of frames [units of the frame]; `now`: when they were heard [s].
+    That does not hang on how many pieces are read at once.
     """
-    return np.column_stack([rows, np.full(len(rows), now)])
+
+    def __init__(self, frame: Frame, heard: Heard) -> None:
+        """Begin with nothing; `heard`: counts what is no row."""
+        self._decoder = decoder_of(frame, heard)
+        self._ends: list[int] = []  # of the pieces that may still end a row [bytes of all]
+        self._times: list[float] = []  # when each of them was heard [s]
+        self._size = 0  # taken [bytes]
+
+    def take(self, pieces: Iterable[tuple[bytes, float]]) -> FloatArray:
+        """Take bytes, and return rows, shape (n, k + 1) [units of the frame].
+
+        `pieces` (m,): bytes, and when they were heard, as the last column then says [s].
+        """
+        held = list[bytes]()
+        for data, now in pieces:
+            held.append(data)
+            self._size += len(data)
+            self._ends.append(self._size)
+            self._times.append(now)
+        rows = self._decoder.rows(b"".join(held))
+        out = np.empty((len(rows), rows.shape[1] + 1))
+        out[:, :-1] = rows
+        if len(rows):
+            out[:, -1] = np.take(self._times, np.searchsorted(self._ends, self._decoder.ended))
+        gone = bisect_right(self._ends, self._decoder.begun)
+        del self._ends[:gone], self._times[:gone]
+        return out
 
 
 class Plug(NamedTuple):
@@ -186,10 +222,13 @@ def record(
     heard = [begun] * len(held)
     try:
         with closing(together([plug.source for plug in plugs])) as coming:
-            for k, data, now in coming:
-                heard[k] = now if data else heard[k]
-                held[k].heard.reopened = getattr(plugs[k].source, "lost", 0)
-                held[k].take(data, now - begun)
+            for parts in coming:
+                now = time.monotonic()
+                for k, one in enumerate(held):
+                    mine = [(data, at - begun) for source, data, at in parts if source == k]
+                    heard[k] = begun + mine[-1][1] if mine else heard[k]
+                    one.heard.reopened = getattr(plugs[k].source, "lost", 0)
+                    one.take_all(mine)
                 tell([(one, now - last) for one, last in zip(held, heard, strict=True)])
                 if seconds is not None and now - begun >= seconds:
                     break
@@ -212,15 +251,18 @@ def again(folder: Path) -> dict[str, Any]:
     frame = parsed((folder / FRAME).read_text(), FRAME)
     raw, arrivals = (folder / RAW).read_bytes(), (folder / ARRIVALS).read_bytes()
     pairs = np.frombuffer(arrivals[: len(arrivals) // 16 * 16]).reshape(-1, 2)
-    decoder, at, rows = decoder_of(frame, Heard()), 0, list[FloatArray]()
+    heard, at, rows, pieces = Heard(), 0, list[FloatArray](), list[tuple[bytes, float]]()
     for size, now in pairs.tolist():
-        rows.append(heard_at(decoder.rows(raw[at : at + int(size)]), now))
+        pieces.append((raw[at : at + int(size)], now))
         at += int(size)
-    rows.append(heard_at(decoder.rows(raw[at:]), pairs[-1, 1] if len(pairs) else 0.0))
+    pieces.append((raw[at:], pairs[-1, 1] if len(pairs) else 0.0))
+    reader = Reader(frame, heard)
+    for k in range(0, len(pieces), BATCH):
+        rows.append(reader.take(pieces[k : k + BATCH]))
     with atomic(folder / LOG) as temporary:
         temporary.write_bytes(np.concatenate(rows).astype("<f8").tobytes())
     told = folder / CAMPAIGN  # of a guided session it says more than how by hand
-    return concluded(folder, frame, decoder.heard, told.read_text() if told.is_file() else None)
+    return concluded(folder, frame, heard, told.read_text() if told.is_file() else None)
 
 
 def rows_of(folder: Path, frame: Frame) -> FloatArray:

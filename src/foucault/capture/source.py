@@ -31,6 +31,9 @@ GATHER, MUCH = 0.015, 2000
 """What arrives within this after something is handed on together [s]; sooner where it was so much
 [bytes], that no buffer of a port runs over."""
 
+PAUSE = 0.08
+"""What arrives within this after something is looked at together [s]."""
+
 AGAIN = 0.5
 """Time between two tries to open a source again [s]."""
 
@@ -82,8 +85,8 @@ def opened(name: str, baud: int | None = None) -> Source:
     raise error("capture.source", given=name, allowed=FORMS)
 
 
-def together(sources: Sequence[Source]) -> Generator[tuple[int, bytes, float], None, None]:
-    """Yield what arrives at sources: number of the source, bytes and when; b"" where all is silent.
+def together(sources: Sequence[Source]) -> Generator[list[tuple[int, bytes, float]], None, None]:
+    """Yield what arrives at sources: number of the source, bytes and when; [] where all is silent.
 
     Each is read in a thread of its own: whoever sends does not wait until a disk has written what
     came before, or somebody has thought about it. All are stamped by one clock.
@@ -108,16 +111,19 @@ def together(sources: Sequence[Source]) -> Generator[tuple[int, bytes, float], N
     try:
         while left:
             try:
-                one = heard.get(timeout=WAIT)
+                some = [heard.get(timeout=WAIT)]
             except Empty:
-                yield 0, b"", time.monotonic()
+                yield []
                 continue
-            if isinstance(one, BaseException):
-                raise one
-            if one is None:
-                left -= 1
-            else:
-                yield one
+            time.sleep(PAUSE)
+            while not heard.empty():
+                some.append(heard.get())
+            if came := [one for one in some if isinstance(one, tuple)]:
+                yield came
+            for one in some:
+                if isinstance(one, BaseException):
+                    raise one
+                left -= one is None
     finally:
         stop.set()
         for thread in threads:
@@ -127,7 +133,10 @@ def together(sources: Sequence[Source]) -> Generator[tuple[int, bytes, float], N
 def arrivals(source: Source) -> Generator[tuple[bytes, float], None, None]:
     """Yield what arrives at a source, and when; nothing, b"", where it is silent."""
     with closing(together([source])) as coming:
-        yield from ((data, now) for _, data, now in coming)
+        for parts in coming:
+            yield from ((data, now) for _, data, now in parts)
+            if not parts:
+                yield b"", time.monotonic()
 
 
 @dataclass

@@ -98,7 +98,7 @@ def state(live: Live, words: Words) -> dict[str, Any]:
     return {
         "rows": rows, "phase": guide.phase, "task": words.task(guide), "now": words.now(guide),
         "ring": round(guide.ring, 3), "rests": guide.rests, "sounds": guide.sounds, "bars": bars,
-        "mistakes": [words.wrong(m) for m in guide.mistakes[-3:]],
+        "mistakes": [words.wrong(m) for m in guide.recent(3)],
         "findings": [f"{f.message} {f.cure}" for f in guide.findings()],
         "stopped": guide.stopped, "silence": silence, "troubles": troubles,
         "verdict": None if guide.result is None else str(guide.result.verdict.level),
@@ -218,7 +218,7 @@ def picture(live: Live, words: Words) -> Any:
         table.add_row(name, Text(bar(ratio), "green" if ratio <= 1 else "yellow"), reached, after,
                       wanted)  # fmt: skip
     rows += [Text(""), table]
-    rows += [Text(words.wrong(m), "red") for m in guide.mistakes[-2:]]
+    rows += [Text(words.wrong(m), "red") for m in guide.recent(2)]
     rows += [Text(f"{f.message} {f.cure}", "red") for f in guide.findings()]
     return Panel(Group(*rows), width=width, title=f"{guide.rests}", subtitle="Ctrl-C ends")
 
