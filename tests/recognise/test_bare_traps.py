@@ -228,7 +228,15 @@ def test_counts_about_the_middle_of_a_converter_are_read(log, c, tmp_path):
     counts = [np.round(c.f / make.G * 8192) + 32768, np.round(c.w / make.DEGREE * 65.5) + 32768]
     file.write_text(make.text(HEAD, [np.round(1e3 * c.t), *counts], ["%.0f"] * 7))
     seen = recognise([file])
+    assert max(make.off(seen, log, tmp_path)[:2]) < 2e-3  # rounding: the zero is the middle
+    for line in seen.lines:
+        said = "zero: 32768, the middle of its counts" in line.why
+        assert said == (line.what in ("accelerometers", "gyros"))
+    moved = [x + at for x, at in zip(counts, (5000.0, -4000.0), strict=True)]  # of its own
+    file.write_text(make.text(HEAD, [np.round(1e3 * c.t), *moved], ["%.0f"] * 7))
+    seen = recognise([file])
     assert max(make.off(seen, log, tmp_path)[:2]) < 0.05  # the zero is told by a dozen rests
+    assert not any("middle of its counts" in line.why for line in seen.lines)
     file.write_text(
         make.text(
             HEAD, [np.round(1e3 * c.t), *(np.mod(x - 32768, 65536) for x in counts)], ["%.0f"] * 7

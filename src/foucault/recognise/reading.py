@@ -25,6 +25,12 @@ ALIKE = 1.0
 ZERO = 0.3
 """Accelerometers whose zero is farther than this part of g off have one of their own [1]."""
 
+BITS = (8, 10, 12, 14, 16, 18, 20, 24)
+"""Of converters whose counts have no sign: their zero is the middle [1]."""
+
+MIDDLE = 0.05
+"""A zero within this part of full scale of the middle is the middle, and the rest a bias [1]."""
+
 NO_LENGTH = 0.35
 """Accelerometers whose length at rest scatters by more do not feel gravity [1]."""
 
@@ -544,11 +550,13 @@ class _Work:
             if columns is None or unit is None:
                 continue
             block = self._block(name, columns, unit, E, reading.increments)
+            zero = block.get("zero", [])
+            middle = f"; zero: {zero[0]:.0f}, the middle of its counts" if len({*zero}) == 1 else ""
             log[name] = block | ({"file": data.file(columns[0]).name} if several else {})
             shown = ", ".join(_signed(data, columns, E))
             size = unit.scale or unit.text
             first.append(Line(_KIND[name], f"{shown} [{size}]" + " sums" * reading.increments,
-                              self._triad_why(name, unit),
+                              self._triad_why(name, unit) + middle,
                               self._how_sure(name, unit)))  # fmt: skip
         first += self._sign(log)
         field = tell.magnetometer(data)
@@ -647,6 +655,8 @@ class _Work:
             far = float(np.abs(at_rest).max()) * abs(unit.si) > 1.0 and not increments
             zero = at_rest if far else None
         if zero is not None and not increments:
+            if middle := _middle(self.data.x[:, list(columns)], zero):
+                zero = np.full(3, middle)
             place = np.argmax(np.abs(E), axis=1)
             block["unit"] = "count"
             block["scale"] = unit.scale or (
@@ -658,6 +668,15 @@ class _Work:
         if increments:
             block["kind"] = "increment"
         return block
+
+
+def _middle(x: FloatArray, zero: FloatArray) -> float | None:
+    """Return the middle of the converter that counts `x` (n, 3), where `zero` (3,) is about it."""
+    if x.min() < 0:
+        return None
+    middle = next((2.0 ** (n - 1) for n in BITS if x.max() < 2**n), None)
+    near = middle is not None and np.abs(zero - middle).max() < MIDDLE * middle
+    return middle if near else None
 
 
 _KIND = {"accel": "accelerometers", "gyro": "gyros"}
