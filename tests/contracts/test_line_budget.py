@@ -27,7 +27,7 @@ BUDGET = {
     "navigate": 2_110,
     "plans": 6_045,
     "procedures": 20_249,
-    "recognise": 2_860,
+    "recognise": 2_865,
     "report": 10_701,
     "records": 1_601,
     "simulate": 3_680,
