@@ -350,3 +350,17 @@ def test_real_logs_that_calibrate_nothing_say_what_they_are():
     still = recognise([REAL / "ln100_static" / "x_LN100_up.ins"])
     assert still.log["record"] == {"type": "float64", "columns": 7}
     assert still.log["gyro"]["unit"] == "deg/s"  # in which they see the Earth turn
+
+
+@pytest.mark.thorough
+def test_a_turn_with_a_gap_is_left_out_and_no_term_is_blamed_for_it(tmp_path):
+    file, truth = bare("hand_rotated", tmp_path)
+    head, *rows = file.read_text().splitlines()
+    rate = np.array([row.split(",")[4:7] for row in rows], float)
+    middle = int(np.argmax(np.linalg.norm(rate - np.median(rate, axis=0), axis=1)))
+    file.write_text("\n".join([head, *rows[: middle - 60], *rows[middle + 60 :]]) + "\n")
+    result = campaign.calibrate(found([file], site={"latitude": "48.8462 deg"}).campaign)
+    assert "log.gap" in {f.code for f in result.findings}
+    assert result.verdict.level == "pass", result.verdict.reasons
+    assert max(abs(r["value"] - truth[r["name"]]) / r["sd"] for r in result.coefficients.rows()
+               if r["name"] in truth and r["sd"]) < 4.0  # fmt: skip

@@ -14,6 +14,7 @@ from foucault import logs
 from foucault.campaign.recognised import found
 from foucault.errors import FoucaultError
 from foucault.logs import LogDescription
+from foucault.models.rotation import exp
 from foucault.recognise.columns import unwrapped
 from foucault.recognise.reading import recognise
 from foucault.recognise.titles import meaning
@@ -370,3 +371,61 @@ def test_forty_columns_do_not_fill_the_screen(c, tmp_path):
     with refuses("recognise.no_triad", match="speed 3 .m/s. and 36 more. No three") as caught:
         recognise([tmp_path / "a.csv"])
     assert len(f"{caught.value.message} {caught.value.cure}".split()) <= 60
+
+
+def turned(moves: list[tuple[int, float, float, float]], seed: int, rate: float = 100.0):
+    """Return time, force and rate of turns about single axes of the body, a rest after each.
+
+    `moves`: axis, angle [rad], how long the turn and the rest after it take [s].
+    """
+    rng, C, force, rates = np.random.default_rng(seed), np.eye(3), [], []
+    for axis, angle, time, rest in [(0, 0.0, 0.0, moves[0][3]), *moves]:
+        n, u = round(time * rate), np.eye(3)[axis]
+        x = (np.arange(n) + 1) / max(n, 1)
+        passed, speed = x**2 * (3 - 2 * x), 6 * x * (1 - x)
+        if time > 4:  # at one rate, but for its ends
+            ramp = 0.5 / time
+            speed = np.clip(np.minimum(x, 1 - x) / ramp, 0.0, 1.0)
+            speed /= speed.mean()
+            passed = np.cumsum(speed) / n
+        force += [C[2] @ exp(u * angle * p) for p in passed]
+        rates += [*np.outer(speed * angle / max(time, 1.0 / rate), u)]
+        C = C @ exp(u * angle)
+        force += [C[2]] * round(rest * rate)
+        rates += [np.zeros(3)] * round(rest * rate)
+    n = len(force)
+    f = make.G * np.array(force) * (1 + rng.normal(0, 0.01, 3)) + rng.normal(0, 0.2, 3)
+    w = np.array(rates) * (1 + rng.normal(0, 0.01, 3)) + rng.normal(0, 0.01, 3)
+    return (np.arange(n) / rate, f + 0.015 * rng.standard_normal((n, 3)),
+            w + 1e-3 * rng.standard_normal((n, 3)))  # fmt: skip
+
+
+FLIPS = [(0, np.pi), (0, np.pi / 2), (0, np.pi), (2, np.pi / 2), (2, np.pi)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_few_turns_between_long_rests_tell_unit_and_axes(seed, tmp_path):
+    """A cube turned by 90 and 180 deg: thrice the rate, turned the other way, ends there too."""
+    file = tmp_path / "faces.csv"
+    faces = [(axis, angle, 2.0, 12.0) for axis, angle in FLIPS]
+    file.write_text(make.text(HEAD, turned(faces, seed), FORM))
+    seen = recognise([file])
+    assert not seen.questions
+    assert seen.log["gyro"]["unit"] == "rad/s" and "scale" not in seen.log["gyro"]
+    assert taken(seen, "axes")[0].startswith("gyros and accelerometers in the same axes")
+    assert found([file]).session.procedure == "six_position"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_whole_turns_at_one_rate_on_each_face_are_those_of_ferraris(seed, tmp_path):
+    file = tmp_path / "ferraris.csv"
+    spins = {0: [2], 2: [1], 4: [0]}  # which axis is vertical after a flip
+    moves = [(2, 2 * np.pi, 8.0, 10.0)]
+    for k, (axis, angle) in enumerate(FLIPS):
+        moves.append((axis, angle, 2.0, 10.0))
+        moves += [(a, 2 * np.pi, 8.0, 10.0) for a in spins.get(k + 1, [])]
+    file.write_text(make.text(HEAD, turned(moves, seed), FORM))
+    seen = recognise([file])
+    assert not seen.questions and seen.log["gyro"]["unit"] == "rad/s"
+    held = found([file])
+    assert held.session.procedure == "ferraris" and held.session.settings == {"angle": "360 deg"}

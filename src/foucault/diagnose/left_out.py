@@ -48,7 +48,8 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
         }  # fmt: skip
         out.append(check("left out contradicted", f"size of {first}", k, None, 1.0, given))
     if not out:
-        tested = [s for n, s in judged.seen.items() if n in judged.groups and s.dof]
+        last = judged.after or judged.seen
+        tested = [s for n, s in last.items() if n in judged.groups and s.dof]
         count = {"count": len(tested)}
         least = min((s.p for s in tested), default=1.0)
         chance = min(1.0, least * max(len(tested), 1))

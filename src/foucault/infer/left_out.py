@@ -267,6 +267,9 @@ class Judgement:
     worst: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     # group -> how many terms of it are not seen though they matter, at how many sizes one was [1]
     hidden: Mapping[str, tuple[int, float]] = field(default_factory=dict)
+    # every group as tested when nothing more was named: scatter may have explained what looked odd
+    # at first; empty where it was tested once
+    after: Mapping[str, Seen] = field(default_factory=dict)
 
     @property
     def unseen(self) -> dict[str, float]:
@@ -325,7 +328,7 @@ def fit(
         order = sorted(causes, key=lambda name: -causes[name].gain)
         named.append({name: causes[name].k for name in order})
     last = mixed.fit(With(model, more, sizes), prior, own=True, **how)
-    return last, _judged(first, named, last, more, extra)
+    return last, replace(_judged(first, named, last, more, extra), after=seen)
 
 
 def planned(

@@ -27,6 +27,9 @@ BLOCKS = 6_000
 LEAST = 8
 """Samples of a block at least [1]."""
 
+MOVED = 3
+"""Columns that a turn moves [1]."""
+
 RESTS_LIKE = 0.12
 """Means of a gyro's column at rest scatter by less than this part of all its readings [1]."""
 
@@ -50,6 +53,15 @@ SPUN = 0.02
 
 MOST_TURNS = 60
 """Turns that are looked at [1]."""
+
+TELL = 5.0
+"""Sd by which gravity turns with what gyros read, or it does not [1]."""
+
+FEWEST = 12
+"""Blocks in which gravity turns, to tell by which gyros [1]."""
+
+SHOWS = 0.02
+"""Turn of gravity from one block to the next that is no noise [rad]."""
 
 TURNED = np.radians(8.0)
 """Rests whose gravity differs by less do not tell a turn [rad]."""
@@ -112,9 +124,9 @@ def _levels(sd: FloatArray, active: Sequence[int]) -> FloatArray:
         logs.append(np.log(np.maximum(sd[:, c], 0.3 * quiet) / quiet))
     if not logs:
         return np.ones(len(sd))
-    # Columns that motion does not change, such as temperatures, say nothing.
-    order = np.argsort([-float(np.percentile(x, 90)) for x in logs])[: max(3, len(logs) // 2)]
-    return np.asarray(np.exp(np.mean(np.array(logs)[order], axis=0)))
+    # A turn moves gravity along two axes and turns a third; which, differs from turn to turn, and
+    # columns that motion does not change, such as temperatures, say nothing.
+    return np.asarray(np.exp(np.mean(np.sort(logs, axis=0)[-MOVED:], axis=0)))
 
 
 @dataclass(frozen=True)
@@ -360,7 +372,7 @@ def _way(
 def _seed(
     x: FloatArray, time: FloatArray, cut: Blocks, accel: Sphere, y: FloatArray
 ) -> float | None:
-    """Return the size of M in ``du = u x M int y dt`` over blocks that move [rad/raw]."""
+    """Return the size s of M = s E in ``du = u x M int y dt`` over blocks that move [rad/raw]."""
     f = cut.mean[:, list(accel.columns)] - accel.centre
     norm = np.linalg.norm(f, axis=1)
     u = f / np.where(norm > 0, norm, 1.0)[:, None]
@@ -375,21 +387,22 @@ def _seed(
     )
     fine &= ~(cut.quiet[1:] & cut.quiet[:-1])
     fine &= np.linalg.norm(du, axis=1) < 0.8
-    if fine.sum() < 12:
+    if fine.sum() < FEWEST:
         return None
     du, mid, theta = du[fine], mid[fine], theta[fine]
-    # du = mid x (M theta): for each axis of M theta a column of the skew matrix of mid.
-    zero = np.zeros(len(mid))
-    K = np.stack([
-        np.stack([zero, -mid[:, 2], mid[:, 1]], axis=1),
-        np.stack([mid[:, 2], zero, -mid[:, 0]], axis=1),
-        np.stack([-mid[:, 1], mid[:, 0], zero], axis=1),
-    ], axis=1)  # fmt: skip
-    unit = float(np.sqrt(np.mean(theta**2))) or 1.0
-    A = (K[:, :, :, None] * (theta / unit)[:, None, None, :]).reshape(-1, 9)
-    M = np.linalg.lstsq(A, du.reshape(-1), rcond=1e-6)[0].reshape(3, 3) / unit
-    size = np.linalg.svd(M, compute_uv=False)
-    return float(size[:2].mean()) if size[0] > 0 else None
+    # What turns about one axis alone, or spins about gravity, says nothing of some of M: of its
+    # size alone, for each order of the columns, it always does.
+    turned = np.cross(mid, np.einsum("kij,nj->kni", np.array(list(exchanges())), theta))
+    along, square = np.einsum("kni,ni->k", turned, du), np.einsum("kni,kni->k", turned, turned)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        told = np.where((square > 0) & (along > 0), along**2 / square, 0.0)
+    best = int(np.argmax(told))
+    rest = (float(np.sum(du**2)) - float(told[best])) / du.size
+    shows = int((np.linalg.norm(du, axis=1) > SHOWS).sum())
+    # Gravity that turned where nothing was logged says nothing of the gyros.
+    if not told[best] > TELL**2 * rest and shows < FEWEST:
+        return None
+    return float(along[best] / square[best]) if told[best] > 0 else None
 
 
 def _unit(x: FloatArray) -> FloatArray:

@@ -267,6 +267,10 @@ def _spun(log: Log, rests: Rests, spins: list[tuple[int, int, FloatArray]]) -> S
     shown = ", ".join(f"{v:g}" for v in levels[:6]) + (" ..." * (len(levels) > 6))
     seen = f"quiet times that turn, rounded: gyros say {np.degrees(np.abs(along[0])):.4g} first"
     if len(levels) < 3:
+        up, tilt, around = _directions(log, rests)
+        on_faces = len(_faces(up)) == 6 and float(np.mean(tilt < ON_FACE)) > 0.85
+        if on_faces and len(spins) < NEEDED and len(_whole_turns(log, rests, up)) == 3:
+            return _of_faces(log, rests, up, f"{len(rests)} rests in {len(around)} orientations")
         return Session(
             f"{len(rests)} rests, and {len(spins)} spins at {shown} deg/s", seen,
             "norm_observation", {"spin_rate": f"{told[0]:g} deg/s"}, "assumed", rests=len(rests),
