@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from commands import run
 from foucault import campaign
 from foucault.capture import ways
 from foucault.capture.guide import Guide
@@ -30,11 +31,27 @@ USED = LogDescription.model_validate({
 })  # fmt: skip
 
 
-def told(simulate: str = PLAN) -> campaign.Campaign:
-    text = campaign.template("north_seeking")
-    head, _, _rest = text.partition("[simulate]")
+FRAMES = """
+words = "text of a north seeker"
+source = "this test"
+line = { prefix = "$IMU", separator = ",", checksum = false }
+kind = "rate"
+fields = [
+  { name = "time", at = 0, unit = "s" },
+  { name = "accel", at = 1, count = 3, unit = "m/s^2" },
+  { name = "gyro", at = 4, count = 3, unit = "rad/s" },
+]
+"""
+
+
+def text_of(simulate: str = PLAN) -> str:
+    head, _, _rest = campaign.template("north_seeking").partition("[simulate]")
     head = head.replace("# left_out = false", "left_out = false", 1)
-    return campaign.parse(f"{head}[simulate]\n{simulate}\n", "north.toml")
+    return f"{head}[simulate]\n{simulate}\n"
+
+
+def told(simulate: str = PLAN) -> campaign.Campaign:
+    return campaign.parse(text_of(simulate), "north.toml")
 
 
 class Rig:
@@ -111,6 +128,22 @@ def test_all_of_it_is_a_calibration(tmp_path: Path):
     path = guide.way.leave(tmp_path)
     again = campaign.calibrate(campaign.load(path))
     np.testing.assert_allclose(again.coefficients.values, c.values, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.thorough
+def test_by_the_command(tmp_path: Path):
+    said = told()
+    rig, log = Rig(said), tmp_path / "heard.txt"
+    stops = [rig.stop(k) for k in range(guide_of(said).done[1])]
+    rows = np.concatenate([np.column_stack([s.time, s.accel, s.gyro]) for s in stops])
+    log.write_text("".join("$IMU," + ",".join(f"{v:.12g}" for v in row) + "\n" for row in rows))
+    (tmp_path / "north.toml").write_text(text_of())
+    (tmp_path / "frames.toml").write_text(FRAMES)
+    made = run("calibrate", tmp_path / "north.toml", "--live", log, "--frames",
+               tmp_path / "frames.toml", "-o", tmp_path / "run", "--hold", "16 s",
+               "--silence", "2 s", code=0)  # fmt: skip
+    assert "48. Turn the base to 270 deg, table at 330 deg, 16 s: 47 of 48 done" in made.output
+    assert "verdict: pass" in made.output and (tmp_path / "run" / "report.html").is_file()
 
 
 def _truth(said: campaign.Campaign) -> tuple[list[str], list[float]]:
