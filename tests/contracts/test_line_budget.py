@@ -20,7 +20,7 @@ BUDGET = {
     "estimate": 8_361,
     "export": 3_758,
     "guard": 1_941,
-    "infer": 3_661,
+    "infer": 3_662,
     "kernels": 5_324,
     "logs": 7_328,
     "models": 6_376,

@@ -88,7 +88,8 @@ def fit(
             sizes[name] = sizes.get(name, 1.0) * s.k
         order = sorted(causes, key=lambda name: -causes[name].gain)
         named.append({name: causes[name].k for name in order})
-    return found, _judged(first, named, posterior(found).states, groups, reported)
+    judged = _judged(first, named, posterior(found).states, groups, reported)
+    return found, replace(judged, after=seen)
 
 
 def planned(at: Posterior, groups: Mapping[str, Group], reported: Sequence[str]) -> Judgement:
