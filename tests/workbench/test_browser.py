@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
+import sqlite3
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -485,7 +487,12 @@ def shared(laboratory: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     from argon2 import PasswordHasher
 
     folder = tmp_path_factory.mktemp("shared") / "bench"
-    shutil.copytree(laboratory.folder, folder, ignore=shutil.ignore_patterns("workers"))
+    # Its databases are in use: the logs beside them come and go, a backup is whole at any time.
+    left = shutil.ignore_patterns("workers", "*.sqlite*")
+    shutil.copytree(laboratory.folder, folder, ignore=left)
+    for one in laboratory.folder.glob("*.sqlite"):
+        with closing(sqlite3.connect(one)) as of, closing(sqlite3.connect(folder / one.name)) as to:
+            of.backup(to)
     bench = make_bench(folder)
     quick = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1)
     with pytest.MonkeyPatch.context() as patch:
