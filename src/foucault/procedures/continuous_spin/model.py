@@ -283,7 +283,7 @@ class Solved:
         latitude = self.site.latitude
         if latitude is None:
             return float(1 / np.sqrt(3.0))
-        return max(float(np.cos(latitude)) / np.sqrt(2.0), 1e-3)
+        return max(float(np.cos(latitude) / np.sqrt(2.0)), 1e-3)
 
     def own(self, k: int) -> IntArray:
         """Return which of all unknowns are those of spin `k` [1]."""
