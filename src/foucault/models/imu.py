@@ -410,11 +410,14 @@ class ImuModel:
         f_b = _times(_inverse(self.accel_matrix), sensed)
         if not self.accel_quadratic.any():
             return f_b
+        size, back = np.inf, np.eye(3)
         for _ in range(20):
-            miss = self._accel(f_b) - accel
-            step = np.linalg.solve(self._accel_slope(f_b), miss[..., None])[..., 0]
+            if size > 1e-3:  # nearer the slope hardly changes
+                back = np.linalg.inv(self._accel_slope(f_b))
+            step = (back @ (self._accel(f_b) - accel)[..., None])[..., 0]
             f_b = f_b - step
-            if np.max(np.abs(step), initial=0.0) <= 4e-16 * np.max(np.abs(f_b), initial=1.0):
+            size = np.max(np.abs(step), initial=0.0) / np.max(np.abs(f_b), initial=1.0)
+            if size <= 4e-16:
                 break
         return f_b
 
