@@ -68,16 +68,6 @@ class Layout:
     def _index(self) -> dict[str, int]:
         return {name: i for i, name in enumerate(self.names)}
 
-    @cached_property
-    def _groups(self) -> dict[str, list[int]]:
-        """Every name, and every part of one before a dot -> positions."""
-        found: dict[str, list[int]] = {}
-        for i, name in enumerate(self.names):
-            words = name.split(".")
-            for k in range(1, len(words) + 1):
-                found.setdefault(".".join(words[:k]), []).append(i)
-        return found
-
     def __len__(self) -> int:
         return len(self.coefficients)
 
@@ -98,9 +88,10 @@ class Layout:
 
     def group(self, prefix: str) -> npt.NDArray[np.intp]:
         """Return the positions of `prefix` itself or of all names below ``prefix.``."""
-        if prefix not in self._groups:
+        found = [i for i, n in enumerate(self.names) if n == prefix or n.startswith(prefix + ".")]
+        if not found:
             self.index(prefix)  # raises with a suggestion
-        return np.array(self._groups[prefix], dtype=np.intp)
+        return np.array(found, dtype=np.intp)
 
     def subset(self, names: Iterable[str]) -> Layout:
         """Return the layout of `names`, in the order given."""

@@ -36,7 +36,7 @@ sys.path += [str(TESTS / "cli"), str(TESTS)]
 LINES: dict[str, str] = {
     **importlib.import_module("test_bad_values").LINES,
     "report": "run",
-    "optimise": "platform_tumble -o new --restarts 1 --evaluations 5",
+    "optimise": "six_position -o new --restarts 1 --evaluations 5",
     "montecarlo": "six_position -n 2 -o new",
     "calibrate": "hand_rotated.toml -o new",
 }

@@ -35,7 +35,7 @@ from foucault.infer.gauss_newton import student
 from foucault.infer.shown import shares, shown
 from foucault.kernels import pose as kernels
 from foucault.models import imu, pose, size_effect
-from foucault.models.rotation import cross, cross_matrix, exp, right_jacobian_inverse
+from foucault.models.rotation import cross_matrix, exp, right_jacobian_inverse
 from foucault.models.rotation import log as vector_of
 from foucault.navigate.increments import increments_of
 from foucault.tables import Log
@@ -261,10 +261,10 @@ def corrected(r: Readings, at: Point) -> Corrected:
     th = (r.dtheta - at.gyro[0] * r.dt[:, None]) @ K_g.T
     u = (r.dvel + at.late * r.rise - at.accel[0] * r.dt[:, None]) @ K_a.T
     before, less = np.vstack([th[:1], th[:-1]]), np.vstack([u[:1], u[:-1]])
-    coned = th + cross(before, th) / 12
-    turned = cross(th, u)
-    again = cross(th, turned)
-    sculled = u + turned / 2 + again / 6 + (cross(before, u) + cross(less, th)) / 12
+    coned = th + np.cross(before, th) / 12
+    turned = np.cross(th, u)
+    again = np.cross(th, turned)
+    sculled = u + turned / 2 + again / 6 + (np.cross(before, u) + np.cross(less, th)) / 12
     half = r.dt[:, None] * (u / 2 - (u - less) / 12 + turned / 6 + again / 24)
     return Corrected(K_g, K_a, coned, th, sculled, u, half, r.rise @ K_a.T)
 
@@ -356,7 +356,7 @@ def seen(r: Readings, at: Point, c: Corrected) -> Seen:
     w = w + d * (dw + d * bend)
     a = np.einsum("kij,kj->ki", at.C, f) - r.gravity[0] * at.up_v
     CE = at.C @ E
-    fast = at.v + a * d + np.einsum("kij,kj->ki", CE, cross(w, at.lever_b))
+    fast = at.v + a * d + np.einsum("kij,kj->ki", CE, np.cross(w, at.lever_b))
     z = np.zeros((len(d), 6))
     z[:, 3:] = r.position - (at.p + at.v * d + a * d**2 / 2 + CE @ at.lever_b)
     if r.C_vm is not None:

@@ -400,18 +400,15 @@ class ImuModel:
             return self.accel_matrix
         sense = np.sign(_times(self.accel_matrix, f_b))
         slope = (1.0 + self.accel_asymmetry * sense)[..., None] * self.accel_matrix
-        slope += self.accel_quadratic @ products_slope(f_b)
-        return np.asarray(slope)
+        return np.asarray(slope + self.accel_quadratic @ products_slope(f_b))
 
     def _compensate_accel(self, accel: FloatArray) -> FloatArray:
         sensed = accel - self.accel_bias
         if self.accel_asymmetry.any():
             sensed = deflection.sensed(sensed, self.accel_asymmetry, np.zeros(3))
         f_b = _times(_inverse(self.accel_matrix), sensed)
-        if not self.accel_quadratic.any():
-            return f_b
-        size, back = np.inf, np.eye(3)
-        for _ in range(20):
+        size, back = np.inf, self.accel_matrix
+        for _ in range(20 if self.accel_quadratic.any() else 0):
             if size > 1e-3:  # nearer the slope hardly changes
                 back = np.linalg.inv(self._accel_slope(f_b))
             step = (back @ (self._accel(f_b) - accel)[..., None])[..., 0]

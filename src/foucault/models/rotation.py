@@ -43,16 +43,6 @@ def cross_matrix(v: FloatArray) -> FloatArray:
     return out
 
 
-def cross(u: FloatArray, v: FloatArray) -> FloatArray:
-    """Return u x v, shape (..., 3): `np.cross`, which moves axes about, for a few vectors.
-
-    `u`, `v` (..., 3): vectors [any unit].
-    """
-    x, y, z = u[..., 0], u[..., 1], u[..., 2]
-    a, b, c = v[..., 0], v[..., 1], v[..., 2]
-    return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=-1)
-
-
 def exp(phi: FloatArray) -> FloatArray:
     """Return the rotation matrix Exp(phi), shape (..., 3, 3), of a rotation vector.
 

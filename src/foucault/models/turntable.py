@@ -56,7 +56,7 @@ from foucault.coefficients import Coefficient, Layout
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import Readings
-from foucault.models.rotation import cross, cross_matrix, exp
+from foucault.models.rotation import cross_matrix, exp
 from foucault.tables import AXES
 
 RIG = Layout(
@@ -346,10 +346,10 @@ def tangents(o: FloatArray) -> FloatArray:
 
     `o` (n, 3): unit vectors [1].
     """
-    least = np.eye(3)[np.argmin(np.abs(o), axis=1)]
-    first = cross(o, least)
+    K = cross_matrix(o)
+    first = K[np.arange(len(o)), :, np.argmin(np.abs(o), axis=1)]
     first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, cross(o, first)], axis=2)
+    return np.stack([first, (K @ first[:, :, None])[:, :, 0]], axis=2)
 
 
 @dataclass(frozen=True)
@@ -371,9 +371,6 @@ about the vertical is seen by nothing else [rad]."""
 
 STRAIGHT = 1e-6
 """Steps smaller than this need no correction: its square is beyond any reading [rad]."""
-
-NEAR = 1e-9
-"""Corrections of angles smaller than this are the last: the next is its square [rad]."""
 
 
 @dataclass(frozen=True)
@@ -416,9 +413,9 @@ class Angles:
     def _slope(self, v: FloatArray, axes: FloatArray, heading: FloatArray) -> FloatArray:
         """Return how vectors v, shape (n, 3), turn: ``dv = v x a de`` for every axis a."""
         n = len(v)
-        across = cross_matrix(v)
-        turned = across @ axes
-        columns = [across, turned[:, :, [COMMON_AXES[k] for k in self.used]]]
+        cross = cross_matrix(v)
+        turned = cross @ axes
+        columns = [cross, turned[:, :, [COMMON_AXES[k] for k in self.used]]]
         if self.trust.position_sd > 0:
             each = np.zeros((n, 3, n, 2))
             each[np.arange(n), :, np.arange(n), :] = turned[:, :, [MIDDLE, INNER]]
@@ -493,10 +490,9 @@ class Angles:
             now = np.where(new.spin[:, None], at.outer_k, at.up_k) @ new.C_bk.T
             axes = new.C_bk @ at.axes[:, :, [MIDDLE, INNER]]
             # The inner angle does nothing where its axis is vertical: it is left as it is then.
-            back = np.linalg.pinv(cross_matrix(now) @ axes, rcond=1e-2)
-            turn = np.einsum("nij,nj->ni", back, o - now)
-            new = replace(new, position=new.position + turn)
-            if np.abs(turn).max() < NEAR:
+            turn = np.linalg.pinv(cross_matrix(now) @ axes, rcond=1e-2) @ (o - now)[:, :, None]
+            new = replace(new, position=new.position + turn[:, :, 0])
+            if np.abs(turn).max() < STRAIGHT:
                 break
         return new
 
