@@ -410,7 +410,7 @@ class ImuModel:
         size, back = np.inf, self.accel_matrix
         for _ in range(20 if self.accel_quadratic.any() else 0):
             if size > 1e-3:  # nearer the slope hardly changes
-                back = np.linalg.inv(self._accel_slope(f_b))
+                back = np.asarray(np.linalg.inv(self._accel_slope(f_b)), float)
             step = (back @ (self._accel(f_b) - accel)[..., None])[..., 0]
             f_b = f_b - step
             size = np.max(np.abs(step), initial=0.0) / np.max(np.abs(f_b), initial=1.0)

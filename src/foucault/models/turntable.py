@@ -492,7 +492,7 @@ class Angles:
             # The inner angle does nothing where its axis is vertical: it is left as it is then.
             turn = np.linalg.pinv(cross_matrix(now) @ axes, rcond=1e-2) @ (o - now)[:, :, None]
             new = replace(new, position=new.position + turn[:, :, 0])
-            if np.abs(turn).max() < STRAIGHT:
+            if np.abs(turn).max(initial=0.0) < STRAIGHT:
                 break
         return new
 
