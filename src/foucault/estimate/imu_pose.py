@@ -41,7 +41,7 @@ from foucault.infer.shown import shares, shown
 from foucault.kernels import pose as kernels
 from foucault.models import imu, pose, size_effect
 from foucault.models.pose import Second
-from foucault.models.rotation import cross_matrix, exp, right_jacobian_inverse
+from foucault.models.rotation import exp, right_jacobian_inverse
 from foucault.models.rotation import log as vector_of
 from foucault.navigate.increments import increments_of
 from foucault.tables import Log
@@ -369,121 +369,33 @@ class Smoothed:
     following: FloatArray  # (m, 6) covariance with the next, none where noise is white
 
 
-@dataclass(frozen=True)
-class Seen:
-    """What poses should be, and how that hangs on motion and gyros."""
-
-    z: FloatArray  # (m, 6) pose less that: attitude [rad] before position [m]
-    d: FloatArray  # (m, 1) since the node [s]
-    E: FloatArray  # (m, 3, 3) turned since the node [1]
-    CE: FloatArray  # (m, 3, 3) attitude [1]
-    w: FloatArray  # (m, 3) rate [rad/s]
-    fast: FloatArray  # (m, 3) velocity of the point [m/s]
-
-
-def seen(r: Readings, at: Point, c: Corrected) -> Seen:
+def compared(
+    r: Readings, at: Point, c: Corrected, columns: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Compare poses with a point [SI].
 
-    What is turned since a node is that of the parabola of the rate whose means over three intervals
-    are the increments': their mean alone misses what an oscillation does in between, and that would
-    look like a scale factor.
+    Returns poses less it (m, 6), attitude [rad] or second antenna before position [m]; what that
+    changes by with the motion (m, 6, 9) and with the first `columns` parameters, none or 32 [SI].
     """
-    d = (r.at(at.tau, at.kappa) - r.time[at.node])[:, None]
-    h = r.dt[at.node + 1, None]
-    m0, m1, m2 = (c.theta[at.node + k] / r.dt[at.node + k, None] for k in (0, 1, 2))
-    bend = (m2 - 2 * m1 + m0) / (2 * h**2)
-    w, dw = (m0 + m1) / 2 - bend * h**2 / 3, (m1 - m0) / h
-    f = (c.force[at.node] / r.dt[at.node, None] + c.force[at.node + 1] / h) / 2
-    E = exp(d * (w + d * (dw / 2 + d * bend / 3)))
-    w = w + d * (dw + d * bend)
-    a = np.einsum("kij,kj->ki", at.C, f) - r.gravity[0] * at.up_v
-    CE = at.C @ E
-    fast = at.v + a * d + np.einsum("kij,kj->ki", CE, np.cross(w, at.lever_b))
-    z = np.zeros((len(d), 6))
-    p = at.p + at.v * d + a * d**2 / 2
-    z[:, 3:] = r.position - (p + CE @ at.lever_b)
-    if r.C_vm is not None:
-        z[:, :3] = vector_of(np.swapaxes(CE @ at.C_bm, 1, 2) @ r.C_vm)
+    m, none = len(r.stamp), np.zeros((0, 3))
+    z, H, D = np.zeros((m, 6)), np.zeros((m, 6, 9)), np.zeros((m, 6, columns))
+    arm, share, kind = np.zeros(3), 0.0, int(r.C_vm is not None)
     if r.second is not None:
-        arm, with_it = antenna(r, at)
-        z[:, :3] = _along(r, CE @ arm, r.second.place - (with_it * p + CE @ arm))
-    return Seen(np.where(r.measured, z, 0.0), d, E, CE, w, fast)
-
-
-def antenna(r: Readings, at: Point) -> tuple[FloatArray, float]:
-    """Return what turns with the body in what a second antenna says, (3,) [m].
-
-    And how much of the first antenna's position is in it [1].
-    """
-    assert r.second is not None and at.base_b is not None
-    with_it = float(r.second.told == "position")
-    return at.base_b + with_it * at.lever_b, with_it
-
-
-def _along(r: Readings, base: FloatArray, rows: FloatArray) -> FloatArray:
-    """Return `rows` (m, 3, ...) of a second antenna along the `base` (m, 3) [m], and across it.
-
-    Of a position or a base as they are: all three are measured. Axes are those of the base that is
-    expected: those of the measured one hold its noise, which would be a length.
-    """
-    if r.second is None or r.second.told != "direction":
-        return rows
-    e = base / np.linalg.norm(base, axis=1)[:, None]
-    level = np.column_stack([e[:, 1], -e[:, 0], 0.0 * e[:, 0]])
-    level /= np.linalg.norm(level, axis=1)[:, None]
-    axes = np.stack([e, level, np.cross(level, e)], axis=1)
-    return np.asarray(np.einsum("kij,kj...->ki...", axes, rows))
+        assert at.base_b is not None
+        share, kind = float(r.second.told == "position"), 2 + (r.second.told == "direction")
+        arm = at.base_b + share * at.lever_b
+    kernels.compared(
+        at.node, r.at(at.tau, at.kappa) - r.time[at.node], r.stamp - r.middle, r.dt, c.theta,
+        c.force, c.raw_g, c.K_g, at.C, at.v, at.p, -r.gravity[0] * at.up_v, at.C_bm, at.lever_b,
+        arm, share, kind, r.position, none if r.second is None else r.second.place,
+        np.zeros((0, 3, 3)) if r.C_vm is None else r.C_vm, z, H, D,
+    )  # fmt: skip
+    return np.where(r.measured, z, 0.0), H, D
 
 
 def misses(r: Readings, at: Point) -> FloatArray:
     """Return poses less those of a point, (m, 6): attitude [rad] before position [m]."""
-    return seen(r, at, corrected(r, at)).z
-
-
-def slopes(
-    r: Readings, at: Point, c: Corrected, s: Seen, motion: bool = False
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return what poses change by with motion, (m, 6, 9), and parameters, (m, 6, 32) [SI].
-
-    `motion`: alone, without any parameters.
-    """
-    H, D = np.zeros((len(s.d), 6, 9)), np.zeros((len(s.d), 6, 0 if motion else 32))
-    since = (r.stamp - r.middle)[:, None]
-    H[:, 3:, :3] = -at.C @ cross_matrix(s.E @ at.lever_b)
-    H[:, [3, 4, 5], [3, 4, 5]], H[:, [3, 4, 5], [6, 7, 8]] = s.d, 1.0
-    if r.C_vm is not None:
-        H[:, :3, :3] = at.C_bm.T @ np.swapaxes(s.E, 1, 2)
-    arm, with_it = np.zeros(3), 0.0
-    if r.second is not None:
-        arm, with_it = antenna(r, at)
-        H[:, :3] = with_it * H[:, 3:]
-        H[:, :3, :3] = -at.C @ cross_matrix(s.E @ arm)
-        H[:, :3] = _along(r, s.CE @ arm, H[:, :3])
-    if motion:
-        return H, D
-    D[:, 3:, 3:6], D[:, 3:, 6], D[:, 3:, 7] = s.CE, s.fast, s.fast * since
-    # What was turned since the node hangs on the errors of the gyros.
-    raw = c.raw_g[at.node + 1] / r.dt[at.node + 1, None] * s.d
-
-    def turning(by: FloatArray, rows: slice) -> None:
-        by_K = by @ c.K_g
-        D[:, rows, 10:13] = -by_K * s.d[:, :, None]
-        D[:, rows, 16:25] = -(by_K[..., None] * raw[:, None, None]).reshape(-1, 3, 9)
-
-    turning(-s.CE @ cross_matrix(at.lever_b), slice(3, 6))
-    if r.C_vm is not None:
-        turning(at.C_bm.T, slice(0, 3))
-        D[:, [0, 1, 2], [0, 1, 2]], D[:, :3, 6] = 1.0, s.w @ at.C_bm
-        D[:, :3, 7] = D[:, :3, 6] * since
-    if r.second is not None:
-        assert at.base_b is not None
-        turning(-s.CE @ cross_matrix(arm), slice(0, 3))
-        D[:, :3, :3], D[:, :3, 3:6] = s.CE, with_it * s.CE
-        moving = s.fast - np.einsum("kij,kj->ki", s.CE, np.cross(s.w, at.lever_b))
-        D[:, :3, 6] = with_it * moving + np.einsum("kij,kj->ki", s.CE, np.cross(s.w, arm))
-        D[:, :3, 7] = D[:, :3, 6] * since
-        D[:, :3] = _along(r, s.CE @ arm, D[:, :3])
-    return H, D
+    return compared(r, at, corrected(r, at), 0)[0]
 
 
 @dataclass(frozen=True)
@@ -521,13 +433,12 @@ def linear(r: Readings, at: Point, hold: IntArray, motion: bool = False) -> Line
     # Nothing leads over a gap, nor into a world that has jumped.
     apart = np.flatnonzero(np.diff(r.broken[at.node] + r.jumped, prepend=0))
     u[apart], J[apart], Q[apart] = 0.0, 0.0, np.diag(START_SD**2)
-    compared = seen(r, at, c)
-    H, D = slopes(r, at, c, compared, motion)
+    z, H, D = compared(r, at, c, 0 if motion else 32)
     if not motion:
         D[:, :, hold] = 0.0
     J[:, :, hold[hold >= 10] - 10] = 0.0
     G = -r.gravity[0] * at.across
-    return Linear(moved, J, Q, u, compared.z, H, D, 0.0 * G if 8 in hold else G, at.C)
+    return Linear(moved, J, Q, u, z, H, D, 0.0 * G if 8 in hold else G, at.C)
 
 
 def one_pass(

@@ -236,8 +236,8 @@ def _readings(log: Log, given: Given[Settings]) -> tuple[Readings, PoseTable]:
     C = None if table.quaternion is None else table.attitude(table.reading or _ANY)
     gravity = given.site.gravity, given.site.gravity_sd
     r = Readings.of(log, table.time, table.position, C, white, gravity)
-    r = replace(r, second=second, length=known)
-    return replace(r, jumped=poses.jumps_of(replace(table, position=r.place))), table
+    jumped = poses.jumps_of(replace(table, position=r.place))
+    return replace(r, second=second, length=known, jumped=jumped), table
 
 
 _ANY = "w x y z, body to world"
@@ -250,8 +250,7 @@ def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, Start]:
     if table.quaternion is None:
         start, point = start_of_places(log, r, settings.longest_offset)
         _contradicted_places(start, given.site.gravity)
-        if r.second is not None:
-            not_exchanged(point, given.prior)
+        not_exchanged(point, given.prior)
     else:
         start = start_of(log, r, table)
         point = start.point
@@ -267,11 +266,10 @@ def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, Start]:
         point = replace(point, node=point.node[inside], C=point.C[inside], v=point.v[inside],
                         p=point.p[inside])  # fmt: skip
     given.progress(0.3, "smoothing the motion")
-    hold = np.array(settings.held(bool(r.measured[:, :3].any())), int)
-    first = settings.attitude_sd if r.second is None else settings.second_sd
+    hold = np.array(settings.held(bool(r.measured[:, 1].any())), int)
+    sd = settings.attitude_sd if r.second is None else settings.second_sd, settings.position_sd
     found = engine.solve(
-        r, point, given.prior, (first, settings.position_sd),
-        robust=settings.robust, most=settings.passes, hold=hold,
+        r, point, given.prior, sd, robust=settings.robust, most=settings.passes, hold=hold,
     )  # fmt: skip
     return found, start
 
@@ -436,8 +434,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         "unseen": _unseen(s),
         "iterations": s.passes,
         "pose": {
-            "used": int((s.noise.weights[ok[:, 4], 1] > 0.5).sum()),
-            "read": len(s.readings.stamp),
+            "used": int((s.noise.weights[ok[:, 4], 1] > 0.5).sum()), "read": len(ok),
             "attitude_sd": None if s.readings.C_vm is None else s.noise.attitude,
             "position_sd": s.noise.position, "reading": start.reading,
             "colour": s.spread, "halves": s.halves, "lag_one": list(s.lag_one),
