@@ -93,8 +93,8 @@ def perfect(model, C_bk, site, down=()):
     first = n * np.arange(3)
     turns = TurnReadings(
         np.eye(3), np.full(3, TURN), np.array([u for u, _, _ in rows]),
-        np.array([w for _, w, _ in rows]), np.array([f for _, _, f in rows]), log.time[first],
-        np.full(3, n * dt), np.arange(6, 9), first, first + n,
+        np.array([w for _, w, _ in rows]), np.array([f for _, _, f in rows]), np.zeros(3),
+        log.time[first], np.full(3, n * dt), np.arange(6, 9), first, first + n,
     )  # fmt: skip
     return rests, turns, log
 

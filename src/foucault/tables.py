@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 AXES = ("x", "y", "z")
 
+GAP = 1.5
+"""An interval longer than this many usual ones is a gap [1]."""
+
 
 @dataclass(frozen=True)
 class Column:
@@ -303,6 +306,16 @@ class Log(Shown):
     def interval(self) -> float:
         """Nominal sample interval, the median of the differences [s]."""
         return float(np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
+
+    @cached_property
+    def lasting(self) -> FloatArray:
+        """Time that each sample stands for, of a gap half of what is missing, shape (n,) [s]."""
+        step = np.diff(self.time)
+        missing = np.where(step > GAP * self.interval, step - self.interval, 0.0)
+        out = np.full(len(self), self.interval)
+        out[:-1] += missing / 2
+        out[1:] += missing / 2
+        return out
 
     @property
     def rate(self) -> float:

@@ -200,7 +200,7 @@ def test_one_turn_in_the_other_sense_is_named(log, axis):
     sign = np.where(np.array(list("xyz")) == axis, -1.0, 1.0)
     problem = code_of(turns_of, replace(log, gyro=log.gyro * sign))
     assert problem.code == "turns.sense"
-    assert f"about {axis} go against" in problem.message
+    assert f"The first turn about {axis} goes against" in problem.message
     assert "that gyro has the wrong sign" in problem.cure
 
 

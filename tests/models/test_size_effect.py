@@ -12,9 +12,8 @@ from foucault.models.ins_errors import Sensors
 from foucault.models.layouts import EVERY, gravity_slope, model_of
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
-from foucault.models.size_effect import GAP, SizeEffect, changes, with_size_effect
 from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
-from foucault.navigate import increments
+from foucault.models.size_effect import SizeEffect, changes, with_size_effect
 from foucault.navigate.increments import increments_of
 from foucault.navigate.ins_filter import Updates, run
 from foucault.navigate.strapdown import State, navigate
@@ -144,7 +143,6 @@ def test_changes_of_a_log_beside_a_gap(sampled):
     means = Log(t, log.gyro, log.accel, averaged=np.full(10, 5.0))
     assert not np.any(changes(means))
     assert not np.any(changes(log[:1]))
-    assert GAP == increments.GAP
 
 
 def test_coefficients_and_places_are_two_forms_of_one_thing():

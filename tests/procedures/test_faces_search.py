@@ -27,19 +27,21 @@ def space_of(name: str, wanted: str = "") -> FaceSpace:
 
 def test_every_plan_rests_on_each_face_in_the_time_there_is() -> None:
     bench = space_of("ferraris", 'time = "3 min"\nrests = 12\nrest_time = "4 s"').allowed
-    rng, plan, kept = np.random.default_rng(2), None, 0
+    rng, plan, kept, turned = np.random.default_rng(2), None, 0, set()
     for _ in range(400):
         plan = bench.draw(rng) if plan is None else bench.moved(plan, rng, 0.5)
         if plan is None:
             continue
         kept += 1
-        rest, faces = plan
+        rest, faces, back = plan
         assert set(faces) == set(FACES) and len(faces) <= 12 and rest >= 4
         assert all(a != b for a, b in pairwise(faces))
         done = bench.steps(plan)
         assert 180 - 0.1 * len(done.rest_time) <= done.duration <= 180 + 1e-6
-        assert len(done.rest_time) == len(faces) + 3  # one turn about each axis, whatever repeats
-    assert kept > 100
+        # A turn about each axis, whatever repeats, and one back.
+        assert len(done.rest_time) == len(faces) + 3 * (1 + bool(back))
+        turned |= {back}
+    assert kept > 100 and turned == {None, 5.0, 10.0}
 
 
 @pytest.mark.thorough
@@ -47,13 +49,17 @@ def test_every_plan_rests_on_each_face_in_the_time_there_is() -> None:
 def test_faces_are_rested_on_again_where_that_shows_more(name: str) -> None:
     space = space_of(name)
     found = descend(space, np.random.default_rng(0), 25)
-    rest, faces = found.plan
+    rest, faces, back = found.plan
     assert space.reference[1] == NAMES and len(faces) > len(NAMES) and found.cost < -0.02
     assert all(limit.kept for limit in space.needs(found.plan))
     # The file does what was judged.
     told = space.changes(found.plan)["simulate"]
-    session = load(name).Session.model_validate({"order": told["order"], "rest_time": rest})
+    turned = {"back_time": told["back_time"]} if back else {}
+    given = {"order": told["order"], "rest_time": rest} | turned
+    session = load(name).Session.model_validate(given)
     assert session.faces == faces
+    # Both senses, at two rates: with one of each a scale that hangs on them is not seen.
+    assert (back == 10.0) is (name == "ferraris")
     assert session.plan(load(name).Settings(), 0).duration == pytest.approx(
         space.duration(found.plan)
     )

@@ -378,11 +378,76 @@ def test_each_axis_may_have_a_known_angle_of_its_own():
     # The same angle for all is another session.
     with pytest.raises(FoucaultError, match="measures 89 deg about z, 360 deg are declared"):
         calibrate(log, angle=(TURN, -2 * TURN, TURN), **ends)
-    with pytest.raises(FoucaultError, match=r"about z go against the declared angle of -90 deg"):
+    with pytest.raises(FoucaultError, match=r"about z goes against the declared angle of -90 deg"):
         calibrate(log, angle=("360 deg", "-720 deg", "-90 deg"), **ends)
     with pytest.raises(FoucaultError, match=r"declared angle of -360, .720, -90 deg") as caught:
         calibrate(log, angle=("-360 deg", "720 deg", "-90 deg"), **ends)
     assert 'set angle = ["+360 deg", "-720 deg", "+90 deg"] in' in str(caught.value)
+
+
+@pytest.mark.parametrize("angle", [-TURN, UNEQUAL])
+def test_turns_back_are_told_by_the_gyros(angle):
+    angles = ferraris.Settings(angle=angle).angle
+    ends = {"angle_sd": np.radians(0.05), "level_sd": ARCMIN, "placement_sd": ARCMIN}
+    log, model = short_log(seed=4, angle=angles, back_time=3.0, **ends)
+    result = calibrate(log, angle=angle, **ends)
+    assert result.verdict.level is Level.PASS and len(result.diagnostics["turns"]) == 6
+    senses = [text.split(", ")[2] for text in result.diagnostics["turns"]]
+    assert all(a != b for a, b in zip(senses[::2], senses[1::2], strict=True))
+    truth = model.coefficients(result.coefficients.names).values
+    low, high = chi_square_limits(len(truth))
+    error = result.coefficients.values - truth
+    assert low < nees(error[None], result.coefficients.cov[None]).sum() < high
+    once = calibrate(short_log(seed=4, angle=angles, **ends)[0], angle=angle, **ends)
+    sds = [made.coefficients["gyro.scale"].sd for made in (once, result)]
+    np.testing.assert_allclose(sds[1], sds[0] / np.sqrt(2), rtol=0.1)
+    with pytest.raises(FoucaultError, match="The first turn about each axis goes against"):
+        calibrate(log, angle=tuple(-np.broadcast_to(angles, 3)), **ends)
+
+
+@pytest.mark.parametrize("back", ["10 s", "2.5 s"])
+def test_turned_back_at_another_speed_a_cubic_scale_factor_shows(back):
+    """Five times what is typical: 0.5 % at 150 deg/s."""
+    text = template("ferraris").replace("[simulate]\n", f'[simulate]\nback_time = "{back}"\n')
+    campaign = parse(text)
+    made = simulate_campaign(campaign, 0)
+    log = made.simulation.log
+    bent = replace(log, gyro=log.gyro * (1 + 5e-3 * (log.gyro / np.radians(150)) ** 2))
+    level = {}
+    for some in (log, bent):
+        result = ferraris.calibrate(some, site=campaign.site, settings=campaign.settings,
+                                    noise=campaign.noise, sizes=campaign.sizes)  # fmt: skip
+        names = result.coefficients.names
+        error = result.coefficients.values - [made.truth.value(n) for n in names]
+        assert nees(error[None], result.coefficients.cov[None]).sum() < 1.2 * len(error)
+        level[some is bent] = result.verdict.level
+    assert level == {False: Level.PASS, True: Level.DOUBTFUL}
+
+
+@pytest.mark.parametrize("missing", [0.1, 0.5])
+def test_a_turn_with_missing_rows_counts_less(missing):
+    """Half a second of a turn of two: bridged, it is known far worse than the others."""
+    ends = {"angle_sd": np.radians(0.05), "level_sd": ARCMIN, "placement_sd": ARCMIN}
+    log, model = short_log(seed=4, angle=TURN, **ends)
+    first = find_turns(log, find_faces(log, SITE.gravity), TURN)[1]
+    a, b = int(first.first[1]), int(first.last[1])
+    fastest = a + int(np.abs(log.gyro[a:b]).max(axis=1).argmax())
+    cut = (a + fastest) // 2 + np.arange(round(missing * log.rate))
+    short = log[np.setdiff1d(np.arange(len(log)), cut)]
+    turns = find_turns(short, find_faces(short, SITE.gravity), TURN)[1]
+    off = turns.gyro[1] - first.gyro[1]
+    assert (turns.bridged > 0).tolist() == [False, True, False]
+    assert np.abs(off).max() < 3.5 * turns.bridged[1]
+    np.testing.assert_allclose(turns.time, first.time, atol=1e-9)
+    result = calibrate(short, angle=TURN, **ends)
+    error = result.coefficients.values - model.coefficients(result.coefficients.names).values
+    assert result.verdict.level is Level.PASS
+    assert np.abs(error / result.coefficients.sd).max() < 4
+    whole = calibrate(log, angle=TURN, **ends)
+    worse = result.coefficients["gyro.scale"].sd / whole.coefficients["gyro.scale"].sd
+    axis = int(np.argmax(turns.axis_k[1]))
+    assert worse[axis] == worse.max() and np.delete(worse, axis).max() < 1.1
+    assert (worse[axis] > 20) == (missing == 0.5)
 
 
 def test_angles_of_the_axes_are_read_from_a_campaign():

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from foucault.detect.stretches import find_rests
 from foucault.errors import FoucaultError, Status
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE
@@ -428,3 +429,20 @@ def test_g_sensitivity_that_is_not_modelled():
     low, high = chi_square_limits(9)
     assert low < square < high
     assert better.verdict.level is Level.PASS
+
+
+# -- missing rows ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("missing", [0.1, 0.4, 1.0, 3.0])
+def test_a_turn_with_missing_rows_counts_less_and_nobody_is_accused(missing):
+    """Up to a whole turn: what a line over the gap misses is seen in the other turns."""
+    log = made().log
+    rests = find_rests(log)
+    middle = (log.time[rests.last[3] - 1] + log.time[rests.first[4]]) / 2 + 0.1
+    rows = np.flatnonzero(np.abs(log.time - middle) >= missing / 2)
+    result = calibrate(log[rows], site=SITE)
+    assert result.verdict.level is Level.PASS and "session.outlier" not in codes(result)
+    truth = draw_errors("tactical", 1).coefficients(result.coefficients.names).values
+    assert np.abs((result.coefficients.values - truth) / result.coefficients.sd).max() < 4
+    assert "gaps in turns" in result.diagnostics["budget"]

@@ -269,9 +269,12 @@ def test_sizes_that_fit_no_clock_are_told(log, tmp_path):
 # -- other sessions, and real ones -------------------------------------------------------------
 
 
-def bare(name: str, folder: Path, seed: int = 3):
+def bare(name: str, folder: Path, seed: int = 3, **session: str):
     """Write a simulated session of a procedure as a bare log; return it with its truth."""
-    made = campaign.simulate(campaign.parse(campaign.template(name)), seed)
+    text = campaign.template(name)
+    more = "".join(f'{key} = "{value}"\n' for key, value in session.items())
+    text = text.replace("[simulate]\n", f"[simulate]\n{more}")
+    made = campaign.simulate(campaign.parse(text), seed)
     log = made.simulation.log
     file = folder / f"{name}.csv"
     titles, columns = "t,ax,ay,az,gx,gy,gz", [log.time, log.accel, log.gyro]
@@ -294,8 +297,12 @@ def test_a_session_on_a_table_goes_from_a_bare_file_to_the_truth(name, tmp_path)
     check_session(name, tmp_path)
 
 
-def check_session(name: str, folder: Path) -> None:
-    file, truth = bare(name, folder)
+def test_turns_in_both_senses_go_from_a_bare_file_to_the_truth(tmp_path):
+    check_session("ferraris", tmp_path, back_time="8 s")
+
+
+def check_session(name: str, folder: Path, **session: str) -> None:
+    file, truth = bare(name, folder, **session)
     held = found([file], site={"latitude": "48.8462 deg", "height": "60 m"})
     assert held.session.procedure == name, held.session
     result = campaign.calibrate(held.campaign)
@@ -353,7 +360,7 @@ def test_real_logs_that_calibrate_nothing_say_what_they_are():
 
 
 @pytest.mark.thorough
-def test_a_turn_with_a_gap_is_left_out_and_no_term_is_blamed_for_it(tmp_path):
+def test_a_turn_with_a_gap_counts_less_and_no_term_is_blamed_for_it(tmp_path):
     file, truth = bare("hand_rotated", tmp_path)
     head, *rows = file.read_text().splitlines()
     rate = np.array([row.split(",")[4:7] for row in rows], float)

@@ -20,7 +20,7 @@ from foucault.detect.stretches import means_of, runs
 from foucault.errors import Finding, error, finding
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import Dwells
-from foucault.tables import IndexedLog
+from foucault.tables import GAP, IndexedLog
 from foucault.units import span
 
 STILL = np.radians(0.1)
@@ -37,9 +37,6 @@ PIECE = (np.radians(5.0), np.radians(30.0))
 
 PIECES = 200
 """Pieces that a rotation is cut into where their size allows it [1]."""
-
-GAP = 1.5
-"""A dwell ends where the next sample comes later than so many intervals [1]."""
 
 BLOCK = 1.0
 """Noise is measured by means over so long: shorter ones may be smoothed by the instrument [s]."""

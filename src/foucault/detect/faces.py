@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from foucault.detect.stretches import (
     turning,
 )
 from foucault.errors import Finding, FoucaultError, error, finding, suggestion
-from foucault.models.rests_and_turns import SIX, FaceReadings, TurnReadings, face_name
+from foucault.models.rests_and_turns import SIX, FaceReadings, TurnReadings, bridged, face_name
 from foucault.tables import AXES, Log
 
 Sections = Mapping[str, Sequence[int]]
@@ -332,8 +333,8 @@ class _Candidate:
         return k if abs(ratio / k - 1) <= TOLERANCE else 0
 
     def turned(self, angles: FloatArray) -> float:
-        """Return the angle that was turned, were the turn as declared [rad]."""
-        return float(self.times(angles) * angles[self.axis])
+        """Return the angle that was turned, in the sense that the gyros say [rad]."""
+        return float(self.times(angles) * np.copysign(angles[self.axis], self.size))
 
     def where(self, log: Log) -> str:
         if self.section:
@@ -350,9 +351,9 @@ def find_turns(
     """Find the turns, and join the rests before and after each to one placement.
 
     `log`: readings with gyros [SI]; `angle`: declared angle of a turn about the positive axis, of
-    all or of x, y and z [rad]; `sections` (2,) or None: first sample of each turn and the sample
-    after its last, by names such as x_rot. Raises no gyros, no turn about an axis, a turn that is
-    not whole, in the other sense, or about another axis.
+    all or of x, y and z, that of the first about each [rad]; `sections` (2,) or None: first sample
+    of each turn and the sample after its last, by names such as x_rot. Raises no gyros, no turn
+    about an axis, a turn that is not whole or about another axis, first turns in the other sense.
     """
     if log.gyro is None:
         raise error("turns.no_gyro")
@@ -370,15 +371,31 @@ def find_turns(
             _section_as_declared(log, c, angles)
     _all_axes(log, found, whole, angles)
     _sense(log, whole, angles)
-    # A part of a turn leads to another heading, and another side of the support.
-    same = [c for c in whole if c.after >= 0 and is_whole(c.turned(angles))]
-    faces = faces.joined([(c.before, c.after) for c in same])
+    faces = faces.joined(_returned(whole, angles))
     return faces, _turn_readings(log, faces, whole, angles)
+
+
+def _returned(whole: list[_Candidate], angles: FloatArray) -> list[tuple[int, int]]:
+    """Return pairs of rests between which turns lead back to the same heading.
+
+    A part of a turn leads to another heading, and another side of the support.
+    """
+    stood: dict[int, tuple[int, float]] = {}  # rest -> the first of its turns, and what was turned
+    for c in whole:
+        if c.after >= 0:
+            first, turned = stood.setdefault(c.before, (c.before, 0.0))
+            stood[c.after] = first, turned + c.turned(angles)
+
+    def same(a: int, b: int) -> bool:
+        turns = (stood[a][1] - stood[b][1]) / (2 * np.pi)
+        return stood[a][0] == stood[b][0] and abs(turns - round(turns)) <= WHOLE
+
+    return [(a, b) for a, b in combinations(stood, 2) if same(a, b)]
 
 
 def _net(log: Log, a: int, b: int, bias: FloatArray) -> FloatArray:
     assert log.gyro is not None
-    return np.asarray((log.gyro[a:b] - bias).sum(axis=0) * log.interval)
+    return np.asarray(log.lasting[a:b] @ (log.gyro[a:b] - bias))
 
 
 def _between(log: Log, faces: Faces, bias: FloatArray) -> list[_Candidate]:
@@ -458,16 +475,22 @@ def _all_axes(
 
 
 def _sense(log: Log, whole: list[_Candidate], angles: FloatArray) -> None:
-    """Refuse turns in the other sense than declared: all of them, or some."""
-    against = [c for c in whole if c.size * angles[c.axis] < 0]
+    """Refuse axes about which it was first turned in the other sense than declared: all, or some.
+
+    What comes later is told by the gyros, whose sign the first turn has shown.
+    """
+    begun = [min((c for c in whole if c.axis == a), key=lambda c: c.first) for a in range(3)]
+    against = [c for c in begun if c.size * angles[c.axis] < 0]
     if not against:
         return
-    if len(against) == len(whole):
+    if len(against) == len(begun):
         raise error("turns.reversed", declared=_degrees(angles), other=_as_key(-angles))
     axes = sorted({c.axis for c in against})
     names = ", ".join(AXES[a] for a in axes)
     where = "; ".join(c.where(log) for c in against)
-    raise error("turns.sense", axes=names, where=where, declared=_degrees(angles[axes]))
+    other = np.where(np.isin(range(3), axes), -angles, angles)
+    raise error("turns.sense", axes=names, where=where, declared=_degrees(angles[axes]),
+                other=_as_key(other))  # fmt: skip
 
 
 def _degrees(angles: FloatArray) -> str:
@@ -486,7 +509,11 @@ def _turn_readings(
 ) -> TurnReadings:
     assert log.gyro is not None
     assert log.accel is not None
-    dt = log.interval
+
+    def added(x: FloatArray) -> FloatArray:
+        spans = (slice(c.first, c.last) for c in whole)
+        return np.array([log.lasting[some] @ x[some] for some in spans])
+
     first = np.array([c.first for c in whole], np.int64)
     last = np.array([c.last for c in whole], np.int64)
     group = [int(faces.readings.group[c.before]) if c.before >= 0 else c.group for c in whole]
@@ -494,10 +521,11 @@ def _turn_readings(
         axis_k=np.eye(3)[[c.axis for c in whole]],
         angle=np.array([c.turned(angles) for c in whole]),
         up_k=np.array([c.up_k for c in whole]),
-        gyro=np.array([log.gyro[c.first : c.last].sum(axis=0) * dt for c in whole]),
-        accel=np.array([log.accel[c.first : c.last].sum(axis=0) * dt for c in whole]),
+        gyro=added(log.gyro),
+        accel=added(log.accel),
+        bridged=bridged(log, np.maximum(first - 1, 0), np.minimum(last, len(log) - 1)),
         start=log.time[first],
-        time=np.asarray((last - first) * dt),
+        time=added(np.ones(len(log))),
         group=np.array(group, np.int64),
         first=first,
         last=last,

@@ -21,7 +21,7 @@ from foucault.guard.rest import first_rest, same_unit
 from foucault.logs import checks
 from foucault.logs import checks as log_axes
 from foucault.logs.reading import implausible
-from foucault.tables import AXES, Log
+from foucault.tables import AXES, GAP, Log
 from foucault.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def inspect(log: Log) -> Inspection:
         gyro=_axes(log.gyro, log.interval, still, log.sampled == "increment"),
         shortest=float(step.min(initial=np.inf)),
         longest=float(step.max(initial=0.0)),
-        gaps=int(np.count_nonzero(step > 1.5 * log.interval)),
+        gaps=int(np.count_nonzero(step > GAP * log.interval)),
         turning=turning,
     )
 

@@ -27,8 +27,8 @@ change of gauge.
 
 No instrument lies on a face as it should. Up differs from the case axis by a small random vector
 d across it, another one in each placement; turning the instrument on the spot keeps it. The axis
-of a turn differs from up by another one, for the support is not level, and the angle of a turn is
-not what it was meant to be::
+of a turn differs from up by another one, for the support is not level, that of a turn back by the
+same; and the angle of a turn is not what it was meant to be::
 
     turn    W_t = ... + A_g C_bk angle (+-d + d_level) + A_g C_bk axis_k d_angle
 
@@ -320,10 +320,12 @@ class FaceNoise:
         time = rests.time[:, None]
         turn = np.zeros((0, 1)) if turns is None else turns.time[:, None]
         quiet = np.minimum(turn, QUIET_ENDS)
+        lost = np.zeros((0, 1)) if turns is None else turns.bridged[:, None]
         return cls(
             noise.accel_psd / time + noise.accel_rounding**2 + 2 * noise.accel_carried / time**2,
             noise.gyro_psd / time + 2 * noise.gyro_carried / time**2,
-            noise.turn_psd * turn + (noise.gyro_rounding * quiet) ** 2 + 2 * noise.gyro_carried,
+            noise.turn_psd * turn + (noise.gyro_rounding * quiet) ** 2 + 2 * noise.gyro_carried
+            + lost**2,
             noise, source,
         )  # fmt: skip
 
@@ -520,9 +522,11 @@ class OnFaces:
             off[row, :, own], square[row, :, own] = sign[:, None, None] * tilt, squares
             level = np.concatenate([tilt, near[1] * squares[:, :, None]], axis=2)
             angle = (turns.axis_k @ seen.T)[:, :, None]
+            # The support is as level as before where it is turned on again, either way.
+            support = np.unique(turns.group, return_inverse=True)[1]
             out = [
-                replace(self.tilt(k + 1), each=self._rows(2 * n, one))
-                for k, one in enumerate((level, angle))
+                replace(self.tilt(1), shared=self._grouped(2 * n, level, support)),
+                replace(self.tilt(2), each=self._rows(2 * n, angle)),
             ]
         first = off.reshape(len(off), 3, -1)
         out.append(replace(self.tilt(0), shared=np.concatenate([first, near[0] * square], axis=2)))

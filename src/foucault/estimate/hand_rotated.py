@@ -280,6 +280,10 @@ class RestsAndTurns:
             turn = np.linalg.cholesky(at.turn_noise + 2 * np.diag(noise.gyro_carried))
             out.append(Source("gyro noise", rows(n, np.concatenate([rest, turn])),
                               self._rounding(at), noise=True, type=kind, basis=basis))  # fmt: skip
+            if s.bridged.any():
+                lost = rows(2 * n, s.bridged[:, None, None] * np.eye(3))
+                out.append(Source("gaps in turns", lost, type="A",
+                                  basis="lines over as long a time in the turns"))  # fmt: skip
             if _wanders(noise.slow.gyro):
                 effect = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), at.turn_bias])
                 tied = np.einsum("iac,ij->iajc", effect, self._slow[1]).reshape(2 * n - 1, 3, -1)

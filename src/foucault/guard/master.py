@@ -23,6 +23,7 @@ from foucault.models.rotation import angles_of, matrix_of
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.transfer import Messages
 from foucault.navigate.increments import Increments
+from foucault.tables import GAP
 from foucault.units import STANDARD_GRAVITY, plain
 
 OVER = 2.0
@@ -48,9 +49,6 @@ SURE_SD = 3.0
 
 OTHER_SIZE = 0.05
 """Turning that differs by more in size is told [1]."""
-
-GAP = 1.5
-"""Messages that are so many times the usual apart are not compared [1]."""
 
 ALIKE = 0.9
 """Of what a slave turns on its master, the master turns at least so much too, as a variance [1]."""

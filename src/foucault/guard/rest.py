@@ -43,8 +43,8 @@ from foucault.kernels.rotation import integrate_turns
 from foucault.logs.description import LogDescription
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.rests_and_turns import Session
-from foucault.navigate.increments import GAP, Increments
-from foucault.tables import AXES, Log
+from foucault.navigate.increments import Increments
+from foucault.tables import AXES, GAP, Log
 from foucault.units import convert, plain, span
 
 if TYPE_CHECKING:

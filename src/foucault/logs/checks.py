@@ -20,11 +20,8 @@ from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.models.earth import EARTH_RATE
 from foucault.models.temperature import KELVIN_IN_CELSIUS
 from foucault.symptoms import SYMPTOMS
-from foucault.tables import AXES, Log
+from foucault.tables import AXES, GAP, Log
 from foucault.units import STANDARD_GRAVITY, ZERO_CELSIUS, factor, plain, span
-
-GAP = 1.5
-"""An interval longer than this many nominal intervals is a gap [1]."""
 
 IRREGULAR = (0.1, 0.01)
 """Irregular: this part of an interval off [1], in more than this part of all intervals [1]."""

@@ -36,7 +36,7 @@ from foucault.logs.dialect import decoder, dialect_of, encoded, is_text
 from foucault.logs.own import table_of
 from foucault.logs.raw import Progress, RawTable, of_own, open_raw, unreadable
 from foucault.logs.reading import converted, finished, implausible, limits_si, read
-from foucault.tables import Clock, Log
+from foucault.tables import GAP, Clock, Log
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
@@ -366,7 +366,7 @@ class Follower:
         self._times = np.concatenate([self._times, time])[-1000:]
         usual = np.median(np.diff(self._times)) if len(self._times) > 1 else np.nan
         step = np.diff(time, prepend=before if len(before) else np.nan)
-        return np.where(step <= checks.GAP * usual, step, usual)
+        return np.where(step <= GAP * usual, step, usual)
 
 
 class RowFollower(Follower):
@@ -580,7 +580,7 @@ def _logs(parts: Iterator[Checked], used: LogDescription, sampled: Any) -> Itera
                 findings += tuple(item for item in told if item.code != "log.stuck")
         if kind == "increment":
             dt = np.diff(seen, prepend=[np.nan] * (1 - len(before)))
-            dt[~(dt <= checks.GAP * nominal)] = nominal
+            dt[~(dt <= GAP * nominal)] = nominal
             for name in triads.keys() & data.keys():
                 data[name] /= dt[:, None]
         log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind,

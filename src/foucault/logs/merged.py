@@ -19,7 +19,8 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
 from foucault.errors import Finding, error, finding
-from foucault.logs.checks import GAP, timing
+from foucault.logs.checks import timing
+from foucault.tables import GAP
 
 GRIDS = ("gyro", "accel")
 """The slowest file that holds one of these gives the instants."""

@@ -17,8 +17,7 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, error
 from foucault.files import atomic
-from foucault.logs.checks import GAP
-from foucault.tables import AXES, IMU_LOG, TABLE_LOG, Log, TableColumns
+from foucault.tables import AXES, GAP, IMU_LOG, TABLE_LOG, Log, TableColumns
 
 MARKER = "foucault imu log v1"
 """How our files begin to say what they are."""

@@ -43,7 +43,7 @@ from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import ImuModel, coefficient_slot
 from foucault.models.noise import TriadNoise
 from foucault.models.rotation import cross_matrix, exp, log, right_jacobian_inverse
-from foucault.tables import AXES, Log
+from foucault.tables import AXES, GAP, Log
 
 
 @dataclass(frozen=True)
@@ -103,6 +103,11 @@ class Session:
             temperature=None,
         )
         return log_, place[self.last[:-1] - 1], place[self.first[1:]]
+
+    @cached_property
+    def bridged(self) -> FloatArray:
+        """How far turns are off where rows are missing in them, shape (n - 1,) [rad]."""
+        return bridged(self.log, self.last[:-1] - 1, self.first[1:])
 
     @property
     def earth(self) -> FloatArray:
@@ -247,6 +252,40 @@ def _turns(
     return rho, noise, bias_s, right, path, C_se
 
 
+def bridged(log_: Log, first: IntArray, last: IntArray) -> FloatArray:
+    """Return how far turns are off where rows are missing in them, about each axis, (m,) [rad].
+
+    A gap is bridged by a straight line from the rate before to that after. What a line misses is
+    seen where nothing is missing: it is drawn over as long a time everywhere in the turns, and the
+    most that it misses is taken, for rows may be lost where it is fastest.
+
+    `log_`: readings with gyros [SI]; `first`, `last` (m,): first and last sample of each turn.
+    """
+    assert log_.gyro is not None
+    w, step, out = log_.gyro, np.diff(log_.time), np.zeros(len(first))
+    wide = np.flatnonzero(step > GAP * log_.interval)
+    own = np.searchsorted(first, wide, side="right") - 1
+    held = (own >= 0) & (wide < last[own])
+    turned = np.zeros_like(w)
+    np.cumsum(step[:, None] * (w[:-1] + w[1:]) / 2, axis=0, out=turned[1:])
+    missed: dict[int, float] = {}
+    for gap, turn in zip(wide[held].tolist(), own[held].tolist(), strict=True):
+        k = round(step[gap] / log_.interval)
+        if k not in missed:
+            off = [np.zeros((0, 3))]
+            for a, b in zip(first.tolist(), last.tolist(), strict=True):
+                time = log_.time[a + k : b + 1] - log_.time[a : b + 1 - k]
+                line = time[:, None] * (w[a : b + 1 - k] + w[a + k : b + 1]) / 2
+                missing = turned[a + k : b + 1] - turned[a : b + 1 - k] - line
+                off.append(missing[time < (k + GAP - 1) * log_.interval])
+            # Longer than any turn: all that turns do may have been done in it.
+            some = np.concatenate(off)
+            some = some if len(some) else turned[last] - turned[first]
+            missed[k] = float(np.max(some**2))
+        out[turn] += missed[k]
+    return np.sqrt(out)
+
+
 SIX = tuple((axis, sign) for axis in range(3) for sign in (1, -1))
 """The six faces: the case axis that is vertical, and +1 where it points up."""
 
@@ -287,6 +326,7 @@ class TurnReadings:
     up_k: FloatArray  # (m, 3) nominal direction of up when the turn starts [1]
     gyro: FloatArray  # (m, 3) integral of the rate as measured [rad]
     accel: FloatArray  # (m, 3) integral of the specific force as measured [m/s]
+    bridged: FloatArray  # (m,) how far off the first is for rows that are missing [rad]
     # start, time: (m,) beginning and length of each integral [s]
     start: FloatArray
     time: FloatArray

@@ -30,7 +30,7 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.models.imu import ImuModel
-from foucault.tables import AXES, Log
+from foucault.tables import AXES, GAP, Log
 
 if TYPE_CHECKING:
     from foucault.models.ins_errors import Sensors
@@ -54,9 +54,6 @@ OFFSET = Layout(
 
 LAYOUT = Layout((*LEVER.coefficients, *OFFSET.coefficients))
 """Both."""
-
-GAP = 1.5
-"""Samples farther apart than this many usual intervals have a gap between them [1]."""
 
 BEFORE, AFTER = 2, 1
 """Samples before and after a block of a log without which its derivatives are not those of the

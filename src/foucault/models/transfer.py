@@ -24,7 +24,7 @@ from foucault.models.imu import LAYOUT
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import angles_of
-from foucault.tables import AXES
+from foucault.tables import AXES, GAP
 from foucault.units import plain, span
 
 
@@ -153,9 +153,6 @@ def bias_of(wander: str) -> str:
     """Return the name of the bias that a state of `WANDER` belongs to."""
     return wander.replace("_wander.", ".bias.")
 
-
-GAP = 1.5
-"""Stamps farther apart than this many usual intervals miss a message between them [1]."""
 
 MOVES = 0.1
 """Above this speed no two messages are alike to the last digit, unless one came twice [m/s]."""

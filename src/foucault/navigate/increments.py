@@ -18,11 +18,8 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, error, finding
-from foucault.tables import Log
+from foucault.tables import GAP, Log
 from foucault.units import plain, span
-
-GAP = 1.5
-"""An interval longer than this many usual ones is a gap [1]."""
 
 SLOWEST = 1.0
 """Longest usual interval: nobody samples an instrument to be navigated more slowly [s]."""

@@ -119,6 +119,7 @@ def face_plan(
     rest_time: float = 10.0,
     move_time: float = 2.0,
     turn_time: float = 5.0,
+    back_time: float | None = None,
     angle: float | tuple[float, float, float] | None = None,
     placement_sd: float = 0.0,
     level_sd: float = 0.0,
@@ -133,7 +134,8 @@ def face_plan(
     angle is not quite what it should be.
 
     `rest_time`, `move_time`, `turn_time`: length of each rest, of a move to another face and of a
-    turn [s]; `angle`: angle of the turns about the axis that is up, of all or of x, y and z, None
+    turn [s]; `back_time`: length of the turn back, after a rest, that follows each, None plans
+    none [s]; `angle`: angle of the turns about the axis that is up, of all or of x, y and z, None
     plans no turns [rad]; `placement_sd`, `level_sd`, `angle_sd`: standard deviation of the tilt
     of each placement about each axis, of the axis of a turn against the vertical, and of its
     angle [rad]; `faces`: in their order, each by its axis and +1 where that points up, z up first,
@@ -152,10 +154,14 @@ def face_plan(
         attitudes.append(C)
         if angle is not None and sign > 0 and (axis, sign) not in faces[:k]:
             nominal = float(np.broadcast_to(angle, 3)[axis])
-            turned = (nominal + angle_sd * rng.standard_normal()) * _tilted(up_b, level_sd, rng)
-            rotations.append(turned)
+            off, about = angle_sd * rng.standard_normal(), _tilted(up_b, level_sd, rng)
+            rotations.append((nominal + off) * about)
             times.append(turn_time)
-            attitudes.append(C @ exp(turned))
+            attitudes.append(C @ exp(rotations[-1]))
+            if back_time is not None:  # about the same axis: the support stays as level as it is
+                rotations.append((angle_sd * rng.standard_normal() - nominal) * about)
+                times.append(back_time)
+                attitudes.append(attitudes[-1] @ exp(rotations[-1]))
     rests = np.full(len(attitudes), rest_time)
     return RestPlan(np.array(attitudes), rests, np.array(times), np.array(rotations))
 

@@ -62,8 +62,9 @@ class Settings(FaceSettings):
     angle: AngleOrThree = Field(
         default=-2 * np.pi, examples=["-360 deg", ["360 deg", "720 deg", "90 deg"]]
     )
-    """Angle of each turn about its positive axis, negative for clockwise as seen against the axis.
-    One value: whole turns. Three, for x, y and z: any known angles."""
+    """Angle of the first turn about each positive axis, negative for clockwise as seen against the
+    axis; others may go the other way. One value: whole turns. Three, for x, y and z: any known
+    angles."""
     angle_sd: AngleSd | None = Field(default=None, ge=0, examples=["0.5 deg"])
     """How nearly a turn ends where it began. Left out: like the placement."""
     level_sd: AngleSd | None = Field(default=None, ge=0, examples=["5 arcmin"])
@@ -94,6 +95,8 @@ class Session(FaceSession):
 
     turn_time: Seconds = Field(default=5.0, gt=0)
     """Length of each turn."""
+    back_time: Seconds | None = Field(default=None, gt=0)
+    """Length of a turn back, which follows each turn after a rest. Left out, none does."""
     angle_sd: AngleSd | None = Field(default=None, ge=0, examples=["0.5 deg"])
     """Error of the angle of a turn; default: as placement_sd."""
     level_sd: AngleSd | None = Field(default=None, ge=0, examples=["5 arcmin"])
@@ -104,8 +107,8 @@ class Session(FaceSession):
         placement, level, angle = self.sizes.values()
         return face_plan(
             rest_time=self.rest_time, move_time=self.move_time, turn_time=self.turn_time,
-            angle=settings.angle, placement_sd=placement, level_sd=level, angle_sd=angle,
-            faces=self.placed, seed=seed,
+            back_time=self.back_time, angle=settings.angle, placement_sd=placement,
+            level_sd=level, angle_sd=angle, faces=self.placed, seed=seed,
         )  # fmt: skip
 
     @property
@@ -193,6 +196,12 @@ def _stated(log: Log, given: Given[Settings]) -> OnFaces | None:
     return _observed(log, given).model(given) if likelihood else None
 
 
+def _additions(settings: Settings, session: Session) -> list[tuple[str, Settings, Session]]:
+    back = session.model_copy(update={"back_time": 2 * session.turn_time})
+    turned = [("each turn turned back, at half the speed", settings, back)]
+    return on_faces.additions(settings, session) + (turned if session.back_time is None else [])
+
+
 PROCEDURE = Procedure(
     name="ferraris",
     doc=__doc__,
@@ -204,7 +213,7 @@ PROCEDURE = Procedure(
     simulation=simulate_drawn,
     observe=_stated,
     again=lambda model, log, _: on_faces.again(model, log),
-    additions=on_faces.additions,
+    additions=_additions,
     space=partial(search.space, "ferraris"),
     Wanted=search.Wanted,
     evaluations=search.EVALUATIONS,
