@@ -687,8 +687,9 @@ MISTAKES: dict[str, Callable[[Session], Session | None]] = {
     "pose jitter": lambda s: _pose(
         s, lambda t, p, q: (t + _random().exponential(2e-3, len(t)), p, q)
     ),
-    "antennas swapped": lambda s: _antennas(s, lambda p, q: (q, p), prior={
-        "pose.base.y": {"mean": "80 cm", "sd": "1 cm"}}),
+    "antennas swapped": lambda s: _antennas(
+        s, lambda p, q: (q, p), prior={"pose.base.y": {"mean": "80 cm", "sd": "1 cm"}}
+    ),
     "antennas renamed": lambda s: _antennas(s, lambda p, q: (q, p)),
     "antennas apart": lambda s: _antennas(
         s, lambda p, q: (p, q), procedure={"base_length": "85 cm"}
