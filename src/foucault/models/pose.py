@@ -92,9 +92,8 @@ class PoseTable:
     def __getitem__(self, rows: BoolArray | slice) -> PoseTable:
         """Return some of the rows."""
         q = None if self.quaternion is None else self.quaternion[rows]
-        other = None if self.second is None else self.second[rows]
         return replace(self, time=self.time[rows], position=self.position[rows], quaternion=q,
-                       second=other)  # fmt: skip
+                       second=self.second and self.second[rows])  # fmt: skip
 
     def attitude(self, reading: str) -> FloatArray:
         """Return C_vm, shape (k, 3, 3), as a key of `READINGS` has it [1]."""
