@@ -58,8 +58,8 @@ class Columns:
 
 
 def numbers(table: np.ndarray, form: Sequence[str], delimiter: str = ",") -> str:
-    return "\n".join(delimiter.join(f % x for f, x in zip(form, row, strict=True))
-                     for row in table.tolist()) + "\n"  # fmt: skip
+    line = delimiter.join(form) + "\n"
+    return "".join(line % tuple(row) for row in table.tolist())
 
 
 def text(head: str, parts: Sequence[np.ndarray], form: Sequence[str], delimiter: str = ",") -> str:

@@ -343,6 +343,39 @@ def _pose(
     return replace(made, master={name: spoilt[:, k] for k, name in enumerate(names)})
 
 
+SECOND = ("x2 (m)", "y2 (m)", "z2 (m)")
+
+
+@cache
+def _two_antennas() -> Session:
+    return another("imu_pose", base=["0 m", "80 cm", "0 m"])
+
+
+def _antennas(
+    made: Session, wrong: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
+    **keys: Mapping[str, Any],
+) -> Session | None:  # fmt: skip
+    """Spoil the positions of two antennas, of the same body beside the same IMU."""
+    if PLACE[0] not in made.master:
+        return None
+    two = _two_antennas()
+    both = (np.column_stack([two.master[n] for n in names]) for names in (PLACE, SECOND))
+    p, q = wrong(*both)
+    spoilt = dict(zip((*PLACE, *SECOND), [*p.T, *q.T], strict=True))
+    return replace(two, master={"time (s)": two.master["time (s)"], **spoilt}).with_keys(**keys)
+
+
+def _gone(x: np.ndarray) -> np.ndarray:
+    """Lose an antenna for a second in six."""
+    return np.where((np.arange(len(x)) % 300 < 50)[:, None], np.nan, x)
+
+
+def _float(x: np.ndarray, seed: int) -> np.ndarray:
+    """Let a third of positions be off by 30 cm."""
+    rng = np.random.default_rng(seed)
+    return x + 0.3 * (rng.uniform(size=(len(x), 1)) < 1 / 3) * rng.standard_normal(x.shape)
+
+
 def _random() -> np.random.Generator:
     return np.random.default_rng(8)
 
@@ -654,6 +687,20 @@ MISTAKES: dict[str, Callable[[Session], Session | None]] = {
     "pose jitter": lambda s: _pose(
         s, lambda t, p, q: (t + _random().exponential(2e-3, len(t)), p, q)
     ),
+    "antennas swapped": lambda s: _antennas(
+        s, lambda p, q: (q, p), prior={"pose.base.y": {"mean": "80 cm", "sd": "1 cm"}}
+    ),
+    "antennas renamed": lambda s: _antennas(s, lambda p, q: (q, p)),
+    "antennas apart": lambda s: _antennas(
+        s, lambda p, q: (p, q), procedure={"base_length": "85 cm"}
+    ),
+    "antenna twice": lambda s: _antennas(s, lambda p, q: (p, p)),
+    "antenna lost": lambda s: _antennas(s, lambda p, q: (p, _gone(q))),
+    "antenna dead": lambda s: _antennas(s, lambda p, q: (p, np.nan * q)),
+    "antenna float": lambda s: _antennas(s, lambda p, q: (_float(p, 1), _float(q, 2))),
+    "antenna axes": lambda s: _antennas(s, lambda p, q: (p, q[:, [1, 0, 2]])),
+    "antennas axes": lambda s: _antennas(s, lambda p, q: (p[:, [1, 0, 2]], q[:, [1, 0, 2]])),
+    "antenna loose": lambda s: _antennas(s, lambda p, q: (p, p + 0.8 * np.eye(3)[1])),
     "angles deg": lambda s: _angles(s, factor=1 / DEG),
     "angles sense": lambda s: _angles(s, sense=-1.0),
 }

@@ -69,6 +69,20 @@ def rests(
     return np.concatenate(parts)
 
 
+def products(parts: np.ndarray) -> np.ndarray:
+    """Return the running products of matrices (n, 3, 3): of rows of them, and then of the rows."""
+    n = len(parts)
+    long = int(np.ceil(np.sqrt(n)))
+    rows = np.tile(np.eye(3), (long * long, 1, 1))
+    rows[:n] = parts
+    rows = rows.reshape(long, long, 3, 3)
+    for k in range(1, long):
+        rows[:, k] = rows[:, k - 1] @ rows[:, k]
+    for k in range(1, long):
+        rows[k] = rows[k - 1, -1] @ rows[k]
+    return rows.reshape(-1, 3, 3)[:n]
+
+
 def session(
     w: np.ndarray, truth: Truth, rng: np.random.Generator, *, noise: float = 0.3e-6,
     intensity: float = 49e-6, dip: float = 66 * DEG, rate: float = 50.0,
@@ -82,10 +96,8 @@ def session(
     """
     n = len(w)
     every = Rotation.from_rotvec((w[:-1] + w[1:]) / 2 / FINE)
-    C = [Rotation.random(random_state=int(rng.integers(2**31))).as_matrix()]
-    for one in every.as_matrix():
-        C.append(C[-1] @ one)
-    C = np.array(C)
+    first = Rotation.random(random_state=int(rng.integers(2**31))).as_matrix()
+    C = products(np.concatenate([first[None], every.as_matrix()]))
     m_n = np.tile(intensity * np.array([0.0, np.cos(dip), -np.sin(dip)]), (n, 1))
     if wander is not None:
         sd, tau = wander

@@ -50,8 +50,11 @@ def quaternion(C):
 
 
 def session(seed, duration=60.0, vigour=1.0, pose_rate=120.0, sd=(1.745e-3, 5e-4),
-            noise=(1.6e-4, 2e-3), rate=200.0, late=0.0, clean=False):  # fmt: skip
-    """Return time, gyro, accel; stamps, positions, attitudes; truth."""
+            noise=(1.6e-4, 2e-3), rate=200.0, late=0.0, clean=False, base=None):  # fmt: skip
+    """Return time, gyro, accel; stamps, positions, attitudes; truth.
+
+    With a base the positions of a second antenna, and the base by itself, are in the truth.
+    """
     from scipy.spatial.transform import Rotation
 
     rng = np.random.default_rng(seed)
@@ -85,6 +88,11 @@ def session(seed, duration=60.0, vigour=1.0, pose_rate=120.0, sd=(1.745e-3, 5e-4
     C = attitude(when)
     error = Rotation.from_rotvec(q * sd[0] * rng.standard_normal((len(own), 3))).as_matrix()
     p = place(when) + C @ truth["lever"] + q * sd[1] * rng.standard_normal((len(own), 3))
+    if base is not None:
+        truth["base"] = np.asarray(base, float)
+        two = place(when) + C @ (truth["lever"] + truth["base"])
+        noise_2, noise_b = q * sd[1] * rng.standard_normal((2, len(own), 3))
+        truth["second"], truth["measured"] = two + noise_2, C @ truth["base"] + noise_b
     return (t, w, f), (own, p, C @ truth["C_bm"] @ error), truth
 
 
@@ -93,7 +101,7 @@ def values(truth):
     from scipy.spatial.transform import Rotation
 
     return np.concatenate([
-        Rotation.from_matrix(truth["C_bm"]).as_rotvec(), truth["lever"],
+        truth.get("base", Rotation.from_matrix(truth["C_bm"]).as_rotvec()), truth["lever"],
         [truth["tau"], truth["kappa"]], truth["level"], truth["b_g"], truth["b_a"],
         truth["M_g"].ravel(), truth["M_a"][np.tril_indices(3)], [truth["late"]],
     ])  # fmt: skip

@@ -14,11 +14,13 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from common import each, limits
 from left_out import COUNT, put
+from scipy.signal import lfilter
 from scipy.special import bdtr
 
 from foucault.diagnose.study import nees
@@ -220,8 +222,6 @@ def colour(length: float) -> Violation:
     """Noise of a correlation time [s] with three times the density of the white one below it."""
 
     def violate(s: Session) -> None:
-        from scipy.signal import lfilter
-
         n, keep = len(s.log.time), np.exp(-1 / (s.rate * length))
         out = []
         for triad in (s.case.sensors.accel, s.case.sensors.gyro):
@@ -392,15 +392,21 @@ class Run:
     passed: bool = False
     said: tuple[str, ...] = ()  # who is named, or what failed, or how it was refused
     unseen: str = ""  # what it says could not be shown
-    seconds: float = 0.0  # that both calibrations and the simulation took [s]
+    seconds: float = 0.0  # that calibrations and simulation took [s]
 
 
-def one(job: tuple[str, str, int]) -> list[Run]:
-    """Calibrate one session, without sizes and with them."""
-    which, what, seed = job
+@lru_cache(maxsize=10)
+def simulated(which: str, seed: int) -> Any:
+    """Simulate a session: that of every violation of a procedure and seed."""
+    return made(CASES[which], 20_000 + seed)
+
+
+def one(job: tuple[str, str, int, bool]) -> list[Run]:
+    """Calibrate one session with sizes, and before, where the job says so, without them."""
+    which, what, seed, bare = job
     began, case, out = time.process_time(), CASES[which], []
-    simulation = made(case, 20_000 + seed)
-    for sizes in ({}, sizes_of(GRADE[which])):
+    simulation = simulated(which, seed)
+    for sizes in (*[{}] * bare, sizes_of(GRADE[which])):
         s = Session(case, simulation, simulation.log, np.random.default_rng([seed, 78]))
         VIOLATIONS[what](s)
         try:
@@ -445,7 +451,7 @@ WORDS = {
 def row(which: str, what: str, runs: list[list[Run]]) -> tuple[str, bool]:
     """Return the line of a cell, and whether it is as it must be."""
     cells, good = [], True
-    for found in zip(*runs, strict=True):
+    for found in ([run[0] for run in runs if len(run) > 1], [run[-1] for run in runs]):
         worth = [f.nees for f in found if np.isfinite(f.nees)]
         ratio, passed = np.mean(worth) if worth else np.nan, np.mean([f.passed for f in found])
         cells += [f"{ratio:.3g}", f"{100 * passed:.0f} %"]
@@ -477,7 +483,12 @@ SLOW = ("transfer_alignment",)
 """Procedures whose session takes more than a second: a fifth of the sessions."""
 
 
-def main(sessions: int = 20, *only: str) -> tuple[bool, dict[str, object]]:
+def main(sessions: int = 20, *only: str, bare: int | None = None) -> tuple[bool, dict[str, object]]:
+    """Return whether every cell is as it must be, and the table.
+
+    `bare`: so many sessions of a cell are calibrated without sizes too, all where None: they are
+    shown, only those with sizes are judged.
+    """
     count = {which: max(sessions // 5, 1) if which in SLOW else sessions for which in CASES}
     cells = [
         (which, what) for which in CASES for what in VIOLATIONS
@@ -485,8 +496,11 @@ def main(sessions: int = 20, *only: str) -> tuple[bool, dict[str, object]]:
         and all(not set(every) & set(only) or name in only
                 for name, every in ((which, CASES), (what, VIOLATIONS)))
     ]  # fmt: skip
-    jobs = [(which, what, seed) for which, what in cells for seed in range(count[which])]
-    runs = dict(zip(jobs, each(one, jobs), strict=True))
+    jobs = [
+        (which, what, seed, bare is None or seed < bare)
+        for which, what in cells for seed in range(count[which])
+    ]  # fmt: skip
+    runs = {job[:3]: done for job, done in zip(jobs, each(one, jobs), strict=True)}
     shown, good = [], True
     for which, what in cells:
         line, fine = row(which, what, [runs[which, what, k] for k in range(count[which])])

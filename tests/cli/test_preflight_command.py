@@ -195,12 +195,14 @@ def test_a_published_filter_is_not_what_is_foretold():
 
 
 @pytest.mark.thorough
-def test_another_plan_takes_the_place_of_the_one_in_the_file():
+def test_another_plan_takes_the_place_of_the_one_in_the_file(monkeypatch):
+    published = foreseen()
+    monkeypatch.setattr(foresight, "more", lambda *_: ())
     made = campaign_of('plan = "-x -z"\nrate = "0.2 deg/s"\nsegment = "300 s"')
     assert optimisation.foresee(made).duration == 600
     found = optimisation.foresee(made, {"plan": "published"})
     assert (found.plan, found.duration) == ("published", 5400)
-    np.testing.assert_array_equal(found.sd, foreseen().sd)
+    np.testing.assert_array_equal(found.sd, published.sd)
     listed = campaign_of('steps = [{ rate = ["0.1 deg/s", "0 deg/s", "0 deg/s"], time = "9 min" }]')
     assert optimisation.foresee(listed).duration == 540
     assert optimisation.foresee(listed, {"plan": "published"}).duration == 5400
@@ -286,7 +288,7 @@ def test_a_bad_plan_ends_with_3_and_names_what_it_does_not_see():
 
 
 @pytest.mark.thorough
-def test_the_list_for_the_operator_and_keys_that_say_something_else(tmp_path):
+def test_the_list_for_the_operator_and_keys_that_say_something_else(tmp_path, no_more):
     file = tmp_path / "operator.html"
     words = ("preflight", EXAMPLE, "--set", "procedure.rate_limit = 0.05 deg/s", "--steps", file)
     result = run(*words, code=0)
@@ -343,7 +345,7 @@ def test_mistakes_end_with_1_and_one_sentence(words, text):
 
 
 @pytest.mark.thorough
-def test_limits_are_read_side_by_side():
+def test_limits_are_read_side_by_side(no_more):
     """One unit for a kind, and what only rounding made is nothing."""
     by_rounding = Limit("middle angle", "angle", -2.2e-16, np.radians(70.0))
     assert (said(by_rounding.needed, "angle"), by_rounding.words) == (

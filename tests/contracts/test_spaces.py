@@ -12,7 +12,7 @@ import pytest
 
 from foucault import campaign, units
 from foucault.campaign import optimisation
-from foucault.plans.optimise import descend
+from foucault.plans import optimise
 from foucault.procedures import PROCEDURES, load
 
 NOISE = """
@@ -50,8 +50,10 @@ def space_of(name: str):
 
 
 def some_plan(space, seed: int = 0):
-    """The best of some plans that are allowed."""
-    return descend(space, np.random.default_rng(seed), 40).plan
+    """The best of some plans that are allowed, after a few steps from it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(optimise, "PROBED", 4)
+        return optimise.descend(space, np.random.default_rng(seed), 12).plan
 
 
 @pytest.mark.parametrize("name", QUICK)

@@ -301,14 +301,19 @@ def test_vibration_is_a_source_of_its_own() -> None:
     assert "The tool vibrates by 5" in told.message
 
 
-def test_without_latitude_the_earth_looks_like_g_sensitivity() -> None:
-    log = of(QUICK)
-    with_it = solved(QUICK, log)
-    without = solved(QUICK, log, earth_rate=False)
-    names = [f"gyro.g_sensitivity.{a}{a}" for a in "xyz"]
-    off = [without.coefficients.value(n) - with_it.coefficients.value(n) for n in names]
-    fake = 7.292115e-5 * np.sin(QUICK.latitude) / QUICK.gravity
-    np.testing.assert_allclose(off, fake, rtol=0.05)
+def test_without_latitude_the_earth_looks_like_g_sensitivity_and_is_in_its_uncertainty() -> None:
+    log, unit = session(QUICK)
+    result = solved(QUICK, log, earth_rate=False)
+    rows = [result.coefficients.names.index(f"gyro.g_sensitivity.{a}{a}") for a in "xyz"]
+    C = result.coefficients.cov[np.ix_(rows, rows)]
+    fake = 7.292115e-5 / QUICK.gravity
+    sd = np.sqrt(C.sum()) / 3  # of their mean, which is what the Earth looks like
+    assert 0.9 < sd / (fake / np.sqrt(3)) < 1.1
+    e = errors(result, unit)[rows]
+    assert abs(e.mean()) < 2.5 * sd
+    low, high = chi_square_limits(len(result.coefficients.names), 0.01)
+    assert low < nees(result, unit) < high
+    assert "spun.no_latitude" in {f.code for f in result.findings}
 
 
 # -- what people do wrong --------------------------------------------------------------------------

@@ -152,6 +152,7 @@ def campaign():
     return parse(text)
 
 
+@cache
 def joint(seed: int) -> tuple[float, int, bool]:
     """NEES of all that was estimated, what was taken too; how many; whether it passed."""
     made_, procedure = campaign(), procedures.load("hand_rotated")

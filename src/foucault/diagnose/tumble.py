@@ -431,38 +431,38 @@ def piecewise(
     each segment [1]; `times`: how long each takes [s]; `prior`: its mean is where the model is
     linearised; `reading_sd`: standard deviation of a reading [local g].
     """
-    segments = [
-        _segment(prior.mean.constants, rate, C_pn, time)
-        for rate, C_pn, time in zip(rates, attitudes, times, strict=True)
-    ]
+    F, H = _slopes(prior.mean.constants, np.array(rates), np.array(attitudes))
+    segments = [LinearSegment(*parts) for parts in zip(F, H, times, strict=True)]
     return observability(segments, STATE, prior.sd[: STATES - 1], reading_sd)
 
 
-def _segment(
-    constants: FloatArray, rate: FloatArray, C_pn: FloatArray, time: float
-) -> LinearSegment:
-    """Linearise motion and readings at one attitude by central differences."""
+def _slopes(
+    constants: FloatArray, rate: FloatArray, C_pn: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Linearise motion and readings at each attitude by central differences.
+
+    Returns F (s, 45, 45) [1/s] and H (s, 3, 45) [local g], all segments at once: equations of one
+    reading are those of arrays.
+    """
     from foucault.kernels.cluster import actual_rate, inverse_input_axes, readings
-
-    still = np.zeros(3)
-    arms, Ti = np.zeros((3, 3)), np.empty((3, 3))
-
-    def at(f: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        inverse_input_axes(theta, Ti)
-        w = np.array(actual_rate(theta, Ti, *rate, *f))
-        return w, np.array(readings(theta, *f, *w, *still, arms, 1.0))
 
     n, step = STATES - 1, 1e-6
     d = step * np.eye(n)
+    both = np.stack([d, -d])  # up and down, (2, n, n)
     # Of the states the first three alone, a rotation, change the force that is felt.
-    force = exp(np.stack([-d[:, :3], d[:, :3]])) @ C_pn[:, 2]
-    F, H = np.zeros((n, n)), np.zeros((3, n))
-    for k in range(n):
-        up = at(force[0, k], constants + d[k, 3:])
-        down = at(force[1, k], constants - d[k, 3:])
-        F[:3, k], H[:, k] = ((a - b) / (2 * step) for a, b in zip(up, down, strict=True))
-    F[:3, :3] -= cross_matrix(rate)
-    return LinearSegment(F, H, time)
+    turned = exp(-both[..., :3])
+    f = np.stack([turned @ C[:, 2] for C in C_pn], axis=-1)  # (2, n, 3, s)
+    theta = np.moveaxis(constants + both[..., 3:], -1, 0)[..., None]  # (42, 2, n, 1)
+    Ti = np.empty((3, 3, 2, n, 1))
+    inverse_input_axes.py_func(theta, Ti)
+    force, still = np.moveaxis(f, 2, 0), np.zeros(3)
+    w = actual_rate(theta, Ti, *rate.T[:, None, None], *force)
+    z = readings.py_func(theta, *force, *w, *still, np.zeros((3, 3)), 1.0)
+    moved, H = (np.moveaxis((x[:, 0] - x[:, 1]) / (2 * step), 2, 0) for x in map(np.array, (w, z)))
+    F = np.zeros((len(rate), n, n))
+    F[:, :3] = moved
+    F[:, :3, :3] -= np.array([cross_matrix(one) for one in rate])
+    return F, H
 
 
 DRAWN = 400

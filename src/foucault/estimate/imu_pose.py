@@ -6,6 +6,10 @@ the delay of its accelerometers. With ``w`` and ``f`` the readings without these
     C' = C [w x],   v' = C f + g_v,   p' = v
     z_C = Log((C C_bm)' C_meas),   z_p = p_meas - p - C l_b,   at t + tau + kappa (t - t_mid)
 
+Two antennas have no attitude: the base ``d_b`` from the first to the second takes the place of the
+rotation, and a position ``z_2 = p_2 - p - C (l_b + d_b)``, or a base ``z_2 = d_meas - C d_b`` of a
+receiver that measures it by itself, that of ``z_C``. A known length of the base is a reading too.
+
 Nodes are the samples before the poses. A pass is linear about parameters and motion; the motion is
 eliminated by the filter of `kernels.pose`, whose white rows are all that is left.
 
@@ -25,17 +29,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
-from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED
+from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED, even
 from foucault.infer.gauss_newton import student
 from foucault.infer.shown import shares, shown
 from foucault.kernels import pose as kernels
 from foucault.models import imu, pose, size_effect
-from foucault.models.rotation import cross_matrix, exp, right_jacobian_inverse
+from foucault.models.pose import Second
+from foucault.models.rotation import exp, right_jacobian_inverse
 from foucault.models.rotation import log as vector_of
 from foucault.navigate.increments import increments_of
 from foucault.tables import Log
@@ -50,14 +56,18 @@ NAMES = (
 )  # fmt: skip
 """Parameters in the order of the columns of `kernels.pose`."""
 
+OF_ANTENNAS = (*pose.BASE.names, *NAMES[3:])
+"""The same where a base is in place of the rotation."""
+
 LAYOUT = Layout(
-    (*imu.LAYOUT.coefficients, *size_effect.OFFSET.coefficients, *pose.LAYOUT.coefficients)
-)
+    (*imu.LAYOUT.coefficients, *size_effect.OFFSET.coefficients, *pose.LAYOUT.coefficients,
+     *pose.BASE.coefficients)
+)  # fmt: skip
 """What a campaign may name."""
 
 USUAL = {
     "pose.rotation": np.pi / np.sqrt(3), "pose.lever": 0.5, "pose.delay": 0.2, "pose.clock": 0.01,
-    "pose.level": 0.5, "gyro.bias": 0.2, "accel.bias": 2.0, "gyro.scale": 0.03,
+    "pose.level": 0.5, "pose.base": 5.0, "gyro.bias": 0.2, "accel.bias": 2.0, "gyro.scale": 0.03,
     "gyro.misalignment": 0.03, "accel.scale": 0.03, "accel.misalignment": 0.03,
     "accel.delay": 0.01,
 }  # fmt: skip
@@ -118,6 +128,7 @@ class Point:
     C: FloatArray  # (m, 3, 3) attitude of the IMU, world of the pose [1]
     v: FloatArray  # (m, 3) velocity of its accelerometers [m/s]
     p: FloatArray  # (m, 3) their position [m]
+    base_b: FloatArray | None = None  # (3,) from the first antenna to the second [m]
 
     @property
     def tilt(self) -> FloatArray:
@@ -131,7 +142,8 @@ class Point:
     def values(self) -> FloatArray:
         """Parameters in the order of `NAMES`, shape (32,) [SI]."""
         return np.concatenate([
-            vector_of(self.C_bm), self.lever_b, [self.tau, self.kappa], self.tilt[:2],
+            vector_of(self.C_bm) if self.base_b is None else self.base_b, self.lever_b,
+            [self.tau, self.kappa], self.tilt[:2],
             self.gyro[0], self.accel[0], self.gyro[1].ravel(),
             self.accel[1][np.tril_indices(3)], [self.late],
         ])  # fmt: skip
@@ -147,8 +159,10 @@ class Point:
         up = self.up_v + self.across @ delta[8:10]
         lower = np.zeros((3, 3))
         lower[np.tril_indices(3)] = delta[25:31]
+        base = None if self.base_b is None else self.base_b + delta[:3]
         return replace(
-            self, C_bm=self.C_bm @ exp(delta[:3]), lever_b=self.lever_b + delta[3:6],
+            self, C_bm=self.C_bm if self.base_b is not None else self.C_bm @ exp(delta[:3]),
+            base_b=base, lever_b=self.lever_b + delta[3:6],
             tau=self.tau + delta[6], kappa=self.kappa + delta[7], up_v=up / np.linalg.norm(up),
             gyro=(self.gyro[0] + delta[10:13], self.gyro[1] + delta[16:25].reshape(3, 3)),
             accel=(self.accel[0] + delta[13:16], self.accel[1] + lower),
@@ -159,7 +173,8 @@ class Point:
     def of_values(self) -> FloatArray:
         """Return the derivative of `values` by a step, shape (32, 32) [SI]."""
         out = np.eye(32)
-        out[:3, :3] = right_jacobian_inverse(vector_of(self.C_bm))
+        if self.base_b is None:
+            out[:3, :3] = right_jacobian_inverse(vector_of(self.C_bm))
         for c in range(2):
             d = np.zeros(32)
             d[8 + c] = 1e-6
@@ -186,6 +201,30 @@ class Readings:
     gravity: tuple[float, float]  # and its standard uncertainty [m/s^2]
     log: Log
     jumped: IntArray  # (m,) how often the world has jumped before each pose [1]
+    second: Second | None = None  # antenna; a direction has the known length of its base
+    length: tuple[float, float] | None = None  # of the base, and its uncertainty [m]
+
+    @cached_property
+    def measured(self) -> BoolArray:
+        """Return what there is of each pose, (m, 6)."""
+        two = np.isfinite(self.position[:, 0])
+        one = np.full(len(two), self.C_vm is not None)
+        if self.second is not None:
+            one = np.isfinite(self.second.place[:, 0])
+        out = np.repeat(np.column_stack([one, two]), 3, axis=1)
+        out[:, 0] &= self.second is None or self.second.told != "direction"  # along the base
+        return out
+
+    @property
+    def place(self) -> FloatArray:
+        """Return the positions, (m, 3), on lines where the first antenna was lost [m]."""
+        ok = np.isfinite(self.position[:, 0])
+        return self.position if ok.all() else even(self.stamp[ok], self.position[ok], self.stamp)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the parameters, 32 of them."""
+        return NAMES if self.second is None else OF_ANTENNAS
 
     @classmethod
     def of(
@@ -218,13 +257,16 @@ class Readings:
                       zip((noise.attitude, noise.position), noise.stays, strict=True))  # fmt: skip
         C = None if self.C_vm is None else self.C_vm @ exp(turn)
         made = Readings.of(log, self.stamp, self.position + move, C, self.white, self.gravity)
-        return replace(made, middle=self.middle, jumped=self.jumped)
+        second = self.second and replace(self.second, place=self.second.place + turn)
+        return replace(made, middle=self.middle, jumped=self.jumped, second=second,
+                       length=self.length)  # fmt: skip
 
     def __getitem__(self, rows: BoolArray | slice) -> Readings:
         """Return the readings with some of the poses."""
         C = None if self.C_vm is None else self.C_vm[rows]
+        other = None if self.second is None else self.second[rows]
         return replace(self, stamp=self.stamp[rows], position=self.position[rows], C_vm=C,
-                       jumped=self.jumped[rows])  # fmt: skip
+                       jumped=self.jumped[rows], second=other)  # fmt: skip
 
     def at(self, tau: float, kappa: float) -> FloatArray:
         """Return when the poses held by the clock of the IMU, shape (m,) [s].
@@ -273,7 +315,7 @@ def corrected(r: Readings, at: Point) -> Corrected:
 class Noise:
     """Of the poses."""
 
-    attitude: float  # [rad]
+    attitude: float  # [rad]; of a second antenna [m]
     position: float  # [m]
     weights: FloatArray  # (m, 2) what attitude and position of each pose count [1]
     stays: tuple[float, float] = (0.0, 0.0)  # correlation of an error with that before [1]
@@ -327,78 +369,33 @@ class Smoothed:
     following: FloatArray  # (m, 6) covariance with the next, none where noise is white
 
 
-@dataclass(frozen=True)
-class Seen:
-    """What poses should be, and how that hangs on motion and gyros."""
-
-    z: FloatArray  # (m, 6) pose less that: attitude [rad] before position [m]
-    d: FloatArray  # (m, 1) since the node [s]
-    E: FloatArray  # (m, 3, 3) turned since the node [1]
-    CE: FloatArray  # (m, 3, 3) attitude [1]
-    w: FloatArray  # (m, 3) rate [rad/s]
-    fast: FloatArray  # (m, 3) velocity of the point [m/s]
-
-
-def seen(r: Readings, at: Point, c: Corrected) -> Seen:
+def compared(
+    r: Readings, at: Point, c: Corrected, columns: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Compare poses with a point [SI].
 
-    What is turned since a node is that of the parabola of the rate whose means over three intervals
-    are the increments': their mean alone misses what an oscillation does in between, and that would
-    look like a scale factor.
+    Returns poses less it (m, 6), attitude [rad] or second antenna before position [m]; what that
+    changes by with the motion (m, 6, 9) and with the first `columns` parameters, none or 32 [SI].
     """
-    d = (r.at(at.tau, at.kappa) - r.time[at.node])[:, None]
-    h = r.dt[at.node + 1, None]
-    m0, m1, m2 = (c.theta[at.node + k] / r.dt[at.node + k, None] for k in (0, 1, 2))
-    bend = (m2 - 2 * m1 + m0) / (2 * h**2)
-    w, dw = (m0 + m1) / 2 - bend * h**2 / 3, (m1 - m0) / h
-    f = (c.force[at.node] / r.dt[at.node, None] + c.force[at.node + 1] / h) / 2
-    E = exp(d * (w + d * (dw / 2 + d * bend / 3)))
-    w = w + d * (dw + d * bend)
-    a = np.einsum("kij,kj->ki", at.C, f) - r.gravity[0] * at.up_v
-    CE = at.C @ E
-    fast = at.v + a * d + np.einsum("kij,kj->ki", CE, np.cross(w, at.lever_b))
-    z = np.zeros((len(d), 6))
-    z[:, 3:] = r.position - (at.p + at.v * d + a * d**2 / 2 + CE @ at.lever_b)
-    if r.C_vm is not None:
-        z[:, :3] = vector_of(np.swapaxes(CE @ at.C_bm, 1, 2) @ r.C_vm)
-    return Seen(z, d, E, CE, w, fast)
+    m, none = len(r.stamp), np.zeros((0, 3))
+    z, H, D = np.zeros((m, 6)), np.zeros((m, 6, 9)), np.zeros((m, 6, columns))
+    arm, share, kind = np.zeros(3), 0.0, int(r.C_vm is not None)
+    if r.second is not None:
+        assert at.base_b is not None
+        share, kind = float(r.second.told == "position"), 2 + (r.second.told == "direction")
+        arm = at.base_b + share * at.lever_b
+    kernels.compared(
+        at.node, r.at(at.tau, at.kappa) - r.time[at.node], r.stamp - r.middle, r.dt, c.theta,
+        c.force, c.raw_g, c.K_g, at.C, at.v, at.p, -r.gravity[0] * at.up_v, at.C_bm, at.lever_b,
+        arm, share, kind, r.position, none if r.second is None else r.second.place,
+        np.zeros((0, 3, 3)) if r.C_vm is None else r.C_vm, z, H, D,
+    )  # fmt: skip
+    return np.where(r.measured, z, 0.0), H, D
 
 
 def misses(r: Readings, at: Point) -> FloatArray:
     """Return poses less those of a point, (m, 6): attitude [rad] before position [m]."""
-    return seen(r, at, corrected(r, at)).z
-
-
-def slopes(
-    r: Readings, at: Point, c: Corrected, s: Seen, motion: bool = False
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return what poses change by with motion, (m, 6, 9), and parameters, (m, 6, 32) [SI].
-
-    `motion`: alone, without any parameters.
-    """
-    H, D = np.zeros((len(s.d), 6, 9)), np.zeros((len(s.d), 6, 0 if motion else 32))
-    since = (r.stamp - r.middle)[:, None]
-    H[:, 3:, :3] = -at.C @ cross_matrix(s.E @ at.lever_b)
-    H[:, [3, 4, 5], [3, 4, 5]], H[:, [3, 4, 5], [6, 7, 8]] = s.d, 1.0
-    if r.C_vm is not None:
-        H[:, :3, :3] = at.C_bm.T @ np.swapaxes(s.E, 1, 2)
-    if motion:
-        return H, D
-    D[:, 3:, 3:6], D[:, 3:, 6], D[:, 3:, 7] = s.CE, s.fast, s.fast * since
-    # What was turned since the node hangs on the errors of the gyros.
-    raw = c.raw_g[at.node + 1] / r.dt[at.node + 1, None] * s.d
-
-    def turning(by: FloatArray, rows: slice) -> None:
-        by_K = by @ c.K_g
-        D[:, rows, 10:13] = -by_K * s.d[:, :, None]
-        D[:, rows, 16:25] = -(by_K[..., None] * raw[:, None, None]).reshape(-1, 3, 9)
-
-    turning(-s.CE @ cross_matrix(at.lever_b), slice(3, 6))
-    if r.C_vm is not None:
-        turning(at.C_bm.T, slice(0, 3))
-        D[:, [0, 1, 2], [0, 1, 2]], D[:, :3, 6] = 1.0, s.w @ at.C_bm
-        D[:, :3, 7] = D[:, :3, 6] * since
-    return H, D
+    return compared(r, at, corrected(r, at), 0)[0]
 
 
 @dataclass(frozen=True)
@@ -436,13 +433,12 @@ def linear(r: Readings, at: Point, hold: IntArray, motion: bool = False) -> Line
     # Nothing leads over a gap, nor into a world that has jumped.
     apart = np.flatnonzero(np.diff(r.broken[at.node] + r.jumped, prepend=0))
     u[apart], J[apart], Q[apart] = 0.0, 0.0, np.diag(START_SD**2)
-    compared = seen(r, at, c)
-    H, D = slopes(r, at, c, compared, motion)
+    z, H, D = compared(r, at, c, 0 if motion else 32)
     if not motion:
         D[:, :, hold] = 0.0
     J[:, :, hold[hold >= 10] - 10] = 0.0
     G = -r.gravity[0] * at.across
-    return Linear(moved, J, Q, u, compared.z, H, D, 0.0 * G if 8 in hold else G, at.C)
+    return Linear(moved, J, Q, u, z, H, D, 0.0 * G if 8 in hold else G, at.C)
 
 
 def one_pass(
@@ -461,9 +457,7 @@ def eliminated(r: Readings, about: Linear, noise: Noise) -> Pass:
     m, p = len(r.stamp), about.D.shape[2]
     n = 6 * any(noise.stays)
     weights = np.repeat(noise.weights, 3, axis=1)
-    if r.C_vm is None:
-        weights[:, :3] = 0.0
-    used = weights > 0
+    used = (weights > 0) & r.measured
     R = np.where(used, noise.sd**2 / np.where(used, weights, 1.0), np.inf)
     R = FRESH**2 * R if n else R
     since = np.diff(r.stamp, prepend=2 * r.stamp[0] - r.stamp[1]) / np.median(np.diff(r.stamp))
@@ -543,19 +537,21 @@ def solve(
     position [m] of the poses, None where it is found; `most`: passes [1]; `hold` (k,): numbers of
     parameters that are not estimated [1].
     """
-    mean, prior_sd = _prior(start, known)
+    mean, prior_sd = _prior(start, known, r.names)
     hold = np.zeros(0, int) if hold is None else hold
     m = len(r.stamp)
-    noise = Noise(sd[0] or np.radians(0.3), sd[1] or 2e-3, np.ones((m, 2)))
+    usual = np.radians(0.3) if r.second is None else 2e-3
+    noise = Noise(sd[0] or usual, sd[1] or 2e-3, np.ones((m, 2)))
     at, cost, settled, passes, told = start, np.inf, False, 0, False
     made = np.zeros((32, 32))
     for passes in range(1, most + 1):
         p = one_pass(r, at, noise, hold)
-        if passes in (ALONE if r.C_vm is None else NOISY) or told:
+        if passes in (NOISY if r.C_vm is not None else ALONE) or told:
             made = of_noise(r, at, p, noise, hold)
-        seen = shown(p.rows.T @ p.rows, made, prior_sd)
+        told_by, score = _length(r, at)
+        seen = shown(p.rows.T @ p.rows + told_by, made, prior_sd)
         off = np.asarray(np.linalg.solve(at.of_values(), mean - at.values), float)
-        delta = seen.step(p.rows.T @ p.nu.ravel(), off, prior_sd)
+        delta = seen.step(p.rows.T @ p.nu.ravel() + score, off, prior_sd)
         delta[hold] = 0.0
         motion = p.smoothed(delta, spread=passes <= DECIDED)
         # Terms of second order make a start that is far off overshoot: as far as can be linear.
@@ -584,15 +580,29 @@ def solve(
 
 def _loud(r: Readings, at: Point, noise: Noise, sd: tuple[float | None, float | None]) -> bool:
     """Tell whether the noise that was found is far more than most poses have, after a bad start."""
-    z = np.median(np.abs(misses(r, at)).reshape(-1, 2, 3), axis=(0, 2)) * 1.4826 * LOUD
+    off, ok = np.abs(misses(r, at)), r.measured
+    z = np.array([np.median(x[o]) if o.any() else np.inf for x, o in
+                  ((off[:, :3], ok[:, :3]), (off[:, 3:], ok[:, 3:]))]) * 1.4826 * LOUD  # fmt: skip
     found = z < (noise.attitude, noise.position)  # colour widens all of them: it hides none
-    found[0] &= r.C_vm is not None
     return bool((found & [given is None for given in sd]).any())
 
 
-def _prior(start: Point, known: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
+def _length(r: Readings, at: Point) -> tuple[FloatArray, FloatArray]:
+    """Return information (32, 32) and score (32,) of a known length of the base [1 / SI^2]."""
+    row = np.zeros(32)
+    if r.length is None or at.base_b is None:
+        return np.zeros((32, 32)), row
+    length, sd = r.length
+    found = float(np.linalg.norm(at.base_b))
+    row[:3] = at.base_b / found / sd
+    return np.outer(row, row), row * (length - found) / sd
+
+
+def _prior(
+    start: Point, known: Mapping[str, tuple[float, float]], names: tuple[str, ...]
+) -> tuple[FloatArray, FloatArray]:
     mean, sd = start.values.copy(), np.zeros(32)
-    for i, name in enumerate(NAMES):
+    for i, name in enumerate(names):
         sd[i] = USUAL[name.rpartition(".")[0] if name.rpartition(".")[0] in USUAL else name]
         if name.startswith(("gyro.", "accel.", "pose.lever")):
             mean[i] = 0.0
@@ -637,19 +647,21 @@ def _weighed(
     sd: tuple[float | None, float | None], *, student: bool, robust: bool, colour: bool,
 ) -> Noise:  # fmt: skip
     """Find the noise of the poses from what is left, and what each of them counts."""
-    z = misses(r, at)
+    z, ok = misses(r, at), r.measured
     sds, weights = [noise.attitude, noise.position], np.ones_like(noise.weights)
     stays = list(noise.stays)
     for k in range(2):
         own = slice(3 * k, 3 * k + 3)
-        if k == 0 and r.C_vm is None:
+        if not ok[:, own].any():
             continue
-        off, kept, absorbed = z[:, own], noise.weights[:, k] > 0.5, motion.absorbed[:, own]
+        off, absorbed = z[:, own], motion.absorbed[:, own] * ok[:, own]
+        kept = (noise.weights[:, k] > 0.5) & ok[:, 3 * k + 1]
         given = sd[k]
         if given is None:
             # Of what is left R (1 - leverage) is seen.
             free = 1 - np.minimum(absorbed / sds[k] ** 2 * noise.weights[:, k, None], 0.98)
-            middle = 1.4826 * float(np.median(np.abs(off) / np.sqrt(free)))
+            middle = 1.4826 * float(np.median((np.abs(off) / np.sqrt(free))[ok[:, own]]))
+            free *= ok[:, own]
             if student or kept.sum() < 10:
                 sds[k] = middle
             else:
@@ -689,7 +701,7 @@ def _stated(
     r: Readings, at: Point, p: Pass, made: FloatArray, noise: Noise, prior_sd: FloatArray,
     hold: IntArray, passes: int, settled: bool,
 ) -> Solution:  # fmt: skip
-    seen = shown(p.rows.T @ p.rows, made, prior_sd)
+    seen = shown(p.rows.T @ p.rows + _length(r, at)[0], made, prior_sd)
     formal = seen.covariance(prior_sd)
     left, M = p.nu, p.M @ seen.onto.T
     block = ((r.stamp - r.stamp[0]) / BLOCK).astype(int)
@@ -727,7 +739,7 @@ def _stated(
     scaled = formal * np.outer(wide, wide) * factor**2
     held = np.minimum(1.0, prior_sd / np.sqrt(np.diag(scaled)))  # no more than was known before
     cov = J @ (scaled * np.outer(held, held)) @ J.T + np.outer(of_gravity, of_gravity)
-    cov = _without_circles(cov, at.lever_b, prior_sd)
+    cov = cov if r.second is not None else _without_circles(cov, at.lever_b, prior_sd)
     lag = [noise.stays[k] or _lag_one(left[:, 3 * k : 3 * k + 3], p.used[:, 3 * k]) for k in (0, 1)]
     return Solution(r, at, p, made, noise, cov, J @ formal @ J.T, of_gravity, spread, halves,
                     (lag[0], lag[1]), passes, settled, prior_sd, hold)  # fmt: skip
@@ -760,19 +772,20 @@ def budget(s: Solution) -> dict[str, FloatArray]:
     r, n = s.readings, s.noise
     about, J = linear(r, s.point, s.hold), s.point.of_values()
     gyros = linear(replace(r, white=(r.white[0], 0.0)), s.point, s.hold, motion=True).Q
+    first = "attitude of the poses" if r.second is None else "second antenna"
 
     def cov(of: str) -> FloatArray:
         by = 1 + STEP
         more = {"gyros": gyros, "accelerometers": about.Q - gyros}.get(of, 0.0 * gyros)
-        noise = replace(n, attitude=n.attitude * (by if of == "attitude of the poses" else 1.0),
+        noise = replace(n, attitude=n.attitude * (by if of == first else 1.0),
                         position=n.position * (by if of == "position of the poses" else 1.0)
                         )  # fmt: skip
         rows = eliminated(r, replace(about, Q=about.Q + (by**2 - 1) * more), noise).rows
-        seen = shown(rows.T @ rows, s.made, s.prior_sd)
+        seen = shown(rows.T @ rows + _length(r, s.point)[0], s.made, s.prior_sd)
         return np.asarray(np.diag(J @ seen.covariance(s.prior_sd) @ J.T))
 
     names = ["gyros", "accelerometers", "position of the poses"]
-    names += ["attitude of the poses"] * (r.C_vm is not None)
+    names += [first] * bool(r.measured[:, :3].any())
     parts = {
         name: np.maximum(cov(name) - np.diag(s.formal), 0.0) / ((1 + STEP) ** 2 - 1)
         for name in names

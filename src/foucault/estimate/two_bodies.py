@@ -146,10 +146,13 @@ def offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, flo
     x, y = a - a.mean(), b - b.mean()
     lags = correlation_lags(len(x), len(y))
     total = oaconvolve(x, y[::-1])
-    # What of each overlaps, and the sum of its squares there.
+    # What of each overlaps, with its own mean there: another mean would move the peak.
     first, last = np.maximum(lags, 0), np.minimum(lags + len(y), len(x))
-    one = _sums(x, first, last) * _sums(y, first - lags, last - lags)
-    enough = last - first > 0.5 * min(len(x), len(y))
+    (sum_x, one), (sum_y, two) = _sums(x, first, last), _sums(y, first - lags, last - lags)
+    count = last - first
+    total = total - sum_x * sum_y / count
+    one = (one - sum_x**2 / count) * (two - sum_y**2 / count)
+    enough = count > 0.5 * min(len(x), len(y))
     r = np.where(enough, total / np.sqrt(np.maximum(one, 1e-12 * one.max() + 1e-300)), -1.0)
     k = int(np.argmax(r))
     peaks = find_peaks(r)[0]
@@ -161,10 +164,10 @@ def offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, flo
     return (lags[k] + part) * step, float(r[k]), float(max(others, default=-1.0))
 
 
-def _sums(x: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
-    """Return sums of squares of `x` (n,) [any unit] from `first` to before `last`, shape (k,)."""
-    sums = np.concatenate(([0.0], np.cumsum(x**2)))
-    return np.asarray(sums[last] - sums[first])
+def _sums(x: FloatArray, first: IntArray, last: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return sums of `x` (n,) [any unit] and its squares from `first` to before `last`, (k,)."""
+    sums, squares = (np.concatenate(([0.0], np.cumsum(v))) for v in (x, x**2))
+    return sums[last] - sums[first], squares[last] - squares[first]
 
 
 def drift(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, float]:

@@ -154,6 +154,185 @@ def preintegrate(node, dt, theta, force, middle, K_g, K_a, raw_g, raw_a, late, q
 
 
 @part
+def _log(C, out):
+    """Fill out (3,) with the rotation vector of C (3, 3), by its quaternion's largest part."""
+    trace = C[0, 0] + C[1, 1] + C[2, 2]
+    j, largest = 0, trace
+    for i in range(3):
+        if C[i, i] > largest:
+            j, largest = i + 1, C[i, i]
+    a, b, c = C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]
+    w, x, y, z = 1.0 + trace, a, b, c
+    xy, xz, yz = C[0, 1] + C[1, 0], C[0, 2] + C[2, 0], C[1, 2] + C[2, 1]
+    if j == 1:
+        w, x, y, z = a, 1.0 + 2.0 * C[0, 0] - trace, xy, xz
+    elif j == 2:
+        w, x, y, z = b, xy, 1.0 + 2.0 * C[1, 1] - trace, yz
+    elif j == 3:
+        w, x, y, z = c, xz, yz, 1.0 + 2.0 * C[2, 2] - trace
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    sine = math.sqrt(x * x + y * y + z * z)
+    k = 2.0 / w if sine < 1e-12 * w else 2.0 * math.atan2(sine, w) / sine
+    out[0], out[1], out[2] = k * x, k * y, k * z
+
+
+@part
+def _turning(by, K_g, raw, d, D):
+    """Fill three rows of D by the errors of the gyros: turned since the node, `by` (3, 3)."""
+    for i in range(3):
+        for j in range(3):
+            s = by[i, 0] * K_g[0, j] + by[i, 1] * K_g[1, j] + by[i, 2] * K_g[2, j]
+            D[i, 10 + j] = -s * d
+            for n in range(3):
+                D[i, 16 + 3 * j + n] = -s * raw[n]
+
+
+@part
+def _crossed(C, u, sign, out):
+    """Fill out (3, 3) with sign C [u x]."""
+    for i in range(3):
+        out[i, 0] = sign * (C[i, 1] * u[2] - C[i, 2] * u[1])
+        out[i, 1] = sign * (C[i, 2] * u[0] - C[i, 0] * u[2])
+        out[i, 2] = sign * (C[i, 0] * u[1] - C[i, 1] * u[0])
+
+
+@part
+def _cross(a, b, out):
+    """Fill out (3,) with a x b."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@part
+def _times(A, B, out):
+    """Fill out (3, 3) with A B."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
+
+
+@part
+def _arm(arm, share, C, E, CE, w, moving, place, since, d, K_g, raw, K, u, z, H, D):
+    """Fill three rows of a place on the body: what was measured less where it is, H and D.
+
+    arm (3,) turns with the body; share: how much of the IMU's place and velocity is in it. Of D
+    (3, p) not the columns of the arm itself; it may have none.
+    """
+    for i in range(3):
+        u[i] = E[i, 0] * arm[0] + E[i, 1] * arm[1] + E[i, 2] * arm[2]
+    _crossed(C, u, -1.0, K)
+    for i in range(3):
+        z[i] = place[i] - (CE[i, 0] * arm[0] + CE[i, 1] * arm[1] + CE[i, 2] * arm[2])
+        for j in range(3):
+            H[i, j] = K[i, j]
+        H[i, 3 + i], H[i, 6 + i] = share * d, share
+    if D.shape[1] == 0:
+        return
+    _crossed(CE, arm, -1.0, K)
+    _turning(K, K_g, raw, d, D)
+    _cross(w, arm, u)
+    for i in range(3):
+        fast = CE[i, 0] * u[0] + CE[i, 1] * u[1] + CE[i, 2] * u[2]
+        D[i, 6] = share * moving[i] + fast
+        D[i, 7] = D[i, 6] * since
+
+
+@part
+def _along(e, T, W, rows):
+    """Turn three rows (3, n) to axes along e (3,), level across it, and across both."""
+    size = math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
+    level = math.sqrt(e[0] * e[0] + e[1] * e[1])
+    T[0, 0], T[0, 1], T[0, 2] = e[0] / size, e[1] / size, e[2] / size
+    T[1, 0], T[1, 1], T[1, 2] = e[1] / level, -e[0] / level, 0.0
+    _cross(T[1], T[0], T[2])
+    for c in range(rows.shape[1]):
+        for i in range(3):
+            W[i] = T[i, 0] * rows[0, c] + T[i, 1] * rows[1, c] + T[i, 2] * rows[2, c]
+        for i in range(3):
+            rows[i, c] = W[i]
+
+
+@kernel
+def compared(node, later, since, dt, theta, force, raw_g, K_g, C, v, p, g_v, C_bm, lever, arm,
+             share, kind, position, other, C_vm, z, H, D):  # fmt: skip
+    """Compare poses with a point: z (m, 6), H (m, 6, 9) by the motion, D (m, 6, p) by parameters.
+
+    later (m,): time since the node; since (m,): stamp less the middle of all; g_v (3,) gravity.
+    The first three numbers of a pose are, by kind, nothing (0), its attitude C_vm (1), the place of
+    a second antenna, other (m, 3), whose arm (3,) turns with the body and which has a share of the
+    IMU's place (2), or the same along the base and across it (3). D may have no columns.
+
+    What is turned since a node is that of the parabola of the rate whose means over three intervals
+    are the increments': their mean alone misses what an oscillation does in between, and that would
+    look like a scale factor.
+    """
+    E, CE, K, R = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    w, e, u = np.zeros(3), np.zeros(3), np.zeros(3)
+    raw, place, moving = np.zeros(3), np.zeros(3), np.zeros(3)
+    p_D = D.shape[2]
+    for k in range(node.shape[0]):
+        n, d = node[k], later[k]
+        h = dt[n + 1]
+        for i in range(3):
+            m0, m1, m2 = theta[n, i] / dt[n], theta[n + 1, i] / h, theta[n + 2, i] / dt[n + 2]
+            bend, dw = (m2 - 2.0 * m1 + m0) / (2.0 * h * h), (m1 - m0) / h
+            w[i] = (m0 + m1) / 2.0 - bend * h * h / 3.0
+            e[i] = d * (w[i] + d * (dw / 2.0 + d * bend / 3.0))
+            w[i] += d * (dw + d * bend)
+            u[i] = (force[n, i] / dt[n] + force[n + 1, i] / h) / 2.0
+            raw[i] = raw_g[n + 1, i] / h * d
+        _exp(e, E)
+        _times(C[k], E, CE)
+        for i in range(3):
+            a = C[k, i, 0] * u[0] + C[k, i, 1] * u[1] + C[k, i, 2] * u[2] + g_v[i]
+            moving[i] = v[k, i] + a * d
+            e[i] = p[k, i] + v[k, i] * d + a * d * d / 2.0
+            place[i] = position[k, i] - e[i]
+        _arm(lever, 1.0, C[k], E, CE, w, moving, place, since[k], d, K_g, raw, K, u,
+             z[k, 3:], H[k, 3:], D[k, 3:])  # fmt: skip
+        if p_D > 0:
+            for i in range(3):
+                for j in range(3):
+                    D[k, 3 + i, 3 + j] = CE[i, j]
+        if kind == 1:
+            _times(CE, C_bm, K)
+            for i in range(3):
+                for j in range(3):
+                    R[i, j] = 0.0
+                    H[k, i, j] = 0.0
+                    for o in range(3):
+                        R[i, j] += K[o, i] * C_vm[k, o, j]
+                        H[k, i, j] += C_bm[o, i] * E[j, o]
+            _log(R, z[k])
+            if p_D > 0:
+                for i in range(3):
+                    for j in range(3):
+                        R[i, j] = C_bm[j, i]
+                    D[k, i, i] = 1.0
+                    D[k, i, 6] = w[0] * C_bm[0, i] + w[1] * C_bm[1, i] + w[2] * C_bm[2, i]
+                    D[k, i, 7] = D[k, i, 6] * since[k]
+                _turning(R, K_g, raw, d, D[k])
+        elif kind > 1:
+            for i in range(3):
+                place[i] = other[k, i] - share * e[i]
+            _arm(arm, share, C[k], E, CE, w, moving, place, since[k], d, K_g, raw, K, u,
+                 z[k, :3], H[k, :3], D[k, :3])  # fmt: skip
+            if p_D > 0:
+                for i in range(3):
+                    for j in range(3):
+                        D[k, i, j] = CE[i, j]
+                        D[k, i, 3 + j] = share * CE[i, j]
+            if kind == 3:
+                for i in range(3):
+                    e[i] = CE[i, 0] * arm[0] + CE[i, 1] * arm[1] + CE[i, 2] * arm[2]
+                _along(e, R, u, z[k, :3].reshape(3, 1))
+                _along(e, R, u, H[k, :3])
+                _along(e, R, u, D[k, :3])
+
+
+@part
 def _step(k, C, moved, J, G, keep, Phi, B):
     """Fill Phi (d, d) and B (d, p): from the errors of node k - 1 to those of node k."""
     T = moved[k, 15]
@@ -335,6 +514,12 @@ def backward(C, moved, J, Q, u, G, keep, stays, delta, spread, x_f, U_f, P_f, ne
             for c in range(p):
                 s -= B[i, c] * delta[c]
             ahead[i] = s
+        if not spread:
+            substitute(L, ahead, g.size)
+            for i in range(d):
+                for n in range(d):
+                    x_f[k, n] += W[i, n] * ahead[i]
+            continue
         for j in range(d):  # W holds Phi P_f; a row of the gain is N^-1 of its column
             for i in range(d):
                 g[i] = W[i, j]
@@ -344,8 +529,6 @@ def backward(C, moved, J, Q, u, G, keep, stays, delta, spread, x_f, U_f, P_f, ne
         for i in range(d):
             for n in range(d):
                 x_f[k, i] += gain[i, n] * ahead[n]
-        if not spread:
-            continue
         for i in range(d):
             for n in range(d):
                 N[i, n] = P_f[k + 1, i, n] - N[i, n]

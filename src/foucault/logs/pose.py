@@ -16,19 +16,21 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.errors import Finding, error, finding
 from foucault.files import atomic, sha256
 from foucault.logs import description as columns
 from foucault.logs.layout import Block, ColumnName, FileLayout, TimeColumn, scaled_unit
 from foucault.logs.raw import RawTable, kept, open_raw
-from foucault.models.pose import READINGS, PoseTable
+from foucault.models.pose import READINGS, PoseTable, Second
 
 Triple = tuple[ColumnName, ColumnName, ColumnName]
 Four = tuple[ColumnName, ColumnName, ColumnName, ColumnName]
@@ -58,6 +60,25 @@ class QuaternionColumns(Block):
     )
 
 
+class HeadingColumns(Block):
+    """Direction of the base of two antennas: heading clockwise from north, y, and pitch up."""
+
+    columns: tuple[ColumnName, ColumnName] = Field(description="names or numbers: heading, pitch")
+    unit: str = Field("deg", description='unit of both, such as "deg"')
+
+    @model_validator(mode="after")
+    def _unit(self) -> HeadingColumns:
+        scaled_unit(self.unit, "angle")
+        return self
+
+
+class FixedColumn(Block):
+    """Quality that a receiver gives its positions."""
+
+    column: ColumnName = Field(description="name or number from 0")
+    values: tuple[float, ...] = Field((1.0,), description="what it says of a position to be used")
+
+
 class PoseDescription(FileLayout):
     """Where the poses are and what their columns mean."""
 
@@ -69,6 +90,18 @@ class PoseDescription(FileLayout):
     child: str | None = Field(
         None, description="frame of the tracked body, of a bag's tf", examples=["imu_marker"]
     )
+    second: PositionColumns | None = Field(
+        None, description="position of a second antenna, or prism, in the same axes"
+    )
+    base: PositionColumns | None = Field(
+        None, description="vector from the first antenna to a second, in the same axes"
+    )
+    heading: HeadingColumns | None = Field(
+        None, description="direction of that vector; its length is base_length of [procedure]"
+    )
+    fixed: FixedColumn | None = Field(
+        None, description="which positions are used, by a column of a GNSS receiver"
+    )
     position_only: bool = Field(False, description="use no attitude, whether there is one or not")
 
     @model_validator(mode="after")
@@ -76,7 +109,15 @@ class PoseDescription(FileLayout):
         self.dated(self.time is not None)
         if self.file is None:
             raise error("log.no_file")
+        two = [name for name in ("second", "base", "heading") if getattr(self, name) is not None]
+        if len(two) > 1 or (two and (self.position_only or self._declared_attitude)):
+            other = "position_only" if self.position_only else "attitude"
+            raise error("pose.two_ways", given=" and ".join([*two, other][:2]))
         return self
+
+    @property
+    def _declared_attitude(self) -> bool:
+        return self.attitude is not None and self.attitude.columns is not None
 
     @property
     def reading(self) -> str | None:
@@ -93,6 +134,7 @@ POSITIONS = (("x", "y", "z"), ("px", "py", "pz"), ("positionx", "positiony", "po
 QUATERNIONS = (("qw", "qx", "qy", "qz"), ("qrsw", "qrsx", "qrsy", "qrsz"),
                ("orientationw", "orientationx", "orientationy", "orientationz"),
                ("rw", "rx", "ry", "rz"), ("q0", "q1", "q2", "q3"))  # fmt: skip
+SECONDS = (("x2", "y2", "z2"),)
 """Titles that people give, without unit and marks; quaternions scalar first."""
 
 
@@ -105,33 +147,68 @@ def read(description: PoseDescription, folder: str | Path = ".") -> PoseTable:
     assert description.file is not None
     path = Path(folder) / description.file
     made = _exported(path) if path.suffix.lower() in (".csv", ".txt") and path.is_file() else None
-    time, position, q, declared = made or _of_columns(path, description)
-    finite = np.isfinite(position).all(axis=1) & np.isfinite(time)
+    time, position, q, declared, second, fixed = made or _of_columns(path, description)
+    told: tuple[Finding, ...] = ()
+    finite = _there(position) & np.isfinite(time)
+    if second is not None:
+        # One antenna may be lost alone; a receiver repeats its last position then.
+        q, one, two = None, _new(position), _new(second.place)
+        position = np.where(one[:, None], position, np.nan)
+        second = replace(second, place=np.where(two[:, None], second.place, np.nan))
+        finite = (one | two) & np.isfinite(time)
+        for which, there in (("first", one), ("second", two)):
+            if alone := int((finite & ~there).sum()):
+                told = (*told, finding("pose.antenna_lost", file=path.name, which=which,
+                                       count=alone, of=len(time)))  # fmt: skip
+    if fixed is not None:
+        if (count := int((finite & ~fixed).sum())) > 0:
+            told = (*told, finding("pose.float", file=path.name, count=count, of=len(time)))
+        finite &= fixed
     if q is not None:
         size = np.linalg.norm(q, axis=1)
         finite &= (np.abs(size - 1.0) < 0.05) & np.isfinite(size)
     # A body that is lost is held at its last pose, or at zero.
-    said = position if q is None else np.column_stack([position, q])
-    finite[1:] &= (np.diff(said, axis=0) != 0.0).any(axis=1)
+    if second is None:
+        finite &= _new(position if q is None else np.column_stack([position, q]))
     order = np.argsort(time[finite], kind="stable")
     rows = np.flatnonzero(finite)[order]
     rows = rows[np.append(True, np.diff(time[rows]) > 0)] if len(rows) else rows
-    told: tuple[Finding, ...] = ()
     lost = len(time) - len(rows)
-    if lost:
-        told = (finding("pose.lost", file=path.name, count=lost, of=len(time)),)
+    if lost and fixed is None:
+        told = (*told, finding("pose.lost", file=path.name, count=lost, of=len(time)))
     if len(rows) < FEWEST:
         raise error("pose.few", file=path.name, count=len(rows), least=FEWEST)
     reading = description.reading or declared
     use = None if q is None or description.position_only else q[rows]
-    return PoseTable(time[rows], position[rows], use, reading, told,
+    other = None if second is None else second[rows]
+    return PoseTable(time[rows], position[rows], use, reading, other, told,
                      {"file": description.file, "sha256": sha256(path)})  # fmt: skip
+
+
+def _there(x: FloatArray) -> BoolArray:
+    return np.asarray(np.isfinite(x).all(axis=1))
+
+
+def _new(x: FloatArray) -> BoolArray:
+    """Tell which rows of `x` (n, q) [any unit] are numbers, and not those of the row before."""
+    out = _there(x)
+    out[1:] &= (np.diff(x, axis=0) != 0.0).any(axis=1)
+    return out
 
 
 FEWEST = 50
 """Poses below which nothing is compared [1]."""
 
-Columns = tuple[FloatArray, FloatArray, FloatArray | None, str | None]
+
+class Columns(NamedTuple):
+    """What a file holds, as it stands [SI]."""
+
+    time: FloatArray
+    position: FloatArray
+    quaternion: FloatArray | None
+    declared: str | None
+    second: Second | None = None
+    fixed: BoolArray | None = None
 
 
 def _of_columns(path: Path, said: PoseDescription) -> Columns:
@@ -146,13 +223,48 @@ def _of_columns(path: Path, said: PoseDescription) -> Columns:
         have = f"columns {', '.join(raw.names)}" if raw.named else f"{len(raw.names)} columns"
         raise error("pose.columns", file=path.name, have=have)
     time, one = _time(raw, said, path, tum)
-    wanted = [*([] if time is None else [time]), *position, *(attitude or [])]
+    beside, of_second = _second(raw, said, path, attitude is not None)
+    good = [] if said.fixed is None else [_one(raw, said.fixed.column, path, "fixed")]
+    own = attitude if attitude and not beside else []
+    wanted = [*([] if time is None else [time]), *position, *own, *beside, *good]
     rows = np.concatenate([*kept(raw, path).blocks(wanted)])
     stamp = np.arange(len(rows)) / (said.rate or 1.0) if time is None else rows[:, 0] * one
     rows = rows[:, 0 if time is None else 1 :]
     p = rows[:, :3] * scaled_unit(said.position.unit, "length")
     declared = "x y z w, body to world" if tum else (raw.declared or {}).get("reading")
-    return stamp, p, rows[:, 3:] if attitude else None, declared
+    fixed = None if said.fixed is None else np.isin(rows[:, -1], said.fixed.values)
+    second = of_second(rows[:, 3 : 3 + len(beside)]) if beside else None
+    return Columns(stamp, p, rows[:, 3:7] if own else None, declared, second, fixed)
+
+
+def _second(
+    raw: RawTable, said: PoseDescription, path: Path, attitude: bool
+) -> tuple[list[int], Callable[[FloatArray], Second]]:
+    """Return the columns of a second antenna, and what makes it of their numbers."""
+    if said.heading is not None:
+        angle = scaled_unit(said.heading.unit, "angle")
+
+        def pointing(x: FloatArray) -> Second:
+            heading, pitch = angle * x.T
+            level = np.cos(pitch)
+            return Second(np.column_stack([level * np.sin(heading), level * np.cos(heading),
+                                           np.sin(pitch)]), "direction")  # fmt: skip
+
+        return [_one(raw, name, path, "heading") for name in said.heading.columns], pointing
+    told, block = ("base", said.base) if said.base is not None else ("position", said.second)
+    if block is None and (attitude or said.position_only):
+        return [], Second
+    known = SECONDS if told == "position" else ()
+    found = _numbers(raw, None if block is None else block.columns, known, path,
+                        "second" if told == "position" else told)  # fmt: skip
+    if found is None and block is not None:
+        raise error("pose.second_columns", file=path.name, block="second" if said.second else told)
+    one = scaled_unit((block or said.position).unit, "length")
+    return found or [], lambda x: Second(one * x, told)
+
+
+def _one(raw: RawTable, name: ColumnName, path: Path, block: str) -> int:
+    return columns.find(raw, name, path, block, "master")[0]
 
 
 def _time(raw: RawTable, said: PoseDescription, path: Path, tum: bool) -> tuple[int | None, float]:
@@ -173,7 +285,7 @@ def _numbers(
     path: Path, block: str,
 ) -> list[int] | None:  # fmt: skip
     if given is not None:
-        return [columns.find(raw, name, path, block, "master")[0] for name in given]
+        return [_one(raw, name, path, block) for name in given]
     titles = [_bare(name) for name in raw.names] if raw.named else []
     for names in known:
         if set(names) <= set(titles):
@@ -215,7 +327,7 @@ def _optitrack(path: Path, lines: list[list[str]]) -> Columns | None:
     rows = _cells(path, last + 1, [1, *position, *rotation])
     unit = {"Meters": 1.0, "Centimeters": 0.01, "Millimeters": 1e-3}
     one = unit.get(said.get("Length Units", "Meters"), 1.0)
-    return rows[:, 0], rows[:, 1:4] * one, rows[:, 4:8], "x y z w, body to world"
+    return Columns(rows[:, 0], rows[:, 1:4] * one, rows[:, 4:8], "x y z w, body to world")
 
 
 def _vicon(path: Path, lines: list[list[str]]) -> Columns:
@@ -230,12 +342,12 @@ def _vicon(path: Path, lines: list[list[str]]) -> Columns:
     one = scaled_unit(units[place[0]].strip() or "mm", "length")
     time = (rows[:, 0] - 1) / rate
     if quaternion:
-        return time, rows[:, 1:4] * one, rows[:, 4:8], "x y z w, body to world"
+        return Columns(time, rows[:, 1:4] * one, rows[:, 4:8], "x y z w, body to world")
     # Nexus writes the rotation vector of a segment.
     vector = rows[:, 4:7] * scaled_unit(units[turn[0]].strip() or "rad", "angle")
     half = np.linalg.norm(vector, axis=1)[:, None] / 2
     q = np.column_stack([np.cos(half), vector / 2 * np.sinc(half / np.pi)])
-    return time, rows[:, 1:4] * one, q, "w x y z, body to world"
+    return Columns(time, rows[:, 1:4] * one, q, "w x y z, body to world")
 
 
 def _cells(path: Path, first: int, wanted: list[int]) -> FloatArray:
@@ -249,6 +361,31 @@ def _cells(path: Path, first: int, wanted: list[int]) -> FloatArray:
     return np.array(rows, float).reshape(-1, len(wanted))
 
 
+STANDS_OUT, BESIDE = 8.0, 10
+"""A step of positions is so many times any within so many poses beside it [1]."""
+
+
+def jumps_of(q: PoseTable) -> IntArray:
+    """Return how often the positions have jumped before each pose, shape (m,).
+
+    A wild pose jumps and comes back; where a tracking system has lost its body and found it again
+    elsewhere there is one step that no motion beside it has the like of.
+    """
+    from scipy.ndimage import maximum_filter1d
+
+    dt = np.diff(q.time)[:, None]
+    v = np.diff(q.position, axis=0) / dt
+    step = np.linalg.norm((v[1:-1] - (v[2:] + v[:-2]) / 2) * dt[1:-1], axis=1)
+    step[(dt > 3 * np.median(dt))[1:-1, 0]] = 0.0  # lost for a while it has moved
+    away = BESIDE // 2 + 2
+    near = maximum_filter1d(step, BESIDE + 1)
+    beside = np.maximum(np.roll(near, away), np.roll(near, -away))
+    # Both intervals beside a step are half as far from their neighbours as it is.
+    far = (step > STANDS_OUT * beside) & (step == maximum_filter1d(step, 7))
+    stays = np.linalg.norm(q.position[3:] - q.position[:-3], axis=1) > step / 2
+    return np.cumsum(np.concatenate([[0, 0], far & stays, [0]]).astype(int))
+
+
 def write(table: PoseTable, path: str | Path) -> None:
     """Write poses as CSV whose titles say what it holds.
 
@@ -260,6 +397,9 @@ def write(table: PoseTable, path: str | Path) -> None:
         order, sign = READINGS[table.reading or next(iter(READINGS))]
         made.append(table.quaternion[:, order] * [1.0, sign, sign, sign])
         titles += ["qw", "qx", "qy", "qz"]
+    if table.second is not None:
+        made.append(table.second.place)
+        titles += ["x2 (m)", "y2 (m)", "z2 (m)"]
     with atomic(Path(path)) as part:
         np.savetxt(part, np.column_stack(made), delimiter=",", comments="",
                    header=",".join(titles), fmt="%.9f")  # fmt: skip

@@ -400,21 +400,21 @@ class ImuModel:
             return self.accel_matrix
         sense = np.sign(_times(self.accel_matrix, f_b))
         slope = (1.0 + self.accel_asymmetry * sense)[..., None] * self.accel_matrix
-        slope += self.accel_quadratic @ products_slope(f_b)
-        return np.asarray(slope)
+        return np.asarray(slope + self.accel_quadratic @ products_slope(f_b))
 
     def _compensate_accel(self, accel: FloatArray) -> FloatArray:
         sensed = accel - self.accel_bias
         if self.accel_asymmetry.any():
             sensed = deflection.sensed(sensed, self.accel_asymmetry, np.zeros(3))
         f_b = _times(_inverse(self.accel_matrix), sensed)
-        if not self.accel_quadratic.any():
-            return f_b
-        for _ in range(20):
-            miss = self._accel(f_b) - accel
-            step = np.linalg.solve(self._accel_slope(f_b), miss[..., None])[..., 0]
+        size, back = np.inf, self.accel_matrix
+        for _ in range(20 if self.accel_quadratic.any() else 0):
+            if size > 1e-3:  # nearer the slope hardly changes
+                back = np.asarray(np.linalg.inv(self._accel_slope(f_b)), float)
+            step = (back @ (self._accel(f_b) - accel)[..., None])[..., 0]
             f_b = f_b - step
-            if np.max(np.abs(step), initial=0.0) <= 4e-16 * np.max(np.abs(f_b), initial=1.0):
+            size = np.max(np.abs(step), initial=0.0) / np.max(np.abs(f_b), initial=1.0)
+            if size <= 4e-16:
                 break
         return f_b
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Coefficient, Layout
 from foucault.errors import Finding
 from foucault.tables import AXES
@@ -37,6 +37,15 @@ LAYOUT = Layout(
 )  # fmt: skip
 """What is found of a pose beside the errors of an IMU."""
 
+BASE = Layout(
+    tuple(
+        Coefficient(f"pose.base.{a}", f"d_{a}", "lever arm",
+                    f"from the first antenna to the second, {a} axis of the IMU")
+        for a in AXES
+    )
+)  # fmt: skip
+"""What is found of two antennas in place of a rotation."""
+
 READINGS = {
     "w x y z, body to world": ((0, 1, 2, 3), 1.0),
     "x y z w, body to world": ((3, 0, 1, 2), 1.0),
@@ -44,6 +53,24 @@ READINGS = {
     "x y z w, world to body": ((3, 0, 1, 2), -1.0),
 }
 """How four numbers are a quaternion -> which are w, x, y, z, and the sign of its vector."""
+
+
+@dataclass(frozen=True)
+class Second:
+    """A second antenna, or prism, beside the tracked point; rows that are NaN were not measured."""
+
+    place: FloatArray  # (k, 3) as `told` says, world of the pose [m]
+    # What it is: "position" of the antenna; "base", the vector from the first one to it, measured
+    # by itself; "direction" of that, of length 1, whose length is not measured.
+    told: str = "position"
+
+    def __getitem__(self, rows: BoolArray | IntArray | slice) -> Second:
+        """Return some of the rows."""
+        return replace(self, place=self.place[rows])
+
+    def base(self, position: FloatArray) -> FloatArray:
+        """Return the vector from the first antenna, at `position` (k, 3) [m], (k, 3) [m]."""
+        return self.place - position if self.told == "position" else self.place
 
 
 @dataclass(frozen=True)
@@ -55,6 +82,7 @@ class PoseTable:
     # (k, 4) the quaternion, its numbers in the order of the file [1]; None: position alone
     quaternion: FloatArray | None = None
     reading: str | None = None  # a key of `READINGS`, None: the data tell
+    second: Second | None = None  # a second antenna, in place of a quaternion
     findings: tuple[Finding, ...] = ()
     source: dict[str, Any] = field(default_factory=dict)  # file and hash
 
@@ -64,7 +92,8 @@ class PoseTable:
     def __getitem__(self, rows: BoolArray | slice) -> PoseTable:
         """Return some of the rows."""
         q = None if self.quaternion is None else self.quaternion[rows]
-        return replace(self, time=self.time[rows], position=self.position[rows], quaternion=q)
+        return replace(self, time=self.time[rows], position=self.position[rows], quaternion=q,
+                       second=self.second and self.second[rows])  # fmt: skip
 
     def attitude(self, reading: str) -> FloatArray:
         """Return C_vm, shape (k, 3, 3), as a key of `READINGS` has it [1]."""

@@ -88,16 +88,15 @@ def moved(grip: Grip, path: FloatArray, site: Site, shrunk: FloatArray) -> Moved
     w_path = np.zeros((n, 3, 3))
     w_path[:, 2, 1] = 1.0
     rate = np.column_stack([zero, zero, w])
-    if site.latitude is not None:
-        sine = np.sin(site.latitude)
-        rate += EARTH_RATE * (sine * up + grip.level[0] * up_by_tilt + grip.level[1] * across)
-        w_path[:, :, 0] = EARTH_RATE * (
-            sine * up_by_phase
-            + grip.level[0] * np.column_stack([st * s, st * c, zero])
-            + grip.level[1] * np.column_stack([c, -s, zero])
-        )
-        w_grip[:, :, 2] = EARTH_RATE * (sine * up_by_tilt - grip.level[0] * up)
-        w_grip[:, :, 5], w_grip[:, :, 6] = EARTH_RATE * up_by_tilt, EARTH_RATE * across
+    sine = 0.0 if site.latitude is None else np.sin(site.latitude)  # its mean anywhere
+    rate += EARTH_RATE * (sine * up + grip.level[0] * up_by_tilt + grip.level[1] * across)
+    w_path[:, :, 0] = EARTH_RATE * (
+        sine * up_by_phase
+        + grip.level[0] * np.column_stack([st * s, st * c, zero])
+        + grip.level[1] * np.column_stack([c, -s, zero])
+    )
+    w_grip[:, :, 2] = EARTH_RATE * (sine * up_by_tilt - grip.level[0] * up)
+    w_grip[:, :, 5], w_grip[:, :, 6] = EARTH_RATE * up_by_tilt, EARTH_RATE * across
     for by, v in ((f_grip, f), (w_grip, rate)):  # a turn of the axis: delta x v
         by[:, 1, 0], by[:, 2, 0] = -v[:, 2], v[:, 1]
         by[:, 0, 1], by[:, 2, 1] = v[:, 2], -v[:, 0]

@@ -346,10 +346,10 @@ def tangents(o: FloatArray) -> FloatArray:
 
     `o` (n, 3): unit vectors [1].
     """
-    least = np.eye(3)[np.argmin(np.abs(o), axis=1)]
-    first = np.cross(o, least)
+    K = cross_matrix(o)
+    first = K[np.arange(len(o)), :, np.argmin(np.abs(o), axis=1)]
     first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(o, first)], axis=2)
+    return np.stack([first, (K @ first[:, :, None])[:, :, 0]], axis=2)
 
 
 @dataclass(frozen=True)
@@ -490,9 +490,10 @@ class Angles:
             now = np.where(new.spin[:, None], at.outer_k, at.up_k) @ new.C_bk.T
             axes = new.C_bk @ at.axes[:, :, [MIDDLE, INNER]]
             # The inner angle does nothing where its axis is vertical: it is left as it is then.
-            back = np.linalg.pinv(cross_matrix(now) @ axes, rcond=1e-2)
-            turn = np.einsum("nij,nj->ni", back, o - now)
-            new = replace(new, position=new.position + turn)
+            turn = np.linalg.pinv(cross_matrix(now) @ axes, rcond=1e-2) @ (o - now)[:, :, None]
+            new = replace(new, position=new.position + turn[:, :, 0])
+            if np.abs(turn).max(initial=0.0) < STRAIGHT:
+                break
         return new
 
     def prior(self) -> tuple[FloatArray, FloatArray]:

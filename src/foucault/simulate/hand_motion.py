@@ -14,7 +14,7 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
-from foucault.models.pose import PoseTable
+from foucault.models.pose import PoseTable, Second
 from foucault.models.rotation import body_rate, exp, matrix_of
 from foucault.simulate.noise import sampled_log
 from foucault.tables import Log, whole_samples
@@ -96,6 +96,7 @@ class Tracker:
     far: float = 0.05  # [m]
     lost: float = 0.0  # part of the poses that are lost, in stretches of a second [1]
     jitter: float = 0.0  # mean of a latency that is not stamped [s]
+    base_b: FloatArray | None = None  # (3,) from the tracked point to a second antenna [m]
 
     def poses(self, motion: HandMotion, duration: float, rng: np.random.Generator) -> PoseTable:
         """Return what it says of a motion; `duration` [s]."""
@@ -109,10 +110,14 @@ class Tracker:
         seen = t - (rng.exponential(self.jitter, len(t)) if self.jitter else 0.0)
         C_vl = exp(np.array([*self.tilt, 0.0]))
         C_vb = C_vl @ motion.attitude(seen)
-        p = motion.at(seen)[:, 3:] @ C_vl.T + C_vb @ self.lever_b
-        p = p + self.position_sd * rng.standard_normal(p.shape)
+        place = motion.at(seen)[:, 3:] @ C_vl.T + C_vb @ self.lever_b
+        p = place + self.position_sd * rng.standard_normal(place.shape)
         off = rng.uniform(size=len(t)) < self.outliers
         p[off] += self.far * rng.standard_normal((int(off.sum()), 3))
+        if self.base_b is not None:
+            other = place + C_vb @ self.base_b
+            other = other + self.position_sd * rng.standard_normal(other.shape)
+            return PoseTable(stamp, p, second=Second(other))
         if self.attitude_sd is None:
             return PoseTable(stamp, p)
         noise = self.attitude_sd * rng.standard_normal((len(t), 3))

@@ -291,8 +291,12 @@ CLAMPED = 0.1
 def _told(model: SpinModel) -> list[Finding]:
     """Say what is worth knowing of the tool."""
     sd = max(float(z.sd[:3].max()) for z in model.solved.point.sizes)
-    told = finding("spun.vibration", mg=plain(1e3 * sd / STANDARD_GRAVITY, 2))
-    return [told] if model.vibration.max(initial=0.0) > 0.9 else []
+    shaken = finding("spun.vibration", mg=plain(1e3 * sd / STANDARD_GRAVITY, 2))
+    told = [shaken] if model.vibration.max(initial=0.0) > 0.9 else []
+    if model.solved.site.latitude is None:
+        unknown = np.degrees(EARTH_RATE / np.sqrt(3)) * 3600
+        told.append(finding("spun.no_latitude", sd=plain(unknown, 2)))
+    return told
 
 
 def _tables(model: SpinModel, slips: list[physics.Slip]) -> dict[str, TableData]:

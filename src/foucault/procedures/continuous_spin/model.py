@@ -281,7 +281,9 @@ class Solved:
     def level_sd(self) -> float:
         """Sd of the level Earth rate along and across an axis of unknown azimuth [1]."""
         latitude = self.site.latitude
-        return max(np.cos(latitude) / np.sqrt(2.0), 1e-3) if latitude is not None else 1.0
+        if latitude is None:
+            return float(1 / np.sqrt(3.0))
+        return max(float(np.cos(latitude) / np.sqrt(2.0)), 1e-3)
 
     def own(self, k: int) -> IntArray:
         """Return which of all unknowns are those of spin `k` [1]."""
@@ -520,8 +522,8 @@ class SpinModel:
     def _elsewhere(self, k: int, by: Change) -> FloatArray:
         """Return what readings of spin `k` would be at another place less what they are, (n, 6)."""
         at, site = self.solved, self.solved.site
-        latitude = None if site.latitude is None else site.latitude + by.latitude
-        there = replace(site, gravity=site.gravity + by.gravity, latitude=latitude)
+        north = (site.latitude or 0.0) + by.latitude  # unknown: no rate along up
+        there = replace(site, gravity=site.gravity + by.gravity, latitude=north)
         spin, point = at.spins[k], at.point
         said = []
         for place in (there, site):
@@ -569,6 +571,9 @@ class SpinModel:
                    basis=basis)
             for name, (share, noise, kind, basis) in parts.items()
         ]  # fmt: skip
+        if self.solved.site.latitude is None:
+            out.append(Source("unknown Earth rate", shared=self.changed(ANYWHERE)[:, :, None],
+                              basis="any latitude is as likely"))  # fmt: skip
         if self.repeatability:
             out += [
                 Source(name, np.sqrt(share)[:, None, None], sd=None, unexplained=True,
@@ -597,6 +602,9 @@ class SpinModel:
                               noise=True, basis="noise as declared in the campaign"))  # fmt: skip
         return tuple(out)
 
+
+ANYWHERE = Change(latitude=float(np.arcsin(1 / np.sqrt(3))))
+"""One sd of the Earth's rate along up where no latitude is known, as from the equator [rad]."""
 
 SCATTER = (
     "scatter of the accelerometers beyond a spin's samples",

@@ -4,7 +4,8 @@ The IMU and what is tracked are fixed to one rigid body that a hand turns and mo
 minute. It gives how the tracked body is turned against the IMU, the lever arm to the tracked point,
 the offset and the rate of the two clocks, the level of the pose's world, and the errors of the IMU
 itself: biases, scale factors, misalignments, and how much later accelerometers read than gyros.
-Positions alone (a prism, an antenna) give all but the rotation.
+Positions alone (a prism, an antenna) give all but the rotation; two antennas give the base between
+them besides, and steady the attitude.
 
 Tables of the result
 --------------------
@@ -22,14 +23,15 @@ import numpy as np
 from pydantic import Field
 
 from foucault import logs
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose.checks import check, plausible_scales, status_check
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate import imu_pose as engine
 from foucault.estimate import two_bodies as bodies
-from foucault.estimate.imu_pose import LAYOUT, NAMES, Readings, Solution
+from foucault.estimate.antennas import antennas, not_exchanged
+from foucault.estimate.imu_pose import LAYOUT, NAMES, OF_ANTENNAS, Readings, Solution
 from foucault.guard.mistakes import exchange_words, exchanges
 from foucault.infer.filtered import component
 from foucault.infer.gauss_newton import FALSE_ALARM
@@ -38,12 +40,13 @@ from foucault.logs.checks import on_a_shared_clock
 from foucault.logs.pose import PoseDescription
 from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
 from foucault.models.noise import ImuNoise
+from foucault.models.pose import BASE as OF_BASE
 from foucault.models.pose import LAYOUT as OF_POSE
 from foucault.models.pose import PoseTable
 from foucault.models.rotation import log as vector_of
 from foucault.models.size_effect import SizeEffect
 from foucault.plans.directions import Free
-from foucault.procedures.imu_pose.start import Start, jumps_of, start_of, start_of_places
+from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
 from foucault.procedures.record import Beforehand, Given, Procedure, Robust, SampleRate
 from foucault.result import Check, Result, TableData, Verdict
 from foucault.simulate.hand_motion import HandMotion, Tracker, simulate_hand
@@ -72,6 +75,13 @@ class Settings(Robust):
     """Noise of the positions, each component; left out, it is found."""
     attitude_sd: AngleSd | None = Field(default=None, gt=0, examples=["0.1 deg"])
     """Noise of the attitudes, each component; left out, it is found."""
+    second_sd: Length | None = Field(default=None, gt=0, examples=["2 mm"])
+    """Noise of a second antenna, or of the base as it is measured, each component; left out, it is
+    found. Of heading and pitch: times the length of the base."""
+    base_length: Length | None = Field(default=None, gt=0, examples=["1.2 m"])
+    """Distance of the two antennas, where it was measured on the body."""
+    base_length_sd: Length = Field(default=2e-3, gt=0, examples=["1 mm"])
+    """How well it was."""
     accel_delay: bool = True
     """Estimate how much later accelerometers read than gyros."""
     clock: bool = True
@@ -102,6 +112,8 @@ class Session(Strict):
     """Poses in a second."""
     with_attitude: bool = True
     """Whether there are attitudes; false: positions alone."""
+    base: tuple[str, str, str] | None = Field(default=None, examples=[["0 m", "80 cm", "0 m"]])
+    """From the first antenna to a second: right, forward, up of the IMU; then no attitudes."""
     position_noise: Length = Field(default=5e-4, ge=0)
     """Noise of the positions, each component."""
     attitude_noise: AngleSd = Field(default=float(np.radians(0.1)), ge=0)
@@ -177,6 +189,10 @@ _MASTER = """\
 # position = { columns = ["x", "y", "z"], unit = "mm" }
 # attitude = { columns = ["q0", "q1", "q2", "q3"] }    # order and direction are told by the data
 # position_only = true                    # a prism or an antenna: no attitude
+# second = { columns = ["x2", "y2", "z2"], unit = "m" }    # two antennas: position of the second,
+# base = { columns = ["e", "n", "u"], unit = "m" }         # or the base from the first to it, or
+# heading = { columns = ["heading", "pitch"], unit = "deg" }   # its heading from north, its pitch
+# fixed = { column = "Q", values = [1] }  # positions of another quality are left out
 """
 
 
@@ -214,10 +230,14 @@ def _readings(log: Log, given: Given[Settings]) -> tuple[Readings, PoseTable]:
         raise error("pose.short", span=plain(span, 2), least=plain(bodies.SHORTEST, 2))
     noise = given.noise
     white = quiet_noise(log) if noise is None else (noise.gyro.white, noise.accel.white)
+    length = given.settings.base_length
+    known = None if length is None else (length, given.settings.base_length_sd)
+    second = None if table.second is None else antennas(table, known)
     C = None if table.quaternion is None else table.attitude(table.reading or _ANY)
     gravity = given.site.gravity, given.site.gravity_sd
     r = Readings.of(log, table.time, table.position, C, white, gravity)
-    return replace(r, jumped=jumps_of(table)), table
+    jumped = poses.jumps_of(replace(table, position=r.place))
+    return replace(r, second=second, length=known, jumped=jumped), table
 
 
 _ANY = "w x y z, body to world"
@@ -229,6 +249,8 @@ def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, Start]:
     given.progress(0.1, "matching what both did")
     if table.quaternion is None:
         start, point = start_of_places(log, r, settings.longest_offset)
+        _contradicted_places(start, given.site.gravity)
+        not_exchanged(point, given.prior)
     else:
         start = start_of(log, r, table)
         point = start.point
@@ -244,10 +266,10 @@ def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, Start]:
         point = replace(point, node=point.node[inside], C=point.C[inside], v=point.v[inside],
                         p=point.p[inside])  # fmt: skip
     given.progress(0.3, "smoothing the motion")
-    hold = np.array(settings.held(r.C_vm is not None), int)
+    hold = np.array(settings.held(bool(r.measured[:, 1].any())), int)
+    sd = settings.attitude_sd if r.second is None else settings.second_sd, settings.position_sd
     found = engine.solve(
-        r, point, given.prior, (settings.attitude_sd, settings.position_sd),
-        robust=settings.robust, most=settings.passes, hold=hold,
+        r, point, given.prior, sd, robust=settings.robust, most=settings.passes, hold=hold,
     )  # fmt: skip
     return found, start
 
@@ -300,6 +322,20 @@ def _contradicted(s: Start, gravity: float) -> None:
         raise error("pose.accel_unit", found=plain(s.gravity, 3), site=plain(gravity, 4))
 
 
+def _contradicted_places(s: Start, gravity: float) -> None:
+    """Refuse positions alone that contradict the IMU, where it is moved in all directions."""
+    if s.singular[2] < 0.5 * s.singular[0]:
+        return
+    if not bodies.of_a_unit(s.gravity / gravity):
+        raise error("pose.accel_unit", found=plain(s.gravity, 3), site=plain(gravity, 4))
+    scale = float(np.median(s.singular))
+    if not bodies.of_a_unit(scale):
+        raise error("pose.position_unit", ratio=plain(scale, 3), best=plain(s.force, 2),
+                    now=plain(s.forces.fit()[1], 2))  # fmt: skip
+    if s.sign < 0:
+        raise error("pose.world_mirrored", factor=plain(s.forces.fit()[1] / s.force, 2))
+
+
 def _apart(s: Start) -> tuple[float, float]:
     """Return how much later positions are stamped than attitudes [s], and what that leaves [m/s^2].
 
@@ -315,27 +351,30 @@ def _apart(s: Start) -> tuple[float, float]:
 
 def _estimate(s: Solution, given: Given[Settings]) -> CoefficientVector:
     """Return what was found, without what was held; the whole of an IMU before its ties."""
-    kept = [i for i in _order() if i not in s.hold]
-    layout = LAYOUT.subset(NAMES[i] for i in kept)
+    kept = [i for i in _order(s.readings.names) if i not in s.hold]
+    layout = LAYOUT.subset(s.readings.names[i] for i in kept)
     return CoefficientVector(layout, s.point.values[kept], s.cov[np.ix_(kept, kept)],
                              prior_sd=s.prior_sd[kept])  # fmt: skip
 
 
-def _order() -> list[int]:
-    return sorted(range(len(NAMES)), key=lambda i: LAYOUT.index(NAMES[i]))
+def _order(names: tuple[str, ...]) -> list[int]:
+    return sorted(range(len(names)), key=lambda i: LAYOUT.index(names[i]))
 
 
 def _checks(s: Solution, c: CoefficientVector, settings: Settings) -> tuple[Check, ...]:
     status = Status.CONVERGED if s.converged else Status.NOT_CONVERGED
-    left = 100 * float(np.mean(s.noise.weights[:, -1 if s.readings.C_vm is None else 0 :] < 0.5))
+    told = s.readings.measured[:, [1, 4]]
+    left = 100 * float(np.mean(s.noise.weights[told] < 0.5))
     out = [
         status_check(status, ()), *plausible_scales(c), _seen(s),
         check("pose halves", "halves of the log", s.halves, None, bodies.HALVES),
         check("pose outliers", "outliers", left, None, LEFT_OUT),
     ]  # fmt: skip
     declared = {"attitude": settings.attitude_sd, "position": settings.position_sd}
+    if s.readings.second is not None:
+        declared = {"second antenna": settings.second_sd, "position": settings.position_sd}
     for k, (name, sd) in enumerate(declared.items()):
-        if sd is None or (name == "attitude" and s.readings.C_vm is None):
+        if sd is None or not told[:, k].any():
             continue
         own = s.rows[:, 3 * k : 3 * k + 3]
         found = component(own, FALSE_ALARM, 2)
@@ -347,7 +386,7 @@ def _checks(s: Solution, c: CoefficientVector, settings: Settings) -> tuple[Chec
 
 def _unseen(s: Solution) -> list[str]:
     lost = s.unseen
-    return [n for i, n in enumerate(NAMES) if lost[i] and i not in s.hold]
+    return [n for i, n in enumerate(s.readings.names) if lost[i] and i not in s.hold]
 
 
 def _seen(s: Solution) -> Check:
@@ -375,8 +414,9 @@ def _told(s: Solution, start: Start, log: Log) -> list[Finding]:
     if s.halves > bodies.MOVED:
         told.append(finding("pose.moved", factor=plain(s.halves, 2)))
     if s.spread > bodies.COLOURED:
-        attitude, position = (plain(x, 2) for x in s.lag_one)
-        told.append(finding("pose.coloured", attitude=attitude, position=position,
+        first, position = (plain(x, 2) for x in s.lag_one)
+        what = "attitudes" if s.readings.second is None else "the second antenna"
+        told.append(finding("pose.coloured", first=first, what=what, position=position,
                             factor=plain(s.spread, 2)))  # fmt: skip
     return told
 
@@ -385,7 +425,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     s, start = _solved(log, given)
     c = _estimate(s, given)
     checks = _checks(s, c, given.settings)
-    kept = [NAMES.index(n) for n in c.names]
+    kept = [s.readings.names.index(n) for n in c.names]
+    second, ok = s.readings.second, s.readings.measured
     site = given.site
     diagnostics: dict[str, Any] = {
         "gravity": site.gravity,
@@ -393,7 +434,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         "unseen": _unseen(s),
         "iterations": s.passes,
         "pose": {
-            "used": int((s.noise.weights[:, 1] > 0.5).sum()), "read": len(s.readings.stamp),
+            "used": int((s.noise.weights[ok[:, 4], 1] > 0.5).sum()), "read": len(ok),
             "attitude_sd": None if s.readings.C_vm is None else s.noise.attitude,
             "position_sd": s.noise.position, "reading": start.reading,
             "colour": s.spread, "halves": s.halves, "lag_one": list(s.lag_one),
@@ -401,7 +442,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
             "jumps": start.clocks.jumps,
             "middle": s.readings.middle, "up": s.point.up_v.tolist(),
             "C_bm": s.point.C_bm.tolist() if s.readings.C_vm is not None else None,
-        },
+        } | ({"second_sd": s.noise.attitude, "second": second.told} if second else {}),
         "noise": {"gyro": s.readings.white[0], "accel": s.readings.white[1]},
     } | of_site(site.as_dict(), c.names, s.of_gravity[kept])  # fmt: skip
     tables: dict[str, TableData] = {}
@@ -409,9 +450,10 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         given.progress(0.8, "looking at what it rests on")
         parts = engine.budget(s)
         diagnostics["budget"] = {name: v[kept].tolist() for name, v in parts.items()}
-        z = np.where(np.repeat(s.noise.weights, 3, axis=1) > 0.5, s.residuals, np.nan)
-        names = [f"{what}_{a}" for what in ("attitude", "position") for a in "xyz"]
-        some = [k for k in range(6) if s.readings.C_vm is not None or k > 2]
+        z = np.where((np.repeat(s.noise.weights, 3, axis=1) > 0.5) & ok, s.residuals, np.nan)
+        first = "second" if second else "attitude"
+        names = [f"{what}_{a}" for what in (first, "position") for a in "xyz"]
+        some = np.flatnonzero(ok.any(axis=0))
         tables["poses"] = {"time": s.readings.at(s.point.tau, s.point.kappa),
                            **{names[k]: z[:, k] for k in some}}  # fmt: skip
     assert log.gyro is not None
@@ -451,7 +493,10 @@ class PoseSession:
         """How the tracked body was fixed, and its clock: true values [SI]."""
         t, C_cb = self.tracker, self.model.in_gauge(Gauge.LOWER)[1]
         values = [*vector_of(C_cb @ t.C_bm), *(C_cb @ t.lever_b), t.delay, t.drift, *t.tilt]
-        return CoefficientVector(OF_POSE, np.array(values))
+        if t.base_b is None:
+            return CoefficientVector(OF_POSE, np.array(values))
+        layout = Layout((*OF_POSE.coefficients, *OF_BASE.coefficients))
+        return CoefficientVector(layout, np.array([*values, *(C_cb @ t.base_b)]))
 
     def truth_json(self) -> dict[str, Any]:
         """Return what was true beside the errors of the sensors, for truth.json."""
@@ -469,9 +514,11 @@ def _simulated(
     east, north = session.tilt * rng.standard_normal(2)
     tracker = Tracker(
         session.pose_rate, session.position_noise,
-        session.attitude_noise if session.with_attitude else None, exp(0.5 * turned),
+        session.attitude_noise if session.with_attitude and not session.base else None,
+        exp(0.5 * turned),
         np.array([parse(text, "length") for text in session.lever_arm]), session.offset,
         session.clock_drift, (float(east), float(north)), session.outliers, lost=session.lost,
+        base_b=session.base and np.array([parse(text, "length") for text in session.base]),
     )  # fmt: skip
     log, table = simulate_hand(
         motion, tracker, duration=session.time, rate=session.rate, model=model, noise=noise,
@@ -497,7 +544,7 @@ def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
     made = _simulated(b.session, b.settings, ImuModel(), noise, b.site, b.seed)
     s, _ = _solved(made.log, Given(b.site, b.settings, noise, b.prior))
     c = _estimate(s, Given(b.site, b.settings, noise, b.prior))
-    kept = [NAMES.index(n) for n in c.names]
+    kept = [s.readings.names.index(n) for n in c.names]
     lost = _unseen(s)
     words = dict.fromkeys(w for n in lost for k, w in MOTION.items() if n.startswith(k))
     told = []
@@ -516,6 +563,12 @@ def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
     )  # fmt: skip
 
 
+def _names(settings: Settings, session: Session) -> tuple[str, ...]:
+    names = OF_ANTENNAS if session.base else NAMES
+    held = settings.held(session.with_attitude or session.base is not None)
+    return tuple(names[i] for i in _order(names) if i not in held)
+
+
 PROCEDURE = Procedure(
     name="imu_pose",
     doc=__doc__,
@@ -524,9 +577,7 @@ PROCEDURE = Procedure(
     solve=_solve,
     plan=lambda _settings, session, _site: Free(f"move it: {session.motion}", session.time),
     simulation=_simulated,
-    names=lambda settings, session: tuple(
-        NAMES[i] for i in _order() if i not in settings.held(session.with_attitude)
-    ),
+    names=_names,
     layout=LAYOUT,
     foresee=_foresee,
     assumes_noise=True,

@@ -13,21 +13,25 @@ C_b0b Om l`` is solved for one offset after the other.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.errors import error
+from foucault.arrays import BoolArray, FloatArray
+from foucault.errors import FoucaultError, error
+from foucault.estimate.antennas import LEFT, SUSPECT, TURNED, least, of_base
 from foucault.estimate.delay_matching import SlaveAttitude
-from foucault.estimate.imu_pose import Point, Readings, corrected, solve
+from foucault.estimate.imu_pose import Point, Readings, corrected, misses, solve
 from foucault.estimate.two_bodies import (
+    CLEARLY,
     SMOOTH,
     Clocks,
     clocks,
     even,
     gaps,
+    of_a_unit,
     one_axis,
     smooth,
     smoothed_alike,
@@ -141,31 +145,6 @@ def _without_jumps(x: FloatArray) -> FloatArray:
     return np.where(far[:, None], middle, x)
 
 
-STANDS_OUT, BESIDE = 8.0, 10
-"""A step of positions is so many times any within so many poses beside it [1]."""
-
-
-def jumps_of(q: PoseTable) -> IntArray:
-    """Return how often the positions have jumped before each pose, shape (m,).
-
-    A wild pose jumps and comes back; where a tracking system has lost its body and found it again
-    elsewhere there is one step that no motion beside it has the like of.
-    """
-    from scipy.ndimage import maximum_filter1d
-
-    dt = np.diff(q.time)[:, None]
-    v = np.diff(q.position, axis=0) / dt
-    step = np.linalg.norm((v[1:-1] - (v[2:] + v[:-2]) / 2) * dt[1:-1], axis=1)
-    step[(dt > 3 * np.median(dt))[1:-1, 0]] = 0.0  # lost for a while it has moved
-    away = BESIDE // 2 + 2
-    near = maximum_filter1d(step, BESIDE + 1)
-    beside = np.maximum(np.roll(near, away), np.roll(near, -away))
-    # Both intervals beside a step are half as far from their neighbours as it is.
-    far = (step > STANDS_OUT * beside) & (step == maximum_filter1d(step, 7))
-    stays = np.linalg.norm(q.position[3:] - q.position[:-3], axis=1) > step / 2
-    return np.cumsum(np.concatenate([[0, 0], far & stays, [0]]).astype(int))
-
-
 def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
     """Find offset, clock rate, rotation, lever arm and level in closed form, from rates and forces.
 
@@ -277,7 +256,7 @@ def _motion(
     r: Readings, C_vb: FloatArray, lever: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return attitude, velocity and position of the IMU at the poses, to start from."""
-    p = r.position - C_vb @ lever
+    p = r.place - C_vb @ lever
     return C_vb, np.gradient(p, r.stamp, axis=0), p
 
 
@@ -286,25 +265,63 @@ def _motion(
 SPAN = 15.0
 """So long gyros can be integrated before their biases are known [s]."""
 
-COARSE, FINE = 0.02, 0.002
-"""Steps of the offset [s]."""
-
 FREE_AT_FIRST = np.r_[3:7, 8:16]
 """Parameters that a few seconds tell: lever arm, offset, level and biases."""
 
+MIRRORED = "axes of all positions are mirrored, or the accelerometers reversed"
+BASES = {
+    "with a heading that is anticlockwise": np.diag([-1.0, 1.0, 1.0]),
+    "as north, east, down": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+    "as north, east, up": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+}
+"""What may be wrong where up is not z: of everything, and of a base that was measured by itself."""
+
 
 def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point]:
-    """Find where to start from positions alone; the offset is looked for within `longest` [s]."""
+    """Find where to start from positions alone; the offset is looked for within `longest` [s].
+
+    A base fits a mirrored world as well, reversed, and one that is turned: positions do not.
+    """
+    found, start, off = _of_places(log, r, longest)
+    size = np.inf if start.base_b is None else float(np.linalg.norm(start.base_b))
+    upright = start.up_v[2] > 0.9 and off < SUSPECT * size
+    if r.second is None or upright or not of_a_unit(found.gravity / r.gravity[0]):
+        return found, start
+    assert log.accel is not None
+    other = replace(log, accel=-log.accel)
+    tried = {MIRRORED: (other, replace(r, dvel=-r.dvel, rise=-r.rise, log=other))}
+    tried |= {words: (log, replace(r, second=replace(r.second, place=r.second.place @ C)))
+              for words, C in BASES.items()}  # fmt: skip
+    left = dict.fromkeys(tried, np.inf)
+    for words, case in tried.items():
+        with suppress(FoucaultError, np.linalg.LinAlgError):
+            left[words] = _of_places(*case, longest)[2]
+    best = min(left, key=lambda words: left[words])
+    if left[best] < min(off / CLEARLY, LEFT * size):
+        code = "pose.world_mirrored" if best == MIRRORED else "pose.base_axes"
+        more = {} if best == MIRRORED else {"words": best}
+        raise error(code, factor=plain(off / left[best], 2), **more)
+    if off > LEFT * size:
+        raise error("pose.base_turns", left=plain(off / size, 2), allowed=plain(LEFT, 1))
+    return found, start
+
+
+def _of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point, float]:
+    """Return the start, and how far positions, or the base, are off then (median) [m]."""
     assert log.gyro is not None
     assert log.accel is not None
     step = float(np.median(np.diff(log.time)))
     usual = float(np.median(np.diff(r.stamp)))
     w, f = (smoothed_alike(x, step, k, usual) for k, x in ((1, log.gyro), (2, log.accel)))
     own = np.arange(r.stamp[0], r.stamp[-1], usual)
-    pull = smooth(even(r.stamp, _without_jumps(r.position), own), usual, 2)
+    pull = smooth(even(r.stamp, _without_jumps(r.place), own), usual, 2)
     bad = gaps(r.stamp, own, max(4 * usual, SMOOTH))
     bad[:5] = bad[-5:] = True
-    first = _liveliest(own, pull * ~bad[:, None], SPAN)
+    lively, base_b = pull, None
+    if r.second is not None:  # its positions may be too noisy to be differentiated twice
+        there = np.isfinite(r.second.base(r.position)[:, 0])
+        lively = smooth(even(r.stamp[there], r.second.base(r.position)[there], own), usual, 1)
+    first = _liveliest(own, lively * ~bad[:, None], SPAN)
     rows = slice(first, first + round(SPAN / usual))
     own, pull, bad = own[rows], pull[rows], bad[rows]
     turns = SlaveAttitude(Increments.of(r.time, r.dtheta, r.dvel))
@@ -328,14 +345,25 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
         left = float(np.sqrt(np.mean((y.ravel() - A.reshape(-1, 15) @ x) ** 2)))
         return left, x, Forces(force, np.swapaxes(C, 1, 2), pull[inside], Om)
 
-    grid = np.arange(-longest, longest + COARSE, COARSE)
-    best = grid[int(np.argmin([tried(float(tau))[0] for tau in grid]))]
-    grid = np.arange(best - COARSE, best + COARSE, FINE)
-    tau = float(grid[int(np.argmin([tried(float(t))[0] for t in grid]))])
-    left, x, forces = tried(tau)
-    U, size, V = np.linalg.svd(x[:9].reshape(3, 3))
-    C_0v = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
-    g_v = -C_0v.T @ x[9:12]
+    if r.second is None:
+        tau = least(lambda t: tried(t)[0], longest)
+        left, x, forces = tried(tau)
+        _overlap(left, own, log)
+        U, size, V = np.linalg.svd(x[:9].reshape(3, 3))
+        sign = float(np.linalg.det(U @ V))
+        C_0v = U @ np.diag([1.0, 1.0, sign]) @ V
+        lever, g_v = x[12:], -C_0v.T @ x[9:12]
+    else:
+        base = even(r.stamp[there], r.second.base(r.position)[there], own)
+        within = float(log.time[0]), float(log.time[-1])
+        tau, C_0v, base_b, off = of_base(turns, own[~bad], base[~bad], longest, within)
+        _overlap(off, own, log)
+        if off > TURNED:
+            raise error("pose.base_turns", left=plain(off, 2), allowed=plain(TURNED, 1))
+        _, _, forces = tried(tau)
+        forces = replace(forces, C_bv=forces.C_bv @ C_0v)
+        x, left = forces.fit()
+        lever, g_v, size, sign = x[:3], x[3:6], np.ones(3), 1.0
     gravity = float(np.linalg.norm(g_v))
     inside = (r.at(tau, 0.0) > own[0] + tau) & (r.at(tau, 0.0) < own[-1] + tau)
     few = r[inside]
@@ -345,10 +373,11 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
         return replace(at, node=some.nodes(at.tau, at.kappa), C=C, v=v, p=p)
 
     zero = np.zeros((3, 3))
-    begun = Point(np.eye(3), x[12:], tau, 0.0, -g_v / max(gravity, 1e-9), (np.zeros(3), zero),
-                  (np.zeros(3), zero), 0.0, few.nodes(tau, 0.0), zero, zero, zero)  # fmt: skip
+    begun = Point(np.eye(3), lever, tau, 0.0, -g_v / max(gravity, 1e-9), (np.zeros(3), zero),
+                  (np.zeros(3), zero), 0.0, few.nodes(tau, 0.0), zero, zero, zero,
+                  base_b)  # fmt: skip
     begun = at_places(few, C_0v.T @ turns.at(few.at(tau, 0.0))[0], begun)
-    hold = np.setdiff1d(np.arange(32), FREE_AT_FIRST)
+    hold = np.setdiff1d(np.arange(32), FREE_AT_FIRST) if base_b is None else np.array([7, 31])
     short = solve(few, begun, {}, (None, None), most=8, hold=hold)
     # From there the gyros without their biases lead to both ends.
     at = short.point
@@ -359,9 +388,12 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
     C_v0 = at.C[middle] @ known[middle].T
     start = at_places(r, C_v0 @ turns.at(r.at(at.tau, at.kappa))[0], at)
     none = Clocks(tau, 0.0, np.nan, np.nan, 0.0, 0.0)
-    found = Start(start, None, none, size, float(np.linalg.det(U @ V)), np.nan,
-                  np.nan, left, gravity, forces, usual)  # fmt: skip
-    return found, start
+    found = Start(start, None, none, size, sign, np.nan, np.nan, left, gravity, forces,
+                  usual)  # fmt: skip
+    z, ok = np.abs(misses(few, short.point)), few.measured
+    off = max(float(np.median(x[o])) for x, o in ((z[:, :3], ok[:, :3]), (z[:, 3:], ok[:, 3:]))
+              if o.any())  # fmt: skip
+    return found, start, off
 
 
 def _liveliest(time: FloatArray, pull: FloatArray, span: float) -> int:
@@ -369,3 +401,11 @@ def _liveliest(time: FloatArray, pull: FloatArray, span: float) -> int:
     n = round(span / float(time[1] - time[0]))
     total = np.append(0.0, np.cumsum(np.sum(pull**2, axis=1)))
     return int(np.argmax(total[n:] - total[:-n])) if len(time) > n else 0
+
+
+def _overlap(left: float, own: FloatArray, log: Log) -> None:
+    """Refuse poses at times when there is no log, whatever the offset; then infinite is `left`."""
+    if not np.isfinite(left):
+        inside = (own > log.time[0]) & (own < log.time[-1])
+        raise error("pose.few", file="The time of the log, with any offset within longest_offset,",
+                    count=int(inside.sum()), least=FEWEST)  # fmt: skip
