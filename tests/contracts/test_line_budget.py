@@ -27,7 +27,7 @@ BUDGET = {
     "navigate": 2_110,
     "plans": 6_049,
     "procedures": 20_384,
-    "recognise": 2_865,
+    "recognise": 2_894,
     "report": 10_701,
     "records": 1_601,
     "simulate": 3_680,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import make_bare as make
-from foucault import campaign
+from foucault import campaign, logs
 from foucault.campaign.recognised import found, said_of
 from foucault.errors import FoucaultError
 from foucault.recognise.reading import recognise
@@ -264,6 +264,35 @@ def test_sizes_that_fit_no_clock_are_told(log, tmp_path):
     file = tmp_path / "slow.csv"
     file.write_text(make.text("t (s),ax,ay,az,gx,gy,gz", [6e4 * c.t, c.f, c.w], ["%.5f"] * 7))
     assert refused(file, said="time.unit = min").code == "recognise.units"
+
+
+@pytest.mark.parametrize("titles", ["t (ms),a1,a2,a3,w1,w2,w3",
+                                    "t (ms),ax,ay,az,gx (LSB),gy (LSB),gz (LSB)"])  # fmt: skip
+def test_counts_that_no_turn_tells_are_asked_for(tmp_path, titles):
+    """One rest: whole numbers beside gravity are no degrees per second."""
+    rng = np.random.default_rng(4)
+    t = 10 * np.arange(3000)
+    a = rng.normal([0, 0, 9.8], 0.02, (3000, 3))
+    w = np.round(rng.normal([40, -12, 7], 5, (3000, 3)))
+    file = tmp_path / "still.csv"
+    file.write_text(make.text(titles, [t, a, w], ["%d"] + ["%.4f"] * 3 + ["%d"] * 3))
+    asked = recognise([file]).questions
+    assert asked and "count/(deg/s)" in asked[0].one
+    if "LSB" in titles:
+        assert asked[0].what == "Nothing tells how large the gyros' counts are."
+    for scale in ("131 count/(deg/s)", "7505.747 count/(rad/s)"):
+        seen = recognise([file], said_of([f"gyro.unit = count; gyro.scale = {scale}"]))
+        assert not seen.questions and seen.log["gyro"]["scale"] == scale
+        log = logs.read(seen.description(), tmp_path)
+        np.testing.assert_allclose(log.gyro, np.radians(w / 131), rtol=1e-5)
+
+
+def test_six_faces_of_any_signs_are_read_right_or_asked_about(tmp_path):
+    """Two of five moves tell the sign of an axis: what most moves say is not enough."""
+    text, _, _ = campaign.template("six_position").partition("# [optimise]")
+    log = campaign.simulate(campaign.parse(text), 2).simulation.log
+    got = [make.judged(seed, tmp_path, log)[0] for seed in range(2001, 2029, 2)]
+    assert "wrong" not in got and got.count("right") > 8
 
 
 # -- other sessions, and real ones -------------------------------------------------------------

@@ -310,8 +310,10 @@ class _Work:
         angle = np.arccos(np.clip(np.sum(predicted * self.after, axis=2), -1, 1))
         if shaken:  # where one turn in five tells the sign of an axis
             return np.asarray(np.mean(angle, axis=1))
-        if angle.shape[1] > 4:
-            return np.asarray(np.median(angle, axis=1) * 1.2)
+        if (n := angle.shape[1]) > 4:
+            # One in five may be spoiled; more may not, for few turns tell the sign of an axis.
+            worst = n - 1 - n // 5
+            return np.asarray(np.partition(angle, worst, axis=1)[:, worst] * 0.8)
         return np.asarray(np.sqrt(np.mean(angle**2, axis=1)))
 
     def ranked(self, scale: float) -> list[tuple[float, FloatArray]]:

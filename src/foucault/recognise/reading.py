@@ -358,7 +358,7 @@ class _Work:
         given = tuple(name for name in ("time", "accel", "gyro") if self._said(name))
         titled = units.Titled(
             self._clock_unit(), self._said("accel") or self._titled(found.accel),
-            self._said("gyro") or self._titled(found.gyro), given,
+            self._said("gyro") or self._titled(found.gyro), given, self._scales(),
         )  # fmt: skip
         seen = units.Seen(
             1.0 if clock is None else clock.interval, clock is not None,
@@ -388,6 +388,19 @@ class _Work:
     def _said(self, triad: str) -> str:
         block = self.said.get(triad)
         return str(block.get("unit", "")) if isinstance(block, Mapping) else ""
+
+    def _scales(self) -> dict[str, tuple[str, float]]:
+        """Return what is said of the counts of the triads, as texts and per count [SI]."""
+        from foucault.units import parse
+
+        out = {}
+        for triad, kind in (("accel", "accelerometer count scale"), ("gyro", "gyro count scale")):
+            block = self.said.get(triad)
+            said = block.get("scale") if isinstance(block, Mapping) else None
+            one = said[0] if isinstance(said, list) and said else said
+            if isinstance(one, str):
+                out[triad] = one, 1.0 / parse(one, kind, f"{triad}.scale")
+        return out
 
     def _clock_unit(self) -> str:
         if said := self._said("time"):
@@ -424,6 +437,8 @@ class _Work:
                 parts.append(f"rate = {r.rate:g} Hz")
             if r.gyro and differs.gyro and r.gyro.text != differs.gyro.text:
                 parts.append(f"gyro.unit = {r.gyro.text}")
+            if r.gyro and differs.gyro and r.gyro.scale and r.gyro.scale != differs.gyro.scale:
+                parts.append(f"gyro.scale = {r.gyro.scale}")
             if r.increments != differs.increments:
                 kind = "increment" if r.increments else "rate"
                 parts.append(f"accel.kind = {kind}; gyro.kind = {kind}")
@@ -432,9 +447,10 @@ class _Work:
         first, second = line(one, other), line(other, one)
         if first == second:
             return
-        self.questions.append(
-            Question("Two sets of units fit.", first, _whys(one), second, _whys(other))
-        )
+        counts = "gyro.scale" in first and "gyro.scale" in second
+        what = "Nothing tells how large the gyros' counts are." if counts \
+            else "Two sets of units fit."  # fmt: skip
+        self.questions.append(Question(what, first, _whys(one), second, _whys(other)))
 
     # -- axes ----------------------------------------------------------------------------------
 

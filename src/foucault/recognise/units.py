@@ -7,8 +7,8 @@ several fit, titles and the usual rates of loggers decide, and what is still ope
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from math import inf, isfinite, log, pi
 
 from foucault.errors import FoucaultError
@@ -96,6 +96,8 @@ class Titled:
     accel: str = ""
     gyro: str = ""
     given: tuple[str, ...] = ()  # those that a user has said: no number overrules them
+    # triad -> what a user has said of its counts, as a text and per count [SI]
+    scales: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -229,6 +231,10 @@ def _fitting(
     """Yield units of a triad one reading of which is of a `size` [SI], None where nothing tells."""
     titled = getattr(known_by, sense.name)
     kind, known = sense.sums if increments else sense.rates
+    if sense.name in known_by.scales:
+        text, si = known_by.scales[sense.name]
+        yield Unit("count", si, text, why="given")
+        return
     si = 0.0
     if titled and titled != "count":
         if titled in ("rad", "deg") and not increments:
@@ -241,8 +247,12 @@ def _fitting(
         yield Unit(titled, si, why="title")
         return
     if size is None:
-        for text in list(known)[:2]:
-            yield Unit(text, known[text], cost=2.0, why="nothing but what is usual")
+        why = "nothing but what is usual"
+        counts = titled == "count" or (whole and not titled and not increments)
+        for per in sense.per[1:] if counts else ():
+            yield Unit("count", sense.one / per, f"{per:.10g} count/{sense.of}", 2.0, why)
+        for text in list(known)[:2] if titled != "count" else ():
+            yield Unit(text, known[text], cost=2.0 + 0.3 * counts, why=why)
         return
     why = f"not {titled} as its title says" if si else sense.told
     extra = 3.0 * bool(si)
