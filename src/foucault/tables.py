@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.display import Shown
 from foucault.errors import error
 
@@ -25,6 +25,41 @@ AXES = ("x", "y", "z")
 
 GAP = 1.5
 """An interval longer than this many usual ones is a gap [1]."""
+
+LATE = 3
+"""So many stamps in a row may be late [1]."""
+
+EVEN = 1e-6
+"""Intervals that differ by no more are one, rounded in the last places [1]."""
+
+
+def gaps(step: FloatArray) -> BoolArray:
+    """Tell which intervals between stamps (n,) [s] are gaps.
+
+    A stamp that came late is made good by the next few; a gap by none.
+    """
+    usual = float(np.median(step)) if len(step) else 0.0
+    wide = np.asarray(step > GAP * usual)
+    if wide.any():
+        for more in range(1, LATE + 1):
+            total = np.convolve(step, np.ones(more + 1), "valid")
+            made_good = total <= (more + GAP) * usual
+            wide[: len(total)] &= ~made_good
+            wide[more:] &= ~made_good
+    return wide
+
+
+def usual_step(step: FloatArray) -> float:
+    """Return the interval that samples really have, from those of their stamps (n,) [s].
+
+    The mean of those that are no gaps: stamps that are rounded to milliseconds have a median that
+    is off by up to some percent.
+    """
+    if not len(step):
+        return float("nan")
+    median = float(np.median(step))
+    even = float(np.ptp(step)) <= EVEN * median
+    return median if even else float(step[~gaps(step)].mean())
 
 
 @dataclass(frozen=True)
@@ -304,14 +339,14 @@ class Log(Shown):
 
     @cached_property
     def interval(self) -> float:
-        """Nominal sample interval, the median of the differences [s]."""
-        return float(np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
+        """Nominal sample interval, see `usual_step` [s]."""
+        return usual_step(np.diff(self.time))
 
     @cached_property
     def lasting(self) -> FloatArray:
         """Time that each sample stands for, of a gap half of what is missing, shape (n,) [s]."""
         step = np.diff(self.time)
-        missing = np.where(step > GAP * self.interval, step - self.interval, 0.0)
+        missing = np.where(gaps(step), step - self.interval, 0.0)
         out = np.full(len(self), self.interval)
         out[:-1] += missing / 2
         out[1:] += missing / 2
@@ -423,9 +458,9 @@ class IndexedLog:
 
     @cached_property
     def interval(self) -> float:
-        """Nominal interval, the median of the differences within a set-up [s]."""
+        """Nominal interval within a set-up, see `usual_step` [s]."""
         step = np.diff(self.time)[np.diff(self.setup) == 0]
-        return float(np.median(step)) if len(step) else float("nan")
+        return usual_step(step)
 
     @property
     def rate(self) -> float:

@@ -27,7 +27,7 @@ from foucault.detect.stretches import (
     turning,
 )
 from foucault.logs import checks
-from foucault.tables import Log
+from foucault.tables import Log, usual_step
 
 LEARN = (0.5, 0.02)
 """The whole log is decided again when it has grown by so much [s] and by this part [1]."""
@@ -155,7 +155,7 @@ class LiveRests:
     def _learn(self, exact: bool = False) -> None:
         stride = 1 if exact else max(1, len(self) // THINNED)
         step = np.diff(self._time.all[:, 0])[::stride]
-        self.interval = float(np.median(step))
+        self.interval = usual_step(step)
         rate = 1.0 / self.interval
         samples = self.how.samples(rate)
         if abs(samples - self.samples) > (0.0 if exact else 0.1 * self.samples):

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
-from foucault.tables import Log
+from foucault.tables import Log, usual_step
 from foucault.units import plain
 
 TURNS = 2.0
@@ -46,7 +46,7 @@ class Spin:
     @cached_property
     def step(self) -> float:
         """Time from a reading to the next [s]."""
-        return float(np.median(np.diff(self.time)))
+        return usual_step(np.diff(self.time))
 
     @property
     def turns(self) -> float:

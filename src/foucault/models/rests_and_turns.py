@@ -43,7 +43,7 @@ from foucault.models.earth import Site, earth_rate_n
 from foucault.models.imu import ImuModel, coefficient_slot
 from foucault.models.noise import TriadNoise
 from foucault.models.rotation import cross_matrix, exp, log, right_jacobian_inverse
-from foucault.tables import AXES, GAP, Log
+from foucault.tables import AXES, GAP, Log, gaps
 
 
 @dataclass(frozen=True)
@@ -263,7 +263,7 @@ def bridged(log_: Log, first: IntArray, last: IntArray) -> FloatArray:
     """
     assert log_.gyro is not None
     w, step, out = log_.gyro, np.diff(log_.time), np.zeros(len(first))
-    wide = np.flatnonzero(step > GAP * log_.interval)
+    wide = np.flatnonzero(gaps(step))
     own = np.searchsorted(first, wide, side="right") - 1
     held = (own >= 0) & (wide < last[own])
     turned = np.zeros_like(w)
