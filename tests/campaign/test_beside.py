@@ -40,10 +40,11 @@ def beside_another(tmp_path_factory):
     return session("two_imus", tmp_path_factory.mktemp("imus"))
 
 
-def bare(file: Path, head: str, name: str) -> Path:
-    rows = file.read_text().splitlines()[2:]
+def bare(file: Path, head: str, name: str, force: float = 1.0) -> Path:
+    x = np.genfromtxt(file, delimiter=",", skip_header=2)
+    x[:, 4:7] *= force
     out = file.with_name(name)
-    out.write_text("\n".join([head, *rows]) + "\n")
+    np.savetxt(out, x, fmt="%.17g", delimiter=",", header=head, comments="")
     return out
 
 
@@ -91,7 +92,9 @@ def test_two_imus_are_calibrated_one_against_the_other(beside_another):
 
 @pytest.mark.thorough
 def test_accelerometers_without_a_unit_are_asked_for(beside_another):
-    files = [bare(beside_another / "log.csv", BARE, "none.csv"), beside_another / "first.csv"]
+    """A body that is moved hard: what it reads is no gravity in a unit that people use."""
+    log = bare(beside_another / "log.csv", BARE, "none.csv", force=1.1)
+    files = [log, beside_another / "first.csv"]
     with pytest.raises(FoucaultError, match="no unit of its accelerometers"):
         _ = found(files).campaign
     seen = found(files, said_of(["accel.unit = m/s^2"]))

@@ -388,7 +388,7 @@ def compared(
         at.node, r.at(at.tau, at.kappa) - r.time[at.node], r.stamp - r.middle, r.dt, c.theta,
         c.force, c.raw_g, c.K_g, at.C, at.v, at.p, -r.gravity[0] * at.up_v, at.C_bm, at.lever_b,
         arm, share, kind, r.position, none if r.second is None else r.second.place,
-        np.zeros((0, 3, 3)) if r.C_vm is None else r.C_vm, z, H, D,
+        np.zeros((0, 3, 3)) if r.C_vm is None else np.ascontiguousarray(r.C_vm), z, H, D,
     )  # fmt: skip
     return np.where(r.measured, z, 0.0), H, D
 
