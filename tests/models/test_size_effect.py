@@ -17,7 +17,7 @@ from foucault.models.size_effect import SizeEffect, changes, with_size_effect
 from foucault.navigate.increments import increments_of
 from foucault.navigate.ins_filter import Updates, run
 from foucault.navigate.strapdown import State, navigate
-from foucault.tables import Log
+from foucault.tables import Log, usual_step
 
 
 def inputs(w, f, dw, df):
@@ -130,7 +130,7 @@ def test_readings_are_turned_back_into_what_is_true():
 @pytest.mark.parametrize("sampled", ["rate", "increment"])
 def test_changes_of_a_log_beside_a_gap(sampled):
     t = np.array([0.0, 0.01, 0.02, 0.03, 0.0375, 0.05, 0.09, 0.10, 0.11, 0.115])
-    dt = np.diff(t, prepend=-0.01)
+    dt = np.diff(t, prepend=-usual_step(np.diff(t)))
     at = t - dt / 2 if sampled == "increment" else t
     slope, push = np.array([1.0, -2.0, 3.0]), np.array([5.0, 0.5, -1.0])
     log = Log(t, np.outer(at, slope) + 0.3, np.outer(at, push), sampled)
