@@ -34,7 +34,7 @@ EVEN = 1e-6
 
 
 def gaps(step: FloatArray) -> BoolArray:
-    """Tell which intervals between stamps (n,) [s] are gaps.
+    """Tell which intervals between stamps are gaps, shape (n,); `step` (n,): those intervals [s].
 
     A stamp that came late is made good by the next few; a gap by none.
     """
@@ -50,7 +50,7 @@ def gaps(step: FloatArray) -> BoolArray:
 
 
 def usual_step(step: FloatArray) -> float:
-    """Return the interval that samples really have, from those of their stamps (n,) [s].
+    """Return the interval that samples really have; `step` (n,): those of their stamps [s].
 
     The mean of those that are no gaps: stamps that are rounded to milliseconds have a median that
     is off by up to some percent.
