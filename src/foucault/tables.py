@@ -41,7 +41,7 @@ def gaps(step: FloatArray) -> BoolArray:
     usual = float(np.median(step)) if len(step) else 0.0
     wide = np.asarray(step > GAP * usual)
     if wide.any():
-        for more in range(1, LATE + 1):
+        for more in range(1, min(LATE, len(step) - 1) + 1):
             total = np.convolve(step, np.ones(more + 1), "valid")
             made_good = total <= (more + GAP) * usual
             wide[: len(total)] &= ~made_good

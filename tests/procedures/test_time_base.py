@@ -242,6 +242,16 @@ def test_the_usual_step_is_that_of_the_samples():
     assert np.isnan(usual_step(np.zeros(0)))
 
 
+@pytest.mark.parametrize("step, usual, wide", [
+    ([0.05], 0.05, []), ([0.01, 0.05], 0.03, []), ([0.05, 0.01, 0.01], 0.01, [0]),
+    ([0.01, 0.01, 0.05], 0.01, [2]), ([0.01, 0.01, 0.05, 0.01], 0.01, [2]),
+])  # fmt: skip
+def test_a_log_of_a_few_samples_has_an_interval(step, usual, wide):
+    """Of two neither is the usual one: which is a gap is not told."""
+    assert usual_step(np.array(step)) == pytest.approx(usual)
+    assert np.flatnonzero(gaps(np.array(step))).tolist() == wide
+
+
 @pytest.mark.parametrize("name, most", [
     ("ferraris", 0.01), ("six_position", 0.01), ("hand_rotated", 0.1), ("rate_table", 1.0)
 ])  # fmt: skip
