@@ -44,7 +44,7 @@ from foucault.models.pose import Second
 from foucault.models.rotation import exp, right_jacobian_inverse
 from foucault.models.rotation import log as vector_of
 from foucault.navigate.increments import increments_of
-from foucault.tables import Log
+from foucault.tables import GAP, Log
 
 GYRO = tuple(f"gyro.misalignment.{a}{b}" if a != b else f"gyro.scale.{a}"
              for a in "xyz" for b in "xyz")  # fmt: skip
@@ -104,9 +104,6 @@ still moves then [1]."""
 
 LAGGED = 3.0
 """Correlation of a pose's error with the next beyond so many standard deviations counts [1]."""
-
-GAP = 1.5
-"""An interval longer than this many usual ones is a gap [1]."""
 
 START_SD = np.repeat([10.0, 20.0, 20.0], 3)
 """How far the motion at the first node may be from where it starts: anywhere [rad, m/s, m]."""
