@@ -343,7 +343,7 @@ def steady_spins(x: FloatArray, accel: Sequence[int], y: FloatArray) -> Iterator
     fastest = float(np.percentile(np.linalg.norm(y, axis=1), 99.5))
     if not fastest > 0:
         return
-    even, scale = 0.01 * np.arange(len(y)), FASTEST / fastest
+    even, scale = np.asarray(0.01 * np.arange(len(y)), float), FASTEST / fastest
     found = find_spins(Log(time=even, accel=x[:, list(accel)], gyro=scale * y), 0.5, SLOWEST)
     for spin in found[:: max(1, len(found) // (MOST_TURNS // INSTANTS))]:
         readings = spin.readings / np.repeat([1.0, scale], 3)
