@@ -33,7 +33,7 @@ from foucault.detect.stretches import (
 from foucault.errors import Finding, FoucaultError, error, finding, suggestion
 from foucault.models.rests_and_turns import SIX, FaceReadings, TurnReadings, bridged, face_name
 from foucault.tables import AXES, Log
-from foucault.units import plain
+from foucault.units import STANDARD_GRAVITY, plain
 
 Sections = Mapping[str, Sequence[int]]
 
@@ -158,6 +158,22 @@ def check_sections(sections: Sections, samples: int, means: bool) -> list[str]:
     return list(REST_SECTIONS)
 
 
+def require_gravity(log: Log, accel: FloatArray, gravity: float, band: float) -> None:
+    """Refuse means at rest that are not gravity by far, and name increments.
+
+    `log`: readings [SI]; `accel` (n, 3): means at rest [m/s^2]; `gravity`: local [m/s^2]; `band`:
+    they may be so many times as large, or as small [1].
+    """
+    norm = float(np.median(np.linalg.norm(accel, axis=1)))
+    ratio = norm / gravity
+    if 1 / band < ratio < band:
+        return
+    in_g = abs(ratio * STANDARD_GRAVITY - 1.0) < 0.1  # at 10 Hz either may be
+    if log.averaged is None and abs(ratio / log.interval - 1.0) < 0.1 and not in_g:
+        raise error("accel.increments", given=f"{norm:.4g}", rate=plain(1 / log.interval))
+    raise error("accel.scale_impossible", given=f"{norm:.4g}", ratio=f"{ratio:.3g}")
+
+
 def face_readings(
     log: Log, first: IntArray, last: IntArray, gravity: float
 ) -> tuple[FaceReadings, FloatArray]:
@@ -171,12 +187,7 @@ def face_readings(
     accel = means_of(log.accel, spans)
     gyro = None if log.gyro is None else means_of(log.gyro, spans)
     if len(accel):
-        norm = float(np.median(np.linalg.norm(accel, axis=1)))
-        if not 0.5 < norm / gravity < 2.0:
-            ratio = f"{norm / gravity:.3g}"
-            if log.averaged is None and abs(norm / gravity / log.interval - 1.0) < 0.1:
-                raise error("accel.increments", given=f"{norm:.4g}", rate=plain(1 / log.interval))
-            raise error("accel.scale_impossible", given=f"{norm:.4g}", ratio=ratio)
+        require_gravity(log, accel, gravity, 2.0)
     axis, sign, tilt = _nearest(accel - _centre(accel))
     time = (last - first) * log.interval if log.averaged is None else log.averaged[first]
     readings = FaceReadings(
@@ -370,6 +381,8 @@ def find_turns(
         whole = [c for c in found if c.times(angles) and c.sideways <= SIDEWAYS]
     else:
         found = whole = _sections(log, faces, bias, sections)
+        if not any(c.times(angles) for c in found):
+            _other_unit(log, found, angles)
         for c in found:
             _section_as_declared(log, c, angles)
     _all_axes(log, faces, bias, found, whole, angles)
