@@ -103,6 +103,38 @@ def checks(e: Judged) -> list[Check]:
     return out + _held_out(e)
 
 
+def known_checks(fit: Fit, keys: Mapping[str, str]) -> list[Check]:
+    """Compare nuisance parameters as found with what was known of them; none where none show.
+
+    Of white rows z of what was known, ``cov(z) = I - R P R'``: what the readings tell of them.
+    `keys`: the source that rows are in the budget -> the setting that says how large they are.
+    """
+    from scipy.special import chdtrc, chdtri
+
+    if fit.at.known is None:
+        return []
+    z, R = fit.at.known
+    told = list[tuple[float, float, int, str]]()
+    for what in keys:
+        mine = np.array([name == what for name in fit.at.known_from])
+        seen = np.eye(int(mine.sum())) - R[mine] @ fit.estimate.state_cov @ R[mine].T
+        share, along = np.linalg.eigh(seen)
+        kept = share > KNOWN
+        if kept.any():
+            square = float(np.sum((along.T @ z[mine])[kept] ** 2 / share[kept]))
+            told.append((float(chdtrc(kept.sum(), square)), square, int(kept.sum()), what))
+    if not told:
+        return []
+    _, square, dof, what = min(told)
+    high = np.sqrt(float(chdtri(dof, FALSE_ALARM / len(told))) / dof)
+    name, given = "known beforehand", {"what": what, "key": keys[what]}
+    return [check(name, name, np.sqrt(square / dof), None, high, given)]
+
+
+KNOWN = 1e-2
+"""Share of what was known that readings tell, below which it is not tested [1]."""
+
+
 def redundancy(e: Judged) -> Check:
     """Judge whether enough is left over to notice a wrong reading."""
     dof = round(sum(c.redundancy for c in e.fit.after.values()), 6)  # often exactly `ENOUGH`
