@@ -26,7 +26,7 @@ from foucault.infer.drift import Drift, by_time, find_drift
 from foucault.infer.gauss_newton import FALSE_ALARM, TOLD, Component, chi_square_limits
 from foucault.infer.information import information
 from foucault.infer.mixed import Fit, HeldOut
-from foucault.result import Check, Level
+from foucault.result import CERTAIN, Check, Level
 from foucault.units import plain
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def known_checks(fit: Fit, keys: Mapping[str, str]) -> list[Check]:
     if not told:
         return []
     _, square, dof, what = min(told)
-    high = np.sqrt(float(chdtri(dof, FALSE_ALARM / len(told))) / dof)
+    high = np.sqrt(float(chdtri(dof, CERTAIN)) / dof)  # a little more is within what was said
     name, given = "known beforehand", {"what": what, "key": keys[what]}
     return [check(name, name, np.sqrt(square / dof), None, high, given)]
 
