@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -67,3 +69,19 @@ def test_versions_agree() -> None:
     from importlib.metadata import version
 
     assert foucault.__version__ == version("foucault")
+
+
+NEWER = {"mT", "matrix_transpose", "vecdot", "matvec", "vecmat", "concat", "unstack"}
+"""Names of NumPy that its oldest promised version has not: every call of them fails there."""
+
+
+def test_nothing_asks_for_a_newer_numpy_than_is_promised() -> None:
+    used = {
+        f"{file.name}:{node.lineno} {node.attr}"
+        for file in Path(foucault.__file__).parent.rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute)
+        and node.attr in NEWER
+        and not (isinstance(node.value, ast.Name) and node.value.id == "pd")
+    }
+    assert not used
