@@ -294,7 +294,7 @@ def _fit(
         slow = window_covariance(begin, begin + d.time, noise)
     own = (white + more)[:, :, None] * np.eye(len(d))
     root = np.asarray(np.linalg.cholesky(own + slow), float)
-    J = np.linalg.solve(root, design)
+    J = np.linalg.solve(root, design[None])  # one for all: NumPy 1 takes (n, k) for vectors
     # The first two unknowns get the widest prior that still counts as one: without it a component
     # that no reading shows would have no variance at all.
     known = np.where(np.isfinite(sd), 1.0 / np.maximum(sd, 1e-300) ** 2, 0.0)
