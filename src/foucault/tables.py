@@ -32,6 +32,12 @@ LATE = 3
 EVEN = 1e-6
 """Intervals that differ by no more are one, rounded in the last places [1]."""
 
+ROUNDED, NEAR = (1e-2, 1e-3, 1e-4), 1e-2
+"""Last places to which stamps are rounded [s], and by how much of one they miss it [1]."""
+
+OFF = 0.6
+"""Rounding, and the line through rounded stamps, are off by so much of the last place [1]."""
+
 
 def gaps(step: FloatArray) -> BoolArray:
     """Tell which intervals between stamps are gaps, shape (n,); `step` (n,): those intervals [s].
@@ -60,6 +66,25 @@ def usual_step(step: FloatArray) -> float:
     median = float(np.median(step))
     even = float(np.ptp(step)) <= EVEN * median
     return median if even else float(step[~gaps(step)].mean())
+
+
+def evened(time: FloatArray) -> FloatArray:
+    """Return the stamps of an even clock without their rounding, any others as they are, (n,) [s].
+
+    `time` (n,): stamps [s]. They are such where none is farther from a line than rounding makes it.
+    """
+    step = np.diff(time)
+    usual = usual_step(step)
+    if len(step) < 2 or not usual > 0 or float(np.ptp(step)) <= EVEN * usual:
+        return time
+    t = time - time[0]
+    units = (u for u in ROUNDED if np.abs(t / u - np.round(t / u)).max() < NEAR)
+    unit = next(units, 0.0)
+    count = np.concatenate([[0.0], np.cumsum(np.round(step / usual))])
+    slope, start = np.polyfit(count, t, 1)
+    line = np.asarray(time[0] + start + slope * count)
+    within = np.abs(line - time).max() <= OFF * unit and (np.diff(count) > 0).all()
+    return line if within else time
 
 
 @dataclass(frozen=True)

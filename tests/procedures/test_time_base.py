@@ -11,6 +11,7 @@ import pytest
 import make_guard
 from foucault import campaign, load_result, procedures, run_folder
 from foucault.cli.app import app
+from foucault.logs.checks import timing
 from foucault.logs.description import LogDescription
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
@@ -21,7 +22,7 @@ from foucault.procedures.merged import merged
 from foucault.report import html
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.tables import CLOCKS, Clock, gaps, usual_step
+from foucault.tables import CLOCKS, Clock, evened, gaps, usual_step
 
 FAST = 1e-3
 
@@ -252,8 +253,32 @@ def test_a_log_of_a_few_samples_has_an_interval(step, usual, wide):
     assert np.flatnonzero(gaps(np.array(step))).tolist() == wide
 
 
+def test_rounded_stamps_of_an_even_clock_are_evened_and_no_others():
+    true = 12.3 + np.arange(4000) / 104
+    lost = np.delete(true, np.r_[700:705, 2500:2501])
+    for time in (true, lost):
+        for rounded in (np.round(time, 3), np.floor(time * 1e3) / 1e3):
+            off = evened(rounded) - time
+            assert np.ptp(off) < 1e-5 and abs(off.mean()) < 6e-4
+    rng = np.random.default_rng(3)
+    late = true + rng.uniform(0, 5e-3, 4000) * (rng.random(4000) < 0.1)
+    drifted = true + 5e-6 * (true - true.mean()) ** 2
+    for time in (true, late, np.round(late, 3), np.round(drifted, 3), true[:1], true[:0]):
+        assert evened(time) is time
+
+
+def test_a_late_stamp_is_no_gap_of_a_log():
+    time = np.arange(400) / 100
+    time[200] += 0.007
+    assert timing(time) == ()
+    (found,) = timing(np.delete(time, [300, 301]))
+    assert found.code == "log.gap" and "2 samples" in found.message
+
+
 @pytest.mark.parametrize("name, most", [
-    ("ferraris", 0.01), ("six_position", 0.01), ("hand_rotated", 0.1), ("rate_table", 1.0)
+    ("ferraris", 0.01), ("six_position", 0.01), ("hand_rotated", 0.1), ("rate_table", 1.0),
+    pytest.param("two_imus", 0.2, marks=pytest.mark.thorough),
+    pytest.param("imu_pose", 0.05, marks=pytest.mark.thorough),
 ])  # fmt: skip
 def test_stamps_rounded_to_milliseconds_shift_nothing(name, most):
     """Of 104 Hz, their median is 4 % off. What a step of a table begins with is rounded all the

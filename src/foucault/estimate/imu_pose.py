@@ -44,7 +44,7 @@ from foucault.models.pose import Second
 from foucault.models.rotation import exp, right_jacobian_inverse
 from foucault.models.rotation import log as vector_of
 from foucault.navigate.increments import increments_of
-from foucault.tables import GAP, Log
+from foucault.tables import Log, gaps
 
 GYRO = tuple(f"gyro.misalignment.{a}{b}" if a != b else f"gyro.scale.{a}"
              for a in "xyz" for b in "xyz")  # fmt: skip
@@ -239,7 +239,7 @@ class Readings:
         rise = np.gradient(f, axis=0)
         if log.sampled == "rate" and len(x) == len(log):
             rise = np.diff(log.accel, axis=0, prepend=log.accel[:1])
-        broken = np.cumsum(np.asarray(x.dt > GAP * np.median(x.dt), int))
+        broken = np.cumsum(gaps(x.dt).astype(int))
         return cls(x.time, x.dt, x.dtheta_b, x.dvel_b, rise, stamp, float(stamp[0] + stamp[-1]) / 2,
                    position, C_vm, broken, white, gravity, log,
                    np.zeros(len(stamp), int))  # fmt: skip

@@ -29,7 +29,7 @@ from foucault.kernels import two_imus as kernels
 from foucault.models.rotation import exp, right_jacobian_inverse
 from foucault.models.rotation import log as vector_of
 from foucault.models.two_imus import ORDINALS, layout_of
-from foucault.tables import Log
+from foucault.tables import Log, evened
 
 USUAL = {
     "rotation": np.pi / np.sqrt(3), "lever": 0.3, "delay": 0.2, "clock": 0.01, "gyro.bias": 0.2,
@@ -68,8 +68,9 @@ class Readings:
         """Take a log; means over intervals hold in their middle."""
         assert log.gyro is not None and log.accel is not None
         back = 0.5 * log.interval if log.sampled == "increment" else 0.0
-        time, read = log.time - back, np.ascontiguousarray(np.column_stack([log.gyro, log.accel]))
-        return cls(time, float(log.time[0] + log.time[-1]) / 2, read)
+        stamp = evened(log.time)
+        time, read = stamp - back, np.ascontiguousarray(np.column_stack([log.gyro, log.accel]))
+        return cls(time, float(stamp[0] + stamp[-1]) / 2, read)
 
 
 @dataclass(frozen=True)

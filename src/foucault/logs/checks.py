@@ -20,7 +20,7 @@ from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.models.earth import EARTH_RATE
 from foucault.models.temperature import KELVIN_IN_CELSIUS
 from foucault.symptoms import SYMPTOMS
-from foucault.tables import AXES, GAP, Log
+from foucault.tables import AXES, Log, gaps, usual_step
 from foucault.units import STANDARD_GRAVITY, ZERO_CELSIUS, factor, plain, span
 
 IRREGULAR = (0.1, 0.01)
@@ -203,9 +203,8 @@ def timing(
         now, before = (moment(t - zero) for t in (time[row], time[row - 1]))
         raise error(code, row=row + start, time=now, before=before, count=int(wrong.sum()),
                     advice=rate_instead(time, shared=shared))  # fmt: skip
-    nominal = float(np.median(step))
-    gaps = step > GAP * nominal
-    off = ~gaps & (np.abs(step / nominal - 1.0) > IRREGULAR[0])
+    nominal, wide = usual_step(step), gaps(step)
+    off = ~wide & (np.abs(step / nominal - 1.0) > IRREGULAR[0])
     found = []
     if off.mean() > IRREGULAR[1]:
         low, high = np.quantile(step, (0.01, 0.99))
@@ -213,13 +212,13 @@ def timing(
         advice = rate_instead(time, shared=shared)
         share = f"{100 * off.mean():.3g}"
         found.append(finding("log.irregular", share=share, advice=advice, **words))
-    if gaps.any():
-        longest = int(np.argmax(step))
+    if wide.any():
+        longest = int(np.argmax(np.where(wide, step, 0.0)))
         found.append(
             finding(
                 "log.gap",
-                count=int(gaps.sum()),
-                lost=f"{np.sum(np.round(step[gaps] / nominal) - 1):.0f}",
+                count=int(wide.sum()),
+                lost=f"{np.sum(np.round(step[wide] / nominal) - 1):.0f}",
                 longest=span(step[longest]),
                 start=moment(time[longest] - zero),
                 nominal=span(nominal),

@@ -36,7 +36,7 @@ from foucault.logs.dialect import decoder, dialect_of, encoded, is_text
 from foucault.logs.own import table_of
 from foucault.logs.raw import Progress, RawTable, of_own, open_raw, unreadable
 from foucault.logs.reading import converted, finished, implausible, limits_si, read
-from foucault.tables import GAP, Clock, Log
+from foucault.tables import GAP, Clock, Log, gaps, usual_step
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
@@ -571,7 +571,7 @@ def _logs(parts: Iterator[Checked], used: LogDescription, sampled: Any) -> Itera
         time = data["time"]
         if not start:
             zero = float(time[0])
-            nominal = float(np.median(np.diff(time))) if len(time) > 1 else nominal
+            nominal = usual_step(np.diff(time)) if len(time) > 1 else nominal
         seen = np.concatenate((before, time))
         findings += checks.timing(seen, start - len(before), zero, shared=used.shared_clock)
         for name, block in triads.items():
@@ -580,7 +580,8 @@ def _logs(parts: Iterator[Checked], used: LogDescription, sampled: Any) -> Itera
                 findings += tuple(item for item in told if item.code != "log.stuck")
         if kind == "increment":
             dt = np.diff(seen, prepend=[np.nan] * (1 - len(before)))
-            dt[~(dt <= GAP * nominal)] = nominal
+            dt[np.isnan(dt)] = nominal
+            dt[gaps(dt)] = nominal
             for name in triads.keys() & data.keys():
                 data[name] /= dt[:, None]
         log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind,

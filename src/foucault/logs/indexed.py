@@ -26,7 +26,7 @@ from foucault.logs.layout import COUNTS
 from foucault.logs.raw import Progress, RawTable, kept, open_raw
 from foucault.models.earth import EARTH_RATE
 from foucault.models.rotation import turned
-from foucault.tables import GAP, IndexedLog
+from foucault.tables import IndexedLog, gaps
 from foucault.units import STANDARD_GRAVITY, factor, plain
 
 if TYPE_CHECKING:
@@ -373,9 +373,8 @@ def _timing(log: IndexedLog) -> tuple[Finding, ...]:
 
 def _only_moves(log: IndexedLog, lo: int, hi: int) -> bool:
     """Tell whether nothing is missing but the moves of the base, which need not be logged."""
-    step = np.diff(log.time[lo:hi])
-    gaps = step > GAP * np.median(step) if len(step) else np.zeros(0, bool)
-    return bool(np.all(np.abs(np.diff(log.index[lo:hi])[gaps]) > MOVED))
+    wide = gaps(np.diff(log.time[lo:hi]))
+    return bool(np.all(np.abs(np.diff(log.index[lo:hi])[wide]) > MOVED))
 
 
 def _one_heading(log: IndexedLog) -> None:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, error
 from foucault.files import atomic
-from foucault.tables import AXES, GAP, IMU_LOG, TABLE_LOG, Log, TableColumns
+from foucault.tables import AXES, IMU_LOG, TABLE_LOG, Log, TableColumns, gaps
 
 MARKER = "foucault imu log v1"
 """How our files begin to say what they are."""
@@ -269,7 +269,7 @@ def angles_at_times(data: dict[str, FloatArray], apart: float) -> dict[str, Floa
     """
     time, turn = data["time"], 2 * np.pi
     step = np.diff(time)
-    whole = step <= GAP * np.median(step) if len(step) else step > 0
+    whole = ~gaps(step)
     out = {}
     for name in data.keys() & {*ANGLES}:
         moved = np.diff(data[name])

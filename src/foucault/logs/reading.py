@@ -26,7 +26,7 @@ from foucault.logs.own import (
     whole_numbers,
 )
 from foucault.logs.raw import Progress, RawTable, kept, open_raw
-from foucault.tables import GAP, Log
+from foucault.tables import Log, gaps, usual_step
 from foucault.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
@@ -418,8 +418,7 @@ def _at_ends(data: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """
     time = data["time"]
     step = np.diff(time)
-    nominal = float(np.median(step)) if len(step) else np.nan
-    whole = step <= GAP * nominal
+    nominal, whole = usual_step(step), ~gaps(step)
     rows = np.arange(len(step)) + whole  # before a gap the next row is too late
     out = {
         name: values[:-1] if name in ("gyro", "accel", *ANGLES) else values[rows]
@@ -439,10 +438,9 @@ def limits_si(block: Triad) -> FloatArray | None:
 
 def _intervals(time: FloatArray) -> FloatArray:
     """Return the interval that ends at each sample, shape (n,) [s]."""
-    step = np.diff(time, prepend=np.nan)
-    nominal = np.median(step[1:]) if len(time) > 1 else np.nan
-    step[~(step <= GAP * nominal)] = nominal
-    return step
+    step = np.diff(time)
+    nominal = usual_step(step)
+    return np.concatenate([[nominal], np.where(gaps(step), nominal, step)])
 
 
 def implausible(log: Log, used: LogDescription) -> tuple[Finding, ...]:

@@ -30,7 +30,7 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.models.imu import ImuModel
-from foucault.tables import AXES, GAP, Log
+from foucault.tables import AXES, Log, gaps
 
 if TYPE_CHECKING:
     from foucault.models.ins_errors import Sensors
@@ -157,7 +157,7 @@ def changes(log: Log) -> tuple[FloatArray, FloatArray]:
     out = np.zeros_like(both)
     if len(log) > 1 and log.averaged is None:
         dt = np.diff(log.time, prepend=log.time[0] - log.interval)
-        gap = dt > GAP * log.interval
+        gap = np.concatenate([[False], gaps(dt[1:])])
         joined = ~gap
         at = log.time
         if log.sampled == "increment":

@@ -18,7 +18,8 @@ import numpy.typing as npt
 
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, error, finding
-from foucault.tables import GAP, Log
+from foucault.tables import Log
+from foucault.tables import gaps as wide
 from foucault.units import plain, span
 
 SLOWEST = 1.0
@@ -113,8 +114,7 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
     usual = log.interval
     if not usual <= SLOWEST:
         raise error("strapdown.slow", interval=span(usual), rate=plain(1 / usual))
-    gap = dt > GAP * usual
-    gap[0] = False
+    gap = np.concatenate([[False], wide(dt[1:])])
     found: tuple[Finding, ...] = ()
     if gap.any():
         words = _words(log.time, dt, gap, usual)

@@ -420,11 +420,17 @@ def _beside(rest: list[int], accel: Three | None) -> Three | None:
 
 
 def _lively(cut: physics.Blocks, k: int) -> bool:
-    """Tell whether motion makes a column scatter."""
-    sd = cut.sd[:, k]
-    moving = sd[~cut.quiet]
-    return bool(len(moving) and np.median(moving) > 2.0 * max(float(np.median(sd[cut.quiet])), 0.0)
-                and np.median(moving) > 0)  # fmt: skip
+    """Tell whether motion makes a column scatter, or differ from what it is at rest."""
+    sd, mean = cut.sd[:, k], cut.mean[:, k]
+    if cut.quiet.all() or not cut.quiet.any():
+        return False
+    noise = float(np.median(sd[cut.quiet]))
+    away = float(np.median(np.abs(mean[~cut.quiet] - np.median(mean[cut.quiet]))))
+    return max(float(np.median(sd[~cut.quiet])) / 2.0, away / AWAY) > noise
+
+
+AWAY = 10.0
+"""Means of a column in a steady spin are away from those at rest by so much of its noise [1]."""
 
 
 def _likeliest(data: Data, cut: physics.Blocks, found: list[physics.Sphere]) -> list[Three]:

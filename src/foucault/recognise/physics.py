@@ -10,16 +10,18 @@ mirror image; and ``f`` may be gravity instead of specific force.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.detect.steady import Spin, find_spins, frequency
 from foucault.detect.stretches import runs, split
 from foucault.guard.mistakes import exchanges
 from foucault.kernels.rotation import integrate_turns
+from foucault.tables import Log
 
 BLOCKS = 6_000
 """A long log is cut into no more blocks [1]."""
@@ -65,6 +67,16 @@ SHOWS = 0.02
 
 TURNED = np.radians(8.0)
 """Rests whose gravity differs by less do not tell a turn [rad]."""
+
+FASTEST, SLOWEST = 100.0, 2.0
+"""Rates of the fastest sample and of the slowest spin, of a made-up scale, for samples of a made-up
+interval of a hundredth [1]."""
+
+ASLANT = 0.2
+"""Gravity turns in a spin if so much of it does, which is the sine of the tilt of its axis [1]."""
+
+INSTANTS = 6
+"""Of each spin that are looked at, each with the one a quarter of a turn later [1]."""
 
 
 @dataclass(frozen=True)
@@ -238,14 +250,30 @@ def turns(x: FloatArray, time: FloatArray, cut: Blocks, accel: Sphere,
     `x` (n, k): readings [raw]; `time` (n,): of each [raw]; `gyro` (3,): columns [1]; `summed`:
     they are sums over the interval before, and `time` counts samples.
     """
+    y = np.ascontiguousarray(x[:, list(gyro)])
+    bias = np.median(cut.of_rests(gyro), axis=0) if len(cut.rests[0]) else np.zeros(3)
+    found = _between_rests(x, time, cut, accel, y - bias, bias, summed)
+    if found is not None and found.proved:
+        return found
+    spun = _in_spins(x, time, accel, y - bias, bias, summed)
+    if spun is None or not spun.fits:
+        return found
+    if found is None or not found.fits:
+        return spun
+    both = tuple(E for E in found.fitting if any(np.array_equal(E, S) for S in spun.fitting))
+    return replace(found, exchange=both[0], fitting=both) if both else found
+
+
+def _between_rests(
+    x: FloatArray, time: FloatArray, cut: Blocks, accel: Sphere, y: FloatArray, bias: FloatArray,
+    summed: bool,
+) -> Turns | None:  # fmt: skip
+    """Fit gyros to how gravity turns from one rest to the next; `y` (n, 3): without bias [raw]."""
     first, last = cut.rests
     if len(first) < 2:
         return None
-    y = np.ascontiguousarray(x[:, list(gyro)])
     up = _unit(cut.of_rests(accel.columns) - accel.centre)
-    at_rest = cut.of_rests(gyro)
-    bias = np.median(at_rest, axis=0)
-    seed = _seed(x, time, cut, accel, y - bias)
+    seed = _seed(x, time, cut, accel, y)
     if seed is None:
         return None
     begin = (last[:-1] * cut.size - cut.size // 2).astype(np.int64)
@@ -260,16 +288,73 @@ def turns(x: FloatArray, time: FloatArray, cut: Blocks, accel: Sphere,
     if not told.any():
         return None
     few = np.flatnonzero(told)[:MOST_TURNS]
-    work = _Work(time, y - bias, up[few], up[few + 1], begin[few], end[few], summed)
-    start = work.best_scale(seed)
-    scale, miss = work.refined(work.ranked(start)[0][1], start)
-    ranked = work.ranked(scale)
-    fitting = tuple(E for off, E in ranked if off < max(APART * miss, SURELY))
-    if len(fitting) > 1:
+    work = _Work(time, y, up[few], up[few + 1], begin[few], end[few], summed)
+    found = work.fitted(seed, len(few), bias)
+    if len(found.fitting) > 1:
         some = np.flatnonzero(whole)[:MOST_TURNS]
-        way = _way(x, time, y - bias, accel, up[some], begin[some], end[some], summed)
-        fitting = fitting if way is None else way.likely(fitting, scale)
-    return Turns(fitting[0], scale, miss, ranked[1][0], len(few), bias, fitting)
+        way = _way(x, time, y, accel, up[some], begin[some], end[some], summed)
+        fitting = found.fitting if way is None else way.likely(found.fitting, found.scale)
+        found = replace(found, exchange=fitting[0], fitting=fitting)
+    return found
+
+
+def _in_spins(
+    x: FloatArray, time: FloatArray, accel: Sphere, y: FloatArray, bias: FloatArray, summed: bool
+) -> Turns | None:
+    """Fit gyros to how gravity turns while they turn steadily; None where none does.
+
+    ``df/dt = -w x (f - c)``, and what stays, c, is the mean over whole turns: bias, lever arm and
+    what of gravity is along the axis. How fast it turns the accelerometers tell by themselves.
+    """
+    before, after, starts, stops, sizes, many = [], [], [], [], [], 0
+    for spin, begin in steady_spins(x, accel.columns, y):
+        f = spin.readings[:, :3]
+        round_ = 2 * np.pi / (frequency(spin) * spin.step)  # readings of a turn
+        whole = int(len(f) // round_ * round_)
+        if round_ < 8 or whole < round_:
+            continue
+        v = _moving(f - f[:whole].mean(axis=0), max(1, int(round_ / 20)))
+        length = np.linalg.norm(v, axis=1)
+        quarter = round(round_ / 4)
+        if np.median(length) < ASLANT * accel.radius:
+            continue
+        many += 1
+        row = begin + spin.many // 2
+        step = (time[row + (len(f) - 1) * spin.many] - time[row]) / ((len(f) - 1) * spin.many)
+        size = np.linalg.norm(spin.readings[:, 3:].mean(axis=0)) * (1.0 if summed else step)
+        sizes.append(2 * np.pi / (round_ * spin.many) / size)
+        for a in np.linspace(quarter, len(f) - 2 * quarter - 1, INSTANTS).astype(int).tolist():
+            before.append(v[a] / length[a])
+            after.append(v[a + quarter] / length[a + quarter])
+            starts.append(row + a * spin.many)
+            stops.append(row + (a + quarter) * spin.many)
+    if not starts:
+        return None
+    first, last = np.array(starts, np.int64), np.array(stops, np.int64)
+    work = _Work(time, y, np.array(before), np.array(after), first, last, summed)
+    return work.fitted(float(np.median(sizes)), many, bias)
+
+
+def steady_spins(x: FloatArray, accel: Sequence[int], y: FloatArray) -> Iterator[tuple[Spin, int]]:
+    """Yield what turns steadily, no more than are looked at, and the first row of each.
+
+    `x` (n, k): readings [raw]; `accel` (3,): columns [1]; `y` (n, 3): gyros without bias [raw].
+    """
+    fastest = float(np.percentile(np.linalg.norm(y, axis=1), 99.5))
+    if not fastest > 0:
+        return
+    even, scale = np.asarray(0.01 * np.arange(len(y)), float), FASTEST / fastest
+    found = find_spins(Log(time=even, accel=x[:, list(accel)], gyro=scale * y), 0.5, SLOWEST)
+    for spin in found[:: max(1, len(found) // (MOST_TURNS // INSTANTS))]:
+        readings = spin.readings / np.repeat([1.0, scale], 3)
+        yield replace(spin, readings=readings), round(spin.time[0] / 0.01 - (spin.many - 1) / 2)
+
+
+def _moving(v: FloatArray, width: int) -> FloatArray:
+    """Return the mean of `v` (n, 3) over `width` readings about each, an odd number of them."""
+    half = width // 2
+    total = np.cumsum(np.pad(v, ((half + 1, half), (0, 0)), mode="edge"), axis=0)
+    return np.asarray((total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1))
 
 
 @dataclass
@@ -283,6 +368,14 @@ class _Work:
     first: IntArray
     last: IntArray
     summed: bool
+
+    def fitted(self, seed: float, many: int, bias: FloatArray) -> Turns:
+        """Return what `many` turns say, with a scale about `seed` [rad/raw]."""
+        start = self.best_scale(seed)
+        scale, miss = self.refined(self.ranked(start)[0][1], start)
+        ranked = self.ranked(scale)
+        fitting = tuple(E for off, E in ranked if off < max(APART * miss, SURELY))
+        return Turns(fitting[0], scale, miss, ranked[1][0], many, bias, fitting)
 
     def likely(self, tried: tuple[FloatArray, ...], scale: float) -> tuple[FloatArray, ...]:
         """Return those of several signed orders of the columns that fit much as the best does."""

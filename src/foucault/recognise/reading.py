@@ -190,6 +190,19 @@ class _Work:
                 given = ", ".join(self.data.shown(k) for k in columns)
                 raise error("recognise.unsigned", columns=given, **self._file())
 
+    def _no_gyros(self, used: Sequence[int]) -> None:
+        """Refuse columns without titles which may be gyros, and which turn no gravity."""
+        found, data = self.found, self.data
+        if found.accel is None or found.gyro is not None or found.why[0] != "numbers":
+            return
+        left = [k for k, column in enumerate(data.columns)
+                if k not in (*found.accel, *used) and not column.means.role
+                and np.ptp(data.x[:, k]) > 0]  # fmt: skip
+        if len(left) >= 3:
+            raise error("recognise.no_gyros", columns=", ".join(data.shown(k) for k in left),
+                        accel=self._columns_line("accel", found.accel),
+                        gyro=self._columns_line("gyro", left[:3]), **self._file())  # fmt: skip
+
     def _file(self) -> dict[str, str]:
         return {"file": self.data.files[0].path.name}
 
@@ -202,6 +215,7 @@ class _Work:
         self._readable()
         if found.accel is None and found.gyro is None:
             raise error("recognise.no_triad", have=self._have(), **self._file())
+        self._no_gyros(used)
         time = np.arange(len(data.x)) * 1.0
         if clock is not None:
             time = tell.unwrapped(data.x[:, clock.column]) - data.x[0, clock.column]
@@ -378,7 +392,8 @@ class _Work:
             raise error("recognise.units", file=data.files[0].path.name, said=self._sizes(seen))
         best = ranked[0]
         other = next((r for r in ranked[1:] if not r.like(best)), None)
-        if best.hangs and not isinstance(rate, str):
+        untold = best.time is None and turn is None and self._spins()
+        if (best.hangs or untold) and not isinstance(rate, str):
             self._ask_rate(best)
         elif other is not None and other.cost - best.cost < ALIKE:
             self._ask_units(best, other)
@@ -423,10 +438,20 @@ class _Work:
     def _ask_rate(self, best: units.Reading) -> None:
         assert best.gyro is not None
         other = 200 if round(best.rate) != 200 else 100
+        why, then = ("gyros in counts do not tell the rate", f"then {best.gyro.scale}") \
+            if best.hangs else ("it spins about the vertical, which does not either",
+                                "what is usual")  # fmt: skip
         self.questions.append(Question(
-            "There is no time column, and gyros in counts do not tell the rate.",
-            f"rate = {best.rate:.4g} Hz", f"then {best.gyro.scale}", f"rate = {other} Hz",
-            "or what the logger was set to"))  # fmt: skip
+            f"There is no time column, and {why}.", f"rate = {best.rate:.4g} Hz", then,
+            f"rate = {other} Hz", "or what the logger was set to"))  # fmt: skip
+
+    def _spins(self) -> bool:
+        """Tell whether gyros turn steadily, several times and by far."""
+        if self.ball is None or self.found.gyro is None or not len(self.cut.rests[0]):
+            return False
+        y = self.data.x[:, list(self.found.gyro)]
+        bias = np.median(self.cut.of_rests(self.found.gyro), axis=0)
+        return len(list(physics.steady_spins(self.data.x, self.ball.columns, y - bias))) > 3
 
     def _ask_units(self, one: units.Reading, other: units.Reading) -> None:
         def line(r: units.Reading, differs: units.Reading) -> str:

@@ -276,8 +276,8 @@ def _spun(log: Log, rests: Rests, spins: list[tuple[int, int, FloatArray]]) -> S
             "norm_observation", {"spin_rate": f"{told[0]:g} deg/s"}, "assumed", rests=len(rests),
         )  # fmt: skip
     placed = _placements(told, up)
-    if placed is None:
-        return Session(f"{len(spins)} steady rates ({shown} deg/s)", seen, None, todo=_RATES,
+    if isinstance(placed, str):
+        return Session(f"{len(spins)} steady rates ({shown} deg/s)", seen, None, todo=placed,
                        rests=len(rests))  # fmt: skip
     rates, axes = placed
     return Session(
@@ -289,17 +289,29 @@ def _spun(log: Log, rests: Rests, spins: list[tuple[int, int, FloatArray]]) -> S
 
 _RATES = "Write a campaign: `foucault init rate_table -o campaign.toml`, and list in [procedure] " \
     "the rates that the table was commanded to, or log its rate."  # fmt: skip
+_SIGNS = "With {axes} the table turns the other way in each rate: a column of gyros or of " \
+    "accelerometers is turned round. Nothing tells which. Say both triads' columns, a " \
+    "minus before what is turned, as in `--set \"gyro.columns = [gx, -gy, gz]\"`."  # fmt: skip
 
 
-def _placements(told: list[float], up: FloatArray) -> tuple[list[float], list[str]] | None:
-    """Return the rates of each placement and which axis is up in each; None where they differ."""
+def _placements(told: list[float], up: FloatArray) -> tuple[list[float], list[str]] | str:
+    """Return the rates of each placement and which axis is up in each; what to do if they differ.
+
+    `told` (n,): rate of each spin about what is up [deg/s]; `up` (n, 3): that [1].
+    """
     axis = np.abs(up).argmax(axis=1)
     names = [f"{AXES[a]} {'up' if u[a] > 0 else 'down'}" for a, u in zip(axis, up, strict=True)]
     begins = [0, *(i for i in range(1, len(names)) if names[i] != names[i - 1]), len(names)]
     lists = [told[a:b] for a, b in pairwise(begins)]
+    placed = [names[a] for a in begins[:-1]]
+    round_ = [name for name, one in zip(placed, lists, strict=True)
+              if one != lists[0] and one == [-rate for rate in lists[0]]]  # fmt: skip
+    if round_ and all(one == lists[0] or name in round_
+                      for name, one in zip(placed, lists, strict=True)):  # fmt: skip
+        return _SIGNS.format(axes=", ".join(round_))
     if any(one != lists[0] for one in lists):
-        return None
-    return lists[0], [names[a] for a in begins[:-1]]
+        return _RATES
+    return lists[0], placed
 
 
 def _round(rate: float) -> float:

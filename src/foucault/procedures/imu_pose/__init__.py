@@ -51,7 +51,7 @@ from foucault.procedures.record import Beforehand, Given, Procedure, Robust, Sam
 from foucault.result import Check, Result, TableData, Verdict
 from foucault.simulate.hand_motion import HandMotion, Tracker, simulate_hand
 from foucault.strict import Strict
-from foucault.tables import AXES, Log, temperature_range
+from foucault.tables import AXES, Log, evened, temperature_range
 from foucault.units import AngleSd, Quantity, Seconds, parse, plain
 
 FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
@@ -245,6 +245,7 @@ _ANY = "w x y z, body to world"
 
 def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, Start]:
     settings = given.settings
+    log = replace(log, time=evened(log.time))
     r, table = _readings(log, given)
     given.progress(0.1, "matching what both did")
     if table.quaternion is None:
