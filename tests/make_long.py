@@ -68,9 +68,7 @@ def main() -> None:
         mine = [] if path in ALWAYS else long_ones(cases, float(slower))
         rows[path] = sorted({*stay, *mine})
     rows = {p: [n for n in names if n.partition("[")[0] in there(p)] for p, names in rows.items()}
-    lines = [
-        "# Written by `python tests/make_long.py`: tests that `make test` leaves to `make thorough`."
-    ]
+    lines = ["# By tests/make_long.py: what `make test` leaves to `make thorough`."]
     for path in sorted(rows):
         if rows[path]:
             lines += ["", f'"{path}" = [', *(f"  {quoted(name)}," for name in rows[path]), "]"]

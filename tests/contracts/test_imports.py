@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import ast
 import importlib
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -71,17 +71,11 @@ def test_versions_agree() -> None:
     assert foucault.__version__ == version("foucault")
 
 
-NEWER = {"mT", "matrix_transpose", "vecdot", "matvec", "vecmat", "concat", "unstack"}
+NEWER = re.compile(r"(?<!pd)\.(mT|matrix_transpose|vecdot|matvec|vecmat|concat|unstack)\b")
 """Names of NumPy that its oldest promised version has not: every call of them fails there."""
 
 
 def test_nothing_asks_for_a_newer_numpy_than_is_promised() -> None:
-    used = {
-        f"{file.name}:{node.lineno} {node.attr}"
-        for file in Path(foucault.__file__).parent.rglob("*.py")
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Attribute)
-        and node.attr in NEWER
-        and not (isinstance(node.value, ast.Name) and node.value.id == "pd")
-    }
-    assert not used
+    files = Path(foucault.__file__).parent.rglob("*.py")
+    found = {file.name: NEWER.findall(file.read_text(encoding="utf-8")) for file in files}
+    assert not {name: some for name, some in found.items() if some}
