@@ -9,7 +9,7 @@ BIN := .venv/bin
 help:
 	@echo "make demo   simulate an instrument, calibrate it, write a report to demo/"
 	@echo "make test   lint and tests, side by side"
-	@echo "make thorough   the tests of half a second and more"
+	@echo "make thorough   the tests of a third of a second and more"
 	@echo "make blas   the numerical tests, with the arithmetic of another processor"
 	@echo "make lowest   calibrations with the lowest versions that are allowed"
 	@echo "make newest   calibrations and tests with the newest, on every Python there is"
@@ -35,15 +35,17 @@ plotly:
 # fixtures already. Programs that tests start should find what was compiled of Python.
 PYTEST = OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -n auto --dist worksteal
 
+QUICK = not thorough and not long
+
 # To rewrite what is asserted takes each worker half a minute in a fresh clone: only what fails runs
 # again with it, and then says its numbers.
 tests: .venv/installed-dev
-	$(PYTEST) -m "not thorough" --assert=plain || \
-	  { $(PYTEST) -m "not thorough" --last-failed --last-failed-no-failures=none; exit 1; }
+	$(PYTEST) -m "$(QUICK)" --assert=plain || \
+	  { $(PYTEST) -m "$(QUICK)" --last-failed --last-failed-no-failures=none; exit 1; }
 
 # Statistics over many sessions, searches, studies that are killed, peak memory, the release.
 thorough: .venv/installed-dev
-	$(PYTEST) -m thorough
+	$(PYTEST) -m "thorough or long"
 
 # OpenBLAS has another arithmetic for each processor: nothing may hang on its rounding. Prescott's,
 # without fused operations, runs on every x86 and is unlike all of today.

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+import make_long
 from foucault import errors
 from make_browser import WITHOUT, chromium
 
@@ -56,6 +57,16 @@ def every_text_reads_well(request: pytest.FixtureRequest) -> Iterator[None]:
     yield
     if request.node.path.parent.name not in ("fuzz", "contracts"):
         assert not _odd
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what `long.toml` names: it took long when it was measured."""
+    rows = make_long.table()
+    for item in items:
+        path = item.path.relative_to(make_long.HERE).as_posix()
+        if {item.name, item.name.partition("[")[0]} & set(rows.get(path, ())):
+            item.add_marker("long")
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:

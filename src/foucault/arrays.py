@@ -83,3 +83,8 @@ def to_arrow(values: Any) -> Any:
     kind = pa.from_numpy_dtype(x.dtype)
     memory = np.packbits(x, bitorder="little") if x.dtype.kind == "b" else np.ascontiguousarray(x)
     return pa.Array.from_buffers(kind, len(x), [None, pa.py_buffer(memory)])
+
+
+def transposed(a: npt.NDArray[np.floating[Any]]) -> FloatArray:
+    """Return the transposes of a stack of matrices (..., r, c); NumPy 1 has no attribute for them."""
+    return np.asarray(np.swapaxes(a, -1, -2), dtype=float)

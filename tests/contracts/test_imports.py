@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -67,3 +69,13 @@ def test_versions_agree() -> None:
     from importlib.metadata import version
 
     assert foucault.__version__ == version("foucault")
+
+
+NEWER = re.compile(r"(?<!pd)\.(mT|matrix_transpose|vecdot|matvec|vecmat|concat|unstack)\b")
+"""Names of NumPy that its oldest promised version has not: every call of them fails there."""
+
+
+def test_nothing_asks_for_a_newer_numpy_than_is_promised() -> None:
+    files = Path(foucault.__file__).parent.rglob("*.py")
+    found = {file.name: NEWER.findall(file.read_text(encoding="utf-8")) for file in files}
+    assert not {name: some for name, some in found.items() if some}

@@ -145,3 +145,18 @@ def test_a_batch_counts_what_it_does_not_estimate() -> None:
             assert ("left_out.untested" in told) is (sizes is not None)
     high = chi_square_limits(len(sessions) * len(off), 1e-3)[1]
     assert sum(scores["sizes"]) < high < sum(scores[None]) / 10
+
+
+def test_rates_at_rest_show_a_g_sensitivity_that_spins_in_one_sense_do_not() -> None:
+    """Before it was blamed on the matrix of the gyros, and passed: NEES/n of hundreds."""
+    made = session("norm_observation", 3002)
+    truth, log = made.truth, made.simulation.log
+    size = sizes_of("tactical MEMS")["gyro.g_sensitivity"][0]
+    turned = 8 * size * np.array([[1.0, -0.7, 0.3], [0.4, -1.2, 0.9], [-0.8, 0.5, 0.6]])
+    felt = replace(log, gyro=log.gyro + log.accel @ turned.T)
+    result = solved("norm_observation", felt, campaign("norm_observation").sizes)
+    assert any("gyro.g_sensitivity" in some for some in result.diagnostics["named"])
+    assert result.verdict.level is Level.DOUBTFUL
+    c = result.coefficients
+    errors = c.values - np.array([truth.value(n) for n in c.names])
+    assert nees(errors[None], c.cov[None])[0] < 2 * len(errors)

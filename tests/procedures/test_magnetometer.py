@@ -401,3 +401,49 @@ def test_a_magnet_on_a_real_instrument_is_found_by_the_imu_alone(run: int) -> No
 
 HEADINGS = {32: 11.2, 33: 3.6, 34: 4.2, 35: 4.4, 36: 6.3}
 """Sd of headings over the 25 s that follow, as measured elsewhere [deg]; raw 91 to 12.6."""
+
+
+# -- what once passed, and was wrong ---------------------------------------------------------------
+
+
+def failed(result: Result) -> set[str]:
+    return {c.name for c in result.checks if not c.passed}
+
+
+def test_gyros_that_are_not_as_was_said_are_no_pass() -> None:
+    log, _ = short()
+    assert "known beforehand" not in failed(calibrated(log))
+    other = calibrated(replace(log, gyro=1.03 * log.gyro))
+    assert failed(other) >= {"known beforehand"} and other.verdict.level is Level.DOUBTFUL
+    assert any("gyro_scale_sd" in words for words in other.verdict.reasons)
+    said = SETTINGS.model_copy(update={"wander": False, "gyro_scale_sd": 0.03})
+    assert "known beforehand" not in failed(calibrated(replace(log, gyro=1.03 * log.gyro), said))
+
+
+def test_a_magnetometer_that_bends_is_no_pass() -> None:
+    """It was taken for a field that changes from place to place: NEES/n 221."""
+    log, _ = short()
+    name = "quadratic and cubic terms of the magnetometer"
+    assert name not in failed(calibrated(log, SETTINGS))
+    bent = calibrated(replace(log, mag=log.mag + 1e3 * log.mag**2), SETTINGS)
+    assert name in failed(bent) and bent.verdict.level is Level.DOUBTFUL
+
+
+def test_an_intensity_of_another_field_is_no_pass() -> None:
+    """A common gain shows in no residual; no sensor has one so large."""
+    log, _ = short()
+    far = calibrated(log, CALM.model_copy(update={"intensity": 30e-6}))
+    assert "mag.gain" in codes(far) and far.verdict.level is Level.DOUBTFUL
+    assert "mag.gain" not in codes(calibrated(log))
+
+
+def test_coarse_steps_are_no_slow_magnetometer() -> None:
+    """Axes that change one by one were taken for new readings, each late or early as it went."""
+    log, truth = short()
+    settings = SETTINGS.model_copy(update={"noise_sd": None})
+    result = calibrated(replace(log, mag=5e-6 * np.round(log.mag / 5e-6)), settings)
+    assert "mag.repeated" not in codes(result)
+    error = errors(result, truth)
+    assert np.abs(error / result.coefficients.sd).max() < 4
+    slow = log.mag[np.arange(len(log)) // 4 * 4]
+    assert "mag.repeated" in codes(calibrated(replace(log, mag=slow), settings))

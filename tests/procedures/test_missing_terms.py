@@ -99,8 +99,10 @@ def test_quadratic_terms_are_suggested():
 
 def test_a_wrong_rate_of_the_table_is_suspected():
     r = readings(ImuModel())
-    _, codes, _ = checked(replace(r, rate=r.rate * 1.05), NORM)
-    assert "readings.common_rate" in codes
+    level, codes, _ = checked(replace(r, rate=r.rate * 1.05), NORM)
+    assert "readings.common_rate" in codes and level == "doubtful"
+    logged = replace(r, rate=r.rate * 1.05, rate_logged=True)
+    assert "readings.common_rate" not in checked(logged, NORM)[1]
 
 
 @pytest.mark.thorough

@@ -15,6 +15,7 @@ from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.models.rotation import turned
 from foucault.procedures import north_seeking
 from foucault.procedures.north_seeking import Session, Settings
 from foucault.procedures.north_seeking.fix import find_north
@@ -292,7 +293,7 @@ def test_a_good_fix_passes_everything():
     assert all(v.level is Level.PASS for v in survey.verdicts)
     names = {"solved", "sees the Earth", "gyro over index angle", "accelerometer over index angle",
              "rate and latitude", "one heading", "tilt", "accuracy"}  # fmt: skip
-    shared = {"gyro over all set-ups", "accelerometer over all set-ups"}
+    shared = {"gyro over all set-ups", "accelerometer over all set-ups", "offset drift"}
     assert {c.name for c in survey.checks[0]} == names | shared
     assert not any(survey.setup_findings)
 
@@ -403,3 +404,25 @@ def test_a_little_more_noise_than_was_said_shows_over_all_set_ups():
     assert not found.passed and "more noise than was said" in found.sentence
     honest, _ = solved(poses=attitudes(40, 5.0))
     assert check_of(honest, "gyro over all set-ups").passed
+
+
+# -- a drift that every set-up shares --------------------------------------------------------------
+
+
+def drifting(rate: float, stops=(0.0, 90.0, 180.0, 270.0)):
+    """Ten set-ups of a gyro whose offset drifts by `rate` [deg/h/h]."""
+    errors = SeekerErrors(gyro_offset=3e-6, gyro_drift=rate * DEG / 3600**2)
+    survey, _ = solved(poses=attitudes(10, 5.0), stops=stops, errors=errors, dwell=120.0)
+    return survey, [c for own in survey.checks for c in own if c.name == "offset drift"]
+
+
+def test_a_drift_that_moves_headings_is_told_by_the_offsets_of_set_ups() -> None:
+    """No residual of four stops in one order shows it: it passed with NEES/n 2."""
+    steady, none = drifting(0.0)
+    assert len(none) == 10 and all(c.passed for c in none)
+    survey, told = drifting(3.0)
+    assert not all(c.passed for c in told)
+    moved = np.array([c.value for c in told])
+    away = np.abs(turned(survey.fixes.angles[:, 0] - steady.fixes.angles[:, 0]))
+    np.testing.assert_allclose(moved, away / survey.fixes.sd[:, 0], rtol=0.1, atol=0.1)
+    assert not drifting(3.0, (0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0))[1]  # estimated

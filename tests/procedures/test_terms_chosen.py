@@ -44,7 +44,7 @@ TAKEN = {
     "hand_rotated": {"accel.quadratic", "gyro.g_sensitivity"},
     "six_position": {"gyro.g_sensitivity"},
     "ferraris": {"gyro.g_sensitivity"},
-    "norm_observation": {"accel.quadratic"},
+    "norm_observation": {"accel.quadratic", "gyro.g_sensitivity"},
     "multi_position": {"accel.quadratic", "gyro.g_sensitivity"},
     "turntable": {"accel.quadratic", "gyro.g_sensitivity"},
     "rate_table": {"gyro.g_sensitivity", "gyro.cubic"},

@@ -26,7 +26,7 @@ from foucault.infer.drift import Drift, by_time, find_drift
 from foucault.infer.gauss_newton import FALSE_ALARM, TOLD, Component, chi_square_limits
 from foucault.infer.information import information
 from foucault.infer.mixed import Fit, HeldOut
-from foucault.result import Check, Level
+from foucault.result import CERTAIN, Check, Level
 from foucault.units import plain
 
 if TYPE_CHECKING:
@@ -101,6 +101,38 @@ def checks(e: Judged) -> list[Check]:
     out += [_scatter(e, name) for name in e.limits if e.fit.found.get(name)]
     out += _even(e)
     return out + _held_out(e)
+
+
+def known_checks(fit: Fit, keys: Mapping[str, str]) -> list[Check]:
+    """Compare nuisance parameters as found with what was known of them; none where none show.
+
+    Of white rows z of what was known, ``cov(z) = I - R P R'``: what the readings tell of them.
+    `keys`: the source that rows are in the budget -> the setting that says how large they are.
+    """
+    from scipy.special import chdtrc, chdtri
+
+    if fit.at.known is None:
+        return []
+    z, R = fit.at.known
+    told = list[tuple[float, float, int, str]]()
+    for what in keys:
+        mine = np.array([name == what for name in fit.at.known_from])
+        seen = np.eye(int(mine.sum())) - R[mine] @ fit.estimate.state_cov @ R[mine].T
+        share, along = np.linalg.eigh(seen)
+        kept = share > KNOWN
+        if kept.any():
+            square = float(np.sum((along.T @ z[mine])[kept] ** 2 / share[kept]))
+            told.append((float(chdtrc(kept.sum(), square)), square, int(kept.sum()), what))
+    if not told:
+        return []
+    _, square, dof, what = min(told)
+    high = np.sqrt(float(chdtri(dof, CERTAIN)) / dof)  # a little more is within what was said
+    name, given = "known beforehand", {"what": what, "key": keys[what]}
+    return [check(name, name, np.sqrt(square / dof), None, high, given)]
+
+
+KNOWN = 1e-2
+"""Share of what was known that readings tell, below which it is not tested [1]."""
 
 
 def redundancy(e: Judged) -> Check:

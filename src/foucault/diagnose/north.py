@@ -306,6 +306,34 @@ class Judged:
     # (m,) how far the accelerometers depart from level, of `level_square` [1]; None where there are
     # none, or nothing was said of the level
     level: FloatArray | None = None
+    drift_effect: FloatArray | None = None  # (m,) of `drift_effect`, for 1 rad/s^2 [s^2]
+
+
+SURE = 1e-3
+"""A drift of the offset is there where chance makes so much of it less often than this [1]."""
+
+MATTERS = 0.5
+"""What it moves a result by counts from this part of its standard deviation on [1]."""
+
+
+def offset_drift(pairs: Pairs, dwells: Dwells) -> float | None:
+    """Return how the offset drifts from set-up to set-up, 0 where it does by no more than chance.
+
+    Alike in every set-up, a drift within it leaves no residual. None where it was estimated, or
+    where too few set-ups would tell it [rad/s^2].
+    """
+    from scipy.special import stdtrit
+
+    count = np.bincount(dwells.setup)
+    t = np.bincount(dwells.setup, dwells.start + dwells.time / 2) / count
+    if pairs.drift.any() or len(t) < 4 or np.ptp(t) <= 0:
+        return None
+    t = t - t.mean()
+    slope = float(t @ pairs.offset / (t @ t))
+    left = pairs.offset - pairs.offset.mean() - slope * t
+    dof = len(t) - 2  # few set-ups tell their scatter badly: Student's t
+    sd = float(np.sqrt(left @ left / dof / (t @ t)))
+    return slope if abs(slope) > float(stdtrit(dof, 1 - SURE / 2)) * sd else 0.0
 
 
 def checks(j: Judged, calibration: Level | None) -> tuple[tuple[Check, ...], ...]:
@@ -317,7 +345,21 @@ def checks(j: Judged, calibration: Level | None) -> tuple[tuple[Check, ...], ...
     shared: list[Check] = []
     if j.noise_source != "from the residuals" and len(j.fixes) > 1:
         shared = [c for k in (0, 1) if (c := _scatter_of_all(j, k)) is not None]
-    return tuple(_checks(j, i, float(ratio[i]), calibration, shared) for i in range(len(j.fixes)))
+    drift = offset_drift(j.pairs, j.dwells)
+    return tuple(
+        (*_checks(j, i, float(ratio[i]), calibration, shared), *_drifting(j, i, drift))
+        for i in range(len(j.fixes))
+    )
+
+
+def _drifting(j: Judged, i: int, drift: float | None) -> list[Check]:
+    """Test what the `drift` of the offset, or None, does to a heading [rad/s^2]."""
+    if drift is None or j.drift_effect is None or not np.isfinite(j.fixes.sd[i, 0]):
+        return []
+    moved = float(abs(drift * j.drift_effect[i]))
+    sds = moved / float(j.fixes.sd[i, 0])
+    given = {"rate": np.degrees(drift) * 3600**2, "size": np.degrees(moved) * 60, "sds": sds}
+    return [check("offset drift of a fix", "offset drift", sds, None, MATTERS, given)]
 
 
 def _checks(

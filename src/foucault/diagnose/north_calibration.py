@@ -16,6 +16,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import check
 from foucault.diagnose.fit_checks import Judged, chi_square_json, explained
 from foucault.diagnose.fit_checks import checks as general_checks
+from foucault.diagnose.north import MATTERS, offset_drift
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.north import ACCEL, GYRO, Known, Rig, solve, tilts
 from foucault.estimate.north_reduction import INDEXING, Pairs
@@ -57,12 +58,6 @@ KINDS = {
     "accel over index angles": "accelerometer readings over index angles",
 }  # fmt: skip
 """Kinds of reading, of the calibration and within the set-ups, and what people call them."""
-
-SURE = 3.3
-"""A drift of the offset is there where it is so many times its standard deviation [1]."""
-
-MATTERS = 0.5
-"""What it moves a bias by counts from this part of its standard deviation on [1]."""
 
 LEAN, BIASED = 2e-3, 2e-2
 """A table leaned on purpose where its set-ups depart from one axis by the first, or where the
@@ -198,28 +193,20 @@ def checks(
     readings = replace(e, fit=replace(fit, before=inside, after=inside))
     out = general_checks(e) + [explained(readings, kind) for kind in inside]
     out += _fitting(apart, fit.estimate, source) + _level(fit, rig)
-    return (*out, *_offset_drift(pairs, fit.estimate.coefficients, middle))
+    return (*out, *_offset_drift(pairs, fit.estimate.coefficients, dwells))
 
 
-def _offset_drift(pairs: Pairs, c: CoefficientVector, middle: FloatArray) -> list[Check]:
-    """Test what the drift of the offset from set-up to set-up does within one, where it counts.
-
-    Alike in every set-up, it leaves no residual: it moves the biases. `middle` (m,): when each
-    set-up was [s].
-    """
+def _offset_drift(pairs: Pairs, c: CoefficientVector, dwells: Dwells) -> list[Check]:
+    """Test what the drift of the offset from set-up to set-up does to the biases."""
     names = [n for n in ("gyro.bias.x", "gyro.bias.y") if n in c.layout]
-    if pairs.drift.any() or len(middle) < 4 or np.ptp(middle) <= 0 or not names:
+    drift = offset_drift(pairs, dwells)
+    if drift is None or not names:
         return []
-    t = middle - middle.mean()
-    slope = float(t @ pairs.offset / (t @ t))
-    left = pairs.offset - pairs.offset.mean() - slope * t
-    slope_sd = float(np.sqrt(left @ left / (len(t) - 2) / (t @ t)))
-    moved = np.abs(slope * pairs.drift_slope[:, : len(names)].mean(axis=0))
+    moved = np.abs(drift * pairs.drift_slope[:, : len(names)].mean(axis=0))
     sds = float(np.max(moved / [c.sd[c.layout.index(n)] for n in names]))
-    seen = abs(slope) > SURE * slope_sd
-    rate, size = np.degrees(slope) * 3600**2, np.degrees(moved.max()) * 3600
+    rate, size = np.degrees(drift) * 3600**2, np.degrees(moved.max()) * 3600
     given = {"rate": rate, "size": size, "sds": sds}
-    return [check("offset drift", "offset drift", sds if seen else 0.0, None, MATTERS, given)]
+    return [check("offset drift", "offset drift", sds, None, MATTERS, given)]
 
 
 def each_apart(fit: Fit) -> HeldOut:

@@ -306,7 +306,9 @@ def hints(e: TableFit, checks: Iterable[Check]) -> list[Finding]:
         size = np.sqrt(e.snooping.test[row] / max(e.estimate.weights[row], 1e-12))
         out.append(finding("readings.outlier", what=what, size=f"{size:.0f}"))
     out += _wrong_angles(e)
-    codes = {"accel": "session.common_scale", "gyro": "readings.common_rate"}
+    codes = {"accel": "session.common_scale"}
+    if not e.model.readings.rate_logged:
+        codes["gyro"] = "readings.common_rate"
     out += common_scale(e.estimate.coefficients, e.model.site.gravity, codes)
     return out + _g_sensitivity_found(e) + (_quadratic_found(e) if left_out else [])
 

@@ -27,7 +27,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import FloatArray, IntArray, transposed
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise, mean_variance, window_covariance
 from foucault.models.north_seeker import Compensation, Dwells, earth_rate_b
@@ -142,9 +142,11 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
         fit[rows] = unknowns @ gyro.design.T + nuisance.offset
         _judge(gyro, dwells.gyro[rows] - fit[rows], setups, rows, 0, residuals, chi_square, dof)
         W = gyro.weights[:, :2]
-        gyro_weights[rows] = W.mT
-        parts[GYRO_NOISE][setups, :2, :2] = (W * gyro.white) @ W.mT + _unseen(gyro, EARTH_RATE)
-        parts[GYRO_DRIFT][setups, :2, :2] = W @ gyro.slow @ W.mT
+        gyro_weights[rows] = transposed(W)
+        parts[GYRO_NOISE][setups, :2, :2] = (W * gyro.white) @ transposed(W) + _unseen(
+            gyro, EARTH_RATE
+        )
+        parts[GYRO_DRIFT][setups, :2, :2] = W @ gyro.slow @ transposed(W)
         slope[setups, :2] = moved = W @ gyro.drift
         if np.isfinite(nuisance.drift_sd):  # what the prior leaves of it, at its full size
             parts[GYRO_DRIFT][setups, :2, :2] += nuisance.drift_sd**2 * _square(moved)
@@ -167,10 +169,10 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
                 chi_square[setups, 1] = np.sum(accel_white[rows] ** 2, axis=(1, 2))
                 dof[setups, 1] = 2 * accel.dof
             V = accel.weights[:, :2]
-            accel_weights[rows] = V.mT.reshape(len(V), rows.shape[1], -1, 2)
+            accel_weights[rows] = transposed(V).reshape(len(V), rows.shape[1], -1, 2)
             unseen = _unseen(accel, GRAVITY)
-            parts[TILT_NOISE][setups, 2:, 2:] = (V * accel.white) @ V.mT + unseen
-            parts[TILT_DRIFT][setups, 2:, 2:] = V @ accel.slow @ V.mT
+            parts[TILT_NOISE][setups, 2:, 2:] = (V * accel.white) @ transposed(V) + unseen
+            parts[TILT_DRIFT][setups, 2:, 2:] = V @ accel.slow @ transposed(V)
         else:
             parts[TILT_NOISE][setups, 2:, 2:] = UNSEEN * GRAVITY**2 * np.eye(2)
         if nuisance.index_sd or nuisance.lag_sd:
@@ -292,7 +294,7 @@ def _fit(
         slow = window_covariance(begin, begin + d.time, noise)
     own = (white + more)[:, :, None] * np.eye(len(d))
     root = np.asarray(np.linalg.cholesky(own + slow), float)
-    J = np.linalg.solve(root, design)
+    J = np.linalg.solve(root, design[None])  # one for all: NumPy 1 takes (n, k) for vectors
     # The first two unknowns get the widest prior that still counts as one: without it a component
     # that no reading shows would have no variance at all.
     known = np.where(np.isfinite(sd), 1.0 / np.maximum(sd, 1e-300) ** 2, 0.0)
@@ -301,10 +303,10 @@ def _fit(
     scale = np.sqrt(np.sum(J**2, axis=1) + known)
     scale[scale == 0] = 1.0
     J = J / scale[:, None]
-    normal = J.mT @ J + (known / scale**2)[:, :, None] * np.eye(len(known))
-    gain = np.linalg.pinv(normal, rcond=1e-13, hermitian=True) @ J.mT
+    normal = transposed(J) @ J + (known / scale**2)[:, :, None] * np.eye(len(known))
+    gain = np.linalg.pinv(normal, rcond=1e-13, hermitian=True) @ transposed(J)
     hat = J @ gain
-    weights = np.linalg.solve(root.mT, (gain / scale[:, :, None]).mT).mT
+    weights = transposed(np.linalg.solve(transposed(root), transposed(gain / scale[:, :, None])))
     spent = np.rint(np.trace(hat, axis1=1, axis2=2)).astype(np.int64)
     redundancy = 1.0 - np.diagonal(hat, axis1=1, axis2=2)
     dof = np.maximum(len(d) - spent, 0)
@@ -317,7 +319,7 @@ def _unseen(fit: _Fit, size: float) -> FloatArray:
     missing = np.eye(2) - (fit.weights @ fit.design)[:, :2, :2]
     U, s, _ = np.linalg.svd(missing)  # a direction is unseen or seen, rounding apart
     U = U * (s > 0.5)[:, None]
-    return np.asarray(UNSEEN * size**2 * U @ U.mT)
+    return np.asarray(UNSEEN * size**2 * U @ transposed(U))
 
 
 def _judge(
@@ -350,7 +352,7 @@ def _indexing(d: Dwells, weights: FloatArray, values: FloatArray, nuisance: Nuis
     if d.rotates:
         moved = moved.sum(axis=2, keepdims=True)
         variance += (turn_rate(d) * nuisance.lag_sd) ** 2
-    return np.asarray(variance * moved @ moved.mT)
+    return np.asarray(variance * moved @ transposed(moved))
 
 
 Hemisphere = Literal["north", "south"]

@@ -135,6 +135,7 @@ def check_readings(
         findings += _matching(readings, plan, found, row, left_out, shortest)
     timed = readings.interval > 0 and outer
     readings, more = senses(readings, plan, found, row, by_table, table_rate_sd if timed else None)
+    readings = replace(readings, rate_logged=by_table and log is not None)
     if row is not None and left_out.any():
         readings = readings[~left_out]
     return replace(readings, findings=readings.findings + tuple(findings + more))

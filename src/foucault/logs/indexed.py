@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import FloatArray, IntArray, transposed
 from foucault.errors import Finding, error, finding
 from foucault.files import sha256
 from foucault.logs import checks
@@ -97,7 +97,9 @@ def _swing(log: IndexedLog, x: FloatArray) -> tuple[float, float]:
     values, vectors = np.linalg.eigh(np.moveaxis(normal, 2, 0))
     seen = values > 1e-12 * values[:, 2:]
     right = np.stack([sums(a * y) for a in A.T], 1) / rows[:, None]
-    parts = np.where(seen, (vectors.mT @ right[..., None])[..., 0] / np.where(seen, values, 1.0), 0)
+    parts = np.where(
+        seen, (transposed(vectors) @ right[..., None])[..., 0] / np.where(seen, values, 1.0), 0
+    )
     fit = (vectors @ parts[..., None])[..., 0]
     left = y - np.sum(A * fit[number], axis=1)
     rank = seen.sum(axis=1)

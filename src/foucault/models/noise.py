@@ -314,6 +314,7 @@ class Readings:
     # bias instability and random walk that were declared: they are in the covariances, and tie the
     # readings together besides; None for none [SI]
     slow: ImuNoise | None = None
+    rate_logged: bool = False  # whether the log tells the rates of the spins, and no plan
 
     def __len__(self) -> int:
         return len(self.rate)

@@ -31,13 +31,14 @@ import numpy as np
 from pydantic import Field
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.detect.coverage import coverage
 from foucault.detect.noise import without_spikes
-from foucault.diagnose.checks import check
-from foucault.diagnose.fit_checks import Judged, Limit, checks
+from foucault.diagnose.checks import check, left_out_check
+from foucault.diagnose.fit_checks import Judged, Limit, checks, known_checks, scattering
 from foucault.errors import Finding, Status, error, finding
 from foucault.infer import mixed
+from foucault.infer.drift import find_left_out
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.infer.mixed import NOISE_BASIS, Fit, Linearisation, Source
 from foucault.logs.description import OWN_LOG, log_head
@@ -229,7 +230,16 @@ def _new(mag: FloatArray, gyro: FloatArray) -> tuple[IntArray, float | None]:
     new = np.concatenate([[True], (np.diff(mag, axis=0) != 0).any(axis=1)])
     moving = np.linalg.norm(gyro - np.median(gyro, axis=0), axis=1) > 0.3
     share = float(new[moving].mean()) if moving.any() else 1.0
-    return (np.flatnonzero(new), share) if share < 0.8 else (np.arange(len(mag)), None)
+    # Of a slow sensor all axes change at once; coarse steps of each change alone, and the moments
+    # at which they do are late or early as the field goes.
+    axes = (np.diff(mag, axis=0) != 0)[(new & moving)[1:]]
+    slow = share < 0.8 and float(axes.mean()) > TOGETHER
+    return (np.flatnonzero(new), share) if slow else (np.arange(len(mag)), None)
+
+
+TOGETHER = 0.7
+"""Share of the axes that change in a row with a new reading, of one that is slow and not coarse
+[1]."""
 
 
 # -- where to start --------------------------------------------------------------------------------
@@ -627,7 +637,10 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     if tables and world is not None:
         tables["norths"] = field.norths(given.site)
     return result_of(
-        "magnetometer", fit, (*checks(_judged(fit, model)), *field.checks()), site=given.site,
+        "magnetometer", fit,
+        (*checks(_judged(fit, model)), *known_checks(fit, KEYS), *_curved(fit, model),
+         *field.checks()),
+        site=given.site,
         findings=(*log.findings, *o.findings, *told), tables=tables,
         diagnostics={"field": field.json()},
         described=(sensor.EQUATION, sensor.FRAME, "axes of the IMU"), table_rate_sd=None,
@@ -673,6 +686,36 @@ def _judged(fit: Fit, model: FieldModel) -> Judged:
         readings="cells", cure="Turn for longer.", more="turn for longer", blocks=part,
         named=named, predicted="parts of the log",
     )  # fmt: skip
+
+
+KEYS = {
+    "gyro biases": "gyro_bias_sd", "gyro scale factors": "gyro_scale_sd",
+    "gyro misalignments": "gyro_misalignment_sd",
+}  # fmt: skip
+"""What is known of the gyros, and the setting that says it."""
+
+CURVED = Layout(
+    tuple(
+        Coefficient(f"mag.{name}.{a}", f"{name[0]}_{a}", "scale factor error",
+                    f"magnetometer {a}: {name} term, as a part of the intensity at that field")
+        for name in ("quadratic", "cubic") for a in AXES
+    )
+)  # fmt: skip
+"""What a sensor that bends adds to its readings."""
+
+
+def _curved(fit: Fit, model: FieldModel) -> list[Check]:
+    """Look for a sensor that bends: it is no field that changes, though it may look like one."""
+    o, B, n = model.observed, model.sizes.intensity, len(model.observed.cells)
+    y = (model.readings - fit.state.mag.bias) / B
+    slope = np.zeros((*fit.at.residuals.shape, 6))
+    for k in range(6):
+        slope[:n, k % 3, k] = B * o.cells.mean(y ** (2 + k // 3))[:, k % 3]
+    columns = np.zeros((len(fit.white.residuals), 6))
+    columns[: slope.shape[0] * slope.shape[1]] = fit.covariance.whiten(slope)
+    found = find_left_out(fit.white, CURVED.names, columns, kinds=scattering(_judged(fit, model)))
+    return left_out_check(found, CURVED, "quadratic and cubic terms of the magnetometer",
+                          "Choose a wider range, or take away the iron that does it.")  # fmt: skip
 
 
 PARTS = 8
@@ -830,6 +873,10 @@ class FieldSeen:
             words = ", ".join(f"{a} along {'-' if R[k, along[k]] < 0 else ''}{AXES[along[k]]}"
                               for k, a in enumerate(AXES))  # fmt: skip
             out.append(finding("mag.axes", angle=f"{angle:.3g}", axes=words))
+        gain = float(np.cbrt(abs(np.linalg.det(self.fit.state.mag.matrix))))
+        if abs(np.log(gain)) > GAIN:
+            size = f"{1e6 * gain * self.model.sizes.intensity:.3g}"
+            out.append(finding("mag.gain", size=size, ratio=f"{gain:.3g}"))
         some = [k for k, n in enumerate(c.names) if n != "mag.delay"]
         assert c.cov is not None
         far = float(c.values[some] @ np.linalg.solve(c.cov[np.ix_(some, some)], c.values[some]))
@@ -857,6 +904,9 @@ class FieldSeen:
 
 USUAL_DIP = np.radians(60.0)
 """Where neither accelerometers nor a world model say it [rad]."""
+
+GAIN = 4 * UNKNOWN
+"""Logarithm of a gain of all axes that is no sensor's [1]."""
 
 TURNED = 30.0
 """Axes turned by more are not a sensor that sits askew, but one with other axes [deg]."""

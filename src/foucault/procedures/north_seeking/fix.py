@@ -189,7 +189,10 @@ def find_north(
     level = None
     if known.level_sd is not None and dwells.accel is not None:
         level = level_square(pairs, known, compensation)
-    asked = judge.Judged(dwells, pairs, fixes, known, noise, source, settings.accuracy, level)
+    effect = judge.drift_effect(pairs, fixes, known, compensation, DRIFT_UNIT)
+    asked = judge.Judged(
+        dwells, pairs, fixes, known, noise, source, settings.accuracy, level, effect / DRIFT_UNIT
+    )
     beyond = () if judged is None else left_out_checks(judged)
     checks = tuple((*own, *beyond) for own in judge.checks(asked, _level(calibration)))
     sd = float(np.hypot(settings.heading_sd, settings.heading_offset_sd))
@@ -201,7 +204,7 @@ def find_north(
     return Survey(
         dwells, pairs, fixes, known, noise, source, compensation, _about(calibration), free,
         checks, tuple(Verdict.of(c).doubted(told) for c in checks), noticed, told, alone.sd,
-        judge.drift_effect(pairs, fixes, known, compensation, DRIFT_UNIT), about, site,
+        effect, about, site,
         provenance(log.source, clock.monotonic() - started), norths(site), judged,
     )  # fmt: skip
 

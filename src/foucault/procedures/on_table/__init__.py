@@ -68,11 +68,13 @@ class Task:
     poses: bool = False  # whether a hand held it, and never turned it: of gyros the bias is seen
     # what is believed of the table where what is not estimated counts; None: the same
     counted: Trust | None = None
+    counts: bool = False  # whether what is not estimated counts
 
     def where(self, sizes: Sizes | None) -> Task:
         """Return the task where `sizes` or None are those of what is not estimated [SI]."""
-        counts = sizes is not None and self.counted is not None
-        return replace(self, trust=self.counted) if counts else self
+        if sizes is None:
+            return self
+        return replace(self, counts=True, trust=self.counted or self.trust)
 
 
 def solve(log: Log | OnDisk, task: Task, given: Given[Any]) -> Result:
@@ -277,7 +279,9 @@ def options_of(
     spins = bool(readings.spin.any())
     rests = int(np.sum(~readings.spin))
     free = task.trust is None
-    at_rest = readings.gyro is not None and (task.settings.g_sensitivity or not free or task.poses)
+    # Spins in one sense show no g-sensitivity, however large: where it counts, rates at rest do.
+    asked = task.settings.g_sensitivity or not free or task.poses or (task.counts and spins)
+    at_rest = readings.gyro is not None and asked
     return Options(
         names,
         # With free directions and no gyros, a lever arm only turns the axis of each spin.
