@@ -218,7 +218,10 @@ MOVING = 0.3
 
 
 def _stays(x: FloatArray, moving: BoolArray) -> float:
-    """Return the share of the rows that move, or of all, at which one reading stays longest [1]."""
+    """Return at what share of the rows that move, or of all, one reading stays longest [1].
+
+    `x` (n,): readings of an axis [T]; `moving` (n,).
+    """
     run = np.cumsum(np.diff(x, prepend=x[0]) != 0)[moving if moving.any() else slice(None)]
     return float(np.bincount(run).max()) / len(run)
 
