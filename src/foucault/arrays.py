@@ -86,5 +86,5 @@ def to_arrow(values: Any) -> Any:
 
 
 def transposed(a: npt.NDArray[np.floating[Any]]) -> FloatArray:
-    """Return the transposes of a stack of matrices (..., r, c); NumPy 1 has no attribute for them."""
+    """Return the transposes of matrices `a` (..., r, c) [any unit]; NumPy 1 has no name for it."""
     return np.asarray(np.swapaxes(a, -1, -2), dtype=float)

@@ -260,6 +260,11 @@ def test_what_cannot_be_calibrated_is_refused_by_its_name() -> None:
     assert refused(replace(log, mag=log.mag * [1.0, 0.0, 1.0])) == "mag.stuck"
     late = np.column_stack([np.interp(log.time - 0.4, log.time, m) for m in log.mag.T])
     assert refused(replace(log, mag=late)) == "mag.late"
+    late = log.mag.copy()
+    late[len(late) // 2 :, 0] = late[len(late) // 2, 0]
+    assert refused(replace(log, mag=late)) == "mag.stuck"
+    late[1:] = late[1]
+    assert refused(replace(log, mag=late)) == "mag.stuck"
     open_ = CALM.model_copy(update={"intensity": None, "intensity_sd": None})
     for times in (10.0, 0.1, 100.0, 1000.0):
         assert refused(replace(log, mag=log.mag * times), open_) == "mag.unit"

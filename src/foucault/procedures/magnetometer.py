@@ -163,8 +163,8 @@ def reduce(log: Log) -> Observed:
         raise error("mag.not_logged", file=file)
     if log.gyro is None:
         raise error("mag.no_gyro", file=file)
-    stuck = [AXES[k] for k in range(3) if np.ptp(log.mag[:, k]) == 0]
-    if stuck:
+    moving = np.linalg.norm(log.gyro - np.median(log.gyro, axis=0), axis=1) > MOVING
+    if stuck := [AXES[k] for k in range(3) if _stays(log.mag[:, k], moving) > 1 / 3]:
         raise error("mag.stuck", axes=", ".join(stuck))
     told = []
     step = np.diff(log.time)
@@ -222,13 +222,26 @@ SHORT, LITTLE = 5.0, 2 * np.pi
 """The shortest log [s] and the least turning [rad] that show anything."""
 
 
+MOVING = 0.3
+"""Rate at which the field of a magnetometer that works changes from row to row [rad/s]."""
+
+
+def _stays(x: FloatArray, moving: BoolArray) -> float:
+    """Return at what share of the rows that move, or of all, one reading stays longest [1].
+
+    `x` (n,): readings of an axis [T]; `moving` (n,).
+    """
+    run = np.cumsum(np.diff(x, prepend=x[0]) != 0)[moving if moving.any() else slice(None)]
+    return float(np.bincount(run).max()) / len(run)
+
+
 def _new(mag: FloatArray, gyro: FloatArray) -> tuple[IntArray, float | None]:
     """Return the rows with new readings, and their share where the others repeat them [1].
 
     A reading that is written again is no new one: it would be counted twice.
     """
     new = np.concatenate([[True], (np.diff(mag, axis=0) != 0).any(axis=1)])
-    moving = np.linalg.norm(gyro - np.median(gyro, axis=0), axis=1) > 0.3
+    moving = np.linalg.norm(gyro - np.median(gyro, axis=0), axis=1) > MOVING
     share = float(new[moving].mean()) if moving.any() else 1.0
     # Of a slow sensor all axes change at once; coarse steps of each change alone, and the moments
     # at which they do are late or early as the field goes.
