@@ -335,6 +335,20 @@ def test_links_between_pages_exist() -> None:
                 assert anchor in known, f"{page.name} links to {target}#{anchor}"
 
 
+def test_files_that_pages_include_are_there_and_get_to_the_site(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(DOCS)
+    kept = importlib.import_module("generate").KEPT
+    included = {
+        (page.parent / name).resolve()
+        for page in DOCS.rglob("*.md")
+        for name in re.findall(r"^`+\{(?:literal)?include\} (\S+)", page.read_text(), re.M)
+    }
+    assert len(included) > 10
+    assert not [file for file in included if not file.exists() or file.suffix not in kept]
+
+
 def test_the_gallery_uses_what_there_is() -> None:
     """Its scripts run when the site is built; what they import is looked for here."""
     scripts = sorted((ROOT / "examples" / "gallery").glob("*/*.py"))
