@@ -30,7 +30,7 @@ from foucault import campaign
 from foucault.run_folder import result_schema
 
 HERE = Path(__file__).parent
-KEPT = (".md", ".png")
+KEPT = (".md", ".png", ".txt")
 BUILT = (
     api.FOLDER,
     "gallery",

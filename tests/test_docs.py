@@ -335,6 +335,21 @@ def test_links_between_pages_exist() -> None:
                 assert anchor in known, f"{page.name} links to {target}#{anchor}"
 
 
+def test_files_that_pages_include_are_there_and_get_to_the_site(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(DOCS)
+    generate = importlib.import_module("generate")
+    made = {(DOCS / name).resolve() for name in generate.PAGES}
+    included = {
+        (page.parent / name).resolve()
+        for page in DOCS.rglob("*.md")
+        for name in re.findall(r"^`+\{(?:literal)?include\} (\S+)", page.read_text(), re.M)
+    }
+    assert len(included) > 10
+    assert all(file.exists() and file.suffix in generate.KEPT for file in included - made)
+
+
 def test_the_gallery_uses_what_there_is() -> None:
     """Its scripts run when the site is built; what they import is looked for here."""
     scripts = sorted((ROOT / "examples" / "gallery").glob("*/*.py"))
