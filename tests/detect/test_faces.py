@@ -141,6 +141,11 @@ def test_a_wrong_unit(log):
     )
 
 
+def test_increments_are_named(log):
+    summed = replace(log, accel=log.accel * log.interval)
+    assert code_of(find_faces, summed, G).code == "accel.increments"
+
+
 def test_no_accelerometers_or_no_numbers(log):
     assert code_of(find_faces, replace(log, accel=None), G).code == "session.no_accel"
     bad = log.gyro.copy()
@@ -213,6 +218,15 @@ def test_a_turn_that_is_not_whole(sections):
         assert "360 deg are declared" in problem.message
         measured = float(problem.message.split("measures ")[1].split()[0])
         assert measured == pytest.approx(270, abs=12)
+
+
+def test_turns_of_gyros_in_another_unit_or_summed(log, sections):
+    for factor, likely in ((np.degrees(1.0), "deg/s"), (np.radians(1.0), "rad/s")):
+        for words in ({}, {"sections": sections}):
+            problem = code_of(turns_of, replace(log, gyro=log.gyro * factor), **words)
+            assert problem.code == "turns.unit" and f'unit = "{likely}"' in problem.cure
+    problem = code_of(turns_of, replace(log, gyro=log.gyro * log.interval))
+    assert problem.code == "turns.increments" and "increment" in problem.cure
 
 
 def test_a_turn_about_another_axis(log, sections):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from foucault import campaign
 from foucault.diagnose.north import alive
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
@@ -452,6 +453,15 @@ def test_headings_that_do_not_determine_it():
                    table(level(12)[:1]))  # fmt: skip
     assert "at least three headings" in said
     assert "show: ." not in said
+
+
+def test_a_latitude_of_the_wrong_sign_is_named_by_tilts():
+    text = campaign.template("north_seeking").partition("# [optimise]")[0]
+    told = campaign.parse(text.replace('tilts = ["0 deg"]', 'tilts = ["0 deg", "10 deg"]'))
+    log = campaign.simulate(told, 1).simulation.log
+    there = replace(told.site, latitude=-told.site.latitude)
+    with refuses("north.tilts_contradict", "sign of latitude", "senses acceleration"):
+        calibrate(log, site=there, settings=told.settings, noise=told.noise, sizes=told.sizes)
 
 
 def test_tilts_that_are_none():

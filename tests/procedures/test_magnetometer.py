@@ -258,6 +258,8 @@ def test_what_cannot_be_calibrated_is_refused_by_its_name() -> None:
     assert refused(log[:150]) == "mag.short"
     assert refused(replace(log, gyro=log.gyro * 57.3)) == "mag.gyro_unit"
     assert refused(replace(log, mag=log.mag * [1.0, 0.0, 1.0])) == "mag.stuck"
+    late = np.column_stack([np.interp(log.time - 0.4, log.time, m) for m in log.mag.T])
+    assert refused(replace(log, mag=late)) == "mag.late"
     late = log.mag.copy()
     late[len(late) // 2 :, 0] = late[len(late) // 2, 0]
     assert refused(replace(log, mag=late)) == "mag.stuck"

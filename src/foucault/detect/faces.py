@@ -33,6 +33,7 @@ from foucault.detect.stretches import (
 from foucault.errors import Finding, FoucaultError, error, finding, suggestion
 from foucault.models.rests_and_turns import SIX, FaceReadings, TurnReadings, bridged, face_name
 from foucault.tables import AXES, Log
+from foucault.units import STANDARD_GRAVITY, plain
 
 Sections = Mapping[str, Sequence[int]]
 
@@ -157,6 +158,22 @@ def check_sections(sections: Sections, samples: int, means: bool) -> list[str]:
     return list(REST_SECTIONS)
 
 
+def require_gravity(log: Log, accel: FloatArray, gravity: float, band: float) -> None:
+    """Refuse means at rest that are not gravity by far, and name increments.
+
+    `log`: readings [SI]; `accel` (n, 3): means at rest [m/s^2]; `gravity`: local [m/s^2]; `band`:
+    they may be so many times as large, or as small [1].
+    """
+    norm = float(np.median(np.linalg.norm(accel, axis=1)))
+    ratio = norm / gravity
+    if 1 / band < ratio < band:
+        return
+    in_g = abs(ratio * STANDARD_GRAVITY - 1.0) < 0.1  # at 10 Hz either may be
+    if log.averaged is None and abs(ratio / log.interval - 1.0) < 0.1 and not in_g:
+        raise error("accel.increments", given=f"{norm:.4g}", rate=plain(1 / log.interval))
+    raise error("accel.scale_impossible", given=f"{norm:.4g}", ratio=f"{ratio:.3g}")
+
+
 def face_readings(
     log: Log, first: IntArray, last: IntArray, gravity: float
 ) -> tuple[FaceReadings, FloatArray]:
@@ -170,10 +187,7 @@ def face_readings(
     accel = means_of(log.accel, spans)
     gyro = None if log.gyro is None else means_of(log.gyro, spans)
     if len(accel):
-        norm = float(np.median(np.linalg.norm(accel, axis=1)))
-        if not 0.5 < norm / gravity < 2.0:
-            ratio = f"{norm / gravity:.3g}"
-            raise error("accel.scale_impossible", given=f"{norm:.4g}", ratio=ratio)
+        require_gravity(log, accel, gravity, 2.0)
     axis, sign, tilt = _nearest(accel - _centre(accel))
     time = (last - first) * log.interval if log.averaged is None else log.averaged[first]
     readings = FaceReadings(
@@ -367,9 +381,11 @@ def find_turns(
         whole = [c for c in found if c.times(angles) and c.sideways <= SIDEWAYS]
     else:
         found = whole = _sections(log, faces, bias, sections)
+        if not any(c.times(angles) for c in found):
+            _other_unit(log, found, angles)
         for c in found:
             _section_as_declared(log, c, angles)
-    _all_axes(log, found, whole, angles)
+    _all_axes(log, faces, bias, found, whole, angles)
     _sense(log, whole, angles)
     faces = faces.joined(_returned(whole, angles))
     return faces, _turn_readings(log, faces, whole, angles)
@@ -398,14 +414,15 @@ def _net(log: Log, a: int, b: int, bias: FloatArray) -> FloatArray:
     return np.asarray(log.lasting[a:b] @ (log.gyro[a:b] - bias))
 
 
-def _between(log: Log, faces: Faces, bias: FloatArray) -> list[_Candidate]:
+def _between(log: Log, faces: Faces, bias: FloatArray, least: float = BUMP) -> list[_Candidate]:
+    """Return what was turned by `least` [rad] or more between two rests on one face."""
     r, out = faces.readings, []
     for j in np.flatnonzero(faces.adjacent).tolist():
         if not np.array_equal(r.up_k[j], r.up_k[j + 1]):
             continue
         a, b = int(faces.last[j]), int(faces.first[j + 1])
         net = _net(log, a, b, bias) if b - a > 1 else np.zeros(3)
-        if np.abs(net).max() >= BUMP:
+        if np.abs(net).max() >= least:
             group = int(r.group[j])
             out.append(_Candidate(a, b, net, r.up_k[j], group, after=j + 1, before=j))
     return out
@@ -456,11 +473,14 @@ def _partial(log: Log, c: _Candidate, angles: FloatArray) -> FoucaultError:
 
 
 def _all_axes(
-    log: Log, found: list[_Candidate], whole: list[_Candidate], angles: FloatArray
-) -> None:
+    log: Log, faces: Faces, bias: FloatArray, found: list[_Candidate],
+    whole: list[_Candidate], angles: FloatArray,
+) -> None:  # fmt: skip
     missing = [a for a in range(3) if all(c.axis != a for c in whole)]
     if not missing:
         return
+    if not whole:
+        _other_unit(log, found or _between(log, faces, bias, 0.0), angles)
     for c in found:
         if c.sideways > SIDEWAYS:
             raise error(
@@ -472,6 +492,25 @@ def _all_axes(
     names = ", ".join(AXES[a] for a in missing)
     seen = ", ".join(sorted({AXES[c.axis] for c in whole})) or "none"
     raise error("turns.missing", missing=names, seen=seen)
+
+
+def _other_unit(log: Log, found: list[_Candidate], angles: FloatArray) -> None:
+    """Refuse turns that are whole about all axes, were their gyros in another unit."""
+    tried = {np.degrees(1.0): ("turns.unit", "rad/s", "deg/s"),
+             np.radians(1.0): ("turns.unit", "deg/s", "rad/s"),
+             1.0 / log.interval: ("turns.increments", "", "")}  # fmt: skip
+    for factor, (code, given, likely) in tried.items():
+        right = [replace(c, net=c.net / factor if code == "turns.unit" else c.net * factor)
+                 for c in found]  # fmt: skip
+        fit = [c for c in right if c.times(angles) and c.sideways <= SIDEWAYS]
+        if {c.axis for c in fit} == {0, 1, 2}:
+            first = fit[0]
+            shown = next(c for c in found if c.first == first.first)
+            raise error(
+                code, where=first.where(log), axis=AXES[first.axis], given=given, likely=likely,
+                measured=plain(np.degrees(abs(shown.size)), 3), rate=plain(1 / log.interval),
+                declared=f"{np.degrees(abs(angles[first.axis])):.0f}",
+            )  # fmt: skip
 
 
 def _sense(log: Log, whole: list[_Candidate], angles: FloatArray) -> None:

@@ -314,12 +314,15 @@ def nearest(rate: float, commanded: FloatArray) -> float | None:
     return float(commanded[best]) if ratio[best] <= np.log(OTHER_RATE) else None
 
 
-def rate_problem(code: str, ratio: float, told: float, measured: float) -> FoucaultError | None:
+def rate_problem(
+    code: str, ratio: float, told: float, measured: float, interval: float = np.nan
+) -> FoucaultError | None:
     """Name a rate of the table that is not that of the gyros, or return None.
 
     `code`: what it is where no unit explains it, "table.rate_differs" blames the columns of the
     table, "spin.rate" the gyros; `ratio`: rate of the table over rate of the gyros [1]; `told`,
-    `measured`: both rates, for the text [rad/s].
+    `measured`: both rates, for the text [rad/s]; `interval`: of samples, NaN where rows are none
+    [s].
     """
     if 1 / OTHER_RATE < ratio < OTHER_RATE:
         return None
@@ -331,11 +334,13 @@ def rate_problem(code: str, ratio: float, told: float, measured: float) -> Fouca
                 return error("table.rate_unit", likely=is_unit, given=says, **words)
             # The other way round: what the plan says is not read from a file of raw numbers.
             return error("spin.rate_unit", likely=f"{says}/s", given=f"{is_unit}/s", **words)
+    if 1 / OTHER_RATE < ratio * interval < OTHER_RATE:
+        return error("spin.increments", rate=plain(1 / interval), **words)
     return error(code, **words)
 
 
-def _refuse(code: str, ratio: float, told: float, measured: float) -> None:
-    problem = rate_problem(code, ratio, told, measured)
+def _refuse(code: str, ratio: float, told: float, measured: float, interval: float) -> None:
+    problem = rate_problem(code, ratio, told, measured, interval)
     if problem is not None:
         raise problem
 
@@ -354,7 +359,7 @@ def _same_rate(data: Reduced, runs: list[Stretch], commanded: FloatArray) -> Non
     told = abs(spins[middle].rate)
     # Where plan and table agree it is the gyros that are wrong.
     code = "table.rate_differs" if nearest(told, commanded) is None else "spin.rate"
-    _refuse(code, float(ratio[middle]), told, float(size[middle]))
+    _refuse(code, float(ratio[middle]), told, float(size[middle]), data.interval)
 
 
 def _rates_as_told(data: Reduced, runs: list[Stretch], commanded: FloatArray) -> None:
@@ -368,7 +373,7 @@ def _rates_as_told(data: Reduced, runs: list[Stretch], commanded: FloatArray) ->
     if other:
         run = max(other, key=lambda r: _time(data, r))  # a move is shorter
         told = float(commanded[np.argmin(np.abs(np.log(abs(run.rate) / commanded)))])
-        _refuse("spin.rate", told / abs(run.rate), told, abs(run.rate))
+        _refuse("spin.rate", told / abs(run.rate), told, abs(run.rate), data.interval)
 
 
 def _far_too_slow(data: Reduced, rests: list[Stretch], commanded: FloatArray) -> None:
@@ -384,7 +389,7 @@ def _far_too_slow(data: Reduced, rests: list[Stretch], commanded: FloatArray) ->
         like = (along > np.radians(told) / OTHER_RATE) & (along < np.radians(told) * OTHER_RATE)
         if like.sum() >= max(3, len(rests) // 4):
             size = float(np.median(along[like]))
-            _refuse("spin.rate", float(told) / size, float(told), size)
+            _refuse("spin.rate", float(told) / size, float(told), size, data.interval)
 
 
 # -- whole turns -----------------------------------------------------------------------------------

@@ -113,6 +113,8 @@ def require_sound(estimate: Estimate) -> None:
         raise error("north.undetermined", names=weakest)
     c = estimate.coefficients
     vague = [n for n, sd in zip(c.names, c.sd, strict=True) if "bias" not in n and sd > VAGUE]
+    if vague and all(name.endswith(("xz", "yz")) for name in vague):  # which tilts alone show
+        raise error("north.tilts_contradict", names=", ".join(vague), sd=f"{max(c.sd):.2g}")
     if vague:  # seen only by what a table that is not quite level turns into them
         raise error("north.undetermined", names=", ".join(vague))
     model = Compensation(estimate.coefficients).model

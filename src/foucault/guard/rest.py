@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
+from foucault.detect.faces import require_gravity
 from foucault.detect.stretches import How, Rests, find_rests, require_finite, require_live_gyros
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate import norm_observation
@@ -314,10 +315,7 @@ def up_of_rests(data: Session) -> FloatArray:
     from foucault.detect.coverage import coverage  # not for a rest alone
 
     same_unit(data.accel_mean, data.site.gravity)
-    norm = float(np.median(np.linalg.norm(data.accel_mean, axis=1)))
-    ratio = norm / data.site.gravity
-    if not 1 / RAW_BAND < ratio < RAW_BAND:
-        raise error("accel.scale_impossible", given=f"{norm:.4g}", ratio=f"{ratio:.3g}")
+    require_gravity(data.log, data.accel_mean, data.site.gravity, RAW_BAND)
     solved = norm_observation.solve(data.accel_mean, data.site.gravity)
     spread = coverage(data.accel_mean / np.linalg.norm(data.accel_mean, axis=1)[:, None])
     if solved is None or spread.flatness < FLAT:

@@ -58,7 +58,16 @@ from foucault.result import Check, Result, TableData
 from foucault.simulate.noise import noisy_log
 from foucault.strict import Strict
 from foucault.tables import AXES, Log, temperature_range, whole_samples
-from foucault.units import STANDARD_GRAVITY, Angle, AngleSd, Quantity, Rate, RatioSd, Seconds
+from foucault.units import (
+    STANDARD_GRAVITY,
+    Angle,
+    AngleSd,
+    Quantity,
+    Rate,
+    RatioSd,
+    Seconds,
+    plain,
+)
 
 Tesla = Annotated[float, Quantity("magnetic field")]
 
@@ -74,8 +83,8 @@ MOST = 160
 STILL = 0.05
 """At rest nothing turns faster, bias apart [rad/s]."""
 
-LATEST = 0.06
-"""Delays are sought up to this, either way [s]."""
+LATEST, FAR = 0.06, 0.5
+"""Delays are sought up to this, either way, and to name one up to that [s]."""
 
 WANDERS = {"field wander, 0.3 s": 0.3, "field wander, 3 s": 3.0}
 """Parts of the field that change from place to place, and for how long they stay [s]."""
@@ -280,10 +289,13 @@ SPREAD = 1.5
 """An ellipsoid of more unequal axes is an accident of the coverage [1]."""
 
 
-def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float, float]:
+def turned(
+    o: Observed, x: FloatArray, latest: float = LATEST
+) -> tuple[FloatArray, FloatArray, float, float]:
     """Return Q, c and delay of ``dx/dt = x x (Q w + c)``, over windows, by linear equations.
 
-    `x` (r, 3): direction of the field in sensor axes at the rows of the cells [1]. Returns (3, 3)
+    `x` (r, 3): direction of the field in sensor axes at the rows of the cells [1]; `latest`: delay,
+    either way, that is looked for [s]. Returns (3, 3)
     [1], (3,) [rad/s], [s], and the share of the changes that this leaves [1].
     """
     time = o.log.time[o.cells.rows]
@@ -293,7 +305,7 @@ def turned(o: Observed, x: FloatArray) -> tuple[FloatArray, FloatArray, float, f
     ends = np.arange(0, len(x) - 1, width)
     cross = cross_matrix(x)
     whole = np.array([step[a : a + width].min(initial=1.0) > 0 for a in ends[:-1]])
-    scan = np.arange(-LATEST, LATEST + 1e-9, 0.005)
+    scan = np.arange(-latest, latest + 1e-9, 0.005)
     left, every = [], []
     for delay in scan:
         w = np.column_stack([np.interp(time - delay, o.log.time, o.turning.gyro[:, k])
@@ -342,7 +354,11 @@ def start(o: Observed, settings: Settings, intensity: float | None) -> tuple[Sta
     x = np.asarray(np.linalg.solve(A, (mag - h).T).T, float)
     Q, c, delay, unexplained = turned(o, x)
     if unexplained > UNEXPLAINED:
-        raise error("mag.not_turning", percent=f"{100 * unexplained:.0f}")
+        *_, delay, less = turned(o, x, FAR)
+        if less < UNEXPLAINED and abs(delay) > LATEST:
+            raise error("mag.late", delay=plain(1e3 * abs(delay), 3), most=plain(1e3 * LATEST),
+                        way="late" if delay > 0 else "early")  # fmt: skip
+        raise error("mag.not_turning", percent=f"{100 * unexplained:.0f}", most=plain(FAR))
     if o.turning.gyro.std(axis=0).min() > STILL:  # the motion shows all three axes
         ratios = np.linalg.norm(Q, axis=0)
         if ratios.min() < 0.5 or ratios.max() > 2.0:
