@@ -218,6 +218,8 @@ main()
 @pytest.mark.thorough
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
 def test_nothing_is_left_of_a_run_that_is_told_to_end(tmp_path, how):
+    if signal.getsignal(how) is signal.SIG_IGN:
+        pytest.skip("whoever started the tests has it ignored, as nohup does; a run heeds that")
     run = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, str(tmp_path)], stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, text=True,

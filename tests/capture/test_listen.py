@@ -198,9 +198,24 @@ def test_the_baud_rate_of_a_port_is_found(name, baud, tmp_path):
         assert 9.0 < np.median(np.linalg.norm(log.accel, axis=1)) < 11.0
 
 
+@pytest.mark.thorough
+def test_a_slow_instrument_is_heard_out(monkeypatch, tmp_path):
+    """Five messages a second: of those that a short look hears none can be sure."""
+    monkeypatch.setattr(listen, "BAUDS", (115200, 57600, 9600))
+    data = SENT["xsens_mtdata2"](turned())
+    size = len(data) / len(turned())
+    wire = Wire(data, 57600, 5 * size)
+    try:
+        made = run("listen", wire.name, "--for", "3 s", "-o", tmp_path / "s", "--json")
+    finally:
+        wire.close()
+    assert json.loads(made.output)["ports"][0]["source"] == f"serial:{wire.name}:57600"
+
+
 def test_a_port_of_no_one_and_a_silent_one(monkeypatch):
     monkeypatch.setattr(listen, "SILENT", 0.3)
     monkeypatch.setattr(listen, "EACH", 0.12)
+    monkeypatch.setattr(listen, "AGAIN", 0.13)
     wire = Wire(np.random.default_rng(3).bytes(20_000), 115200)
     try:
         made = run("listen", wire.name, code=3)

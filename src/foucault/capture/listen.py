@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -30,8 +31,9 @@ BAUDS = (115200, 921600, 460800, 230400, 57600, 38400, 9600, 19200, 1_000_000, 2
          3_000_000, 500_000, 250_000, 4800)  # fmt: skip
 """Rates of serial ports, the usual ones first [Hz]."""
 
-EACH = 0.6
-"""Each of them is tried so long [s]."""
+EACH, AGAIN = 0.6, 2.4
+"""Each of them is tried so long, and so long once more where nothing fits: few messages come from a
+slow instrument, and few to a busy computer [s]."""
 
 MANY = 6000
 """So many bytes tell whether a rate is right [bytes]."""
@@ -156,22 +158,25 @@ def _baud(
     port: str, known: Mapping[str, tuple[str, Frame]], out: Listened, tell: Callable[[str], None]
 ) -> int | None:
     """Return the baud rate at which something fits, None where none does."""
-    for baud in BAUDS:
+    tried = dict[int, tuple[int, int, float]]()
+    for wait, baud in product((EACH, AGAIN), BAUDS):
+        if wait == AGAIN and baud not in tried:
+            continue
         tell(f"{port}: {baud} baud")
         try:
             source = Serial(port, baud)
         except FoucaultError:
-            if out.tried:  # not every port can do every rate
+            if tried:  # not every port can do every rate
                 continue
             raise
         try:
-            wait = EACH if out.tried else SILENT
-            data, _ = heard(source, wait, MANY)
+            data, _ = heard(source, wait if tried else SILENT, MANY)
         finally:
             source.close()
-        out.tried.append((baud, len(data), prints.text_in(data)))
+        tried[baud] = baud, len(data), prints.text_in(data)
+        out.tried = list(tried.values())
         out.size, out.sample = max(out.size, len(data)), data or out.sample
-        if not data and len(out.tried) == 1:
+        if not data and len(tried) == 1:
             return None  # a wrong rate hears something else, but it hears
         if prints.print_of(data) is not None:
             return baud
