@@ -68,8 +68,8 @@ class Wire:
         while not self._stop.is_set():
             heard = RATES.get(termios.tcgetattr(self.master)[5], 0)
             stream = self._heard.get(heard, b"")
-            if stream is not last and stream:
-                k, last = k * len(stream) // max(len(last), 1), stream
+            if stream is not last:  # from its start: where it begins again, its clock goes back
+                k, last = 0, stream
             now = time.monotonic()  # its pace is that of the clock, whoever else wants the computer
             n = min(2000, max(1, round(self._rate * (now - before))))
             before = now
