@@ -26,7 +26,7 @@ BUDGET = {
     "models": 6_440,
     "navigate": 2_110,
     "plans": 6_049,
-    "procedures": 20_471,
+    "procedures": 20_478,
     "recognise": 3_029,
     "report": 10_701,
     "records": 1_601,

@@ -265,6 +265,9 @@ def test_what_cannot_be_calibrated_is_refused_by_its_name() -> None:
     assert refused(replace(log, mag=late)) == "mag.stuck"
     late[1:] = late[1]
     assert refused(replace(log, mag=late)) == "mag.stuck"
+    # A slow one that is hardly turned repeats each reading, and is not stuck.
+    few, slow = np.arange(3000) < 25, np.arange(3000) // 10 * 1e-8
+    assert not magnetometer._stuck(slow, few, 0.01)
     open_ = CALM.model_copy(update={"intensity": None, "intensity_sd": None})
     for times in (10.0, 0.1, 100.0, 1000.0):
         assert refused(replace(log, mag=log.mag * times), open_) == "mag.unit"

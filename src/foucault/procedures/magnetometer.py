@@ -163,8 +163,9 @@ def reduce(log: Log) -> Observed:
         raise error("mag.not_logged", file=file)
     if log.gyro is None:
         raise error("mag.no_gyro", file=file)
-    moving = np.linalg.norm(log.gyro - np.median(log.gyro, axis=0), axis=1) > MOVING
-    if stuck := [AXES[k] for k in range(3) if _stays(log.mag[:, k], moving) > 1 / 3]:
+    if stuck := [
+        AXES[k] for k in range(3) if _stuck(log.mag[:, k], _moves(log.gyro), log.interval)
+    ]:
         raise error("mag.stuck", axes=", ".join(stuck))
     told = []
     step = np.diff(log.time)
@@ -226,13 +227,19 @@ MOVING = 0.3
 """Rate at which the field of a magnetometer that works changes from row to row [rad/s]."""
 
 
-def _stays(x: FloatArray, moving: BoolArray) -> float:
-    """Return at what share of the rows that move, or of all, one reading stays longest [1].
+def _moves(gyro: FloatArray) -> BoolArray:
+    """Return at which rows `gyro` (n, 3) turns the instrument, bias apart [rad/s], (n,)."""
+    return np.asarray(np.linalg.norm(gyro - np.median(gyro, axis=0), axis=1) > MOVING)
 
-    `x` (n,): readings of an axis [T]; `moving` (n,).
+
+def _stuck(x: FloatArray, moving: BoolArray, interval: float) -> bool:
+    """Tell whether an axis stays at one reading, throughout or in a long part of what moves.
+
+    `x` (n,): its readings [T]; `moving` (n,); `interval`: of the rows [s].
     """
-    run = np.cumsum(np.diff(x, prepend=x[0]) != 0)[moving if moving.any() else slice(None)]
-    return float(np.bincount(run).max()) / len(run)
+    run = np.cumsum(np.diff(x, prepend=x[0]) != 0)[moving]
+    longest = int(np.bincount(run).max(initial=0))
+    return bool(np.ptp(x) == 0 or longest * interval > max(SHORT, len(run) * interval / 3))
 
 
 def _new(mag: FloatArray, gyro: FloatArray) -> tuple[IntArray, float | None]:
@@ -241,7 +248,7 @@ def _new(mag: FloatArray, gyro: FloatArray) -> tuple[IntArray, float | None]:
     A reading that is written again is no new one: it would be counted twice.
     """
     new = np.concatenate([[True], (np.diff(mag, axis=0) != 0).any(axis=1)])
-    moving = np.linalg.norm(gyro - np.median(gyro, axis=0), axis=1) > MOVING
+    moving = _moves(gyro)
     share = float(new[moving].mean()) if moving.any() else 1.0
     # Of a slow sensor all axes change at once; coarse steps of each change alone, and the moments
     # at which they do are late or early as the field goes.
