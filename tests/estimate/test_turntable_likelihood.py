@@ -89,8 +89,8 @@ def test_a_table_that_is_right_gives_mounting_heading_and_instrument():
             -rotation_vector(got.state.geometry.C_bk), BAD.mounting, atol=1e-11
         )
         assert got.state.geometry.heading == pytest.approx(0.3, abs=1e-7)
-        # What rounding leaves in readings is spread over angles and mounting as the solve has it.
-        np.testing.assert_allclose(got.state.geometry.common, 0.0, atol=1e-12)
+        # Rounding alone: 6e-15 to 1.2e-14 by the arithmetic of OpenBLAS's processors.
+        np.testing.assert_allclose(got.state.geometry.common, 0.0, atol=1e-13)
 
 
 def test_accelerometers_alone():
