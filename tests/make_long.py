@@ -9,8 +9,9 @@ alone, but where most are long. What a run does not hold stays as it was.
 
 from __future__ import annotations
 
+import argparse
 import ast
-import sys
+import json
 import tomllib
 import xml.etree.ElementTree as ElementTree
 from collections import defaultdict
@@ -58,26 +59,24 @@ def there(path: str) -> set[str]:
 
 
 def main() -> None:
-    """Take files, and after `--slower` how much slower than usual the machine was."""
-    *files, slower = sys.argv[1:] if "--slower" in sys.argv else [*sys.argv[1:], "1"]
-    found = measured([file for file in files if file != "--slower"])
+    """Take files of JUnit, and how much slower than usual the machine was."""
+    given = argparse.ArgumentParser(description=__doc__)
+    given.add_argument("files", nargs="*")
+    given.add_argument("--slower", type=float, default=1.0)
+    asked = given.parse_args()
     rows = table() if TABLE.exists() else {}
-    for path, cases in found.items():
+    for path, cases in measured(asked.files).items():
         families = {name.partition("[")[0] for name in cases}
         stay = [name for name in rows.get(path, []) if name not in cases and name not in families]
-        mine = [] if path in ALWAYS else long_ones(cases, float(slower))
+        mine = [] if path in ALWAYS else long_ones(cases, asked.slower)
         rows[path] = sorted({*stay, *mine})
     rows = {p: [n for n in names if n.partition("[")[0] in there(p)] for p, names in rows.items()}
     lines = ["# By tests/make_long.py: what `make test` leaves to `make thorough`."]
     for path in sorted(rows):
-        if rows[path]:
-            lines += ["", f'"{path}" = [', *(f"  {quoted(name)}," for name in rows[path]), "]"]
+        if rows[path]:  # a string of JSON is one of TOML
+            names = [f"  {json.dumps(name, ensure_ascii=False)}," for name in rows[path]]
+            lines += ["", f'"{path}" = [', *names, "]"]
     TABLE.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def quoted(name: str) -> str:
-    """Return a string of TOML."""
-    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 if __name__ == "__main__":
