@@ -18,8 +18,8 @@ from foucault.diagnose.hand_rotated import ENOUGH_RESTS
 from foucault.errors import Finding, FoucaultError, finding
 from foucault.guard import rest
 from foucault.guard.rest import first_rest, same_unit
+from foucault.logs import axes as log_axes
 from foucault.logs import checks
-from foucault.logs import checks as log_axes
 from foucault.logs.reading import implausible
 from foucault.tables import AXES, GAP, Log
 from foucault.units import STANDARD_GRAVITY
@@ -327,6 +327,7 @@ class Watchman:
                 block = getattr(self._used, name)
                 if x is not None and block is not None:
                     told += log_axes.check(part.time, x, name, _limits(block))
+        told += log_axes.unmoved(log)
         for item in told:
             what = item.message.partition(" is ")[0] if item.code == "log.saturated" else ""
             self._once.setdefault(item.code + what, item)

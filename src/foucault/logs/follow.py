@@ -28,8 +28,7 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.files import decoded, sha256
-from foucault.logs import checks
-from foucault.logs import checks as axes
+from foucault.logs import axes, checks
 from foucault.logs import text as delimited
 from foucault.logs.description import complete
 from foucault.logs.dialect import decoder, dialect_of, encoded, is_text

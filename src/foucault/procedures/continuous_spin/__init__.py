@@ -35,7 +35,7 @@ from foucault.diagnose.fit_checks import Judged, Limit, checks
 from foucault.errors import Finding, Status, error, finding
 from foucault.guard.mistakes import exchange_words, exchanges
 from foucault.infer.mixed import Fit
-from foucault.logs.checks import spared
+from foucault.logs.axes import spared
 from foucault.logs.description import OWN_LOG, log_head
 from foucault.models.earth import EARTH_RATE
 from foucault.models.left_out import Motion
