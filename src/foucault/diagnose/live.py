@@ -21,7 +21,7 @@ from foucault.guard.rest import first_rest, same_unit
 from foucault.logs import axes as log_axes
 from foucault.logs import checks
 from foucault.logs.reading import implausible
-from foucault.tables import AXES, GAP, Log
+from foucault.tables import AXES, Log, gaps
 from foucault.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class Inspection:
     # shortest, longest: extremes of the sample interval [s]
     shortest: float
     longest: float
-    gaps: int  # intervals longer than one and a half nominal ones [1]
+    gaps: int  # see `foucault.tables.gaps` [1]
     turning: npt.NDArray[np.bool_]  # (rests,) which of the quiet times are turns at a constant rate
 
     @property
@@ -87,7 +87,7 @@ def inspect(log: Log) -> Inspection:
         gyro=_axes(log.gyro, log.interval, still, log.sampled == "increment"),
         shortest=float(step.min(initial=np.inf)),
         longest=float(step.max(initial=0.0)),
-        gaps=int(np.count_nonzero(step > GAP * log.interval)),
+        gaps=int(np.count_nonzero(gaps(step))),
         turning=turning,
     )
 
