@@ -353,7 +353,7 @@ class Test:
     low: float | None = None
     high: float | FloatArray | None = None
     at: BoolArray | None = None  # (m,) set-ups that it is made of, None for all of them
-    # what else the sentence of a set-up says
+    # what else the sentence of a set-up, of its number [1], says
     given: Callable[[int], Mapping[str, Any]] = field(default=lambda _: {})
     fails: Level = Level.DOUBTFUL
 
