@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal, TypeVar
@@ -353,14 +353,13 @@ class Test:
     low: float | None = None
     high: float | FloatArray | None = None
     at: BoolArray | None = None  # (m,) set-ups that it is made of, None for all of them
-    # what else the sentence of a set-up, of its number [1], says
-    given: Callable[[int], Mapping[str, Any]] = field(default=lambda _: {})
+    given: Callable[[int], Mapping[str, Any]] | None = None  # what else its sentence says
     fails: Level = Level.DOUBTFUL
 
     def of(self, i: int) -> Check:
         """Return the test of set-up `i` [1]."""
         high = None if self.high is None else float(np.broadcast_to(self.high, self.value.shape)[i])
-        value, given = float(self.value[i]), self.given(i)
+        value, given = float(self.value[i]), {} if self.given is None else self.given(i)
         return check(self.key, self.name, value, self.low, high, given, fails=self.fails)
 
     @property
