@@ -12,12 +12,14 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.errors import FoucaultError, error, some
 from foucault.guard.mistakes import Mistake, exchanges
+from foucault.logs.axes import long_enough, standstill
+from foucault.logs.checks import moment
 from foucault.logs.description import LogDescription
 from foucault.logs.raw import instruments
 from foucault.recognise import columns as tell
 from foucault.recognise import physics, units
 from foucault.recognise.opening import Opened, opened
-from foucault.tables import AXES
+from foucault.tables import AXES, usual_step
 
 ALIKE = 1.0
 """Readings of a log that differ by less in how odd they are fit alike [1]."""
@@ -214,6 +216,8 @@ class _Work:
         self.found, self.clock = found, clock = self._triads(used), clock
         self._readable()
         if found.accel is None and found.gyro is None:
+            if tell.named(data, "mag"):
+                raise error("recognise.mag_alone", have=self._have(), **self._file())
             raise error("recognise.no_triad", have=self._have(), **self._file())
         self._no_gyros(used)
         time = np.arange(len(data.x)) * 1.0
@@ -331,6 +335,12 @@ class _Work:
         far = turned is not None and turned.turns > 2 and turned.miss > may
         told = self.ball is not None and self.ball.scatter < physics.NORM
         if turned is not None and far and told and not known:
+            for k in (*(found.gyro or ()), *(found.accel or ())):
+                lost = standstill(data.x[:, k], long_enough(usual_step(np.diff(self.time))))
+                if lost is not None:
+                    start, end = (moment(self.time[row] - self.time[0]) for row in lost)
+                    raise error("recognise.lost", file=file, column=data.shown(k), start=start,
+                                end=end)  # fmt: skip
             raise error("recognise.no_turns", file=file, turns=turned.turns,
                         off=np.degrees(turned.miss),
                         columns=", ".join(data.shown(k) for k in found.gyro or ()))  # fmt: skip
