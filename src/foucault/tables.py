@@ -69,8 +69,8 @@ def _usual_and_longest(step: FloatArray) -> tuple[float, float]:
     if unit < usual / 5 or len(step) < 2 * MANY:
         return usual, GAP * usual
     sums = np.convolve(step, np.ones(MANY), "valid")
-    mean = float(np.median(sums)) / MANY
-    mean = float(sums[np.abs(sums - MANY * mean) <= 1.5 * unit].mean()) / MANY
+    alike = np.abs(sums - np.median(sums)) <= 1.5 * unit
+    mean = float(sums[alike].mean()) / MANY if alike.any() else usual
     if np.mean(np.abs(sums - MANY * mean) <= 1.2 * unit) < MOSTLY:
         return usual, GAP * usual  # samples are lost here and there
     return mean, max(GAP * mean, (np.ceil(mean / unit - 2 * NEAR) + 0.5) * unit)

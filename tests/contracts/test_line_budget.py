@@ -27,7 +27,7 @@ BUDGET = {
     "navigate": 2_110,
     "plans": 6_049,
     "procedures": 20_487,
-    "recognise": 3_053,
+    "recognise": 3_016,
     "report": 10_708,
     "records": 1_601,
     "simulate": 3_680,

@@ -147,3 +147,9 @@ def test_what_neighbours_share_in_a_tumble(time):
     assert out[0] == 1.0 and not (out[1:] == 1.0).any()
     out = apart(white, np.concatenate([t[:200], t[200:] + 100 * (t[1] - t[0])]), 0.4)[:, 0, 0]
     assert np.flatnonzero(out == 1.0).tolist() == [0, 200]
+
+
+def test_stamps_that_are_anything_are_no_rounded_clock():
+    step = np.concatenate([np.full(40, 1e-3), np.full(41, 0.9)])
+    for some in (step, step[::-1], np.zeros(0), np.full(3, 0.01), np.full(40, 1e12)):
+        assert gaps(some).shape == some.shape
