@@ -15,7 +15,7 @@ BUDGET = {
     "capture": 4_224,
     "certificate": 2_063,
     "cli": 5_765,
-    "detect": 4_843,
+    "detect": 4_860,
     "diagnose": 12_050,
     "estimate": 8_512,
     "export": 3_758,
