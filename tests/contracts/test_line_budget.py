@@ -27,7 +27,7 @@ BUDGET = {
     "navigate": 2_110,
     "plans": 6_049,
     "procedures": 20_478,
-    "recognise": 3_029,
+    "recognise": 3_044,
     "report": 10_701,
     "records": 1_601,
     "simulate": 3_680,

@@ -133,6 +133,28 @@ def test_columns_are_no_gyros_without_accelerometers(c, tmp_path):
         assert problem.value.code == "recognise.no_triad"
 
 
+@pytest.mark.parametrize("name", ["w1", "g", "Gyroscope", "imu"])
+@pytest.mark.parametrize("titles", ["x,y,z", "a,b,c"])
+def test_a_name_does_not_make_gyros_of_what_feels_gravity(c, tmp_path, name, titles):
+    file = tmp_path / f"{name}.csv"
+    file.write_text(make.text(f"time,{titles}", [c.t, c.f], ["%.6f"] * 4))
+    seen = recognise([file])
+    assert seen.description().accel.columns == tuple(titles.split(","))
+    assert seen.description().gyro is None
+    file.write_text(make.text("time,x,y,z", [c.t, c.w], ["%.6f"] * 4))
+    if name == "Gyroscope":  # and gyros stay gyros
+        assert recognise([file]).description().accel is None
+
+
+def test_a_magnetometer_alone_is_told_so(c, tmp_path):
+    file = tmp_path / "Magnetometer.csv"
+    file.write_text(make.text("time,x,y,z", [c.t, c.f], ["%.6f"] * 4))
+    with refuses("recognise.mag_alone", match="a magnetometer alone"):
+        recognise([file])
+    said = {"accel": {"columns": [1, 2, 3]}}
+    assert recognise([file], said).description().accel.columns == ("x", "y", "z")
+
+
 def test_a_dead_axis_is_refused_and_dead_gyros_are_left_out(c, tmp_path):
     file = tmp_path / "dead.csv"
     for f, w in ((c.f * [1, 1, 0], c.w), (c.f, c.w * [0, 1, 1])):

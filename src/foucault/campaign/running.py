@@ -421,8 +421,7 @@ def _described(
         try:
             return description_of(paths[0])
         except FoucaultError as other:
-            unlike = problem.code in ("recognise.no_triad", "recognise.short")
-            raise (other if unlike else problem) from None
+            raise (other if problem.code == "recognise.short" else problem) from None
     taken = "; ".join(f"{line.what} {line.took} ({line.sure})" for line in seen.lines)
     told = finding("recognise.taken", file=paths[0].name, taken=taken)
     return seen.description(), (told,)

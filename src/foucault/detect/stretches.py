@@ -6,8 +6,8 @@ in memory or grows (`find_rests`, `live`), one after the other where a table's i
 of the log (1 = quiet), the largest of its triads. Levels of rests and of motion form two heaps on
 a logarithmic axis; the threshold separates them best in Otsu's sense. Windows in a row that are
 quiet, and belong together, are a stretch; what is not as quiet as the rest of it, or turns beside
-it, is cut off its ends. A window belongs to a rest only as a whole, so that a rest starts and ends half a window
-inside the quiet. A stretch that turns steadily is quiet too: its mean rate tells.
+it, is cut off its ends. A window belongs to a rest only as a whole, so that a rest starts and ends
+half a window inside the quiet. A stretch that turns steadily is quiet too: its mean rate tells.
 
 References
 ----------

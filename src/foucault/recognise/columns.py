@@ -306,16 +306,24 @@ def triads(data: Data, used: Sequence[int]) -> Triads:
         for _, columns in found[1:]
     )
     titled = accel is not None, gyro is not None
+    if accel is None and gyro is not None and _of_one_length(data, gyro):
+        # The name of its file may call it gyros; gyros rest near zero, whichever side is up.
+        told = ("numbers: its titles say gyros", "numbers")
+        return Triads(gyro, None, (False, False), increments or None, several, told)
     if accel is not None and gyro is not None:
         why = ("titles", "titles")
         if _exchanged(data, accel, gyro):
             accel, gyro, why = gyro, accel, ("numbers: its titles say gyros",
                                              "numbers: its titles say accelerometers")  # fmt: skip
         return Triads(accel, gyro, titled, increments or None, several, why)
+    field = {k for _, three in named(data, "mag") for k in three}
+    # "b" of a, b, c is no magnetometer's.
+    lone = {k for k, c in enumerate(data.columns) if c.means.role == "mag"} - field
     rest = [
         k for k, column in enumerate(data.columns)
         if k not in used and k not in (*(accel or ()), *(gyro or ()))
-        and column.means.role in ("", "accel", "gyro", "linear", "dvel", "dtheta", "table")
+        and (column.means.role in ("", "accel", "gyro", "linear", "dvel", "dtheta", "table")
+             or k in lone)
         and float(np.ptp(data.x[:, k])) > 0
     ]  # fmt: skip
     known = (accel, gyro)
@@ -337,15 +345,21 @@ def _in_order(data: Data, three: Three | None) -> Three | None:
 
 def _exchanged(data: Data, accel: Three, gyro: Three) -> bool:
     """Tell whether what is titled accelerometers rests near zero, and gyros have one length."""
-    cut = physics.blocks(data.x, [*accel, *gyro])
+    scatter = physics.rest_scatter(data.x, physics.blocks(data.x, [*accel, *gyro]))
+    still = bool((scatter[list(accel)] < physics.RESTS_LIKE).all())
+    return still and _of_one_length(data, gyro, accel)
+
+
+def _of_one_length(data: Data, three: Three, beside: Three | tuple[()] = ()) -> bool:
+    """Tell whether readings rest at one length on many sides; `beside`: columns that move too."""
+    cut = physics.blocks(data.x, [*three, *beside])
     if len(cut.rests[0]) < 4:
         return False
     scatter = physics.rest_scatter(data.x, cut)
-    ball = physics.sphere(cut.of_rests(gyro), gyro)
+    ball = physics.sphere(cut.of_rests(three), three)
     return bool(
         ball is not None and ball.scatter < physics.NORM and ball.spread > 0.5
-        and (scatter[list(accel)] < physics.RESTS_LIKE).all()
-        and (scatter[list(gyro)] > 2 * physics.RESTS_LIKE).any()
+        and (scatter[list(three)] > 2 * physics.RESTS_LIKE).any()
     )  # fmt: skip
 
 
