@@ -13,6 +13,7 @@ from foucault import run_folder
 from foucault.campaign import north
 from foucault.campaign.tables import Said
 from foucault.models.noise import ImuNoise, TriadNoise
+from foucault.result import Level
 from make_north import ACCEL_WHITE, GYRO_WHITE, LATITUDE, many, write_readings
 from refusals import refuses
 
@@ -80,6 +81,33 @@ def test_the_tables_say_the_same_in_their_units(survey, tmp_path):
     left = dwells["gyro"].to_numpy() - dwells["gyro_fit"].to_numpy()
     assert np.abs(left / dwells["gyro_sd"].to_numpy()).max() < 5
     assert dwells.num_rows == 64 and dwells["name"][63].as_py() == "M8"
+
+
+def test_of_many_set_ups_the_worst_are_kept_with_their_evidence(survey, tmp_path, monkeypatch):
+    from foucault.report.north import document
+
+    every = north.record(survey)
+    monkeypatch.setattr(north, "KEPT", 3)
+    saved = north.record(survey).save(tmp_path / "out")
+    about = saved.about
+    assert about["of"]["setups"] == 8 and sum(about["of"]["verdicts"].values()) == 8
+    names = [s["name"] for s in about["setups"]]
+    rows = every.about["setups"]
+    worst = sorted(rows, key=lambda s: (s["verdict"] == "pass", -s["heading"]["sd"]))[:3]
+    assert names == [s["name"] for s in rows if s in worst]
+    fixes = pq.read_table(tmp_path / "out" / "fixes.parquet")
+    for name in ("heading", "heading_sd", "verdict", "measured"):
+        assert fixes[name].to_pylist() == list(every.tables["fixes"][name])
+    dwells = saved.tables["dwells"]
+    assert list(dwells["name"]) == [n for n in every.tables["dwells"]["name"] if n in names]
+    assert set(dwells["setup"]) == {0, 1, 2}  # of those that are kept
+    page = document(run_folder.read(tmp_path / "out", "north"))
+    assert page.heading.title == "North at 8 set-ups"
+
+
+def test_the_levels_of_all_are_those_of_each(survey):
+    order = list(Level)
+    assert [order[k] for k in survey.levels] == [v.level for v in survey.verdicts]
 
 
 def test_a_set_up_near_the_equator_tells_what_its_uncertainty_covers(tmp_path):

@@ -8,6 +8,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from string import Formatter
 
@@ -42,12 +43,12 @@ def parsed() -> dict[str, ast.Module]:
     return {
         str(file.relative_to(ROOT)): ast.parse(text)
         for file in ROOT.rglob("*.py")
-        if re.search(r"\b[cC]heck\(", text := file.read_text())
+        if re.search(r"\b([cC]heck|Test)\(", text := file.read_text())
     }
 
 
 class Use:
-    """One call of `check`, read without running it."""
+    """One call of `check`, or of a test of many set-ups, read without running it."""
 
     def __init__(self, call: ast.Call, around: ast.AST, module: ast.Module) -> None:
         self.around, self.module = around, module
@@ -74,14 +75,19 @@ class Use:
             parts = iter((node.left, node.right))
         elif isinstance(node, ast.IfExp):
             parts = iter((node.body, node.orelse))
+        elif isinstance(node, ast.Lambda):
+            parts = iter((node.body,))
         elif isinstance(node, ast.Name):
-            parts = _assigned(node, self.around)
+            parts = chain(_assigned(node, self.around), self._returned(node.id, self.around))
         elif isinstance(node, ast.Call):
-            name = ast.unparse(node.func)
-            made = (f for f in ast.walk(self.module) if isinstance(f, ast.FunctionDef))
-            parts = (r.value for f in made if f.name == name for r in ast.walk(f)
-                     if isinstance(r, ast.Return) and r.value is not None)  # fmt: skip
+            parts = self._returned(ast.unparse(node.func), self.module)
         return {field for part in parts for field in self.fields(part)}
+
+    @staticmethod
+    def _returned(name: str, within: ast.AST) -> Iterator[ast.expr]:
+        made = (f for f in ast.walk(within) if isinstance(f, ast.FunctionDef))
+        return (r.value for f in made if f.name == name for r in ast.walk(f)
+                if isinstance(r, ast.Return) and r.value is not None)  # fmt: skip
 
 
 @cache
@@ -92,7 +98,7 @@ def uses() -> dict[str, list[Use]]:
         for around in (n for n in ast.walk(module) if isinstance(n, ast.FunctionDef)):
             for node in ast.walk(around):
                 named = isinstance(node, ast.Call) and ast.unparse(node.func)
-                if named == "check" and len(node.args) > 2:
+                if named in ("check", "Test") and len(node.args) > 2:
                     use = Use(node, around, module)
                     for key in use.keys:
                         out[key].append(use)

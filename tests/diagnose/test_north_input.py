@@ -48,7 +48,9 @@ def readings(poses=POSES, **words):
 
 
 def fix(dwells, settings=EXACT, noise=FIELD, site=SITE, **words):
-    return find_north(make_log(dwells), site=site, settings=settings, noise=noise, **words)
+    survey = find_north(make_log(dwells), site=site, settings=settings, noise=noise, **words)
+    assert [list(Level)[k] for k in survey.levels] == [v.level for v in survey.verdicts]
+    return survey
 
 
 def table(poses=None, instrument=None, **words):

@@ -130,7 +130,18 @@ def test_the_rotation_is_found_from_any_axes(k: int) -> None:
     result = calibrated(replace(log, mag=log.mag @ C.T))
     e = errors(result, turned)
     assert np.abs(e / result.coefficients.sd).max() < 5
-    assert ("mag.axes" in codes(result)) == (not np.array_equal(C, np.eye(3)))
+    other = not np.array_equal(C, np.eye(3))
+    assert ("mag.axes" in codes(result)) == ("mag.either_sign" in codes(result)) == other
+    assert other == (result.verdict.level is not Level.PASS)
+
+
+def test_the_latitude_tells_other_axes_from_the_opposite_ones() -> None:
+    log, _ = short()
+    C = PROPER[14]
+    north = replace(SITE, latitude=0.8)
+    result = calibrated(replace(log, mag=log.mag @ C.T), CALM, north)
+    assert "mag.axes" in codes(result) and "mag.either_sign" not in codes(result)
+    assert result.verdict.level is Level.PASS
 
 
 IMPROPER = [np.diag([1.0, 1.0, -1.0]) @ C for C in PROPER]

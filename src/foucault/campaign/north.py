@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import run_folder
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.campaign.reading import Campaign
 from foucault.campaign.reading import load as load_campaign
 from foucault.campaign.running import Case, opened, read_log
@@ -39,6 +39,7 @@ from foucault.models.noise import mean_variance
 from foucault.procedures import Progress, silent
 from foucault.procedures.north_seeking.fix import Survey, find_north
 from foucault.procedures.north_seeking.settings import Settings
+from foucault.result import Level
 from foucault.run_folder import Record
 from foucault.tables import IndexedLog
 
@@ -138,25 +139,38 @@ UNRESOLVED = "sign of the vertical rate"
 COVERED = {"north.ambiguous": "one heading", "north.dwell_short": "accuracy"}
 """Findings that say what a check says too -> the check."""
 
+KEPT = 1000
+"""Of more set-ups than this the worst so many are kept with their evidence; all of them, as
+numbers, are in fixes.parquet [1]."""
+
 ROUNDING = 1e-3
 """Part of a variance that may be missing in the sum of its sources [1]."""
 
 
 def record(survey: Survey) -> Record:
     """Return what the folder of a survey keeps."""
-    about = plain_json(_document(survey))
-    tables = {"dwells": _dwells(survey), "fixes": _fixes(about)}
+    kept = _kept(survey)
+    about = plain_json(_document(survey, kept))
+    tables = {"dwells": _dwells(survey, kept), "fixes": _fixes(survey, kept, about)}
     return run_folder.record("north", about, tables, **{"fixes.csv": _csv(about)})
+
+
+def _kept(survey: Survey) -> IntArray:
+    """Return the set-ups that are kept with their evidence, in the order of the file [1]."""
+    if len(survey) <= KEPT:
+        return np.arange(len(survey))
+    sd = np.nan_to_num(survey.fixes.sd[:, 0], nan=np.inf)
+    return np.sort(np.lexsort((-sd, -survey.levels))[:KEPT])
 
 
 # -- north.json ----------------------------------------------------------------------------
 
 
-def _document(survey: Survey) -> dict[str, Any]:
+def _document(survey: Survey, kept: IntArray) -> dict[str, Any]:
     return {
         "instrument": survey.instrument,
         "site": survey.site.said,
-        "known": asdict(survey.known),
+        "known": {k: v[kept] if np.ndim(v) else v for k, v in vars(survey.known).items()},
         "noise": {"source": survey.noise_source} | asdict(survey.noise),
         "calibration": survey.calibration,
         "coefficients": {
@@ -167,9 +181,20 @@ def _document(survey: Survey) -> dict[str, Any]:
         "findings": [f.as_dict() for f in survey.findings],
         **_left_out(survey),
         **({"norths": [asdict(n) for n in survey.norths]} if survey.norths[1:] else {}),
-        "setups": [_setup(survey, i) for i in range(len(survey.fixes))],
+        **({"of": _all_of(survey)} if len(kept) < len(survey) else {}),
+        "setups": [_setup(survey, i) for i in kept.tolist()],
         "provenance": survey.provenance,
     }
+
+
+def _all_of(survey: Survey) -> dict[str, Any]:
+    """Return what is said of all set-ups, where not all are kept."""
+    sd = survey.fixes.sd[:, 0]
+    ends = [float(end(sd[np.isfinite(sd)], initial=start)) for end, start in
+            ((np.min, np.inf), (np.max, -np.inf))]  # fmt: skip
+    counts = np.bincount(survey.levels, minlength=len(Level)).tolist()
+    verdicts = {str(level): count for level, count in zip(Level, counts, strict=True) if count}
+    return {"setups": len(survey), "verdicts": verdicts, "heading_sd": ends}
 
 
 def _left_out(survey: Survey) -> dict[str, Any]:
@@ -234,21 +259,40 @@ def _warnings(survey: Survey, i: int) -> str:
 
 def _budget(survey: Survey, i: int) -> dict[str, dict[str, float]]:
     """Return standard deviations by source, negative where a source makes the sum smaller."""
-    variances = {name: variance[i] for name, variance in survey.fixes.sources.items()}
-    rest = np.diagonal(survey.fixes.cov[i]) - sum(variances.values())
-    if rest[0] > ROUNDING * survey.fixes.cov[i, 0, 0]:
-        variances[UNRESOLVED] = rest
+    parts = {name: part[0] for name, part in _parts(survey, np.array([i])).items()}
     return {
-        name: dict(zip(ANGLES, np.sign(v) * np.sqrt(np.abs(v)), strict=True))
-        for name, v in variances.items()
+        name: dict(zip(ANGLES, part, strict=True))
+        for name, part in parts.items()
+        if name != UNRESOLVED or np.isfinite(part[0])
     }
+
+
+def _parts(survey: Survey, rows: IntArray) -> dict[str, FloatArray]:
+    """Return sds of the angles of set-ups `rows` by source, (k, 4) [rad]; NaN where it is none."""
+    variances = {name: variance[rows] for name, variance in survey.fixes.sources.items()}
+    cov = survey.fixes.cov[rows]
+    rest = np.einsum("nii->ni", cov) - sum(variances.values())
+    more = rest[:, 0] > ROUNDING * cov[:, 0, 0]
+    if more.any():
+        variances[UNRESOLVED] = np.where(more[:, None], rest, np.nan)
+    return {name: np.sign(v) * np.sqrt(np.abs(v)) for name, v in variances.items()}
 
 
 # -- tables --------------------------------------------------------------------------------
 
 
-def _dwells(survey: Survey) -> Columns:
-    """Return every reading with its fit, and what the figures need of it."""
+def _dwells(survey: Survey, kept: IntArray) -> Columns:
+    """Return the readings of `kept` with their fit, and what the figures need of them."""
+    columns = _readings(survey)
+    if len(kept) == len(survey):
+        return columns
+    setup = survey.dwells.setup
+    rows = np.isin(setup, kept)
+    out = {name: (column[rows], unit) for name, (column, unit) in columns.items()}
+    return out | {"setup": (np.searchsorted(kept, setup[rows]), "")}
+
+
+def _readings(survey: Survey) -> Columns:
     d, pairs = survey.dwells, survey.pairs
     each = pairs.values[d.setup]
     turned = each[:, 0] * d.sine + each[:, 1] * d.cosine
@@ -285,38 +329,37 @@ def _offset(left: FloatArray, sd: FloatArray, setup: npt.NDArray[np.int64]) -> F
     return np.asarray((np.bincount(setup, weight * left) / np.bincount(setup, weight))[setup])
 
 
-def _fixes(about: Mapping[str, Any]) -> Columns:
-    """Return a row per set-up in SI."""
-    rows = about["setups"]
-    out: Columns = {"setup": ([r["name"] for r in rows], "")}
-    for angle in ANGLES:
-        for key, name in (("value", angle), ("sd", f"{angle}_sd"), ("bound", f"{angle}_bound")):
-            out[name] = (_numbers(r[angle][key] for r in rows), "rad")
+def _fixes(survey: Survey, kept: IntArray, about: Mapping[str, Any]) -> Columns:
+    """Return a row per set-up in SI; what is to know of it in words where it is `kept`."""
+    f, d, m = survey.fixes, survey.dwells, len(survey)
+    out: Columns = {"setup": (list(d.names), "")}
+    for k, angle in enumerate(ANGLES):
+        for said, name in (
+            (f.angles, angle),
+            (f.sd, f"{angle}_sd"),
+            (survey.bound, f"{angle}_bound"),
+        ):
+            out[name] = (said[:, k], "rad")
     for i, one in enumerate(ANGLES):
         for k, two in enumerate(ANGLES[:i]):
-            covariance = _numbers(r["covariance"][i][k] for r in rows)
-            out[f"covariance_{two}_{one}"] = (covariance, "rad^2")
-    for source in dict.fromkeys(name for r in rows for name in r["budget"]):
-        part = _numbers(r["budget"].get(source, {}).get("heading") for r in rows)
-        out[f"heading_sd.{source}"] = (part, "rad")
-    reference = _numbers(r["reference_heading"] for r in rows)
-    out |= {
-        "reference_heading": (reference, "rad"),
-        "other_heading": (_numbers(r["other"]["heading"] for r in rows), "rad"),
-        "ambiguous": ([r["ambiguous"] for r in rows], ""),
-        "gyro_offset": (_numbers(r["gyro_offset"] for r in rows), "rad/s"),
-        "gyro_drift": (_numbers(r["gyro_drift"] for r in rows), "rad/s^2"),
-        "drift_effect": (_numbers(r["drift_effect"] for r in rows), "rad"),
-        "dwells": ([r["dwells"] for r in rows], "1"),
-        "measured": (_numbers(r["measured"] for r in rows), "s"),
-        "verdict": ([r["verdict"] for r in rows], ""),
-        "warnings": ([r["warnings"] for r in rows], ""),
+            out[f"covariance_{two}_{one}"] = (f.cov[:, i, k], "rad^2")
+    for source, part in _parts(survey, np.arange(m)).items():
+        out[f"heading_sd.{source}"] = (part[:, 0], "rad")
+    words = np.full(m, "", object)
+    words[kept] = [row["warnings"] for row in about["setups"]]
+    levels = np.array([str(level) for level in Level], object)
+    return out | {
+        "reference_heading": (d.heading, "rad"),
+        "other_heading": (f.other[:, 0], "rad"),
+        "ambiguous": (f.ambiguous.tolist(), ""),
+        "gyro_offset": (survey.pairs.offset, "rad/s"),
+        "gyro_drift": (survey.pairs.drift, "rad/s^2"),
+        "drift_effect": (survey.drift_effect, "rad"),
+        "dwells": (np.bincount(d.setup, minlength=m).tolist(), "1"),
+        "measured": (np.bincount(d.setup, d.time, minlength=m), "s"),
+        "verdict": (levels[survey.levels].tolist(), ""),
+        "warnings": (words.tolist(), ""),
     }
-    return out
-
-
-def _numbers(values: Any) -> FloatArray:
-    return np.array([np.nan if v is None else v for v in values], float)
 
 
 def _csv(about: Mapping[str, Any]) -> str:

@@ -111,10 +111,11 @@ def find(
     with screen.work(output, "north") as tell:
         survey = north.run(readings, Said(**said), settings, calibration=calibration, progress=tell)
         found = kept(north.record(survey), output)
-    setups = found.held[0].about["setups"]
-    levels = {setup["verdict"] for setup in setups}
+    about = found.held[0].about
+    setups = about["setups"]
+    levels = {*about.get("of", {}).get("verdicts", ()), *(setup["verdict"] for setup in setups)}
     code = EXIT_CODES[levels.pop() if len(levels) == 1 else "doubtful"]
-    raise found.tell(screen, found.held[0].about, *_of_many(setups), code=code)
+    raise found.tell(screen, about, *_of_many(setups), code=code)
 
 
 def _of_many(setups: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -7,15 +7,16 @@ nobody has said what they are; fixes are judged, set-up by set-up.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.diagnose.checks import check
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate.north import Fixes, Known, compensated, solve
@@ -34,7 +35,7 @@ from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import Compensation, Dwells
 from foucault.models.rotation import turned
-from foucault.result import Check, Level
+from foucault.result import Check, Level, Verdict
 from foucault.tables import IndexedLog
 from foucault.units import plain, span
 
@@ -308,6 +309,11 @@ class Judged:
     level: FloatArray | None = None
     drift_effect: FloatArray | None = None  # (m,) of `drift_effect`, for 1 rad/s^2 [s^2]
 
+    @cached_property
+    def worst(self) -> Worst:
+        """The reading of every set-up that fits worst."""
+        return _worst(self)
+
 
 SURE = 1e-3
 """A drift of the offset is there where chance makes so much of it less often than this [1]."""
@@ -336,139 +342,216 @@ def offset_drift(pairs: Pairs, dwells: Dwells) -> float | None:
     return slope if abs(slope) > float(stdtrit(dof, 1 - SURE / 2)) * sd else 0.0
 
 
-def checks(j: Judged, calibration: Level | None) -> tuple[tuple[Check, ...], ...]:
+@dataclass(frozen=True)
+class Test:
+    """One test of every set-up: numbers and limits of all, and the sentence of one."""
+
+    key: str  # of its sentences
+    name: str
+    value: FloatArray  # (m,) [unit of the sentence]
+    # low, high: its limits, of all or of each [unit of the sentence]; None where there is none
+    low: float | None = None
+    high: float | FloatArray | None = None
+    at: BoolArray | None = None  # (m,) set-ups that it is made of, None for all of them
+    given: Callable[[int], Mapping[str, Any]] | None = None  # what else its sentence says
+    fails: Level = Level.DOUBTFUL
+
+    def of(self, i: int) -> Check:
+        """Return the test of set-up `i` [1]."""
+        high = None if self.high is None else float(np.broadcast_to(self.high, self.value.shape)[i])
+        value, given = float(self.value[i]), {} if self.given is None else self.given(i)
+        return check(self.key, self.name, value, self.low, high, given, fails=self.fails)
+
+    @property
+    def failed(self) -> BoolArray:
+        """Where it fails, shape (m,)."""
+        below = np.zeros(len(self.value), bool) if self.low is None else self.value < self.low
+        above = False if self.high is None else self.value > self.high
+        return np.asarray((below | above) & (True if self.at is None else self.at))
+
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Each(Sequence[T]):
+    """Something of m set-ups, made when it is asked for: of many set-ups few are read."""
+
+    size: int  # set-ups [1]
+    of: Callable[[int], T]
+
+    def __len__(self) -> int:
+        return self.size
+
+    def __getitem__(self, i: Any) -> Any:
+        if isinstance(i, slice):
+            return tuple(self[k] for k in range(*i.indices(self.size)))
+        return self.of(range(self.size)[i])
+
+
+@dataclass(frozen=True)
+class Tests:
+    """The tests of m set-ups, and what they say."""
+
+    each: tuple[Test, ...]
+    shared: tuple[Check, ...] = ()  # that every set-up has
+
+    def of(self, i: int) -> tuple[Check, ...]:
+        """Return those of set-up `i` [1]."""
+        return (*(t.of(i) for t in self.each if t.at is None or t.at[i]), *self.shared)
+
+    def levels(self, told: tuple[Finding, ...]) -> IntArray:
+        """Return the level of every set-up, in the order of `Level`, shape (m,) [1].
+
+        `told`: what was noticed of the whole file.
+        """
+        order = list(Level)
+        least = order.index(Verdict.of(self.shared).doubted(told).level)
+        failed = [np.where(t.failed, order.index(t.fails), least) for t in self.each]
+        return np.asarray(np.maximum.reduce(failed).clip(least))
+
+
+def checks(j: Judged, calibration: Level | None, shared: tuple[Check, ...] = ()) -> Tests:
     """Return the tests of every set-up.
 
-    `calibration` or None: verdict of the calibration that was used.
+    `calibration` or None: verdict of the calibration that was used; `shared`: tests that all have.
     """
-    ratio = signal_to_noise(j.fixes, j.pairs)
-    shared: list[Check] = []
-    if j.noise_source != "from the residuals" and len(j.fixes) > 1:
-        shared = [c for k in (0, 1) if (c := _scatter_of_all(j, k)) is not None]
-    drift = offset_drift(j.pairs, j.dwells)
-    return tuple(
-        (*_checks(j, i, float(ratio[i]), calibration, shared), *_drifting(j, i, drift))
-        for i in range(len(j.fixes))
-    )
-
-
-def _drifting(j: Judged, i: int, drift: float | None) -> list[Check]:
-    """Test what the `drift` of the offset, or None, does to a heading [rad/s^2]."""
-    if drift is None or j.drift_effect is None or not np.isfinite(j.fixes.sd[i, 0]):
-        return []
-    moved = float(abs(drift * j.drift_effect[i]))
-    sds = moved / float(j.fixes.sd[i, 0])
-    given = {"rate": np.degrees(drift) * 3600**2, "size": np.degrees(moved) * 60, "sds": sds}
-    return [check("offset drift of a fix", "offset drift", sds, None, MATTERS, given)]
-
-
-def _checks(
-    j: Judged, i: int, ratio: float, calibration: Level | None, shared: list[Check]
-) -> tuple[Check, ...]:
-    if not np.isfinite(j.fixes.angles[i]).all():
-        return (_solved(j, i),)
-    out = [_solved(j, i), _sees(ratio)]
-    if j.noise_source != "from the residuals":
-        out += [c for k in (0, 1) if (c := _scatter(j, i, k)) is not None] + shared
-    elif (fitting := _fitting(j, i)) is not None:
-        out.append(fitting)
+    m = len(j.fixes)
+    solved = np.asarray(np.isfinite(j.fixes.angles).all(axis=1))
+    made: list[Test | None] = [_sees(signal_to_noise(j.fixes, j.pairs))]
+    if j.noise_source == "from the residuals":
+        made.append(_fitting(j))
+    else:
+        made += [_scatter(j, k) for k in (0, 1)]
+        made += [_scatter_of_all(j, k) for k in (0, 1) if m > 1]
     if j.known.latitude is not None:
-        out.append(_norm(j, i))
+        made.append(_norm(j))
     if j.level is not None:
-        out.append(_level(float(j.level[i])))
-    out.append(_ambiguous(j, i))
-    out.append(_upright(j, i))
+        made.append(_level(j.level))
+    made += [_one_heading(j), _upright(j)]
     if j.accuracy is not None:
-        out.append(_accurate(float(j.fixes.sd[i, 0]), j.accuracy))
+        made.append(_accurate(j.fixes.sd[:, 0], j.accuracy))
     if calibration is not None and calibration is not Level.PASS:
-        given = {"level": calibration.value}
-        out.append(check("calibration used", "calibration", 0.0, 1.0, None, given,
-                         fails=calibration))  # fmt: skip
-    return tuple(out)
+        said = {"level": calibration.value}
+        made.append(Test("calibration used", "calibration", np.zeros(m), 1.0,
+                         given=lambda _: said, fails=calibration))  # fmt: skip
+    kept = (t for t in made if t is not None)
+    each = [replace(t, at=solved if t.at is None else solved & t.at) for t in kept]
+    return Tests((_solved(j, solved), *each, *_drifting(j)), shared)
 
 
-def _solved(j: Judged, i: int) -> Check:
-    status, finite = int(j.fixes.status[i]), bool(np.isfinite(j.fixes.angles[i]).all())
-    fine = status in (0, 1) and finite
-    words = {
-        0: "The solution converged.",
-        1: "The rate along the axis of the base is lost in the noise: both its signs are covered "
-        "by the uncertainty.",
-        2: "The solution did not settle.",
-        3: "The readings do not determine the attitude.",
-    }.get(status, "A reading is not a finite number.")
-    given = {"advice": words}
-    return check("converged", "solved", float(fine), 1.0, None, given, fails=Level.UNUSABLE)
+def _drifting(j: Judged) -> list[Test]:
+    """Test what the drift of the offset does to the headings."""
+    drift = offset_drift(j.pairs, j.dwells)
+    if drift is None or j.drift_effect is None:
+        return []
+    sd = j.fixes.sd[:, 0]
+    moved = np.abs(drift * j.drift_effect)
+    with np.errstate(invalid="ignore"):
+        sds = moved / sd
+
+    def given(i: int) -> dict[str, Any]:
+        return {"rate": np.degrees(drift) * 3600**2, "size": np.degrees(moved[i]) * 60,
+                "sds": sds[i]}  # fmt: skip
+
+    name = "offset drift of a fix"
+    return [Test(name, "offset drift", sds, high=MATTERS, at=np.isfinite(sd), given=given)]
 
 
-def _sees(ratio: float) -> Check:
-    factor = SEES / max(ratio, 1e-9)
-    given = {"ratio": plain(ratio, 3), "factor": factor, "times": factor**2}
+UNSOLVED = {
+    0: "The solution converged.",
+    1: "The rate along the axis of the base is lost in the noise: both its signs are covered "
+    "by the uncertainty.",
+    2: "The solution did not settle.",
+    3: "The readings do not determine the attitude.",
+}
+"""Status of a solution -> what it says."""
+
+
+def _solved(j: Judged, finite: BoolArray) -> Test:
+    status = j.fixes.status
+    fine = ((status == 0) | (status == 1)) & finite
+
+    def given(i: int) -> dict[str, Any]:
+        return {"advice": UNSOLVED.get(int(status[i]), "A reading is not a finite number.")}
+
+    return Test("converged", "solved", fine * 1.0, 1.0, given=given, fails=Level.UNUSABLE)
+
+
+def _sees(ratio: FloatArray) -> Test:
+    def given(i: int) -> dict[str, Any]:
+        factor = SEES / max(float(ratio[i]), 1e-9)
+        return {"ratio": plain(float(ratio[i]), 3), "factor": factor, "times": factor**2}
+
     name = "sees the Earth"
-    return check(name, name, ratio, SEES, None, given, fails=Level.UNUSABLE)
+    return Test(name, name, ratio, SEES, given=given, fails=Level.UNUSABLE)
 
 
-def _scatter(j: Judged, i: int, sensor: int) -> Check | None:
-    dof, value = int(j.pairs.dof[i, sensor]), float(j.pairs.chi_square[i, sensor])
+def _scatter(j: Judged, sensor: int) -> Test | None:
+    dof, value = j.pairs.dof[:, sensor], j.pairs.chi_square[:, sensor]
     what = ("gyro", "accelerometer")[sensor]
     then = ": a disturbance, a drift, too few digits, or more noise than was said."
     return _noise(j, sensor, f"{what} over index angle", f"the {what}", value, dof, then)
 
 
-def _scatter_of_all(j: Judged, sensor: int) -> Check | None:
+def _scatter_of_all(j: Judged, sensor: int) -> Test | None:
     """Test all set-ups together, but those far out: a little too much noise in each."""
     dof, value = j.pairs.dof[:, sensor], j.pairs.chi_square[:, sensor]
     usual = (dof > 0) & (value <= FAR_OUT**2 * dof)
     total, n = float(value[usual].sum()), int(dof[usual].sum())
     name = ("gyro", "accelerometer")[sensor] + " over all set-ups"
     then = ": there is more noise than was said, or the bias wanders."
-    return None if n < 2 else _noise(j, sensor, name, f"the {name}", total, n, then)
+    each = np.full(len(dof), total), np.full(len(dof), n)
+    return None if n < 2 else _noise(j, sensor, name, f"the {name}", *each, then)
 
 
 def _noise(
-    j: Judged, sensor: int, name: str, what: str, value: float, dof: int, then: str
-) -> Check | None:
-    if dof < 1 or (sensor == 1 and not j.noise.accel.white):
+    j: Judged, sensor: int, name: str, what: str, value: FloatArray, dof: IntArray, then: str
+) -> Test | None:
+    some = dof >= 1
+    if not some.any() or (sensor == 1 and not j.noise.accel.white):
         return None
-    ratio = np.sqrt(value / dof)
-    given = {"what": what, "ratio": ratio, "dof": dof, "then": then, "overstated": "the noise is"}
-    return check("noise", name, value, None, chi_square_limits(dof, tests=TESTS)[1], given)
+    limit = {int(n): chi_square_limits(int(n), tests=TESTS)[1] for n in np.unique(dof[some])}
+    high = np.array([limit.get(n, np.inf) for n in dof.tolist()])
+
+    def given(i: int) -> dict[str, Any]:
+        return {"what": what, "ratio": np.sqrt(value[i] / dof[i]), "dof": int(dof[i]),
+                "then": then, "overstated": "the noise is"}  # fmt: skip
+
+    return Test("noise", name, value, high=high, at=some, given=given)
 
 
-def _norm(j: Judged, i: int) -> Check:
-    value, high = float(j.fixes.square[i]), chi_square_limits(1, tests=TESTS)[1]
+def _norm(j: Judged) -> Test:
+    value, high = j.fixes.square, chi_square_limits(1, tests=TESTS)[1]
     name = "rate and latitude"
-    return check(name, name, value, None, high, {"sd": np.sqrt(value)})
+    return Test(name, name, value, high=high, given=lambda i: {"sd": np.sqrt(value[i])})
 
 
-def _level(value: float) -> Check:
-    given = {"what": "case", "ratio": np.sqrt(value / 2)}
-    return check("level", "level", value, None, chi_square_limits(2, tests=TESTS)[1], given)
+def _level(value: FloatArray) -> Test:
+    high = chi_square_limits(2, tests=TESTS)[1]
+    return Test("level", "level", value, high=high,
+                given=lambda i: {"what": "case", "ratio": np.sqrt(value[i] / 2)})  # fmt: skip
 
 
-def _ambiguous(j: Judged, i: int) -> Check:
-    heading, latitude = np.degrees(j.fixes.other[i, [0, 3]])
-    given = {"heading": heading, "latitude": latitude}
-    fine = float(not j.fixes.ambiguous[i])
-    return check("one heading", "one heading", fine, 1.0, None, given)
+def _one_heading(j: Judged) -> Test:
+    other = np.degrees(j.fixes.other)
+    name = "one heading"
+    return Test(name, name, np.where(j.fixes.ambiguous, 0.0, 1.0), 1.0,
+                given=lambda i: {"heading": other[i, 0], "latitude": other[i, 3]})  # fmt: skip
 
 
-def _upright(j: Judged, i: int) -> Check:
-    _, pitch, roll, _ = j.fixes.angles[i]
+def _upright(j: Judged) -> Test:
+    _, pitch, roll, _ = j.fixes.angles.T
     tilt = np.arccos(np.clip(np.cos(pitch) * np.cos(roll), -1.0, 1.0))
-    return check("tilt", "tilt", float(np.degrees(tilt)), None, float(np.degrees(STEEP)))
+    return Test("tilt", "tilt", np.asarray(np.degrees(tilt)), high=float(np.degrees(STEEP)))
 
 
-def _accurate(sd: float, wanted: float) -> Check:
-    return check("accuracy", "accuracy", float(np.degrees(sd)), None, float(np.degrees(wanted)))
+def _accurate(sd: FloatArray, wanted: float) -> Test:
+    return Test("accuracy", "accuracy", np.asarray(np.degrees(sd)), high=float(np.degrees(wanted)))
 
 
-def findings(j: Judged) -> tuple[tuple[Finding, ...], ...]:
-    """Return what was noticed of every set-up."""
-    return tuple(tuple(_findings(j, i)) for i in range(len(j.fixes)))
-
-
-def _findings(j: Judged, i: int) -> list[Finding]:
+def findings(j: Judged, i: int) -> list[Finding]:
+    """Return what was noticed of set-up `i` [1]."""
     name, f = j.dwells.names[i], j.fixes
     found = []
     if f.ambiguous[i]:
@@ -507,43 +590,55 @@ def _longer(j: Judged, i: int) -> str:
     return f"Dwell at least {dwell:.0f} s at each stop, with the same order."
 
 
-def _worst(j: Judged, i: int) -> tuple[int, float, float] | None:
-    """Return the reading that fits worst: its row, its test over the limit, and its size [sd].
+@dataclass(frozen=True)
+class Worst:
+    """The reading that fits worst of every set-up."""
+
+    row: IntArray  # (m,) of it [1]
+    ratio: FloatArray  # (m,) its test over the limit [1]
+    size: FloatArray  # (m,) of its residual [sd]
+    told: BoolArray  # (m,) where something controls it
+
+
+def _worst(j: Judged) -> Worst:
+    """Return the reading of every set-up that fits worst.
 
     Noise measured by the residuals of the file is measured anew without it.
     """
     from scipy.special import fdtri
 
-    rows = np.arange(*np.searchsorted(j.dwells.setup, [i, i + 1]))
+    square = np.nan_to_num(j.pairs.residuals) ** 2
     total = int(j.pairs.dof[:, 0].sum())
-    if j.pairs.dof[i, 0] < 1:
-        return None
-    square = np.nan_to_num(j.pairs.residuals[rows]) ** 2
-    limit = chi_square_limits(1, tests=len(rows))[1]
+    first = np.searchsorted(j.dwells.setup, np.arange(len(j.pairs) + 1))
+    count = np.diff(first)
     if j.noise_source == "from the residuals":
         square = square * total / (total - 2.0)  # as it was before Student's factor
         square = square * (total - 1.0) / np.maximum(total - square, 1e-9)
-        limit = float(fdtri(1.0, total - 1.0, 1 - 0.01 / len(j.dwells)))
-    worst = int(np.argmax(square))
-    return int(rows[worst]), float(square[worst] / limit), float(np.sqrt(square[worst]))
+        limits = np.full(len(count), float(fdtri(1.0, total - 1.0, 1 - 0.01 / len(j.dwells))))
+    else:
+        each = {int(n): chi_square_limits(1, tests=int(n))[1] for n in np.unique(count)}
+        limits = np.array([each[n] for n in count.tolist()])
+    most = np.maximum.reduceat(square, first[:-1])
+    # The first row of a set-up that is as far off as its worst.
+    at = np.flatnonzero(square == most[j.dwells.setup])
+    row = at[np.searchsorted(j.dwells.setup[at], np.arange(len(count)))]
+    return Worst(row, most / limits, np.sqrt(most), j.pairs.dof[:, 0] >= 1)
 
 
-def _fitting(j: Judged, i: int) -> Check | None:
-    found = _worst(j, i)
-    if found is None:
-        return None
-    given = {"what": "reading", "size": found[2]}
-    return check("worst", "every reading fits", found[1], None, 1.0, given)
+def _fitting(j: Judged) -> Test:
+    found = j.worst
+    return Test("worst", "every reading fits", found.ratio, high=1.0, at=found.told,
+                given=lambda i: {"what": "reading", "size": found.size[i]})  # fmt: skip
 
 
 def _outlier(j: Judged, i: int) -> list[Finding]:
     """Name the reading that stands out; with one redundant reading all look alike."""
-    found = _worst(j, i)
-    if found is None or found[1] <= 1 or j.pairs.dof[i, 0] < 2:
+    found = j.worst
+    if not found.told[i] or found.ratio[i] <= 1 or j.pairs.dof[i, 0] < 2:
         return []
-    stop = f"{np.degrees(j.dwells.index[found[0]]) % 360:.1f}"
+    stop = f"{np.degrees(j.dwells.index[found.row[i]]) % 360:.1f}"
     return [finding("north.reading_outlier", name=j.dwells.names[i], stop=stop,
-                    size=f"{found[2]:.1f}")]  # fmt: skip
+                    size=f"{found.size[i]:.1f}")]  # fmt: skip
 
 
 def drift_effect(

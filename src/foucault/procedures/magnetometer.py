@@ -893,11 +893,12 @@ class FieldSeen:
         c, (dip, sd), out = self.fit.estimate.coefficients, self.dip, []
         _, R = self.fit.state.mag.polar
         angle = float(np.degrees(np.linalg.norm(rotation_vector(R))))
+        latitude = 0.0 if site.latitude is None else site.latitude
+        clear = abs(latitude) > np.radians(25.0) and abs(dip) > max(5 * sd, np.radians(15.0))
         if angle > TURNED:
-            along = np.abs(R).argmax(axis=1)
-            words = ", ".join(f"{a} along {'-' if R[k, along[k]] < 0 else ''}{AXES[along[k]]}"
-                              for k, a in enumerate(AXES))  # fmt: skip
-            out.append(finding("mag.axes", angle=f"{angle:.3g}", axes=words))
+            out.append(finding("mag.axes", angle=f"{angle:.3g}", axes=_along(R)))
+            if not clear:
+                out.append(finding("mag.either_sign", axes=_along(R), other=_along(-R)))
         gain = float(np.cbrt(abs(np.linalg.det(self.fit.state.mag.matrix))))
         if abs(np.log(gain)) > GAIN:
             size = f"{1e6 * gain * self.model.sizes.intensity:.3g}"
@@ -907,8 +908,6 @@ class FieldSeen:
         far = float(c.values[some] @ np.linalg.solve(c.cov[np.ix_(some, some)], c.values[some]))
         if far < chi_square_limits(len(some))[1]:
             out.append(finding("mag.already_right"))
-        latitude = 0.0 if site.latitude is None else site.latitude
-        clear = abs(latitude) > np.radians(25.0) and abs(dip) > max(5 * sd, np.radians(15.0))
         if clear and dip * latitude < 0:
             degrees = {"dip": f"{np.degrees(dip):.3g}", "latitude": f"{np.degrees(latitude):.3g}"}
             out.append(finding("mag.dip_reversed", **degrees))
@@ -925,6 +924,13 @@ class FieldSeen:
         if np.isfinite(dip):
             out |= {"dip": dip, "dip_sd": sd, "heading_spread": self.spread()}
         return out if self.world is None else out | {"world": asdict(self.world)}
+
+
+def _along(R: FloatArray) -> str:
+    """Say along which axes of the IMU the magnetometer's are, by its attitude `R` (3, 3)."""
+    along = np.abs(R).argmax(axis=1)
+    return ", ".join(f"{a} along {'-' if R[k, along[k]] < 0 else ''}{AXES[along[k]]}"
+                     for k, a in enumerate(AXES))  # fmt: skip
 
 
 USUAL_DIP = np.radians(60.0)

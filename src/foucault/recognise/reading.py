@@ -214,8 +214,9 @@ class _Work:
         self.found, self.clock = found, clock = self._triads(used), clock
         self._readable()
         if found.accel is None and found.gyro is None:
-            alone = "mag_alone" if tell.named(data, "mag") else "no_triad"
-            raise error(f"recognise.{alone}", have=self._have(), **self._file())
+            if tell.named(data, "mag"):
+                raise error("recognise.mag_alone", have=self._have(), **self._file())
+            raise error("recognise.no_triad", have=self._have(), **self._file())
         self._no_gyros(used)
         time = np.arange(len(data.x)) * 1.0
         if clock is not None:

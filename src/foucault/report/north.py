@@ -299,16 +299,20 @@ def _one_heading(setup: Setup) -> Heading:
 
 def _many_heading(record: Record, setups: Sequence[Setup]) -> Heading:
     named = {v: [s.name for s in setups if s.said["verdict"] == v] for v in LEVELS}
-    worst = next((v for v in LEVELS if named[v]), "pass")
-    passed = len(named["pass"])
-    word = "All pass" if passed == len(setups) else f"{passed} of {len(setups)} pass"
+    every = record.about.get("of")
+    counts = every["verdicts"] if every else {v: len(names) for v, names in named.items()}
+    count = every["setups"] if every else len(setups)
+    worst = next((v for v in LEVELS if counts.get(v)), "pass")
+    passed = counts.get("pass", 0)
+    word = "All pass" if passed == count else f"{passed} of {count} pass"
     reasons = [f"{WORDS[Level(v)]}: {listed(named[v], NAMED)}." for v in LEVELS[:2] if named[v]]
     reasons += common(setups)
     sd = np.array([s.degrees("heading", "sd") for s in setups])
+    sd = np.degrees(every["heading_sd"]) if every else sd
     if np.isfinite(sd).any():
         ends = dict.fromkeys((angle(np.nanmin(sd)), angle(np.nanmax(sd))))
         reasons.append(f"Standard deviation of the headings: {' to '.join(ends)}.")
-    title = f"North at {len(setups)} set-ups"
+    title = f"North at {count} set-ups"
     return Heading(title, _line(record.about), STATES[Level(worst)], word, reasons)
 
 
@@ -347,7 +351,10 @@ def _table(setups: list[Setup], order: list[Setup]) -> Section | None:
     some, key, lead = setups, "north.headings", None
     if len(setups) > LISTED:
         some = order[:LISTED]
-        lead = said(f"{key}.worst", listed=LISTED, count=len(setups))
+        every = setups[0].about.get("of", {}).get("setups")
+        more = said(f"{key}.kept", kept=len(setups)) if every else ""
+        file = "fixes.parquet" if every else "fixes.csv"
+        lead = said(f"{key}.worst", listed=LISTED, count=every or len(setups), file=file) + more
     estimated = not isinstance(setups[0].about["known"]["latitude"], float) or any(
         s.latitude_found for s in setups
     )

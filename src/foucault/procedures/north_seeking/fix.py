@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.detect.dwells import find_dwells, measured_noise
 from foucault.detect.noise import without_spikes
@@ -26,6 +26,7 @@ from foucault.diagnose import north_calibration as calibrating
 from foucault.diagnose.left_out import checks as left_out_checks
 from foucault.diagnose.north import (
     GUESS,
+    Each,
     alive,
     drift_sd,
     from_residuals,
@@ -95,9 +96,10 @@ class Survey:
     calibration: dict[str, Any]
     # sd that the gyro's linear drift had before: 0 none, infinite where free [rad/s^2]
     drift_sd: float
-    checks: tuple[tuple[Check, ...], ...]  # tests of every set-up
-    verdicts: tuple[Verdict, ...]  # what they say together
-    setup_findings: tuple[tuple[Finding, ...], ...]  # what was noticed of every set-up
+    checks: Sequence[tuple[Check, ...]]  # tests of every set-up
+    verdicts: Sequence[Verdict]  # what they say together
+    levels: IntArray  # (m,) of the verdicts, in the order of `Level` [1]
+    setup_findings: Sequence[tuple[Finding, ...]]  # what was noticed of every set-up
     findings: tuple[Finding, ...]  # what was noticed of the whole file
     bound: FloatArray  # (m, 4) Cramer-Rao bound, white noise and a perfect instrument alone [rad]
     # (m,) heading error of a linear drift of 1 deg/h per hour that is not estimated [rad]
@@ -194,16 +196,17 @@ def find_north(
         dwells, pairs, fixes, known, noise, source, settings.accuracy, level, effect / DRIFT_UNIT
     )
     beyond = () if judged is None else left_out_checks(judged)
-    checks = tuple((*own, *beyond) for own in judge.checks(asked, _level(calibration)))
+    tests = judge.checks(asked, _level(calibration), beyond)
     sd = float(np.hypot(settings.heading_sd, settings.heading_offset_sd))
     against = contradicted(dwells, fixes, sd)
-    noticed = tuple(a + b for a, b in zip(judge.findings(asked), against, strict=True))
     if calibration is not None:
         told += other_conditions(dwells, log.temperature, calibration.validity)
     progress(1.0, "done")
     return Survey(
         dwells, pairs, fixes, known, noise, source, compensation, _about(calibration), free,
-        checks, tuple(Verdict.of(c).doubted(told) for c in checks), noticed, told, alone.sd,
+        Each(m := len(fixes), tests.of),
+        Each(m, lambda i: Verdict.of(tests.of(i)).doubted(told)), tests.levels(told),
+        Each(m, lambda i: (*judge.findings(asked, i), *against[i])), told, alone.sd,
         effect, about, site,
         provenance(log.source, clock.monotonic() - started), norths(site), judged,
     )  # fmt: skip
