@@ -135,7 +135,7 @@ def known_checks(fit: Fit, said: Mapping[str, str]) -> list[Check]:
     high = np.sqrt(float(chdtri(dof, CERTAIN)) / dof)  # a little more is within what was said
     cure = said.get(what) or "how well it is known, or correct it"
     given = {"what": what, "cure": cure}
-    return [check(BEFOREHAND, BEFOREHAND, np.sqrt(square / dof), None, high, given)]
+    return [check("known beforehand", BEFOREHAND, np.sqrt(square / dof), None, high, given)]
 
 
 BEFOREHAND = "known beforehand"
