@@ -19,6 +19,7 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import hand
 import north_seeking
 import on_table
 import platform_tumble
@@ -417,10 +418,20 @@ def transfer_rows() -> list[Row]:
     ]  # fmt: skip
 
 
+def hand_rows() -> list[Row]:
+    """Measure what a hand or a drill moves, and how the time grows with the session."""
+    out = []
+    for procedure, (what, _, _, target) in hand.CASES.items():
+        one, two = measure(hand.code(procedure))
+        out += [Row(f"{what}, from a log to a judged result, CPU", one, target),
+                Row(f"{what}: the same of twice the length", two, None)]  # fmt: skip
+    return out
+
+
 GROUPS = {
     "calibration": calibration_rows, "surroundings": surrounding_rows, "table": table_rows,
     "north": north_rows, "tumble": tumble_rows, "plans": plan_rows, "navigation": navigation_rows,
-    "systematic": systematic_rows, "transfer": transfer_rows,
+    "systematic": systematic_rows, "transfer": transfer_rows, "hand": hand_rows,
 }  # fmt: skip
 
 

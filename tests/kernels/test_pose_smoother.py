@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from foucault.kernels import pose as kernels
-from foucault.models.rotation import exp
+from foucault.models.rotation import cross_matrix, exp
 
 FORMS = pytest.mark.parametrize("form", ["compiled", "python"])
 
@@ -61,6 +61,18 @@ def test_increments_add_up_and_their_slopes_are_differences(form):
     assert np.linalg.eigvalsh(Q[2]).min() > 0
 
 
+def step(k, C, moved, J, G, keep, Phi, B):
+    """Fill Phi (d, d) and B (d, 32): from the errors of node k - 1 to those of node k."""
+    T, a, b = moved[k, 15], moved[k, 9:12], moved[k, 12:15]
+    Phi[:9, :9] = np.eye(9)
+    Phi[:3, :3] = moved[k, :9].reshape(3, 3).T
+    Phi[3:6, :3], Phi[6:9, :3] = -C @ cross_matrix(a), -C @ cross_matrix(b)
+    Phi[6:9, 3:6] = T * np.eye(3)
+    Phi[9:, 9:] = np.diag(keep[k])
+    B[:3, 10:], B[3:6, 10:], B[6:9, 10:] = J[k, :3], C @ J[k, 3:6], C @ J[k, 6:]
+    B[3:6, 8:10], B[6:9, 8:10] = T * G, T**2 / 2 * G
+
+
 @FORMS
 @pytest.mark.parametrize("n", [0, 6], ids=["white", "errors that stay"])
 def test_filter_and_smoother_are_one_least_squares(form, n):
@@ -77,15 +89,15 @@ def test_filter_and_smoother_are_one_least_squares(form, n):
     P0 = np.diag(np.append(np.full(9, 4.0), stays))
     R[1, 2] = np.inf
     nu, M = np.zeros((m, 6)), np.zeros((m, 6, p))
-    x, U, P = np.zeros((m, d)), np.zeros((m, d, p)), np.zeros((m, d, d))
+    x, P = np.zeros((m, d)), np.zeros((m, d, d))
     motion = (C, moved, J, Q, u, G, keep, stays)
-    assert of("forward", form)(*motion, z, H, D, R, P0, nu, M, x, U, P)
+    assert of("forward", form)(*motion, z, H, D, R, P0, nu, M, x, P)
     # The same as one system: rows of the start, of each step, of each measurement.
     wide = d * m
     A, b = [np.diag(np.diag(P0) ** -0.5) @ np.eye(d, wide + p)], [np.zeros(d)]
     for k in range(1, m):
         Phi, B = np.zeros((d, d)), np.zeros((d, p))
-        kernels._step.py_func(k, C[k - 1], moved, J, G, keep, Phi, B)
+        step(k, C[k - 1], moved, J, G, keep, Phi, B)
         T = np.kron(np.diag([0.0, 1.0, 1.0]), C[k - 1]) + np.kron(np.diag([1.0, 0, 0]), np.eye(3))
         cov = np.diag(np.append(np.zeros(9), (1 - keep[k] ** 2) * stays))
         cov[:9, :9] = T @ Q[k] @ T.T
@@ -105,7 +117,13 @@ def test_filter_and_smoother_are_one_least_squares(form, n):
     delta = np.linalg.solve(rows.T @ rows + known**2 * np.eye(p), rows.T @ nu.ravel())
     np.testing.assert_allclose(delta, best[wide:], atol=1e-7)
     following = np.zeros((m, n))
-    assert of("backward", form)(*motion, delta, True, x, U, P, following)
+    for k in range(1, m):
+        Phi, B = np.zeros((d, d)), np.zeros((d, p))
+        step(k, C[k - 1], moved, J, G, keep, Phi, B)
+        u[k] += B @ delta
+    none = np.zeros((m, 6, 0))
+    of("forward", form)(*motion, z - D @ delta, H, none, R, P0, nu, none, x, P)
+    assert of("backward", form)(C, moved, Q, u, keep, stays, True, x, P, following)
     np.testing.assert_allclose(x.ravel(), best[:wide], atol=1e-6)
     # The covariance of the motion, the parameters known.
     dense = np.linalg.inv(np.vstack(A)[:, :wide].T @ np.vstack(A)[:, :wide]).reshape(m, d, m, d)

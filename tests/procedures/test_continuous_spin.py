@@ -11,13 +11,14 @@ import pytest
 
 from foucault.detect import steady
 from foucault.errors import FoucaultError, Status
+from foucault.estimate import spin as engine
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.spin import Grip, across, moved
 from foucault.procedures import continuous_spin
-from foucault.procedures.continuous_spin import Settings, model
+from foucault.procedures.continuous_spin import Settings
 from foucault.result import Level, Result
 from foucault.tables import Log
 from make_spin import DEG, G0, Tool, Unit, draw_unit, spun
@@ -133,11 +134,11 @@ def test_the_phase_is_eliminated_exactly() -> None:
     # The banded elimination against all unknowns and states of a short spin solved at once.
     rng, names = np.random.default_rng(4), Settings().estimated()
     spin = replace(spin_at(8.0), readings=rng.standard_normal((40, 6)))
-    grip, sizes = Grip(across(np.array([0.0, 0.0, 1.0]))), model.Sizes(np.full(6, 0.3), 2.0)
+    grip, sizes = Grip(across(np.array([0.0, 0.0, 1.0]))), engine.Sizes(np.full(6, 0.3), 2.0)
     path = np.column_stack([8 * spin.time, np.full(40, 8.0), 0.1 * rng.standard_normal(40)])
-    one = model.passed(spin, grip, path, ImuModel(), names, sizes, SITE)
-    miss, X, S = model._white(spin, grip, path, ImuModel(), names, sizes, SITE)
-    on, below, slope = model._prior(spin, 2.0, path)
+    one = engine.passed(spin, grip, path, ImuModel(), names, sizes, SITE)
+    miss, X, S = engine._white(spin, grip, path, ImuModel(), names, sizes, SITE)
+    on, below, slope = engine._prior(spin, 2.0, path)
     A = np.zeros((120, 120))
     H = np.zeros((240, 120))
     for k in range(40):

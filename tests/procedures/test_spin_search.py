@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from foucault.procedures import continuous_spin
-from foucault.procedures.continuous_spin import search
-from foucault.procedures.continuous_spin.search import Tool, Wanted
+from foucault.procedures import continuous_spin as search
+from foucault.procedures.continuous_spin import Tool, Wanted
 from foucault.procedures.record import Beforehand
 from sessions import SITE
 

@@ -172,11 +172,10 @@ class Point:
         out = np.eye(32)
         if self.base_b is None:
             out[:3, :3] = right_jacobian_inverse(vector_of(self.C_bm))
-        for c in range(2):
-            d = np.zeros(32)
-            d[8 + c] = 1e-6
-            moved = self.moved(d, np.zeros((len(self.node), 9))).tilt
-            out[8:10, 8 + c] = (moved - self.tilt)[:2] / 1e-6
+        for c, across in enumerate(self.across.T):
+            up = self.up_v + 1e-6 * across
+            tilt = replace(self, up_v=up / np.linalg.norm(up)).tilt
+            out[8:10, 8 + c] = (tilt - self.tilt)[:2] / 1e-6
         return out
 
 
@@ -330,31 +329,30 @@ class Pass:
     nu: FloatArray  # (m, 6) white, NaN-free; zero where nothing was measured [1]
     M: FloatArray  # (m, 6, 32) their derivative by the parameters [1 / SI]
     used: BoolArray  # (m, 6)
-    H: FloatArray  # (m, 6, 9) derivative of the poses by the motion
-    motion: tuple[FloatArray, ...]  # C (m, 3, 3) and what `kernels.backward` takes beside [SI]
-    filtered: tuple[FloatArray, FloatArray, FloatArray]  # x (m, d), U, P of it [SI]
+    about: Linear
+    noise: Noise
+    fed: tuple[FloatArray, ...]  # what `kernels.forward` took, but for D [SI]
+
+    def smoothed(self, delta: FloatArray, spread: bool = False) -> Smoothed:
+        """Return the motion's step for that of the parameters, `delta` (32,) [SI].
+
+        `spread`: find its covariance too.
+        """
+        return smoothed(self.about, self.fed, delta, spread)
 
     @property
     def rows(self) -> FloatArray:
         """Derivatives of all white rows, (6 m, 32) [1 / SI]."""
         return self.M.reshape(-1, 32)
 
+    @cached_property
+    def information(self) -> FloatArray:
+        """Of the parameters by these rows, (32, 32) [1 / SI^2]."""
+        return self.rows.T @ self.rows
+
     def left(self, delta: FloatArray) -> FloatArray:
         """Return the white rows after a step `delta` (32,) [SI], (m, 6) [1]."""
         return np.asarray(self.nu - self.M @ delta)
-
-    def smoothed(self, delta: FloatArray, spread: bool = False) -> Smoothed:
-        """Return the motion's step for that of the parameters.
-
-        `delta` (p,): that of the parameters [SI]; `spread`: find its covariance too.
-        """
-        x, U, P = self.filtered
-        x, P = x.copy(), P.copy() if spread else P
-        following = np.zeros((len(x), x.shape[1] - 9))
-        if not kernels.backward(*self.motion, delta, spread, x, U, P, following):
-            raise np.linalg.LinAlgError("the motion between two poses has no covariance")
-        absorbed = np.sum(self.H @ P[:, :9, :9] * self.H, axis=2)
-        return Smoothed(x[:, :9], absorbed, following)
 
 
 @dataclass(frozen=True)
@@ -362,12 +360,22 @@ class Smoothed:
     """A step of the motion, and how well poses are known once it is."""
 
     x: FloatArray  # (m, 9) [SI]
-    absorbed: FloatArray  # (m, 6) variance of what poses should be [rad^2], [m^2]
+    absorbed: FloatArray  # (m, 6) variance of what poses should be, if asked [rad^2], [m^2]
     following: FloatArray  # (m, 6) covariance with the next, none where noise is white
 
 
+class Room(dict[str, FloatArray]):
+    """Large arrays of a pass, for the next one to be written over: new memory costs as much."""
+
+    def array(self, name: str, *shape: int) -> FloatArray:
+        """Return the array of a name as it was left, at first zeros of a `shape` [1]."""
+        if name not in self or self[name].shape != shape:
+            self[name] = np.zeros(shape)
+        return self[name]
+
+
 def compared(
-    r: Readings, at: Point, c: Corrected, columns: int
+    r: Readings, at: Point, c: Corrected, columns: int, room: Room
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Compare poses with a point [SI].
 
@@ -375,7 +383,7 @@ def compared(
     changes by with the motion (m, 6, 9) and with the first `columns` parameters, none or 32 [SI].
     """
     m, none = len(r.stamp), np.zeros((0, 3))
-    z, H, D = np.zeros((m, 6)), np.zeros((m, 6, 9)), np.zeros((m, 6, columns))
+    z, H, D = np.zeros((m, 6)), np.zeros((m, 6, 9)), room.array("D", m, 6, columns)
     arm, share, kind = np.zeros(3), 0.0, int(r.C_vm is not None)
     if r.second is not None:
         assert at.base_b is not None
@@ -392,13 +400,15 @@ def compared(
 
 def misses(r: Readings, at: Point) -> FloatArray:
     """Return poses less those of a point, (m, 6): attitude [rad] before position [m]."""
-    return compared(r, at, corrected(r, at), 0)[0]
+    return compared(r, at, corrected(r, at), 0, Room())[0]
 
 
 @dataclass(frozen=True)
 class Linear:
     """Motion and poses about a point, whatever the noise of the poses."""
 
+    at: Point
+    hold: IntArray  # (k,) numbers of parameters that are not estimated [1]
     moved: FloatArray  # (m, 16) from the node before: see `kernels.pose` [SI]
     J: FloatArray  # (m, 9, 22) its derivative by errors of the IMU [SI]
     Q: FloatArray  # (m, 9, 9) its covariance [SI]
@@ -410,14 +420,18 @@ class Linear:
     C: FloatArray  # (m, 3, 3) attitude [1]
 
 
-def linear(r: Readings, at: Point, hold: IntArray, motion: bool = False) -> Linear:
+def linear(
+    r: Readings, at: Point, hold: IntArray, motion: bool = False, room: Room | None = None
+) -> Linear:
     """Linearise about a point.
 
     `hold` (k,): numbers of parameters that are not estimated [1]; `motion`: alone, without any
-    parameters.
+    parameters; `room`: of a pass that is not needed any more.
     """
+    room = Room() if room is None else room
     m, c = len(r.stamp), corrected(r, at)
-    moved, J, Q = np.zeros((m, 16)), np.zeros((m, 9, 22)), np.zeros((m, 9, 9))
+    moved, Q = np.zeros((m, 16)), room.array("Q", m, 9, 9)
+    J = room.array("J", 0 if motion else m, 9, 22)
     kernels.preintegrate(at.node, r.dt, c.theta, c.force, c.middle, c.K_g, c.K_a, c.raw_g, c.raw_a,
                          c.late, r.white[0]**2, r.white[1]**2, moved, J, Q)  # fmt: skip
     g_v, T = -r.gravity[0] * at.up_v, moved[1:, 15:]
@@ -429,30 +443,46 @@ def linear(r: Readings, at: Point, hold: IntArray, motion: bool = False) -> Line
                  + np.einsum("kij,kj->ki", C, moved[1:, 12:15]) - at.p[1:])  # fmt: skip
     # Nothing leads over a gap, nor into a world that has jumped.
     apart = np.flatnonzero(np.diff(r.broken[at.node] + r.jumped, prepend=0))
-    u[apart], J[apart], Q[apart] = 0.0, 0.0, np.diag(START_SD**2)
-    z, H, D = compared(r, at, c, 0 if motion else 32)
+    u[apart], Q[apart] = 0.0, np.diag(START_SD**2)
+    z, H, D = compared(r, at, c, 0 if motion else 32, room)
     if not motion:
-        D[:, :, hold] = 0.0
-    J[:, :, hold[hold >= 10] - 10] = 0.0
+        D[:, :, hold] = J[:, :, hold[hold >= 10] - 10] = J[apart] = 0.0
     G = -r.gravity[0] * at.across
-    return Linear(moved, J, Q, u, z, H, D, 0.0 * G if 8 in hold else G, at.C)
+    return Linear(at, hold, moved, J, Q, u, z, H, D, 0.0 * G if 8 in hold else G, at.C)
 
 
 def one_pass(
-    r: Readings, at: Point, noise: Noise, hold: IntArray, motion: bool = False
+    r: Readings, at: Point, noise: Noise, hold: IntArray, motion: bool = False,
+    room: Room | None = None,
 ) -> Pass:  # fmt: skip
     """Linearise about a point and eliminate the motion.
 
-    `hold` (k,): numbers of parameters that are not estimated [1]; `motion`: alone, without any
-    parameters.
+    `hold` (k,): numbers of parameters that are not estimated [1]; others as of `linear`.
     """
-    return eliminated(r, linear(r, at, hold, motion), noise)
+    return eliminated(r, linear(r, at, hold, motion, room), noise, room)
 
 
-def eliminated(r: Readings, about: Linear, noise: Noise) -> Pass:
-    """Filter the motion away; errors of poses that stay are states of it."""
+def eliminated(r: Readings, about: Linear, noise: Noise, room: Room | None = None) -> Pass:
+    """Filter the motion away."""
+    used, fed = _fed(r, about, noise)
     m, p = len(r.stamp), about.D.shape[2]
-    n = 6 * any(noise.stays)
+    nu, M = np.empty((m, 6)), (Room() if room is None else room).array("M", m, 6, p)
+    d = fed[4].shape[1]
+    fine = kernels.forward(*fed[:10], about.D, *fed[10:], nu, M, np.empty((0, d)),
+                           np.empty((0, d, d)))  # fmt: skip
+    if not fine or not np.isfinite(nu).all():
+        raise np.linalg.LinAlgError("the motion between two poses has no covariance")
+    return Pass(nu, M, used, about, noise, fed)
+
+
+def _fed(
+    r: Readings, about: Linear, noise: Noise
+) -> tuple[BoolArray, tuple[FloatArray, ...]]:  # fmt: skip
+    """Return what is used of the poses (m, 6), and what `kernels.forward` takes but D.
+
+    Errors of poses that stay are states of the motion.
+    """
+    m, n = len(r.stamp), 6 * any(noise.stays)
     weights = np.repeat(noise.weights, 3, axis=1)
     used = (weights > 0) & r.measured
     R = np.where(used, noise.sd**2 / np.where(used, weights, 1.0), np.inf)
@@ -460,25 +490,64 @@ def eliminated(r: Readings, about: Linear, noise: Noise) -> Pass:
     since = np.diff(r.stamp, prepend=2 * r.stamp[0] - r.stamp[1]) / np.median(np.diff(r.stamp))
     keep = (np.repeat(noise.stays, 3) ** since[:, None])[:, :n]
     start = np.diag(np.concatenate([START_SD, noise.sd[:n]]) ** 2)
-    H = np.concatenate([about.H, np.tile(np.eye(6), (m, 1, 1))[:, :, :n]], axis=2)
-    u = np.pad(about.u, ((0, 0), (0, n)))
-    nu, M, d = np.zeros((m, 6)), np.zeros((m, 6, p)), 9 + n
-    x, U, P = np.zeros((m, d)), np.zeros((m, d, p)), np.zeros((m, d, d))
-    motion = (about.C, about.moved, about.J, about.Q, u, about.G, keep, noise.sd[:n] ** 2)
-    fine = kernels.forward(*motion, about.z, H, about.D, R, start, nu, M, x, U, P)
-    if not fine or not np.isfinite(nu).all():
+    H, u = about.H, about.u
+    if n:
+        H = np.concatenate([H, np.tile(np.eye(6), (m, 1, 1))], axis=2)
+        u = np.pad(u, ((0, 0), (0, n)))
+    return used, (about.C, about.moved, about.J, about.Q, u, about.G, keep, noise.sd[:n] ** 2,
+                  about.z, H, R, start)  # fmt: skip
+
+
+def smoothed(
+    about: Linear, fed: tuple[FloatArray, ...], delta: FloatArray, spread: bool = False
+) -> Smoothed:
+    """Return the motion's step for that of the parameters.
+
+    `about`, `fed`: where, and what is filtered there [SI]; `delta` (p,): that of the parameters
+    [SI]; `spread`: find its covariance too.
+    """
+    C, moved, J, Q, u, G, keep, stays, z, H, R, start = fed
+    u, m, d = u.copy(), *u.shape
+    if len(delta):
+        z = z - about.D @ delta
+        T, a = moved[1:, 15:], (J[1:].reshape(-1, 22) @ delta[10:]).reshape(-1, 3, 3)
+        u[1:, :3] += a[:, 0]
+        u[1:, 3:9] += (a[:, 1:] @ np.swapaxes(C[:-1], 1, 2)).reshape(-1, 6)
+        u[1:, 3:9] += np.hstack([T * (G @ delta[8:10]), T**2 / 2 * (G @ delta[8:10])])
+    x, P, none = np.empty((m, d)), np.empty((m, d, d)), np.empty((m, 6, 0))
+    nu, following = np.empty((m, 6)), np.zeros((m, d - 9))
+    if not (
+        kernels.forward(C, moved, J, Q, u, G, keep, stays, z, H, none, R, start, nu, none, x, P)
+        and np.isfinite(nu).all()
+        and kernels.backward(C, moved, Q, u, keep, stays, spread, x, P, following)
+    ):
         raise np.linalg.LinAlgError("the motion between two poses has no covariance")
-    return Pass(nu, M, used, about.H, motion, (x, U, P))
+    H = H[:, :, :9]
+    absorbed = np.sum(H @ P[:, :9, :9] * H, axis=2) if spread else np.zeros((m, 6))
+    return Smoothed(x[:, :9], absorbed, following)
 
 
-def of_noise(r: Readings, at: Point, p: Pass, noise: Noise, hold: IntArray) -> FloatArray:
+def motion_of(
+    r: Readings, at: Point, noise: Noise, hold: IntArray, spread: bool = False
+) -> Smoothed:
+    """Return the motion's step, the parameters known.
+
+    `hold` (k,): numbers of parameters that are not estimated [1]; `spread`: see `smoothed`.
+    """
+    about = linear(r, at, hold, motion=True)
+    return smoothed(about, _fed(r, about, noise)[1], np.zeros(0), spread)
+
+
+def of_noise(
+    r: Readings, at: Point, p: Pass, noise: Noise, hold: IntArray, room: Room
+) -> FloatArray:
     """Return the information that noise makes by itself, (32, 32): see `infer.shown` [1 / SI^2].
 
     `hold` (k,): numbers of parameters that are not estimated [1].
     """
     again = r.noisy(noise, np.random.default_rng(0))
-    x = one_pass(again, at, noise, hold, motion=True).smoothed(np.zeros(0)).x
-    off = one_pass(again, at.moved(np.zeros(32), x), noise, hold).rows - p.rows
+    x = motion_of(again, at, noise, hold).x
+    off = one_pass(again, at.moved(np.zeros(32), x), noise, hold, room=room).rows - p.rows
     return np.asarray(off.T @ off)
 
 
@@ -540,39 +609,51 @@ def solve(
     usual = np.radians(0.3) if r.second is None else 2e-3
     noise = Noise(sd[0] or usual, sd[1] or 2e-3, np.ones((m, 2)))
     at, cost, settled, passes, told = start, np.inf, False, 0, False
-    made = np.zeros((32, 32))
+    made, room, other = np.zeros((32, 32)), Room(), Room()
     for passes in range(1, most + 1):
-        p = one_pass(r, at, noise, hold)
+        p = one_pass(r, at, noise, hold, room=room)
         if passes in (NOISY if r.C_vm is not None else ALONE) or told:
-            made = of_noise(r, at, p, noise, hold)
-        told_by, score = _length(r, at)
-        seen = shown(p.rows.T @ p.rows + told_by, made, prior_sd)
+            made = of_noise(r, at, p, noise, hold, other)
         off = np.asarray(np.linalg.solve(at.of_values(), mean - at.values), float)
-        delta = seen.step(p.rows.T @ p.nu.ravel() + score, off, prior_sd)
-        delta[hold] = 0.0
+        delta, moved = _step(r, p, made, off, prior_sd)
+        last, cost = cost, float(np.sum(p.left(delta)[p.used] ** 2))
+        still = passes > 3 and moved < SETTLED and abs(last - cost) < 1e-3 * max(cost, 1e-12)
+        # The noise was decided when all was still far off, and what stays is not found at once.
+        again = not told and (passes > DECIDED + 2 or any(noise.stays))
+        if still and not told and not again and passes > DECIDED:
+            # What the motion shows is asked once more where all has settled.
+            made, told = of_noise(r, at, p, noise, hold, other), True
+            delta, moved = _step(r, p, made, off, prior_sd)
         motion = p.smoothed(delta, spread=passes <= DECIDED)
         # Terms of second order make a start that is far off overshoot: as far as can be linear.
         size = max(1.0, float(np.abs(delta[:3]).max()) / 0.5, float(np.abs(delta[6])) / 0.05)
         at = _on_nodes(r, at.moved(delta / size, motion.x / size))
-        moved = float(np.max(np.abs(delta) / np.sqrt(np.diag(seen.covariance(prior_sd)))))
-        last, cost = cost, float(np.sum(p.left(delta)[p.used] ** 2))
-        before = noise
         # A pose at the edge of the cut would come and go for ever; wild ones must not stay hidden.
         if passes <= DECIDED or (robust and _loud(r, at, noise, sd)):
             motion = motion if passes <= DECIDED else p.smoothed(delta, spread=True)
             noise = _weighed(r, at, motion, noise, sd, student=passes <= 2, robust=robust,
                              colour=passes >= COLOUR_FROM)  # fmt: skip
-        same = bool(((noise.weights > 0.5) == (before.weights > 0.5)).all())
-        fallen = abs(last - cost) / max(cost, 1e-12)
-        settled = passes > 3 and moved < SETTLED and fallen < 1e-3 and same
+        same = bool(((noise.weights > 0.5) == (p.noise.weights > 0.5)).all())
+        settled = still and moved < SETTLED and same
         if settled and told:
             break
-        # The noise was decided when all was still far off, and what stays is not found at once.
-        if settled and (passes > DECIDED + 2 or any(noise.stays)):
+        if settled and again:
             noise = _decided(r, at, noise, sd, robust=robust, hold=hold)
-        told = told or settled  # what the motion shows is asked once more where all has settled
-    p = one_pass(r, at, noise, hold)
-    return _stated(r, at, p, made, noise, prior_sd, hold, passes, settled)
+        told = told or settled
+    if not settled or noise is not p.noise:
+        p, delta = one_pass(r, at, noise, hold, room=room), np.zeros(32)
+    return _stated(r, at, p, delta, made, prior_sd, hold, passes, settled)
+
+
+def _step(
+    r: Readings, p: Pass, made: FloatArray, off: FloatArray, prior_sd: FloatArray
+) -> tuple[FloatArray, float]:
+    """Return the step (32,) [SI], and the largest part of its sd by which one moves [1]."""
+    told, score = _length(r, p.about.at)
+    seen = shown(p.information + told, made, prior_sd)
+    delta = seen.step(p.rows.T @ p.nu.ravel() + score, off, prior_sd)
+    delta[p.about.hold] = 0.0
+    return delta, float(np.max(np.abs(delta) / np.sqrt(np.diag(seen.covariance(prior_sd)))))
 
 
 def _loud(r: Readings, at: Point, noise: Noise, sd: tuple[float | None, float | None]) -> bool:
@@ -630,7 +711,7 @@ def _decided(
     """Find the noise of the poses again until it stays, about a point that does."""
     for _ in range(AGAIN):
         before = noise
-        motion = one_pass(r, at, noise, hold, motion=True).smoothed(np.zeros(0), spread=True)
+        motion = motion_of(r, at, noise, hold, spread=True)
         noise = _weighed(r, at, motion, noise, sd, student=False, robust=robust, colour=True)
         now, last = (np.array([n.attitude, n.position, *1 - np.array(n.stays)])
                      for n in (noise, before))  # fmt: skip
@@ -690,17 +771,20 @@ def _drawn(count: int, rho: float, rng: np.random.Generator) -> FloatArray:
     from scipy.signal import lfilter
 
     white = rng.standard_normal((count, 3))
+    if not rho:
+        return white
     white[1:] *= np.sqrt(1 - rho**2)
     return np.asarray(lfilter([1.0], [1.0, -rho], white, axis=0))
 
 
 def _stated(
-    r: Readings, at: Point, p: Pass, made: FloatArray, noise: Noise, prior_sd: FloatArray,
+    r: Readings, at: Point, p: Pass, delta: FloatArray, made: FloatArray, prior_sd: FloatArray,
     hold: IntArray, passes: int, settled: bool,
 ) -> Solution:  # fmt: skip
-    seen = shown(p.rows.T @ p.rows + _length(r, at)[0], made, prior_sd)
-    formal = seen.covariance(prior_sd)
-    left, M = p.nu, p.M @ seen.onto.T
+    """Return what is stated of a point a last step `delta` (32,) [SI] from that of a pass."""
+    seen = shown(p.information + _length(r, at)[0], made, prior_sd)
+    formal, noise = seen.covariance(prior_sd), p.noise
+    left, M = p.left(delta), (p.rows @ seen.onto.T).reshape(p.M.shape)
     block = ((r.stamp - r.stamp[0]) / BLOCK).astype(int)
     scores = np.zeros((block.max() + 1, 32))
     np.add.at(scores, block, np.einsum("kqp,kq->kp", M, left))
@@ -731,15 +815,16 @@ def _stated(
     J = at.of_values()
     # Poses tell the size of what is added to gravity: its error is no scale of all that is read.
     heavier = replace(r, gravity=(r.gravity[0] + r.gravity[1], 0.0))
-    off = one_pass(heavier, at, noise, hold, motion=True).nu - left
-    of_gravity = np.clip(J @ gain @ np.einsum("kqp,kq->p", M, off), -prior_sd, prior_sd)
+    off = one_pass(heavier, p.about.at, noise, hold, motion=True).nu - p.nu
+    of_gravity = np.clip(J @ gain @ (M.reshape(-1, 32).T @ off.ravel()), -prior_sd, prior_sd)
     scaled = formal * np.outer(wide, wide) * factor**2
     held = np.minimum(1.0, prior_sd / np.sqrt(np.diag(scaled)))  # no more than was known before
     cov = J @ (scaled * np.outer(held, held)) @ J.T + np.outer(of_gravity, of_gravity)
     cov = cov if r.second is not None else _without_circles(cov, at.lever_b, prior_sd)
     lag = [noise.stays[k] or _lag_one(left[:, 3 * k : 3 * k + 3], p.used[:, 3 * k]) for k in (0, 1)]
-    return Solution(r, at, p, made, noise, cov, J @ formal @ J.T, of_gravity, spread, halves,
-                    (lag[0], lag[1]), passes, settled, prior_sd, hold)  # fmt: skip
+    return Solution(r, at, replace(p, nu=left), made, noise, cov, J @ formal @ J.T, of_gravity,
+                    spread, halves, (lag[0], lag[1]), passes, settled, prior_sd,
+                    hold)  # fmt: skip
 
 
 def _without_circles(cov: FloatArray, lever: FloatArray, prior_sd: FloatArray) -> FloatArray:
@@ -767,8 +852,8 @@ def _lag_one(rows: FloatArray, used: BoolArray) -> float:
 def budget(s: Solution) -> dict[str, FloatArray]:
     """Return the variance of every parameter by source, (32,) each [SI]; they add up to `cov`."""
     r, n = s.readings, s.noise
-    about, J = linear(r, s.point, s.hold), s.point.of_values()
-    gyros = linear(replace(r, white=(r.white[0], 0.0)), s.point, s.hold, motion=True).Q
+    about, J, room = s.last.about, s.point.of_values(), Room()
+    gyros = linear(replace(r, white=(r.white[0], 0.0)), about.at, s.hold, motion=True).Q
     first = "attitude of the poses" if r.second is None else "second antenna"
 
     def cov(of: str) -> FloatArray:
@@ -777,8 +862,8 @@ def budget(s: Solution) -> dict[str, FloatArray]:
         noise = replace(n, attitude=n.attitude * (by if of == first else 1.0),
                         position=n.position * (by if of == "position of the poses" else 1.0)
                         )  # fmt: skip
-        rows = eliminated(r, replace(about, Q=about.Q + (by**2 - 1) * more), noise).rows
-        seen = shown(rows.T @ rows + _length(r, s.point)[0], s.made, s.prior_sd)
+        p = eliminated(r, replace(about, Q=about.Q + (by**2 - 1) * more), noise, room)
+        seen = shown(p.information + _length(r, s.point)[0], s.made, s.prior_sd)
         return np.asarray(np.diag(J @ seen.covariance(s.prior_sd) @ J.T))
 
     names = ["gyros", "accelerometers", "position of the poses"]

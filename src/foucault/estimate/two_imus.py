@@ -275,23 +275,26 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
                     for r, g in zip(problem.readings, problem.given, strict=True)])  # fmt: skip
     spline = np.zeros((problem.knots, 6))
     spline += normal(_master(problem), (), spline, var, still=True).moved(np.zeros(0))
-    made, converged, passes, told = np.zeros((p, p)), False, 0, False
+    made, converged, passes = np.zeros((p, p)), False, 0
     growth, since = np.zeros_like(var), np.inf
     for passes in range(1, most + 1):
         at = normal(problem, slaves, spline, var)
-        if passes == NOISY or told:
-            made, since = of_noise(problem, slaves, spline, var), 0.0
-        seen = shown(at.information, made, problem.prior_sd)
-        values = np.concatenate([s.values for s in slaves])
-        J = _of_values(slaves)
-        delta = seen.step(at.score, np.linalg.solve(J, problem.mean - values), problem.prior_sd)
-        delta[problem.hold] = 0.0
-        sd = np.sqrt(np.diag(seen.covariance(problem.prior_sd)))
-        moved = float(np.max(np.abs(delta) / sd))
-        converged = passes > 2 and moved < SETTLED and float(np.abs(growth).max()) < GROWN
-        if converged and since < NEAR:
+        ask, values = passes == NOISY, np.concatenate([s.values for s in slaves])
+        off = np.linalg.solve(_of_values(slaves), problem.mean - values)
+        while True:
+            if ask:
+                made, since = of_noise(problem, slaves, spline, var), 0.0
+            seen = shown(at.information, made, problem.prior_sd)
+            delta = seen.step(at.score, off, problem.prior_sd)
+            delta[problem.hold] = 0.0
+            sd = np.sqrt(np.diag(seen.covariance(problem.prior_sd)))
+            moved = float(np.max(np.abs(delta) / sd))
+            converged = passes > 2 and moved < SETTLED and float(np.abs(growth).max()) < GROWN
+            # What the motion shows is asked once more where all has settled.
+            if not (ask := converged and since >= NEAR):
+                break
+        if converged:
             break
-        told = converged  # what the motion shows is asked once more where all has settled
         since += moved
         size = max(1.0, float(np.abs(delta).max(initial=0.0, where=_is_offset(p))) / 0.05)
         spline = spline + at.moved(delta) / size

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from foucault.kernels import kernel, part
+from foucault.kernels import inlined, kernel, part
 from foucault.kernels.small_matrices import cholesky, copy, substitute
 
 
@@ -35,15 +35,32 @@ def _exp(p, C):
     C[1, 2], C[2, 1] = ca * y * z - sa * x, ca * y * z + sa * x
 
 
-@kernel
-def _turned(C, u, J, out):
-    """Fill out (3, 9) with C ([-u x] J), J (3, 9): what attitude errors do to a force turned."""
-    for k in range(J.shape[1]):
-        a = u[2] * J[1, k] - u[1] * J[2, k]
-        b = u[0] * J[2, k] - u[2] * J[0, k]
-        c = u[1] * J[0, k] - u[0] * J[1, k]
-        for i in range(3):
-            out[i, k] = C[i, 0] * a + C[i, 1] * b + C[i, 2] * c
+@inlined
+def _pulled(K, E, h, D, A, Y, width):
+    """Replace the first columns of Y (9, width) by F Y + (A; D; h D / 2), one sample on.
+
+    K (3, 3): what attitude errors do to its force turned; E (3, 3) its turn; D (3, width) is
+    added to the velocity, A (3, width) to the attitude.
+    """
+    # Numbers that are named, and one loop over columns: so it is compiled for many at once.
+    k00, k01, k02, k10, k11, k12 = K[0, 0], K[0, 1], K[0, 2], K[1, 0], K[1, 1], K[1, 2]
+    k20, k21, k22, e20, e21, e22 = K[2, 0], K[2, 1], K[2, 2], E[0, 2], E[1, 2], E[2, 2]
+    e00, e01, e02, e10, e11, e12 = E[0, 0], E[1, 0], E[2, 0], E[0, 1], E[1, 1], E[2, 1]
+    half = 0.5 * h
+    for c in range(width):
+        x, y, z, u, v, w = Y[0, c], Y[1, c], Y[2, c], Y[3, c], Y[4, c], Y[5, c]
+        a = k00 * x + k01 * y + k02 * z + D[0, c]
+        b = k10 * x + k11 * y + k12 * z + D[1, c]
+        d = k20 * x + k21 * y + k22 * z + D[2, c]
+        Y[0, c] = e00 * x + e01 * y + e02 * z + A[0, c]
+        Y[1, c] = e10 * x + e11 * y + e12 * z + A[1, c]
+        Y[2, c] = e20 * x + e21 * y + e22 * z + A[2, c]
+        Y[3, c] = u + a
+        Y[4, c] = v + b
+        Y[5, c] = w + d
+        Y[6, c] += h * u + half * a
+        Y[7, c] += h * v + half * b
+        Y[8, c] += h * w + half * d
 
 
 @kernel
@@ -54,94 +71,83 @@ def preintegrate(node, dt, theta, force, middle, K_g, K_a, raw_g, raw_a, late, q
     raw_g, raw_a, late (n, 3): angle, velocity before the matrices' errors, and derivative of the
     velocity by the accelerometers' delay. out (m, 16): C (9), dv, dp, T; J (m, 9, 22): derivative
     of (phi, dv, dp) by biases of gyros, accelerometers, 9 of gyros, 6 of accelerometers, delay;
-    Q (m, 9, 9) noise. Entry k leads from node k - 1 to node k.
+    Q (m, 9, 9) noise. Entry k leads from node k - 1 to node k. J may have no rows: it is left.
     """
-    m = node.shape[0]
-    C, E, X = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    m, slopes = node.shape[0], J.shape[0] > 0
+    C, E, X, K = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     v, p = np.zeros(3), np.zeros(3)
-    A, T9, T22 = np.zeros((9, 22)), np.zeros((3, 9)), np.zeros((3, 22))
-    I_g, I_a, S = np.zeros((3, 22)), np.zeros((3, 22)), np.zeros((9, 9))
-    new, D_a = np.zeros((3, 22)), np.zeros((3, 22))
+    # Columns of Y: the noise, and from 12 on what parameters do; of g, a what they do to a sample.
+    Y, S, D, A = np.zeros((9, 36)), np.zeros((9, 12)), np.zeros((3, 36)), np.zeros((3, 36))
+    g, a, width = np.zeros((3, 22)), np.zeros((3, 22)), 36 if slopes else 12
     for k in range(1, m):
         for i in range(3):
             v[i] = 0.0
             p[i] = 0.0
             for j in range(3):
                 C[i, j] = 1.0 if i == j else 0.0
-        A[:] = 0.0
-        S[:] = 0.0
+        for i in range(9):
+            for c in range(width):
+                Y[i, c] = 0.0
         total = 0.0
         for r in range(node[k - 1] + 1, node[k] + 1):
             h = dt[r]
             total += h
-            for i in range(3):
-                for j in range(3):
-                    I_g[i, j] = -K_g[i, j] * h
-                    I_a[i, 3 + j] = -K_a[i, j] * h
-                    for c in range(3):
-                        I_g[i, 6 + 3 * j + c] = -K_g[i, j] * raw_g[r, c]
-                I_a[i, 21] = late[r, i]
-                column = 15
-                for j in range(3):
-                    for c in range(j + 1):
-                        I_a[i, column] = -K_a[i, j] * raw_a[r, c]
-                        column += 1
-            # The force in axes of the beginning, u + theta x u / 2: both change. Columns cancel
-            # where a motion does not show them, and must not be less exact than that.
-            u0, u1, u2 = force[r, 0], force[r, 1], force[r, 2]
-            t0, t1, t2 = 0.5 * theta[r, 0], 0.5 * theta[r, 1], 0.5 * theta[r, 2]
-            for c in range(22):
-                a, b, d = 0.5 * I_g[0, c], 0.5 * I_g[1, c], 0.5 * I_g[2, c]
-                x, y, z = I_a[0, c], I_a[1, c], I_a[2, c]
-                D_a[0, c] = x + b * u2 - d * u1 + t1 * z - t2 * y
-                D_a[1, c] = y + d * u0 - a * u2 + t2 * x - t0 * z
-                D_a[2, c] = z + a * u1 - b * u0 + t0 * y - t1 * x
+            _exp(theta[r], E)
+            _crossed(C, force[r], -1.0, K)
+            if slopes:
+                for i in range(3):
+                    for j in range(3):
+                        g[i, j] = -K_g[i, j] * h
+                        a[i, 3 + j] = -K_a[i, j] * h
+                        for c in range(3):
+                            g[i, 6 + 3 * j + c] = -K_g[i, j] * raw_g[r, c]
+                    a[i, 21] = late[r, i]
+                    column = 15
+                    for j in range(3):
+                        for c in range(j + 1):
+                            a[i, column] = -K_a[i, j] * raw_a[r, c]
+                            column += 1
+                # The force in axes of the beginning, u + theta x u / 2: both change. Columns cancel
+                # where a motion does not show them, and must not be less exact than that.
+                u0, u1, u2 = force[r, 0], force[r, 1], force[r, 2]
+                t0, t1, t2 = 0.5 * theta[r, 0], 0.5 * theta[r, 1], 0.5 * theta[r, 2]
+                c00, c01, c02, c10, c11, c12 = C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2]
+                c20, c21, c22 = C[2, 0], C[2, 1], C[2, 2]
+                for c in range(22):
+                    x, y, z, d, e, f = g[0, c], g[1, c], g[2, c], a[0, c], a[1, c], a[2, c]
+                    A[0, 12 + c] = x - (t1 * z - t2 * y)
+                    A[1, 12 + c] = y - (t2 * x - t0 * z)
+                    A[2, 12 + c] = z - (t0 * y - t1 * x)
+                    x, y, z = (
+                        d + 0.5 * (y * u2 - z * u1) + t1 * f - t2 * e,
+                        e + 0.5 * (z * u0 - x * u2) + t2 * d - t0 * f,
+                        f + 0.5 * (x * u1 - y * u0) + t0 * e - t1 * d,
+                    )
+                    D[0, 12 + c] = c00 * x + c01 * y + c02 * z
+                    D[1, 12 + c] = c10 * x + c11 * y + c12 * z
+                    D[2, 12 + c] = c20 * x + c21 * y + c22 * z
+            _pulled(K, E, h, D, A, Y, width)
             # The position first, with velocity and attitude of the beginning.
-            _turned(C, force[r], A[:3], T22)
             for i in range(3):
                 p[i] += v[i] * h
                 for j in range(3):
                     p[i] += C[i, j] * middle[r, j]
-                for c in range(22):
-                    s = T22[i, c]
-                    for j in range(3):
-                        s += C[i, j] * D_a[j, c]
-                    A[6 + i, c] += A[3 + i, c] * h + 0.5 * h * s
-                    new[i, c] = s
-            for i in range(3):
-                for j in range(3):
                     v[i] += C[i, j] * force[r, j]
-                for c in range(22):
-                    A[3 + i, c] += new[i, c]
             # Noise: S <- F S F' + N, by its columns and then by its rows.
-            _exp(theta[r], E)
-            for _ in range(2):
-                _turned(C, force[r], S[:3], T9)
+            for i in range(9):
                 for c in range(9):
-                    for i in range(3):
-                        S[6 + i, c] += S[3 + i, c] * h + 0.5 * h * T9[i, c]
-                        S[3 + i, c] += T9[i, c]
-                    a, b, d = S[0, c], S[1, c], S[2, c]
-                    for i in range(3):
-                        S[i, c] = E[0, i] * a + E[1, i] * b + E[2, i] * d
-                for i in range(9):
-                    for c in range(i):
-                        S[i, c], S[c, i] = S[c, i], S[i, c]
+                    S[i, c] = Y[c, i]
+            _pulled(K, E, h, D, A, S, width - width // 36 * 24)
             for i in range(3):
                 S[i, i] += q_g * h
                 S[3 + i, 3 + i] += q_a * h
                 S[6 + i, 6 + i] += q_a * h * h * h / 3.0
                 S[3 + i, 6 + i] += q_a * h * h / 2.0
                 S[6 + i, 3 + i] += q_a * h * h / 2.0
-            for c in range(22):
-                a, b, d = A[0, c], A[1, c], A[2, c]
-                x, y, z = I_g[0, c], I_g[1, c], I_g[2, c]
-                A[0, c] = E[0, 0] * a + E[1, 0] * b + E[2, 0] * d + x - (t1 * z - t2 * y)
-                A[1, c] = E[0, 1] * a + E[1, 1] * b + E[2, 1] * d + y - (t2 * x - t0 * z)
-                A[2, c] = E[0, 2] * a + E[1, 2] * b + E[2, 2] * d + z - (t0 * y - t1 * x)
-            for i in range(3):
-                for j in range(3):
-                    X[i, j] = C[i, 0] * E[0, j] + C[i, 1] * E[1, j] + C[i, 2] * E[2, j]
+            for i in range(9):
+                for c in range(9):
+                    Y[i, c] = S[i, c]
+            _times(C, E, X)
             copy(X, C)
         for i in range(3):
             for j in range(3):
@@ -149,8 +155,29 @@ def preintegrate(node, dt, theta, force, middle, K_g, K_a, raw_g, raw_a, late, q
             out[k, 9 + i] = v[i]
             out[k, 12 + i] = p[i]
         out[k, 15] = total
-        copy(A, J[k])
-        copy(S, Q[k])
+        for i in range(9):
+            for c in range(9):
+                Q[k, i, c] = Y[i, c]
+            if slopes:
+                for c in range(22):
+                    J[k, i, c] = Y[i, 12 + c]
+
+
+@part
+def _crossed(C, u, sign, out):
+    """Fill out (3, 3) with sign C [u x]."""
+    for i in range(3):
+        out[i, 0] = sign * (C[i, 1] * u[2] - C[i, 2] * u[1])
+        out[i, 1] = sign * (C[i, 2] * u[0] - C[i, 0] * u[2])
+        out[i, 2] = sign * (C[i, 0] * u[1] - C[i, 1] * u[0])
+
+
+@part
+def _times(A, B, out):
+    """Fill out (3, 3) with A B."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
 
 
 @part
@@ -189,28 +216,11 @@ def _turning(by, K_g, raw, d, D):
 
 
 @part
-def _crossed(C, u, sign, out):
-    """Fill out (3, 3) with sign C [u x]."""
-    for i in range(3):
-        out[i, 0] = sign * (C[i, 1] * u[2] - C[i, 2] * u[1])
-        out[i, 1] = sign * (C[i, 2] * u[0] - C[i, 0] * u[2])
-        out[i, 2] = sign * (C[i, 0] * u[1] - C[i, 1] * u[0])
-
-
-@part
 def _cross(a, b, out):
     """Fill out (3,) with a x b."""
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
-
-
-@part
-def _times(A, B, out):
-    """Fill out (3, 3) with A B."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
 
 
 @part
@@ -332,64 +342,80 @@ def compared(node, later, since, dt, theta, force, raw_g, K_g, C, v, p, g_v, C_b
                 _along(e, R, u, D[k, :3])
 
 
-@part
-def _step(k, C, moved, J, G, keep, Phi, B):
-    """Fill Phi (d, d) and B (d, p): from the errors of node k - 1 to those of node k."""
-    T = moved[k, 15]
-    Phi[:] = 0.0
-    B[:] = 0.0
-    for i in range(keep.shape[1]):
-        Phi[9 + i, 9 + i] = keep[k, i]
-    a, b = moved[k, 9:12], moved[k, 12:15]
+@inlined
+def _across(C, i, x, y, z):
+    """Return row i of -C [u x], u = (x, y, z)."""
+    return C[i, 2] * y - C[i, 1] * z, C[i, 0] * z - C[i, 2] * x, C[i, 1] * x - C[i, 0] * y
+
+
+@inlined
+def _carried(C, moved, keep, Y, width):
+    """Replace the first columns of Y (15, width) by Phi Y, from a node to the next.
+
+    C (3, 3): attitude there; moved (16,) and keep (n,) as `forward` takes them.
+    """
+    # Numbers that are named, and one loop over columns: so it is compiled for many at once.
+    e00, e01, e02, e10, e11, e12 = moved[0], moved[3], moved[6], moved[1], moved[4], moved[7]
+    e20, e21, e22, T = moved[2], moved[5], moved[8], moved[15]
+    a0, a1, a2, b0, b1, b2 = moved[9], moved[10], moved[11], moved[12], moved[13], moved[14]
+    v00, v01, v02 = _across(C, 0, a0, a1, a2)
+    v10, v11, v12 = _across(C, 1, a0, a1, a2)
+    v20, v21, v22 = _across(C, 2, a0, a1, a2)
+    p00, p01, p02 = _across(C, 0, b0, b1, b2)
+    p10, p11, p12 = _across(C, 1, b0, b1, b2)
+    p20, p21, p22 = _across(C, 2, b0, b1, b2)
+    for c in range(width):
+        x, y, z, u, v, w = Y[0, c], Y[1, c], Y[2, c], Y[3, c], Y[4, c], Y[5, c]
+        Y[0, c] = e00 * x + e01 * y + e02 * z
+        Y[1, c] = e10 * x + e11 * y + e12 * z
+        Y[2, c] = e20 * x + e21 * y + e22 * z
+        Y[3, c] = u + v00 * x + v01 * y + v02 * z
+        Y[4, c] = v + v10 * x + v11 * y + v12 * z
+        Y[5, c] = w + v20 * x + v21 * y + v22 * z
+        Y[6, c] += T * u + p00 * x + p01 * y + p02 * z
+        Y[7, c] += T * v + p10 * x + p11 * y + p12 * z
+        Y[8, c] += T * w + p20 * x + p21 * y + p22 * z
+    for i in range(keep.shape[0]):
+        for c in range(width):
+            Y[9 + i, c] *= keep[i]
+
+
+@inlined
+def _pushed(C, moved, J, G, Y, first):
+    """Add to Y (15, first + 32), from column `first`, what parameters do on the way to a node."""
+    T = moved[15]
+    c00, c01, c02, c10, c11, c12 = C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2]
+    c20, c21, c22 = C[2, 0], C[2, 1], C[2, 2]
+    for c in range(22):
+        x, y, z, u, v, w = J[3, c], J[4, c], J[5, c], J[6, c], J[7, c], J[8, c]
+        Y[0, first + 10 + c] += J[0, c]
+        Y[1, first + 10 + c] += J[1, c]
+        Y[2, first + 10 + c] += J[2, c]
+        Y[3, first + 10 + c] += c00 * x + c01 * y + c02 * z
+        Y[4, first + 10 + c] += c10 * x + c11 * y + c12 * z
+        Y[5, first + 10 + c] += c20 * x + c21 * y + c22 * z
+        Y[6, first + 10 + c] += c00 * u + c01 * v + c02 * w
+        Y[7, first + 10 + c] += c10 * u + c11 * v + c12 * w
+        Y[8, first + 10 + c] += c20 * u + c21 * v + c22 * w
     for i in range(3):
-        for j in range(3):
-            Phi[i, j] = moved[k, 3 * j + i]
-        Phi[3 + i, 3 + i] = 1.0
-        Phi[6 + i, 6 + i] = 1.0
-        Phi[6 + i, 3 + i] = T
-        for d in range(2):
-            u = a if d == 0 else b
-            r = 3 + 3 * d + i
-            Phi[r, 0] = -(C[i, 1] * u[2] - C[i, 2] * u[1])
-            Phi[r, 1] = -(C[i, 2] * u[0] - C[i, 0] * u[2])
-            Phi[r, 2] = -(C[i, 0] * u[1] - C[i, 1] * u[0])
-        if B.shape[1] == 0:
-            continue
-        for c in range(22):
-            B[i, 10 + c] = J[k, i, c]
-            for d in range(2):
-                r = 3 + 3 * d
-                B[r + i, 10 + c] = (
-                    C[i, 0] * J[k, r, c] + C[i, 1] * J[k, r + 1, c] + C[i, 2] * J[k, r + 2, c]
-                )
         for c in range(2):
-            B[3 + i, 8 + c] = T * G[i, c]
-            B[6 + i, 8 + c] = 0.5 * T * T * G[i, c]
+            Y[3 + i, first + 8 + c] += T * G[i, c]
+            Y[6 + i, first + 8 + c] += 0.5 * T * T * G[i, c]
 
 
-@part
-def _predicted(C, Q, Phi, P, stays, W, out):
-    """Fill W (d, d) with Phi P and out with Phi P Phi' + Q, that of velocity, position by C."""
-    d = Phi.shape[0]
+@inlined
+def _spread(C, moved, Q, keep, stays, P, W, width):
+    """Replace P (15, 16 or more), which holds Phi P, by Phi P Phi' + Q, by way of W (15, 16).
+
+    Q (9, 9) has axes of the body: velocity and position are turned by C.
+    """
+    d = 9 + keep.shape[0]
     for i in range(d):
         for j in range(d):
-            W[i, j] = 0.0
-        for n in range(d):
-            s = Phi[i, n]
-            if s != 0.0:
-                for j in range(d):
-                    W[i, j] += s * P[n, j]
-    for j in range(d):  # of the lower half, column by column of Phi'
-        for i in range(j, d):
-            out[i, j] = 0.0
-        for n in range(d):
-            s = Phi[j, n]
-            if s != 0.0:
-                for i in range(j, d):
-                    out[i, j] += s * W[i, n]
+            W[i, j] = P[j, i]
+    _carried(C, moved, keep, W, width)
     for i in range(9, d):
-        out[i, i] += (1.0 - Phi[i, i] * Phi[i, i]) * stays[i - 9]
-    # Q with velocity and position turned: rows, then columns.
+        W[i, i] += (1.0 - keep[i - 9] * keep[i - 9]) * stays[i - 9]
     for a in range(3):
         for b in range(a + 1):
             for i in range(3):
@@ -404,145 +430,149 @@ def _predicted(C, Q, Phi, P, stays, W, out):
                     s = x if j == 0 else (y if j == 1 else z)
                     if b > 0:
                         s = x * C[j, 0] + y * C[j, 1] + z * C[j, 2]
-                    if a != b or j <= i:
-                        out[3 * a + i, 3 * b + j] += s
+                    W[3 * a + i, 3 * b + j] += s
     for i in range(d):
-        for j in range(i):
-            out[j, i] = out[i, j]
+        for j in range(i + 1):
+            P[i, j] = P[j, i] = W[i, j]
 
 
 @kernel
-def forward(C, moved, J, Q, u, G, keep, stays, z, H, D, R, P0, nu, M, x_f, U_f, P_f):
-    """Filter the poses; fill nu (m, 6), M (m, 6, p) white, and x_f, U_f, P_f after each pose.
+def forward(C, moved, J, Q, u, G, keep, stays, z, H, D, R, P0, nu, M, x_f, P_f):
+    """Filter the poses; fill nu (m, 6), M (m, 6, p) white, and x_f, P_f after each pose.
 
     C (m, 3, 3): attitude of the nodes; u (m, d): predicted less nominal; G (3, 2): gravity by
     level; keep (m, d - 9), stays (d - 9,): of errors that stay; z (m, 6), H (m, 6, d),
     D (m, 6, p), R (m, 6): pose less nominal, its derivatives, variances, infinite where there is
-    none. Without parameters, p = 0, the motion alone. False where a covariance is none.
+    none. Without parameters, p = 0 for 32, the motion alone; without rows of x_f, only what is
+    white is kept. False where a covariance is none.
     """
     m, p, d = z.shape[0], D.shape[2], P0.shape[0]
-    Phi, B, W, N = np.zeros((d, d)), np.zeros((d, p)), np.zeros((d, d)), np.zeros((d, d))
-    x, U, P, V = np.zeros(d), np.zeros((d, p)), P0.copy(), np.zeros((d, p))
-    h, row = np.zeros(d), np.zeros(p)
+    # Columns of Y: the covariance of the state, less the state at 15, its derivatives from 16 on.
+    # All of them move alike, and a pose takes from all of them alike.
+    Y, row, W, width = np.zeros((15, 48)), np.zeros(48), np.zeros((15, 16)), 16 + p
+    for i in range(d):
+        for n in range(d):
+            Y[i, n] = P0[i, n]
     for k in range(m):
         if k:
-            _step(k, C[k - 1], moved, J, G, keep, Phi, B)
-            _predicted(C[k - 1], Q[k], Phi, P, stays, W, N)
-            copy(N, P)
+            _carried(C[k - 1], moved[k], keep[k], Y, width)
+            _spread(C[k - 1], moved[k], Q[k], keep[k], stays, Y, W, 16 if d > 9 else 12)
             for i in range(d):
-                s = u[k, i]
-                for n in range(d):
-                    s += Phi[i, n] * x[n]
-                h[i] = s
-                for c in range(p):
-                    V[i, c] = B[i, c]
-                for n in range(d):
-                    if Phi[i, n] != 0.0:
-                        for c in range(p):
-                            V[i, c] += Phi[i, n] * U[n, c]
-            for i in range(d):
-                x[i] = h[i]
-            copy(V, U)
+                Y[i, 15] += u[k, i]
+            if p > 0:
+                _pushed(C[k - 1], moved[k], J[k], G, Y, 16)
         # The numbers of a pose are independent of one another: one after the other.
         for q in range(6):
-            nu[k, q] = 0.0
-            for c in range(p):
-                M[k, q, c] = 0.0
-            if not R[k, q] < 1e30:
+            var = R[k, q]
+            if not var < 1e30:
+                nu[k, q] = 0.0
+                for c in range(p):
+                    M[k, q, c] = 0.0
                 continue
-            var, off = R[k, q], z[k, q]
+            for c in range(15):
+                row[c] = 0.0
+            row[15] = -z[k, q]
+            for c in range(p):
+                row[16 + c] = D[k, q, c]
+            for n in range(d):
+                s = H[k, q, n]
+                if s != 0.0:
+                    for c in range(width):
+                        row[c] += s * Y[n, c]
             for i in range(d):
-                h[i] = 0.0
-                for n in range(d):
-                    h[i] += P[i, n] * H[k, q, n]
-                off -= H[k, q, i] * x[i]
-            for i in range(d):
-                var += H[k, q, i] * h[i]
+                var += H[k, q, i] * row[i]
             if not var > 0.0:
                 return False
+            s = 1.0 / math.sqrt(var)
+            nu[k, q] = -row[15] * s
             for c in range(p):
-                row[c] = D[k, q, c]
-            for n in range(d):
-                if H[k, q, n] != 0.0:
-                    for c in range(p):
-                        row[c] += H[k, q, n] * U[n, c]
-            root = math.sqrt(var)
-            nu[k, q] = off / root
-            for c in range(p):
-                M[k, q, c] = row[c] / root
+                M[k, q, c] = row[16 + c] * s
             for i in range(d):
-                gain = h[i] / var
-                x[i] += gain * off
-                for c in range(p):
-                    U[i, c] -= gain * row[c]
-                for n in range(d):
-                    P[i, n] -= gain * h[n]
+                s = row[i] / var
+                for c in range(width):
+                    Y[i, c] -= s * row[c]
+        if x_f.shape[0] == 0:
+            continue
         for i in range(d):
-            for n in range(i):
-                P[i, n] = P[n, i] = 0.5 * (P[i, n] + P[n, i])
-        for i in range(d):
-            x_f[k, i] = x[i]
-        copy(U, U_f[k])
-        copy(P, P_f[k])
+            x_f[k, i] = Y[i, 15]
+            for n in range(d):
+                P_f[k, i, n] = 0.5 * (Y[i, n] + Y[n, i])
     return True
 
 
 @kernel
-def backward(C, moved, J, Q, u, G, keep, stays, delta, spread, x_f, U_f, P_f, next_f):
-    """Replace x_f (m, d) by the smoothed errors for the step delta (p,); spread: P_f too.
+def backward(C, moved, Q, u, keep, stays, spread, x_f, P_f, next_f):
+    """Replace x_f (m, d), filtered, by the smoothed errors; spread: P_f too.
 
-    P_f by their covariance, else it is left as it was, and next_f (m, d - 9) by that of an error
-    that stays with its next. False where a covariance is none.
+    u (m, d): predicted less nominal, with what the step of the parameters does to it. P_f by their
+    covariance, else it is left as it was, and next_f (m, d - 9) by that of an error that stays with
+    its next. False where a covariance is none.
     """
-    m, p, d = x_f.shape[0], delta.shape[0], x_f.shape[1]
-    Phi, B, W, N = np.zeros((d, d)), np.zeros((d, p)), np.zeros((d, d)), np.zeros((d, d))
-    L, g, gain, ahead = np.zeros((d, d)), np.zeros(d), np.zeros((d, d)), np.zeros(d)
-    for k in range(m):
-        for i in range(d):
-            for c in range(p):
-                x_f[k, i] += U_f[k, i, c] * delta[c]
+    m, d = x_f.shape
+    W, N, L, X = np.zeros((15, 16)), np.zeros((15, 16)), np.zeros((15, 16)), np.zeros((15, 16))
+    S, ahead = np.zeros((15, 16)), np.zeros(15)
+    wide = d + 3 if d == 9 else 16  # a number that the compiler does not know: no loop is unrolled
+    for i in range(d):
+        for n in range(d):
+            S[i, n] = P_f[m - 1, i, n]
     for k in range(m - 2, -1, -1):
-        _step(k + 1, C[k], moved, J, G, keep, Phi, B)
-        _predicted(C[k], Q[k + 1], Phi, P_f[k], stays, W, N)
-        copy(N, L)
-        if not cholesky(L, g.size):
+        # Columns of X: Phi P_f, and Phi x_f at 15.
+        for i in range(d):
+            for n in range(d):
+                X[i, n] = P_f[k, i, n]
+            X[i, wide - 1] = x_f[k, i]
+        _carried(C[k], moved[k + 1], keep[k + 1], X, wide)
+        for i in range(d):
+            for n in range(d):
+                N[i, n] = X[i, n]
+            ahead[i] = x_f[k + 1, i] - u[k + 1, i] - X[i, wide - 1]
+        _spread(C[k], moved[k + 1], Q[k + 1], keep[k + 1], stays, N, W, wide)
+        for i in range(d):
+            for n in range(i + 1):
+                L[i, n] = N[i, n]
+        if not cholesky(L, d):
             return False
-        for i in range(d):
-            s = x_f[k + 1, i] - u[k + 1, i]
-            for n in range(d):
-                s -= Phi[i, n] * x_f[k, n]
-            for c in range(p):
-                s -= B[i, c] * delta[c]
-            ahead[i] = s
         if not spread:
-            substitute(L, ahead, g.size)
+            substitute(L, ahead, d)
             for i in range(d):
                 for n in range(d):
-                    x_f[k, n] += W[i, n] * ahead[i]
+                    x_f[k, n] += X[i, n] * ahead[i]
             continue
-        for j in range(d):  # W holds Phi P_f; a row of the gain is N^-1 of its column
-            for i in range(d):
-                g[i] = W[i, j]
-            substitute(L, g, g.size)
-            for i in range(d):
-                gain[j, i] = g[i]
+        for i in range(d):  # X becomes N^-1 Phi P_f, the gain with rows for columns
+            for n in range(i):
+                s = L[i, n]
+                for c in range(wide):
+                    X[i, c] -= s * X[n, c]
+            s = L[i, i]
+            for c in range(wide):
+                X[i, c] *= s
+        for i in range(d - 1, -1, -1):
+            for n in range(i + 1, d):
+                s = L[n, i]
+                for c in range(wide):
+                    X[i, c] -= s * X[n, c]
+            s = L[i, i]
+            for c in range(wide):
+                X[i, c] *= s
         for i in range(d):
             for n in range(d):
-                x_f[k, i] += gain[i, n] * ahead[n]
-        for i in range(d):
+                x_f[k, n] += X[i, n] * ahead[i]
+            for c in range(wide):
+                W[i, c] = 0.0
             for n in range(d):
-                N[i, n] = P_f[k + 1, i, n] - N[i, n]
-                W[i, n] = 0.0
-                L[i, n] = gain[n, i]
-        for i in range(d):
-            for o in range(d):
-                for n in range(d):
-                    W[i, n] += gain[i, o] * N[o, n]
-        for i in range(d):
-            for o in range(d):
-                for n in range(d):
-                    P_f[k, i, n] += W[i, o] * L[o, n]
+                s = S[i, n] - N[i, n]
+                for c in range(wide):
+                    W[i, c] += s * X[n, c]
         for i in range(9, d):
             for n in range(d):
-                next_f[k, i - 9] += gain[i, n] * P_f[k + 1, n, i]
+                next_f[k, i - 9] += X[n, i] * S[n, i]
+        for i in range(d):
+            for n in range(d):
+                S[i, n] = P_f[k, i, n]
+            for o in range(d):
+                s = X[o, i]
+                for c in range(wide):
+                    S[i, c] += s * W[o, c]
+            for n in range(d):
+                P_f[k, i, n] = S[i, n]
     return True

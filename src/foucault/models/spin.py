@@ -42,24 +42,52 @@ class Grip:
 
 @dataclass(frozen=True)
 class Moved:
-    """True specific force and rate of every sample, and what they hang on, axes b."""
+    """True specific force and rate of every sample, and what they hang on."""
 
-    f: FloatArray  # (n, 3) [m/s^2]
-    w: FloatArray  # (n, 3) [rad/s]
+    f: FloatArray  # (n, 3) axes b [m/s^2]
+    w: FloatArray  # (n, 3) axes b [rad/s]
     C_bm: FloatArray  # (3, 3) [p q e]
-    # path, grip: (n, 3, 3), (n, 3, 7) derivatives of both, in axes of the mounting [SI]
-    path: tuple[FloatArray, FloatArray]
-    grip: tuple[FloatArray, FloatArray]
+    grip: Grip
+    path: FloatArray  # (n, 3) [rad, rad/s, rad/s^2]
+    site: Site
+    own: tuple[FloatArray, FloatArray]  # f and w in axes of the mounting [SI]
+    up: tuple[FloatArray, ...]  # up, h but for its length, n, and up by the phase, (n, 3) each [1]
 
     @property
     def by_path(self) -> tuple[FloatArray, FloatArray]:
         """Specific force and rate by phase, rate and acceleration, (n, 3, 3) each [SI]."""
-        return self.C_bm @ self.path[0], self.C_bm @ self.path[1]
+        (r1, r2), (n_1, n_2), w = self.grip.arm, self.grip.level, self.path[:, 1]
+        across, up_by_phase = self.up[2:]
+        f, rate = np.zeros((2, len(w), 3, 3))
+        f[:, :, 0] = self.site.gravity * up_by_phase
+        f[:, 0, 1], f[:, 1, 1] = -2 * w * r1, -2 * w * r2
+        f[:, 0, 2], f[:, 1, 2] = -r2, r1
+        rate[:, 2, 1] = 1.0
+        rate[:, :, 0] = EARTH_RATE * (self._sine - n_1 * np.tan(self.grip.tilt)) * up_by_phase
+        rate[:, 0, 0] += EARTH_RATE * n_2 * across[:, 1]
+        rate[:, 1, 0] -= EARTH_RATE * n_2 * across[:, 0]
+        return self.C_bm @ f, self.C_bm @ rate
 
     @property
     def by_grip(self) -> tuple[FloatArray, FloatArray]:
         """Specific force and rate by the grip, (n, 3, 7) each [SI]."""
-        return self.C_bm @ self.grip[0], self.C_bm @ self.grip[1]
+        up, along, across, _ = self.up
+        w, al = self.path[:, 1], self.path[:, 2]
+        f, rate = np.zeros((2, len(w), 3, GRIP))
+        f[:, :, 2] = self.site.gravity * along
+        f[:, 0, 3], f[:, 1, 3] = -(w**2), al
+        f[:, 0, 4], f[:, 1, 4] = -al, -(w**2)
+        rate[:, :, 2] = EARTH_RATE * (self._sine * along - self.grip.level[0] * up)
+        rate[:, :, 5], rate[:, :, 6] = EARTH_RATE * along, EARTH_RATE * across
+        for by, v in zip((f, rate), self.own, strict=True):  # a turn of the axis: delta x v
+            by[:, 1, 0], by[:, 2, 0] = -v[:, 2], v[:, 1]
+            by[:, 0, 1], by[:, 2, 1] = v[:, 2], -v[:, 0]
+        return self.C_bm @ f, self.C_bm @ rate
+
+    @property
+    def _sine(self) -> float:
+        """Of the latitude; its mean where nobody knows it."""
+        return 0.0 if self.site.latitude is None else float(np.sin(self.site.latitude))
 
 
 def moved(grip: Grip, path: FloatArray, site: Site, shrunk: FloatArray) -> Moved:
@@ -67,41 +95,22 @@ def moved(grip: Grip, path: FloatArray, site: Site, shrunk: FloatArray) -> Moved
 
     `shrunk` (n,): by how much means are shorter than what turns [1].
     """
-    n, g, (r1, r2) = len(path), site.gravity, grip.arm
-    th, w, al = path.T
+    (r1, r2), (th, w, al), zero = grip.arm, path.T, np.zeros(len(path))
     c, s = shrunk * np.cos(th), shrunk * np.sin(th)
     ct, st = np.cos(grip.tilt), np.sin(grip.tilt)
-    zero, one = np.zeros(n), np.ones(n)
-    up = np.column_stack([ct * c, -ct * s, st * one])
-    up_by_tilt = np.column_stack([-st * c, st * s, ct * one])  # it is h too
-    up_by_phase = np.column_stack([-ct * s, -ct * c, zero])
+    up = np.column_stack([ct * c, -ct * s, zero + st])
+    along = np.column_stack([-st * c, st * s, zero + ct])  # up by the tilt; it is h too
     across = np.column_stack([s, c, zero])
-    f = g * up + np.column_stack([-(w**2) * r1 - al * r2, -(w**2) * r2 + al * r1, zero])
-    f_path = np.zeros((n, 3, 3))
-    f_path[:, :, 0] = g * up_by_phase
-    f_path[:, 0, 1], f_path[:, 1, 1] = -2 * w * r1, -2 * w * r2
-    f_path[:, 0, 2], f_path[:, 1, 2] = -r2, r1
-    f_grip, w_grip = np.zeros((2, n, 3, GRIP))
-    f_grip[:, :, 2] = g * up_by_tilt
-    f_grip[:, 0, 3], f_grip[:, 1, 3] = -(w**2), al
-    f_grip[:, 0, 4], f_grip[:, 1, 4] = -al, -(w**2)
-    w_path = np.zeros((n, 3, 3))
-    w_path[:, 2, 1] = 1.0
-    rate = np.column_stack([zero, zero, w])
+    by_phase = -ct * across
+    f = site.gravity * up
+    f[:, 0] -= w**2 * r1 + al * r2
+    f[:, 1] -= w**2 * r2 - al * r1
     sine = 0.0 if site.latitude is None else np.sin(site.latitude)  # its mean anywhere
-    rate += EARTH_RATE * (sine * up + grip.level[0] * up_by_tilt + grip.level[1] * across)
-    w_path[:, :, 0] = EARTH_RATE * (
-        sine * up_by_phase
-        + grip.level[0] * np.column_stack([st * s, st * c, zero])
-        + grip.level[1] * np.column_stack([c, -s, zero])
-    )
-    w_grip[:, :, 2] = EARTH_RATE * (sine * up_by_tilt - grip.level[0] * up)
-    w_grip[:, :, 5], w_grip[:, :, 6] = EARTH_RATE * up_by_tilt, EARTH_RATE * across
-    for by, v in ((f_grip, f), (w_grip, rate)):  # a turn of the axis: delta x v
-        by[:, 1, 0], by[:, 2, 0] = -v[:, 2], v[:, 1]
-        by[:, 0, 1], by[:, 2, 1] = v[:, 2], -v[:, 0]
+    rate = EARTH_RATE * (sine * up + grip.level[0] * along + grip.level[1] * across)
+    rate[:, 2] += w
     C = grip.C_bm
-    return Moved(f @ C.T, rate @ C.T, C, (f_path, w_path), (f_grip, w_grip))
+    own, ups = (f, rate), (up, along, across, by_phase)
+    return Moved(f @ C.T, rate @ C.T, C, grip, path, site, own, ups)
 
 
 def across(axis: FloatArray) -> FloatArray:

@@ -39,6 +39,7 @@ from foucault.diagnose.fit_checks import Judged, Limit, checks, scattering
 from foucault.errors import Finding, Status, error, finding
 from foucault.infer import mixed
 from foucault.infer.drift import find_left_out
+from foucault.infer.ellipsoid import ellipsoid
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.infer.mixed import NOISE_BASIS, Fit, Linearisation, Source
 from foucault.logs.description import OWN_LOG, log_head
@@ -47,7 +48,7 @@ from foucault.models.earth import Site
 from foucault.models.magnetometer import LAYOUT, Magnetometer
 from foucault.models.noise import ImuNoise, grade
 from foucault.models.norths import norths
-from foucault.models.rotation import cross_matrix, exp
+from foucault.models.rotation import cross_matrix
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.turning import Cells, Chain, Turning
 from foucault.models.world_field import WorldField, world_field
@@ -55,9 +56,9 @@ from foucault.plans.directions import Free, RestPlan, hand_plan
 from foucault.procedures import record
 from foucault.procedures.record import Given, Procedure, result_of
 from foucault.result import Check, Result, TableData
-from foucault.simulate.noise import noisy_log
+from foucault.simulate.magnetometer import draw_errors, simulate_field
 from foucault.strict import Strict
-from foucault.tables import AXES, Log, temperature_range, whole_samples
+from foucault.tables import AXES, Log, temperature_range
 from foucault.units import (
     STANDARD_GRAVITY,
     Angle,
@@ -265,45 +266,14 @@ TOGETHER = 0.7
 # -- where to start --------------------------------------------------------------------------------
 
 
-def ellipsoid(mag: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return A_0 (symmetric) and h of ``|A_0^-1 (mag - h)| = 1`` by linear equations, or a sphere.
-
-    `mag` (n, 3): readings [T]. Returns (3, 3) and (3,) [T].
-    """
-    middle, size = mag.mean(axis=0), float(mag.std())
-    y = (mag - middle) / size
-    # y' Q y + 2 q'y = c with trace Q = 3: Q = I + traceless part.
-    pairs = [y[:, 0] ** 2 - y[:, 2] ** 2, y[:, 1] ** 2 - y[:, 2] ** 2, 2 * y[:, 0] * y[:, 1],
-             2 * y[:, 0] * y[:, 2], 2 * y[:, 1] * y[:, 2]]  # fmt: skip
-    linear = [*(2 * y).T, -np.ones(len(y))]
-    square = -np.sum(y**2, axis=1)
-    for some in (pairs, []):
-        x = np.linalg.lstsq(np.column_stack([*some, *linear]), square, rcond=1e-9)[0]
-        a, b, c, d, e = x[:5] if some else np.zeros(5)
-        Q = np.array([[1 + a, c, d], [c, 1 + b, e], [d, e, 1 - a - b]])
-        values, axes = np.linalg.eigh(Q)
-        if values[0] <= 0 or values[2] > SPREAD**2 * values[0]:
-            continue
-        centre = -np.linalg.solve(Q, x[-4:-1])
-        radius = float(x[-1] + centre @ Q @ centre)
-        if radius > 0:
-            root = axes @ np.diag(np.sqrt(radius / values)) @ axes.T
-            return size * root, middle + size * centre
-    return size * np.sqrt(3.0) * np.eye(3), middle
-
-
-SPREAD = 1.5
-"""An ellipsoid of more unequal axes is an accident of the coverage [1]."""
-
-
 def turned(
     o: Observed, x: FloatArray, latest: float = LATEST
 ) -> tuple[FloatArray, FloatArray, float, float]:
     """Return Q, c and delay of ``dx/dt = x x (Q w + c)``, over windows, by linear equations.
 
     `x` (r, 3): direction of the field in sensor axes at the rows of the cells [1]; `latest`: delay,
-    either way, that is looked for [s]. Returns (3, 3)
-    [1], (3,) [rad/s], [s], and the share of the changes that this leaves [1].
+    either way, that is looked for [s]. Returns (3, 3) [1], (3,) [rad/s], [s], and the share of the
+    changes that this leaves [1].
     """
     time = o.log.time[o.cells.rows]
     step = np.diff(time)
@@ -312,26 +282,28 @@ def turned(
     ends = np.arange(0, len(x) - 1, width)
     cross = cross_matrix(x)
     whole = np.array([step[a : a + width].min(initial=1.0) > 0 for a in ends[:-1]])
-    scan = np.arange(-latest, latest + 1e-9, 0.005)
-    left, every = [], []
-    for delay in scan:
-        w = np.column_stack([np.interp(time - delay, o.log.time, o.turning.gyro[:, k])
-                             for k in range(3)])  # fmt: skip
-        full = np.column_stack([w, np.ones(len(w))])
-        each = np.einsum("nij,nk->nijk", cross, full).reshape(len(x), 3, 12)
-        area = 0.5 * (each[1:] + each[:-1]) * step[:, None, None]
-        total = np.concatenate([np.zeros((1, 3, 12)), np.cumsum(area, axis=0)])
-        rows = np.diff(total[ends], axis=0)[whole].reshape(-1, 12)
-        change = np.diff(x[ends], axis=0)[whole].ravel()
-        q = np.linalg.lstsq(rows, change, rcond=1e-6)[0]
-        left.append(float(np.sum((change - rows @ q) ** 2)))
-        every.append(q.reshape(3, 4))
-    k = int(np.argmin(left))
-    q, delay = every[k], float(scan[k])
+    change = np.diff(x[ends], axis=0)[whole].ravel()
+    scan, tried = np.arange(-latest, latest + 1e-9, 0.005), {}
+
+    def left(k: int) -> float:
+        if k not in tried:
+            w = [np.interp(time - scan[k], o.log.time, v) for v in o.turning.gyro.T]
+            full = np.stack([*w, np.ones(len(x))], axis=1)
+            each = (cross[:, :, :, None] * full[:, None, None]).reshape(len(x), 3, 12)
+            area = 0.5 * (each[1:] + each[:-1]) * step[:, None, None]
+            rows = np.add.reduceat(area[: ends[-1]], ends[:-1])[whole].reshape(-1, 12)
+            q = np.linalg.lstsq(rows, change, rcond=1e-6)[0]
+            tried[k] = float(np.sum((change - rows @ q) ** 2)), q.reshape(3, 4)
+        return tried[k][0]
+
+    # No motion of a hand changes its sense within a few of these steps.
+    k = min(range(0, len(scan), 4), key=left)
+    k = min(range(max(k - 3, 0), min(k + 4, len(scan))), key=left)
+    q, delay = tried[k][1], float(scan[k])
     if 0 < k < len(scan) - 1:  # the vertex of the parabola through the three lowest
-        a, b, c = left[k - 1 : k + 2]
+        a, b, c = (left(k + j) for j in (-1, 0, 1))
         delay += 0.0025 * (a - c) / max(a - 2 * b + c, 1e-300)
-    return q[:, :3], q[:, 3], delay, left[k] / float(np.sum(change**2))
+    return q[:, :3], q[:, 3], delay, left(k) / float(np.sum(change**2))
 
 
 @dataclass(frozen=True)
@@ -475,26 +447,23 @@ class FieldModel:
         o, B, A = self.observed, self.sizes.intensity, state.mag.matrix
         mag, force, warm = self._read
         n, k = len(o.cells), len(o.still)
-        chain, before, after = (
-            o.turning.chain(state.mag.delay + late, state.bias, state.matrix)
-            for late in (0.0, -SOON, SOON)
-        )
-        both = (after, 0.5 / SOON), (before, -0.5 / SOON)
+        chain, after = (o.turning.chain(state.mag.delay + late, state.bias, state.matrix)
+                        for late in (0.0, SOON))  # fmt: skip
         m_0 = B * state.field
         seen, moved = chain.seen(o.cells, m_0), A @ chain.seen_by(o.cells, m_0)
         iron = state.mag.bias + np.outer(warm, state.mag.bias_temperature)
         every = np.zeros((n + k, 3, len(LAYOUT)))
         every[:n] = sensor.slopes(seen, warm)
-        every[:n, :, 12] = sum(f * c.seen(o.cells, m_0) for c, f in both) @ A.T
+        every[:n, :, 12] = (after.seen(o.cells, m_0) - seen) @ A.T / SOON
         other = np.zeros((n + k, 3, 18 if k else 15))
         other[:n, :, :3], other[:n, :, -12:] = B * moved[:, :, :3], moved[:, :, 3:]
         miss = mag - seen @ A.T - iron
         tilting = moved[:, :, :3] @ cross_matrix(m_0)  # by an error of the attitude
         if k:
-            by = chain.seen_by(o.still, state.up)
+            by, still = chain.seen_by(o.still, state.up), chain.seen(o.still, state.up)
             other[n:, :, 3:6], other[n:, :, 6:] = by[:, :, :3], by[:, :, 3:]
-            every[n:, :, 12] = sum(f * c.seen(o.still, state.up) for c, f in both)
-            miss = np.concatenate([miss, force - chain.seen(o.still, state.up)])
+            every[n:, :, 12] = (after.seen(o.still, state.up) - still) / SOON
+            miss = np.concatenate([miss, force - still])
             tilting = np.concatenate([tilting, by[:, :, :3] @ cross_matrix(state.up)])
         chosen = [LAYOUT.index(name) for name in self.names]
         J = np.concatenate([every[:, :, chosen], other], axis=2)
@@ -547,14 +516,14 @@ class FieldModel:
         first, last = np.zeros((2, n + k, 3, 3))
         first[:n], last[n:] = each[:n], each[n:]
         how = NOISE_BASIS["declared" if self.sizes.declared else "measured"]
-        drift = np.einsum("nij,nk->nikj", tilting, walk).reshape(n + k, 3, -1)
+        drift = (tilting[:, :, None] * walk[:, None, :, None]).reshape(n + k, 3, -1)
         out = [
             Source("magnetometer noise", first, noise=True, type=how[0], basis=how[1]),
             Source("gyro noise", shared=drift, noise=True, basis="noise of the gyros"),
         ]
         for name in wander if self.settings.wander else ():
             some = np.zeros((n + k, 3, 3 * n))
-            some[:n] = np.einsum("nij,nk->nikj", moved, wander[name]).reshape(n, 3, -1)
+            some[:n] = (moved[:, :, None] * wander[name][:, None, :, None]).reshape(n, 3, -1)
             out.append(
                 Source(name, shared=some, sd=None, type="A", basis=mixed.UNEXPLAINED_BASIS[1])
             )
@@ -574,8 +543,8 @@ class FieldModel:
         return tuple(out)
 
 
-SOON = 1e-4
-"""Two chains so much before and after say what the delay does [s]."""
+SOON = 1e-7
+"""A chain so much later says what the delay does [s]."""
 
 KNOTS = 60
 """Steps of the random walk of the attitude [1]."""
@@ -985,73 +954,6 @@ class Session(Strict):
     """For how long it stays the same."""
 
 
-@dataclass(frozen=True)
-class Simulation:
-    """A simulated session."""
-
-    log: Log  # [SI]
-    model: Magnetometer  # the errors of the magnetometer
-    said: dict[str, Any]  # what else is true
-
-    def truth_json(self) -> dict[str, Any]:
-        """Return the truth beside the coefficients."""
-        return self.said
-
-
-def draw_errors(grade_name: str, seed: int) -> Magnetometer:
-    """Draw the errors of a magnetometer; the class of the IMU makes none; `seed`: seed [1]."""
-    rng = np.random.default_rng([seed, 4])
-    soft = rng.standard_normal((3, 3)) * 0.02
-    A = exp(np.radians(2.0) * rng.standard_normal(3)) @ (np.eye(3) + soft + soft.T)
-    A = A @ np.diag(1.0 + 0.03 * rng.standard_normal(3))
-    return Magnetometer(A, 30e-6 * rng.standard_normal(3), float(rng.uniform(0.0, 0.01)))
-
-
-def simulated(
-    session: Session, settings: Settings, model: Magnetometer, noise: ImuNoise, site: Site,
-    seed: int,
-) -> Simulation:  # fmt: skip
-    """Simulate a session: `seed` [1] gives one of its motion and one of its `noise` [SI]."""
-    from scipy.signal import lfilter
-
-    motion, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence([seed, 5]).spawn(2))
-    rest, turn = session.rest_time, session.turn_time
-    free = session.motion == "free"
-    starts = np.asarray(rest + np.arange(1 if free else session.rests - 1) * (rest + turn), float)
-    length = np.full(len(starts), session.time if free else turn)
-    lead = 2 * LATEST  # what a late magnetometer still sees of before
-    n = whole_samples((starts[-1] + length[-1] + rest) * session.rate) + 1
-    fine = FINE * session.rate
-    time = np.asarray(np.arange(-round(lead * fine), (n - 1) * FINE + 1) / fine, float)
-    w = _rates(session, starts, length, time, motion)
-    chain = Turning(time, w).chain(0.0, np.zeros(3), np.zeros((3, 3)))
-    C = exp(motion.standard_normal(3)) @ chain.C
-    sampled = slice(round(lead * fine), None, FINE)
-    B = session.intensity + (settings.intensity_sd or 0.0) * sensors.standard_normal()
-    m_n = B * np.array([0.0, np.cos(session.dip), -np.sin(session.dip)])
-    keep = np.exp(-1.0 / fine / session.wander_time)
-    push = session.wander_sd * sensors.standard_normal((len(time), 3))
-    push[1:] *= np.sqrt(1 - keep**2)
-    wander = lfilter([1.0], [1.0, -keep], push, axis=0) if session.wander_sd else push
-    field_b = np.einsum("nji,nj->ni", C, m_n + wander)
-    late = np.column_stack([np.interp(time[sampled] - model.delay, time, field_b[:, k])
-                            for k in range(3)])  # fmt: skip
-    mag = model.measure(late) + session.noise_sd * sensors.standard_normal((n, 3))
-    f_b, rate = site.gravity * C[sampled, 2], w[sampled]
-    if session.kind == "increment":
-        rate = np.diff(np.cumsum(w, 0)[sampled], axis=0, prepend=np.nan) / FINE
-        rate[0] = w[sampled][0]
-    s = settings
-    gyros = s.gyro_misalignment_sd * sensors.standard_normal((3, 3))
-    np.fill_diagonal(gyros, s.gyro_scale_sd * sensors.standard_normal(3))
-    # The inverse of how it is taken away: w = w_m - bias - matrix w_m.
-    bias = s.gyro_bias_sd * sensors.standard_normal(3)
-    measured = np.asarray(np.linalg.solve(np.eye(3) - gyros, (rate + bias).T).T, float)
-    force = f_b + s.accel_bias_sd * sensors.standard_normal(3)
-    log = noisy_log(time[sampled], force, measured, sampled=session.kind, noise=noise, rng=sensors)
-    return Simulation(replace(log, mag=mag), model, {"dip": session.dip})
-
-
 def _planned(session: Session) -> RestPlan | Free:
     """Return what a hand is to do."""
     if session.motion == "free":
@@ -1059,32 +961,6 @@ def _planned(session: Session) -> RestPlan | Free:
     plan = hand_plan(session.rests)
     rests, turns = np.full(session.rests, session.rest_time), session.turn_time
     return replace(plan, rest_time=rests, turn_time=np.full(session.rests - 1, turns))
-
-
-FINE = 8
-"""Steps that a motion is simulated with between two samples [1]."""
-
-
-def _rates(
-    session: Session, starts: FloatArray, length: FloatArray, time: FloatArray,
-    rng: np.random.Generator,
-) -> FloatArray:  # fmt: skip
-    """Return the rate of the body at `time` (n,) [s], shape (n, 3) [rad/s]: still between turns."""
-    w = np.zeros((len(time), 3))
-    for begin, long in zip(starts, length, strict=True):
-        now = (time > begin) & (time < begin + long)
-        t = (time[now] - begin)[:, None]
-        if session.motion == "free":
-            f, phase = rng.uniform(0.05, 0.6, (4, 3)), rng.uniform(-np.pi, np.pi, (4, 3))
-            one = sum(np.sin(2 * np.pi * f[j] * t + phase[j]) for j in range(4)) / np.sqrt(2.0)
-            ends = np.clip(np.minimum(t, long - t), 0.0, 1.0)
-            w[now] = session.pace / np.sqrt(3.0) * one * np.sin(0.5 * np.pi * ends) ** 2
-        else:
-            axis = rng.standard_normal(3)
-            angle = rng.uniform(0.5, 1.0) * np.pi / np.linalg.norm(axis)
-            tau = t / long
-            w[now] = axis * angle * 30 * (tau * (1 - tau)) ** 2 / long
-    return w
 
 
 MAG_LINE = """\
@@ -1115,7 +991,7 @@ PROCEDURE = Procedure(
     Session=Session,
     solve=_solve,
     plan=lambda _settings, session, _site: _planned(session),
-    simulation=simulated,
+    simulation=simulate_field,
     observe=observe,
     names=lambda settings, _: settings.estimated(),
     layout=LAYOUT,

@@ -192,6 +192,10 @@ class Start:
     jumps: float  # of the stamps against a line, in samples (rms) [1]
 
 
+FORCES = 800
+"""Samples by which lever arm and forces are judged, evenly chosen [1]."""
+
+
 def start_of(master: Log, log: Log, who: str) -> Start:
     """Find offset, clock rate, rotation and lever arm in closed form; name what contradicts them.
 
@@ -210,7 +214,8 @@ def start_of(master: Log, log: Log, who: str) -> Start:
     w_b, f_b = even(t_b, w_b, t), even(t_b, f_b, t)
     x, y = w_c - w_c.mean(axis=0), w_b - w_b.mean(axis=0)
     C_cb, free = wahba(x, y), np.linalg.lstsq(y, x, rcond=None)[0].T
-    size = np.linalg.svd(free)[1]
+    size, some = np.linalg.svd(free)[1], slice(None, None, max(1, len(t) // FORCES))
+    f_c, f_b, w_b, alpha = f_c[some], f_b[some], w_b[some], alpha[some]
     if (axis := one_axis(y)) is not None:
         # The angle about a single axis is left to the forces.
         angles = np.arange(-18, 18) * np.pi / 18
@@ -236,8 +241,6 @@ def _arm(
 
     `f_c` (n, 3) or (b, n, 3); `f_b`, `w`, `alpha` (n, 3) [SI].
     """
-    step = max(1, len(f_b) // 1500)
-    f_c, f_b, w, alpha = (v[..., ::step, :] for v in (f_c, f_b, w, alpha))
     Om = cross_matrix(alpha) + cross_matrix(w) @ cross_matrix(w)
     A = np.concatenate([C_cb @ Om, np.broadcast_to(np.eye(3), Om.shape)], axis=2).reshape(-1, 6)
     y = f_c - f_b @ C_cb.T

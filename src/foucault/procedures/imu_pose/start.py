@@ -161,13 +161,17 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
     numbers = even(q.time, _without_jumps(numbers * np.append(1.0, flips)[:, None]), own)
     bad = gaps(q.time, own, max(4 * usual, SMOOTH))
     found: list[Start] = []
+    known: dict[tuple[int, ...], Clocks] = {}
     for reading, (order, sign) in READINGS.items():
         if q.reading not in (None, reading):
             continue
         w = _body_rate(numbers[:, order] * [1.0, sign, sign, sign], usual)
         w[bad] = 0.0
         _same_time(log.gyro, w, log.duration, own[-1] - own[0])
-        found.append(_with_rates(log, r, q, reading, (own, w, bad), (w_imu, f_imu, step)))
+        if tuple(order) not in known:  # in axes of the world rates have the same norms
+            known[tuple(order)] = clocks((log.time, w_imu), (own, w), r.middle)
+        c = known[tuple(order)]
+        found.append(_with_rates(log, r, q, reading, c, (own, w, bad), (w_imu, f_imu)))
     # Rates do not tell all readings apart, forces do; a mirror image, another unit or sign is no
     # reason for another reading.
     least = min(s.free_misfit for s in found)
@@ -195,12 +199,11 @@ def _body_rate(q: FloatArray, step: float) -> FloatArray:
 
 
 def _with_rates(
-    log: Log, r: Readings, q: PoseTable, reading: str,
-    body: tuple[FloatArray, FloatArray, BoolArray], sensed: tuple[FloatArray, FloatArray, float],
+    log: Log, r: Readings, q: PoseTable, reading: str, c: Clocks,
+    body: tuple[FloatArray, FloatArray, BoolArray], sensed: tuple[FloatArray, FloatArray],
 ) -> Start:  # fmt: skip
-    (own, w_m, bad), (w_imu, f_imu, _) = body, sensed
+    (own, w_m, bad), (w_imu, f_imu) = body, sensed
     usual = float(own[1] - own[0])
-    c = clocks((log.time, w_imu), (own, w_m), r.middle)
     tau, kappa = c.tau, c.kappa
     t = own + tau + kappa * (own - r.middle)
     inside = ~bad & (t > log.time[0] + SMOOTH) & (t < log.time[-1] - SMOOTH)
@@ -232,7 +235,7 @@ def _with_rates(
         about = exp(angles[int(np.argmin(left_over))] * axis)
         C_bm, forces = about @ C_bm, replace(forces, C_bv=about @ forces.C_bv)
     C_vb = q.attitude(reading) @ C_bm.T
-    x9, off = forces.fit()
+    x9, off = forces.some(2000).fit()
     size = float(np.linalg.norm(x9[3:6]))
     node = r.nodes(tau, kappa)
     at = Point(
