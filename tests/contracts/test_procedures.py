@@ -97,12 +97,20 @@ SESSIONS = {
     "imu_pose": Case("imu_pose", {}, {"time": 20.0}, grade="mems"),
     "two_imus": Case("two_imus", {}, {"time": 20.0}, grade="mems"),
 }  # fmt: skip
+ON_FACES_OR_TABLE = (
+    "six_position",
+    "norm_observation",
+    "multi_position",
+    "turntable",
+    "rate_table",
+)
 ON_TABLE = ("norm_observation", "multi_position", "turntable")
 MIXED = tuple(
     n for n in PROCEDURES
     if n not in ("hand_rotated_published", "platform_tumble", "systematic", "transfer_alignment",
                  "imu_pose", "two_imus")
 )  # fmt: skip
+BRIEF = ("hand_rotated", "six_position", *ON_TABLE, "rate_table")
 
 
 def told(name: str) -> Any:
@@ -823,3 +831,36 @@ def test_nees_is_the_quadratic_form() -> None:
     e = np.einsum("nji,nj->ni", root, np.ones((4, 3)))  # root' 1: its NEES is 3
     np.testing.assert_allclose(nees(e, cov), 3.0, rtol=1e-6)
     np.testing.assert_allclose(nees(e[:1], cov[0]), 3.0, rtol=1e-6)
+
+
+# -- what was known beforehand ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [
+    pytest.param(n, marks=[pytest.mark.thorough] * (n not in BRIEF))
+    for n in PROCEDURES if n != "hand_rotated_published"  # it refuses priors
+])  # fmt: skip
+def test_a_prior_that_readings_contradict_is_no_pass(name: str) -> None:
+    """Ten of its standard deviations off, which are three times those of the estimate."""
+    c = fitted(name)[0].coefficients
+    k = next(i for i, sd in enumerate(c.sd) if np.isfinite(sd) and sd > 0)
+    sd = 3 * float(c.sd[k])
+    prior = {c.names[k]: (float(c.values[k]) + 10 * sd, sd)}
+    result = solved(replace(SESSIONS[name], prior=prior), session(name).log, noise=told(name))
+    failed = [check.name for check in result.checks if not check.passed]
+    assert result.verdict.level is not Level.PASS
+    assert "prior" in failed
+
+
+@pytest.mark.parametrize("name", MIXED)
+def test_what_was_said_of_the_rig_is_compared_with_what_was_found(name: str) -> None:
+    """Every row of what was known beforehand is tested, and says what to declare."""
+    every = judged(name)
+    sources = set(every.fit.at.known_from)
+    if every.fit.at.known is not None:
+        assert sources <= set(every.said), "say in `Judged.said` what declares them"
+    for what in sources:
+        if every.said[what]:
+            off = replace(every.fit.at, known=(every.fit.at.known[0] + 1e3, every.fit.at.known[1]))
+            checks = fit_checks.known_checks(replace(every.fit, at=off), every.said)
+            assert all(not check.passed for check in checks)

@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from foucault.detect.noise import measure_noise
-from foucault.detect.stretches import How, Rests, detection_table, find_rests, rest_table, runs
+from foucault.detect.stretches import (
+    How,
+    Rests,
+    detection_table,
+    find_rests,
+    moments_of,
+    rest_table,
+    runs,
+    trimmed,
+)
 from foucault.diagnose.live import inspect
 from foucault.estimate.hand_rotated import find_published_rests
 from foucault.infer.gauss_newton import chi_square_limits
@@ -37,6 +46,30 @@ def test_every_rest_is_found_inside_its_quiet(name, sampled):
     assert (rests.first[1:] < simulation.first[1:] + 2 * half).all()
     assert (rests.last[:-1] > simulation.last[:-1] - 2 * half).all()
     assert rests.findings == ()
+
+
+@pytest.mark.parametrize("shaken", [0.0, 0.05])
+def test_a_turn_that_begins_gently_is_no_part_of_a_rest_that_is_shaken(shaken):
+    """A turn of a quintic in time, of 2 pi in six seconds; .2 g rms shake all of it."""
+    t, end = np.arange(0, 26, 0.01), 10.0
+    x = np.clip((t - end) / 6, 0, 1)
+    rate = 2 * np.pi / 6 * (30 * x**2 - 60 * x**3 + 30 * x**4)
+    rng, shake = np.random.default_rng(3), np.sin(2 * np.pi * 17.3 * t)
+    gyro = rng.normal(0, 1e-3, (len(t), 3)) + shaken * shake[:, None] + [0.0, 0.0, 0.01]
+    accel = rng.normal(0, 0.01, (len(t), 3)) + 56 * shaken * shake[:, None] + [0, 0, 9.8]
+    gyro[:, 2] += rate
+    log = Log(t, gyro, accel)
+    rests = find_rests(log)
+    last, first = rests.last[0], rests.first[-1]  # the fastest of the turn is steady, too
+    assert rate[:last].sum() * 0.01 < 1e-4
+    assert rate[first:].sum() * 0.01 < 1e-4
+    # Not more is cut than the windows that the turn is in.
+    assert end - 0.5 < t[last] < end + 0.25
+    level, half = rests.level, rests.window // 2
+    means, _ = moments_of(gyro, 2 * half + 1)
+    rows = np.array([half, 1600 + half]), np.array([1000 + half, len(t) - half])
+    by_scatter, by_both = (np.array(trimmed(level, *rows, 100, x)) for x in (None, means))
+    assert np.array_equal(by_scatter, by_both) == (shaken == 0)
 
 
 @pytest.mark.parametrize("missing", ["accel", "gyro"])

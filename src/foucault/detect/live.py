@@ -20,7 +20,7 @@ from foucault.detect.stretches import (
     How,
     level_of,
     limit_of,
-    moving_sd,
+    moments_of,
     quiet_sd,
     runs,
     trimmed,
@@ -76,7 +76,7 @@ class LiveRests:
         self.how = how
         self._time = Rows(1)
         self._triads: dict[str, Rows] = {}
-        self._sd: dict[str, Rows] = {}
+        self._moments: dict[str, Rows] = {}
         self._log: Log | None = None
         self.interval = float("nan")
         self.samples = 0
@@ -110,7 +110,7 @@ class LiveRests:
             self._log = log
             for name in ("accel", "gyro"):
                 if getattr(log, name) is not None:
-                    self._triads[name], self._sd[name] = Rows(3), Rows(1)
+                    self._triads[name], self._moments[name] = Rows(3), Rows(4)
         known = len(self)
         self._time.add(log.time[:, None])
         newest = self._time.all[max(0, known - 2) :, 0]
@@ -146,7 +146,7 @@ class LiveRests:
         for name, x in new.items():
             self._triads[name].all[row:end] = x[row - start : end - start]
         half = self.samples // 2
-        for rows in self._sd.values():
+        for rows in self._moments.values():
             rows.clear(row - half if row > 2 * half else 0)
         self._means.clear()
         self.spikes += seen
@@ -160,10 +160,10 @@ class LiveRests:
         samples = self.how.samples(rate)
         if abs(samples - self.samples) > (0.0 if exact else 0.1 * self.samples):
             self.samples = samples
-            for rows in self._sd.values():
+            for rows in self._moments.values():
                 rows.clear()
         self._extend()
-        sd = {name: rows.all[::stride, 0] for name, rows in self._sd.items()}
+        sd = {name: rows.all[::stride, 0] for name, rows in self._moments.items()}
         self.quiet = {name: quiet_sd(values) for name, values in sd.items()}
         self.limit = limit_of(self._levels(sd), self.how, LOWEST)
         self._runs, self._open, self._decided = [], 0, 0
@@ -171,20 +171,21 @@ class LiveRests:
         self._next = len(self) + round(max(LEARN[0] * rate, LEARN[1] * len(self)))
 
     def _extend(self) -> None:
-        """Add the standard deviations of the windows that are complete now."""
+        """Add standard deviation and mean of the windows that are complete now."""
         half, n = self.samples // 2, len(self)
         if n < self.samples:
             return
-        for name, rows in self._sd.items():
+        for name, rows in self._moments.items():
             if not len(rows):
-                rows.add(np.full((half, 1), np.nan))
+                rows.add(np.full((half, 4), np.nan))
             known = len(rows)
             x = self._triads[name].all[known - half : n]
-            rows.add(moving_sd(x, self.samples)[half : len(x) - half, None])
+            mean, sd = moments_of(x, self.samples)
+            rows.add(np.column_stack([sd, mean])[half : len(x) - half])
 
     def level(self, since: int) -> FloatArray:
         """Return the level of every window from sample `since` on, shape (n,) [1]."""
-        return self._levels({name: rows.all[since:, 0] for name, rows in self._sd.items()})
+        return self._levels({name: rows.all[since:, 0] for name, rows in self._moments.items()})
 
     def _levels(self, sd: dict[str, FloatArray]) -> FloatArray:
         levels = [level_of(values, self.quiet[name]) for name, values in sd.items()]
@@ -220,7 +221,8 @@ class LiveRests:
         kept = [(a, b) for a, b in found if b - a >= fewest]
         first, last = (np.array([run[i] for run in kept], np.int64) for i in (0, 1))
         if kept and self.how.threshold is None:
-            first, last = trimmed(self.level(0), first, last, fewest)
+            means = self._moments["gyro"].all[:, 1:] if "gyro" in self._moments else None
+            first, last = trimmed(self.level(0), first, last, fewest, means)
         turns = np.zeros(len(kept), bool)
         if "gyro" in self._triads and len(kept) >= FEW:
             turns, _ = turning(self.means("gyro", first, last))

@@ -5,9 +5,9 @@ in memory or grows (`find_rests`, `live`), one after the other where a table's i
 (`cells`, `table`). The level of a window is its standard deviation relative to the quietest part
 of the log (1 = quiet), the largest of its triads. Levels of rests and of motion form two heaps on
 a logarithmic axis; the threshold separates them best in Otsu's sense. Windows in a row that are
-quiet, and belong together, are a stretch; what is not as quiet as the rest of it is cut off its
-ends. A window belongs to a rest only as a whole, so that a rest starts and ends half a window
-inside the quiet. A stretch that turns steadily is quiet too: its mean rate tells.
+quiet, and belong together, are a stretch; what is not as quiet as the rest of it, or turns beside
+it, is cut off its ends. A window belongs to a rest only as a whole, so that a rest starts and ends
+half a window inside the quiet. A stretch that turns steadily is quiet too: its mean rate tells.
 
 References
 ----------
@@ -75,6 +75,10 @@ STEADY_TURN = np.radians(1.0), 8.0
 """A quiet stretch turns if its rate is off by this, far beyond Earth rate and the drift of a bias
 and slow for a hand, and by so many times the usual [rad/s], [1]."""
 
+STARTS = 4.0
+"""A turn starts, or ends, where windows of a rest are off by more than the least rate of a steady
+turn and by so many times the usual [1]."""
+
 FEW = 5
 """Fewer rests cannot be told apart by their rates [1]."""
 
@@ -114,15 +118,16 @@ def find_rests(log: Log, how: How = HAND) -> Rests:
     rate = log.rate if len(log) > 1 else 0.0
     samples = how.samples(rate)
     triads = {"accel": log.accel, "gyro": log.gyro}
-    scatter = {k: moving_sd(x, samples) for k, x in triads.items() if x is not None}
-    levels = {k: level_of(sd, quiet_sd(sd)) for k, sd in scatter.items()}
+    moments = {k: moments_of(x, samples) for k, x in triads.items() if x is not None}
+    levels = {k: level_of(sd, quiet_sd(sd)) for k, (_, sd) in moments.items()}
     level = np.asarray(np.fmax.reduce(list(levels.values())))
     limit = limit_of(level, how)
     if log.rests is not None:
         return _as_said(log, log.rests, levels, limit, samples)
     first, last = runs(level < limit, how.fewest(rate))
     if how.threshold is None:
-        first, last = trimmed(level, first, last, how.fewest(rate))
+        mean = moments["gyro"][0] if "gyro" in moments else None
+        first, last = trimmed(level, first, last, how.fewest(rate), mean)
     none = np.array([np.nan])
     found = Rests(first, last, level, levels.get("accel", none), levels.get("gyro", none), limit,
                   samples)  # fmt: skip
@@ -166,10 +171,13 @@ def _as_said(
 # -- level and threshold ---------------------------------------------------------------------------
 
 
-def moving_sd(x: FloatArray, samples: int) -> FloatArray:
-    """Return the sd of `x` (n, 3) [unit] in windows of an odd number of `samples` [1], (n,)."""
-    _, variance = moving_moments(np.ascontiguousarray(x), samples)
-    return np.asarray(np.sqrt(variance.sum(axis=1)))
+def moments_of(x: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
+    """Return mean (n, 3) and sd (n,) of `x` (n, 3) in windows around each sample [unit].
+
+    `samples`: of a window, odd [1].
+    """
+    mean, variance = moving_moments(np.ascontiguousarray(x), samples)
+    return np.asarray(mean), np.asarray(np.sqrt(variance.sum(axis=1)))
 
 
 def quiet_sd(sd: FloatArray) -> float:
@@ -239,20 +247,27 @@ def runs(
 
 
 def trimmed(
-    level: FloatArray, first: IntArray, last: IntArray, fewest: int = 1
-) -> tuple[IntArray, IntArray]:
+    level: FloatArray, first: IntArray, last: IntArray, fewest: int = 1,
+    gyro: FloatArray | None = None,
+) -> tuple[IntArray, IntArray]:  # fmt: skip
     """Cut the slow beginnings and ends of turns off the rests.
 
     The threshold that tells rest from turn lies far above the level of a rest, and the more so
-    the slower the log; a turn that starts gently is below it for a while.
+    the slower the log; a turn that starts gently is below it for a while. Where the rest itself is
+    shaken its scatter hides the turn for longer: there the mean rate tells.
 
     `level` (n,): level of each window, 1 for quiet [1]; `first`, `last` (k,): first of each rest
-    and the one after its last; `fewest`: of a rest, which is not cut below it [1].
+    and the one after its last; `fewest`: of a rest, which is not cut below it [1]; `gyro` (n, 3)
+    or None: mean rate in each window [rad/s].
     """
     first, last = first.copy(), last.copy()
     for j, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
         part = level[a:b]
-        calm = np.flatnonzero(part <= EDGE * np.median(part))
+        steady = part <= EDGE * np.median(part)
+        if gyro is not None:
+            off = np.sqrt(np.nansum((gyro[a:b] - np.median(gyro[a:b], axis=0)) ** 2, axis=1))
+            steady &= off <= max(STEADY_TURN[0], STARTS * float(np.median(off)))
+        calm = np.flatnonzero(steady)
         # Only the ends are cut: a bump in the middle stays part of the rest.
         if len(calm) and calm[-1] + 1 - calm[0] >= fewest:
             first[j], last[j] = a + calm[0], a + calm[-1] + 1

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -149,6 +150,23 @@ def judge_prior(estimate: Estimate) -> list[Check]:
         return []
     rows = estimate.residuals[-known:]  # the prior's rows come last
     return [prior_check(estimate.coefficients, rows, estimate.alone)]
+
+
+def given_check(c: CoefficientVector, given: Mapping[str, tuple[float, float]]) -> list[Check]:
+    """Return the check of what was given beforehand, where an estimate knows more than was given.
+
+    `c`: the estimate, with covariance, and the standard deviations of all that was known [SI];
+    `given` (2,): mean and sd of coefficients or groups of them [SI].
+    """
+    mean, sd = np.zeros(len(c)), np.full(len(c), np.inf)
+    for i, name in enumerate(c.names):
+        for key, (value, spread) in given.items():
+            if name == key or name.startswith(key + "."):
+                mean[i], sd[i] = value, spread
+    some = np.isfinite(sd)
+    if not some.any():
+        return []
+    return [prior_check(replace(c, prior_sd=sd), (mean - c.values)[some] / sd[some])]
 
 
 def prior_check(

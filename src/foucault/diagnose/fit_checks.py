@@ -89,12 +89,16 @@ class Judged:
     predicted: str = ""  # what was held out, where not all `readings` are
     # with fewer degrees of freedom one wrong reading looks like scatter of all [1]
     told_apart: float = TOLD_APART
+    # source that rows of what was known beforehand are -> what says so, after "Say", or "" where
+    # nobody said anything
+    said: Mapping[str, str] = field(default_factory=dict)
 
 
 def checks(e: Judged) -> list[Check]:
     """Return the tests that every procedure makes; a failed one carries its reason."""
     estimate = e.fit.estimate
     out = [status_check(estimate.status, estimate.weakest), redundancy(e), *judge_prior(estimate)]
+    out += known_checks(e.fit, e.said)
     out += plausible_scales(estimate.coefficients)
     out += drift_check(clearest_drift(e), estimate.coefficients.layout)
     out += [explained(e, kind) for kind in e.kinds if kind in e.fit.before]
@@ -103,11 +107,11 @@ def checks(e: Judged) -> list[Check]:
     return out + _held_out(e)
 
 
-def known_checks(fit: Fit, keys: Mapping[str, str]) -> list[Check]:
+def known_checks(fit: Fit, said: Mapping[str, str]) -> list[Check]:
     """Compare nuisance parameters as found with what was known of them; none where none show.
 
     Of white rows z of what was known, ``cov(z) = I - R P R'``: what the readings tell of them.
-    `keys`: the source that rows are in the budget -> the setting that says how large they are.
+    `said`: as of `Judged`.
     """
     from scipy.special import chdtrc, chdtri
 
@@ -115,7 +119,9 @@ def known_checks(fit: Fit, keys: Mapping[str, str]) -> list[Check]:
         return []
     z, R = fit.at.known
     told = list[tuple[float, float, int, str]]()
-    for what in keys:
+    for what in dict.fromkeys(fit.at.known_from):
+        if not said.get(what, what):
+            continue
         mine = np.array([name == what for name in fit.at.known_from])
         seen = np.eye(int(mine.sum())) - R[mine] @ fit.estimate.state_cov @ R[mine].T
         share, along = np.linalg.eigh(seen)
@@ -127,12 +133,25 @@ def known_checks(fit: Fit, keys: Mapping[str, str]) -> list[Check]:
         return []
     _, square, dof, what = min(told)
     high = np.sqrt(float(chdtri(dof, CERTAIN)) / dof)  # a little more is within what was said
-    name, given = "known beforehand", {"what": what, "key": keys[what]}
-    return [check(name, name, np.sqrt(square / dof), None, high, given)]
+    cure = said.get(what) or "how well it is known, or correct it"
+    given = {"what": what, "cure": cure}
+    return [check("known beforehand", BEFOREHAND, np.sqrt(square / dof), None, high, given)]
 
+
+BEFOREHAND = "known beforehand"
+"""Name of the check of `known_checks`."""
 
 KNOWN = 1e-2
 """Share of what was known that readings tell, below which it is not tested [1]."""
+
+
+def said_once(every: list[Check], better: str) -> list[Check]:
+    """Leave out what was known beforehand where a check that is worded better fails too.
+
+    `better`: name of that check.
+    """
+    failed = any(c.name == better and not c.passed for c in every)
+    return [c for c in every if not (failed and c.name == BEFOREHAND)]
 
 
 def redundancy(e: Judged) -> Check:

@@ -158,6 +158,7 @@ def judged(fit: Fit, declared: bool, rest_level: FloatArray, held_out: HeldOut |
         readings="means and turns" if gyros else "rests",
         cure="Add rests.",
         told_apart=0.0,  # one wrong reading is left out first
+        said={"unknown heading": ""},
     )  # fmt: skip
     return replace(found, cause=_causes(found, rest_level)) if declared else found
 

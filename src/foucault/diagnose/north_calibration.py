@@ -14,11 +14,11 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import check
-from foucault.diagnose.fit_checks import Judged, chi_square_json, explained
+from foucault.diagnose.fit_checks import Judged, chi_square_json, explained, said_once
 from foucault.diagnose.fit_checks import checks as general_checks
 from foucault.diagnose.north import MATTERS, offset_drift
 from foucault.errors import Finding, Status, error, finding
-from foucault.estimate.north import ACCEL, GYRO, Known, Rig, solve, tilts
+from foucault.estimate.north import ACCEL, GYRO, LEVEL, Known, Rig, solve, tilts
 from foucault.estimate.north_reduction import INDEXING, Pairs
 from foucault.infer.gauss_newton import Component, chi_square_limits
 from foucault.infer.mixed import Fit, HeldOut, causes, held_out
@@ -189,11 +189,12 @@ def checks(
         fit, KINDS, NOISE[source], middle, found_in,
         readings="headings", cure="Add headings.", cause=dict.fromkeys(KINDS, cause),
         named=lambda i: f"'{dwells.names[i]}'",
+        said={LEVEL: "how level the table is (level_sd in [procedure])"},
     )  # fmt: skip
     readings = replace(e, fit=replace(fit, before=inside, after=inside))
     out = general_checks(e) + [explained(readings, kind) for kind in inside]
     out += _fitting(apart, fit.estimate, source) + _level(fit, rig)
-    return (*out, *_offset_drift(pairs, fit.estimate.coefficients, dwells))
+    return (*said_once(out, "level"), *_offset_drift(pairs, fit.estimate.coefficients, dwells))
 
 
 def _offset_drift(pairs: Pairs, c: CoefficientVector, dwells: Dwells) -> list[Check]:

@@ -83,6 +83,18 @@ _WHAT = {
 }
 
 
+OF_TABLE = "errors of the table"
+"""Name of the check of all that is wrong with a table."""
+
+_SAID = {
+    "tilt of the outer axis": "how plumb the table is (plumb_sd in [procedure])",
+    "axes of the table that are not square": "how square its axes are (orthogonality_sd)",
+    "zero errors of the table": "how large its zero errors are (zero_sd)",
+    "errors of single positions": "how far single positions are off (position_sd)",
+}
+"""What is known of a table, and the setting that says it."""
+
+
 def checks(e: TableFit) -> tuple[Check, ...]:
     """Return every test of the result; a failed one carries its reason."""
     estimate = e.estimate
@@ -94,7 +106,7 @@ def checks(e: TableFit) -> tuple[Check, ...]:
     out += [sign] if sign is not None else []
     out += [_outliers(e), _controlled(e), *_rate_as_declared(e)]
     if isinstance(estimate.state.geometry, Angles):
-        out += _table(e)
+        out = fit_checks.said_once(out + _table(e), OF_TABLE)
     out += left_out_check(
         _quadratic(every, e), LAYOUT, QUADRATIC,
         "Set accel_quadratic = true, in a plan that shows them.",
@@ -109,6 +121,7 @@ def judged(e: TableFit) -> Judged:
         e.fit, _WHAT, r.noise_from, (r.start + r.time / 2)[e.model.rows % len(r)],
         found_in=FOUND_IN, limits=_LIMITS, cure="Measure more positions.",
         more="measure more positions", blocks=e.model.rows % len(r), named=partial(reading_name, r),
+        said=_SAID,
     )  # fmt: skip
 
 
@@ -294,7 +307,7 @@ def _table(e: TableFit) -> list[Check]:
     which = ", ".join(reading_name(e.model.readings, j) for j in e.angle_suspects)
     given = {"ratio": np.sqrt(value / dof), "which": which}
     passed = not e.angle_suspects
-    return [check(key, "errors of the table", value, None, high, given, passed=passed)]
+    return [check(key, OF_TABLE, value, None, high, given, passed=passed)]
 
 
 def hints(e: TableFit, checks: Iterable[Check]) -> list[Finding]:

@@ -35,7 +35,7 @@ from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.detect.coverage import coverage
 from foucault.detect.noise import without_spikes
 from foucault.diagnose.checks import check, left_out_check
-from foucault.diagnose.fit_checks import Judged, Limit, checks, known_checks, scattering
+from foucault.diagnose.fit_checks import Judged, Limit, checks, scattering
 from foucault.errors import Finding, Status, error, finding
 from foucault.infer import mixed
 from foucault.infer.drift import find_left_out
@@ -620,7 +620,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         tables["norths"] = field.norths(given.site)
     return result_of(
         "magnetometer", fit,
-        (*checks(_judged(fit, model)), *known_checks(fit, KEYS), *_curved(fit, model),
+        (*checks(_judged(fit, model)), *_curved(fit, model),
          *field.checks()),
         site=given.site,
         findings=(*log.findings, *o.findings, *told), tables=tables,
@@ -666,15 +666,20 @@ def _judged(fit: Fit, model: FieldModel) -> Judged:
         {name: Limit("The field", edge, 1e6, "uT", "iron near the path, or the field of a room "
                      "with steel in it") for name in WANDERS},
         readings="cells", cure="Turn for longer.", more="turn for longer", blocks=part,
-        named=named, predicted="parts of the log",
+        named=named, predicted="parts of the log", said=SAID,
     )  # fmt: skip
 
 
-KEYS = {
-    "gyro biases": "gyro_bias_sd", "gyro scale factors": "gyro_scale_sd",
-    "gyro misalignments": "gyro_misalignment_sd",
+SAID = {
+    what: f"how large they are ({key} in [procedure]), or calibrate them first"
+    for what, key in (
+        ("gyro biases", "gyro_bias_sd"), ("gyro scale factors", "gyro_scale_sd"),
+        ("gyro misalignments", "gyro_misalignment_sd"),
+    )
+} | {
+    "intensity of the field": "what it is, or how well that is known (intensity_sd in [procedure])"
 }  # fmt: skip
-"""What is known of the gyros, and the setting that says it."""
+"""What is known of gyros and field, and the setting that says it."""
 
 CURVED = Layout(
     tuple(

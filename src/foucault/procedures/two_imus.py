@@ -25,7 +25,7 @@ from pydantic import Field
 from foucault import logs
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.checks import check, plausible_scales, status_check
+from foucault.diagnose.checks import check, given_check, plausible_scales, status_check
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate import two_bodies as bodies
@@ -381,7 +381,7 @@ STEP = 0.02
 def _solve(log: Log, given: Given[Settings]) -> Result:
     s, starts = _solved(log, given)
     c, kept = _estimate(s)
-    checks = _checks(s, c)
+    checks = (*_checks(s, c), *given_check(c, given.prior))
     diagnostics: dict[str, Any] = {
         "gravity": given.site.gravity,
         "bound": np.sqrt(np.diag(s.formal))[kept].tolist(),

@@ -258,6 +258,7 @@ def _judged(fit: Fit, model: SpinModel) -> Judged:
          for n, source in zip(names, SCATTER, strict=True)},
         readings="rows of the spins", cure="Add spins.", more="repeat the spins",
         blocks=model.spin, named=lambda k: steady.spin_words(spins[k]), predicted="spins",
+        said={"azimuth of the axis": "where it was (latitude in [site])"},
     )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ from pydantic import Field
 
 from foucault import logs
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.diagnose.checks import check, plausible_scales, status_check
+from foucault.diagnose.checks import check, given_check, plausible_scales, status_check
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, Status, error, finding
@@ -425,7 +425,7 @@ def _told(s: Solution, start: Start, log: Log) -> list[Finding]:
 def _solve(log: Log, given: Given[Settings]) -> Result:
     s, start = _solved(log, given)
     c = _estimate(s, given)
-    checks = _checks(s, c, given.settings)
+    checks = (*_checks(s, c, given.settings), *given_check(c, given.prior))
     kept = [s.readings.names.index(n) for n in c.names]
     second, ok = s.readings.second, s.readings.measured
     site = given.site
