@@ -487,6 +487,23 @@ def _lost(made: Session) -> Session | None:
     return made.with_columns(**out)
 
 
+def _from_the_middle(made: Session, name: str) -> Session | None:
+    """Let one sensor repeat its last reading from the middle on."""
+    if not _sampled(made):
+        return None
+    x = made.columns[name].astype(float)
+    x[len(x) // 2 :] = x[len(x) // 2]
+    return made.with_columns(**{name: x})
+
+
+def _repeated(made: Session, names: tuple[str, ...]) -> Session | None:
+    """Let a triad repeat each reading four times, as where a log is faster than its sensor."""
+    if not _sampled(made):
+        return None
+    rows = np.arange(len(made.columns["time"])) // 4 * 4
+    return made.with_columns(**{name: made.columns[name][rows] for name in names})
+
+
 def _sampled(made: Session) -> bool:
     """Tell whether the rows are samples, not means, and enough of them."""
     return GYRO[0] in made.columns and len(made.columns["time"]) > 400 and "dwell" not in made.text
@@ -642,6 +659,10 @@ MISTAKES: dict[str, Callable[[Session], Session | None]] = {
     "gyro dead": lambda s: _dead(s, GYRO),
     "accel dead": lambda s: _dead(s, ACCEL),
     "two lost": _lost,
+    "gyro lost": lambda s: _from_the_middle(s, GYRO[0]),
+    "accel lost": lambda s: _from_the_middle(s, ACCEL[2]),
+    "gyro repeated": lambda s: _repeated(s, GYRO),
+    "accel repeated": lambda s: _repeated(s, ACCEL),
     "spike": _spike,
     "empty row": _empty,
     "gyro clipped": lambda s: _clipped(s, GYRO, 0.7),

@@ -42,10 +42,11 @@ OFF = 0.6
 def gaps(step: FloatArray) -> BoolArray:
     """Tell which intervals between stamps are gaps, shape (n,); `step` (n,): those intervals [s].
 
-    A stamp that came late is made good by the next few; a gap by none.
+    A stamp that came late is made good by the next few; a gap by none. An interval of rounded
+    stamps may be as long as the next multiple of their last place.
     """
-    usual = float(np.median(step)) if len(step) else 0.0
-    wide = np.asarray(step > GAP * usual)
+    usual, longest = _usual_and_longest(step)
+    wide = np.asarray(step > longest)
     if wide.any():
         for more in range(1, min(LATE, len(step) - 1) + 1):
             total = np.convolve(step, np.ones(more + 1), "valid")
@@ -53,6 +54,26 @@ def gaps(step: FloatArray) -> BoolArray:
             wide[: len(total)] &= ~made_good
             wide[more:] &= ~made_good
     return wide
+
+
+def _usual_and_longest(step: FloatArray) -> tuple[float, float]:
+    """Return the interval that most are, and the longest that may be no gap [s].
+
+    The median, but for stamps that are rounded to about an interval: then it is a multiple of their
+    last place, and the mean over `MANY` tells, if it is the same everywhere but for rounding.
+    """
+    usual = float(np.median(step)) if len(step) else 0.0
+    few = step[:1000]
+    places = (u for u in ROUNDED if np.abs(few / u - np.round(few / u)).max(initial=0.0) < NEAR)
+    unit = next(places, 0.0)
+    if unit < usual / 5 or len(step) < 2 * MANY:
+        return usual, GAP * usual
+    sums = np.convolve(step, np.ones(MANY), "valid")
+    alike = np.abs(sums - np.median(sums)) <= 1.5 * unit
+    mean = float(sums[alike].mean()) / MANY if alike.any() else usual
+    if np.mean(np.abs(sums - MANY * mean) <= 1.2 * unit) < MOSTLY:
+        return usual, GAP * usual  # samples are lost here and there
+    return mean, max(GAP * mean, (np.ceil(mean / unit - 2 * NEAR) + 0.5) * unit)
 
 
 def usual_step(step: FloatArray) -> float:
@@ -85,6 +106,10 @@ def evened(time: FloatArray) -> FloatArray:
     line = np.asarray(time[0] + start + slope * count)
     within = np.abs(line - time).max() <= OFF * unit and (np.diff(count) > 0).all()
     return line if within else time
+
+
+MANY, MOSTLY = 16, 0.9
+"""So many intervals in a row last as long as others, but for rounding, in so many places [1]."""
 
 
 @dataclass(frozen=True)

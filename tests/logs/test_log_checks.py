@@ -1,11 +1,14 @@
 """What the samples tell: gaps, jitter, saturated and stuck axes, wrong units."""
 
+from dataclasses import replace
+from functools import cache
+
 import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.logs import checks
-from foucault.logs import checks as axes
+from foucault.logs import axes, checks
+from foucault.tables import Log
 
 RNG = np.random.default_rng
 G = 9.80665
@@ -308,6 +311,107 @@ def test_pulses_that_repeat_are_not_stuck():
     longest = np.diff(np.flatnonzero(np.diff(x[:, 0]))).max()
     assert longest > 20  # more than a second
     assert axes.check(time, x, "gyro") == ()
+
+
+REPEATED = {"each twice": 2.0, "each four times": 4.0, "one in two": 1.5}
+
+
+@pytest.mark.parametrize("rows", REPEATED.values(), ids=REPEATED)
+@pytest.mark.parametrize("size", [1e-6, 0.002, 0.01])
+def test_a_triad_that_is_slower_than_its_log_is_told(rows, size):
+    """Coarse or fine: all three axes go on at once."""
+    time, f = session()
+    at = np.floor(np.floor(np.arange(len(f)) / rows) * rows + 1e-9).astype(int)
+    (found,) = [item for item in axes.check(time, counts(f, size)[at], "accel")
+                if item.code == "log.held"]  # fmt: skip
+    assert found.message.startswith("accel x, y, z: each reading is written in ")
+    said = [float(word) for word in found.message.split() if word[0].isdigit()]
+    assert said == pytest.approx([rows, 100 / rows, 100.0], rel=0.01)
+    assert found.severity == "warning" and "keep one row of each reading" in found.cure
+
+
+def test_one_axis_that_is_slower_than_its_log_is_told():
+    time, f = session()
+    f = counts(f)
+    f[:, 1] = f[np.arange(len(f)) // 3 * 3, 1]
+    (found,) = axes.check(time, f, "accel")
+    assert found.code == "log.held" and found.message.startswith("accel y: ")
+    assert axes.rows_per_reading(f) == pytest.approx([1.0, 3.0, 1.0], rel=0.03)
+
+
+COARSE = {"gyro": np.radians(0.06), "accel": 5e-3 * G}
+
+
+@pytest.mark.parametrize("triad", COARSE)
+@pytest.mark.parametrize("noise", [0.0, 0.05, 0.2, 0.5])
+def test_coarse_steps_at_rest_are_neither_stuck_nor_slow(triad, noise):
+    rng = RNG(11)
+    for start in rng.uniform(-0.5, 0.5, 8):  # somewhere between two counts
+        x = start + noise * rng.standard_normal((6000, 3))
+        values = COARSE[triad] * np.round(x + np.array([0.0, 0.3, 12.4]))
+        told = [f.message.split()[1] for f in axes.check(np.arange(6000) / 100.0, values, triad)]
+        # One that reads a single value throughout is dead or too coarse: nothing tells which.
+        assert told == ["xyz"[k] for k in range(3) if np.ptp(values[:, k]) == 0]
+
+
+def test_a_ring_laser_that_is_locked_in_is_not_slow():
+    """It reads zero at rest, and jumps by far more than a count where it is shaken."""
+    rng = RNG(12)
+    pulses = np.round(40 * rng.standard_normal((9000, 3))) * (rng.random((9000, 3)) > 0.5)
+    assert axes.check(np.arange(9000) / 100.0, pulses, "gyro") == ()
+
+
+@cache
+def tumbling(n=4000, seed=5):
+    """A log that turns all the time about axes that change, in coarse steps."""
+    rng = RNG(seed)
+    time = np.arange(n) / 100.0
+    w = np.column_stack([np.sin(0.7 * time), np.cos(0.9 * time + 1), 0.8 * np.sin(1.3 * time + 2)])
+    f = np.empty((n, 3))
+    f[0] = [0.0, 0.0, G]
+    for k in range(1, n):  # df/dt = f x w
+        f[k] = f[k - 1] + 0.01 * np.cross(f[k - 1], (w[k] + w[k - 1]) / 2)
+        f[k] *= G / np.linalg.norm(f[k])
+    f, w = (x + s * rng.standard_normal((n, 3)) for x, s in ((f, 0.01), (w, 1e-4)))
+    return Log(time, COARSE["gyro"] * np.round(w / COARSE["gyro"]),
+               COARSE["accel"] * np.round(f / COARSE["accel"]), mag=1e-6 * f)  # fmt: skip
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2, slice(None)])
+@pytest.mark.parametrize("triad", ["accel", "mag"])
+def test_a_field_that_stays_while_the_gyros_turn_is_stuck_however_coarse(triad, axis):
+    log = tumbling()
+    assert axes.unmoved(log) == ()
+    values = getattr(log, triad).copy()
+    values[2000:, axis] = values[2000, axis]
+    found = axes.unmoved(replace(log, **{triad: values}))
+    named = "xyz" if axis == slice(None) else "xyz"[axis]
+    assert [f.message.split()[:2] for f in found] == [[triad, a] for a in named]
+    assert all(f.code == "log.stuck" for f in found)
+    # Most procedures do without a magnetometer: they are not to doubt what they found.
+    assert {f.severity for f in found} == {"note" if triad == "mag" else "warning"}
+
+
+def test_gyros_that_all_stay_while_gravity_turns_are_stuck():
+    log = tumbling()
+    gyro = log.gyro.copy()
+    gyro[2000:] = gyro[2000]
+    found = axes.unmoved(replace(log, gyro=gyro))
+    assert codes(found) == ["log.stuck"] * 3
+    assert "gyro x repeats one reading from 20 s to 39.99 s" in found[0].message
+
+
+def test_an_axis_along_which_the_table_spins_is_not_stuck():
+    """A coarse accelerometer along a level axis of rotation; all of them with a vertical one."""
+    time = np.arange(6000) / 100.0
+    spin = np.where(time < 30, 0.5, 0.0)
+    angle = np.cumsum(spin) * 0.01
+    f = G * np.column_stack([np.sin(angle), np.cos(angle), 0 * time])
+    w = np.column_stack([0 * time, 0 * time, spin])
+    f[3000:], w[3000:] = [0.0, 0.0, G], [0.0, 0.0, 0.5]
+    for gyro in (w, 57.3 * w, w[:, [1, 2, 0]]):  # a wrong unit or order says nothing of it either
+        log = Log(time, gyro, COARSE["accel"] * np.round(f / COARSE["accel"]))
+        assert axes.unmoved(log) == ()
 
 
 def turning_with_the_earth(factor=1.0, seconds=60, seed=2):

@@ -167,6 +167,22 @@ def test_a_dead_axis_is_refused_and_dead_gyros_are_left_out(c, tmp_path):
     assert taken(seen, "gyros") == ["none (gx, gy, gz never change)"]
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_gyros_that_stop_half_way_are_named(c, tmp_path, axis):
+    w = c.w.copy()
+    w[len(w) // 2 :, : axis + 1] = w[len(w) // 2, : axis + 1]
+    file = tmp_path / "half.csv"
+    file.write_text(make.text(HEAD, [c.t, c.f, w], FORM))
+    try:
+        log = recognise([file]).log
+    except FoucaultError as problem:
+        assert problem.code == "recognise.lost", problem.message
+        assert "gx repeats one reading from" in problem.message
+        return
+    found = logs.read(LogDescription.model_validate(log | {"file": "half.csv"}), tmp_path).findings
+    assert [f.message.split()[1] for f in found if f.code == "log.stuck"] == list("xyz"[: axis + 1])
+
+
 def test_gyros_of_another_instrument_are_told(c, tmp_path):
     file = tmp_path / "other.csv"
     other = np.roll(c.w, len(c.w) // 3, axis=0)

@@ -20,7 +20,7 @@ from foucault.detect.stretches import means_of, runs
 from foucault.errors import Finding, error, finding
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import Dwells
-from foucault.tables import GAP, IndexedLog
+from foucault.tables import IndexedLog, gaps
 from foucault.units import span
 
 STILL = np.radians(0.1)
@@ -145,7 +145,7 @@ def _cut(
     if len(time) < 2:
         return [], 0.0
     angle = np.unwrap(log.index[first:last])
-    linked = np.diff(time) <= GAP * dt
+    linked = ~gaps(np.diff(time))
     moving = _moving(angle, max(1, round(WINDOW / dt)))
     for a, b in _runs(~moving, linked):  # what creeps too slowly for the window
         moving[a:b] |= np.ptp(angle[a:b]) > CREEP

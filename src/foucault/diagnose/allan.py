@@ -44,7 +44,7 @@ from foucault.detect.stretches import How, Rests, find_rests
 from foucault.diagnose.allan_fit import SPAN, Kind, degrees_of_freedom, expected, norm
 from foucault.errors import Finding, FoucaultError, error, finding, suggestion
 from foucault.logs.checks import rate_instead
-from foucault.tables import AXES, Log
+from foucault.tables import AXES, Log, evened, gaps
 from foucault.units import convert, display_unit, plain
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -415,19 +415,19 @@ def _even(log: Log) -> tuple[Log, list[Finding]]:
     """Return the longest part without a gap; refuse intervals that are not even."""
     if len(log) < 3:
         return log, []
-    ratio = np.diff(log.time) / log.interval
-    gaps = np.flatnonzero(ratio > 1.5)
-    off = (np.abs(ratio - 1) > 0.1) & (ratio <= 1.5)
+    step = np.diff(evened(log.time))
+    wide = gaps(step)
+    off = (np.abs(step / log.interval - 1) > 0.1) & ~wide
     if off.mean() > 0.01:
         share, nominal = f"{100 * off.mean():.3g}", f"{log.interval:.6g}"
         raise error("allan.uneven", share=share, nominal=nominal, advice=rate_instead(log.time))
-    if len(gaps) == 0:
+    if not wide.any():
         return log, []
-    edges = np.concatenate([[0], gaps + 1, [len(log)]])
+    edges = np.concatenate([[0], np.flatnonzero(wide) + 1, [len(log)]])
     k = int(np.diff(edges).argmax())
     part = log[int(edges[k]) : int(edges[k + 1])]
     span = {"start": f"{part.time[0]:.9g}", "end": f"{part.time[-1]:.9g}"}
-    return part, [finding("allan.gap", count=len(gaps), **span)]
+    return part, [finding("allan.gap", count=int(wide.sum()), **span)]
 
 
 def _quantised(name: str, x: FloatArray) -> list[Finding]:

@@ -18,10 +18,10 @@ from foucault.diagnose.hand_rotated import ENOUGH_RESTS
 from foucault.errors import Finding, FoucaultError, finding
 from foucault.guard import rest
 from foucault.guard.rest import first_rest, same_unit
+from foucault.logs import axes as log_axes
 from foucault.logs import checks
-from foucault.logs import checks as log_axes
 from foucault.logs.reading import implausible
-from foucault.tables import AXES, GAP, Log
+from foucault.tables import AXES, Log, gaps
 from foucault.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class Inspection:
     # shortest, longest: extremes of the sample interval [s]
     shortest: float
     longest: float
-    gaps: int  # intervals longer than one and a half nominal ones [1]
+    gaps: int  # see `foucault.tables.gaps` [1]
     turning: npt.NDArray[np.bool_]  # (rests,) which of the quiet times are turns at a constant rate
 
     @property
@@ -87,7 +87,7 @@ def inspect(log: Log) -> Inspection:
         gyro=_axes(log.gyro, log.interval, still, log.sampled == "increment"),
         shortest=float(step.min(initial=np.inf)),
         longest=float(step.max(initial=0.0)),
-        gaps=int(np.count_nonzero(step > GAP * log.interval)),
+        gaps=int(np.count_nonzero(gaps(step))),
         turning=turning,
     )
 
@@ -327,6 +327,7 @@ class Watchman:
                 block = getattr(self._used, name)
                 if x is not None and block is not None:
                     told += log_axes.check(part.time, x, name, _limits(block))
+        told += log_axes.unmoved(log)
         for item in told:
             what = item.message.partition(" is ")[0] if item.code == "log.saturated" else ""
             self._once.setdefault(item.code + what, item)

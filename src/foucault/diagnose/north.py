@@ -30,7 +30,8 @@ from foucault.estimate.north_reduction import (
     turn_rate,
 )
 from foucault.infer.gauss_newton import Component, chi_square_limits
-from foucault.logs.checks import long_enough, moment, noisy, standstill
+from foucault.logs.axes import long_enough, noisy, standstill
+from foucault.logs.checks import moment
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.north_seeker import Compensation, Dwells

@@ -35,6 +35,7 @@ from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Status
 from foucault.kernels.cluster_information import COLUMNS, RESIDUAL, information_pass
 from foucault.models.rotation import aligning, exp, log, right_jacobian_inverse
+from foucault.tables import gaps
 
 STATES = 46
 """Attitude at the start 3, constants 42, delay 1."""
@@ -180,7 +181,7 @@ def apart(white: FloatArray, time: FloatArray, shared: float) -> FloatArray:
     correlation r of neighbours [1]. Across a gap nothing is shared.
     """
     out = np.empty_like(white)
-    gap = np.diff(time, prepend=-np.inf) > 1.5 * float(np.median(np.diff(time)))
+    gap = np.concatenate([[True], gaps(np.diff(time))])
     left = 1.0
     for k, x in enumerate(white):
         if gap[k]:

@@ -23,7 +23,7 @@ from foucault.models.rotation import angles_of, matrix_of
 from foucault.models.rotation import log as rotation_vector
 from foucault.models.transfer import Messages
 from foucault.navigate.increments import Increments
-from foucault.tables import GAP
+from foucault.tables import gaps
 from foucault.units import STANDARD_GRAVITY, plain
 
 OVER = 2.0
@@ -142,7 +142,7 @@ def _felt(increments: Increments, said: Messages, delay: float, C_ms: FloatArray
     total = np.concatenate([np.zeros((1, 3)), np.cumsum(increments.dvel_b[1:], axis=0)])
     at = np.stack([np.interp(valid[inside], t, column) for column in total.T], axis=1)
     dt = np.diff(valid[inside])
-    usual = dt < GAP * np.median(dt)  # not across a drop-out
+    usual = ~gaps(dt)  # not across a drop-out
     C_nm, dv_n = said.C_nm[inside], np.diff(said.velocity_n[inside], axis=0)
     middle = (C_nm[:-1] + C_nm[1:]) / 2
     return _Felt(np.diff(at, axis=0)[usual], middle[usual], C_ms, dt[usual], dv_n[usual])

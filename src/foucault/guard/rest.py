@@ -45,7 +45,7 @@ from foucault.logs.description import LogDescription
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.rests_and_turns import Session
 from foucault.navigate.increments import Increments
-from foucault.tables import AXES, GAP, Log
+from foucault.tables import AXES, Log, gaps
 from foucault.units import convert, plain, span
 
 if TYPE_CHECKING:
@@ -382,7 +382,7 @@ def check_sequence(log: Log, found: FoundSequence, site: Site) -> tuple[Finding,
     missing, a mistake explains the readings, or gyros and accelerometers contradict one another.
     """
     dt = np.diff(log.time)
-    rows = np.flatnonzero(dt > GAP * log.interval)
+    rows = np.flatnonzero(gaps(dt))
     if len(rows):
         places = ", ".join(f"{plain(float(log.time[k]), 8)} s" for k in rows[:3])
         raise error(

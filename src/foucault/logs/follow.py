@@ -28,15 +28,14 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.files import decoded, sha256
-from foucault.logs import checks
-from foucault.logs import checks as axes
+from foucault.logs import axes, checks
 from foucault.logs import text as delimited
 from foucault.logs.description import complete
 from foucault.logs.dialect import decoder, dialect_of, encoded, is_text
 from foucault.logs.own import table_of
 from foucault.logs.raw import Progress, RawTable, of_own, open_raw, unreadable
 from foucault.logs.reading import converted, finished, implausible, limits_si, read
-from foucault.tables import GAP, Clock, Log, gaps, usual_step
+from foucault.tables import Clock, Log, gaps, usual_step
 
 if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
@@ -362,11 +361,10 @@ class Follower:
 
     def _intervals(self, time: FloatArray) -> FloatArray:
         """Return the interval that ends at each sample; after a gap and at first the usual one."""
-        before = self._times[-1:]
-        self._times = np.concatenate([self._times, time])[-1000:]
-        usual = np.median(np.diff(self._times)) if len(self._times) > 1 else np.nan
-        step = np.diff(time, prepend=before if len(before) else np.nan)
-        return np.where(step <= GAP * usual, step, usual)
+        seen = np.concatenate([self._times, time])
+        self._times, step = seen[-1000:], np.diff(seen)
+        step[gaps(step)] = usual = usual_step(step)
+        return np.concatenate([[usual], step])[-len(time) :]
 
 
 class RowFollower(Follower):

@@ -20,7 +20,7 @@ import numpy as np
 from foucault.arrays import BoolArray, FloatArray
 from foucault.errors import Finding, error, finding
 from foucault.logs.checks import timing
-from foucault.tables import GAP
+from foucault.tables import GAP, gaps, usual_step
 
 GRIDS = ("gyro", "accel")
 """The slowest file that holds one of these gives the instants."""
@@ -42,7 +42,7 @@ def on_one_clock(
         raise error("log.join_jumps", block=odd)
     for part in parts:
         timing(part["time"])  # raises where time runs backward
-    steps = [float(np.median(np.diff(part["time"]))) for part in parts]
+    steps = [usual_step(np.diff(part["time"])) for part in parts]
     able = [i for i, part in enumerate(parts) if set(GRIDS) & part.keys()]
     slow = max(able, key=lambda i: steps[i])
     grid, h = parts[slow]["time"], steps[slow]
@@ -77,12 +77,12 @@ def smaller(k: float) -> float:
 def within(grid: FloatArray, h: float, time: FloatArray) -> BoolArray:
     """Tell which intervals `h` [s] about instants `grid` (n,) lie in `time` (m,) and in no gap."""
     step = np.diff(time)
-    gaps = np.concatenate([[0], np.cumsum(step > GAP * max(h, float(np.median(step))))])
+    number = np.concatenate([[0], np.cumsum(gaps(step) & (step > GAP * h))])
     first = np.searchsorted(time, grid - h / 2, "right") - 1
     last = np.searchsorted(time, grid + h / 2, "left")
     inside = (first >= 0) & (last < len(time))
     first, last = np.clip(first, 0, None), np.clip(last, None, len(time) - 1)
-    return np.asarray(inside & (gaps[first] == gaps[last]))
+    return np.asarray(inside & (number[first] == number[last]))
 
 
 def means_at(grid: FloatArray, h: float, time: FloatArray, x: FloatArray) -> FloatArray:

@@ -12,8 +12,7 @@ import numpy as np
 from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Finding, FoucaultError, error
 from foucault.files import sha256
-from foucault.logs import checks
-from foucault.logs import checks as axes
+from foucault.logs import axes, checks
 from foucault.logs import description as columns
 from foucault.logs.description import complete
 from foucault.logs.merged import on_one_clock
@@ -389,7 +388,8 @@ def finished(
             data[name] /= dt
     log = Log(time, data.get("gyro"), data.get("accel"), sampled or kind, data.get("temperature"),
               findings, source, table_of(data), mag=data.get("mag"))  # fmt: skip
-    return replace(log, findings=findings + implausible(log, used), clock=used.time_base)
+    findings += (*axes.unmoved(log), *implausible(log, used))
+    return replace(log, findings=findings, clock=used.time_base)
 
 
 def _rests(time: FloatArray, used: LogDescription) -> tuple[tuple[float, float], ...] | None:

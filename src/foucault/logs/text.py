@@ -242,7 +242,7 @@ def _first_fault(
             wrong = fault(path.name, dialect, columns, number, line)
             if wrong is None:
                 continue
-            if wrong.code == "log.zero_bytes":
+            if wrong.code in ("log.zero_bytes", "log.binary_bytes", "log.begins_again"):
                 return wrong
             more = any(
                 uncomment(text, dialect.comment).strip() for _, text in islice(rest, LOOK_AHEAD)
@@ -254,6 +254,13 @@ def _first_fault(
     return None
 
 
+BINARY = re.compile(r"[\0-\x08\x0e-\x1f\x7f\ufffd]")
+"""What no line of a text log holds."""
+
+WORD = re.compile(r"[^\W\d_]")
+"""What every title holds."""
+
+
 def fault(
     name: str, dialect: Dialect, columns: Sequence[int], number: int, line: str
 ) -> FoucaultError | None:
@@ -262,9 +269,12 @@ def fault(
     `columns`: numbers of the columns that must hold a number [1]; `number`: number of the line,
     from 1 [1].
     """
-    if "\0" in line:
-        return error("log.zero_bytes", file=name, line=number, before=number - 1)
+    if binary := BINARY.search(line):
+        code = "log.zero_bytes" if binary[0] == "\0" else "log.binary_bytes"
+        return error(code, file=name, line=number, before=number - 1)
     cells, want = dialect.cells(line), len(dialect.names)
+    if all(number_in(c, dialect.decimal) is None and WORD.search(c) for c in cells) and want > 1:
+        return error("log.begins_again", file=name, line=number, before=number - 1)
     if len(cells) != want:
         return error("log.ragged", file=name, line=number, have=len(cells), want=want)
     for column in columns:

@@ -24,7 +24,7 @@ from foucault.models.imu import LAYOUT
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import angles_of
-from foucault.tables import AXES, GAP
+from foucault.tables import AXES, gaps, usual_step
 from foucault.units import plain, span
 
 
@@ -189,7 +189,7 @@ class MasterTable:
     @cached_property
     def interval(self) -> float:
         """Usual time from one message to the next [s]."""
-        return float(np.median(np.diff(self.time)))
+        return usual_step(np.diff(self.time))
 
     @cached_property
     def angles(self) -> FloatArray:
@@ -266,7 +266,7 @@ class MasterTable:
 
     def _gaps(self, name: str) -> tuple[Finding, ...]:
         step = np.diff(self.time)
-        wide = step > GAP * self.interval
+        wide = gaps(step)
         if not wide.any():
             return ()
         lost = int(np.sum(np.round(step[wide] / self.interval) - 1))

@@ -18,7 +18,7 @@ from foucault.models.rotation import matrix_of
 from foucault.models.transfer import MasterTable
 from foucault.navigate.increments import Increments, increments_of
 from foucault.result import Level, Verdict
-from foucault.tables import Log
+from foucault.tables import Log, gaps
 from foucault.units import plain
 
 MOST = 12000
@@ -154,8 +154,8 @@ def _of_log(log: Log, name: str) -> Epochs:
         for axis, sign in zip("xyz", 1.0 - 2.0 * np.eye(3), strict=True)
     }
     # The turn from one epoch to the next is unknown where the log has a gap between.
-    gap = np.diff(x.time, prepend=x.time[0]) > 1.5 * log.interval
-    broken = np.add.reduceat(gap[1:], rows[:-1]) > 0 if len(rows) > 1 else np.zeros(0, bool)
+    gap = gaps(np.diff(x.time))
+    broken = np.add.reduceat(gap, rows[:-1]) > 0 if len(rows) > 1 else np.zeros(0, bool)
     C[1:][broken] = np.nan
     return Epochs(x.time[rows], C, others)
 

@@ -46,7 +46,7 @@ from foucault.errors import Finding
 from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
 from foucault.guard.rest import check_session, enough_rests
 from foucault.infer.mixed import NOISE_BASIS, SIGNIFICANT
-from foucault.logs.checks import spared
+from foucault.logs.axes import spared
 from foucault.logs.follow import OnDisk
 from foucault.models.imu import ImuModel
 from foucault.models.left_out import Change, Motion

@@ -29,7 +29,7 @@ from foucault.estimate import hand_rotated as published_hand_rotated
 from foucault.estimate import norm_observation
 from foucault.estimate.hand_rotated import find_published_rests
 from foucault.guard.rest import check_session, enough_rests
-from foucault.logs.checks import spared
+from foucault.logs.axes import spared
 from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.layouts import gravity_error, with_references
 from foucault.models.rests_and_turns import Session as SessionData

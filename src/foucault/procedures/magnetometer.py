@@ -42,6 +42,7 @@ from foucault.infer.drift import find_left_out
 from foucault.infer.ellipsoid import ellipsoid
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.infer.mixed import NOISE_BASIS, Fit, Linearisation, Source
+from foucault.logs.axes import rows_per_reading
 from foucault.logs.description import OWN_LOG, log_head
 from foucault.models import magnetometer as sensor
 from foucault.models.earth import Site
@@ -177,7 +178,7 @@ def reduce(log: Log) -> Observed:
         log, whole = log[int(edges[k]) : int(edges[k + 1])], log.duration
         told.append(finding("mag.gap", used=f"{log.duration:.3g}", whole=f"{whole:.3g}"))
     assert log.gyro is not None and log.mag is not None
-    rows, slower = _new(log.mag, log.gyro)
+    rows, slower = _new(log.mag)
     if slower is not None:
         told.append(finding("mag.repeated", rate=f"{slower * log.rate:.3g}", log=f"{log.rate:.3g}"))
     top = [np.mean(log.mag[rows, k] == sign * (sign * log.mag[rows, k]).max())
@@ -243,24 +244,16 @@ def _stuck(x: FloatArray, moving: BoolArray, interval: float) -> bool:
     return bool(np.ptp(x) == 0 or longest * interval > max(SHORT, len(run) * interval / 3))
 
 
-def _new(mag: FloatArray, gyro: FloatArray) -> tuple[IntArray, float | None]:
+def _new(mag: FloatArray) -> tuple[IntArray, float | None]:
     """Return the rows with new readings, and their share where the others repeat them [1].
 
     A reading that is written again is no new one: it would be counted twice.
     """
+    rows = float(rows_per_reading(mag).min())
+    if rows == 1.0:
+        return np.arange(len(mag)), None
     new = np.concatenate([[True], (np.diff(mag, axis=0) != 0).any(axis=1)])
-    moving = _moves(gyro)
-    share = float(new[moving].mean()) if moving.any() else 1.0
-    # Of a slow sensor all axes change at once; coarse steps of each change alone, and the moments
-    # at which they do are late or early as the field goes.
-    axes = (np.diff(mag, axis=0) != 0)[(new & moving)[1:]]
-    slow = share < 0.8 and float(axes.mean()) > TOGETHER
-    return (np.flatnonzero(new), share) if slow else (np.arange(len(mag)), None)
-
-
-TOGETHER = 0.7
-"""Share of the axes that change in a row with a new reading, of one that is slow and not coarse
-[1]."""
+    return np.flatnonzero(new), 1.0 / rows
 
 
 # -- where to start --------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from foucault.errors import Finding
 from foucault.estimate.faces import FaceNoise, OnFaces, State, closed_form, on_faces, unbiased
 from foucault.guard.rest import first_rest, same_unit
 from foucault.infer.snooping import snoop
-from foucault.logs.checks import spared
+from foucault.logs.axes import spared
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.left_out import Change, Motion

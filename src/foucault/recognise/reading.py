@@ -12,12 +12,14 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.errors import FoucaultError, error, some
 from foucault.guard.mistakes import Mistake, exchanges
+from foucault.logs.axes import long_enough, standstill
+from foucault.logs.checks import moment
 from foucault.logs.description import LogDescription
 from foucault.logs.raw import instruments
 from foucault.recognise import columns as tell
 from foucault.recognise import physics, units
 from foucault.recognise.opening import Opened, opened
-from foucault.tables import AXES
+from foucault.tables import AXES, usual_step
 
 ALIKE = 1.0
 """Readings of a log that differ by less in how odd they are fit alike [1]."""
@@ -286,7 +288,7 @@ class _Work:
         names = [self.data.called(k) for k in columns]
         if not all(isinstance(n, str) and n.replace("_", "").isalnum() for n in names):
             names = [self.data.columns[k].number for k in columns]
-        return f"{kind}.columns = {_listed(names)}"
+        return f"{kind}.columns = [{', '.join(map(str, names))}]"
 
     def _have(self) -> str:
         return some([self.data.shown(k) for k in range(len(self.data.columns))])
@@ -333,6 +335,12 @@ class _Work:
         far = turned is not None and turned.turns > 2 and turned.miss > may
         told = self.ball is not None and self.ball.scatter < physics.NORM
         if turned is not None and far and told and not known:
+            for k in (*(found.gyro or ()), *(found.accel or ())):
+                lost = standstill(data.x[:, k], long_enough(usual_step(np.diff(self.time))))
+                if lost is not None:
+                    start, end = (moment(self.time[row] - self.time[0]) for row in lost)
+                    raise error("recognise.lost", file=file, column=data.shown(k), start=start,
+                                end=end)  # fmt: skip
             raise error("recognise.no_turns", file=file, turns=turned.turns,
                         off=np.degrees(turned.miss),
                         columns=", ".join(data.shown(k) for k in found.gyro or ()))  # fmt: skip
@@ -536,13 +544,13 @@ class _Work:
     def _words(self, triad: str, E: FloatArray) -> str:
         columns = self.found.accel if triad == "accel" else self.found.gyro
         assert columns is not None
-        shown = _signed(self.data, columns, E)
+        shown = [self.data.shown(k, sign) for k, sign in _moved(columns, E)]
         return ", ".join(f"{a} = {name}" for a, name in zip(AXES, shown, strict=True))
 
     def _signed_line(self, E: FloatArray) -> str:
         assert self.found.gyro is not None
-        names = _called(self.data, self.found.gyro, E)
-        return f"gyro.columns = {_listed(names)}"
+        names = [str(self.data.called(k, sign)) for k, sign in _moved(self.found.gyro, E)]
+        return f"gyro.columns = [{', '.join(names)}]"
 
     # -- [log] ---------------------------------------------------------------------------------
 
@@ -554,6 +562,10 @@ class _Work:
             log["file"] = data.files[0].path.name
         log |= data.files[0].layout
         first: list[Line] = []
+
+        def put(block: str, said: dict[str, Any], column: int) -> None:
+            log[block] = said | ({"file": data.file(column).name} if several else {})
+
         why = self._no_clock(reading)
         if reading.time is not None and why:
             rate = (len(self.time) - 1) / (self.time[-1] * reading.time.si)
@@ -595,8 +607,8 @@ class _Work:
             block = self._block(name, columns, unit, E, reading.increments)
             zero = block.get("zero", [])
             middle = f"; zero: {zero[0]:.0f}, the middle of its counts" if len({*zero}) == 1 else ""
-            log[name] = block | ({"file": data.file(columns[0]).name} if several else {})
-            shown = ", ".join(_signed(data, columns, E))
+            put(name, block, columns[0])
+            shown = ", ".join((data.shown(k, sign) for k, sign in _moved(columns, E)))
             size = unit.scale or unit.text
             first.append(Line(_KIND[name], f"{shown} [{size}]" + " sums" * reading.increments,
                               self._triad_why(name, unit) + middle,
@@ -604,18 +616,15 @@ class _Work:
         first += self._sign(log)
         field = tell.magnetometer(data)
         if field is not None:
-            log["mag"] = {"columns": [data.called(k) for k in field[0]], "unit": field[1]}
-            if several:
-                log["mag"]["file"] = data.file(field[0][0]).name
+            block = {"columns": [data.called(k) for k in field[0]], "unit": field[1]}
+            put("mag", block, field[0][0])
             shown = ", ".join(data.shown(k) for k in field[0])
             why = "titles" if field[2] else "titles; unit: the field of the Earth"
             first.append(Line("magnetometer", f"{shown} [{field[1]}]", why,
                               SURE if field[2] else LIKELY))  # fmt: skip
         warm = tell.temperature(data)
         if warm is not None:
-            log["temperature"] = {"column": data.called(warm[0]), "unit": warm[1]}
-            if several:
-                log["temperature"]["file"] = data.file(warm[0]).name
+            put("temperature", {"column": data.called(warm[0]), "unit": warm[1]}, warm[0])
             why = "title" if warm[2] else "title; unit: what instruments are as warm as"
             first.append(Line("temperature", f"{data.shown(warm[0])} [{warm[1]}]", why,
                               SURE if warm[2] else LIKELY))  # fmt: skip
@@ -688,7 +697,10 @@ class _Work:
     def _block(
         self, name: str, columns: Sequence[int], unit: units.Unit, E: FloatArray, increments: bool
     ) -> dict[str, Any]:
-        block: dict[str, Any] = {"columns": _called(self.data, columns, E), "unit": unit.text}
+        block: dict[str, Any] = {
+            "columns": [self.data.called(k, sign) for k, sign in _moved(columns, E)],
+            "unit": unit.text,
+        }
         zero = None
         if name == "accel" and self.ball is not None:
             far = float(np.abs(self.ball.centre).max()) > ZERO * self.ball.radius
@@ -732,18 +744,9 @@ def _odd(E: FloatArray, titled: bool) -> float:
     return mistake.weight if titled else 0.15 * moved + 0.6 * signs
 
 
-def _called(data: tell.Data, columns: Sequence[int], E: FloatArray) -> list[int | str]:
-    place = np.argmax(np.abs(E), axis=1)
-    return [data.called(columns[k], float(row[k])) for row, k in zip(E, place, strict=True)]
-
-
-def _signed(data: tell.Data, columns: Sequence[int], E: FloatArray) -> list[str]:
-    place = np.argmax(np.abs(E), axis=1)
-    return [data.shown(columns[k], float(row[k])) for row, k in zip(E, place, strict=True)]
-
-
-def _listed(names: Sequence[int | str]) -> str:
-    return f"[{', '.join(map(str, names))}]"
+def _moved(columns: Sequence[int], E: FloatArray) -> list[tuple[int, float]]:
+    """Return the columns that a signed permutation E makes x, y, z, and their signs."""
+    return [(columns[k], float(row[k])) for row, k in zip(E, np.abs(E).argmax(axis=1), strict=True)]
 
 
 def _why(unit: units.Unit, titled: bool) -> str:

@@ -18,7 +18,11 @@ from foucault.detect.steady import find_spins, grouped, turning
 from foucault.detect.stretches import FEW, HAND, Rests, find_rests, means_of, runs
 from foucault.models.earth import EARTH_RATE
 from foucault.recognise.physics import sphere
+from foucault.recognise.units import USUAL
 from foucault.tables import AXES, Log
+
+TODO: dict[str, str] = USUAL["todo"]
+"""What to do with a session that no procedure calibrates."""
 
 ON_FACE = np.radians(8.0)
 """A rest is on a face within this, bias and placement included [rad]."""
@@ -70,7 +74,7 @@ def session(log: Log) -> Session:
         return Session(f"{len(log)} means, each of one position", "the file has a length of each",
                        "norm_observation" if _spins_of(log) else "hand_rotated")  # fmt: skip
     if log.accel is None:
-        return Session("gyros alone", "no accelerometers", None, todo=_NOISE)
+        return Session("gyros alone", "no accelerometers", None, todo=TODO["noise"])
     level = _level_spins(log) or _tumbled(log)
     if level is not None:
         return level
@@ -79,17 +83,17 @@ def session(log: Log) -> Session:
     if len(spins) >= 4:
         return _spun(log, rests, spins)
     if not len(rests):
-        return Session("motion all the time", "nothing rests", None, todo=_REST_FIRST)
+        return Session("motion all the time", "nothing rests", None, todo=TODO["rest_first"])
     up, tilt, around = _directions(log, rests)
     at_rest = float(np.sum(rests.last - rests.first)) / len(log)
     count = len(around)
     said = f"{len(rests)} rest{'s' * (len(rests) != 1)} in {count} " \
         f"orientation{'s' * (count != 1)}"  # fmt: skip
     if count == 1 and at_rest > 0.7 and _moves(log):
-        return Session("motion all the time", "nothing rests", None, todo=_REST_FIRST)
+        return Session("motion all the time", "nothing rests", None, todo=TODO["rest_first"])
     if count == 1 and at_rest > 0.7:
         return Session("one rest", f"{100 * at_rest:.0f} % of it, gravity from one side", None,
-                       todo=_ONE_REST, rests=len(rests))  # fmt: skip
+                       todo=TODO["one_rest"], rests=len(rests))  # fmt: skip
     faces = _faces(up)
     on_faces = float(np.mean(tilt < ON_FACE))
     if len(faces) == 6 and on_faces > 0.85:
@@ -101,7 +105,7 @@ def session(log: Log) -> Session:
         return Session(f"{said}, near the six faces", f"tilted by {np.degrees(np.median(tilt)):.0f}"
                        " deg", "six_position", sure="likely", rests=len(rests))  # fmt: skip
     return Session(said, f"a calibration needs gravity from {NEEDED} sides, or on all six faces",
-                   None, todo=_MORE_REST if len(rests) > 2 else _REST_FIRST,
+                   None, todo=TODO["more_rest"] if len(rests) > 2 else TODO["rest_first"],
                    rests=len(rests))  # fmt: skip
 
 
@@ -129,17 +133,6 @@ def _moves(log: Log) -> bool:
     if len(force) < 3:
         return False
     return bool(force.std(axis=0).max() > 0.03 * np.linalg.norm(force, axis=1).mean())
-
-
-_NOISE = "Find the noise with `foucault allan`; to calibrate, log accelerometers too."
-_ONE_REST = "A rest tells noise, and with a latitude heading: `foucault allan {file}`. To " \
-    "calibrate, rest the instrument in twelve or more orientations spread over all directions, " \
-    "and turn it in between."  # fmt: skip
-_REST_FIRST = "To calibrate, rest the instrument in twelve or more orientations spread over all " \
-    "directions, some seconds each, and turn it in between; for a vehicle, calibrate first, then " \
-    "`foucault align` and `foucault navigate`."  # fmt: skip
-_MORE_REST = "Add rests in other orientations: twelve or more, spread over all directions, or " \
-    "one on each of the six faces. `foucault watch` says which are missing."  # fmt: skip
 
 
 def _directions(log: Log, rests: Rests) -> tuple[FloatArray, FloatArray, list[int]]:
@@ -287,13 +280,6 @@ def _spun(log: Log, rests: Rests, spins: list[tuple[int, int, FloatArray]]) -> S
     )  # fmt: skip
 
 
-_RATES = "Write a campaign: `foucault init rate_table -o campaign.toml`, and list in [procedure] " \
-    "the rates that the table was commanded to, or log its rate."  # fmt: skip
-_SIGNS = "With {axes} the table turns the other way in each rate: a column of gyros or of " \
-    "accelerometers is turned round. Nothing tells which. Say both triads' columns, a " \
-    "minus before what is turned, as in `--set \"gyro.columns = [gx, -gy, gz]\"`."  # fmt: skip
-
-
 def _placements(told: list[float], up: FloatArray) -> tuple[list[float], list[str]] | str:
     """Return the rates of each placement and which axis is up in each; what to do if they differ.
 
@@ -308,9 +294,9 @@ def _placements(told: list[float], up: FloatArray) -> tuple[list[float], list[st
               if one != lists[0] and one == [-rate for rate in lists[0]]]  # fmt: skip
     if round_ and all(one == lists[0] or name in round_
                       for name, one in zip(placed, lists, strict=True)):  # fmt: skip
-        return _SIGNS.format(axes=", ".join(round_))
+        return TODO["signs"].format(axes=", ".join(round_))
     if any(one != lists[0] for one in lists):
-        return _RATES
+        return TODO["rates"]
     return lists[0], placed
 
 

@@ -7,49 +7,34 @@ several fit, titles and the usual rates of loggers decide, and what is still ope
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from math import inf, isfinite, log, pi
+from math import inf, isfinite, log
+from pathlib import Path
+from typing import Any
 
 from foucault.errors import FoucaultError
 from foucault.logs.layout import scaled_unit
 from foucault.models.earth import EARTH_RATE
 from foucault.units import STANDARD_GRAVITY
 
-DEGREE = pi / 180.0
 NEAR = log(1.07)
 """A size is a usual one within this, in logarithm: instruments are off by some percent [1]."""
 
 FAR = log(1.3)
 """A unit in a title is wrong beyond this, in logarithm [1]."""
 
-USUAL_RATES = (
-    5, 10, 12.5, 20, 25, 26, 30, 32, 40, 50, 52, 60, 62.5, 64, 75, 80, 100, 102.4, 104, 112.5, 119,
-    120, 125, 128, 148, 150, 160, 190, 200, 204.8, 208, 225, 238, 240, 250, 256, 285.714, 300, 333,
-    350, 380, 400, 416, 476, 500, 512, 520, 560, 600, 700, 760, 800, 833, 952, 1000, 1024, 1125,
-    1600, 1666, 2000, 3200, 3332, 4000, 6400, 6667, 8000,
-)  # fmt: skip
-"""Rates of loggers [Hz]."""
+USUAL: dict[str, Any] = tomllib.loads(
+    Path(__file__).with_name("usual.toml").read_text(encoding="utf-8")
+)
+"""Rates of loggers [Hz], units that they use [SI], counts of converters, and words."""
 
 LIKELY_RATES, POSSIBLE_RATES = (15.0, 2500.0), (2.0, 20000.0)
 """Of loggers of inertial instruments [Hz]."""
 
 PEAK = 0.02, 60.0
 """Whoever turns an instrument turns it so fast at most at some time [rad/s]."""
-
-PER_DPS = (131.072, 131.0, 65.536, 65.5, 32.768, 32.8, 16.384, 16.4, 14.375, 262.144, 262.4,
-           114.286, 57.143, 14.286, 28.571, 228.57)  # fmt: skip
-PER_G = (16384.0, 8192.0, 4096.0, 2048.0, 1024.0, 512.0, 256.0, 128.0, 64.0, 32768.0, 65536.0)
-"""Counts of usual converters for 1 deg/s, and for 1 g [count]."""
-
-GYRO = {"rad/s": 1.0, "deg/s": DEGREE, "0.001 deg/s": 1e-3 * DEGREE, "0.001 rad/s": 1e-3,
-        "deg/h": DEGREE / 3600}  # fmt: skip
-ACCEL = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY,
-         "0.01 m/s^2": 0.01, "0.001 m/s^2": 1e-3, "ug": 1e-6 * STANDARD_GRAVITY}  # fmt: skip
-ANGLE = {"rad": 1.0, "deg": DEGREE, "arcsec": DEGREE / 3600}
-VELOCITY = {"m/s": 1.0, "0.001 m/s": 1e-3}
-TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "100 us": 1e-4, "day": 86400.0}
-"""Units that loggers use [SI]."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +53,7 @@ class Sense:
     alone: float  # how odd a scale is that no one uses [1]
 
 
-ACCELS = Sense("accel", "gravity", ("specific force", ACCEL), ("velocity increment", VELOCITY),
-               ("m/s", 1.0), STANDARD_GRAVITY, "g", PER_G, 0.7, 1.6)  # fmt: skip
-GYROS = Sense("gyro", "the turns", ("angular rate", GYRO), ("angle increment", ANGLE),
-              ("arcsec", DEGREE / 3600), DEGREE, "(deg/s)", PER_DPS, 1.0, 1.8)  # fmt: skip
+ACCELS, GYROS = (Sense(name, **USUAL[name]) for name in ("accel", "gyro"))
 
 
 @dataclass(frozen=True)
@@ -155,26 +137,26 @@ def _clocks(seen: Seen, titled: Titled, increments: bool) -> Iterator[Unit]:
         rate = 1.0 / (si * seen.interval)
         if LIKELY_RATES[0] / 4 <= rate <= LIKELY_RATES[1] * 2 or "time" in titled.given:
             return
-        for text, other in TIME.items():  # a title that cannot be
+        for text, other in USUAL["time"].items():  # a title that cannot be
             if text != titled.time:
                 yield Unit(text, other, cost=3.0, why=f"not {titled.time} as its title says")
         return
     if seen.timed:
-        for text, si in TIME.items():
+        for text, si in USUAL["time"].items():
             rare = text in ("100 us", "day")
             yield Unit(text, si, cost=1.6 * rare, why="the rate it gives")
         return
-    gyros = ANGLE if increments else GYRO
+    _, gyros = GYROS.sums if increments else GYROS.rates
     if seen.turn is None:
         yield Unit("", 1 / 100.0, cost=4.0, why="nothing")
         return
     wanted = [scaled_unit(titled.gyro, "angular rate")] if titled.gyro and not increments \
         and titled.gyro != "count" else list(gyros.values())  # fmt: skip
     if seen.whole[1] and not titled.gyro:
-        wanted += [DEGREE / k for k in PER_DPS]
+        wanted += [GYROS.one / k for k in GYROS.per]
     for si in wanted if not increments else ():
         rate = si / seen.turn
-        usual = min(USUAL_RATES, key=lambda r: abs(log(r / rate)))
+        usual = min(USUAL["rates"], key=lambda r: abs(log(r / rate)))
         off = abs(log(usual / rate))
         if POSSIBLE_RATES[0] < rate < POSSIBLE_RATES[1]:
             # 100 Hz is likelier than 104: what is round wins where gyros are off by percents.
@@ -184,7 +166,7 @@ def _clocks(seen: Seen, titled: Titled, increments: bool) -> Iterator[Unit]:
                        cost=0.5 + 10 * off, why="the gyros' turns")  # fmt: skip
     if increments and seen.radius:
         si = seen.radius / STANDARD_GRAVITY  # m/s over m/s^2
-        usual = min(USUAL_RATES, key=lambda r: abs(log(r * si)))
+        usual = min(USUAL["rates"], key=lambda r: abs(log(r * si)))
         if abs(log(usual * si)) < 0.1:
             yield Unit("", 1.0 / usual, cost=1.0, why="gravity in m/s")
 

@@ -38,7 +38,7 @@ from foucault.errors import Finding, Status, error, finding
 from foucault.estimate import spin as engine
 from foucault.guard.mistakes import exchange_words, exchanges
 from foucault.infer.mixed import Fit
-from foucault.logs.checks import spared
+from foucault.logs.axes import spared
 from foucault.logs.description import OWN_LOG, log_head
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT

@@ -26,7 +26,7 @@ from foucault.estimate import table as table_likelihood
 from foucault.estimate.table import Options, TableFit, TableModel, fit
 from foucault.guard.rest import first_rest, same_unit
 from foucault.guard.table import check_gyro_axes, check_readings, enough_readings
-from foucault.logs.checks import spared
+from foucault.logs.axes import spared
 from foucault.logs.follow import OnDisk
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT, ImuModel

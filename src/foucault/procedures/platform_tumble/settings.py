@@ -388,7 +388,7 @@ class Description(LogDescription):
     )
 
 
-STILL = ("log.saturated", "log.stuck")
+STILL = ("log.saturated", "log.stuck", "log.held")
 """What a command is suspected of where it stands still, as it should."""
 
 

@@ -33,7 +33,7 @@ from foucault.guard.rest import first_rest
 from foucault.infer import mixed
 from foucault.infer.left_out import With
 from foucault.infer.mixed import Model
-from foucault.logs.checks import spared
+from foucault.logs.axes import spared
 from foucault.models.earth import Site
 from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION, ImuModel
 from foucault.models.left_out import Change, Motion, Sizes
