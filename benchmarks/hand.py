@@ -39,5 +39,5 @@ print(json.dumps(out))
 def code(procedure: str) -> str:
     """Return what is run of a procedure; it prints the seconds of its session and of a long one."""
     _, length, long, _ = CASES[procedure]
-    names = {"PROCEDURE": procedure, "LENGTH": length, "LONG": long}
-    return "".join(f"{name} = {value!r}\n" for name, value in names.items()) + SESSION
+    named = SESSION.replace("PROCEDURE", repr(procedure)).replace("LENGTH", repr(length))
+    return named.replace("LONG", repr(long))
