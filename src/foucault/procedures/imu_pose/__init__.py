@@ -299,16 +299,13 @@ def _contradicted(s: Start, gravity: float) -> None:
         raise error("pose.two_times", apart=plain(1e3 * apart, 3), best=plain(best, 2),
                     now=plain(now, 2))  # fmt: skip
     axes = [x for x in exchanges() if np.trace(x) > -3]  # all reversed is a matter of sign, below
-    tried = some.exchanged(axes)
-    best = float(tried.min())
-    if best < now / bodies.CLEARLY:
-        raise error("pose.force_axes", words=exchange_words(axes[int(tried.argmin())]),
-                    best=plain(best, 2), now=plain(now, 2))  # fmt: skip
-    tried = some.exchanged(axes, moved=True)
-    best = float(tried.min())
-    if best < now / MIRRORED:
-        raise error("pose.position_axes", words=exchange_words(axes[int(tried.argmin())]),
-                    best=plain(best, 2), now=plain(now, 2))  # fmt: skip
+    for moved, less, code in ((False, bodies.CLEARLY, "pose.force_axes"),
+                              (True, MIRRORED, "pose.position_axes")):  # fmt: skip
+        tried = some.exchanged(axes, moved=moved)
+        best = float(tried.min())
+        if best < now / less:
+            raise error(code, words=exchange_words(axes[int(tried.argmin())]), best=plain(best, 2),
+                        now=plain(now, 2))  # fmt: skip
     scale, sd, g, scaled = some.scaled()
     # Where nothing is moved, second derivatives of positions are noise, and best left out; noise
     # turns no sign.
@@ -386,8 +383,7 @@ def _checks(s: Solution, c: CoefficientVector, settings: Settings) -> tuple[Chec
 
 
 def _unseen(s: Solution) -> list[str]:
-    lost = s.unseen
-    return [n for i, n in enumerate(s.readings.names) if lost[i] and i not in s.hold]
+    return [n for i, n in enumerate(s.readings.names) if s.unseen[i] and i not in s.hold]
 
 
 def _seen(s: Solution) -> Check:
