@@ -164,14 +164,15 @@ def test_what_a_run_leaves_is_downloaded(laboratory: Any, opened: Opened) -> Non
 
 
 def test_two_runs_are_compared(laboratory: Any, opened: Opened) -> None:
+    second = laboratory.second  # made before the page is: it lists what there is
     page = opened(f"{laboratory.address}/jobs/{laboratory.run}")
     page.click("text=Compare …")
     assert page.is_checked(f"[value='runs/{laboratory.run}']")
-    page.check(f"[value='runs/{laboratory.second}']")
+    page.check(f"[value='runs/{second}']")
     page.click("button.main")
     page.wait_for_selector("h2:has-text('Report')", timeout=DONE)
     line = [w for w in page.text_content("main > .same code").split() if w.startswith("runs/")]
-    assert set(line[:2]) == {f"runs/{laboratory.run}", f"runs/{laboratory.second}"}
+    assert set(line[:2]) == {f"runs/{laboratory.run}", f"runs/{second}"}
 
 
 def test_a_run_is_exported_and_fetched(laboratory: Any, opened: Opened) -> None:
