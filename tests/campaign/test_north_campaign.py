@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -103,6 +104,9 @@ def test_of_many_set_ups_the_worst_are_kept_with_their_evidence(survey, tmp_path
     assert set(dwells["setup"]) == {0, 1, 2}  # of those that are kept
     page = document(run_folder.read(tmp_path / "out", "north"))
     assert page.heading.title == "North at 8 set-ups"
+    lost = replace(survey.fixes, cov=np.full_like(survey.fixes.cov, np.nan))
+    north.record(replace(survey, fixes=lost)).save(tmp_path / "lost")
+    document(run_folder.read(tmp_path / "lost", "north"))  # no heading has an uncertainty
 
 
 def test_the_levels_of_all_are_those_of_each(survey):

@@ -190,8 +190,8 @@ def _document(survey: Survey, kept: IntArray) -> dict[str, Any]:
 def _all_of(survey: Survey) -> dict[str, Any]:
     """Return what is said of all set-ups, where not all are kept."""
     sd = survey.fixes.sd[:, 0]
-    ends = [float(end(sd[np.isfinite(sd)], initial=start)) for end, start in
-            ((np.min, np.inf), (np.max, -np.inf))]  # fmt: skip
+    sd = sd[np.isfinite(sd)]
+    ends = [float(sd.min()), float(sd.max())] if len(sd) else []
     counts = np.bincount(survey.levels, minlength=len(Level)).tolist()
     verdicts = {str(level): count for level, count in zip(Level, counts, strict=True) if count}
     return {"setups": len(survey), "verdicts": verdicts, "heading_sd": ends}

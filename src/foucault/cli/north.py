@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -115,13 +115,15 @@ def find(
     setups = about["setups"]
     levels = {*about.get("of", {}).get("verdicts", ()), *(setup["verdict"] for setup in setups)}
     code = EXIT_CODES[levels.pop() if len(levels) == 1 else "doubtful"]
-    raise found.tell(screen, about, *_of_many(setups), code=code)
+    raise found.tell(screen, about, *_of_many(about), code=code)
 
 
-def _of_many(setups: Sequence[Mapping[str, Any]]) -> list[str]:
+def _of_many(about: Mapping[str, Any]) -> list[str]:
     """Return what was noticed at several set-ups, with its cure, and why some did not pass."""
     from foucault.report.page import grouped
 
+    setups = about["setups"]
+    of_kept = f" of the {len(setups)} worst of {about['of']['setups']}" if "of" in about else ""
     if len(setups) == 1:
         return []
     noticed = grouped([finding for setup in setups for finding in setup["findings"]])
@@ -130,7 +132,7 @@ def _of_many(setups: Sequence[Mapping[str, Any]]) -> list[str]:
     left = {s["name"]: [r for r in s["reasons"] if r not in shared] for s in setups}
     bad = [s for s in setups if s["verdict"] != "pass" and left[s["name"]]]
     out += [f"{s['name']} is {s['verdict']}: {' '.join(left[s['name']])}" for s in bad[:MOST]]
-    more = f"and {len(bad) - MOST} set-ups more, see --json or -o"
+    more = f"and {len(bad) - MOST} set-ups more{of_kept}, see --json or -o"
     return out + [more] * (len(bad) > MOST)
 
 
