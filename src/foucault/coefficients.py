@@ -6,9 +6,12 @@ input axis). Names are looked up, never parsed for meaning.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
+from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -51,6 +54,28 @@ class Coefficient:
     def unit(self) -> str:
         """SI unit text."""
         return units.KINDS[self.kind].si
+
+
+@cache
+def _declared() -> dict[str, list[list[str]]]:
+    return tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+
+
+_EACH = {"o": "xyz", "i": "xyz", "p": ("xx", "yy", "zz", "xy", "xz", "yz"), "a": "xyz", "k": "xyz"}
+"""What the letters in braces stand for, the first changes least."""
+
+
+def coefficients_of(group: str, **said: str) -> tuple[Coefficient, ...]:
+    """Return the coefficients that coefficients.toml has of a group; `said`: other words in it."""
+    out = []
+    for row in _declared()[group]:
+        letters = [letter for letter in _EACH if f"{{{letter}}}" in row[0]]
+        for values in product(*(_EACH[letter] for letter in letters)):
+            of = dict(zip(letters, values, strict=True))
+            own = of.get("o", "")
+            if not own or (of.get("i") != own and of.get("p") != 2 * own):
+                out.append(Coefficient(*(text.format(**of, **said) for text in row)))
+    return tuple(out)
 
 
 @dataclass(frozen=True)

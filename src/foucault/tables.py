@@ -1,4 +1,4 @@
-"""The tables that stages hand to one another: columns, SI units and meaning, in one place.
+"""The tables that stages hand to one another: columns, SI units and meaning, in `tables.toml`.
 
 Every table is saved as Parquet with these column names; the unit of a column is its SI unit
 and is written into the file's column metadata.
@@ -6,10 +6,12 @@ and is written into the file's column metadata.
 
 from __future__ import annotations
 
+import tomllib
 from bisect import bisect_left
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -121,154 +123,23 @@ class Column:
     meaning: str
 
 
-def _triad(prefix: str, unit: str, meaning: str) -> tuple[Column, ...]:
-    return tuple(Column(f"{prefix}_{a}", unit, f"{meaning}, {a} axis") for a in AXES)
+@cache
+def _columns() -> dict[str, list[tuple[str, str, str]]]:
+    found: dict[str, list[tuple[str, str, str]]] = tomllib.loads(
+        Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+    )
+    return found
 
 
-IMU_LOG = (
-    Column("time", "s", "time of the sample; for increments the end of the interval"),
-    *_triad("gyro", "rad/s", "angular rate w_ib_b, body relative to inertial space"),
-    *_triad("accel", "m/s^2", "specific force f_b, +1 g up at rest"),
-    *_triad("mag", "T", "magnetic field along the axes of the magnetometer, where logged"),
-    Column("temperature", "K", "temperature of the instrument, where logged"),
-)
-"""The log every reader returns and every simulator writes."""
-
-TABLE_LOG = (
-    Column("outer", "rad", "outer angle of the table, as the table says"),
-    Column("middle", "rad", "middle angle of the table, as the table says"),
-    Column("inner", "rad", "inner angle of the table, as the table says"),
-    Column("table_rate", "rad/s", "rate of the outer axis, counter-clockwise from above"),
-    Column("position", "1", "number of the position, -1 in between"),
-    Column("averaged", "s", "where every row is already a mean: over how long"),
-)
-"""What a log taken on a table has besides."""
-
-INDEXED_LOG = (
-    Column("setup", "", "name of the set-up: one placement of the instrument"),
-    Column("time", "s", "time of the sample, or the beginning of the mean"),
-    Column("index", "rad", "index angle, clockwise seen from above, 0 along y_b"),
-    Column("gyro", "rad/s", "rate as measured along the sensing axis"),
-    Column("specific force", "m/s^2", "along the sensing axis, of one accelerometer on the base"),
-    Column("specific force x", "m/s^2", "to the right, of accelerometers that stay with the case"),
-    Column("specific force y", "m/s^2", "forward, of accelerometers that stay with the case"),
-    Column("heading", "rad", "heading of y_b by another reference, clockwise from north"),
-    Column("latitude", "rad", "latitude of the set-up, where a file has several places"),
-    Column("latitude sd", "rad", "its standard deviation"),
-    Column("dwell", "s", "where every row is already a mean: over how long"),
-    Column("temperature", "K", "temperature of the instrument, where logged"),
-)
-"""The log of a north seeker: one gyro on an indexing base. Titles carry the unit in brackets."""
-
-RESTS = (
-    Column("first", "1", "index of the first sample of the rest"),
-    Column("last", "1", "index after the last sample of the rest"),
-    Column("start", "s", "time of the first sample"),
-    Column("end", "s", "time of the last sample"),
-    *_triad("accel", "m/s^2", "mean specific force as measured"),
-    *_triad("gyro", "rad/s", "mean angular rate as measured"),
-    *_triad("up", "1", "direction of up in body axes, from the fit"),
-    Column("norm_before", "m/s^2", "norm of the mean specific force as measured"),
-    Column("norm_after", "m/s^2", "norm of the mean specific force after compensation"),
-    Column("norm_sd", "m/s^2", "predicted standard deviation of norm_after minus local g"),
-    Column("held_out", "m/s^2", "norm minus local g, predicted without this rest"),
-    Column("held_out_sd", "m/s^2", "predicted standard deviation of held_out"),
-    Column("residual", "1", "largest standardized accelerometer residual of the rest"),
-    Column("weight", "1", "robust weight of the rest, 1 where it is used in full"),
-)
-"""One row per rest of a session."""
-
-TURNS = (
-    Column("start", "s", "time of the last sample of the rest before"),
-    Column("end", "s", "time of the first sample of the rest after"),
-    Column("angle", "rad", "net rotation of the body over the turn"),
-    Column("path", "rad", "angle travelled, integral of the magnitude of the rate"),
-    *_triad("error", "rad", "integrated minus observed direction of up, body axes"),
-    Column("residual", "1", "largest standardized gyro residual of the turn"),
-    Column("weight", "1", "robust weight of the turn, 1 where it is used in full"),
-)
-"""One row per turn between two rests."""
-
-READINGS = (
-    Column("start", "s", "time at which the average starts"),
-    Column("end", "s", "time at which the average ends"),
-    Column("time", "s", "length of the average"),
-    Column("rate", "rad/s", "rate of the outer axis, counter-clockwise from above; 0 at rest"),
-    Column("turns", "1", "number of turns that were averaged"),
-    Column("outer", "rad", "outer angle at the start, as the table or the plan says"),
-    Column("middle", "rad", "middle angle"),
-    Column("inner", "rad", "inner angle"),
-    *_triad("accel", "m/s^2", "mean specific force as measured"),
-    *_triad("gyro", "rad/s", "mean angular rate as measured"),
-    *_triad("up", "1", "direction of up (at rest) or of the outer axis (in a spin), body axes"),
-    Column("norm_before", "m/s^2", "norm of the mean specific force as measured"),
-    Column("norm_after", "m/s^2", "norm of the mean specific force after compensation"),
-    Column("norm_sd", "m/s^2", "predicted standard deviation of norm_after minus its true value"),
-    Column("rate_before", "rad/s", "norm of the mean rate as measured"),
-    Column("rate_after", "rad/s", "norm of the mean rate after compensation"),
-    Column("rate_true", "rad/s", "norm of the true mean rate: that of the table and of the Earth"),
-    Column("rate_sd", "rad/s", "predicted standard deviation of rate_after minus rate_true"),
-    Column("residual", "1", "largest standardized residual of the reading"),
-    Column("accel_residual", "1", "standardized residual of its specific force, 0 if not tested"),
-    Column("gyro_residual", "1", "standardized residual of its rate, 0 if not tested"),
-    Column("weight", "1", "robust weight of the reading, 1 where it is used in full"),
-    Column("accel_weight", "1", "robust weight of its specific force"),
-    Column("gyro_weight", "1", "robust weight of its rate"),
-    Column("detectable", "m/s^2", "smallest error of this reading that would have been noticed"),
-)
-"""One row per position of a session on a table: rests, and spins about the outer axis."""
-
-RIG = (
-    Column("name", "", "dotted name"),
-    Column("meaning", "", "one sentence for people"),
-    Column("kind", "", "kind of quantity, which fixes the SI unit"),
-    Column("value", "SI", "estimate"),
-    Column("sd", "SI", "standard deviation of the estimate"),
-    Column("prior_sd", "SI", "what was known of it before, infinite where nothing"),
-)
-"""What a session found beside the coefficients: errors of the table, mounting, lever arm."""
-
-RATE_STEPS = (
-    Column("start", "s", "time at which the average starts"),
-    Column("end", "s", "time at which the average ends"),
-    Column("placement", "1", "number of the placement of the instrument, from 0"),
-    Column("axis", "", "axis along the vertical: x, y or z"),
-    Column("up", "1", "1 where that axis points up, -1 where it points down"),
-    Column("rate", "rad/s", "rate of the table, counter-clockwise from above"),
-    Column("rate_true", "rad/s", "true rate about the axis: that of table and Earth"),
-    Column("gyro", "rad/s", "mean of the gyro along the axis as measured"),
-    Column("turns", "1", "turns averaged"),
-    Column("before", "rad/s", "gyro minus rate_true"),
-    Column("line", "rad/s", "gyro minus the straight line fitted to all steps about this axis"),
-    Column("after", "rad/s", "rate after compensation minus rate_true"),
-    Column("after_sd", "rad/s", "standard deviation that noise and jitter give it"),
-    Column("residual", "1", "largest standardized residual of the step, all three gyros"),
-    Column("weight", "1", "robust weight of the step, 1 where it is used in full"),
-)
-"""One row per constant rate on a rate table."""
-
-DETECTION = (
-    Column("time", "s", "middle of the window"),
-    Column("accel_level", "1", "moving sd of the accelerometers, relative to rest"),
-    Column("gyro_level", "1", "moving sd of the gyros, relative to rest"),
-    Column("level", "1", "the larger of the two, compared with the threshold"),
-)
-"""How the rests were found, thinned out for a figure."""
-
-
-TRAJECTORY = (
-    Column("time", "s", "time, of the log's clock"),
-    Column("latitude", "rad", "geodetic latitude, positive north"),
-    Column("longitude", "rad", "longitude, positive east"),
-    Column("height", "m", "height above the ellipsoid"),
-    *(Column(f"velocity_{a}", "m/s", f"velocity {a} relative to the Earth")
-      for a in ("east", "north", "up")),
-    Column("heading", "rad", "heading, clockwise from north, 0 to 2 pi"),
-    Column("pitch", "rad", "pitch, nose up"),
-    Column("roll", "rad", "roll, right side down"),
-    *(Column(a, "m", f"straight line from the start, {a}") for a in ("east", "north", "up")),
-)  # fmt: skip
-"""A navigated trajectory."""
+@cache
+def declared(table: str) -> tuple[Column, ...]:
+    """Return the columns of a table, none of one that tables.toml does not have."""
+    out: list[Column] = []
+    for name, unit, meaning in _columns().get(table, ()):
+        bare = name.removesuffix("x|y|z")
+        triad = [Column(bare + a, unit, f"{meaning}, {a} axis") for a in AXES if bare != name]
+        out += triad or [Column(name, unit, meaning)]
+    return tuple(out)
 
 
 CLOCKS = {"sensor": 1e-2, "host": 1e-4, "disciplined": 1e-6}
@@ -465,7 +336,7 @@ class Log(Shown):
         return replace(self, **new) if new else self
 
     def columns(self) -> dict[str, FloatArray]:
-        """Return the columns of `IMU_LOG` that this log has, by name, each shape (n,) [SI]."""
+        """Return the columns of imu_log that this log has, by name, each shape (n,) [SI]."""
         out = {"time": self.time}
         for name, block in (("gyro", self.gyro), ("accel", self.accel), ("mag", self.mag)):
             if block is not None:
@@ -547,6 +418,18 @@ def temperature_range(log: Log | IndexedLog) -> dict[str, Any]:
         "temperature": [float(T.min()), float(T.max())],
         "temperature_mean": float(T.mean()),
     }
+
+
+def ranges(log: Log) -> dict[str, Any]:
+    """Return the ranges of a session of six sensors, outside which a result is extrapolated.
+
+    `log`: the log of the session [SI].
+    """
+    out: dict[str, Any] = {"sampled": log.sampled, "rate": log.rate}
+    for name in ("accel", "gyro"):
+        x = getattr(log, name)
+        out[name] = [float(x.min()), float(x.max())]
+    return out | temperature_range(log)
 
 
 SPIKES = 1e-3

@@ -137,6 +137,36 @@ def test_titles_of_increments(tmp_path: Path) -> None:
     assert "[m/s] sums (sure); gyros gyro_x (rad)" in text
 
 
+@pytest.mark.parametrize("words", [("align", "--gyro-bias-sd", "0.001 deg/h"), ("navigate",)])
+def test_axes_that_point_down_are_asked_about(tmp_path: Path, words: tuple[str, ...]) -> None:
+    """Forward-right-down, as usual in aviation, in a log that does not say so."""
+    made = simulate_motion([Rest(120.0)], START, rate=20.0, noise=NOISE, seed=2).log
+    x = np.column_stack([made.time, made.gyro, made.accel])
+    other = x[:, [0, 2, 1, 3, 5, 4, 6]] * [1, 1, 1, -1, 1, 1, -1]
+    heads = [f"{t}_{a} ({u})" for t, u in (("gyro", "rad/s"), ("accel", "m/s^2")) for a in "xyz"]
+    file = tmp_path / "log.csv"
+    doubt = "nobody said how the axes point"
+    for rows, doubtful in ((x, False), (other, True)):
+        np.savetxt(file, rows, "%.12g", ",", header=",".join(["time (s)", *heads]), comments="")
+        done = run(*words, file, *SITE)
+        text = " ".join(done.output.split())
+        assert (doubt in text) == doubtful, text
+        if doubtful:
+            assert done.exit_code == 3
+            told = text.split("as forward-right-down they give ")[1].split(" deg")[0]
+            angles = [float(word) for word in told.split(", ")]
+            np.testing.assert_allclose(angles, np.degrees([HEADING, PITCH, ROLL]), atol=0.3)
+    campaign = tmp_path / "campaign.toml"
+    columns = '{ columns = ["%s_y (%s)", "%s_x (%s)", "-%s_z (%s)"], unit = "%s" }'
+    campaign.write_text(
+        '[site]\nlatitude = "47 deg"\nheight = "400 m"\n[log]\nfile = "log.csv"\n'
+        'time = { column = "time (s)", unit = "s" }\n'
+        + "".join(f"{t} = {columns % (t, u, t, u, t, u, u)}\n"
+                  for t, u in (("gyro", "rad/s"), ("accel", "m/s^2")))
+    )  # fmt: skip
+    assert doubt not in run(*words, campaign).output
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     ("words", "text"),

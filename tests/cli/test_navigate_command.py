@@ -16,7 +16,7 @@ from foucault import run_folder
 from foucault.coefficients import CoefficientVector
 from foucault.logs import write as write_log
 from foucault.plans.manoeuvres import Rest, Rotate
-from foucault.tables import TRAJECTORY
+from foucault.tables import declared
 from make_navigation import DRIVE, calibration, errors, logged, write_reference
 
 TRUE, FOUND = errors()
@@ -59,9 +59,9 @@ def test_a_drive_with_its_folder(folder: Path, tmp_path: Path) -> None:
         "trajectory.parquet", "trajectory_without.parquet",
     ]  # fmt: skip
     schema = pq.read_schema(out / "trajectory.parquet")
-    assert schema.names == [c.name for c in TRAJECTORY]
+    assert schema.names == [c.name for c in declared("trajectory")]
     units = [f.metadata[b"unit"].decode() for f in schema]
-    assert units == [c.unit for c in TRAJECTORY]
+    assert units == [c.unit for c in declared("trajectory")]
     before = (out / "report.html").read_text()
     (out / "report.html").unlink()
     assert run("report", out).exit_code == 0 and (out / "report.html").read_text() == before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,14 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from foucault.arrays import FloatArray
 from foucault.errors import FoucaultError, finding
 from foucault.export import write
 from foucault.export.check import checked
 from foucault.export.densities import allan_variance, densities
+from foucault.export.quantities import OFF_DIAGONAL, Known
 from foucault.export.receivers import knowledge
 from foucault.export.request import AXES
-from foucault.export.table import KINDS, Receiver, found_in, model_in, numbers_of, receivers
-from foucault.models.imu import Gauge
+from foucault.export.syntax import Found
+from foucault.export.table import KINDS, Receiver, found_in, numbers_of, receivers
+from foucault.models.imu import Gauge, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.result import Result
 from make_terms import LOUD, Readings, Same, with_terms
@@ -36,6 +40,54 @@ def exported(name: str, path: Path, **options: Any) -> tuple[Receiver, Result, s
 
 
 # -- there and back ----------------------------------------------------------------------------
+
+
+def model_in(receiver: Receiver, found: Found) -> ImuModel:
+    """Return the calibration that a file has, in the axes and the gauge of the receiver [SI]."""
+    parts: dict[str, FloatArray] = {}
+    for row in receiver.rows:
+        numbers = numbers_of(row, found) if row.key and not row.noise else None
+        if numbers is not None:
+            parts |= row.meant(numbers, Known(ImuModel()))
+    return model_of(parts)
+
+
+def model_of(found: Mapping[str, FloatArray]) -> ImuModel:
+    """Return the model whose forms a file has; what it does not have is that of no error.
+
+    `found`: values by name, as `FORMS` gives them [SI].
+    """
+    parts: dict[str, FloatArray] = {}
+    for t in ("accel", "gyro"):
+        own = {name.partition(".")[2]: x for name, x in found.items() if name.startswith(f"{t}.")}
+        M = _matrix(own)
+        b = M @ own["true_bias"] if "true_bias" in own else own.get("bias", np.zeros(3))
+        parts |= {f"{t}_matrix": M, f"{t}_bias": b}
+    G = found.get("gyro.g", np.zeros((3, 3)))
+    if "gyro.g_rotated" in found:
+        G = found["gyro.g_rotated"] @ found.get("gyro.rotation", np.eye(3))
+    return replace(ImuModel(), **parts, g_sensitivity=G)
+
+
+def _matrix(own: Mapping[str, FloatArray]) -> FloatArray:
+    if "matrix" in own:
+        return own["matrix"]
+    if "inverse" in own:
+        return np.asarray(np.linalg.inv(own["inverse"]))
+    if "correction" in own:
+        return np.asarray(np.linalg.inv(np.eye(3) + own["correction"]))
+    if "diagonal_inverse" in own:
+        return np.diag(1.0 / own["diagonal_inverse"])
+    for factors in (
+        ("lower", "rotation"),
+        ("upper", "upper_rotation"),
+        ("diagonal_matrix", "rest"),
+    ):
+        if factors[0] in own:
+            return np.asarray(own[factors[0]] @ own.get(factors[1], np.eye(3)))
+    M = np.diag(1.0 + own.get("scale", np.zeros(3)))
+    M[OFF_DIAGONAL] = own.get("off_diagonal", np.zeros(6))
+    return M
 
 
 @pytest.mark.parametrize("name", list(TABLE))

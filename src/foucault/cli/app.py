@@ -170,7 +170,10 @@ records.add_to(app)
 
 
 def _interrupted() -> typer.Exit:
-    print("interrupted: a result that was there before is intact", file=sys.stderr)
+    try:
+        print("interrupted: a result that was there before is intact", file=sys.stderr, flush=True)
+    except OSError:  # the terminal is what ended
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115, PTH123
     return typer.Exit(_BY.get("signal", BY_INTERRUPT))
 
 

@@ -34,14 +34,7 @@ OFTEN = 0.25
 )
 def capture(
     ctx: typer.Context,
-    sources: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="Each one of serial:PORT[:BAUD], udp:PORT, tcp:HOST:PORT, - or a growing file. "
-            "Several are recorded together, on one clock.",
-            metavar="SOURCE...",
-        ),
-    ] = None,
+    sources: Annotated[list[str] | None, typer.Argument(metavar="SOURCE...")] = None,
     output: options.FolderIfWanted = None,
     frames: Annotated[
         list[str] | None,
@@ -49,27 +42,15 @@ def capture(
             metavar="<str>", help=options.FRAMES + " One for all sources, or one for each."
         ),
     ] = None,
-    serial: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="<str>",
-            help="Serial number of an IMU, one for each in the order of the sources; what its "
-            "frames say, or the number of its source, if left out.",
-        ),
-    ] = None,
-    baud: Annotated[int | None, typer.Option(help="Of a serial port.", min=300)] = None,
-    for_: Annotated[
-        Amount | None, quantity("time", 'How long, such as "10 min".', "--for", least="above 0")
-    ] = None,
+    serial: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
+    baud: Annotated[int | None, typer.Option(min=300)] = None,
+    for_: Annotated[Amount | None, quantity("time", "", "--for", least="above 0")] = None,
     silence: Annotated[
         Amount | None,
         quantity("time", options.SILENCE, least="above 0"),
     ] = None,
-    again: Annotated[
-        Path | None,
-        typer.Option(help="Make the log of a session once more from its bytes.", metavar="SESSION"),
-    ] = None,
-    known: Annotated[bool, typer.Option("--list", help="List the frames that are known.")] = False,
+    again: Annotated[Path | None, typer.Option(metavar="SESSION")] = None,
+    known: Annotated[bool, typer.Option("--list")] = False,
 ) -> None:
     """Record an instrument: from its port to a log."""
     from foucault.capture import frame, recording, several

@@ -45,32 +45,16 @@ Kept = Annotated[
 def certify(
     ctx: typer.Context,
     result: options.ResultFile,
-    files: Annotated[
-        list[Path],
-        typer.Argument(help="TOML files with [certificate]; a later one goes before earlier ones."),
-    ],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder to write NUMBER.pdf and NUMBER.xml to.")
-    ],
-    key: Annotated[
-        Path | None,
-        typer.Option(help="PKCS#12 file of the key that signs; not signed if left out."),
-    ] = None,
-    issued: Annotated[
-        str, typer.Option(help="Day of issue, such as 2026-11-26; today if the files do not say.")
-    ] = "",
-    reviewer: Annotated[
-        str, typer.Option(help="Who releases a run that did not pass; printed.")
-    ] = "",
-    reason: Annotated[str, typer.Option(help="Why it is released; printed.")] = "",
-    replaces: Annotated[
-        Path | None, typer.Option(help="The certificate that this one replaces, PDF or XML.")
-    ] = None,
-    change: Annotated[str, typer.Option(help="What is changed from that; printed.")] = "",
+    files: list[Path],
+    output: Annotated[Path, typer.Option("-o", "--output")],
+    key: Path | None = None,
+    issued: str = "",
+    reviewer: str = "",
+    reason: str = "",
+    replaces: Path | None = None,
+    change: str = "",
     records: Kept = None,
-    who: Annotated[
-        str, typer.Option(help="Who says so; the user of this computer if left out.")
-    ] = "",
+    who: str = "",
 ) -> None:
     """Write the certificate of a run: a page and a DCC, signed.
 
@@ -145,12 +129,8 @@ def _told(screen: Screen, done: Issued) -> None:
 )
 def verify(
     ctx: typer.Context,
-    file: Annotated[Path, typer.Argument(help="A certificate, PDF or XML.")],
-    trust: Annotated[
-        Path | None,
-        typer.Option(help="Certificate of the laboratory's key, or of who vouches for it, got "
-                     "from the laboratory itself: PEM or DER."),
-    ] = None,
+    file: Path,
+    trust: Path | None = None,
     records: Kept = None,
 ) -> None:  # fmt: skip
     """Check that a certificate is as it was signed, and by whom."""

@@ -25,20 +25,11 @@ from foucault.cli.screen import Screen, kept, written
 )
 def compare(
     ctx: typer.Context,
-    results: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Run folders or their result.json, or TOML files with [[result]] tables."
-        ),
-    ],
+    results: list[Path],
     output: options.FolderIfWanted = None,
     tolerance: options.Tolerance = None,
-    dates: Annotated[
-        str, typer.Option(help="When each log was recorded, separated by commas: 2025-03-01,...")
-    ] = "",
-    same: Annotated[
-        bool, typer.Option("--same", help="All are of one instrument, whatever they say.")
-    ] = False,
+    dates: str = "",
+    same: Annotated[bool, typer.Option("--same")] = False,
 ) -> None:
     """Compare results over time, or of several instruments.
 
@@ -78,12 +69,8 @@ def fleet(
     campaign: options.CampaignFile,
     output: options.RunFolder,
     tolerance: options.Tolerance = None,
-    reports: Annotated[
-        bool, typer.Option("--reports", help="Write a report of each instrument too.")
-    ] = False,
-    table_only: Annotated[
-        bool, typer.Option("--table-only", help="Keep one table and one page, no folder of each.")
-    ] = False,
+    reports: Annotated[bool, typer.Option("--reports")] = False,
+    table_only: Annotated[bool, typer.Option("--table-only")] = False,
     workers: Workers = None,
 ) -> None:
     """Calibrate many instruments by the same campaign.

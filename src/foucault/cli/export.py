@@ -41,45 +41,12 @@ BAGS = (".bag", ".mcap", ".db3")
 def apply(
     ctx: typer.Context,
     result: options.ResultFile,
-    log: Annotated[
-        Path | None,
-        typer.Argument(
-            help="A log in the format of the calibrated one, a log that foucault has written, "
-            "a bag, or a campaign file that describes its log."
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", help="Log to write: .csv, .csv.gz, .parquet, .npz; a bag of a bag."
-        ),
-    ] = None,
-    stream: Annotated[
-        bool,
-        typer.Option(
-            "--stream",
-            help="Correct text from standard input to standard output, as it comes; LOG may be a "
-            "campaign file that describes it.",
-        ),
-    ] = False,
-    topic: Annotated[
-        str | None, typer.Option(help="Of a bag with several IMUs, the topic to correct.")
-    ] = None,
-    force: Annotated[
-        bool,
-        typer.Option(
-            "--force",
-            help="Go on with an unusable result, that of another instrument, or a second time; "
-            "replace a file that is no calibrated log.",
-        ),
-    ] = False,
-    outside: Annotated[
-        str,
-        typer.Option(
-            help="Where the log is outside the temperatures of the result: error, or hold the "
-            "coefficients at the end of the range."
-        ),
-    ] = "error",
+    log: Annotated[Path | None, typer.Argument()] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output")] = None,
+    stream: Annotated[bool, typer.Option("--stream")] = False,
+    topic: str | None = None,
+    force: Annotated[bool, typer.Option("--force")] = False,
+    outside: str = "error",
 ) -> None:
     """Remove the calibrated errors from a log.
 
@@ -142,43 +109,15 @@ def apply(
 def export(
     ctx: typer.Context,
     result: options.ResultFile,
-    to: Annotated[
-        str,
-        typer.Option(
-            "--to",
-            help="Form, such as c, python, json, csv, or a receiver: kalibr, openvins, basalt, "
-            "vins-mono, orb-slam3, gtsam, lio-sam, px4, ardupilot ...; a wrong name lists all.",
-        ),
-    ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
-    drop: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="<str>", help="Leave out a coefficient or a group of them; may be repeated."
-        ),
-    ] = None,
+    to: Annotated[str, typer.Option("--to")],
+    output: Annotated[Path, typer.Option("-o", "--output")],
+    drop: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
     axes: Annotated[str | None, typer.Option(help=_AXES)] = None,
     noise: Annotated[Path | None, typer.Option(help=_NOISE)] = None,
     rate: Annotated[Amount | None, _RATE] = None,
-    slot: Annotated[
-        int | None,
-        typer.Option(
-            help="Which sensor of a flight stack it is, from 0; that of the log if left out.", min=0
-        ),
-    ] = None,
-    force: Annotated[
-        bool,
-        typer.Option(
-            "--force", help="Go on with an unusable result; replace a file that is no export."
-        ),
-    ] = False,
-    at: Annotated[
-        Amount | None,
-        quantity(
-            "temperature",
-            'Temperature at which to export what changes with it, such as "25 degC".',
-        ),
-    ] = None,
+    slot: Annotated[int | None, typer.Option(min=0)] = None,
+    force: Annotated[bool, typer.Option("--force")] = False,
+    at: Annotated[Amount | None, quantity("temperature", "")] = None,
 ) -> None:
     """Write a result in the form of another program or language.
 
@@ -322,13 +261,9 @@ def _of_an_imu(result: Result) -> Result:
 )
 def check(
     ctx: typer.Context,
-    file: Annotated[Path, typer.Argument(help="File of a receiver, such as vins_config.yaml.")],
-    run: Annotated[
-        Path | None, typer.Option(help="Run folder, or folder of `foucault allan`, it came from.")
-    ] = None,
-    to: Annotated[
-        str | None, typer.Option("--to", help="Whose file it is; found by its keys if left out.")
-    ] = None,
+    file: Path,
+    run: Path | None = None,
+    to: Annotated[str | None, typer.Option("--to")] = None,
     noise: Annotated[Path | None, typer.Option(help=_NOISE)] = None,
     rate: Annotated[Amount | None, _RATE] = None,
     axes: Annotated[str | None, typer.Option(help=_AXES)] = None,

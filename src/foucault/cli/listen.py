@@ -30,22 +30,13 @@ KNOWN, UNKNOWN = 0, 3
 )
 def listen(
     ctx: typer.Context,
-    port: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="PORT or serial:PORT[:BAUD], udp:PORT, tcp:HOST:PORT, - or a file; all serial "
-            "ports if left out."
-        ),
-    ] = None,
+    port: Annotated[list[str] | None, typer.Argument()] = None,
     output: options.FolderIfWanted = None,
     frames: Annotated[
         list[str] | None,
         typer.Option(help=options.FRAMES),
     ] = None,
-    for_: Annotated[
-        Amount | None,
-        quantity("time", 'How long, such as "10 min".', "--for", least="above 0"),
-    ] = None,
+    for_: Annotated[Amount | None, quantity("time", "", "--for", least="above 0")] = None,
     taken: options.Taken = None,
 ) -> None:
     """Listen at ports: baud rate, frames or text, units and axes."""

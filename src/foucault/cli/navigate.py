@@ -58,12 +58,7 @@ def navigate(
             'Velocity at a start in motion: east, north, up, such as "12.1 m/s, -3.4 m/s, 0 m/s".'
         ),
     ] = None,
-    reference: Annotated[
-        Path | None,
-        typer.Option(
-            help="File of positions, velocities or angles to compare with; none if left out."
-        ),
-    ] = None,
+    reference: Path | None = None,
 ) -> None:
     """Navigate with and without a calibration: its worth in metres.
 
@@ -114,14 +109,7 @@ def align(
             "headings take the gyro bias out."
         ),
     ] = None,
-    method: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="<str>",
-            help="inertial_frame, kalman, two_vector or two_position; may be repeated. All "
-            "that fit if left out.",
-        ),
-    ] = None,
+    method: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
 ) -> None:
     """Find heading, pitch and roll of a log at rest.
 
@@ -198,13 +186,7 @@ _BRACKET = Several("time", "between which offsets to look, or any", "-0.5 s to 0
 def delay(
     ctx: typer.Context,
     slave: options.LogFile,
-    master: Annotated[
-        Path | None,
-        typer.Argument(
-            help="What a master said (time, heading, pitch, roll, velocities), a second IMU's log, "
-            "or a TOML file with [master] or [log]; left out where the first file describes both."
-        ),
-    ] = None,
+    master: Annotated[Path | None, typer.Argument()] = None,
     mounting: Annotated[
         Amount | None,
         _MOUNTING.option(
@@ -213,9 +195,7 @@ def delay(
             "named."
         ),
     ] = None,
-    bracket: Annotated[
-        str, typer.Option(help='Where the offset lies, such as "-0.2 s to 0.5 s", or any.')
-    ] = "-1 s to 1 s",
+    bracket: str = "-1 s to 1 s",
 ) -> None:
     """Find the time offset of two logs of one body.
 

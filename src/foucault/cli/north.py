@@ -82,12 +82,7 @@ def add_to(app: typer.Typer) -> None:
 )
 def find(
     ctx: typer.Context,
-    readings: Annotated[
-        Path,
-        typer.Argument(
-            help="A campaign file, or a CSV or Parquet file whose titles give the units."
-        ),
-    ],
+    readings: Path,
     calibration: options.Calibration = None,
     output: options.FolderIfWanted = None,
     said: Annotated[Any, _SAID] = None,
@@ -161,29 +156,13 @@ DRIFT = "0.1 deg/h/h"
 )
 def plan(
     ctx: typer.Context,
-    gyro_noise: Annotated[
-        str | None,
-        typer.Option(
-            help='Angle random walk of the gyros, such as "0.003 deg/sqrt(h)", or a grade\'s name.'
-        ),
-    ] = None,
-    noise: Annotated[
-        Path | None,
-        typer.Option(help="Campaign file whose [noise] is taken, instead of --gyro-noise."),
-    ] = None,
+    gyro_noise: str | None = None,
+    noise: Path | None = None,
     planned: Annotated[Any, _PLANNED] = None,
     chosen: Annotated[Any, _CHOSEN] = None,
     calibration: options.Calibration = None,
-    order: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="<str>",
-            help='Compare only this order, such as palindrome or "8 positions"; may be repeated.',
-        ),
-    ] = None,
-    cycles: Annotated[
-        int, typer.Option(help="How often each order of stops is repeated.", min=1, max=100_000)
-    ] = 1,
+    order: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
+    cycles: Annotated[int, typer.Option(min=1, max=100000)] = 1,
     output: options.TableIfWanted = None,
 ) -> None:
     """Say how long north seeking takes, and in which order to stop."""

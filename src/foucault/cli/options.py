@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -51,7 +52,7 @@ def read(option: str, text: str, kind: str, least: Least = "") -> float:
 
 
 def quantity(kind: str, said: str, *names: str, least: Least = "") -> Any:
-    """Return an option that holds a quantity of a kind; `said` is its help."""
+    """Return an option that holds a quantity of a kind; `said`: its help, if not in `help.toml`."""
 
     def parsed(param: typer.CallbackParam, value: str | None) -> Any:
         return None if value is None else read(param.opts[-1], value, kind, least)
@@ -211,6 +212,12 @@ def command(
     return marked
 
 
+@cache
+def _helps() -> dict[str, dict[str, dict[str, str]]]:
+    """Return what the arguments and options are for, by module, command and name."""
+    return tomllib.loads(Path(__file__).with_name("help.toml").read_text(encoding="utf-8"))
+
+
 def add(
     app: typer.Typer, function: Callable[..., Any], kind: type[TyperCommand] = TyperCommand,
     **more: Any,
@@ -221,7 +228,12 @@ def add(
     def made() -> Any:
         alone = typer.Typer(add_completion=False, rich_markup_mode=None)
         alone.command()(plain(function))
-        return get_command(alone)
+        command: Any = get_command(alone)
+        module, name = function.__module__.rpartition(".")[2], function.__name__.rstrip("_")
+        words = _helps().get(module, {}).get(name, {})
+        for param in command.params:
+            param.help = words.get(param.name, param.help)
+        return command
 
     class Late(kind):  # type: ignore[misc, valid-type]
         """A command without its options, which are those of `made`."""

@@ -13,10 +13,7 @@ from foucault.cli.screen import Screen
 @command("foucault parts", "foucault parts ICM-20948")
 def parts(
     ctx: typer.Context,
-    name: Annotated[
-        str | None,
-        typer.Argument(help='An instrument, such as "ICM-20948". All of them if left out.'),
-    ] = None,
+    name: Annotated[str | None, typer.Argument()] = None,
 ) -> None:
     """List instruments known by data sheet, or what one sheet says."""
     screen: Screen = ctx.obj

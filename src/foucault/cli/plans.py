@@ -51,38 +51,10 @@ class Told(NamedTuple):
 )
 def plans(
     ctx: typer.Context,
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            help='A plan, such as "icosahedron 12" or "fibonacci 30", or a CSV file with the '
-            'columns outer,middle,inner in deg; of a sequence "19 positions", several joined by '
-            '" + ", or a TOML file: a sequence, or a campaign. All plans if left out.'
-        ),
-    ] = None,
-    model: Annotated[
-        str,
-        typer.Option(
-            help="What is to be found: accel (norm of gravity, also for the norm of the rate), "
-            '"accel quadratic", "accel table" (the angles of the table are known), deflection '
-            "(poses for spins about a level axis, for gyros on dither springs), or systematic "
-            "(sequences of rests and turns)."
-        ),
-    ] = "accel",
-    angles: Annotated[
-        bool,
-        typer.Option(
-            "--angles/--no-angles",
-            help="Whether to print the table angles or the actions of a plan.",
-        ),
-    ] = True,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            help="CSV file to write, with a plan: its angles or actions; of a sequence TOML too.",
-        ),
-    ] = None,
+    name: Annotated[str | None, typer.Argument()] = None,
+    model: str = "accel",
+    angles: Annotated[bool, typer.Option("--angles/--no-angles")] = True,
+    output: Annotated[Path | None, typer.Option("-o", "--output")] = None,
 ) -> None:
     """List plans for a table and how good they are, or print one.
 

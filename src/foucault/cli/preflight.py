@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,6 +11,7 @@ from foucault.cli import cluster, options
 from foucault.cli.options import Amount, command, quantity
 from foucault.cli.screen import Screen, written
 from foucault.cli.sessions import load_or_template
+from foucault.errors import error
 
 if TYPE_CHECKING:
     pass
@@ -30,18 +32,9 @@ INCOMPLETE = 3
 def preflight(
     ctx: typer.Context,
     what: options.CampaignOrName,
-    plan: Annotated[
-        str | None,
-        typer.Option(
-            help='Try this plan, such as "-x -z -y +z", "dodecahedron 20" or, where a vehicle '
-            'moves, "ship", instead of that of the file, where the procedure has plans.'
-        ),
-    ] = None,
-    rate: Annotated[str | None, typer.Option(help='Try this rate, such as "0.2 deg/s".')] = None,
-    segment: Annotated[
-        str | None,
-        typer.Option(help='Try this time for each segment of the plan, such as "900 s".'),
-    ] = None,
+    plan: str | None = None,
+    rate: str | None = None,
+    segment: str | None = None,
     terms: options.TermsChosen = None,
     said: options.SaidOfCampaign = None,
     output: options.TableIfWanted = None,
@@ -95,32 +88,12 @@ def optimise(
     ctx: typer.Context,
     what: options.SearchedOrName,
     output: options.ContinuedFolder,
-    restarts: Annotated[int, typer.Option(help="Number of restarts.", min=1, max=1_000_000)] = 32,
-    evaluations: Annotated[
-        int | None,
-        typer.Option(
-            help="Plans that each restart judges; left out, 4000, or fewer where each takes long.",
-            min=1, max=1_000_000_000,
-        ),
-    ] = None,
-    time_limit: Annotated[
-        Amount | None,
-        quantity(
-            "time",
-            'Begin no further restart after this time, such as "60 s"; no limit if left out.',
-            least="0 or more",
-        ),
-    ] = None,
+    restarts: Annotated[int, typer.Option(min=1, max=1000000)] = 32,
+    evaluations: Annotated[int | None, typer.Option(min=1, max=1000000000)] = None,
+    time_limit: Annotated[Amount | None, quantity('time', '', least='0 or more')] = None,
     seed: options.Seed = 0,
     said: options.SaidOfCampaign = None,
-    size: Annotated[
-        int,
-        typer.Option(
-            "--round", min=2, max=100_000,
-            help="Restarts in a round, of which later ones continue the best plans; on a cluster, "
-            "a multiple of its workers.",
-        ),
-    ] = 8,
+    size: Annotated[int, typer.Option('--round', min=2, max=100000)] = 8,
     workers: cluster.Workers = None,
     scheduler: cluster.Scheduler = None,
     local_cluster: cluster.LocalCluster = None,
@@ -163,6 +136,7 @@ def optimise(
     "foucault montecarlo campaign.toml -n 500 -o study",
     "foucault montecarlo hand_rotated -n 100 -o study --local-cluster 8",
     "foucault montecarlo six_position -n 1000000 -o study --batched",
+    "foucault montecarlo six_position -n 1000000 -o study --batched --gpu",
     notes="The same command again continues an interrupted study.",
     exits={0: "every check passed", 3: "one did not"},
 )
@@ -170,17 +144,13 @@ def montecarlo(
     ctx: typer.Context,
     what: options.CampaignOrName,
     output: options.ContinuedFolder,
-    trials: Annotated[
-        int, typer.Option("-n", "--trials", help="Number of trials.", min=2, max=1_000_000)
-    ] = 500,
+    trials: Annotated[int, typer.Option("-n", "--trials", min=2, max=1000000)] = 500,
     seed: options.Seed = 0,
     workers: cluster.Workers = None,
     scheduler: cluster.Scheduler = None,
     local_cluster: cluster.LocalCluster = None,
-    batched: Annotated[
-        bool,
-        typer.Option("--batched", help="Draw means instead of samples, and solve many at once."),
-    ] = False,
+    batched: Annotated[bool, typer.Option("--batched")] = False,
+    gpu: Annotated[bool, typer.Option("--gpu")] = False,
 ) -> None:
     """Calibrate many simulated instruments to test the uncertainties.
 
@@ -189,12 +159,15 @@ def montecarlo(
     from foucault.campaign import many, study
 
     screen: Screen = ctx.obj
+    if gpu and not (batched and scheduler is None and local_cluster is None):
+        raise error("study.gpu_options")
     described = load_or_template(what)
+    run = partial(many.run, gpu=gpu) if batched else study.run
     with (
         cluster.spread(screen, workers, scheduler, local_cluster) as map_,
         screen.work(output, "study") as tell,
     ):
-        result = (many if batched else study).run(
+        result = run(
             described,
             trials,
             output,

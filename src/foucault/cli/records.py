@@ -65,20 +65,11 @@ def _open(where: str | None, who: str = "", *, make: bool = False) -> Iterator[R
 )
 def add(
     ctx: typer.Context,
-    runs: Annotated[list[Path] | None, typer.Argument(help="Run folders.")] = None,
-    below: Annotated[
-        Path | None, typer.Option(help="Folder: every run folder in it, however deep.")
-    ] = None,
-    date: Annotated[
-        str, typer.Option(help="When the logs were recorded, where they do not say.")
-    ] = "",
-    instrument: Annotated[
-        str, typer.Option(help="Which instrument they are of, where they do not say.")
-    ] = "",
-    reference: Annotated[
-        list[str] | None,
-        typer.Option(help="Name of a reference that was used; may be repeated."),
-    ] = None,
+    runs: Annotated[list[Path] | None, typer.Argument()] = None,
+    below: Path | None = None,
+    date: str = "",
+    instrument: str = "",
+    reference: list[str] | None = None,
     database: Where = None,
     who: Who = "",
 ) -> None:
@@ -119,9 +110,7 @@ def add(
 @command("foucault records list", 'foucault records list "IMU 7"')
 def list_(
     ctx: typer.Context,
-    instrument: Annotated[
-        str | None, typer.Argument(help="An instrument; all of them if left out.")
-    ] = None,
+    instrument: Annotated[str | None, typer.Argument()] = None,
     database: Where = None,
 ) -> None:
     """List instruments, or the runs of one."""
@@ -240,7 +229,7 @@ def _plain(found: Past) -> dict[str, Any]:
          exits={3: "something is due"})  # fmt: skip
 def due(
     ctx: typer.Context,
-    within: Annotated[float, typer.Option(help="Days ahead that are looked at.", min=0)] = 30.0,
+    within: Annotated[float, typer.Option(min=0)] = 30.0,
     at: AsOf = "",
     database: Where = None,
 ) -> None:
@@ -283,10 +272,8 @@ def due(
 def review(
     ctx: typer.Context,
     run: OneRun,
-    decision: Annotated[
-        Literal["accepted", "rejected"], typer.Argument(help="One of accepted, rejected.")
-    ],
-    reason: Annotated[str, typer.Option(help="Why.")],
+    decision: Literal["accepted", "rejected"],
+    reason: Annotated[str, typer.Option()],
     database: Where = None,
     who: Who = "",
 ) -> None:
@@ -302,7 +289,7 @@ def review(
 def tolerance(
     ctx: typer.Context,
     instrument: InstrumentName,
-    file: Annotated[Path, typer.Argument(help="TOML file with the limits of coefficients.")],
+    file: Path,
     database: Where = None,
     who: Who = "",
 ) -> None:
@@ -315,8 +302,7 @@ def tolerance(
 def interval(
     ctx: typer.Context,
     instrument: InstrumentName,
-    months: Annotated[float, typer.Argument(help="How long a calibration holds [month].",
-                                            min=0.1, max=600)],
+    months: Annotated[float, typer.Argument(min=0.1, max=600)],
     database: Where = None,
     who: Who = "",
 ) -> None:  # fmt: skip
@@ -329,11 +315,8 @@ def interval(
 def event(
     ctx: typer.Context,
     instrument: InstrumentName,
-    what: Annotated[
-        Literal["repaired", "adjusted", "out of service", "in service", "note"],
-        typer.Argument(help="One of repaired, adjusted, out of service, in service, note."),
-    ],
-    on: Annotated[str, typer.Option(help="The day, such as 2026-04-01.")],
+    what: Literal["repaired", "adjusted", "out of service", "in service", "note"],
+    on: Annotated[str, typer.Option()],
     words: Words = "",
     database: Where = None,
     who: Who = "",
@@ -349,13 +332,10 @@ def event(
 @command('foucault records reference "table 3" table --certificate "No. 12345" --renew 2027-01-31')
 def reference(
     ctx: typer.Context,
-    name: Annotated[str, typer.Argument(help="What it is called.")],
-    what: Annotated[
-        Literal["gravity", "table", "clock", "thermometer", "other"],
-        typer.Argument(help="One of gravity, table, clock, thermometer, other."),
-    ],
-    certificate: Annotated[str, typer.Option(help="Its certificate.")] = "",
-    renew: Annotated[str, typer.Option(help="Day when that has to be renewed.")] = "",
+    name: str,
+    what: Literal["gravity", "table", "clock", "thermometer", "other"],
+    certificate: str = "",
+    renew: str = "",
     words: Words = "",
     database: Where = None,
     who: Who = "",
@@ -368,7 +348,7 @@ def reference(
 @command("foucault records moved archive/2025/run")
 def moved(
     ctx: typer.Context,
-    folder: Annotated[Path, typer.Argument(help="The run folder, where it lies now.")],
+    folder: Path,
     database: Where = None,
     who: Who = "",
 ) -> None:
@@ -384,13 +364,8 @@ def moved(
          exits={3: "some could not be"})  # fmt: skip
 def rerun(
     ctx: typer.Context,
-    run: Annotated[
-        list[str] | None,
-        typer.Argument(help="Runs: their numbers, folders, or the beginning of their hashes."),
-    ] = None,
-    older: Annotated[
-        bool, typer.Option("--older", help="All that another version of the program has made.")
-    ] = False,
+    run: Annotated[list[str] | None, typer.Argument()] = None,
+    older: Annotated[bool, typer.Option("--older")] = False,
     database: Where = None,
     who: Who = "",
 ) -> None:
@@ -431,9 +406,7 @@ def rerun(
          exits={4: "something is not as it was"})  # fmt: skip
 def audit(
     ctx: typer.Context,
-    since: Annotated[
-        str, typer.Option(help="Hash of an entry, printed earlier, that has to be there still.")
-    ] = "",
+    since: str = "",
     database: Where = None,
 ) -> None:
     """Look for what was changed: entries, run folders, the index."""
@@ -457,9 +430,7 @@ def audit(
 @command("foucault records rebuild", "foucault records rebuild --journal journal.jsonl")
 def rebuild(
     ctx: typer.Context,
-    journal: Annotated[
-        Path | None, typer.Option(help="An export, whose entries fill a database without any.")
-    ] = None,
+    journal: Path | None = None,
     database: Where = None,
 ) -> None:
     """Make the index again, of the entries and the run folders."""
@@ -473,9 +444,7 @@ def rebuild(
 @command("foucault records export -o journal.jsonl")
 def export(
     ctx: typer.Context,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="File to write; the screen if left out.")
-    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output")] = None,
     database: Where = None,
 ) -> None:
     """Write all entries, a line of JSON for each."""

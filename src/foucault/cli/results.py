@@ -37,34 +37,14 @@ def calibrate(
     campaign: options.CampaignOrLogs = None,
     taken: options.Taken = None,
     terms: options.TermsChosen = None,
-    live: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SOURCE",
-            help="Record this source and say what to do next: serial:PORT[:BAUD], udp:PORT, "
-            "tcp:HOST:PORT, - or a growing file. The campaign says how; by hand if left out.",
-        ),
-    ] = None,
+    live: Annotated[str | None, typer.Option(metavar="SOURCE")] = None,
     frames: Annotated[
         str | None,
         typer.Option(help=options.FRAMES),
     ] = None,
-    hold: Annotated[
-        Amount | None,
-        quantity("time", 'With --live: time to rest, such as "7 s".', least="above 0"),
-    ] = None,
-    want: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="<str>",
-            help="With --live: what is wanted, such as accel.scale = 50 ppm; may be repeated. "
-            "If left out, what the usual session reaches.",
-        ),
-    ] = None,
-    words: Annotated[
-        str | None,
-        typer.Option(help="With --live: language, en or de, or a file like those; en if left out."),
-    ] = None,
+    hold: Annotated[Amount | None, quantity("time", "", least="above 0")] = None,
+    want: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
+    words: str | None = None,
     silence: Annotated[
         Amount | None,
         quantity("time", options.SILENCE, least="above 0"),
@@ -203,13 +183,7 @@ def _saved(folder: Path, **more: Any) -> dict[str, Any]:
 @command("foucault report run")
 def report(
     ctx: typer.Context,
-    folder: Annotated[
-        Path,
-        typer.Argument(
-            help="A run folder, or one of `fleet`, `north`, `navigate`, `optimise`, `compare` or "
-            "`montecarlo`."
-        ),
-    ],
+    folder: Path,
 ) -> None:
     """Write the report again from what the folder holds."""
     from foucault.errors import error
@@ -316,26 +290,11 @@ def merge(
 def init(
     ctx: typer.Context,
     place: options.Place,
-    procedure: Annotated[
-        str | None,
-        typer.Argument(help="Name of a procedure, such as hand_rotated; with --log found in it."),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="File to write; standard output if left out."),
-    ] = None,
-    part: Annotated[
-        str | None,
-        typer.Option(help="Instrument whose data sheet gives the noise; see `foucault parts`."),
-    ] = None,
-    grade: Annotated[
-        str | None,
-        typer.Option(help='Its class, such as "tactical MEMS", for what is not estimated.'),
-    ] = None,
-    log: Annotated[
-        list[Path] | None,
-        typer.Option(help="A log to describe; may be repeated for accelerometers and gyros."),
-    ] = None,
+    procedure: Annotated[str | None, typer.Argument()] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output")] = None,
+    part: str | None = None,
+    grade: str | None = None,
+    log: list[Path] | None = None,
     taken: options.Taken = None,
 ) -> None:
     """Write a campaign file to start from, or the campaign of a log."""
@@ -384,9 +343,7 @@ def _asked() -> tuple[str | None, str | None]:
 
 @command("foucault schema > campaign.schema.json", "foucault schema --result > result.schema.json")
 def schema(
-    result: Annotated[
-        bool, typer.Option("--result", help="Print that of result.json instead.")
-    ] = False,
+    result: Annotated[bool, typer.Option("--result")] = False,
 ) -> None:
     """Print the JSON schema of campaign files, or of result.json."""
     import json
@@ -425,59 +382,14 @@ def temperature(
     ctx: typer.Context,
     results: options.ResultFiles,
     output: options.RunFolder,
-    at: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="<str>",
-            help="RESULT=TEMPERATURE, where its log does not say it; may be repeated.",
-        ),
-    ] = None,
-    order: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="<str>",
-            help="Highest power of temperature: 2, or FAMILY=2; may be repeated. The results "
-            "tell it if left out.",
-        ),
-    ] = None,
-    knots: Annotated[
-        str | None,
-        typer.Option(help='Straight lines between knots, such as "-20 degC, 20 degC, 60 degC".'),
-    ] = None,
-    scatter: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="<str>",
-            help="FAMILY=SD from one switch-on to the next, or none; may be repeated. The "
-            "results tell it if left out.",
-        ),
-    ] = None,
-    ramp: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="A log at rest in one position while the temperature changes, or a campaign that "
-            "describes it; may be repeated."
-        ),
-    ] = None,
-    reference: Annotated[
-        Amount | None,
-        quantity("temperature", "Temperature that powers count from; the middle if left out."),
-    ] = None,
-    margin: Annotated[
-        Amount,
-        quantity(
-            "temperature difference",
-            "How far beyond the temperatures seen the functions are to hold.",
-            least="0 or more",
-        ),
-    ] = "0 K",
-    in_order: Annotated[
-        bool,
-        typer.Option(
-            "--in-order",
-            help="The results are in the order they were made in: compare heating with cooling.",
-        ),
-    ] = False,
+    at: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
+    order: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
+    knots: str | None = None,
+    scatter: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
+    ramp: list[Path] | None = None,
+    reference: Annotated[Amount | None, quantity("temperature", "")] = None,
+    margin: Annotated[Amount, quantity("temperature difference", "", least="0 or more")] = "0 K",
+    in_order: Annotated[bool, typer.Option("--in-order")] = False,
 ) -> None:
     """Fit coefficients as functions of temperature.
 

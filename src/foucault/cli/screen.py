@@ -192,12 +192,9 @@ class Screen:
         from rich.console import Console
 
         console = Console(stderr=True, soft_wrap=True)
-        console.print(
-            screen(f"error: {problem.message}"), style="bold red", markup=False, highlight=False
-        )
-        console.print(screen(f"  {problem.cure}"), style="red", markup=False, highlight=False)
-        parts = {"code": problem.code, "message": problem.message, "cure": problem.cure}
-        self.data({"error": parts})
+        for line, style in (f"error: {problem.message}", "bold red"), (f"  {problem.cure}", "red"):
+            console.print(screen(line), style=style, markup=False, highlight=False)
+        self.data({"error": {k: getattr(problem, k) for k in ("code", "message", "cure")}})
 
     @contextmanager
     def work(self, folder: Path | None, kind: str = "result") -> Iterator[Tell]:

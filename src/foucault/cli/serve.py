@@ -33,31 +33,14 @@ WORKER = "FOUCAULT_WORKER"
 )
 def serve(
     ctx: typer.Context,
-    folder: Annotated[
-        Path, typer.Argument(help="Folder where logs, runs and records are kept; made if needed.")
-    ] = Path("workbench"),
-    port: Annotated[int, typer.Option(help="Port to listen at.", min=0, max=65535)] = 8400,
-    host: Annotated[str, typer.Option(help="Address to listen at.")] = "127.0.0.1",
-    database: Annotated[
-        str | None,
-        typer.Option(
-            "--database",
-            help="File of the records, or an address such as postgresql://host/name; "
-            "records.sqlite in the folder if left out.",
-        ),
-    ] = None,
-    workers: Annotated[int, typer.Option(help="Jobs at a time.", min=1, max=64)] = 2,
-    prefix: Annotated[
-        str, typer.Option(help="Path below which a proxy serves it, such as /foucault.")
-    ] = "",
-    account: Annotated[
-        str | None,
-        typer.Option(help="Make this account, with a password from standard input, and end."),
-    ] = None,
-    role: Annotated[
-        Literal["operator", "reviewer", "administrator"],
-        typer.Option(help="Role of --account: operator, reviewer or administrator."),
-    ] = "operator",
+    folder: Annotated[Path, typer.Argument()] = Path("workbench"),
+    port: Annotated[int, typer.Option(min=0, max=65535)] = 8400,
+    host: str = "127.0.0.1",
+    database: Annotated[str | None, typer.Option("--database")] = None,
+    workers: Annotated[int, typer.Option(min=1, max=64)] = 2,
+    prefix: str = "",
+    account: str | None = None,
+    role: Literal["operator", "reviewer", "administrator"] = "operator",
 ) -> None:
     """Open a workbench: drop a log, see its verdict, keep it."""
     from foucault.errors import error

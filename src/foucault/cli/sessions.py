@@ -43,18 +43,8 @@ def simulate(
     ctx: typer.Context,
     what: options.CampaignOrName,
     output: options.Folder,
-    seed: Annotated[
-        int | None,
-        typer.Option(help="Seed of the random numbers; that of the campaign if left out.", min=0),
-    ] = None,
-    instruments: Annotated[
-        int | None,
-        typer.Option(
-            help="Simulate so many instruments, as means in one file; one if left out.",
-            min=1,
-            max=1_000_000,
-        ),
-    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0)] = None,
+    instruments: Annotated[int | None, typer.Option(min=1, max=1000000)] = None,
 ) -> None:
     """Simulate a session: the log, and the truth beside it."""
     from foucault import campaign
@@ -101,12 +91,8 @@ def _simulate_fleet(
 def inspect(
     ctx: typer.Context,
     log: options.LogFiles,
-    plots: Annotated[
-        Path | None, typer.Option(help="HTML file to write quick plots to; none if left out.")
-    ] = None,
-    everything: Annotated[
-        bool, typer.Option("--all", help="Print every rest and every finding.")
-    ] = False,
+    plots: Path | None = None,
+    everything: Annotated[bool, typer.Option("--all")] = False,
     taken: options.Taken = None,
 ) -> None:
     """Look at a log: axes, when it was at rest, what looks wrong.
@@ -208,16 +194,8 @@ REPORT_FILE, NOISE_FILE, TABLE_FILE, DATA_FILE = (
 def allan(
     ctx: typer.Context,
     log: options.LogFiles,
-    axis: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="<str>",
-            help="Axis, such as gyro.x, gyro or x; may be repeated. All if left out.",
-        ),
-    ] = None,
-    kind: Annotated[
-        str, typer.Option(help="Deviation: overlapping, modified or hadamard.")
-    ] = "overlapping",
+    axis: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
+    kind: str = "overlapping",
     rest: Annotated[
         Amount | None,
         options.REST.option(
@@ -225,30 +203,10 @@ def allan(
             "rest of one that moves."
         ),
     ] = None,
-    column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="<str>",
-            help="Column to read, its title or its number from 0; may be given up to three times. "
-            "With --unit no description of the log is needed.",
-        ),
-    ] = None,
-    unit: Annotated[
-        str, typer.Option(help='Unit of --column, such as "deg/s" or "mg".', metavar="<str>")
-    ] = "",
-    rate: Annotated[
-        str,
-        typer.Option(
-            help='Rate of --column, such as "100 Hz"; the time column says it if left out.',
-            metavar="<str>",
-        ),
-    ] = "",
-    moving: Annotated[
-        bool,
-        typer.Option(
-            "--moving", help="Tell the vibration of a log that moves from its noise at rest."
-        ),
-    ] = False,
+    column: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
+    unit: Annotated[str, typer.Option(metavar="<str>")] = "",
+    rate: Annotated[str, typer.Option(metavar="<str>")] = "",
+    moving: Annotated[bool, typer.Option("--moving")] = False,
     taken: options.Taken = None,
     output: options.FolderIfWanted = None,
 ) -> None:

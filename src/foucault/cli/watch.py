@@ -42,27 +42,11 @@ ENOUGH, TOO_FEW = 0, 3
 )
 def watch(
     ctx: typer.Context,
-    log: Annotated[
-        Path | None,
-        typer.Argument(help="A campaign file that describes the log, or the log itself."),
-    ] = None,
-    stdin: Annotated[
-        bool, typer.Option("--stdin", help="Read the rows from standard input.")
-    ] = False,
-    until_complete: Annotated[
-        bool, typer.Option("--until-complete", help="End as soon as there are enough rests.")
-    ] = False,
-    hold: Annotated[
-        Amount, quantity("time", 'Time to hold still, such as "3 s".', least="0 or more")
-    ] = "3 s",
-    timeout: Annotated[
-        Amount | None,
-        quantity(
-            "time",
-            'End after this time without a sample, such as "60 s"; never if left out.',
-            least="0 or more",
-        ),
-    ] = None,
+    log: Annotated[Path | None, typer.Argument()] = None,
+    stdin: Annotated[bool, typer.Option("--stdin")] = False,
+    until_complete: Annotated[bool, typer.Option("--until-complete")] = False,
+    hold: Annotated[Amount, quantity("time", "", least="0 or more")] = "3 s",
+    timeout: Annotated[Amount | None, quantity("time", "", least="0 or more")] = None,
 ) -> None:
     """Follow a growing log: rests found, orientations missing."""
     session = _open(log, stdin, hold)

@@ -2,13 +2,13 @@
 
 Readings are ``accel = M_a f + b_a`` and ``gyro = M_g w + G f + b_g`` (`models.imu`). A receiver may
 have the matrix or its inverse, parts of either, and the bias before or after it. Every name here is
-one such form; `model_of` finds the matrices again from the forms that a file has.
+one such form.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -163,41 +163,3 @@ def value_of(name: str, known: Known, *, each: bool) -> FloatArray | None:
     if single is None:
         return None
     return np.full(3, single) if each else np.asarray(single)
-
-
-def model_of(found: Mapping[str, FloatArray]) -> ImuModel:
-    """Return the model whose forms a file has; what it does not have is that of no error.
-
-    `found`: values by name, as `FORMS` gives them [SI].
-    """
-    parts: dict[str, FloatArray] = {}
-    for t in ("accel", "gyro"):
-        own = {name.partition(".")[2]: x for name, x in found.items() if name.startswith(f"{t}.")}
-        M = _matrix(own)
-        b = M @ own["true_bias"] if "true_bias" in own else own.get("bias", np.zeros(3))
-        parts |= {f"{t}_matrix": M, f"{t}_bias": b}
-    G = found.get("gyro.g", np.zeros((3, 3)))
-    if "gyro.g_rotated" in found:
-        G = found["gyro.g_rotated"] @ found.get("gyro.rotation", np.eye(3))
-    return replace(ImuModel(), **parts, g_sensitivity=G)
-
-
-def _matrix(own: Mapping[str, FloatArray]) -> FloatArray:
-    if "matrix" in own:
-        return own["matrix"]
-    if "inverse" in own:
-        return np.asarray(np.linalg.inv(own["inverse"]))
-    if "correction" in own:
-        return np.asarray(np.linalg.inv(np.eye(3) + own["correction"]))
-    if "diagonal_inverse" in own:
-        return np.diag(1.0 / own["diagonal_inverse"])
-    for factors in (
-        ("lower", "rotation"),
-        ("upper", "upper_rotation"),
-        ("diagonal_matrix", "rest"),
-    ):
-        if factors[0] in own:
-            return np.asarray(own[factors[0]] @ own.get(factors[1], np.eye(3)))
-    M = np.diag(1.0 + own.get("scale", np.zeros(3)))
-    M[OFF_DIAGONAL] = own.get("off_diagonal", np.zeros(6))
-    return M

@@ -26,7 +26,7 @@ from foucault.arrays import BoolArray, FloatArray
 from foucault.errors import error
 from foucault.escape import commented, hash_comment
 from foucault.export import syntax
-from foucault.export.quantities import COMPLETE, Known, model_of, value_of
+from foucault.export.quantities import COMPLETE, Known, value_of
 from foucault.export.syntax import SYNTAXES, Found
 from foucault.models.imu import ImuModel
 from foucault.units import CELSIUS, size
@@ -255,11 +255,6 @@ class Receiver:
         return self.calibration == "before"
 
     @property
-    def wants_noise(self) -> tuple[str, ...]:
-        """Names of the noises that it must be told."""
-        return tuple(dict.fromkeys(n for r in self.rows if r.noise and r.must for n in r.of))
-
-    @property
     def wants_rate(self) -> bool:
         """Whether its numbers hold at one rate only."""
         return any("rate" in (KINDS[r.kind][1], *r.of) for r in self.rows)
@@ -430,13 +425,3 @@ def _flat(value: Any) -> Iterator[Any]:
             yield from _flat(item)
     else:
         yield value
-
-
-def model_in(receiver: Receiver, found: Found) -> ImuModel:
-    """Return the calibration that a file has, in the axes and the gauge of the receiver [SI]."""
-    parts: dict[str, FloatArray] = {}
-    for row in receiver.rows:
-        numbers = numbers_of(row, found) if row.key and not row.noise else None
-        if numbers is not None:
-            parts |= row.meant(numbers, Known(ImuModel()))
-    return model_of(parts)

@@ -106,9 +106,6 @@ _MODELS: dict[str, dict[str, _Terms]] = {
 MODELS = tuple(_MODELS)
 """Names of the models."""
 
-_SINGULAR = 1e-9
-"""A singular value below this share of the largest is zero [1]."""
-
 
 def bending(T: FloatArray, f_b: FloatArray) -> FloatArray:
     """Return D(f), shape (..., 3, 3) [rad].
@@ -201,21 +198,6 @@ class DeflectionModel:
             np.where(open_, np.inf, np.sqrt(variance)),
         )
 
-    def tilt_design(self, u: FloatArray) -> FloatArray:
-        """Return ``u' S u`` of one unit of each parameter, shape (n, p) [1].
-
-        `u` (n, 3): axis of the spin in body axes [1].
-        """
-        return np.asarray(np.einsum("nj,pjm,nm->np", u, tilt_form(self.basis), u))
-
-    @property
-    def tilt_rank(self) -> int:
-        """How many combinations of the parameters whole turns can tilt by: no poses see more."""
-        S = tilt_form(self.basis)
-        S = (S + np.swapaxes(S, 1, 2)).reshape(len(self), 9)
-        values = np.linalg.svd(S, compute_uv=False)
-        return int(np.count_nonzero(values > _SINGULAR * max(values[0], 1.0)))
-
 
 def deflection_model(name: str, chirality: int = -1) -> DeflectionModel:
     """Return a model.
@@ -254,38 +236,6 @@ def _parameter(label: str, role: dict[str, int]) -> Coefficient:
         LAYOUT.coefficients[LAYOUT.index(f"gyro.deflection.{i}{j}{k}")],
         name=f"deflection.{i}{j}{k}",
     )
-
-
-def tilt_form(T: FloatArray) -> FloatArray:
-    """Return S of the text above, shape (..., 3, 3) [unit of T].
-
-    `T` (..., 3, 3, 3): gyro, direction, axis of the specific force [rad/(m/s^2)].
-    """
-    e = np.zeros((3, 3, 3))
-    for i in range(3):
-        e[i, i - 2, i - 1], e[i, i - 1, i - 2] = 1.0, -1.0
-    return np.asarray(np.einsum("ikm,...ijk->...jm", e, T))
-
-
-def whole_turns(
-    T: FloatArray, u: FloatArray, angle: float, gravity: float, *, about: str = "north"
-) -> FloatArray:
-    """Return the attitude error that whole turns about a level axis leave, shape (..., 3) [rad].
-
-    `T` (3, 3, 3): gyro, direction, axis of the specific force [rad/(m/s^2)]; `u` (..., 3): axis
-    of the turns in body axes [1]; `angle`: angle turned through, a multiple of 2 pi, its sign is
-    the sense [rad]; `gravity`: gravity [m/s^2]; `about`: "north" or "east": the direction of the
-    axis. Returns (..., 3): phi about east, north, up [rad].
-    """
-    half = 0.5 * angle * gravity
-    level = half * np.einsum("...j,jm,...m->...", u, tilt_form(T), u)
-    up = -half * (
-        np.einsum("iji,...j->...", T, u) - np.einsum("ijk,...i,...j,...k->...", T, u, u, u)
-    )
-    zero = np.zeros_like(level)
-    if about == "east":
-        return np.stack([zero, -level, up], axis=-1)
-    return np.stack([level, zero, up], axis=-1)
 
 
 NEWTON_STEPS = 30

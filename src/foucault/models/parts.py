@@ -218,15 +218,8 @@ def _plain(name: str) -> str:
 def part(name: str) -> Part:
     """Return what the data sheet of an instrument says.
 
-    Parameters
-    ----------
-    name : str
-        Such as "ICM-20948"; capitals, blanks and hyphens do not matter.
-
-    Raises
-    ------
-    FoucaultError
-        No part has that name.
+    `name`: such as "ICM-20948"; capitals, blanks and hyphens do not matter, an unknown one is
+    refused.
     """
     known = catalogue()
     found = {_plain(one): one for one in known}.get(_plain(name))
@@ -238,14 +231,8 @@ def part(name: str) -> Part:
 def quadratic_of(nonlinearity: float, full_scale: float) -> float:
     """Return K of y = x + K x^2 with the best straight line off by a share of full scale.
 
-    K = 2 e / X [1/(m/s^2)].
-
-    Parameters
-    ----------
-    nonlinearity : float
-        e, largest error over full scale [1].
-    full_scale : float
-        X [m/s^2].
+    ``K = 2 e / X`` [1/(m/s^2)], `nonlinearity`: e, largest error over full scale [1]; `full_scale`:
+    X [m/s^2].
     """
     return 2 * nonlinearity / full_scale
 
@@ -253,25 +240,16 @@ def quadratic_of(nonlinearity: float, full_scale: float) -> float:
 def cubic_of(nonlinearity: float, full_scale: float) -> float:
     """Return c of y = x + c x^3 with the best straight line off by a share of full scale.
 
-    c = 4 e / X^2 [1/(rad/s)^2].
-
-    Parameters
-    ----------
-    nonlinearity : float
-        e, largest error over full scale [1].
-    full_scale : float
-        X [rad/s].
+    ``c = 4 e / X^2`` [1/(rad/s)^2], `nonlinearity`: e, largest error over full scale [1];
+    `full_scale`: X [rad/s].
     """
     return 4 * nonlinearity / full_scale**2
 
 
 def random_walk_of(density: float) -> float:
-    """Return the random walk of a one-sided noise density, d / sqrt(2) [unit/sqrt(Hz)].
+    """Return the random walk of a one-sided noise `density` d as sheets state it, d / sqrt(2).
 
-    Parameters
-    ----------
-    density : float
-        d, as sheets state it [unit/sqrt(Hz)].
+    Both [unit/sqrt(Hz)].
     """
     return density / math.sqrt(2)
 
@@ -360,21 +338,11 @@ def _curved(of: Part, triad: str, least: float) -> tuple[float, float, str] | No
 
 
 def noise_of(name: str) -> ImuNoise | None:
-    """Return the white noise that the data sheet of an instrument states.
+    """Return the white noise that the data sheet of an instrument `name` states [SI].
 
     Random walk where it is stated, else that of the noise density; limits are taken as they are.
-    Bias instability is left out: the least value of an Allan plot says nothing of how long the
-    bias stays what it is.
-
-    Parameters
-    ----------
-    name : str
-        A part, as for `part`.
-
-    Returns
-    -------
-    ImuNoise or None
-        Noise of accelerometers [m/s^2] and gyros [rad/s]; None where that of one is not stated.
+    None where that of accelerometers or gyros is not stated. Bias instability is left out: the
+    least value of an Allan plot says nothing of how long the bias stays what it is.
     """
     of = part(name)
     white = {triad: _white(of, triad) for triad in _TRIADS}
