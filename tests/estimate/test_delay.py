@@ -10,6 +10,7 @@ import pytest
 from foucault.estimate import delay_matching
 from foucault.estimate.delay import Delay, delay_of
 from foucault.estimate.delay_matching import (
+    GAIN,
     HELD,
     SlaveAttitude,
     covariance,
@@ -27,7 +28,8 @@ from foucault.models.rotation import exp, log, matrix_of
 from foucault.navigate.increments import Increments, increments_of
 from foucault.plans.manoeuvres import Climb, Start, Straight, STurn, Turn
 from foucault.plans.transfer import TransferProfile
-from foucault.simulate.transfer import Flexure, Link, draw_slave, simulate_transfer
+from foucault.simulate.transfer import Flexure, Link, MasterNoise, draw_slave, simulate_transfer
+from foucault.tables import Log
 from make_alignment import DPH, real
 from make_transfer import ARCMIN, DEG
 
@@ -49,8 +51,6 @@ def found(run, **words) -> Delay:
 
 
 def test_it_is_exact_without_noise() -> None:
-    from foucault.simulate.transfer import MasterNoise
-
     quiet = MasterNoise(velocity=0.0, attitude=(0.0, 0.0, 0.0), position=0.0)
     for delay in (0.0, 0.0613, 0.2):
         one = found(simulate_transfer(FLIGHT, rate=100.0, link=Link(delay=delay), noise=quiet))
@@ -117,38 +117,61 @@ def test_slopes_against_differences() -> None:
     run = simulate_transfer(FLIGHT, rate=100.0)
     slave, m = SlaveAttitude(increments_of(run.log)), run.master
     turns = turns_of(m.time, m.C_nb)
-    C_0, x = matrix_of(0.3, -0.2, 0.5), np.array([0.05, 0.1, -0.2, 0.3, 1e-3, -2e-3, 3e-3])
-    x[delay_matching.MU] = 0.0
-    here = delay_matching._look(slave, turns, x, C_0, None)
-    for i, h in enumerate([1e-4] + [1e-5] * 6):
-        dx = h * np.eye(7)[i]
-        up, down = (delay_matching._look(slave, turns, x + s * dx, C_0, None) for s in (1, -1))
+    C_0, x = matrix_of(0.3, -0.2, 0.5), np.array([0.05, 0.0, 0.0, 0.0, 1e-3, -2e-3, 3e-3])
+    x = np.append(x, [0.05, -0.02, 0.01])
+
+    def look(x):
+        return delay_matching._look(slave, turns, x, C_0, None, HELD)
+
+    here = look(x)
+    for i, h in enumerate([1e-4] + [1e-5] * 9):
+        dx = h * np.eye(10)[i]
+        up, down = look(x + dx), look(x - dx)
         both = up.used & down.used & here.used
         change = (up.residual - down.residual)[both] / (2 * h)
         size = np.abs(change).max()
         assert np.abs(change - here.slope[both, :, i]).max() < 2e-3 * size
 
 
-def test_covariance_is_that_of_leaving_out() -> None:
+def test_the_slope_by_the_delay_as_the_master_says_it() -> None:
+    """From turns before and after, .1 s each: of waves of 2 s all but 2.5 %."""
+    time = np.arange(0.0, 40.0, 0.01)
+    rate = 0.5 * np.sin(np.pi * time[:, None] + [0.0, 1.0, 2.0])
+    slave = SlaveAttitude(increments_of(Log(time, rate, np.zeros_like(rate))))
+    at = np.arange(0.5, 39.0, 0.1)
+    turns = turns_of(at, slave.at(at)[0])
+    here = delay_matching._look(slave, turns, np.zeros(10), np.eye(3), None, HELD)
+    one, other = (x[1:-1, :, 0] for x in (here.weighted, here.slope))
+    assert np.sum(one * other) == pytest.approx(0.975 * np.sum(other**2), rel=0.02)
+    assert np.corrcoef(one.ravel(), other.ravel())[0, 1] > 0.99
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.3])
+def test_covariance_is_that_of_leaving_out(apart: float) -> None:
+    """With slopes weighted by themselves, and by others that are `apart` from them."""
     rng = np.random.default_rng(4)
     k, p = 60, 7
     J, e = rng.normal(size=(k, 3, p)), rng.normal(size=(k, 3))
-    flat = J.reshape(-1, p)
-    best = -np.linalg.lstsq(flat, e.ravel(), rcond=None)[0]
+    Z = J + apart * rng.normal(size=J.shape)
+
+    def solved(keep):
+        z, j = Z[keep].reshape(-1, p), J[keep].reshape(-1, p)
+        return -np.linalg.solve(z.T @ j, z.T @ e[keep].ravel())
+
+    best = solved(np.ones(k, bool))
     left = e + J @ best
     for rows in (1, 5):
         moved = []
         for first in range(0, k, rows):
             keep = np.ones(k, bool)
             keep[first : first + rows] = False
-            x = -np.linalg.lstsq(J[keep].reshape(-1, p), e[keep].ravel(), rcond=None)[0]
-            moved.append(x - best)
+            moved.append(solved(keep) - best)
         wanted = np.array(moved).T @ np.array(moved)
-        assert np.allclose(covariance(left, J, rows=rows), wanted, rtol=1e-6)
+        assert np.allclose(covariance(left, J, rows=rows, weighted=Z), wanted, rtol=1e-6)
     blind = J.copy()
     blind[:, :, 0] = 0.0
     assert covariance(left, blind)[0, 0] == np.inf
-    held = covariance(left, blind, HELD)
+    held = covariance(left, blind, HELD[:7, :7])
     assert np.isfinite(held[1:, 1:]).all()
 
 
@@ -250,11 +273,12 @@ def test_halves_of_a_real_vehicle() -> None:
 
 @pytest.mark.thorough
 def test_the_heading_of_a_real_vehicle_closes() -> None:
-    """Its gyros, less the bias found, hold the heading of the master within 1.5 arcmin."""
+    """Its gyros, less the errors found, hold the heading of the master within 1.5 arcmin."""
     x, master = vehicle()
     one = delay_of(x, **master)
     assert one is not None
-    corrected = replace(x, dtheta_b=x.dtheta_b - x.dt[:, None] * one.bias)
+    scale = 1 + one.match.x[GAIN]
+    corrected = replace(x, dtheta_b=(x.dtheta_b - x.dt[:, None] * one.bias) / scale)
     time = master["time"] - one.delay
     rows = time > 0
     C_0s, _ = SlaveAttitude(corrected).at(time[rows])
@@ -273,5 +297,5 @@ def test_whitened_rows_are_white_in_the_real_log() -> None:
     x, master = vehicle()
     one = delay_of(x, **master)
     assert one is not None
-    e, _ = whitened(one.match)
+    e, _ = whitened(one.match, one.match.slope)
     assert np.mean(e**2, axis=0) == pytest.approx(1.0, abs=0.1)

@@ -33,7 +33,11 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
 from foucault.estimate.delay_matching import (
+    ALIKE,
     BIAS,
+    GAIN,
+    GAINS,
+    HELD,
     MU,
     TAU,
     Match,
@@ -222,6 +226,13 @@ WILD_PART = 0.05
 PARTS = 4
 """The delay is shown in so many parts of the log [1]."""
 
+SOUND = 4.0
+"""Scale factor errors of so many times the usual are something else [1]."""
+
+DIFFER = 21.1
+"""Chi-square of three that one in 10,000 exceeds: scale factors are estimated where they differ by
+more; where few turns tell them, they would cost much of what is known of the delay [1]."""
+
 DRIFTS = 4.0
 """A drift of so many standard deviations is followed [1]."""
 
@@ -380,25 +391,50 @@ def _refined(
     """Leave out what is wild, weigh, and follow a drift of the clocks."""
     wild = ~usable & (turns.dt < LONG * turns.interval) | _wild(start)
     usable = usable & ~wild
-    now = weigh(slave, turns, start, usable)
-    middle, drift = _centre(now, turns), 0.0
-    for _ in range(DRIFT_STEPS):
-        age = (turns.start + turns.end) / 2 - middle
-        slope = now.slope[:, :, :1]
-        both = np.concatenate([slope, slope * age[:, None, None]], axis=2)
-        step, cov = residual_step(now, both)
-        if not (abs(step[1]) > DRIFTS * np.sqrt(cov[1, 1]) and now.converged):
-            break
-        drift += float(step[1])
-        begins, ends = (t - drift * (t - middle) for t in (turns.start, turns.end))
-        slowed = Turns(begins, ends, turns.phi_m)
-        now = weigh(slave, slowed, now, usable)
+    middle = _centre(start, turns)
+    now, drift, cov = _followed(slave, turns, start, usable, middle, HELD)
+    if not _unlike(now):
+        now, drift, cov = _followed(slave, turns, start, usable, middle, ALIKE)
     if drift:  # it was estimated with the others
         now = replace(now, cov=np.delete(np.delete(cov, 1, 0), 1, 1))
     drift_sd = float(np.sqrt(cov[1, 1]))
     parts = _parts(now, turns, drift, middle)
     return Delay(now, turns, now.C_ms, middle, drift, drift_sd, *parts, bracket, edge, rivals, wild,
                  *_alike(now))  # fmt: skip
+
+
+def _followed(
+    slave: SlaveAttitude, turns: Turns, start: Match, usable: BoolArray, middle: float,
+    held: FloatArray,
+) -> tuple[Match, float, FloatArray]:  # fmt: skip
+    """Return the match less the drift of the clocks, that drift, and the covariance with it.
+
+    Weights are those of what is left when the clocks go alike: first without any, then by these.
+    """
+    drift, slowed, age = 0.0, turns, (turns.start + turns.end) / 2 - middle
+    now = match(slave, turns, start.delay, start.C_ms, usable, held)
+    for weighs in (False, True):
+        now = weigh(slave, slowed, now, usable) if weighs else now
+        for _ in range(DRIFT_STEPS):
+            step, cov = residual_step(now, np.stack([np.ones_like(age), age], axis=1))
+            if not (abs(step[1]) > DRIFTS * np.sqrt(cov[1, 1]) and now.converged):
+                break
+            drift += float(step[1])
+            begins, ends = (t - drift * (t - middle) for t in (turns.start, turns.end))
+            slowed = Turns(begins, ends, turns.phi_m)
+            if weighs:
+                now = weigh(slave, slowed, now, usable)
+            else:
+                now = match(slave, slowed, now.delay, now.C_ms, usable, held)
+    return now, drift, cov
+
+
+def _unlike(found: Match) -> bool:
+    """Tell whether gyros are seen to differ in scale factor, no more than gyros do."""
+    k, P = found.x[GAIN], found.cov[GAIN, GAIN]
+    if not found.converged or np.any(np.abs(k) > SOUND * GAINS):  # as where one is reversed
+        return False
+    return bool(k @ np.linalg.pinv(P, hermitian=True) @ k > DIFFER)
 
 
 def _centre(found: Match, turns: Turns) -> float:
@@ -424,8 +460,7 @@ def _parts(
     edges = np.linspace(turns.start[rows[0]], turns.end[rows[-1]], PARTS + 1)
     at = (turns.start + turns.end) / 2
     part = np.clip(np.searchsorted(edges, at) - 1, 0, PARTS - 1)
-    alone = (part[:, None] == np.arange(PARTS))[:, None, :] * found.slope[:, :, :1]
-    step, cov = residual_step(found, alone)
+    step, cov = residual_step(found, 1.0 * (part[:, None] == np.arange(PARTS)))
     centre = (edges[1:] + edges[:-1]) / 2
     delay = found.delay + drift * (centre - middle) + step[:PARTS]
     return edges[:-1], edges[1:], delay, cov[:PARTS, :PARTS]
@@ -434,15 +469,19 @@ def _parts(
 def _alike(found: Match) -> tuple[float, float, float]:
     """Return the common part of what both turned, and the ratio of their sizes with its sd."""
     turned = found.phi_s[found.used]
-    turned = turned - turned.mean(axis=0)
-    expected = found.phi_s - found.residual
-    expected[found.used] -= expected[found.used].mean(axis=0)
-    expected[~found.used] = 0.0
-    both = float(np.sum(turned * expected[found.used]))
+    alone = found.residual - found.slope[:, :, GAIN] @ found.x[GAIN]  # as if the gyros were alike
+    expected = turned - alone[found.used]
+    turned, expected = turned - turned.mean(axis=0), expected - expected.mean(axis=0)
     total = float(np.sum(turned**2) * np.sum(expected**2))
-    e, J = whitened(found, -expected[:, :, None])
-    information = float(np.sum(J * J))
-    if not information > 0 or not total > 0:
+    if not total > 0:
         return 0.0, 1.0, np.inf
-    sd = float(np.sqrt(covariance(e, J)[0, 0]))
-    return both**2 / total, 1.0 - float(np.sum(J[:, :, 0] * e)) / information, sd
+    # As many times as the master in all axes alike.
+    J, Z = (slope[:, :, GAIN].sum(axis=2, keepdims=True) for slope in (found.slope, found.weighted))
+    e, both = whitened(replace(found, residual=alone), np.concatenate([J, Z], axis=2))
+    J, Z = both[:, :, :1], both[:, :, 1:]
+    information = float(np.sum(Z * J))
+    if not information > 0:
+        return 0.0, 1.0, np.inf
+    more = -float(np.sum(Z[:, :, 0] * e)) / information
+    sd = float(np.sqrt(covariance(e + J @ [more], J, weighted=Z)[0, 0]))
+    return float(np.sum(turned * expected)) ** 2 / total, 1.0 + more, sd

@@ -3,20 +3,28 @@
 Between two epochs of the master, ``a`` to ``b`` by its stamps, the master turned by ``phi_m`` and
 the slave, ``tau`` earlier by its own clock, by ``phi_s``, both relative to inertial space::
 
-    phi_s = C_ms' phi_m + (b - a) bias + noise
+    phi_s = (1 + k) C_ms' phi_m + (b - a) bias + noise
 
-Unknown are the delay tau, the mounting ``C_ms = C_0 Exp(mu)`` and the bias of the slave's gyros
-less that of the master. All are found by Gauss-Newton. The noise is that of the gyros (white in
-phi), of the master's attitude (white in attitude, so that neighbours in phi differ in sign) and of
-what bends between the two (coloured): its spectrum is taken from the residuals of a first pass and
-weights the second, frequency by frequency and axis by axis (`estimate.delay`). The
-covariance is that of the weighted residuals as they are, row by row, so that jitter of the stamps,
-which disturbs most where the motion is quickest, counts as much as it does.
+Unknown are the delay tau, the mounting ``C_ms = C_0 Exp(mu)``, and bias and scale factor errors k,
+axis by axis, of the slave's gyros less those of the master. All are found by Gauss-Newton. The
+noise is that of the gyros (white in phi), of the master's attitude (white in attitude, so that
+neighbours in phi differ in sign) and of what bends between the two (coloured): its spectrum is
+taken from the residuals of a first pass and weights the second, frequency by frequency and axis by
+axis (`estimate.delay`).
+
+Noise between two samples is smaller than at one. Were a slave that samples as rarely as its master
+asked itself how its turning changes with the delay, the least residual would lie nearer to the
+middle between two samples, by ten standard deviations where its gyros are the worse ones. What the
+master says of that change weights the residuals instead, for its noise is another one (an
+instrumental variable [2]_). The covariance is that of the weighted residuals as they are, row by
+row, so that jitter of the stamps, which disturbs most where the motion is quickest, counts as much
+as it does.
 
 References
 ----------
 .. [1] J. G. MacKinnon, H. White, "Some Heteroskedasticity-Consistent Covariance Matrix Estimators
    with Improved Finite Sample Properties", J. Econometrics 29, 1985, p. 305-325.
+.. [2] T. Soderstrom, "Errors-in-Variables Methods in System Identification", 2018, chapter 6.
 
 Weights of residuals by their own spectrum, axis by axis.
 
@@ -276,25 +284,34 @@ of which hardly count [1]."""
 LOOSE = 1.0
 """Standard deviation of the mounting about its start, where nothing else holds it [rad]."""
 
-HELD = np.diag(np.r_[0.0, np.full(3, LOOSE**-2), np.zeros(3)])
-"""Information of that start."""
+GAINS = 0.05
+"""Standard deviation of scale factor errors, where nothing else holds them [1]."""
 
-TAU, MU, BIAS = 0, slice(1, 4), slice(4, 7)
-"""Places of the delay [s], the mounting [rad] and the bias [rad/s] among the unknowns."""
+HELD = np.diag(np.r_[0.0, np.full(3, LOOSE**-2), np.zeros(3), np.full(3, GAINS**-2)])
+"""Information of both."""
+
+ALIKE = np.diag(np.r_[np.diag(HELD)[:7], np.full(3, 1e30)])
+"""The same where the gyros have no scale factor errors."""
+
+TAU, MU, BIAS, GAIN = 0, slice(1, 4), slice(4, 7), slice(7, 10)
+"""Places of delay [s], mounting [rad], bias [rad/s] and scale factor errors [1] of the unknowns."""
 
 
 @dataclass(frozen=True)
 class Match:
     """What matching has found."""
 
-    x: FloatArray  # (7,) delay [s], mounting mu relative to the start (3) [rad], bias (3) [rad/s]
-    cov: FloatArray  # (7, 7) covariance [SI]
+    # x: (10,) delay [s], mounting mu from the start (3) [rad], bias (3) [rad/s], scale (3) [1]
+    x: FloatArray
+    cov: FloatArray  # (10, 10) covariance [SI]
     C_ms: FloatArray  # (3, 3) mounting, mu included [1]
     used: BoolArray  # (k,) which intervals of the master
     residual: FloatArray  # (k, 3) phi_s less what was expected, in s; zero where not used [rad]
-    slope: FloatArray  # (k, 3, 7) its derivatives by x
+    slope: FloatArray  # (k, 3, 10) its derivatives by x
+    weighted: FloatArray  # (k, 3, 10) the same as the master alone says them
     phi_s: FloatArray  # (k, 3) what the slave turned, zero where not used [rad]
     converged: bool  # whether the iteration has settled
+    held: FloatArray  # (10, 10) information that was known before [SI]
     # (f, 3) spectrum by which the residuals were weighted, as the square of a Fourier transform
     # [rad^2]
     spectrum: FloatArray | None = None
@@ -307,16 +324,17 @@ class Match:
 
 def match(
     slave: SlaveAttitude, turns: Turns, delay: float, C_ms: FloatArray,
-    among: BoolArray | None = None,
+    among: BoolArray | None = None, held: FloatArray = ALIKE,
 ) -> Match:  # fmt: skip
     """Find delay, mounting and bias from a start that is near, all residuals of equal weight.
 
     `delay`: start of the delay, within a part of the shortest period of the motion [s]; `C_ms`
-    (3, 3): start of the mounting [1]; `among` (k,): intervals that may be used, None for all.
+    (3, 3): start of the mounting [1]; `among` (k,): intervals that may be used, None for all;
+    `held` (10, 10): what is known before [SI].
     """
-    x = np.zeros(7)
+    x = np.zeros(len(HELD))
     x[TAU] = delay
-    return _pass(slave, turns, x, C_ms, among, (None, None))
+    return _pass(slave, turns, x, C_ms, among, held, (None, None))
 
 
 def weigh(
@@ -327,17 +345,18 @@ def weigh(
     spectrum = spectrum_of(np.where(used[:, None], found.residual, 0.0))
     x = found.x.copy()
     x[MU] = 0.0
-    return _pass(slave, turns, x, found.C_ms, among, (spectrum, shared(found.phi_s, spectrum)))
+    weights = spectrum, shared(found.phi_s, spectrum)
+    return _pass(slave, turns, x, found.C_ms, among, found.held, weights)
 
 
 def _pass(
     slave: SlaveAttitude, turns: Turns, x: FloatArray, C_0: FloatArray, among: BoolArray | None,
-    weights: tuple[FloatArray | None, FloatArray | None],
+    held: FloatArray, weights: tuple[FloatArray | None, FloatArray | None],
 ) -> Match:  # fmt: skip
     """Iterate with one set of weights."""
     x, converged = x.copy(), False
     for _ in range(ITERATIONS):
-        now = _look(slave, turns, x, C_0, among)
+        now = _look(slave, turns, x, C_0, among, held)
         now = _weighed(now, weights)
         step, whole, part = _step(now)
         step[TAU] = np.clip(step[TAU], -turns.interval, turns.interval)
@@ -345,47 +364,67 @@ def _pass(
         if part <= SETTLED and whole <= NEARLY:
             converged = True
             break
-    last = replace(_weighed(_look(slave, turns, x, C_0, among), weights), converged=converged)
+    last = _weighed(_look(slave, turns, x, C_0, among, held), weights)
+    last = replace(last, converged=converged)
     if weights[0] is None:
         return last
-    return replace(last, cov=_with_bending(*whitened(last)))
+    return replace(last, cov=_with_bending(*_as_weighted(last, np.ones((len(turns), 1))), held))
 
 
 def _look(
-    slave: SlaveAttitude, turns: Turns, x: FloatArray, C_0: FloatArray, among: BoolArray | None
-) -> Match:
+    slave: SlaveAttitude, turns: Turns, x: FloatArray, C_0: FloatArray, among: BoolArray | None,
+    held: FloatArray,
+) -> Match:  # fmt: skip
     """Return the residuals and their slopes at x, zero where an interval is not used."""
     k = len(turns)
     used = inside(slave, turns, float(x[TAU]), among)
     some = turns if used.all() else turns[used]
     phi_s, slope = slave.turned(some.start - x[TAU], some.end - x[TAU])
     C_ms = C_0 @ exp(x[MU])
-    expected = some.phi_m @ C_ms
-    residual, slopes, turned = np.zeros((k, 3)), np.zeros((k, 3, 7)), np.zeros((k, 3))
-    residual[used] = phi_s - expected - some.dt[:, None] * x[BIAS]
+    turned = some.phi_m @ C_ms
+    residual, slopes, weighted, phi = (np.zeros((k, 3, *n)) for n in ((), (10,), (10,), ()))
+    weighted[used, :, TAU] = _by_master(some, turned)
     slopes[used, :, TAU] = slope
-    slopes[used, :, MU] = -cross_matrix(expected)
-    slopes[used, :, BIAS] = -some.dt[:, None, None] * np.eye(3)
-    turned[used] = phi_s
-    return Match(x, np.zeros((7, 7)), C_ms, used, residual, slopes, turned, False)
+    for one in (slopes, weighted):
+        one[used, :, MU] = -(1.0 + x[GAIN])[:, None] * cross_matrix(turned)
+        one[used, :, BIAS] = -some.dt[:, None, None] * np.eye(3)
+        one[used, :, GAIN] = -turned[:, None, :] * np.eye(3)
+    more = np.r_[BIAS, GAIN]
+    residual[used] = phi_s - turned + slopes[used][:, :, more] @ x[more]
+    phi[used] = phi_s
+    return Match(x, np.zeros((10, 10)), C_ms, used, residual, slopes, weighted, phi, False,
+                 held)  # fmt: skip
+
+
+def _by_master(turns: Turns, turned: FloatArray) -> FloatArray:
+    """Return how turns of the master [rad/s] change as they pass, by those before and after.
+
+    `turned` (k, 3): its turns in the slave's axes [rad].
+    """
+    rate, middle = turned / turns.dt[:, None], (turns.start + turns.end) / 2
+    out = np.zeros_like(turned)
+    change = (rate[2:] - rate[:-2]) / (middle[2:] - middle[:-2])[:, None]
+    near = turns.end[2:] - turns.start[:-2] < 1.5 * (turns.dt[2:] + turns.dt[1:-1] + turns.dt[:-2])
+    out[1:-1] = np.where(near[:, None], -change * turns.dt[1:-1, None], 0.0)
+    return out
 
 
 def _weighed(now: Match, weights: tuple[FloatArray | None, FloatArray | None]) -> Match:
-    """Return a match with its spectrum, and the slope by the delay as far as both turned."""
+    """Return a match with its spectrum, and what the master says as far as both turned."""
     spectrum, gain = weights
     if spectrum is None or gain is None:
         return now
-    slope = now.slope.copy()
-    slope[:, :, TAU] = filtered(slope[:, :, TAU], gain)[: len(slope)]
-    return replace(now, slope=slope, spectrum=spectrum)
+    weighted = now.weighted.copy()
+    seen = np.r_[TAU, np.r_[MU], np.r_[GAIN]]  # by the motion: the bias needs none
+    weighted[:, :, seen] = filtered(weighted[:, :, seen], gain)[: len(weighted)]
+    return replace(now, weighted=weighted, spectrum=spectrum)
 
 
-def whitened(found: Match, slope: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+def whitened(found: Match, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return residuals (m, 3) and slopes (m, 3, p) divided by their amplitude [1]; m >= k.
 
-    `slope` (k, 3, p): slopes by other unknowns, None for those of the match.
+    `slope` (k, 3, p): slopes of the residuals.
     """
-    slope = found.slope if slope is None else slope
     if found.spectrum is None:
         sd = np.sqrt(np.mean(found.residual[found.used] ** 2)) or 1.0
         return found.residual / sd, slope / sd
@@ -395,78 +434,92 @@ def whitened(found: Match, slope: FloatArray | None = None) -> tuple[FloatArray,
     return flat[..., 0], flat[..., 1:]
 
 
+def _as_weighted(found: Match, factors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return residuals, slopes, and what weights these, divided by their amplitude [1].
+
+    `factors` (k, p): what stands in for the delay is so many times the delay, row by row.
+    """
+
+    def of(slope: FloatArray) -> FloatArray:
+        many = slope[:, :, :1] * factors[:, None, :]
+        return np.concatenate([many, slope[:, :, 1:]], axis=2)
+
+    J = of(found.slope)
+    e, both = whitened(found, np.concatenate([J, of(found.weighted)], axis=2))
+    return e, both[:, :, : J.shape[2]], both[:, :, J.shape[2] :]
+
+
 def _step(found: Match) -> tuple[FloatArray, float, float]:
     """Return the step of Gauss-Newton, and its length and that of the delay in deviations."""
-    e, J = whitened(found)
-    flat = J.reshape(-1, J.shape[2])
-    A = flat.T @ flat + HELD
-    inverse = _inverse(A)
-    step = -inverse @ (e.ravel() @ flat + HELD @ found.x)
-    part = abs(step[TAU]) / np.sqrt(inverse[TAU, TAU]) if inverse[TAU, TAU] > 0 else 0.0
-    return step, float(np.sqrt(max(step @ A @ step, 0.0))), float(part)
+    e, J, Z = _as_weighted(found, np.ones((len(found.residual), 1)))
+    flat = Z.reshape(-1, Z.shape[2])
+    inverse = _inverse(Z, J, found.held)
+    step = -inverse @ (e.ravel() @ flat + found.held @ found.x)
+    sd = float(np.linalg.norm(inverse[TAU] @ flat.T))
+    part = abs(step[TAU]) / sd if sd > 0 else 0.0
+    return step, float(np.linalg.norm(J @ step)), float(part)
 
 
-def residual_step(found: Match, delays: FloatArray) -> tuple[FloatArray, FloatArray]:
+def residual_step(found: Match, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return how far unknowns of the delay are from zero, and their covariance with the others.
 
-    `delays` (k, 3, p): slopes by unknowns that stand in for the delay [rad/s] times their unit.
-    Returns `step` (p + 6,): step, the unknowns in place of the delay first; `cov` (p + 6, p + 6):
-    its covariance.
+    `factors` (k, p): what stands in for the delay is so many times the delay, row by row [1/unit].
+    Returns `step` (p + 9,): step, the unknowns in place of the delay first; `cov` its covariance.
     """
-    p = delays.shape[2]
-    e, J = whitened(found, np.concatenate([delays, found.slope[:, :, 1:]], axis=2))
-    held = np.zeros((p + 6, p + 6))
-    held[p:, p:] = HELD[1:, 1:]
-    flat = J.reshape(-1, p + 6)
-    step = -_inverse(flat.T @ flat + held) @ (e.ravel() @ flat)
-    return step, covariance(e + J @ step, J, held)
+    e, J, Z = _as_weighted(found, factors)
+    held = np.zeros((J.shape[2], J.shape[2]))
+    held[factors.shape[1] :, factors.shape[1] :] = found.held[1:, 1:]
+    step = -_inverse(Z, J, held) @ (e.ravel() @ Z.reshape(-1, len(held)))
+    return step, covariance(e + J @ step, J, held, weighted=Z)
 
 
 def covariance(
-    e: FloatArray, J: FloatArray, held: FloatArray | None = None, rows: int = 1
-) -> FloatArray:
+    e: FloatArray, J: FloatArray, held: FloatArray | None = None, rows: int = 1,
+    weighted: FloatArray | None = None,
+) -> FloatArray:  # fmt: skip
     """Return the covariance of a weighted fit by its residuals as they are, shape (p, p).
 
     By what the solution would be without each of the rows, or without so many at once (jackknife):
-    ``dx_r = A^-1 J_r' (I - J_r A^-1 J_r')^-1 e_r``, ``cov = sum dx dx'``; [1]. It holds where rows
+    ``dx_r = A^-1 Z_r' (I - J_r A^-1 Z_r')^-1 e_r``, ``cov = sum dx dx'``; [1]. It holds where rows
     differ in noise. What is not seen is infinite.
 
     `e` (k, 3): whitened residuals of the solution [1]; `J` (k, 3, p): their slopes [1]; `held`
     (p, p) or None: information that is known beside [1]; `rows`: rows that are left out together:
-    those that have an error in common [1].
+    those that have an error in common [1]; `weighted` (k, 3, p): Z, what the slopes are weighted
+    by, None for themselves [1].
     """
     p = J.shape[2]
+    Z = J if weighted is None else weighted
     held = np.zeros((p, p)) if held is None else held
     blocks = len(e) // rows
-    J_r = J[: blocks * rows].reshape(blocks, 3 * rows, p)
+    J_r, Z_r = (x[: blocks * rows].reshape(blocks, 3 * rows, p) for x in (J, Z))
     e_r = e[: blocks * rows].reshape(blocks, 3 * rows, 1)
-    flat = J.reshape(-1, p)
-    A = flat.T @ flat + held
-    inverse = _inverse(A)
+    inverse = _inverse(Z, J, held)
     shift = J_r @ inverse
-    left = (1.0 + 1e-9) * np.eye(3 * rows) - shift @ np.swapaxes(J_r, 1, 2)
-    dx = (np.swapaxes(shift, 1, 2) @ np.linalg.solve(left, e_r))[:, :, 0]
-    cov = dx.T @ dx + inverse @ held @ inverse
-    blind = np.diag(A) <= 0
+    left = (1.0 + 1e-9) * np.eye(3 * rows) - shift @ np.swapaxes(Z_r, 1, 2)
+    dx = (inverse @ (np.swapaxes(Z_r, 1, 2) @ np.linalg.solve(left, e_r)))[:, :, 0]
+    cov = dx.T @ dx + inverse @ held @ inverse.T
+    blind = (np.einsum("kap,kap->p", J, J) + np.diag(held)) <= 0
     cov[blind, blind] = np.inf
     return np.asarray(cov)
 
 
-def _with_bending(e: FloatArray, J: FloatArray) -> FloatArray:
+def _with_bending(e: FloatArray, J: FloatArray, Z: FloatArray, held: FloatArray) -> FloatArray:
     """Return the covariance of delay, mounting and bias.
 
     Slow bending moves the mounting for many rows alike, the delay hardly.
     """
-    cov = covariance(e, J, HELD)
-    slow = covariance(e, J, HELD, TOGETHER)
+    cov = covariance(e, J, held, weighted=Z)
+    slow = covariance(e, J, held, TOGETHER, Z)
     with np.errstate(invalid="ignore"):
         more = np.sqrt(np.fmax(np.diag(slow) / np.diag(cov), 1.0))
     more[TAU] = 1.0
     return np.asarray(cov * np.outer(more, more))
 
 
-def _inverse(A: FloatArray) -> FloatArray:
-    size = np.sqrt(np.diag(A))
-    size[size == 0] = 1.0
-    scale = np.outer(size, size)
-    return np.asarray(np.linalg.pinv(A / scale, rcond=1e-14, hermitian=True) / scale)
+def _inverse(Z: FloatArray, J: FloatArray, held: FloatArray) -> FloatArray:
+    """Return the inverse of ``Z' J + held``, where Z and J are (k, 3, p)."""
+    z, j = (x.reshape(-1, x.shape[2]) for x in (Z, J))
+    scale = np.outer(*(np.sqrt(np.sum(x * x, axis=0) + np.diag(held)) for x in (z, j)))
+    scale[scale == 0] = 1.0
+    return np.asarray(np.linalg.pinv((z.T @ j + held) / scale, rcond=1e-14) / scale.T)
