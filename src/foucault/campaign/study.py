@@ -327,10 +327,13 @@ def run(
     return Study.of(names, columns)
 
 
-def begun(campaign: Campaign, folder: str | Path, seed: int, size: int, *, batched: bool) -> Parts:
+def begun(
+    campaign: Campaign, folder: str | Path, seed: int, size: int, *, batched: bool | str
+) -> Parts:
     """Begin the folder of a study, or make sure that it is that of the same.
 
-    `seed`: of the study [1]; `size`: trials in one part [1]; `batched`: whether means are drawn.
+    `seed`: of the study [1]; `size`: trials in one part [1]; `batched`: whether means are
+    drawn, "gpu" where a device solves them, whose last digits are its own.
     """
     text = resolved(campaign, campaign.folder)
     asked = {

@@ -16,16 +16,21 @@ What a log has besides is not in it: detecting rests, outliers, and causes that 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.infer import mixed
 from foucault.infer.gauss_newton import TOLD, student
 from foucault.infer.mixed import Covariance, Fit, Source
+from foucault.kernels import trials
+
+Solver = Callable[..., None]
+"""Solves many trials: `solve_batch` of `kernels.trials`."""
 
 STEP = 1e-3
 """Half the distance over which the Jacobian is differenced, of every unknown [SI]."""
@@ -47,15 +52,31 @@ HALVED = 24
 
 
 class Jet(NamedTuple):
-    """White rows of a model about a state, to second order; columns in units of `Plan.unit`."""
+    """White rows of a model about a state, to second order, as `kernels.trials` reads them.
 
-    J: FloatArray  # (N, m) first derivative of the prediction [1]
-    H: FloatArray  # (m, N m) second derivative, the second direction in front [1]
+    Columns in units of `Plan.unit`; what a row says nothing of is left out.
+    """
 
-    def at(self, d: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return Jacobians (b, N, m) and changes of the prediction (b, N), at `d` (b, m) [1]."""
-        more = (d @ self.H).reshape(len(d), *self.J.shape)
-        return self.J + more, np.einsum("bnm,bm->bn", self.J + more / 2, d)
+    width: IntArray  # (N,) unknowns of each row
+    column: npt.NDArray[np.uint32]  # (N, w) which they are
+    J: FloatArray  # (N, w) first derivative of the prediction [1]
+    H: FloatArray  # (N, w, w) second derivative [1]
+
+    @classmethod
+    def of(cls, J: FloatArray, H: FloatArray) -> Jet:
+        """Leave out what is zero; `J` (N, m), `H` (m, N, m) the second direction in front [1]."""
+        there = (J != 0) | (H != 0).any(axis=0)
+        width = np.count_nonzero(there, axis=1)
+        column = np.argsort(~there, axis=1, kind="stable")[:, : width.max()]
+        rows = np.arange(len(J))[:, None]
+        bent = H[column[:, :, None], rows[:, :, None], column[:, None, :]]
+        return cls(width, column.astype(np.uint32), J[rows, column], bent)
+
+    def readings(self, d: FloatArray, e: FloatArray) -> FloatArray:
+        """Return h(d) + e, (b, N); `d` (b, m), `e` (b, N): white errors [1]."""
+        y = np.empty_like(e)
+        trials.predict_batch(*self, d, e, y)
+        return y
 
 
 class Solved(NamedTuple):
@@ -134,7 +155,7 @@ class Plan:
     @property
     def size(self) -> int:
         """Trials that are solved at once, by the size of the problem [1]."""
-        return int(np.clip(AT_ONCE // self.jet.J.size, 8, 4096))
+        return int(np.clip(AT_ONCE // (len(self.errors) * len(self.unit)), 8, 4096))
 
     @classmethod
     def of(
@@ -153,8 +174,8 @@ class Plan:
         rows, said = _prior(fit)
         beside = [*([] if fit.at.known is None else [fit.at.known[1]]), rows]
         slopes = _slopes(fit, m)
-        jet = _jet(fit, known, slopes, beside, unit)
-        N, k = len(jet.J), len(said)
+        J, H = _rows(fit, known, slopes, beside, unit)
+        N, k = len(J), len(said)
 
         true_of = Covariance(sources or fit.at.sources, true, (n, d), np.ones(n))
         half = np.asarray(np.linalg.cholesky(true_of.whole), float)
@@ -163,7 +184,7 @@ class Plan:
         between = np.arange(n * d, N - k)  # what is known of nuisances, and true of them
         errors[between, between] = 1.0
 
-        Q, s, _ = np.linalg.svd(jet.J[: N - k])
+        Q, s, _ = np.linalg.svd(J[: N - k])
         left = Q[:, int(np.sum(s > 1e-10 * s.max())) :].T
         contrasts = np.concatenate([left, np.zeros((len(left), k))], axis=1)
 
@@ -175,9 +196,9 @@ class Plan:
             free[source.name] = np.concatenate(both, axis=1)
         shown = {name: contrasts @ B @ (contrasts @ B).T for name, B in free.items()}
         return cls(
-            fit.model.layout.names, fit.model.values(fit.state), unit, jet,
-            _jet(fit, [s for s in known if s.noise], slopes, beside, unit), said, errors, contrasts,
-            free, {name: Spectrum(V, *np.linalg.eigh(V)) for name, V in shown.items()},
+            fit.model.layout.names, fit.model.values(fit.state), unit, Jet.of(J, H),
+            Jet.of(*_rows(fit, [s for s in known if s.noise], slopes, beside, unit)), said, errors,
+            contrasts, free, {name: Spectrum(V, *np.linalg.eigh(V)) for name, V in shown.items()},
             {s.name: s.price for s in fit.at.sources if s.sd is None},
         )  # fmt: skip
 
@@ -185,60 +206,40 @@ class Plan:
         """Draw white errors of all rows, shape (count, N); `count`: of trials [1]."""
         return np.asarray(rng.standard_normal((count, len(self.errors))) @ self.errors.T)
 
-    def solve(self, truth: FloatArray, e: FloatArray) -> Solved:
+    def solve(
+        self, truth: FloatArray, e: FloatArray, solver: Solver = trials.solve_batch
+    ) -> Solved:
         """Solve trials.
 
-        `truth` (b, p): coefficients [SI]; `e` (b, N): white errors [1].
+        `truth` (b, p): coefficients [SI]; `e` (b, N): white errors [1]; `solver`: of
+        `kernels.trials`, or that of `kernels.cuda` which does the same on a device.
         """
         p, known = len(self.names), self.prior
         d = np.zeros((len(truth), len(self.unit)))
         d[:, :p] = (truth - self.here) / self.unit[:p]
-        y = self.jet.at(d)[1] + e
+        y = self.jet.readings(d, e)
         if len(known):
             y[:, -len(known) :] = known
-        found = self._solved(y, np.zeros_like(d), None)
-        sizes = self._sizes((y - self.jet.at(found[0])[1]) @ self.contrasts.T)
+        bound = _solved(solver, self.bare, y, d, p, most=0)[1]
+        found = _solved(solver, self.jet, y, np.zeros_like(d), p)
+        sizes = self._sizes(found[3] @ self.contrasts.T)
         for some, spread in self._spreads(sizes):
-            again = self._solved(y[some], found[0][some], spread)
+            again = _solved(solver, self.jet, y[some], found[0][some], p, spread)
             for whole, part in zip(found, again, strict=True):
                 whole[some] = part
-        x, cov, good = found
+        x, cov, good, _ = found
         scale = self.unit[:p]
-        bound = self._bound(d)
-        return Solved((x[:, :p] - d[:, :p]) * scale, cov * scale * scale[:, None], bound, good)
-
-    def _solved(
-        self, y: FloatArray, d: FloatArray, spread: FloatArray | None
-    ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Solve readings from `d`; `spread` (b, N, N) or None: inverse of their covariance [1]."""
-        p, d, good = len(self.names), d.copy(), np.zeros(len(y), bool)
-        some = np.arange(len(y))  # that have not settled yet
-        for _ in range(MOST):
-            J, h = self.jet.at(d[some])
-            pull = J.transpose(0, 2, 1) if spread is None else J.transpose(0, 2, 1) @ spread[some]
-            rest = (y[some] - h)[:, :, None]
-            step = np.linalg.solve(pull @ J, pull @ rest)[:, :, 0]
-            d[some] += step
-            good[some] = np.abs(step).max(axis=1) < SMALL
-            some = np.flatnonzero(~good)
-            if not len(some):
-                break
-        J, _ = self.jet.at(d)
-        pull = J.transpose(0, 2, 1) if spread is None else J.transpose(0, 2, 1) @ spread
-        return d, np.asarray(np.linalg.inv(pull @ J)[:, :p, :p]), good
-
-    def _bound(self, d: FloatArray) -> FloatArray:
-        J, _ = self.bare.at(d)
-        p = len(self.names)
-        cov = np.linalg.inv(J.transpose(0, 2, 1) @ J)
-        return np.sqrt(np.diagonal(cov, axis1=1, axis2=2)[:, :p]) * self.unit[:p]
+        return Solved(
+            (x[:, :p] - d[:, :p]) * scale, cov * scale * scale[:, None],
+            np.sqrt(np.diagonal(bound, axis1=1, axis2=2)) * scale, good,
+        )  # fmt: skip
 
     def _spreads(self, sizes: Mapping[str, FloatArray]) -> list[tuple[IntArray, FloatArray]]:
         """Return trials in which something was found, and the inverse of their covariance."""
         some = np.flatnonzero(np.any([v > 0 for v in sizes.values()], axis=0))
         if not len(some):
             return []
-        C = np.eye(len(self.jet.J)) + sum(
+        C = np.eye(len(self.errors)) + sum(
             sizes[name][some, None, None] * (B @ B.T) for name, B in self.free.items()
         )
         return [(some, np.asarray(np.linalg.inv(C)))]
@@ -272,6 +273,20 @@ class Plan:
         return out
 
 
+def _solved(
+    solver: Solver, jet: Jet, y: FloatArray, d: FloatArray, p: int,
+    spread: FloatArray | None = None, most: int = MOST,
+) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray]:  # fmt: skip
+    """Solve readings (b, N) from `d` (b, m); `spread` (b, N, N): inverse of their covariance [1].
+
+    Returns d, covariance of its first `p`, whether it settled, and what is left of the readings.
+    """
+    d, good, left = d.copy(), np.zeros(len(d), bool), np.empty_like(y)
+    cov, S = np.empty((len(d), p, p)), np.zeros((1, 1, 1)) if spread is None else spread
+    solver(*jet, y, S, spread is not None, d, most, SMALL, cov, left, good)
+    return d, cov, good, left
+
+
 def _prior(fit: Fit) -> tuple[FloatArray, FloatArray]:
     """Return white rows of the prior (k, m), and what it says, less where it was planned (k,)."""
     prior, m = fit.problem.prior, len(fit.estimate.state_cov)
@@ -293,14 +308,17 @@ def _slopes(fit: Fit, m: int) -> FloatArray:
     return np.asarray((H + np.swapaxes(H, 2, 3)) / 2)  # along a straight way only this part counts
 
 
-def _jet(
+def _rows(
     fit: Fit, sources: Sequence[Source], slopes: FloatArray, rows: Sequence[FloatArray],
     unit: FloatArray,
-) -> Jet:  # fmt: skip
-    """Return white rows and linear `rows` (k, m) after them, columns per `unit` (m,) [SI]."""
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Return white rows and linear `rows` (k, m) after them, columns per `unit` (m,) [SI].
+
+    First derivative (N, m), second (m, N, m).
+    """
     n, d, m = fit.at.jacobian.shape
     whiten = Covariance(sources, {}, (n, d), np.ones(n)).whiten
     J = np.concatenate([whiten(fit.at.jacobian), *rows]) * unit
     H = np.zeros((m, *J.shape))
     H[:, : n * d] = whiten(slopes.reshape(n, d, m * m)).reshape(-1, m, m).transpose(1, 0, 2)
-    return Jet(J, (H * unit * unit[:, None, None]).reshape(m, -1))
+    return J, H * unit * unit[:, None, None]

@@ -141,11 +141,6 @@ def fit(model: LinearModel[P, S], *, passes: int = 2, settled: float = 0.0) -> F
     return Fit(model, point, system, run, found)
 
 
-def bound(at: Fit[P, S]) -> FloatArray:
-    """Return the posterior Cramer-Rao bound of the values, (n - first, n - first) [SI]."""
-    return at.cov if at.nominal else replace(at, run=kalman(at.system)).cov
-
-
 def foreseen(model: LinearModel[P, S]) -> Fit[P, S]:
     """Return what a planned run will show: the covariance rests on no measurement."""
     return fit(model, passes=1)

@@ -915,19 +915,6 @@ def without(at: Fit, part: IntArray) -> tuple[HeldOut, float]:
     return held_out(solve(at.model, found, at.estimate.weights, at.state), [part]), told
 
 
-def drawn(at: Linearisation, rng: np.random.Generator) -> FloatArray:
-    """Draw the errors of all readings for one Monte Carlo trial, shape (n, d) [SI]."""
-    out = np.zeros_like(at.residuals)
-    for source in at.sources:
-        for root, causes in ((source.each, len(out)), (source.shared, 1)):
-            if root is not None:
-                u = rng.standard_normal((causes, root.shape[2]))
-                out += (source.sd or 0.0) * np.einsum(
-                    "ndc,nc->nd", root, np.broadcast_to(u, (len(out), u.shape[1]))
-                )
-    return out
-
-
 def planned(
     model: Model, sds: Mapping[str, float] | None = None, prior: CoefficientVector | None = None
 ) -> Fit:

@@ -1,0 +1,78 @@
+"""The kernel that weighs means, compiled and as plain Python, against an obvious twin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from foucault.kernels import means as module
+from plain_kernels import kernel
+
+FORMS = pytest.mark.parametrize("form", ["compiled", "python"])
+
+
+def fitted(form, design, variance, slow, known):
+    g, k, p = max(len(design), len(variance), len(slow)), *design.shape[1:]
+    out = np.empty((g, p, k)), np.empty((g, k, k)), np.empty((g, k)), np.empty(g, np.int64)
+    kernel(form, module, "fit_batch")(design, variance, slow, known, *out)
+    return out
+
+
+def twin(X, v, S, known):
+    """Return weights and redundancy by inverses, and the redundant readings."""
+    P = np.linalg.inv(np.diag(v) + S)
+    scale = 1 / np.sqrt(np.diag(X.T @ P @ X) + known)
+    N = (X.T @ P @ X + np.diag(known)) * np.outer(scale, scale)
+    W = scale[:, None] * np.linalg.pinv(N, rcond=1e-13) @ (X * scale).T @ P
+    return W, len(v) - round(np.trace(X @ W))
+
+
+def problem(g=5, k=6, p=4, seed=1):
+    rng = np.random.default_rng(seed)
+    a = rng.uniform(0, 2 * np.pi, (g, k))
+    X = np.stack([np.sin(a), np.cos(a), np.ones((g, k)), np.linspace(-300.0, 300.0, g * k)
+                  .reshape(g, k)], 2)[..., :p]  # fmt: skip
+    mix = rng.standard_normal((g, k, 3))
+    slow = 1e-14 * mix @ np.swapaxes(mix, 1, 2)
+    return np.ascontiguousarray(X), 1e-14 * rng.uniform(0.5, 2, (g, k)), slow, np.zeros(p)
+
+
+@FORMS
+@pytest.mark.parametrize(("k", "p"), [(6, 4), (4, 3), (3, 3), (4, 1)])
+def test_weights_are_those_of_least_squares(form, k, p):
+    X, v, S, known = problem(k=k, p=p)
+    known[-1] = 1e13
+    weights, root, redundancy, dof = fitted(form, X, v, S, known)
+    for i in range(len(X)):
+        W, spare = twin(X[i], v[i], S[i], known)
+        np.testing.assert_allclose(weights[i], W, rtol=1e-7, atol=1e-9 * np.abs(W).max())
+        assert dof[i] == spare
+    white = np.repeat(np.eye(k)[None], len(X), 0)
+    kernel(form, module, "whiten_batch")(root, white)
+    for i in range(len(X)):
+        cov = np.diag(v[i]) + S[i]
+        np.testing.assert_allclose(white[i] @ cov @ white[i].T, np.eye(k), atol=1e-9)
+        hat = white[i] @ X[i] @ weights[i] @ np.linalg.inv(white[i])
+        np.testing.assert_allclose(redundancy[i], 1 - np.diag(hat), atol=1e-9)
+
+
+@FORMS
+def test_what_no_reading_shows_gets_no_weight(form):
+    """Two opposite stops show one direction and the offset."""
+    a = np.radians([[30.0, 210.0]])
+    X = np.stack([np.sin(a), np.cos(a), np.ones((1, 2))], 2)
+    weights, _, _, dof = fitted(form, X, np.ones((1, 2)), np.zeros((1, 2, 2)), np.zeros(3))
+    W, _ = twin(X[0], np.ones(2), np.zeros((2, 2)), np.zeros(3))
+    np.testing.assert_allclose(weights[0], W, atol=1e-12)
+    assert dof[0] == 0
+
+
+@FORMS
+def test_what_all_share_has_one_row_and_a_bad_row_is_not_a_number(form):
+    X, v, S, known = problem()
+    v[2] = np.nan
+    each = fitted(form, np.repeat(X[:1], 5, 0), v, np.repeat(S[:1], 5, 0), known)
+    shared = fitted(form, X[:1], v, S[:1], known)
+    for one, other in zip(each[::2], shared[::2], strict=True):
+        np.testing.assert_array_equal(one, other)
+        assert np.isnan(one[2]).all() and np.isfinite(one[[0, 1, 3, 4]]).all()
