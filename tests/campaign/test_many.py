@@ -56,7 +56,7 @@ def test_a_trial_has_the_errors_of_its_own_least_squares():
     planned = procedure.planned(replace(known, sizes=None), measured=True)
     block = many.block_of(c, 3)
     truth = many.instruments(c, block.plan.names, 6, np.random.default_rng(5))
-    found = block.plan.solve(truth, np.zeros((6, len(block.plan.jet.J))))
+    found = block.plan.solve(truth, np.zeros((6, len(block.plan.errors))))
     assert found.converged.all()
     sd = np.sqrt(np.diagonal(found.cov, axis1=1, axis2=2))
     assert (np.abs(found.error) < 1e-6 * sd).all()  # no errors of readings, none of the estimate
@@ -70,8 +70,9 @@ def test_a_trial_has_the_errors_of_its_own_least_squares():
     covariance = mixed.Covariance(known_, {}, (n, d), np.ones(n))
     moved = planned.fit.at.residuals - model.linearise(model.retract(state, step)).residuals
     exact = covariance.whiten(moved[:, :, None])[:, 0]
-    _, followed = block.plan.jet.at((step / block.plan.unit)[None])
-    linear = block.plan.jet.J @ (step / block.plan.unit)
+    none = np.zeros((1, len(block.plan.errors)))
+    followed = block.plan.jet.readings((step / block.plan.unit)[None], none)
+    linear = block.plan.jet.readings(1e-6 * (step / block.plan.unit)[None], none)[0] / 1e-6
     assert np.abs(followed[0, : n * d] - exact).max() < 1e-2 * np.abs(linear[: n * d] - exact).max()
 
 
@@ -167,10 +168,11 @@ def test_what_cannot_be_drawn_so_is_refused():
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", ["six_position", "norm_observation", "ferraris"])
 def test_many_at_once_say_what_trials_one_by_one_say(name: str, tmp_path: Path):
+    """A standard deviation that is wrong by a factor of 1.3 is found out: that is tried too."""
     c = described(SIX if name == "six_position" else campaign.template(name))
-    n = {"six_position": 400, "norm_observation": 120, "ferraris": 250}[name]
+    n = {"six_position": 200, "norm_observation": 60, "ferraris": 120}[name]
     single = study.run(c, n, tmp_path / "single", map=monte_carlo.threads(2))
-    batched = study.Study.of(single.names, solved(c, 3000))
+    batched = study.Study.of(single.names, solved(c, 1000))
     assert alike(batched, single) == []
     wrong = replace(batched, error=1.3 * batched.error, nees=1.69 * batched.nees)
     assert alike(wrong, single)  # the test has the power to tell

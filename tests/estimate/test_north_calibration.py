@@ -231,33 +231,8 @@ def drawn(seed, *, tilted=False, heading_sd=0.0, offset_sd=0.0, latitude_sd=0.0,
     return found.coefficients.values - want, found.coefficients.cov, found
 
 
-RIGS = {
-    "level": {},
-    "level, everything uncertain": {"heading_sd": 3e-4, "offset_sd": 2e-3, "latitude_sd": 5e-3},
-    "tilted": {"tilted": True},
-    "tilted, everything uncertain": {
-        "tilted": True, "heading_sd": 3e-4, "offset_sd": 2e-3, "latitude_sd": 5e-3,
-    },
-}  # fmt: skip
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("case", RIGS)
-def test_errors_have_the_size_that_was_promised(case):
-    runs = [drawn(seed, **RIGS[case]) for seed in range(40)]
-    errs, covs = (np.array([r[i] for r in runs]) for i in (0, 1))
-    total = float(nees(errs, covs).sum())
-    low, high = chi_square_limits(errs.size, tests=8)
-    assert low < total < high
-    for wrong in (0.75, 1.3):
-        assert not low < total / wrong**2 < high
-    dof = sum(r[2].dof for r in runs)
-    low, high = chi_square_limits(dof, tests=8)
-    assert low < sum(r[2].chi_square for r in runs) < high
-
-
 def test_uncertainty_of_the_table_that_is_not_claimed_shows():
-    uncertain = RIGS["level, everything uncertain"]
+    uncertain = {"heading_sd": 3e-4, "offset_sd": 2e-3, "latitude_sd": 5e-3}
     runs = [drawn(seed, **uncertain, claimed=0.3) for seed in range(20)]
     total = float(nees(np.array([r[0] for r in runs]), np.array([r[1] for r in runs])).sum())
     assert total > chi_square_limits(20 * len(ONE_AXIS), tests=8)[1]

@@ -341,3 +341,19 @@ def test_pieces_of_a_rotation_scatter_as_predicted():
     # The mean over a whole number of turns: sd of c is sqrt(2) white / sqrt(T).
     want = 2 * noise.accel.white**2 / 180.0
     np.testing.assert_allclose(pairs.cov[:, 2, 2], want, rtol=0.03)
+
+
+@pytest.mark.parametrize("noise", [FIELD, COLOURED], ids=["white", "coloured"])
+def test_setups_of_other_times_are_reduced_together_as_each_alone(noise):
+    d = make_dwells(attitudes(4), LATITUDE, stops=FOUR)
+    rng = np.random.default_rng(5)
+    d = replace(d, start=d.start + np.cumsum(rng.uniform(0.0, 3.0, len(d))),
+                gyro=EARTH_RATE * rng.standard_normal(len(d)))  # fmt: skip
+    nuisance = Nuisance(index_sd=1e-4, drift_sd=1e-9)
+    together = reduce(d, noise, nuisance)
+    for i in range(4):
+        alone = reduce(d.setups(np.array([i])), noise, nuisance)
+        np.testing.assert_allclose(together.values[i], alone.values[0], rtol=1e-9)
+        np.testing.assert_allclose(together.cov[i], alone.cov[0], rtol=1e-9, atol=1e-22)
+        rows = d.setup == i
+        np.testing.assert_allclose(together.residuals[rows], alone.residuals, rtol=1e-6, atol=1e-9)

@@ -128,10 +128,22 @@ def problem(n=3, latitude=0.8, tilt=30.0, seed=4, instrument=None):
 
 
 def likely(form, y, cov, start, A, b, g, latitude, sd, rounds=60):
-    n = len(y)
-    return kernel(form, module, "likelihood_batch")(
-        y, cov, start, A, b, g, EARTH_RATE, np.full(n, latitude), np.full(n, sd), rounds
-    )
+    """Return angles, covariance, gain, sum of squares, status; the next best and its rank."""
+    n, starts = len(y), start if start.ndim == 3 else start[None]
+    angles, P, gain, square = (np.empty((n, *s)) for s in ((4,), (4, 4), (4, 5), ()))
+    rank, other, other_rank, status = np.empty(n), np.empty((n, 4)), np.empty(n), np.empty(n, "i1")
+    kernel(form, module, "likelihood_batch")(
+        y, cov, np.ascontiguousarray(starts), A, b, g, EARTH_RATE, np.full(n, latitude),
+        np.full(n, sd), 1.0, np.full(n, NAN), 0.1, rounds,
+        angles, P, gain, square, rank, other, other_rank, status,
+    )  # fmt: skip
+    return angles, P, gain, square, status, other, other_rank
+
+
+def predicted(angles, A, b, g):
+    """Return the four numbers that solutions predict."""
+    each = (reference.north_prediction(x, EARTH_RATE, k) for x, k in zip(angles, g, strict=True))
+    return np.array([np.concatenate([A[:2] @ w, A[2:] @ f]) + b for w, f in each])
 
 
 @FORMS
@@ -141,7 +153,7 @@ def test_likelihood_is_the_minimum_with_its_covariance(form, sd):
     latitude = 0.8005
     if sd < 1e-6:
         start[:, 3] = latitude  # the twin's general method takes no step along so steep a valley
-    angles, P, _, square, predicted, status = likely(form, y, cov, start, A, b, g, latitude, sd)
+    angles, P, _, square, status, _, _ = likely(form, y, cov, start, A, b, g, latitude, sd)
     assert not status.any()
     for k in range(len(y)):
         x, want, least = reference.north_likelihood(
@@ -153,9 +165,6 @@ def test_likelihood_is_the_minimum_with_its_covariance(form, sd):
         np.testing.assert_allclose(P[k] / np.outer(scale, scale), want / np.outer(scale, scale),
                                    atol=1e-6)  # fmt: skip
         assert square[k] == pytest.approx(least, abs=1e-6)
-        w, f = reference.north_prediction(angles[k], EARTH_RATE, g[k])
-        np.testing.assert_allclose(predicted[k], np.concatenate([A[:2] @ w, A[2:] @ f]) + b,
-                                   rtol=1e-9, atol=1e-15)  # fmt: skip
 
 
 @FORMS
@@ -164,7 +173,8 @@ def test_its_gain_is_the_slope_of_the_solution(form, sd):
     """Exact only where the misfit is small: moved data are readings that fit."""
     y, cov, start, A, b, g = problem(3)
     latitude = 0.8
-    angles, P, gain, _, fit, _ = likely(form, y, cov, start, A, b, g, latitude, sd)
+    angles, P, gain, *_ = likely(form, y, cov, start, A, b, g, latitude, sd)
+    fit = predicted(angles, A, b, g)
     place = angles[:, 3].copy()
     base = [likely(form, fit[k : k + 1], cov[k : k + 1], angles[k : k + 1], A, b, g[:1], place[k],
                    sd)[0][0] for k in range(3)]  # fmt: skip
@@ -198,9 +208,9 @@ def test_likelihood_returns_bad_rows_as_status(form):
     # Only gravity counts: nothing shows the heading, to rounding.
     cov[5] = np.diag([1e30, 1e30, 1e-6, 1e-6])
     found = likely(form, y, cov, start, A, b, g, 0.8, np.inf)
-    angles, P, gain, square, predicted, status = found
+    angles, P, gain, square, status, _, _ = found
     assert list(status[1:5]) == 4 * [module.NOT_FINITE]
-    for out in (angles, P, gain, square, predicted):
+    for out in (angles, P, gain, square):
         assert np.isnan(out[1:5]).all() and np.isfinite(out[[0, 6]]).all()
     assert status[0] == status[6] == module.SOLVED
     alone = likely(form, y[6:], cov[6:], start[6:], A, b, g[6:], 0.8, np.inf)
@@ -212,12 +222,12 @@ def test_likelihood_returns_bad_rows_as_status(form):
 def test_likelihood_says_what_is_singular_and_what_did_not_converge(form):
     y, cov, start, A, b, g = problem(2)
     blind = np.zeros((4, 3))  # nothing is measured: no slope at all
-    assert list(likely(form, y, cov, start, blind, b, g, 0.8, np.inf)[5]) == 2 * [module.SINGULAR]
+    assert list(likely(form, y, cov, start, blind, b, g, 0.8, np.inf)[4]) == 2 * [module.SINGULAR]
     start[:, 0] += 1.0
-    assert list(likely(form, y, cov, start, A, b, g, 0.8, 1e-3, rounds=1)[5]) == (
+    assert list(likely(form, y, cov, start, A, b, g, 0.8, 1e-3, rounds=1)[4]) == (
         2 * [module.NOT_CONVERGED]
     )
-    assert not likely(form, y, cov, start, A, b, g, 0.8, 1e-3)[5].any()
+    assert not likely(form, y, cov, start, A, b, g, 0.8, 1e-3)[4].any()
 
 
 @FORMS
@@ -233,13 +243,34 @@ def test_a_latitude_over_the_pole_comes_back(form):
     np.testing.assert_allclose(turn(found[0], want[0]), 0.0, atol=1e-7)
 
 
+@FORMS
+def test_of_several_starts_the_best_counts_and_the_next_best_is_another(form):
+    """From the two signs of the rate along z, in any order; twice the same is no other one."""
+    y, cov, start, A, b, g = problem(6)
+    mirrored = start.copy()
+    mirrored[:, 3] = -start[:, 3]
+    one, two = (likely(form, y, cov, x, A, b, g, 0.8, 0.5) for x in (start, mirrored))
+    for starts in (np.stack([start, mirrored]), np.stack([mirrored, start])):
+        found = likely(form, y, cov, starts, A, b, g, 0.8, 0.5)
+        better = one[3] <= two[3]
+        want = np.where(better[:, None], one[0], two[0])
+        np.testing.assert_allclose(turn(found[0], want), 0.0, atol=1e-7)
+        apart = np.abs(one[0] - two[0])[:, [0, 3]].max(axis=1) > 1e-5
+        assert apart.any()
+        less = np.where(better[:, None], two[0], one[0])[apart]
+        np.testing.assert_allclose(turn(found[5][apart], less), 0.0, atol=1e-7)
+        np.testing.assert_allclose(found[6][apart], np.maximum(one[3], two[3])[apart], rtol=1e-6)
+    same = likely(form, y, cov, np.stack([start, start]), A, b, g, 0.8, 0.5)
+    assert np.isnan(same[5]).all() and np.isinf(same[6]).all()
+
+
 def test_compiled_and_plain_agree():
     y, cov, start, A, b, g = problem(20)
     for sd in (1e-3, np.inf):
         a, p = (likely(form, y, cov, start, A, b, g, 0.8, sd) for form in ("compiled", "python"))
         np.testing.assert_allclose(turn(a[0], p[0]), 0.0, atol=1e-9)
         np.testing.assert_allclose(a[1], p[1], rtol=1e-6, atol=1e-14)
-        np.testing.assert_array_equal(a[5], p[5])
+        np.testing.assert_array_equal(a[4], p[4])
 
 
 # -- all readings, not the four numbers ----------------------------------------------------------

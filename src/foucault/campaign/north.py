@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,6 @@ from foucault.campaign.tables import Said, SiteTable
 from foucault.diagnose.left_out import judgement_json, table
 from foucault.errors import error, finding
 from foucault.escape import csv_cell
-from foucault.files import plain_json
 from foucault.logs import indexed
 from foucault.logs.indexed_own import description_of
 from foucault.models.earth import Site
@@ -150,9 +149,10 @@ ROUNDING = 1e-3
 def record(survey: Survey) -> Record:
     """Return what the folder of a survey keeps."""
     kept = _kept(survey)
-    about = plain_json(_document(survey, kept))
+    about = run_folder.record("north", _document(survey, kept)).about
     tables = {"dwells": _dwells(survey, kept), "fixes": _fixes(survey, kept, about)}
-    return run_folder.record("north", about, tables, **{"fixes.csv": _csv(about)})
+    made = run_folder.record("north", {}, tables, **{"fixes.csv": _csv(about)})
+    return replace(made, about=about)
 
 
 def _kept(survey: Survey) -> IntArray:
@@ -182,7 +182,7 @@ def _document(survey: Survey, kept: IntArray) -> dict[str, Any]:
         **_left_out(survey),
         **({"norths": [asdict(n) for n in survey.norths]} if survey.norths[1:] else {}),
         **({"of": _all_of(survey)} if len(kept) < len(survey) else {}),
-        "setups": [_setup(survey, i) for i in kept.tolist()],
+        "setups": _setups(survey, kept),
         "provenance": survey.provenance,
     }
 
@@ -206,7 +206,15 @@ def _left_out(survey: Survey) -> dict[str, Any]:
     return judgement_json(judged) | {"not_estimated": columns}
 
 
-def _setup(survey: Survey, i: int) -> dict[str, Any]:
+def _setups(survey: Survey, kept: IntArray) -> list[dict[str, Any]]:
+    parts = {name: part.tolist() for name, part in _parts(survey, kept).items()}
+    return [
+        _setup(survey, i, {name: part[k] for name, part in parts.items()})
+        for k, i in enumerate(kept.tolist())
+    ]
+
+
+def _setup(survey: Survey, i: int, parts: Mapping[str, Sequence[float]]) -> dict[str, Any]:
     fixes, pairs, dwells = survey.fixes, survey.pairs, survey.dwells.of(i)
     sd = fixes.sd[i]
     verdict = survey.verdicts[i]
@@ -224,7 +232,12 @@ def _setup(survey: Survey, i: int) -> dict[str, Any]:
         "warnings": _warnings(survey, i),
         "reference_heading": survey.dwells.heading[i],
         "covariance": fixes.cov[i].tolist(),
-        "budget": _budget(survey, i),
+        # standard deviations by source, negative where a source makes the sum smaller
+        "budget": {
+            name: dict(zip(ANGLES, part, strict=True))
+            for name, part in parts.items()
+            if name != UNRESOLVED or np.isfinite(part[0])
+        },
         "ambiguous": fixes.ambiguous[i],
         "other": other | {"square": fixes.other_square[i] - fixes.square[i]},
         "clamped": fixes.clamped[i],
@@ -257,21 +270,13 @@ def _warnings(survey: Survey, i: int) -> str:
     return " ".join([*survey.verdicts[i].reasons, *noticed])
 
 
-def _budget(survey: Survey, i: int) -> dict[str, dict[str, float]]:
-    """Return standard deviations by source, negative where a source makes the sum smaller."""
-    parts = {name: part[0] for name, part in _parts(survey, np.array([i])).items()}
-    return {
-        name: dict(zip(ANGLES, part, strict=True))
-        for name, part in parts.items()
-        if name != UNRESOLVED or np.isfinite(part[0])
-    }
-
-
-def _parts(survey: Survey, rows: IntArray) -> dict[str, FloatArray]:
-    """Return sds of the angles of set-ups `rows` by source, (k, 4) [rad]; NaN where it is none."""
-    variances = {name: variance[rows] for name, variance in survey.fixes.sources.items()}
+def _parts(
+    survey: Survey, rows: IntArray | slice, angles: int = len(ANGLES)
+) -> dict[str, FloatArray]:
+    """Return sds of the first `angles` of set-ups `rows` by source [rad]; NaN where it is none."""
+    variances = {name: v[rows, :angles] for name, v in survey.fixes.sources.items()}
     cov = survey.fixes.cov[rows]
-    rest = np.einsum("nii->ni", cov) - sum(variances.values())
+    rest = np.einsum("nii->ni", cov)[:, :angles] - sum(variances.values())
     more = rest[:, 0] > ROUNDING * cov[:, 0, 0]
     if more.any():
         variances[UNRESOLVED] = np.where(more[:, None], rest, np.nan)
@@ -283,32 +288,24 @@ def _parts(survey: Survey, rows: IntArray) -> dict[str, FloatArray]:
 
 def _dwells(survey: Survey, kept: IntArray) -> Columns:
     """Return the readings of `kept` with their fit, and what the figures need of them."""
-    columns = _readings(survey)
-    if len(kept) == len(survey):
-        return columns
-    setup = survey.dwells.setup
-    rows = np.isin(setup, kept)
-    out = {name: (column[rows], unit) for name, (column, unit) in columns.items()}
-    return out | {"setup": (np.searchsorted(kept, setup[rows]), "")}
-
-
-def _readings(survey: Survey) -> Columns:
-    d, pairs = survey.dwells, survey.pairs
+    rows = np.flatnonzero(np.isin(survey.dwells.setup, kept))
+    d, pairs = survey.dwells.rows(rows), survey.pairs
+    setup, fit = np.searchsorted(kept, d.setup), pairs.fit[rows]
     each = pairs.values[d.setup]
     turned = each[:, 0] * d.sine + each[:, 1] * d.cosine
     out: Columns = {
-        "setup": (d.setup, ""),
-        "name": (np.array(d.names, object)[d.setup], ""),
+        "setup": (setup, ""),
+        "name": ([d.names[i] for i in d.setup.tolist()], ""),
         "start": (d.start, "s"),
         "time": (d.time, "s"),
         "index": (d.index, "rad"),
         "cosine": (d.cosine, "1"),
         "sine": (d.sine, "1"),
         "gyro": (d.gyro, "rad/s"),
-        "gyro_fit": (pairs.fit, "rad/s"),
-        "gyro_constant": (pairs.fit - turned, "rad/s"),  # offset and drift
+        "gyro_fit": (fit, "rad/s"),
+        "gyro_constant": (fit - turned, "rad/s"),  # offset and drift
         "gyro_sd": (np.sqrt(mean_variance(survey.noise.gyro, d.time, d.interval)), "rad/s"),
-        "residual": (pairs.residuals, "1"),
+        "residual": (pairs.residuals[rows], "1"),
     }
     if d.accel is None:
         return out
@@ -318,8 +315,8 @@ def _readings(survey: Survey) -> Columns:
     else:
         turned = each[:, 2] * d.sine + each[:, 3] * d.cosine
         out["accel"] = (d.accel[:, 0], "m/s^2")
-        out["accel_constant"] = (_offset(d.accel[:, 0] - turned, sd, d.setup), "m/s^2")
-        out["accel_residual"] = (pairs.accel_residuals, "1")
+        out["accel_constant"] = (_offset(d.accel[:, 0] - turned, sd, setup), "m/s^2")
+        out["accel_residual"] = (pairs.accel_residuals[rows], "1")
     return out | {"accel_sd": (sd, "m/s^2")}
 
 
@@ -332,7 +329,7 @@ def _offset(left: FloatArray, sd: FloatArray, setup: npt.NDArray[np.int64]) -> F
 def _fixes(survey: Survey, kept: IntArray, about: Mapping[str, Any]) -> Columns:
     """Return a row per set-up in SI; what is to know of it in words where it is `kept`."""
     f, d, m = survey.fixes, survey.dwells, len(survey)
-    out: Columns = {"setup": (list(d.names), "")}
+    out: Columns = {"setup": (np.array(d.names, object), "")}  # as long as each is, not as all are
     for k, angle in enumerate(ANGLES):
         for said, name in (
             (f.angles, angle),
@@ -343,7 +340,7 @@ def _fixes(survey: Survey, kept: IntArray, about: Mapping[str, Any]) -> Columns:
     for i, one in enumerate(ANGLES):
         for k, two in enumerate(ANGLES[:i]):
             out[f"covariance_{two}_{one}"] = (f.cov[:, i, k], "rad^2")
-    for source, part in _parts(survey, np.arange(m)).items():
+    for source, part in _parts(survey, slice(None), 1).items():
         out[f"heading_sd.{source}"] = (part[:, 0], "rad")
     words = np.full(m, "", object)
     words[kept] = [row["warnings"] for row in about["setups"]]
@@ -357,8 +354,8 @@ def _fixes(survey: Survey, kept: IntArray, about: Mapping[str, Any]) -> Columns:
         "drift_effect": (survey.drift_effect, "rad"),
         "dwells": (np.bincount(d.setup, minlength=m).tolist(), "1"),
         "measured": (np.bincount(d.setup, d.time, minlength=m), "s"),
-        "verdict": (levels[survey.levels].tolist(), ""),
-        "warnings": (words.tolist(), ""),
+        "verdict": (levels[survey.levels], ""),
+        "warnings": (words, ""),
     }
 
 

@@ -12,20 +12,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.diagnose.checks import check
 from foucault.errors import Finding, FoucaultError, error, finding
-from foucault.estimate.north import Fixes, Known, compensated, solve
+from foucault.estimate.north import Fixes, Known, compensated
 from foucault.estimate.north_reduction import (
     NEARLY_FREE,
     UNSEEN,
     Nuisance,
     Pairs,
-    reduce,
+    rates_of,
     spans,
     turn_rate,
 )
@@ -103,10 +103,9 @@ def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
     """
     patterns = _patterns(dwells)
     found: list[Finding] = []
-    first = dict(zip(reversed(patterns), reversed(dwells.names), strict=True))
-    for pattern, count in Counter(patterns).items():  # set-ups with the same stops are named once
-        angles, name = list(pattern), first[pattern]
-        name += f" and {count - 1} more" * (count > 1)
+    for pattern, those in patterns.items():  # set-ups with the same stops are named once
+        angles, name = list(pattern), dwells.names[those[0]]
+        name += f" and {len(those) - 1} more" * (len(those) > 1)
         distinct = sorted(set(angles))
         if not spans(distinct):
             if known.near is None:
@@ -116,22 +115,36 @@ def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
                 raise error("north.stops_tilt", name=name, stops=_list(distinct))
         found += _opposites(name, angles, distinct) if len(angles) < 24 else []
     found += _overlaps(dwells)
-    usual, often = Counter(tuple(sorted(p)) for p in patterns).most_common(1)[0]
-    if often > 1 and often > len(patterns) / 2:
-        for name, pattern in zip(dwells.names, patterns, strict=True):
-            if len(pattern) != len(usual):
-                found.append(
-                    finding("north.stops_differ", name=name, given=len(pattern),
-                            angles=_list([*pattern]), most=len(usual))
-                )  # fmt: skip
+    alike: Counter[tuple[int, ...]] = Counter()
+    for pattern, those in patterns.items():
+        alike[tuple(sorted(pattern))] += len(those)
+    usual, often = alike.most_common(1)[0]
+    if often > 1 and often > len(dwells.names) / 2:
+        others = {i: p for p, those in patterns.items() if len(p) != len(usual)
+                  for i in those.tolist()}  # fmt: skip
+        for i in sorted(others):
+            found.append(
+                finding("north.stops_differ", name=dwells.names[i], given=len(others[i]),
+                        angles=_list([*others[i]]), most=len(usual))
+            )  # fmt: skip
     return tuple(found)
 
 
-def _patterns(d: Dwells) -> list[tuple[int, ...]]:
-    """Return the index angles of every set-up in order, in whole degrees."""
-    whole = (np.rint(np.degrees(d.index)).astype(int) % 360).tolist()
-    edges = np.searchsorted(d.setup, np.arange(len(d.names) + 1)).tolist()
-    return [tuple(whole[lo:hi]) for lo, hi in pairwise(edges)]
+def _patterns(d: Dwells) -> dict[tuple[int, ...], IntArray]:
+    """Return the different stops in whole degrees, as they appear, and the set-ups of each."""
+    whole = np.rint(np.degrees(d.index)).astype(int) % 360
+    edges = np.searchsorted(d.setup, np.arange(len(d.names) + 1))
+    count, out = np.diff(edges), []
+    for k in np.unique(count).tolist():
+        some = np.flatnonzero(count == k)
+        code = np.zeros(len(some), np.int64)
+        for stop in range(k):  # set-ups whose stops were alike so far have one code
+            more = 360 * code + whole[edges[some] + stop]
+            code = np.unique(more, return_inverse=True)[1].reshape(-1)
+        order = np.argsort(code, kind="stable")
+        out += np.split(some[order], np.flatnonzero(np.diff(code[order])) + 1)
+    out.sort(key=lambda those: int(those[0]))
+    return {tuple(whole[edges[i[0]] : edges[i[0] + 1]].tolist()): i for i in out}
 
 
 def _list(angles: list[int]) -> str:
@@ -158,7 +171,7 @@ def late_index(dwells: Dwells, lag_sd: float | None) -> tuple[Finding, ...]:
     first = dwells.of(0)
     if lag_sd is not None or not len(first) or not first.rotates:
         return ()
-    rate = turn_rate(first)
+    rate = float(turn_rate(first))
     half = dwells.interval / 2
     return (
         finding("north.index_lag", rate=f"{np.degrees(rate):.3g}", lag=span(half),
@@ -177,12 +190,20 @@ def _overlaps(dwells: Dwells) -> list[Finding]:
                     dwell=f"{dwells.time[row]:.4g}", step=f"{step[row]:.4g}")]  # fmt: skip
 
 
-def require_plausible(
+class Implausible(NamedTuple):
+    """The set-up that reads most beyond what there is."""
+
+    code: str  # of the error
+    size: float  # of what it reads, over what there is [1]; 0 where none does
+    name: str  # of the set-up
+
+
+def implausible(
     dwells: Dwells, pairs: Pairs, known: Known, compensation: Compensation
-) -> None:
-    """Refuse `pairs` [SI] that say more than the Earth's rate, or more than gravity."""
+) -> tuple[Implausible, ...]:
+    """Return which of `pairs` [SI] says most beyond the Earth's rate, and beyond gravity."""
     numbers = compensated(pairs.values, known.gravity, compensation)
-    cov = pairs.cov
+    cov, out = pairs.cov, []
     for axes, limit, size, code in (
         (slice(0, 2), TOO_FAST, EARTH_RATE, "north.too_fast"),
         (slice(2, 4), 1.0, known.gravity, "north.tilt"),
@@ -190,9 +211,17 @@ def require_plausible(
         length = np.linalg.norm(numbers[:, axes], axis=1)
         sd = np.sqrt(np.einsum("nii->n", cov[:, axes, axes])) / size
         wrong = np.flatnonzero((length - limit > MANY_SD * sd) & (sd < np.sqrt(UNSEEN) * 1e-2))
-        if len(wrong):
-            worst = int(wrong[np.argmax(length[wrong])])
-            raise error(code, name=dwells.names[worst], size=f"{length[worst]:.4g}")
+        worst = int(wrong[np.argmax(length[wrong])]) if len(wrong) else 0
+        out.append(Implausible(code, float(length[worst]) if len(wrong) else 0.0,
+                               dwells.names[worst]))  # fmt: skip
+    return tuple(out)
+
+
+def require_plausible(found: Sequence[Implausible]) -> None:
+    """Refuse what says more than the Earth's rate, or more than gravity."""
+    for code, size, name in found:
+        if size:
+            raise error(code, name=name, size=f"{size:.4g}")
 
 
 @contextmanager
@@ -253,16 +282,16 @@ def drift_sd(
         return known
     if wanted == "linear":
         return float("inf")
-    plain, free = (reduce(dwells, noise, Nuisance(drift_sd=sd)) for sd in (0.0, np.inf))
-    if np.any(free.dof[:, 0] < 1):
-        return 0.0
-    ratio = _sizes(free) / _sizes(plain)
-    return float("inf") if np.all(ratio < NEARLY_FREE**2) else 0.0
+    for group in rates_of(dwells, noise, [Nuisance(), Nuisance(drift_sd=np.inf)]):
+        (alone, _), (cov, dof) = group
+        if np.any(dof < 1) or not np.all(_larger(cov) < NEARLY_FREE**2 * _larger(alone)):
+            return 0.0
+    return float("inf")
 
 
-def _sizes(pairs: Pairs) -> FloatArray:
-    """Return the larger variance of the two rates of every set-up, shape (m,) [rad^2/s^2]."""
-    return np.asarray(np.max(np.linalg.eigvalsh(pairs.cov[:, :2, :2]), axis=1))
+def _larger(cov: FloatArray) -> FloatArray:
+    """Return the larger variance that `cov` (g, 2, 2) of two rates has, shape (g,) [unit of it]."""
+    return np.asarray(np.linalg.eigvalsh(cov)[:, 1])
 
 
 def signal_to_noise(fixes: Fixes, pairs: Pairs) -> FloatArray:
@@ -276,7 +305,7 @@ def signal_to_noise(fixes: Fixes, pairs: Pairs) -> FloatArray:
     out = 1.0 / np.sqrt(np.maximum(np.sum(gyro, axis=0), 1e-300))
     # Where the rate along z is lost it is that, and not the gyro, which leaves heading uncertain.
     lost = fixes.status == 1
-    level = EARTH_RATE * np.cos(fixes.angles[:, 3]) / np.sqrt(_sizes(pairs))
+    level = EARTH_RATE * np.cos(fixes.angles[:, 3]) / np.sqrt(_larger(pairs.cov[:, :2, :2]))
     return np.where(lost, level, out)
 
 
@@ -301,6 +330,7 @@ class Judged:
     dwells: Dwells  # readings [SI]
     pairs: Pairs  # four numbers of every set-up [SI]
     fixes: Fixes  # solutions [rad]
+    ratio: FloatArray  # (m,) of `signal_to_noise` [1]
     known: Known  # place, and what decided between solutions
     noise: ImuNoise  # noise that was taken [SI]
     noise_source: str  # where it comes from
@@ -308,7 +338,7 @@ class Judged:
     # (m,) how far the accelerometers depart from level, of `level_square` [1]; None where there are
     # none, or nothing was said of the level
     level: FloatArray | None = None
-    drift_effect: FloatArray | None = None  # (m,) of `drift_effect`, for 1 rad/s^2 [s^2]
+    drift_effect: FloatArray | None = None  # (m,) of `drift_effect` [s^2]
 
     @cached_property
     def worst(self) -> Worst:
@@ -419,7 +449,7 @@ def checks(j: Judged, calibration: Level | None, shared: tuple[Check, ...] = ())
     """
     m = len(j.fixes)
     solved = np.asarray(np.isfinite(j.fixes.angles).all(axis=1))
-    made: list[Test | None] = [_sees(signal_to_noise(j.fixes, j.pairs))]
+    made: list[Test | None] = [_sees(j.ratio)]
     if j.noise_source == "from the residuals":
         made.append(_fitting(j))
     else:
@@ -513,7 +543,8 @@ def _noise(
     if not some.any() or (sensor == 1 and not j.noise.accel.white):
         return None
     limit = {int(n): chi_square_limits(int(n), tests=TESTS)[1] for n in np.unique(dof[some])}
-    high = np.array([limit.get(n, np.inf) for n in dof.tolist()])
+    at, which = np.unique(dof, return_inverse=True)
+    high = np.array([limit.get(n, np.inf) for n in at.tolist()])[which]
 
     def given(i: int) -> dict[str, Any]:
         return {"what": what, "ratio": np.sqrt(value[i] / dof[i]), "dof": int(dof[i]),
@@ -642,16 +673,10 @@ def _outlier(j: Judged, i: int) -> list[Finding]:
                     size=f"{found.size[i]:.1f}")]  # fmt: skip
 
 
-def drift_effect(
-    pairs: Pairs, fixes: Fixes, known: Known, compensation: Compensation, drift: float
-) -> FloatArray:
-    """Return what a linear drift that is not estimated does to each heading, shape (m,) [rad].
+def drift_effect(pairs: Pairs, fixes: Fixes) -> FloatArray:
+    """Return what a linear drift of 1 rad/s^2 that is not estimated does to a heading, (m,) [s^2].
 
     `pairs`: set-ups, with what a drift does to the four numbers [SI]; `fixes`: their solutions
-    [rad]; `drift`: [rad/s^2].
+    [rad].
     """
-    near = np.where(np.isfinite(fixes.angles[:, 0]), fixes.angles[:, 0], 0.0)
-    step = 1e-3 * drift
-    moved = replace(pairs, values=pairs.values + step * pairs.drift_slope)
-    again = solve(moved, known, compensation)
-    return np.asarray(turned(again.angles[:, 0] - near) / 1e-3)
+    return np.asarray(np.sum(fixes.slope * pairs.drift_slope, axis=1))

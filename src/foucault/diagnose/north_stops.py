@@ -19,7 +19,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -71,20 +71,22 @@ def other_conditions(
 
 def contradicted(
     dwells: Dwells, fixes: Fixes, heading_sd: float
-) -> tuple[tuple[Finding, ...], ...]:
+) -> Callable[[int], tuple[Finding, ...]]:
     """Compare every heading with the reference in the file, where there is one.
 
     `dwells`: with reference headings, NaN where there are none [rad]; `fixes`: solutions [rad];
-    `heading_sd`: standard deviation of the references [rad].
+    `heading_sd`: standard deviation of the references [rad]. Returns what is to say of a set-up.
     """
     away = turned(fixes.angles[:, 0] - dwells.heading)
     size = np.abs(away) / np.sqrt(fixes.cov[:, 0, 0] + heading_sd**2)
-    return tuple(
-        (finding("north.reference", name=name, away=f"{np.degrees(a):.3g}", size=f"{z:.1f}"),)
-        if z > CONTRADICTS
-        else ()
-        for name, a, z in zip(dwells.names, away, size, strict=True)
-    )
+
+    def of(i: int) -> tuple[Finding, ...]:
+        if not size[i] > CONTRADICTS:
+            return ()
+        a, z = f"{np.degrees(away[i]):.3g}", f"{size[i]:.1f}"
+        return (finding("north.reference", name=dwells.names[i], away=a, size=z),)
+
+    return of
 
 
 def _list(angles: list[Any]) -> str:

@@ -64,6 +64,7 @@ from foucault.estimate.north_reduction import (
     Pairs,
     best_of,
     compensated,
+    horizontal_of,
     starts_of,
     tilt_of,
     widen,
@@ -99,6 +100,9 @@ SOURCES = {
 
 LATITUDE = "latitude"
 
+LINEAR = float(np.radians(1.0))
+"""A solution that is as sure as that stays the best with other weights [rad]."""
+
 
 @dataclass(frozen=True)
 class Fixes:
@@ -117,6 +121,7 @@ class Fixes:
     ambiguous: npt.NDArray[np.bool_]
     status: npt.NDArray[np.int8]  # (m,) 0 where solved; else see `kernels.north_seeking`
     clamped: npt.NDArray[np.bool_]  # (m,) where the horizontal rate exceeds the Earth's
+    slope: FloatArray  # (m, 4) of the heading against the four numbers as measured [1/SI]
 
     def __len__(self) -> int:
         return len(self.angles)
@@ -184,46 +189,91 @@ def solve(pairs: Pairs, known: Known, compensation: Compensation | None = None) 
     None takes an instrument without errors.
     """
     compensation = compensation or Compensation()
+    return settled(pairs, known, compensation, sought(pairs, known, compensation))
+
+
+def sought(pairs: Pairs, known: Known, compensation: Compensation) -> Best:
+    """Return every solution by the readings alone [rad]: what hangs on the attitude comes later.
+
+    `pairs`: set-ups [SI].
+    """
+    pairs, _ = levelled(pairs, known, compensation)
+    return best_of(pairs, pairs.cov, known, compensation, starts_of(pairs, known, compensation))
+
+
+def settled(pairs: Pairs, known: Known, compensation: Compensation, at: Best | Fixes) -> Fixes:
+    """Weigh set-ups with what the calibration, and roots that `pairs` [SI] has, do at solutions.
+
+    `at`: of `sought`, or fixes by other weights [rad].
+    """
     pairs, shared = levelled(pairs, known, compensation)
-    starts, horizontal = starts_of(pairs, known, compensation)
-    best = best_of(pairs, pairs.cov, known, compensation, starts)
-    more = _calibration_sources(best.angles, known, compensation, shared)
-    sources = pairs.sources | more
-    if more:  # they change the weights a little: once more, from what was found
-        again = [best.angles, np.where(np.isfinite(best.other), best.other, best.angles)]
-        best = best_of(pairs, np.asarray(sum(sources.values())), known, compensation, again)
-    budget = {
-        name: np.einsum("nai,nij,naj->na", best.gain[..., :4], S, best.gain[..., :4])
-        for name, S in sources.items()
-    }
+    starts = [at.angles, at.other]
+    if isinstance(at, Fixes):  # what fits badly or hardly tells has other minima by other weights
+        fits = (at.status == 0) & (at.square < PLAUSIBLE) & (at.sd[:, 0] < LINEAR)
+        again = ~(fits & ~at.ambiguous)[:, None]
+        if again.any():
+            every = starts_of(pairs, known, compensation)
+            every = [np.where(again, start, np.nan) for start in every]
+            new = best_of(pairs, pairs.cov, known, compensation, every)
+            starts = [np.where(again, *two) for two in
+                      ((new.angles, at.angles), (new.other, at.other))]  # fmt: skip
+    more = _calibration_roots(starts[0], known, compensation, shared)
+    roots = pairs.roots | more
+    pairs = replace(pairs, roots=roots)
+    if isinstance(at, Fixes) or more:
+        best = best_of(pairs, pairs.cov, known, compensation, starts)
+    else:
+        best = at
+    gain = best.gain[..., :4]
+    budget = {name: np.sum(gain @ S * gain, axis=2) for name, S in pairs.sources.items()}
+    budget |= {name: np.sum((gain @ B) ** 2, axis=2) for name, B in roots.items()}
+    horizontal = horizontal_of(pairs, known, compensation)
     if known.latitude is not None:
         sd = np.reshape(np.maximum(known.latitude_sd, EXACT), (-1, 1))
         budget[LATITUDE] = best.gain[..., 4] ** 2 * sd**2
     else:
         widen(best, horizontal, pairs, known, compensation, budget)
+    slope = gain[:, 0] if shared is None else (gain[:, :1] @ shared)[:, 0]
     return Fixes(
         best.angles, best.cov, budget, best.square, best.other,
-        best.other_square, _ambiguous(best, known), best.status, horizontal > 1.0,
+        best.other_square, _ambiguous(best, known), best.status, horizontal > 1.0, slope,
     )  # fmt: skip
+
+
+def bound(pairs: Pairs, known: Known, compensation: Compensation, angles: FloatArray) -> FloatArray:
+    """Return the sds that white noise and a perfect instrument alone allow, shape (m, 4) [rad].
+
+    `pairs`: set-ups [SI]; `angles` (m, 4): solutions, by which this is another nearby [rad].
+    """
+    exact = Compensation(replace(compensation.coefficients, cov=None))
+    known = replace(known, latitude_sd=0.0)
+    pairs, _ = levelled(pairs.noise_alone, known, exact)
+    best = best_of(pairs, pairs.cov, known, exact, [angles])
+    if known.latitude is None:
+        widen(best, horizontal_of(pairs, known, exact), pairs, known, exact, {})
+    return best.sd
 
 
 def _ambiguous(best: Best, known: Known) -> npt.NDArray[np.bool_]:
     """Tell where the other solution is possible, and says something else."""
-    sd = np.sqrt(np.einsum("nii->ni", best.cov))
+    sd = best.sd
     apart = np.abs(turned(best.other[:, 0] - best.angles[:, 0])) > sd[:, 0]
     if known.latitude is None:
         apart |= np.abs(best.other[:, 3] - best.angles[:, 3]) > sd[:, 3]
     return np.asarray(apart & (best.other_square < PLAUSIBLE + best.rank))
 
 
-def levelled(pairs: Pairs, known: Known, compensation: Compensation) -> tuple[Pairs, FloatArray]:
+def levelled(
+    pairs: Pairs, known: Known, compensation: Compensation
+) -> tuple[Pairs, FloatArray | None]:
     """Weigh the specific forces with how level the case stands, as far as that is known.
 
-    Returns the pairs, and how much of the specific forces as measured is in theirs, (m, 4, 4).
+    Returns the pairs, and how much of the specific forces as measured is in theirs, (m, 4, 4);
+    None for all of them.
     """
-    T = np.broadcast_to(np.eye(4), (len(pairs), 4, 4)).copy()
     if known.level_sd is None:
-        return pairs, T
+        return pairs, None
+    T = np.broadcast_to(np.eye(4), (len(pairs), 4, 4)).copy()
     g = np.reshape(known.gravity, (-1, 1, 1))  # of all, or of each
     level = (g * known.level_sd) ** 2 * np.eye(2)
     T[:, 2:, 2:] = level @ np.linalg.inv(level + pairs.cov[:, 2:, 2:])
@@ -236,7 +286,8 @@ def levelled(pairs: Pairs, known: Known, compensation: Compensation) -> tuple[Pa
     upright[:, :2] = 0.0
     values = np.einsum("nij,nj->ni", T, pairs.values) + (rest @ upright[..., None])[..., 0]
     sources = {k: v for k, v in sources.items() if v.any()}
-    return replace(pairs, values=values, sources=sources), T
+    roots = {k: B for k, root in pairs.roots.items() if (B := T @ root).any()}
+    return replace(pairs, values=values, sources=sources, roots=roots), T
 
 
 def level_square(pairs: Pairs, known: Known, compensation: Compensation) -> FloatArray:
@@ -257,18 +308,19 @@ def level_square(pairs: Pairs, known: Known, compensation: Compensation) -> Floa
     return np.asarray(np.einsum("ni,ni->n", miss, np.linalg.solve(total, miss[..., None])[..., 0]))
 
 
-def _calibration_sources(
-    angles: FloatArray, known: Known, compensation: Compensation, shared: FloatArray
+def _calibration_roots(
+    angles: FloatArray, known: Known, compensation: Compensation, shared: FloatArray | None
 ) -> dict[str, FloatArray]:
-    """What the uncertainty of the coefficients does to the four numbers, by kind."""
+    """What the uncertainty of the coefficients does to the four numbers, by kind, (m, 4, c)."""
     c = compensation.coefficients
     if c.cov is None or not len(c):
         return {}
     finite = np.where(np.isfinite(angles), angles, 0.0)
     w_b = earth_rate_b(*finite.T)
-    J = shared @ compensation.slopes(
+    J = compensation.slopes(
         w_b, np.reshape(known.gravity, (-1, 1)) * up_b(finite[:, 1], finite[:, 2])
     )
+    J = J if shared is None else shared @ J
     # Coefficients are tied to one another: a coupling that a level session cannot show, and the
     # bias that made up for it. In the order of SOURCES each counts with what follows it, so that
     # the parts are independent and none is negative.
@@ -281,7 +333,7 @@ def _calibration_sources(
     for start, words in SOURCES.items():
         mine = effect[..., [kinds[i] == start for i in order]]
         if mine.any():
-            out[words] = np.einsum("nik,njk->nij", mine, mine)
+            out[words] = mine
     return out
 
 

@@ -9,7 +9,8 @@ walk, exactly averaged over each dwell) gives (s, c); accelerometers likewise. N
 Gaussian noise the four numbers with their covariance carry all the information of the readings.
 The covariance is kept apart by source, because the weights are known: ``sum_s W Sigma_s W'``.
 
-Set-ups with the same stops at the same times share their weights.
+Set-ups with as many stops are reduced at once; where these are the same at the same times, they
+share their weights.
 
 Every solution that a set-up has, and which of them is taken.
 
@@ -21,6 +22,7 @@ is told apart by what is known of hemisphere and rough heading, and the next bes
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -30,7 +32,7 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray, IntArray, transposed
 from foucault.models.earth import EARTH_RATE
 from foucault.models.noise import ImuNoise, TriadNoise, mean_variance, window_covariance
-from foucault.models.north_seeker import Compensation, Dwells, earth_rate_b
+from foucault.models.north_seeker import Compensation, Dwells
 from foucault.models.rotation import turned
 
 UNSEEN = 1e4
@@ -89,6 +91,8 @@ class Pairs:
     # to its specific forces, along x_b and y_b [1]
     gyro_weights: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     accel_weights: FloatArray = field(default_factory=lambda: np.zeros((0, 1, 2)))
+    # more sources, each as a root of its covariance, (m, 4, c) [SI]
+    roots: dict[str, FloatArray] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.values)
@@ -96,27 +100,40 @@ class Pairs:
     @property
     def cov(self) -> FloatArray:
         """Covariance of all sources together, shape (m, 4, 4) [SI]."""
-        return np.asarray(sum(self.sources.values()))
+        own = np.asarray(sum(self.sources.values()))
+        if not self.roots:
+            return own
+        B = np.concatenate([*self.roots.values()], axis=2)
+        return np.asarray(own + B @ transposed(B))
 
     @property
     def noise_alone(self) -> Pairs:
         """The same with the white noise alone, for a bound."""
         kept = {k: v for k, v in self.sources.items() if k in (GYRO_NOISE, TILT_NOISE)}
-        return replace(self, sources=kept)
+        return replace(self, sources=kept, roots={})
+
+    @property
+    def results(self) -> Pairs:
+        """The same without what only its solution needs."""
+        gyro, accel = np.zeros((0, 2)), np.zeros((0, 1, 2))
+        return replace(self, sources={}, roots={}, accel_white=np.zeros((0, 1)),
+                       gyro_weights=gyro, accel_weights=accel)  # fmt: skip
 
 
 @dataclass
 class _Fit:
-    """One linear fit of g set-ups with the same stops, or of 1 whose weights all of them share."""
+    """One linear fit of g set-ups with k stops each; what they share has one row."""
 
     weights: FloatArray  # (g, p, k) of p unknowns from k readings
-    design: FloatArray  # (k, p) readings from unknowns
-    root: FloatArray  # (g, k, k) of the covariance of the readings
-    white: FloatArray  # (k,) its white part
-    slow: FloatArray  # (k, k) what wanders
+    design: FloatArray  # (g, k, p) readings from unknowns
+    # (g, k, k) of the covariance of the readings, one over its diagonal there
+    root: FloatArray
+    white: FloatArray  # (g, k) its white part
+    slow: FloatArray  # (g, k, k) what wanders
     redundancy: FloatArray  # (g, k) of each reading [1]
     dof: IntArray  # (g,) readings that are not spent [1]
-    drift: FloatArray = field(default_factory=lambda: np.zeros(0))  # (k,) times of the readings [s]
+    # (g, k) times of the readings [s]
+    drift: FloatArray = field(default_factory=lambda: np.zeros((1, 0)))
 
 
 def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) -> Pairs:
@@ -131,23 +148,20 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
     chi_square, dof = np.zeros((m, 2)), np.zeros((m, 2), np.int64)
     accel_white = np.zeros((n, 1) if dwells.accel is None else dwells.accel.shape)
     gyro_weights, accel_weights = np.zeros((n, 2)), np.zeros((*accel_white.shape, 2))
-    # Wrong index angles act by the slope of each set-up's own curve: then none share weights.
-    for setups, rows in _alike(dwells, apart=nuisance.index_sd > 0):
-        first = dwells.rows(rows[0])
-        wrong = _index_variance(dwells, rows, noise, nuisance)
+    for setups, rows, first in _alike(dwells):
+        wrong = _index_variance(dwells, rows, first, noise, nuisance)
         gyro = _gyro_fit(first, noise.gyro, nuisance, wrong[0])
         unknowns = _times(gyro.weights, dwells.gyro[rows] - nuisance.offset)
         values[setups, :2], offset[setups] = unknowns[:, :2], unknowns[:, 2] + nuisance.offset
         drift[setups] = unknowns[:, 3] if unknowns.shape[1] > 3 else 0.0
-        fit[rows] = unknowns @ gyro.design.T + nuisance.offset
+        fit[rows] = _times(gyro.design, unknowns) + nuisance.offset
         _judge(gyro, dwells.gyro[rows] - fit[rows], setups, rows, 0, residuals, chi_square, dof)
         W = gyro.weights[:, :2]
         gyro_weights[rows] = transposed(W)
-        parts[GYRO_NOISE][setups, :2, :2] = (W * gyro.white) @ transposed(W) + _unseen(
-            gyro, EARTH_RATE
-        )
+        parts[GYRO_NOISE][setups, :2, :2] = (W * gyro.white[:, None]) @ transposed(W)
+        parts[GYRO_NOISE][setups, :2, :2] += _unseen(gyro, EARTH_RATE)
         parts[GYRO_DRIFT][setups, :2, :2] = W @ gyro.slow @ transposed(W)
-        slope[setups, :2] = moved = W @ gyro.drift
+        slope[setups, :2] = moved = (W @ gyro.drift[..., None])[..., 0]
         if np.isfinite(nuisance.drift_sd):  # what the prior leaves of it, at its full size
             parts[GYRO_DRIFT][setups, :2, :2] += nuisance.drift_sd**2 * _square(moved)
         if np.isfinite(nuisance.offset_sd):
@@ -160,7 +174,7 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
             A = dwells.accel[rows].reshape(len(rows), -1)
             found = _times(accel.weights, A)
             values[setups, 2:] = found[:, :2]
-            left = A - found @ accel.design.T
+            left = A - _times(accel.design, found)
             accel_white[rows] = _whitened(accel.root, left.reshape(*rows.shape, -1))
             if dwells.accel.shape[1] == 1:
                 _judge(accel, left, setups, rows, 1, residuals, chi_square, dof)
@@ -171,7 +185,7 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
             V = accel.weights[:, :2]
             accel_weights[rows] = transposed(V).reshape(len(V), rows.shape[1], -1, 2)
             unseen = _unseen(accel, GRAVITY)
-            parts[TILT_NOISE][setups, 2:, 2:] = (V * accel.white) @ transposed(V) + unseen
+            parts[TILT_NOISE][setups, 2:, 2:] = (V * accel.white[:, None]) @ transposed(V) + unseen
             parts[TILT_DRIFT][setups, 2:, 2:] = V @ accel.slow @ transposed(V)
         else:
             parts[TILT_NOISE][setups, 2:, 2:] = UNSEEN * GRAVITY**2 * np.eye(2)
@@ -182,39 +196,74 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
                  chi_square, dof, accel_white, gyro_weights, accel_weights)  # fmt: skip
 
 
-AT_ONCE = 1 << 22
-"""Numbers that the covariances of set-ups fitted together may have [1]."""
+def rates_of(
+    dwells: Dwells, noise: ImuNoise, nuisances: Sequence[Nuisance]
+) -> Iterator[list[tuple[FloatArray, IntArray]]]:
+    """Yield the covariance (g, 2, 2) of the two rates and the redundant readings (g,) of groups.
+
+    Of each of `nuisances`, by stops and noise alone, whatever was read there: set-ups with the same
+    stops have one row.
+
+    `dwells`: the stops [SI]; `noise`, `nuisances`: [SI]. Yields [rad^2/s^2], [1].
+    """
+    for _, rows, d in _alike(dwells):
+        out = []
+        for nuisance in nuisances:
+            fit = _gyro_fit(d, noise.gyro, nuisance, np.zeros((1, rows.shape[1])))
+            W = fit.weights[:, :2]
+            white = (W * fit.white[:, None]) @ transposed(W) + _unseen(fit, EARTH_RATE)
+            out.append((white + W @ fit.slow @ transposed(W), fit.dof))
+        yield out
 
 
-def _alike(dwells: Dwells, *, apart: bool) -> list[tuple[IntArray, IntArray]]:
-    """Return groups of set-ups with the same stops: their numbers (g,), and their rows (g, k).
+def left_white(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance, more: FloatArray) -> FloatArray:
+    """Return what `reduce` leaves of something added to the accelerometers, as white residuals.
 
-    With `apart` each has weights of its own, so that not too many are in one.
+    `dwells`: readings, weighed as by `reduce` [SI]; `more` (n, q, c): c columns of what is added to
+    them [m/s^2]. Returns (n, q, c) [1].
+    """
+    out = np.zeros_like(more)
+    for _, rows, d in _alike(dwells):
+        fit = _accel_fit(d, noise.accel, _index_variance(dwells, rows, d, noise, nuisance)[1])
+        g, k = rows.shape
+        x = more[rows].reshape(g, -1, more.shape[2])
+        left = x - fit.design @ (fit.weights @ x)
+        out[rows] = _whitened(fit.root, left.reshape(g, k, -1)).reshape(g, k, *more.shape[1:])
+    return out
+
+
+AT_ONCE = 1 << 16
+"""Numbers that the covariances of set-ups fitted together may have: the cache holds them [1]."""
+
+
+def _alike(dwells: Dwells) -> Iterator[tuple[IntArray, IntArray, Dwells]]:
+    """Yield groups of set-ups with k stops: their numbers (g,), rows (g, k), and when and where.
+
+    These have one row where all stops of the group are the same, else g [SI].
     """
     order = np.argsort(dwells.setup, kind="stable")
     edges = np.searchsorted(dwells.setup[order], np.arange(len(dwells.names) + 1))
     count = np.diff(edges)
-    out = []
-    for k in np.unique(count):
-        setups = np.flatnonzero(count == k)
-        rows = order[edges[setups, None] + np.arange(k)]
-        start = dwells.start[rows] - dwells.start[rows[:, :1]]
-        shape = np.stack([dwells.cosine[rows], dwells.sine[rows], dwells.time[rows], start], 1)
-        groups: dict[bytes, list[int]] = {}
-        for i, one in enumerate(np.round(shape, 9)):
-            groups.setdefault(one.tobytes(), []).append(i)
-        for found in groups.values():
-            most = max(AT_ONCE // int(k) ** 2, 1) if apart else len(found)
-            pieces = [found[i : i + most] for i in range(0, len(found), most)]
-            out += [(setups[piece], rows[piece]) for piece in pieces]
-    return out
+    still = np.zeros(len(count), bool)
+    if dwells.turning is not None and dwells.turning.any():
+        still = np.bincount(dwells.setup, ~dwells.turning, len(count)) > 0
+    kind = 2 * count + still
+    for one in np.unique(kind).tolist():
+        alike, k = np.flatnonzero(kind == one), one // 2
+        most = max(AT_ONCE // k**2, 1)
+        for setups in np.split(alike, np.arange(most, len(alike), most)):
+            rows = order[edges[setups, None] + np.arange(k)]
+            d = dwells.rows(rows)
+            shape = np.stack([d.cosine, d.sine, d.time, d.start - d.start[:, :1]])
+            same = not np.ptp(np.round(shape, 9), axis=1).any()
+            yield setups, rows, dwells.rows(rows[:1]) if same else d
 
 
 def _times(weights: FloatArray, x: FloatArray) -> FloatArray:
     """Return what readings `x` (g, k) say of the unknowns, shape (g, p)."""
     if len(weights) == 1:
         return np.asarray(x @ weights[0].T)
-    return np.asarray((weights @ x[..., None])[..., 0])
+    return np.asarray(np.einsum("gpk,gk->gp", weights, x))
 
 
 def _square(x: FloatArray) -> FloatArray:
@@ -224,28 +273,27 @@ def _square(x: FloatArray) -> FloatArray:
 
 def _whitened(root: FloatArray, x: FloatArray) -> FloatArray:
     """Return readings `x` (g, k, q) of covariance `root` (g, k, k) or (1, k, k) as white ones."""
-    if len(root) > 1:
-        return np.asarray(np.linalg.solve(root, x))
-    g, k, q = x.shape
-    side_by_side = np.moveaxis(x, 0, 1).reshape(k, -1)
-    return np.moveaxis(np.linalg.solve(root[0], side_by_side).reshape(k, g, q), 0, 1)
+    from foucault.kernels.means import whiten_batch
+
+    out = np.array(x, order="C")
+    whiten_batch(root, out)
+    return out
 
 
 def _index_variance(
-    dwells: Dwells, rows: IntArray, noise: ImuNoise, nuisance: Nuisance
+    dwells: Dwells, rows: IntArray, d: Dwells, noise: ImuNoise, nuisance: Nuisance
 ) -> tuple[FloatArray, FloatArray]:
     """Return what wrong index angles add to the variance of gyro and accelerometer, (g, k) each.
 
-    `rows` (g, k): of set-ups with the same stops. What adds nothing has one row.
+    `rows` (g, k): of set-ups; `d`: when and where they stop [SI]. What adds nothing has one row.
     """
-    d = dwells.rows(rows[0])
-    none = np.zeros((1, len(d)))
+    none = np.zeros((1, d.index.shape[1]))
     if not nuisance.index_sd or d.rotates:  # one error of a rotation leaves no residual
         return none, none
 
     def of(fit: _Fit, said: FloatArray) -> FloatArray:
-        x, y = _times(fit.weights, said)[:, :2].T
-        return (nuisance.index_sd * (np.outer(x, d.cosine) - np.outer(y, d.sine))) ** 2
+        x, y = np.split(_times(fit.weights, said)[:, :2], 2, axis=1)
+        return (nuisance.index_sd * (x * d.cosine - y * d.sine)) ** 2
 
     gyro = of(_gyro_fit(d, noise.gyro, nuisance, none), dwells.gyro[rows] - nuisance.offset)
     if dwells.accel is None or dwells.accel.shape[1] > 1:
@@ -255,29 +303,33 @@ def _index_variance(
 
 def _gyro_fit(d: Dwells, noise: TriadNoise, nuisance: Nuisance, more: FloatArray) -> _Fit:
     mid = d.start + d.time / 2
-    t = mid - np.average(mid, weights=d.time)
-    design, sds = [d.sine, d.cosine, np.ones(len(d))], [np.inf, np.inf, nuisance.offset_sd]
+    t = mid - np.sum(mid * d.time, axis=1, keepdims=True) / np.sum(d.time, axis=1, keepdims=True)
+    design, sds = [d.sine, d.cosine, np.ones_like(t)], [np.inf, np.inf, nuisance.offset_sd]
     if nuisance.drift_sd > 0:
         design.append(t)
         sds.append(nuisance.drift_sd)
-    fit = _fit(np.stack(design, 1), np.array(sds), d, noise, EARTH_RATE, more)
+    fit = _fit(np.stack(design, 2), np.array(sds), d, noise, EARTH_RATE, more)
     fit.drift = t
     return fit
 
 
 def _accel_fit(d: Dwells, noise: TriadNoise, more: FloatArray) -> _Fit:
     assert d.accel is not None
-    if d.accel.shape[1] == 1:
-        design = np.stack([d.sine, d.cosine, np.ones(len(d))], 1)
+    one = np.ones_like(d.time)
+    if d.accel.shape[2] == 1:
+        design = np.stack([d.sine, d.cosine, one], 2)
         return _fit(design, np.full(3, np.inf), d, noise, GRAVITY, more)
     # Two accelerometers that stay with the case: each the mean of its rows, in the order of rows.
-    one = _fit(np.ones((len(d), 1)), np.full(1, np.inf), d, noise, GRAVITY, np.zeros((1, len(d))))
-    both = np.eye(2)
-    weights, design, slow = (
-        np.asarray(np.kron(part, both), float) for part in (one.weights[0], one.design, one.slow)
-    )
-    white = np.repeat(one.white, 2)
-    return _Fit(weights[None], design, one.root, white, slow, one.redundancy, one.dof)
+    mean = _fit(one[..., None], np.full(1, np.inf), d, noise, GRAVITY, 0.0 * one[:1])
+    weights, design, slow = (_twice(x) for x in (mean.weights, mean.design, mean.slow))
+    white = np.repeat(mean.white, 2, axis=1)
+    return _Fit(weights, design, mean.root, white, slow, mean.redundancy, mean.dof)
+
+
+def _twice(x: FloatArray) -> FloatArray:
+    """Return matrices `x` (g, r, c) that act on each of two by itself, (g, 2 r, 2 c)."""
+    both = np.einsum("grc,ab->gracb", x, np.eye(2))
+    return np.asarray(both.reshape(len(x), 2 * x.shape[1], -1))
 
 
 def _fit(
@@ -285,41 +337,40 @@ def _fit(
 ) -> _Fit:
     """Weigh readings for unknowns with prior standard deviations `sd`, by least squares.
 
-    `d`: stops that all have; `more` (g, k): variance of the readings of each beside the noise.
+    `d`: stops of all, or of each; `more` (g, k): variance of the readings of each beside the noise.
     """
+    from foucault.kernels.means import fit_batch
+
+    k = d.time.shape[1]
     white = mean_variance(replace(noise, bias_instability=0.0, random_walk=0.0), d.time, d.interval)
-    begin = d.start - d.start.min()
-    slow = np.zeros((len(d), len(d)))
+    begin = d.start - d.start.min(axis=1, keepdims=True)
+    slow = np.zeros((1, k, k))
     if noise.bias_instability or noise.random_walk:
         slow = window_covariance(begin, begin + d.time, noise)
-    own = (white + more)[:, :, None] * np.eye(len(d))
-    root = np.asarray(np.linalg.cholesky(own + slow), float)
-    J = np.linalg.solve(root, design[None])  # one for all: NumPy 1 takes (n, k) for vectors
     # The first two unknowns get the widest prior that still counts as one: without it a component
     # that no reading shows would have no variance at all.
     known = np.where(np.isfinite(sd), 1.0 / np.maximum(sd, 1e-300) ** 2, 0.0)
-    if design.shape[1] > 1:
+    if design.shape[2] > 1:
         known[:2] += 1.0 / (UNSEEN * size**2)
-    scale = np.sqrt(np.sum(J**2, axis=1) + known)
-    scale[scale == 0] = 1.0
-    J = J / scale[:, None]
-    normal = transposed(J) @ J + (known / scale**2)[:, :, None] * np.eye(len(known))
-    gain = np.linalg.pinv(normal, rcond=1e-13, hermitian=True) @ transposed(J)
-    hat = J @ gain
-    weights = transposed(np.linalg.solve(transposed(root), transposed(gain / scale[:, :, None])))
-    spent = np.rint(np.trace(hat, axis1=1, axis2=2)).astype(np.int64)
-    redundancy = 1.0 - np.diagonal(hat, axis1=1, axis2=2)
-    dof = np.maximum(len(d) - spent, 0)
-    return _Fit(np.asarray(weights, float), design, root, white, slow, redundancy, dof)
+    own, design = np.ascontiguousarray(white + more), np.ascontiguousarray(design)
+    g, p = max(len(own), len(design), len(slow)), design.shape[2]
+    weights, root, redundancy = np.empty((g, p, k)), np.empty((g, k, k)), np.empty((g, k))
+    dof = np.empty(g, np.int64)
+    fit_batch(design, own, slow, known, weights, root, redundancy, dof)
+    return _Fit(weights, design, root, white, slow, redundancy, dof)
 
 
 def _unseen(fit: _Fit, size: float) -> FloatArray:
     """Return the variance of what the readings do not show of the first two unknowns, (g, 2, 2)."""
     # With its weights a visible component is returned in full, W X = I; what is missing is unseen.
-    missing = np.eye(2) - (fit.weights @ fit.design)[:, :2, :2]
-    U, s, _ = np.linalg.svd(missing)  # a direction is unseen or seen, rounding apart
-    U = U * (s > 0.5)[:, None]
-    return np.asarray(UNSEEN * size**2 * U @ transposed(U))
+    missing = np.eye(2) - fit.weights[:, :2] @ fit.design[:, :, :2]
+    out = np.zeros_like(missing)
+    some = np.square(missing).sum(axis=(1, 2)) > 0.25  # no direction, where it is smaller
+    if some.any():
+        U, s, _ = np.linalg.svd(missing[some])  # unseen or seen, rounding apart
+        U = U * (s > 0.5)[:, None]
+        out[some] = UNSEEN * size**2 * U @ transposed(U)
+    return out
 
 
 def _judge(
@@ -335,9 +386,10 @@ def _judge(
     dof[setups, sensor] = fit.dof
 
 
-def turn_rate(d: Dwells) -> float:
-    """Return how fast the base turns [rad/s]."""
-    return float(np.ptp(np.unwrap(d.index))) / max(float(np.ptp(d.start)), 1e-9)
+def turn_rate(d: Dwells) -> FloatArray:
+    """Return how fast the base turns, of one set-up or of each, shape () or (g,) [rad/s]."""
+    turned = np.ptp(np.unwrap(d.index), axis=-1)
+    return np.asarray(turned / np.maximum(np.ptp(d.start, axis=-1), 1e-9))
 
 
 def _indexing(d: Dwells, weights: FloatArray, values: FloatArray, nuisance: Nuisance) -> FloatArray:
@@ -345,13 +397,13 @@ def _indexing(d: Dwells, weights: FloatArray, values: FloatArray, nuisance: Nuis
 
     Stops are each off by themselves; a base that turns is off by the same angle all the time.
     """
-    across = np.stack([d.cosine, -d.sine])  # d e / d a = (cos a, -sin a)
-    slope = np.stack([values[:, :2] @ across, values[:, 2:] @ across], 1)  # gyro, accelerometer
+    x, y = np.split(values.reshape(-1, 2, 2), 2, axis=2)  # of gyro, accelerometer: (g, 2, 1)
+    slope = x * d.cosine[:, None] - y * d.sine[:, None]  # d e / d a = (cos a, -sin a)
     moved = np.sum(weights * slope[:, :, None], axis=1)
-    variance = nuisance.index_sd**2
+    variance = np.full((1, 1, 1), nuisance.index_sd**2)
     if d.rotates:
         moved = moved.sum(axis=2, keepdims=True)
-        variance += (turn_rate(d) * nuisance.lag_sd) ** 2
+        variance = variance + (turn_rate(d)[:, None, None] * nuisance.lag_sd) ** 2
     return np.asarray(variance * moved @ transposed(moved))
 
 
@@ -363,26 +415,15 @@ ROUNDS = 60
 EXACT = 1e-9
 """Standard deviation of a latitude that is known exactly [rad]."""
 
-DISTINCT = 1e-5
-"""Solutions nearer than this are one [rad]."""
-
 PLAUSIBLE = 25.0
 """Another solution is possible where its sum of squares is larger by less than this, five sd: where
 the rate along z_b is small, errors of the latitude are far from Gaussian [1]."""
-
-AGAINST = 1e3
-"""What speaks against the opposite hemisphere, or a case that hangs upside down, which two
-components of gravity cannot tell from one that stands [1]."""
 
 NEAR_SD = float(np.radians(10.0))
 """Standard deviation of a rough heading unless it is given, such as that of a compass [rad]."""
 
 HARDLY = 0.1
 """A component of the rate with a larger sd, in horizontal Earth rates, is hardly seen [1]."""
-
-DEFAULT = 1e-3
-"""What speaks against the other sign of the rate along z_b, where both give the same hemisphere:
-less than anything that is known, more than rounding [1]."""
 
 LOST = 10.0
 """The rate along z_b is lost in the noise where its square is below this many sd of the horizontal
@@ -428,21 +469,25 @@ def compensated(
     return np.hstack([rate / EARTH_RATE, force / np.reshape(gravity, (-1, 1))])
 
 
-def starts_of(
-    pairs: Pairs, known: Known, compensation: Compensation
-) -> tuple[list[FloatArray], FloatArray]:
-    """Return where to start from.
+def horizontal_of(pairs: Pairs, known: Known, compensation: Compensation) -> FloatArray:
+    """Return the rate along x_b and y_b over the Earth's, 0 where it is hardly seen, (m,) [1].
 
-    `pairs`: set-ups [SI]. Returns `starts` (m, 4): heading, pitch, roll, latitude [rad]; the
-    likeliest first; `horizontal` (m,): rate along x_b and y_b over the Earth's, 0 where it is
-    hardly seen [1].
+    `pairs`: set-ups [SI].
+    """
+    N, M, _, _ = compensated(pairs.values, known.gravity, compensation).T
+    cos = 1.0 if known.latitude is None else np.cos(known.latitude)
+    xx, yy, xy = pairs.cov[:, [0, 1, 0], [0, 1, 1]].T
+    largest = (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)
+    return np.where(largest < (HARDLY * EARTH_RATE * cos) ** 2, np.hypot(N, M), 0.0)
+
+
+def starts_of(pairs: Pairs, known: Known, compensation: Compensation) -> list[FloatArray]:
+    """Return where to start from, (m, 4) each: heading, pitch, roll, latitude; the likeliest first.
+
+    `pairs`: set-ups [SI]. Returns [rad].
     """
     N, M, x, s = compensated(pairs.values, known.gravity, compensation).T
     pitch, roll = tilt_of(x, s)
-    # A direction that is hardly seen leaves more than the two roots.
-    cos = 1.0 if known.latitude is None else np.cos(known.latitude)
-    seen = np.linalg.eigvalsh(pairs.cov[:, :2, :2])[:, 1] < (HARDLY * EARTH_RATE * cos) ** 2
-    horizontal = np.where(seen, np.hypot(N, M), 0.0)
     starts = []
     square = np.sqrt(np.maximum(1 - M**2 - N**2, 1e-6))
     for sign in (1.0, -1.0) if known.hemisphere == "north" else (-1.0, 1.0):
@@ -451,11 +496,14 @@ def starts_of(
             reach = 5 * known.latitude_sd
             latitude = np.clip(latitude, known.latitude - reach, known.latitude + reach)
         starts.append(np.stack([heading, pitch, roll, latitude], 1))
-    if known.latitude is not None and not seen.all():
+    # A direction that is hardly seen leaves more than the two roots.
+    horizontal = horizontal_of(pairs, known, compensation)
+    if known.latitude is not None and not horizontal.all():
         for heading in np.radians(np.arange(0.0, 360.0, 30.0)):
             same = np.ones_like(pitch)
-            starts.append(np.stack([heading * same, pitch, roll, known.latitude * same], 1))
-    return starts, horizontal
+            start = np.stack([heading * same, pitch, roll, known.latitude * same], 1)
+            starts.append(np.where(horizontal[:, None] > 0, starts[0], start))
+    return starts
 
 
 def tilt_of(x: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -490,67 +538,36 @@ class Best:
     other: FloatArray  # (m, 4) the next best [rad]
     other_square: FloatArray  # (m,) its sum of squares, with what speaks against it [1]
 
+    @property
+    def sd(self) -> FloatArray:
+        """Standard deviations, shape (m, 4) [rad]."""
+        return np.asarray(np.sqrt(np.einsum("nii->ni", self.cov)))
+
 
 def best_of(
     pairs: Pairs, covariance: FloatArray, known: Known, compensation: Compensation,
     starts: list[FloatArray],
 ) -> Best:  # fmt: skip
     """Solve from `starts` (m, 4) [rad] by `covariance` (m, 4, 4) [SI], the best first."""
-    found = [_from(pairs, covariance, known, compensation, start) for start in starts]
-    angles = np.stack([f[0] for f in found])
-    solved = np.stack([f[5] == 0 for f in found])
-    square = np.stack([np.where(np.isfinite(f[3]), f[3], np.inf) for f in found])
-    latitude_var = np.stack([f[1][:, 3, 3] for f in found])
-    # An unfinished solution is better than none, where no other is better.
-    rank = square + _preference(angles, latitude_var, known) + np.where(solved, 0.0, 1e6)
-    order = np.argsort(rank, axis=0, kind="stable")
-    each = np.arange(len(pairs))
-    pick = order[0]
-    best = angles[pick, each]
-    other, other_square = np.full_like(best, np.nan), np.full(len(pairs), np.inf)
-    for k in order[1:][::-1]:  # the best of those that differ is written last
-        there = angles[k, each]
-        apart = _apart(there, best)
-        take = (apart > DISTINCT) & solved[k, each]
-        other[take], other_square[take] = there[take], rank[k, each][take]
-    cov, gain, square, status = (np.stack([f[i] for f in found])[pick, each] for i in (1, 2, 3, 5))
-    return Best(best, cov, gain, square, status, rank[pick, each], other, other_square)
-
-
-def _apart(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return how far two solutions are apart in heading or latitude, shape (m,) [rad]."""
-    return np.maximum(np.abs(turned(a[:, 0] - b[:, 0])), np.abs(a[:, 3] - b[:, 3]))
-
-
-def _preference(angles: FloatArray, latitude_var: FloatArray, known: Known) -> FloatArray:
-    """Return what speaks against solutions that fit alike, in squares of a sd, (k, m) [1]."""
-    out = np.where(np.abs(angles[..., 2]) > np.pi / 2, AGAINST, 0.0)
-    if known.latitude is None:  # no reading knows the hemisphere
-        sign = 1.0 if known.hemisphere == "north" else -1.0
-        beyond = np.maximum(-sign * angles[..., 3], 0.0)
-        out += np.minimum(beyond**2 / np.maximum(latitude_var, EXACT**2), AGAINST)
-        along_z = earth_rate_b(*np.moveaxis(angles, -1, 0))[..., 2]
-        out += np.where(sign * along_z < 0, DEFAULT, 0.0)
-    if known.near is not None:
-        out += 2 * (1 - np.cos(angles[..., 0] - known.near)) / known.near_sd**2
-    return out
-
-
-def _from(
-    pairs: Pairs, cov: FloatArray, known: Known, compensation: Compensation, start: FloatArray
-) -> tuple[FloatArray, ...]:
     from foucault.kernels.north_seeking import likelihood_batch
 
-    model = compensation.model
+    model, m = compensation.model, len(pairs)
     A = np.vstack([model.gyro_matrix[:2], model.accel_matrix[:2]])
     b = np.concatenate([model.gyro_bias[:2], model.accel_bias[:2]])
-    m = len(pairs)
     latitude = np.full(m, 0.0 if known.latitude is None else known.latitude)
     sd = np.full(m, np.inf if known.latitude is None else np.maximum(known.latitude_sd, EXACT))
-    found: tuple[FloatArray, ...] = likelihood_batch(
-        pairs.values, cov, start, A, b, np.full(m, known.gravity), EARTH_RATE, latitude, sd, ROUNDS
-    )
-    return found
+    near = np.full(m, np.nan if known.near is None else known.near)
+    sign = 1.0 if known.hemisphere == "north" else -1.0
+    best = Best(
+        np.empty((m, 4)), np.empty((m, 4, 4)), np.empty((m, 4, 5)), np.empty(m),
+        np.empty(m, np.int8), np.empty(m), np.empty((m, 4)), np.empty(m),
+    )  # fmt: skip
+    likelihood_batch(
+        pairs.values, covariance, np.stack(starts), A, b, np.full(m, known.gravity), EARTH_RATE,
+        latitude, sd, sign, near, known.near_sd, ROUNDS, best.angles, best.cov, best.gain,
+        best.square, best.rank, best.other, best.other_square, best.status,
+    )  # fmt: skip
+    return best
 
 
 def widen(

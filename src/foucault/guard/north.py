@@ -6,11 +6,12 @@ depart from it, they are changed back as each mistake would have changed them, a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Finding, finding
 from foucault.estimate.north import PLAUSIBLE, Fixes, Hemisphere, Known, solve
 from foucault.estimate.north_reduction import Pairs
@@ -60,9 +61,14 @@ MISTAKES = (
 
 
 def causes(
-    dwells: Dwells, pairs: Pairs, fixes: Fixes, known: Known, compensation: Compensation
-) -> tuple[Finding, ...]:
-    """Name mistakes that explain why the Earth's rate of `pairs` [SI] contradicts the latitude."""
+    dwells: Dwells, of: Callable[[IntArray], Pairs], fixes: Fixes, known: Known,
+    compensation: Compensation,
+) -> tuple[Finding, ...]:  # fmt: skip
+    """Name mistakes that explain why the Earth's rate contradicts the latitude.
+
+    `dwells`: readings [SI]; `of`: set-ups of numbers (k,) -> their four numbers [SI]; `fixes`:
+    solutions [rad].
+    """
     if known.latitude is None or dwells.accel is None:
         return ()
     finite = np.flatnonzero(np.isfinite(fixes.square))
@@ -72,8 +78,7 @@ def causes(
     place = known.of(some)
     given = place.latitude
     assert given is not None
-    chosen = replace(pairs, values=pairs.values[some],
-                     sources={name: S[some] for name, S in pairs.sources.items()})  # fmt: skip
+    chosen = of(some)
     square, most = float(fixes.square[some].sum()), chi_square_limits(len(some))[1]
 
     def solved(mistake: Mistake, latitude: float | FloatArray | None = None) -> Fixes:

@@ -15,6 +15,23 @@ from foucault.kernels.small_matrices import cholesky, invert, substitute
 
 SOLVED, CLAMPED, NOT_CONVERGED, SINGULAR, NOT_FINITE = 0, 1, 2, 3, 4
 
+LEAST = 1e-18
+"""Variance of a latitude that is known exactly [rad^2]."""
+
+DISTINCT = 1e-5
+"""Solutions nearer than this are one [rad]."""
+
+AGAINST = 1e3
+"""What speaks against the opposite hemisphere, or a case that hangs upside down, which two
+components of gravity cannot tell from one that stands [1]."""
+
+DEFAULT = 1e-3
+"""What speaks against the other sign of the rate along z_b, where both give the same hemisphere:
+less than anything that is known, more than rounding [1]."""
+
+UNSETTLED = 1e6
+"""What speaks against an unfinished solution, which is better than none [1]."""
+
 
 @kernel
 def closed_form_batch(
@@ -107,94 +124,151 @@ def closed_form_batch(
 
 
 @kernel
-def likelihood_batch(y, cov, start, A, b, g, earth_rate, latitude, latitude_sd, rounds):
+def likelihood_batch(
+    y, cov, starts, A, b, g, earth_rate, latitude, latitude_sd, sign, near, near_sd, rounds,
+    angles, P, gain, square, rank, other, other_rank, status,
+):  # fmt: skip
     """Solve n set-ups by maximum likelihood of the four numbers and the latitude known before.
 
     The rotation is corrected by ``C_bn <- C_bn exp([phi x])``, so that no attitude is singular;
-    steps are halved until the sum of squares falls.
+    steps are halved until the sum of squares falls. Of the solutions from several starts the best
+    counts, and the next best that is another one.
 
     Parameters: y (n, 4) rates along x_b, y_b and specific forces along them [SI]; cov (n, 4, 4);
-    start (n, 4) heading, pitch, roll, latitude [rad]; A (4, 3), b (4,) the model y = A w + b of
+    starts (s, n, 4) heading, pitch, roll, latitude [rad]; A (4, 3), b (4,) the model y = A w + b of
     the gyro in the first two rows and y = A f + b in the last two; g (n,) [m/s^2]; earth_rate
-    [rad/s]; latitude, latitude_sd (n,) known before, sd infinite where not [rad]; rounds.
+    [rad/s]; latitude, latitude_sd (n,) known before, sd infinite where not [rad]; sign of the
+    hemisphere where it is not; near (n,) a rough heading, NaN where there is none, good to near_sd
+    [rad]; rounds.
 
-    Returns angles (n, 4) as start; P (n, 4, 4) their covariance [rad^2]; gain (n, 4, 5): slope of
-    each angle against the four numbers [1/SI] and the latitude [1]; square (n,) sum of squares;
-    predicted (n, 4) [SI]; status (n,).
+    Fills angles (n, 4) as starts; P (n, 4, 4) their covariance [rad^2]; gain (n, 4, 5): slope of
+    each angle against the four numbers [1/SI] and the latitude [1]; square (n,) sum of squares, and
+    rank (n,) what speaks against the solution beside; other (n, 4), other_rank (n,) of the next
+    best, NaN and infinite where there is none; status (n,).
     """
-    n = len(y)
-    angles, P = np.empty((n, 4)), np.empty((n, 4, 4))
-    gain, square = np.empty((n, 4, 5)), np.empty(n)
-    predicted = np.empty((n, 4))
-    status = np.zeros(n, np.int8)
     L, W = np.empty((4, 4)), np.empty((4, 4))
     C, T, J = np.empty((3, 3)), np.empty((3, 3)), np.empty((4, 4))
     H, Hinv, E = np.empty((4, 4)), np.empty((4, 4)), np.zeros((4, 4))
     h, r, s, WJ = np.empty(4), np.empty(4), np.empty(4), np.empty((4, 4))
-    for i in range(n):
+    m = len(starts)
+    found, each, settled = np.empty((m, 4)), np.empty(m), np.empty(m, np.int8)
+    for i in range(len(y)):
         for p in range(4):
             for q in range(4):
                 L[p, q] = cov[i, p, q]
-        if not (cholesky(L, len(L)) and math.isfinite(y[i].sum() + start[i].sum())):
-            status[i] = NOT_FINITE
-            angles[i, :], P[i, :, :], gain[i, :, :] = np.nan, np.nan, np.nan
-            square[i], predicted[i, :] = np.nan, np.nan
-            continue
-        invert(L, W, len(L))
-        _attitude(start[i, 0], start[i, 1], start[i, 2], C)
-        lat, known = start[i, 3], 0.0
+        known = 0.0
         if math.isfinite(latitude_sd[i]):
             known = 1.0 / latitude_sd[i] ** 2
-        now = _misfit(C, lat, y[i], A, b, g[i], earth_rate, latitude[i], known, W, h, r)
-        status[i] = NOT_CONVERGED
-        for _ in range(rounds):
-            _slopes(C, lat, A, g[i], earth_rate, J)
-            _normal(J, W, r, known, latitude[i] - lat, H, s, WJ)
-            scale = _scaled_cholesky(H, s)
-            if scale == 0.0:
-                status[i] = SINGULAR
-                break
-            share, better = 1.0, False
-            moved = 0.0
-            for p in range(4):
-                moved += s[p] * s[p]
-            for _ in range(12):
-                _turned(C, share * s[0], share * s[1], share * s[2], T)
-                trial = lat + share * s[3]
-                new = _misfit(T, trial, y[i], A, b, g[i], earth_rate, latitude[i], known, W, h, r)
-                if new <= now * (1.0 + 1e-12) + 1e-12:
-                    better = True
-                    break
-                share *= 0.5
-            if better:
-                gained = now - new
-                for p in range(3):
-                    for q in range(3):
-                        C[p, q] = T[p, q]
-                lat, now = trial, new
-                if moved * share * share < 1e-18 or (gained < 1e-10 and moved < 1e-12):
-                    status[i] = SOLVED
-                    break
-            else:
-                # No step helps: the minimum, to rounding, unless the step was a large one.
-                _misfit(C, lat, y[i], A, b, g[i], earth_rate, latitude[i], known, W, h, r)
-                status[i] = SOLVED if moved < 1e-8 else NOT_CONVERGED
-                break
-        square[i] = now
+        weighed = cholesky(L, len(L))
+        if weighed:
+            invert(L, W, len(L))
+        best = -1
+        for k in range(m):
+            start, x = starts[k, i], found[k]
+            settled[k], each[k] = NOT_FINITE, np.inf
+            if not (weighed and math.isfinite(y[i].sum() + start.sum())):
+                continue
+            _attitude(start[0], start[1], start[2], C)
+            x[3] = start[3]
+            miss, settled[k] = _settle(
+                C, x, y[i], A, b, g[i], earth_rate, latitude[i], known, rounds,
+                W, T, J, H, h, r, s, WJ,
+            )  # fmt: skip
+            ct = math.hypot(C[0, 2], C[2, 2])
+            psi = math.atan2(C[1, 0], C[1, 1])
+            x[0] = psi if psi >= 0.0 else psi + 2.0 * math.pi
+            x[1] = math.atan2(C[1, 2], ct)
+            x[2] = math.atan2(-C[0, 2], C[2, 2])
+            against = 0.0 if settled[k] == SOLVED else UNSETTLED  # better than none
+            if known == 0.0:
+                _uncertainty(C, x[3], A, g[i], earth_rate, W, known, J, H, Hinv, E, WJ, s, P[i],
+                             gain[i])  # fmt: skip
+                against += _other_side(C, x[3], sign, P[i, 3, 3])
+            if abs(x[2]) > 0.5 * math.pi:
+                against += AGAINST
+            if math.isfinite(near[i]):
+                against += 2.0 * (1.0 - math.cos(x[0] - near[i])) / near_sd**2
+            each[k] = miss + against if math.isfinite(miss) else np.inf
+            if best < 0 or each[k] < rank[i]:
+                best, rank[i], square[i] = k, each[k], miss
+        other_rank[i] = np.inf
         for p in range(4):
-            predicted[i, p] = h[p]
-        if lat > 0.5 * math.pi or lat < -0.5 * math.pi:  # over the pole: the same rate, turned
-            lat = math.copysign(math.pi, lat) - lat
-            for p in range(3):
-                C[p, 0], C[p, 1] = -C[p, 0], -C[p, 1]
-        _uncertainty(C, lat, A, g[i], earth_rate, W, known, J, H, Hinv, E, WJ, s, P[i], gain[i])
-        ct = math.hypot(C[0, 2], C[2, 2])
-        psi = math.atan2(C[1, 0], C[1, 1])
-        angles[i, 0] = psi if psi >= 0.0 else psi + 2.0 * math.pi
-        angles[i, 1] = math.atan2(C[1, 2], ct)
-        angles[i, 2] = math.atan2(-C[0, 2], C[2, 2])
-        angles[i, 3] = lat
-    return angles, P, gain, square, predicted, status
+            other[i, p] = np.nan
+        if best < 0:
+            status[i] = NOT_FINITE
+            square[i], rank[i] = np.nan, np.inf
+            for p in range(4):
+                angles[i, p] = np.nan
+            _fill(P[i], gain[i], np.nan)
+            continue
+        status[i] = settled[best]
+        for p in range(4):
+            angles[i, p] = found[best, p]
+        _attitude(angles[i, 0], angles[i, 1], angles[i, 2], C)
+        _uncertainty(C, angles[i, 3], A, g[i], earth_rate, W, known, J, H, Hinv, E, WJ, s, P[i],
+                     gain[i])  # fmt: skip
+        for k in range(m):
+            if settled[k] == SOLVED and each[k] < other_rank[i]:
+                turn = abs(found[k, 0] - angles[i, 0])
+                turn = min(turn, 2.0 * math.pi - turn)
+                if max(turn, abs(found[k, 3] - angles[i, 3])) > DISTINCT:
+                    other_rank[i] = each[k]
+                    for p in range(4):
+                        other[i, p] = found[k, p]
+
+
+@part
+def _settle(
+    C, x, y, A, b, g, earth_rate, latitude, known, rounds, W, T, J, H, h, r, s, WJ
+):  # fmt: skip
+    """Turn C, and the latitude x[3], to the least sum of squares; return it, and the status."""
+    lat, status = x[3], NOT_CONVERGED
+    now = _misfit(C, lat, y, A, b, g, earth_rate, latitude, known, W, h, r)
+    for _ in range(rounds):
+        _slopes(C, lat, A, g, earth_rate, J)
+        _normal(J, W, r, known, latitude - lat, H, s, WJ)
+        if _scaled_cholesky(H, s) == 0.0:
+            status = SINGULAR
+            break
+        share, better, new = 1.0, False, now
+        moved = 0.0
+        for p in range(4):
+            moved += s[p] * s[p]
+        for _ in range(12):
+            _turned(C, share * s[0], share * s[1], share * s[2], T)
+            trial = lat + share * s[3]
+            new = _misfit(T, trial, y, A, b, g, earth_rate, latitude, known, W, h, r)
+            if new <= now * (1.0 + 1e-12) + 1e-12:
+                better = True
+                break
+            share *= 0.5
+        if not better:
+            # No step helps: the minimum, to rounding, unless the step was a large one.
+            status = SOLVED if moved < 1e-8 else NOT_CONVERGED
+            break
+        gained = now - new
+        for p in range(3):
+            for q in range(3):
+                C[p, q] = T[p, q]
+        lat, now = lat + share * s[3], new
+        if moved * share * share < 1e-18 or (gained < 1e-10 and moved < 1e-12):
+            status = SOLVED
+            break
+    if lat > 0.5 * math.pi or lat < -0.5 * math.pi:  # over the pole: the same rate, turned
+        lat = math.copysign(math.pi, lat) - lat
+        for p in range(3):
+            C[p, 0], C[p, 1] = -C[p, 0], -C[p, 1]
+    x[3] = lat
+    return now, status
+
+
+@part
+def _other_side(C, lat, sign, variance):
+    """Return what speaks against a solution south of the equator, or north, in squares of a sd."""
+    beyond = max(-sign * lat, 0.0)
+    out = min(beyond * beyond / max(variance, LEAST), AGAINST)
+    along = C[2, 1] * math.cos(lat) + C[2, 2] * math.sin(lat)
+    return out + DEFAULT if sign * along < 0.0 else out
 
 
 @part
@@ -309,6 +383,16 @@ def _turned(C, x, y, z, T):
 
 
 @part
+def _fill(P, gain, variance):
+    """Fill a covariance with `variance`, and a gain with NaN."""
+    for p in range(4):
+        for q in range(4):
+            P[p, q] = variance
+        for q in range(5):
+            gain[p, q] = np.nan
+
+
+@part
 def _uncertainty(C, lat, A, g, earth_rate, W, known, J, H, Hinv, E, WJ, s, P, gain):
     """Fill covariance and gain of heading, pitch, roll and latitude."""
     _slopes(C, lat, A, g, earth_rate, J)
@@ -317,7 +401,7 @@ def _uncertainty(C, lat, A, g, earth_rate, W, known, J, H, Hinv, E, WJ, s, P, ga
     _normal(J, W, s, known, 0.0, H, s, WJ)
     d = (math.sqrt(H[0, 0]), math.sqrt(H[1, 1]), math.sqrt(H[2, 2]), math.sqrt(H[3, 3]))
     if _scaled_cholesky(H, s) == 0.0:
-        P[:, :], gain[:, :] = np.inf, np.nan
+        _fill(P, gain, np.inf)
         return
     invert(H, Hinv, len(H))
     for p in range(4):

@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import chain, pairwise
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray, transposed
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import Finding, error, finding
 from foucault.files import sha256
 from foucault.logs import checks
@@ -46,8 +46,13 @@ ROUND = np.radians(15.0)
 
 def implausible(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
     """Return what the sizes of the numbers in `log` say about the units declared in `used`."""
-    index = _index(log, used)
-    return (*_stuck(log), *(index or (*_gyro(log, used), *_accel(log, used))))
+    found = _index(log, used)
+    if not found:
+        single = log.accel is not None and log.accel.shape[1] == 1
+        columns = [log.gyro, log.accel[:, 0]] if single and log.accel is not None else [log.gyro]
+        swings = _swings(log, columns)
+        found = (*_gyro(used, *swings[0]), *_accel(log, used, swings[-1][0]))
+    return (*_stuck(log), *found)
 
 
 def _stuck(log: IndexedLog) -> tuple[Finding, ...]:
@@ -83,34 +88,38 @@ def _index(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
     return ()
 
 
-def _swing(log: IndexedLog, x: FloatArray) -> tuple[float, float]:
-    """Return the largest half-swing of `x` over the index angles of a set-up, and its sd."""
+def _swings(log: IndexedLog, columns: list[FloatArray]) -> list[tuple[float, float]]:
+    """Return of columns (n,) the largest half-swing over the index angles of a set-up, its sd."""
     number, m = log.setup, len(log.names)
+    first = np.flatnonzero(np.diff(number, prepend=-1))
 
     def sums(y: FloatArray) -> FloatArray:
-        return np.asarray(np.bincount(number, y, m), float)
+        return np.asarray(np.add.reduceat(y, first), float)
 
-    rows = sums(np.ones(len(x)))
-    y = x - (sums(x) / rows)[number]
-    A = np.column_stack([np.ones(len(x)), np.cos(log.index), np.sin(log.index)])
-    normal = np.array([[sums(a * b) for b in A.T] for a in A.T]) / rows  # (3, 3, m)
-    values, vectors = np.linalg.eigh(np.moveaxis(normal, 2, 0))
+    rows = np.bincount(number, minlength=m).astype(float)
+    A = np.stack([np.ones(len(log.index)), np.cos(log.index), np.sin(log.index)])
+    normal = np.empty((m, 3, 3))
+    for i, k in ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)):
+        normal[:, i, k] = normal[:, k, i] = sums(A[i] * A[k]) / rows
+    values, vectors = np.linalg.eigh(normal)
     seen = values > 1e-12 * values[:, 2:]
-    right = np.stack([sums(a * y) for a in A.T], 1) / rows[:, None]
-    parts = np.where(
-        seen, (transposed(vectors) @ right[..., None])[..., 0] / np.where(seen, values, 1.0), 0
-    )
-    fit = (vectors @ parts[..., None])[..., 0]
-    left = y - np.sum(A * fit[number], axis=1)
     rank = seen.sum(axis=1)
-    sd = np.sqrt(sums(left**2) / np.maximum(rows - rank, 1) * 2 / rows)
-    size = np.where(rank < 2, 0.0, np.hypot(*fit[:, 1:].T))  # one stop: nothing but the offset
-    best = int(np.argmax(size))
-    return float(size[best]), float(sd[best]) if size[best] > 0 else np.inf
+    out = []
+    for x in columns:
+        y = x - (sums(x) / rows)[number]
+        right = np.stack([sums(a * y) for a in A], 1) / rows[:, None]
+        along = np.einsum("nik,ni->nk", vectors, right)
+        fit = np.einsum("nik,nk->ni", vectors, np.where(seen, along / np.where(seen, values, 1), 0))
+        size = np.where(rank < 2, 0.0, np.hypot(*fit[:, 1:].T))  # one stop: nothing but the offset
+        best = int(np.argmax(size))
+        some = slice(first[best], first[best] + int(rows[best]))
+        left = y[some] - fit[best] @ A[:, some]
+        sd = np.sqrt(np.sum(left**2) / max(rows[best] - rank[best], 1) * 2 / rows[best])
+        out.append((float(size[best]), float(sd) if size[best] > 0 else np.inf))
+    return out
 
 
-def _gyro(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
-    size, sd = _swing(log, log.gyro)
+def _gyro(used: IndexedDescription, size: float, sd: float) -> tuple[Finding, ...]:
     small = 0.003 * EARTH_RATE > size > 10 * sd
     if not small and not (size > 1.5 * EARTH_RATE and size > 10 * sd):
         return ()
@@ -133,13 +142,11 @@ def _gyro(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
     return (finding("north.gyro_unit", size=rate, unit=unit, cure=cure),)
 
 
-def _accel(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
+def _accel(log: IndexedLog, used: IndexedDescription, size: float) -> tuple[Finding, ...]:
     if log.accel is None or used.accel is None:
         return ()
     if log.accel.shape[1] == 2:
         size = float(np.quantile(np.hypot(*log.accel.T), 0.9))
-    else:
-        size = _swing(log, log.accel[:, 0])[0]
     if size <= 1.05 * STANDARD_GRAVITY:
         return ()
     unit = used.accel.unit
@@ -229,17 +236,10 @@ _Pick = tuple[str, list[int], FloatArray, FloatArray]
 
 def _picks(used: IndexedDescription, raw: RawTable, path: Path) -> Iterator[_Pick]:
     """Yield name, numbers of columns, zero and factor: SI = (raw - zero) * factor."""
-    none, one = np.zeros(1), np.ones(1)
+    none = np.zeros(1)
     if used.time is not None:
-        if used.time.column is None:
-            numbers, sign = columns.guess(raw, "time", path), one
-        else:
-            numbers, sign = _found(raw, (used.time.column,), "time", path)
-        if used.time.iso != (numbers[0] in raw.stamps):
-            code = "log.time_not_iso" if used.time.iso else "log.time_iso"
-            name, unit = raw.names[numbers[0]], used.time.unit
-            raise error(code, file=path.name, column=name, unit=unit)
-        yield "time", numbers, none, used.time.one() * sign
+        numbers, one = columns.find_time(raw, used.time, path)
+        yield "time", numbers, none, one
     wanted: dict[str, tuple[int | str, ...]] = {
         "index": (used.index.column,),
         "gyro": (used.gyro.column,),
@@ -257,47 +257,61 @@ def _picks(used: IndexedDescription, raw: RawTable, path: Path) -> Iterator[_Pic
             yield name, numbers, none, one_column.one() * sign
     if used.temperature is not None:
         column = used.temperature.column
-        if column is None:
-            numbers = columns.guess(raw, "temperature", path)
-        else:
-            numbers, _ = _found(raw, (column,), "temperature", path)
+        numbers, _ = _found(raw, (column,), "temperature", path)
         yield "temperature", numbers, *used.temperature.conversion()
 
 
 def _found(
-    raw: RawTable, wanted: tuple[int | str, ...], block: str, path: Path
+    raw: RawTable, wanted: tuple[int | str | None, ...], block: str, path: Path
 ) -> tuple[list[int], FloatArray]:
-    found = [columns.find(raw, name, path, block) for name in wanted]
-    dates = [raw.names[n] for n, _ in found if n in raw.stamps and block != "time"]
-    if dates:
-        raise error("log.not_numeric", file=path.name, line="every line", column=dates[0],
-                    cell="a date", hint="")  # fmt: skip
-    return [n for n, _ in found], np.array([sign for _, sign in found])
+    numbers, sign = columns.find_all(raw, wanted, path, block)
+    columns.no_dates(raw, numbers, path)
+    return numbers, sign
 
 
-def _labels(used: IndexedDescription, raw: RawTable, path: Path) -> list[str] | None:
-    """Return the name of the set-up of each row, empty where it has none."""
+class _Labels(NamedTuple):
+    """The name of the set-up of each row."""
+
+    words: list[str]  # all names; the first is empty, for rows without one
+    of: IntArray  # (n,) number of that of each row [1]
+
+
+def _labels(used: IndexedDescription, raw: RawTable, path: Path) -> _Labels | None:
+    """Return the name of the set-up of each row, where a column has them."""
     if used.setup is None:
         return None
     number, _ = columns.find(raw, used.setup, path, "setup")
     if raw.words is not None:
-        return [word.strip() for word in chain.from_iterable(raw.words(number))]
-    values = np.concatenate(list(kept(raw, path).blocks([number])))[:, 0]
-    return ["" if np.isnan(value) else f"{value:.12g}" for value in values]
+        blocks = (np.array(words, object) for words in raw.words(number) if words)
+    else:
+        blocks = (block[:, 0] for block in kept(raw, path).blocks([number]) if len(block))
+    known, of = {"": 0}, [np.empty(0, np.int64)]
+    for block in blocks:
+        first = np.flatnonzero(np.append(True, block[1:] != block[:-1]))
+        runs = [known.setdefault(_word(cell), len(known)) for cell in block[first].tolist()]
+        of.append(np.repeat(runs, np.diff(first, append=len(block))))
+    return _Labels([*known], np.concatenate(of))
+
+
+def _word(cell: str | float) -> str:
+    """Return the name that stands in a cell."""
+    if isinstance(cell, str):
+        return cell.strip()
+    return "" if np.isnan(cell) else f"{cell:.12g}"
 
 
 def _usable(
-    data: Data, labels: list[str] | None, used: IndexedDescription, path: Path
-) -> tuple[Data, list[str] | None, tuple[Finding, ...]]:
+    data: Data, labels: _Labels | None, used: IndexedDescription, path: Path
+) -> tuple[Data, _Labels | None, tuple[Finding, ...]]:
     """Leave out rows between set-ups, refuse or leave out those without a number."""
 
     def kept(rows: IntArray) -> None:
         nonlocal data, labels
         data = {name: values[rows] for name, values in data.items()}
-        labels = labels and [labels[i] for i in rows]
+        labels = labels and labels._replace(of=labels.of[rows])
 
-    if labels is not None:
-        kept(np.flatnonzero([bool(label) for label in labels]))
+    if labels is not None and not labels.of.all():
+        kept(np.flatnonzero(labels.of))
     needed = {name: values for name, values in data.items() if name not in BLANK}
     keep, found = checks.finite(needed, used.missing, path.name)
     if keep is not None:
@@ -318,13 +332,13 @@ def _usable(
 
 
 def _setups(
-    data: Data, labels: list[str] | None
+    data: Data, labels: _Labels | None
 ) -> tuple[IntArray, tuple[str, ...], tuple[Finding, ...]]:
     """Number the set-ups: runs of one name, else of one reference heading."""
     n = len(data["gyro"])
     heading, latitude = data.get("heading"), data.get("latitude")
     if labels is not None:
-        new = np.array([True, *(a != b for a, b in pairwise(labels))])
+        new = np.diff(labels.of, prepend=-1) != 0
     elif heading is not None:
         moved = ~(np.abs(turned(np.diff(heading))) <= SAME_HEADING)
         unknown = np.isnan(heading)
@@ -335,11 +349,14 @@ def _setups(
         new[1:] |= np.abs(np.diff(latitude)) > SAME_LATITUDE
     first = np.flatnonzero(new)
     if labels is not None:
-        plain = [labels[i] for i in first]
+        plain = [labels.words[k] for k in labels.of[first].tolist()]
     elif heading is not None:
         plain = [f"{np.degrees(heading[i]):.6g} deg" for i in first]
     else:
         plain = [f"{k + 1}" for k in range(len(first))]
+    setup = np.cumsum(new) - 1
+    if len({*plain}) == len(plain):
+        return setup, tuple(plain), ()
     names: list[str] = []
     found = []
     times: Counter[str] = Counter()
@@ -351,7 +368,7 @@ def _setups(
             words = {"name": name, "row": row, "new": new_name}
             found.append(finding("north.setup_again", **words))
         names.append(new_name)
-    return np.cumsum(new) - 1, tuple(names), tuple(found)
+    return setup, tuple(names), tuple(found)
 
 
 def _timing(log: IndexedLog) -> tuple[Finding, ...]:

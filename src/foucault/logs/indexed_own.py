@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -17,20 +17,20 @@ from pydantic import Field, model_validator
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.files import atomic
-from foucault.logs.description import unit_in
+from foucault.logs.description import bare_title, unit_in
 from foucault.logs.layout import (
     Block,
     ColumnName,
     FileLayout,
     Length,
+    Measured,
     Temperature,
     TimeColumn,
     conversion,
     limits,
-    scaled_unit,
 )
 from foucault.logs.raw import open_raw
-from foucault.tables import INDEXED_LOG, IndexedLog
+from foucault.tables import IndexedLog, declared
 from foucault.units import Quantity
 
 _SINGLE = {
@@ -100,8 +100,8 @@ def description_of(
 
 
 def _blocks(names: tuple[str, ...], stamps: tuple[int, ...]) -> dict[str, Any]:
-    plain = {block: [_plain(name, ends) for name in names] for block, ends in _ENDINGS.items()}
-    plain["setup"] = [_plain(name, {}) for name in names]
+    plain = {block: [bare_title(name, ends) for name in names] for block, ends in _ENDINGS.items()}
+    plain["setup"] = [bare_title(name, {}) for name in names]
     said: dict[str, Any] = {}
     for block, titles in _SINGLE.items():
         number = next((plain[block].index(t) for t in titles if t in plain[block]), None)
@@ -136,13 +136,6 @@ def _blocks(names: tuple[str, ...], stamps: tuple[int, ...]) -> dict[str, Any]:
     return said
 
 
-def _plain(name: str, endings: dict[str, str]) -> str:
-    bare = re.sub(r"[(\[].*", "", name).strip().lower()
-    end = next((e for e in endings if bare.endswith(f"_{e}")), None)
-    bare = bare if end is None else bare[: -len(end) - 1]
-    return re.sub(r"[^a-z0-9]", "", bare)
-
-
 def _unit(unit: str | None, title: str) -> str:
     if unit is None:
         raise ValueError(f"the title {title} gives no unit")
@@ -152,7 +145,7 @@ def _unit(unit: str | None, title: str) -> str:
 def _sign(block: dict[str, Any], names: tuple[str, ...], reads: str | None, path: Path) -> str:
     """Return what the accelerometers read by their titles or by `reads`."""
     numbers = block["columns"] if "columns" in block else [block["column"]]
-    titles = [_plain(names[i], _ENDINGS["accel"]) for i in numbers]
+    titles = [bare_title(names[i], _ENDINGS["accel"]) for i in numbers]
     stated = {_FORCES[t if t in _FORCES else t[:-1]] for t in titles} | {reads}
     stated.discard(None)
     shown = ", ".join(names[i] for i in numbers)
@@ -186,7 +179,7 @@ def _columns(log: IndexedLog) -> dict[str, Any]:
         "dwell": log.averaged,
         "temperature": log.temperature,
     }
-    units = {c.name: f" ({c.unit})" * bool(c.unit) for c in INDEXED_LOG}
+    units = {c.name: f" ({c.unit})" * bool(c.unit) for c in declared("indexed_log")}
     return {f"{k}{units[k]}": v for k, v in values.items() if v is not None}
 
 
@@ -257,19 +250,12 @@ class _Column(Block):
     )
 
 
-class Angle(_Column):
+class Angle(Measured, _Column):
     """A column of angles."""
 
+    of: ClassVar[dict[str, str]] = {"unit": "angle"}
+
     unit: str = Field(description='unit of one, such as "deg", "rad" or "0.001 deg"')
-
-    @model_validator(mode="after")
-    def _unit(self) -> Angle:
-        self.one()
-        return self
-
-    def one(self) -> float:
-        """Return the value of one `unit` [rad]."""
-        return scaled_unit(self.unit, "angle")
 
 
 class IndexColumn(Angle):

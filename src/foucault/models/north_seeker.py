@@ -187,6 +187,24 @@ class Dwells:
         """
         return self.rows(np.arange(*np.searchsorted(self.setup, [setup, setup + 1])))
 
+    def setups(self, some: IntArray) -> Dwells:
+        """Return some set-ups, numbered anew.
+
+        `some` (k,): their numbers, rising [1].
+        """
+        first, last = np.searchsorted(self.setup, np.stack([some, some + 1]))
+        count = last - first
+        before = np.cumsum(count) - count
+        whole = self.rows(np.arange(count.sum()) + np.repeat(first - before, count))
+        said = ((name, getattr(self, name)) for name in ("heading", "latitude", "latitude_sd"))
+        each: dict[str, Any] = {name: None if x is None else x[some] for name, x in said}
+        return replace(
+            whole,
+            setup=np.repeat(np.arange(len(some)), count),
+            names=tuple(self.names[i] for i in some.tolist()),
+            **each,
+        )
+
     def rows(self, keep: IntArray) -> Dwells:
         """Return some rows; set-ups keep their numbers.
 

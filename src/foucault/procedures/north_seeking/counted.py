@@ -15,7 +15,7 @@ nothing. Accelerometers on the case have terms in the axes of the case, which ca
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 
@@ -27,11 +27,23 @@ from foucault.estimate.north_reduction import INDEXING, Pairs
 from foucault.infer.left_out import Judgement
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
-from foucault.models.left_out import Change, Motion, Sizes, changes, sizes_of, table, terms, told
+from foucault.models.imu_layout import coefficient_slot
+from foucault.models.left_out import (
+    Change,
+    Motion,
+    Sizes,
+    Term,
+    changes,
+    sizes_of,
+    table,
+    terms,
+    told,
+)
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Dwells
 from foucault.procedures.left_out import Again, changed, wander_of
 from foucault.procedures.north_seeking.settings import Session, Settings
+from foucault.tables import AXES
 
 ARCSEC = float(np.radians(1 / 3600))
 
@@ -118,7 +130,7 @@ def again(model: OnTurntable, dwells: Dwells, noise: ImuNoise) -> Again:
 
     def residuals(state: FloatArray, by: Change) -> FloatArray:
         pairs = model.pairs
-        pairs = replace(pairs, values=pairs.values + added(pairs, dwells, by))
+        pairs = replace(pairs, values=pairs.values + added(pairs, dwells, [by])[:, :, 0])
         rig = replace(model.rig, site=changed(model.rig.site, by))
         return replace(model, pairs=pairs, rig=rig).residuals(state)
 
@@ -126,16 +138,33 @@ def again(model: OnTurntable, dwells: Dwells, noise: ImuNoise) -> Again:
     return Again(motion, residuals, white_of(noise), wander_of(noise, span))
 
 
-def added(pairs: Pairs, dwells: Dwells, by: Change) -> FloatArray:
-    """Return what a change of readings does to the four numbers of set-ups, (m, 4) [SI]."""
-    read, out = put(dwells, by), np.zeros_like(pairs.values)
-    if read.gyro is not dwells.gyro:
-        more = pairs.gyro_weights * (read.gyro - dwells.gyro)[:, None]
-        np.add.at(out[:, :2], dwells.setup, more)
-    if read.accel is not None and dwells.accel is not None and read.accel is not dwells.accel:
-        more = np.einsum("nqi,nq->ni", pairs.accel_weights, read.accel - dwells.accel)
-        np.add.at(out[:, 2:], dwells.setup, more)
+def added(pairs: Pairs, dwells: Dwells, by: Sequence[Change]) -> FloatArray:
+    """Return what changes of readings do to the four numbers of set-ups, (m, 4, c) [SI]."""
+    out = np.zeros((len(pairs), 4, len(by)))
+    first = np.searchsorted(dwells.setup, np.arange(len(pairs)))
+    read = [put(dwells, one) for one in by]
+    gyro = [k for k, (more, _) in enumerate(read) if more is not None]
+    if gyro:
+        more = np.stack([read[k][0] for k in gyro], 1)  # type: ignore[misc]
+        out[:, :2, gyro] = np.add.reduceat(pairs.gyro_weights[:, :, None] * more[:, None], first)
+    accel = [k for k, (_, more) in enumerate(read) if more is not None]
+    if accel:
+        more = np.stack([read[k][1] for k in accel], 2)  # type: ignore[misc]
+        each = np.swapaxes(pairs.accel_weights, 1, 2) @ more
+        out[:, 2:, accel] = np.add.reduceat(each, first)
     return out
+
+
+def felt(term: Term, dwells: Dwells) -> bool:
+    """Whether a term is of an axis that is read: y, and x of accelerometers on the case.
+
+    `dwells`: the readings [SI].
+    """
+    axis = term.name[-1]
+    if "drift" not in term.group:
+        at = coefficient_slot(term.name)[1]
+        axis = AXES[at[0] if isinstance(at, tuple) else at]
+    return axis == "y" or (axis == "x" and term.group.startswith("accel") and on_case(dwells))
 
 
 def moved(dwells: Dwells, f_b: FloatArray, w_b: FloatArray) -> Motion:
@@ -144,11 +173,11 @@ def moved(dwells: Dwells, f_b: FloatArray, w_b: FloatArray) -> Motion:
     `dwells`: n rows of m set-ups [SI]; `f_b`, `w_b` (m, 3): true specific force [m/s^2] and rate
     [rad/s] in the case. Accelerometers on the case follow, n rows more, in its axes.
     """
-    c, s, zero = dwells.cosine, dwells.sine, np.zeros(len(dwells))
-    rows = (c, -s, zero), (s, c, zero), (zero, zero, zero + 1)
-    C_kb = np.stack([np.stack(row, 1) for row in rows], 1)
+    c, s = dwells.cosine, dwells.sine
     f, w = f_b[dwells.setup], w_b[dwells.setup]
-    f_k, w_k = (np.einsum("nij,nj->ni", C_kb, v) for v in (f, w))
+    f_k, w_k = (
+        np.stack([c * x - s * y, s * x + c * y, z], 1) for x, y, z in (f.T, w.T)
+    )  # fmt: skip
     time = dwells.start + dwells.time / 2
     ends = float(dwells.start.min()), float((dwells.start + dwells.time).max())
     if not on_case(dwells):
@@ -161,44 +190,56 @@ def on_case(dwells: Dwells) -> bool:
     return dwells.accel is not None and dwells.accel.shape[1] == 2
 
 
-def put(dwells: Dwells, by: Change) -> Dwells:
-    """Return readings [SI] with what a term does to them, the same where that is nothing."""
+def put(dwells: Dwells, by: Change) -> tuple[FloatArray | None, FloatArray | None]:
+    """Return what a term adds to the gyro (n,) and to the accelerometers (n, q) of readings [SI].
+
+    None where that is nothing.
+    """
     n = len(dwells)
-    if by.gyro is not None and by.gyro[:n, 1].any():
-        dwells = replace(dwells, gyro=dwells.gyro + by.gyro[:n, 1])
+    gyro = None if by.gyro is None else by.gyro[:n, 1]
+    accel = None
     if by.accel is not None and dwells.accel is not None:
-        more = by.accel[n:, :2] if on_case(dwells) else by.accel[:, 1:2]
-        if more.any():
-            dwells = replace(dwells, accel=dwells.accel + more)
-    return dwells
+        accel = by.accel[n:, :2] if on_case(dwells) else by.accel[:, 1:2]
+    return gyro, accel
 
 
-def accounted(
-    pairs: Pairs, site: Site, again: Callable[[Dwells], Pairs], dwells: Dwells, motion: Motion,
-    times: Mapping[str, float], sizes: Sizes,
-) -> Pairs:  # fmt: skip
-    """Return set-ups without what terms of the accelerometers explain of their residuals.
+def explained(
+    pairs: Pairs, dwells: Dwells, motion: Motion, left: Callable[[FloatArray], FloatArray],
+    times: Mapping[str, float], site: Site, sizes: Sizes,
+) -> FloatArray:  # fmt: skip
+    """Return the products of residuals of accelerometers with what their terms leave in them.
 
-    What goes twice per turn is in no rate and no tilt, but in what four stops leave of one another:
-    there ``r' (I + B B')^-1 r`` has the degrees of freedom that r'r has without it.
+    What goes twice per turn is in no rate and no tilt, but in what four stops leave of one another.
 
-    `again`: reduces readings as `dwells` were; `motion`: of these [SI]; `times`: group -> how many
-    `sizes` [SI] it has, where that is not one [1].
+    `motion`: of the readings `dwells` [SI]; `left`: what is left (n, q, c) of something added to
+    the accelerometers (n, q, c) [SI]; `times`: group -> how many `sizes` [SI] it has, where that is
+    not one [1]. Returns (1 + c, 1 + c): of the residuals, and of c terms [1].
     """
     some = {g: size for g, size in sizes.items() if g.startswith("accel.")}
-    r, columns = pairs.accel_white.ravel(), []
+    n, q = pairs.accel_white.shape
+    columns = []
     for group, of in groupby(terms((), site, some), lambda term: term.group):
-        for by in changes([*of], ImuModel(), motion):
-            read = put(dwells, by)
-            if read is not dwells:
-                moved = again(read).accel_white.ravel() - r
-                columns.append(times.get(group, 1.0) * moved)
-    total = float(r @ r)
-    if not columns or not total:
+        own = [term for term in of if felt(term, dwells)]
+        for by in changes(own, ImuModel(), motion) if own else ():
+            _, more = put(dwells, by)
+            assert more is not None
+            columns.append(times.get(group, 1.0) * more)
+    more = np.stack(columns, 2) if columns else np.zeros((n, q, 0))
+    each = np.concatenate([pairs.accel_white[:, :, None], left(more)], axis=2).reshape(n * q, -1)
+    return np.asarray(each.T @ each)
+
+
+def accounted(pairs: Pairs, products: FloatArray) -> Pairs:
+    """Return set-ups without what terms of the accelerometers explain of their residuals.
+
+    ``r' (I + B B')^-1 r`` has the degrees of freedom that r'r has without B.
+
+    `products` (1 + c, 1 + c): of `explained` over all set-ups [1].
+    """
+    total, u, G = float(products[0, 0]), products[1:, 0], products[1:, 1:]
+    if not total:
         return pairs
-    B = np.stack(columns, 1)
-    u = B.T @ r
-    left = total - float(u @ np.linalg.solve(np.eye(len(u)) + B.T @ B, u))
+    left = total - float(u @ np.linalg.solve(np.eye(len(u)) + G, u))
     chi_square = pairs.chi_square.copy()
     chi_square[:, 1] *= left / total
     return replace(pairs, chi_square=chi_square)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -49,8 +49,8 @@ from foucault.diagnose.north_stops import (
 )
 from foucault.errors import Finding, error, finding
 from foucault.estimate import north as estimation
-from foucault.estimate.north import Fixes, Known, Rig, level_square, solve
-from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
+from foucault.estimate.north import LATITUDE, Fixes, Known, Rig
+from foucault.estimate.north_reduction import Nuisance, Pairs, left_white, reduce
 from foucault.guard.north import causes
 from foucault.infer import mixed
 from foucault.infer.left_out import Judgement, With
@@ -61,16 +61,18 @@ from foucault.models.noise import ImuNoise, noise_of
 from foucault.models.north_seeker import SEEKER, Compensation, Dwells
 from foucault.models.norths import North, norths
 from foucault.procedures import Progress, left_out, silent
+from foucault.procedures.north_seeking.blocks import Seeking, in_blocks, joined
 from foucault.procedures.north_seeking.counted import (
     accounted,
     again,
     beside,
     completed,
+    explained,
     moved,
     stood,
     with_rig,
 )
-from foucault.procedures.north_seeking.field import Left, accelerometers, judgement
+from foucault.procedures.north_seeking.field import judgement, whole_sizes
 from foucault.procedures.north_seeking.field import told as of_headings
 from foucault.procedures.north_seeking.settings import MOST_LATITUDE, Settings
 from foucault.result import Check, Level, Result, Verdict, provenance
@@ -166,35 +168,35 @@ def find_north(
     progress(0.4, "solving")
     noise, source = _noise(log, dwells, noise, calibration, settings)
     free = drift_sd(dwells, noise, settings.drift, settings.drift_sd)
-    pairs = reduce(dwells, noise, _nuisance(settings, free))
+    nuisance, m = _nuisance(settings, free), len(dwells.names)
     gains = {} if calibration is None else calibration.diagnostics.get("stop_gains") or {}
     if gains:
-        dwells = without_gains(dwells, gains, pairs.values)
-        pairs = reduce(dwells, noise, _nuisance(settings, free))
+        values = in_blocks(m, lambda some: reduce(dwells.setups(some), noise, nuisance).values)
+        dwells = without_gains(dwells, gains, np.concatenate([*values]))
+    own = beside(sizes, settings, noise)
+    seeking = Seeking(dwells, known, noise, nuisance, compensation, site, own)
     with units_first(log.findings):
-        require_plausible(dwells, pairs, known, compensation)
-    fixes = solve(pairs, known, compensation)
-    judged = None
-    if (own := beside(sizes, settings, noise)) is not None:
-        left = Left.of(dwells, pairs, fixes, known, compensation, site, own)
-        left, seen, named = left.judged(fixes)
-        fixes = solve(*replace(left, times={}).counted(), compensation)
-    told += causes(dwells, pairs, fixes, known, compensation)
-    if own is not None:
-        pairs, known = left.counted()
-        pairs = accelerometers(pairs, dwells, noise, _nuisance(settings, free), site, left)
-        fixes = solve(pairs, known, compensation) if named else fixes
-        judged = judgement(left, fixes, seen, named, settings.index_sd, assumed)
+        found, together = seeking.found({})
+        require_plausible(together.implausible)
+    told += causes(dwells, seeking.of, found.fixes, known, compensation)
+    judged, times, pairs = None, dict[str, float](), found.pairs
+    if together.products is not None:
+        times, seen, named = together.products.of(together.groups).judged()
+        if named:
+            found, _ = seeking.found(times)
+        pairs = found.pairs
+        if together.misfit:
+            pairs = accounted(pairs, seeking.scatter(times))
+        whole, groups = whole_sizes(own or {}, site), together.groups
+        judged = judgement(known, whole, groups, found.fixes, seen, named, settings.index_sd,
+                           assumed)  # fmt: skip
         told += of_headings(judged)
-    exact = replace(known, latitude_sd=0.0)
-    alone = solve(pairs.noise_alone, exact, Compensation(_values(compensation)))
-    level = None
-    if known.level_sd is not None and dwells.accel is not None:
-        level = level_square(pairs, known, compensation)
-    effect = judge.drift_effect(pairs, fixes, known, compensation, DRIFT_UNIT)
+        known = replace(known, latitude_sd=known.latitude_sd * times.get(LATITUDE, 1.0))
+    fixes = found.fixes
     asked = judge.Judged(
-        dwells, pairs, fixes, known, noise, source, settings.accuracy, level, effect / DRIFT_UNIT
-    )
+        dwells, pairs, fixes, found.ratio, known, noise, source, settings.accuracy, found.level,
+        found.drift_effect,
+    )  # fmt: skip
     beyond = () if judged is None else left_out_checks(judged)
     tests = judge.checks(asked, _level(calibration), beyond)
     sd = float(np.hypot(settings.heading_sd, settings.heading_offset_sd))
@@ -202,12 +204,12 @@ def find_north(
     if calibration is not None:
         told += other_conditions(dwells, log.temperature, calibration.validity)
     progress(1.0, "done")
+    each = Each(m, lru_cache(1)(tests.of))  # which the verdict asks for again
     return Survey(
         dwells, pairs, fixes, known, noise, source, compensation, _about(calibration), free,
-        Each(m := len(fixes), tests.of),
-        Each(m, lambda i: Verdict.of(tests.of(i)).doubted(told)), tests.levels(told),
-        Each(m, lambda i: (*judge.findings(asked, i), *against[i])), told, alone.sd,
-        effect, about, site,
+        each, Each(m, lambda i: Verdict.of(each[i]).doubted(told)),
+        tests.levels(told), Each(m, lambda i: (*judge.findings(asked, i), *against(i))), told,
+        found.bound, DRIFT_UNIT * found.drift_effect, about, site,
         provenance(log.source, clock.monotonic() - started), norths(site), judged,
     )  # fmt: skip
 
@@ -278,7 +280,10 @@ def _noise(
         if found is not None:
             return found, "of the calibration"
     free = drift_sd(dwells, GUESS, settings.drift, settings.drift_sd)
-    pairs = reduce(dwells, GUESS, _nuisance(settings, free))
+    nuisance = _nuisance(settings, free)
+    pairs = joined(in_blocks(
+        len(dwells.names), lambda some: reduce(dwells.setups(some), GUESS, nuisance).results
+    ), dwells)  # fmt: skip
     found = from_residuals(pairs, dwells.accel is not None)
     if found is None:
         also = ' and --accel-noise "5 ug/sqrt(Hz)"' if dwells.accel is not None else ""
@@ -328,11 +333,6 @@ def _compensation(
         SEEKER.subset([*names, *more]), np.array([*values, *(v for v, _ in more.values())]), full
     )
     return Compensation(vector, serial), told
-
-
-def _values(compensation: Compensation) -> CoefficientVector:
-    """Return the coefficients without their uncertainty."""
-    return replace(compensation.coefficients, cov=None)
 
 
 def _level(calibration: Result | None) -> Level | None:
@@ -447,10 +447,12 @@ def solved(
             model = fit.model.model if isinstance(fit.model, With) else fit.model
             assert isinstance(model, estimation.OnTurntable)
             w, f, _, _ = model.truth(fit.state)
-            reduced = partial(reduce, noise=noise, nuisance=nuisance)
+            white = partial(left_white, dwells, noise, nuisance)
             motion = moved(dwells, f, w)
             times = {g: k for one in judged.named for g, k in one.items()}
-            pairs = accounted(pairs, site, reduced, dwells, motion, times, judged.sizes)
+            pairs = accounted(
+                pairs, explained(pairs, dwells, motion, white, times, site, judged.sizes)
+            )
         judged = with_rig(judged, rig, settings.index_sd)
     return Solution(pairs, rig, noise, source, nuisance, fit, z_test, told, offsets, gains, judged)
 

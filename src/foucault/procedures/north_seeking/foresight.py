@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector, Layout, coefficients_of
 from foucault.detect.dwells import find_dwells
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.left_out import foretold
@@ -52,13 +52,7 @@ from foucault.units import AngleSd, Seconds, span
 
 Judge = Callable[[Session], CoefficientVector]
 
-ANGLES = Layout(
-    (
-        Coefficient("heading", "psi", "angle", "Of the case, clockwise from north"),
-        Coefficient("pitch", "theta", "angle", "Nose up"),
-        Coefficient("roll", "gamma", "angle", "Right side down"),
-    )
-)
+ANGLES = Layout(coefficients_of("north"))
 """What a fix finds."""
 
 FEWEST = 3
@@ -273,7 +267,7 @@ def _with(session: Session, index: FloatArray, dwell: FloatArray) -> Session:
     return session.model_copy(update={"order": order})
 
 
-SOUGHT = Layout((Coefficient("heading", "psi", "angle", "Heading of the case"),))
+SOUGHT = Layout(coefficients_of("north_plan"))
 """What a plan is made for."""
 
 
