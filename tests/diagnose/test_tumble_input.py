@@ -559,11 +559,15 @@ def test_priors_so_wide_that_squares_lose_digits():
     assert "tumble.condition" not in codes(usual)
 
 
+@pytest.mark.thorough  # compiles a filter that nothing else needs
 def test_published_filters_say_what_they_are():
     made = campaign_of(PUBLISHED + '\nfilter = "published"')
     said = told(calibrate(made, PUBLISHED_LOG, trial=True), "tumble.filter")
     assert said.startswith("The result is that of the published filter. ")
     assert 'filter = "gauss-newton" comes to the bound' in said
+
+
+def test_a_published_filter_knows_no_delay():
     free = campaign_of(PUBLISHED + '\nfilter = "published"\ndelay_sd = "0.1 s"')
     refused("tumble.filter_delay", "delay_sd is above 0, and the delay is not among the states of "
             'the published filter. Take filter = "gauss-newton"', PUBLISHED_LOG, free)  # fmt: skip

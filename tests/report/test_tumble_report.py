@@ -76,12 +76,6 @@ def test_the_sections_and_their_order(result):
     ]  # fmt: skip
 
 
-MAKERS = (
-    tumble.alignment, tumble.motion, tumble.observability, tumble.course, tumble.residuals,
-    tumble.sensitivity,
-)  # fmt: skip
-
-
 def test_only_the_attitude_is_left_of_a_trial(result):
     made = sections(replace(result, tables={}, diagnostics={**result.diagnostics}))
     assert "Alignment" in [s.title for s in made]

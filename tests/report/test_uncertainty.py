@@ -36,6 +36,20 @@ def test_uncertainty_beside_expanded_prior_and_bound():
         assert bool(cells["prior sd"]) == row["name"].startswith("gyro.bias")
 
 
+def test_a_triad_in_two_places_keeps_its_own_bounds():
+    """As a delay of the accelerometers after the gyros: of each row the bound is its own."""
+    result = make_result()
+    names = result.coefficients.names
+    order = [*range(1, len(names)), 0]
+    c = result.coefficients.chosen(names[i] for i in order)
+    moved = {"bound": [result.diagnostics["bound"][i] / (1 + (i == 0)) for i in order]}
+    _, rows = table_of(coefficients(dataclasses.replace(result, coefficients=c, diagnostics=moved)))
+    at = table_of(coefficients(result))[0].index("sd / bound")
+    assert {name: rows[name][at] for name in names} == dict.fromkeys(names, "1.25") | {
+        names[0]: "2.50"
+    }
+
+
 def test_only_the_expanded_uncertainty_waits_to_be_asked_for():
     table = coefficients(make_result()).blocks[0]
     assert [c.heading for c in table.columns if c.optional] == ["± U (k=2)"]

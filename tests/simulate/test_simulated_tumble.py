@@ -212,14 +212,6 @@ def test_a_slow_drift_is_one_drift_of_a_session(integrator):
     assert low < np.sum(np.square(off)) / (10 * DEG_H) ** 2 < high
 
 
-def test_same_seed_same_bits():
-    for integrator in ("exponential", "published"):
-        one, two = (simulated(noise=WHITE, integrator=integrator) for _ in range(2))
-        np.testing.assert_array_equal(one.log.accel, two.log.accel)
-        np.testing.assert_array_equal(one.C_pn, two.C_pn)
-        assert (one.log.accel != simulated(noise=WHITE, seed=2).log.accel).all()
-
-
 def test_steps_of_command_and_output():
     noise = ImuNoise(TriadNoise(quantisation=10 * UG), TriadNoise(quantisation=DEG_H))
     log = simulated(noise=noise).log

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray, IntArray
-from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector, Layout, coefficients_of
 from foucault.diagnose.checks import check, hardly, status_check
 from foucault.diagnose.fit_checks import held_out_check
 from foucault.diagnose.observability import LinearSegment, Observability, Sensitivity, observability
@@ -153,13 +153,11 @@ def outlying(log: Log, sd: float) -> npt.NDArray[np.bool_]:
     """Find rows whose readings jump farther from their neighbours than any would by chance, (n,).
 
     A cubic through two neighbours on either side, at the ends through four on one, predicts a
-    reading; a command that steps bends the readings, by no
-    more than a third of the step times gravity and the interval.
+    reading; a command that steps bends it, by no more than a third of step, gravity and interval.
 
     `log`: command, and readings that move slowly against their rate [SI]; `sd`: of a reading by
     its noise: what is less is no jump [m/s^2].
     """
-    from scipy.interpolate import CubicSpline
     from scipy.special import ndtri
 
     assert log.accel is not None and log.gyro is not None
@@ -179,6 +177,8 @@ def outlying(log: Log, sd: float) -> npt.NDArray[np.bool_]:
     limit = -float(ndtri(FALSE_ALARM / (2 * 3 * n)))
     for _ in range(ROUNDS):
         if out.any():  # what is found is not to hide what is beside it
+            from scipy.interpolate import CubicSpline
+
             good = ~(missing | out)
             x[out] = CubicSpline(log.time[good], log.accel[good])(log.time[out])
         rough = np.full(x.shape, np.nan)
@@ -383,17 +383,7 @@ def of_motion(e: Solution) -> list[Finding]:
     return out
 
 
-STATE = Layout(
-    (
-        *(
-            Coefficient(
-                f"start.{word}", f"psi_{word[0]}", "angle", f"attitude at the start, {about}"
-            )
-            for word, about in (("east", "about East"), ("north", "about North"), ("up", "azimuth"))
-        ),
-        *CONSTANTS.coefficients,
-    )
-)
+STATE = Layout((*coefficients_of("cluster_start"), *CONSTANTS.coefficients))
 """What the readings depend on: the attitude at the start, and the constants."""
 
 

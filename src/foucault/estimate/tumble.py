@@ -135,6 +135,8 @@ class Pass:
     finite: bool  # whether all of it are numbers; if not, the step is zero
     orthogonal: bool  # whether reflections were necessary
     rows: FloatArray  # (blocks, 3, 48) or (0, 3, 48) white rows, where wanted [1]
+    # (steps, 5, 3, 3) or (0, 5, 3, 3), where wanted: for `kernels.cluster_information.answer`
+    gains: FloatArray
 
     @property
     def scatter(self) -> float:
@@ -151,19 +153,21 @@ class Pass:
 
 
 def run(
-    t: Tumble, at: State, scale: FloatArray, checkpoints: IntArray, rows: bool
-) -> tuple[Any, FloatArray]:
-    """Run the kernel: what it returns, and the white rows, shape (blocks, 3, 48), where wanted.
+    t: Tumble, at: State, scale: FloatArray, checkpoints: IntArray, rows: bool, gains: bool = False
+) -> tuple[Any, FloatArray, FloatArray]:
+    """Run the kernel: what it returns, and where wanted white rows, shape (blocks, 3, 48), and
+    gains, shape (steps, 5, 3, 3).
 
     `scale` (46,): what one unit of each column is [rad, packed, s]; `checkpoints` (c,):
     intervals, ascending, after which the state is kept [1].
     """
     store = np.zeros((len(t.dt) // t.block + 1 if rows or t.shared else 0, 3, COLUMNS))
+    kept = np.zeros((len(t.dt) // t.block + 2 if gains else 0, 5, 3, 3))
     out = information_pass(
         t.dt, t.command, t.reading, t.used, at.constants, scale,
         np.ascontiguousarray(at.C_np),  # one layout, one compilation
         t.w_ie_n, t.gyro_psd, t.accel_variance, t.arms, t.gravity, t.mean, t.block, store,
-        checkpoints, at.delay + t.late,
+        checkpoints, at.delay + t.late, kept,
     )  # fmt: skip
     white = store[: len(out[9])]
     if t.shared and len(white):
@@ -171,7 +175,7 @@ def run(
         ends = np.searchsorted(out[9], out[4], side="right")
         gram, *some = (np.einsum("kai,kaj->ij", x, x) for x in (white, *(white[:k] for k in ends)))
         out = (gram[None], *out[1:5], np.array(some).reshape(out[5].shape), *out[6:])
-    return out, white if rows else white[:0]
+    return out, white if rows else white[:0], kept[: len(out[10])]
 
 
 def apart(white: FloatArray, time: FloatArray, shared: float) -> FloatArray:
@@ -194,10 +198,11 @@ def apart(white: FloatArray, time: FloatArray, shared: float) -> FloatArray:
 
 
 def look(
-    t: Tumble, prior: Prior, at: State, checkpoints: IntArray = NO_MOMENTS, rows: bool = False
-) -> Pass:
+    t: Tumble, prior: Prior, at: State, checkpoints: IntArray = NO_MOMENTS, rows: bool = False,
+    gains: bool = False,
+) -> Pass:  # fmt: skip
     """Linearise about a state, which is kept after intervals `checkpoints` (c,) [1], and step."""
-    out, white = run(t, at, prior.unit, checkpoints, rows)
+    out, white, kept = run(t, at, prior.unit, checkpoints, rows, gains)
     gram = np.triu(out[0][0]) + np.triu(out[0][0], 1).T
     miss, slope = prior.rows(at)
     finite = all(bool(np.isfinite(part).all()) for part in (gram, *out[1:4]))
@@ -205,7 +210,7 @@ def look(
     if finite:
         x, cov, poor = solve_step(gram, miss, slope, prior.sought)
         if poor:
-            _, white = run(t, at, prior.unit, NO_MOMENTS, True)
+            white = run(t, at, prior.unit, NO_MOMENTS, True)[1]
             x, cov = _reflected(white, miss, slope, prior.sought)
             orthogonal = True
         finite = bool(np.isfinite(x).all() and np.isfinite(cov).all())
@@ -214,7 +219,7 @@ def look(
     cost = float(gram[RESIDUAL, RESIDUAL] + miss @ miss)
     return Pass(
         at, out, gram, x, cov, cost, finite, orthogonal,
-        white if rows else white[:0],
+        white if rows else white[:0], kept,
     )  # fmt: skip
 
 
@@ -284,7 +289,7 @@ def attitudes(tumble: Tumble, at: State, rows: IntArray) -> FloatArray:
     """Return C_pn, (k, 3, 3), at ascending `rows` (k,), 0 the start, n the end [1]."""
     blind = replace(tumble, used=np.zeros(len(tumble.dt), bool))
     later = rows[rows > 0]
-    out, _ = run(blind, at, np.ones(STATES), later - 1, False)
+    out = run(blind, at, np.ones(STATES), later - 1, False)[0]
     C_ip = np.concatenate([np.repeat(at.C_np[None], len(rows) - len(later), axis=0), out[8]])
     time = np.concatenate([np.zeros(len(rows) - len(later)), out[4]])
     return np.swapaxes(C_ip, -1, -2) @ exp(time[:, None] * tumble.w_ie_n)
@@ -294,7 +299,7 @@ def sensitivities(tumble: Tumble, at: State, scale: FloatArray) -> tuple[FloatAr
     """Return time (b,) [s] and d reading / d state times `scale` (46,), (b, 3, 46)."""
     # No noise: the gain is zero.
     still = replace(tumble, gyro_psd=0.0, accel_variance=1.0, shared=0.0)
-    out, rows = run(still, at, scale, NO_MOMENTS, True)
+    out, rows, _ = run(still, at, scale, NO_MOMENTS, True)
     block = tumble.block
     total = np.concatenate([[0], np.cumsum(tumble.used)])
     count = np.diff(np.append(total[:-1:block], total[-1]))

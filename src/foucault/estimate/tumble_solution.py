@@ -22,9 +22,9 @@ integrated form is used.
 
 A tumble solved: what it says, what it owes to errors that its filter does not weigh, the Earth.
 
-Near the solution the estimate is linear in readings, command and place. An error of them (slow
-noise, latitude, gravity) moves it by what one more pass over the changed log says; an error with
-several independent modes adds its covariance mode by mode [2]_::
+Near the solution the estimate is linear in readings, command and place. Slow noise moves it by
+what `estimate.tumble_answers` says, latitude by what one more pass says; an error with several
+independent modes adds its covariance mode by mode [2]_::
 
     dx = x(log + mode) - x(log),    cov = sum_modes dx dx'
 
@@ -46,7 +46,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -69,6 +69,7 @@ from foucault.estimate.tumble import (
     look,
     rougher,
 )
+from foucault.estimate.tumble_answers import Change, Linear
 from foucault.infer.filtered import Whitened
 from foucault.kernels import cluster_transition as kernels
 from foucault.kernels.cluster_filter import run
@@ -406,57 +407,35 @@ class Solution:
         accel = replace(noise.accel, bias_instability=slow[0], random_walk=slow[1])
         t, rough = self.tumble, rougher(self.tumble) or self.tumble  # slow noise needs no more
         given = {
-            "slow noise of accelerometers": (rough, _modes(rough, accel, "reading")),
+            "slow noise of accelerometers": _modes(rough, accel, "reading"),
             # Drift and command act on the same axes, but for the torquer scale factor, a part in
             # 2,000.
-            "slow noise of gyros": (rough, _modes(rough, noise.gyro, "command")),
-            "latitude": (t, _places(t, latitude, self.latitude_sd)),
+            "slow noise of gyros": _modes(rough, noise.gyro, "command"),
         }
+        linear = Linear(rough, self.prior, self.fit.start) if self.slow else None
         out: dict[str, FloatArray] = {}
-        for name, (log_, changes) in given.items():
-            total, here = np.zeros((STATES, STATES)), None
-            for batch in changes:
-                added = np.zeros((STATES, STATES))
-                for changed in batch:
-                    here = here or _moved_to(log_, self.prior, self.fit.start)
-                    C_np, values = _moved_to(changed, self.prior, self.fit.start)
-                    moved = np.concatenate([log(here[0].T @ C_np), values - here[1]])
-                    added += np.outer(moved, moved)
+        for name, batches in given.items():
+            total = np.zeros((STATES, STATES))
+            for changes in batches:
+                assert linear is not None
+                moved = linear.answers(changes)[1]
+                added = moved @ moved.T
                 total += added
                 if np.all(np.diag(added) <= SMALL * np.diag(total)):
                     break
             if total.any():
                 out[name] = total
+        if self.latitude_sd > 0:
+            north = np.array([0.0, np.cos(latitude + self.latitude_sd),
+                              np.sin(latitude + self.latitude_sd)])  # fmt: skip
+            here, there = (_moved_to(one, self.prior, self.fit.start)
+                           for one in (t, replace(t, w_ie_n=EARTH_RATE * north)))  # fmt: skip
+            moved = np.concatenate([log(here[0].T @ there[0]), there[1] - here[1]])
+            out["latitude"] = np.outer(moved, moved)
         if self.site.gravity_sd > 0:
             moved = self.site.gravity_sd / gravity * _heavier(self.fit.start)
             out["local gravity"] = np.outer(moved, moved)
         return out
-
-
-def answers(
-    t: Tumble, prior: Prior, at: State, changed: Iterable[Tumble]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return white residuals (r,) [1], and how they and the solution answer changes of the log.
-
-    `at`: a state near the solution. Returns the residuals, prior and all, how those change (r, c)
-    [1] and how the solution moves (46, c), in the order of `Fit.cov`.
-    """
-
-    miss, slope = prior.rows(at)
-
-    def left(log_: Tumble) -> tuple[FloatArray, FloatArray, FloatArray]:
-        found = look(log_, prior, at, rows=True)
-        Y, C_ip = found.out[1][0], found.out[3][0]
-        psi = Y[:, :STATES] @ found.x - Y[:, RESIDUAL]
-        rows = found.rows[..., RESIDUAL] - found.rows[..., :STATES] @ found.x
-        r = np.concatenate([rows.ravel(), miss - slope @ found.x])
-        C_np = exp(log_.w_ie_n * log_.dt.sum()).T @ exp(psi) @ C_ip
-        return r, C_np, (found.x * prior.unit)[3:]
-
-    r, C_np, values = left(t)
-    made = [left(one) for one in changed]
-    moved = [np.concatenate([log(C_np.T @ C), x - values]) for _, C, x in made]
-    return r, np.stack([one - r for one, _, _ in made], axis=-1), np.stack(moved, axis=-1)
 
 
 def is_slow(noise: TriadNoise) -> bool:
@@ -484,23 +463,14 @@ def slow_modes(noise: TriadNoise, time: FloatArray) -> FloatArray:
     return np.array([np.interp(time, nodes, mode) for mode in scaled]).reshape(-1, len(time))
 
 
-def _modes(t: Tumble, noise: TriadNoise, what: str) -> Iterator[Iterable[Tumble]]:
-    """Yield the log with one mode of a slow noise on one axis of `what`, batch by batch."""
+def _modes(t: Tumble, noise: TriadNoise, what: str) -> Iterator[list[Change]]:
+    """Yield modes of a slow noise on each axis of `what`, batch by batch."""
     if not is_slow(noise):
         return
     modes = slow_modes(noise, np.cumsum(t.dt))
     for k in range(0, len(modes), BATCH):
-        yield (
-            replace(t, **{what: getattr(t, what) + mode[:, None] * axis})
-            for mode in modes[k : k + BATCH]
-            for axis in np.eye(3)
-        )
-
-
-def _places(t: Tumble, latitude: float, sd: float) -> Iterator[Iterable[Tumble]]:
-    if sd > 0:
-        north, up = np.cos(latitude + sd), np.sin(latitude + sd)
-        yield [replace(t, w_ie_n=EARTH_RATE * np.array([0.0, north, up]))]
+        few = [mode[:, None] * axis for mode in modes[k : k + BATCH] for axis in np.eye(3)]
+        yield [Change(**{what: one}) for one in few]
 
 
 def _moved_to(t: Tumble, prior: Prior, at: State) -> tuple[FloatArray, FloatArray]:

@@ -24,7 +24,7 @@ from foucault.kernels import inlined, kernel, part, reduction
 from foucault.kernels.cluster import actual_rate, inputs, inverse_input_axes
 from foucault.kernels.cluster_slopes import COLUMNS as COLUMNS
 from foucault.kernels.cluster_slopes import RESIDUAL as RESIDUAL
-from foucault.kernels.cluster_slopes import TI, F, H, K, L, P, S, Y, look, move
+from foucault.kernels.cluster_slopes import TI, A, F, H, K, L, P, S, Y, look, move
 from foucault.kernels.rotation import C4, C6, S3, S5, multiply_exp
 
 # Rows of the workspace of vectors (7, 3): up in i, specific force now and one interval ago, rate,
@@ -295,10 +295,22 @@ def _keep(k, G, wide, m, here, gram, sensitivities, cov, attitude):
             attitude[k, i, j] = here[i, j]
 
 
+@part
+def _keep_gains(k, m, read, gains):
+    """Copy F, A, H, K and L to entry k; `read` is 0 where there was no reading."""
+    for i in range(3):
+        for j in range(3):
+            gains[k, 0, i, j] = m[F, i, j]
+            gains[k, 1, i, j] = m[A, i, j]
+            gains[k, 2, i, j] = read * m[H, i, j]
+            gains[k, 3, i, j] = read * m[K, i, j]
+            gains[k, 4, i, j] = read * m[L, i, j]
+
+
 @kernel
 def information_pass(
     dt, command, reading, used, theta, scale, C_ip, w_in, q, r, arms, g, mean, block,
-    rows, checkpoints, delay,
+    rows, checkpoints, delay, gains,
 ):  # fmt: skip
     """Linearise a log about the trajectory of `theta` from `C_ip`, whiten it, sum its information.
 
@@ -309,11 +321,13 @@ def information_pass(
     Earth's rate in n [rad/s]; q white gyro noise [rad^2/s]; r variance of one reading; arms (3, 3)
     [m]; g [m/s^2]; block: so many readings are averaged to one residual; rows (blocks, 3, 48) or
     (0, 3, 48) gets the whitened rows; checkpoints (c,) samples, ascending, after which the state
-    is kept; delay of the readings [s].
+    is kept; delay of the readings [s]; gains (blocks + 1, 5, 3, 3) or (0, 5, 3, 3) gets what
+    `answer` needs of every step.
 
     Returns the Gram matrix (1, 48, 48), upper triangle; Y (1, 3, 48), P (1, 3, 3) and C_ip
     (1, 3, 3) at the end; time (c,), Gram (c, 48, 48), Y (c, 3, 48), P (c, 3, 3) and C_ip
-    (c, 3, 3) at the checkpoints; time (blocks,) of every residual from the start [s].
+    (c, 3, 3) at the checkpoints; time (blocks,) of every residual and (steps,) of the end of every
+    step whose gains are kept, from the start [s].
     """
     N = dt.size
     BATCH = 128
@@ -342,8 +356,9 @@ def information_pass(
     c_P = np.zeros((checkpoints.size, 3, 3))
     c_C = np.zeros((checkpoints.size, 3, 3))
     at_block = np.zeros(N // block + 1)
+    at_step = np.zeros(gains.shape[0])
     now = epoch = times = 0.0
-    count = blocks = kept = 0
+    count = blocks = kept = steps = 0
     none = filled = N - N  # a 0 as an argument would compile what takes it once more, for 0
     for k in range(N):
         h = dt[k]
@@ -368,6 +383,10 @@ def information_pass(
                 for i in range(3):
                     for j in range(COLUMNS):
                         rows[blocks, i, j] = W[j, filled + i]
+            if at_step.size > 0:
+                _keep_gains(steps, m, 1.0, gains)
+                at_step[steps] = at
+                steps += 1
             at_block[blocks] = at
             epoch = at
             times = 0.0
@@ -376,6 +395,10 @@ def information_pass(
             filled += 3
         elif (k + 1) % block == 0:  # nothing was read for long: the slopes must not go far at once
             _carry(wide, m, here, there, half, v, theta, scale, now - epoch, q)
+            if at_step.size > 0:
+                _keep_gains(steps, m, 0.0, gains)
+                at_step[steps] = now
+                steps += 1
             epoch = now
         if filled == 3 * BATCH or (kept < checkpoints.size and k >= checkpoints[kept]):
             _gram(G, W, filled)
@@ -388,7 +411,53 @@ def information_pass(
     tail = now - epoch
     if tail > 0.0:
         _carry(wide, m, here, there, half, v, theta, scale, tail, q)
+        if at_step.size > 0:
+            _keep_gains(steps, m, 0.0, gains)
+            at_step[steps] = now
+            steps += 1
     e_gram, e_wide = np.empty((1, COLUMNS, COLUMNS)), np.empty((1, 3, COLUMNS))
     e_P, e_C = np.empty((1, 3, 3)), np.empty((1, 3, 3))
     _keep(none, G, wide, m, here, e_gram, e_wide, e_P, e_C)
-    return e_gram, e_wide, e_P, e_C, c_time, c_gram, c_wide, c_P, c_C, at_block[:blocks]
+    read, ends = at_block[:blocks], at_step[:steps]
+    return e_gram, e_wide, e_P, e_C, c_time, c_gram, c_wide, c_P, c_C, read, ends
+
+
+@reduction
+def answer(gains, turned, rows):
+    """Filter what small changes of a log do to its residuals, with the gains of a pass over it.
+
+    Parameters: gains (steps, 5, 3, 3) as `information_pass` writes them; turned (steps, 3, c) by
+    what every change has the gyros turn p more in each step, beside their axes [rad]; rows
+    (steps, 3, c) gets the changes of the white rows, and holds what they add to the readings
+    averaged there [local g]; where nothing was read, zero.
+
+    Returns by what the estimate of xi falls short of the change of the trajectory at the end
+    (3, c) [rad].
+    """
+    C = rows.shape[2]
+    b = np.zeros((3, C))
+    for k in range(rows.shape[0]):
+        f, a, h = gains[k, 0], gains[k, 1], gains[k, 2]
+        g, low = gains[k, 3], gains[k, 4]
+        i0, i1, i2, l10, l20, l21 = low[0, 0], low[1, 1], low[2, 2], low[1, 0], low[2, 0], low[2, 1]
+        for j in range(C):
+            x, y, z = b[0, j], b[1, j], b[2, j]
+            p, q, r = turned[k, 0, j], turned[k, 1, j], turned[k, 2, j]
+            u = x + f[0, 0] * x + f[0, 1] * y + f[0, 2] * z
+            v = y + f[1, 0] * x + f[1, 1] * y + f[1, 2] * z
+            w = z + f[2, 0] * x + f[2, 1] * y + f[2, 2] * z
+            u -= a[0, 0] * p + a[0, 1] * q + a[0, 2] * r
+            v -= a[1, 0] * p + a[1, 1] * q + a[1, 2] * r
+            w -= a[2, 0] * p + a[2, 1] * q + a[2, 2] * r
+            x = rows[k, 0, j] + h[0, 0] * u + h[0, 1] * v + h[0, 2] * w
+            y = rows[k, 1, j] + h[1, 0] * u + h[1, 1] * v + h[1, 2] * w
+            z = rows[k, 2, j] + h[2, 0] * u + h[2, 1] * v + h[2, 2] * w
+            b[0, j] = u - g[0, 0] * x - g[0, 1] * y - g[0, 2] * z
+            b[1, j] = v - g[1, 0] * x - g[1, 1] * y - g[1, 2] * z
+            b[2, j] = w - g[2, 0] * x - g[2, 1] * y - g[2, 2] * z
+            x *= i0
+            y = (y - l10 * x) * i1
+            rows[k, 0, j] = x
+            rows[k, 1, j] = y
+            rows[k, 2, j] = (z - l20 * x - l21 * y) * i2
+    return b

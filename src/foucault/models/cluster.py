@@ -42,60 +42,30 @@ from functools import cached_property
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.coefficients import Coefficient, CoefficientVector, Layout, coefficients_of
 from foucault.errors import error
 from foucault.models.imu_layout import LAYOUT as IMU_LAYOUT
 from foucault.models.rotation import cross_matrix
 from foucault.tables import AXES, Log
 
-_DRIFT = (
-    ("drift", "d", "angular rate", "acceleration-insensitive drift rate"),
-    ("drift_input", "d_I", "g-sensitivity", "drift rate per specific force along its input axis"),
-    ("drift_output", "d_O", "g-sensitivity", "drift rate per specific force along its output axis"),
-    ("drift_spin", "d_S", "g-sensitivity", "drift rate per specific force along its spin axis"),
-    ("drift_input_output", "d_IO", "g-squared sensitivity",
-     "drift rate per product of specific force along input and output axis"),
-    ("drift_input_spin", "d_IS", "g-squared sensitivity",
-     "drift rate per product of specific force along input and spin axis"),
-    ("drift_output_spin", "d_OS", "g-squared sensitivity",
-     "drift rate per product of specific force along output and spin axis"),
-    ("torquer_scale", "K_", "scale factor error", "torquer scale factor error, actual minus "
-     "commanded rate"),
-)  # fmt: skip
-
 GYRO_MISALIGNMENTS = ("xy", "xz", "yx", "yz", "zx", "zy")
 ACCEL_MISALIGNMENTS = ("yx", "zx", "zy")
 
 
-def _symbol(letter: str, axis: str) -> str:
-    return f"{letter}{axis}" if "_" in letter else f"{letter}_{axis}"
-
-
 def _coefficients() -> tuple[Coefficient, ...]:
-    drifts = [
-        Coefficient(f"gyro.{word}.{a}", _symbol(letter, a), kind, f"gyro {a}: {meaning}")
-        for word, letter, kind, meaning in _DRIFT
-        for a in AXES
-    ]
     known = [
         *(f"gyro.misalignment.{oi}" for oi in GYRO_MISALIGNMENTS),
         *(f"accel.{word}.{a}" for word in ("bias", "scale") for a in AXES),
         *(f"accel.misalignment.{oi}" for oi in ACCEL_MISALIGNMENTS),
         *(f"accel.quadratic.{a}" for a in AXES),
     ]
-    return (*drifts, *IMU_LAYOUT.subset(known).coefficients)
+    return (*coefficients_of("cluster_drift"), *IMU_LAYOUT.subset(known).coefficients)
 
 
 CONSTANTS = Layout(_coefficients())
 """The 42 coefficients of gyros and accelerometers, in the order of the kernels."""
 
-ATTITUDE = Layout(
-    (
-        Coefficient("attitude.outer", "alpha", "angle", "outer angle of the attitude, about North"),
-        Coefficient("attitude.middle", "beta", "angle", "middle angle, azimuth while outer is 0"),
-        Coefficient("attitude.inner", "gamma", "angle", "inner angle of the attitude"),
-    )
-)
+ATTITUDE = Layout(coefficients_of("cluster_attitude"))
 """The attitude at the end of the session."""
 
 LAYOUT = Layout((*CONSTANTS.coefficients, *ATTITUDE.coefficients))

@@ -368,9 +368,9 @@ LOCK = float(np.radians(88.0))
 STRIDE = 0.05
 """Largest part of the whole time that one move shifts from one segment to another [1]."""
 
-NO_ROWS: FloatArray = np.zeros((0, 3, COLUMNS))
+NO_ROWS, NO_GAINS = np.zeros((0, 3, COLUMNS)), np.zeros((0, 5, 3, 3))
 NO_MOMENTS: npt.NDArray[np.int64] = np.zeros(0, np.int64)
-"""Neither white rows nor the course in time are wanted."""
+"""Neither white rows nor gains nor the course in time are wanted."""
 
 Turns = tuple[tuple[int, int], ...]
 
@@ -598,9 +598,9 @@ class TorquingSpace(QuickSpace):
         command = commanded(a.turns[turns[:, 0]], turns[:, 1], a.slot, a.begun, c.w_ie_n)
         dt, reading, used = self._readings
         gram = information_pass(
-            dt, command, reading, used, c.constants, c.prior_sd,
-            np.ascontiguousarray(c.C_np), c.w_ie_n, c.gyro_psd,
-            c.accel_psd / a.slot, c.arms, c.gravity, True, 1, NO_ROWS, NO_MOMENTS, 0.0,
+            dt, command, reading, used, c.constants, c.prior_sd, np.ascontiguousarray(c.C_np),
+            c.w_ie_n, c.gyro_psd, c.accel_psd / a.slot, c.arms, c.gravity, True, 1, NO_ROWS,
+            NO_MOMENTS, 0.0, NO_GAINS,
         )[0][0]  # fmt: skip
         return np.ascontiguousarray(gram[:KNOWN, :KNOWN].T)
 

@@ -24,7 +24,8 @@ from foucault.diagnose.foresight import Extra
 from foucault.errors import Status
 from foucault.estimate import tumble as estimation
 from foucault.estimate.tumble import STATES, Tumble
-from foucault.estimate.tumble_solution import Solution, answers
+from foucault.estimate.tumble_answers import Change, Linear
+from foucault.estimate.tumble_solution import Solution
 from foucault.infer.filtered import exchanged
 from foucault.infer.gauss_newton import Component
 from foucault.infer.left_out import Judgement
@@ -50,21 +51,11 @@ LEVER, DELAY = SIZE_EFFECT
 
 
 @dataclass(frozen=True)
-class Term:
-    """A term, and how the log would be with it."""
+class Term(Change):
+    """One size of a term, as a change of the log."""
 
-    name: str
-    group: str
-    reading: FloatArray | None = None  # (n, 3) added to the readings [local g]
-    command: FloatArray | None = None  # (n, 3) added to the command [rad/s]
-    arms: FloatArray | None = None  # (3, 3) added to the positions of the accelerometers [m]
-    late: float = 0.0  # by so much older are the readings [s]
-
-    def put(self, t: Tumble, times: float = 1.0) -> Tumble:
-        """Return the log with so many `times` the term [1]."""
-        given = {"reading": self.reading, "command": self.command, "arms": self.arms}
-        more = {k: getattr(t, k) + times * x for k, x in given.items() if x is not None}
-        return replace(t, late=t.late + times * self.late, **more)
+    name: str = ""
+    group: str = ""
 
 
 def terms_of(t: Tumble, s: Solution, sizes: Sizes) -> Iterator[Term]:
@@ -78,13 +69,16 @@ def terms_of(t: Tumble, s: Solution, sizes: Sizes) -> Iterator[Term]:
     for few in (mine[k : k + 6] for mine in every for k in range(0, len(mine), 6)):
         for term, by in zip(few, changes(few, ImuModel(), motion), strict=True):
             reading = None if by.accel is None else by.accel * weight
-            yield Term(term.name, term.group, reading, by.gyro)
+            yield Term(reading, by.gyro, name=term.name, group=term.group)
+    w = t.command
     for i, k in np.ndindex(3, 3):
-        arms = np.zeros((3, 3))
-        arms[i, k] = sizes[LEVER][0]
-        yield Term(f"{LEVER}.{AXES[i]}{AXES[k]}", LEVER, arms=arms)
+        # At the arm r [m] there is w x (w x r) more; these arms are where it is counted already.
+        reading = np.zeros_like(t.reading)
+        reading[:, i] = -(w[:, i] * w[:, k] - (i == k) * (w * w).sum(axis=1))
+        reading *= sizes[LEVER][0] * weight
+        yield Term(reading, name=f"{LEVER}.{AXES[i]}{AXES[k]}", group=LEVER)
     if not s.prior.sd[-1] > 0:
-        yield Term(DELAY, DELAY, late=sizes[DELAY][0])
+        yield Term(late=sizes[DELAY][0], name=DELAY, group=DELAY)
 
 
 @dataclass(frozen=True)
@@ -102,29 +96,24 @@ class Stages:
     def of(cls, s: Solution, sizes: Sizes) -> Stages:
         """Join what was found with what the log says of all that was not sought."""
         t = s.tumble  # over longer averages slopes are too rough for what is left of a term
-        some = list[tuple[str, str]]()
-
-        def changed() -> Iterator[Tumble]:
-            for one in terms_of(t, s, sizes):
-                some.append((one.name, one.group))
-                yield one.put(t)
-
-        e, E, A = answers(t, s.prior, s.fit.start, changed())
+        some = list(terms_of(t, s, sizes))
+        linear = Linear(t, s.prior, s.fit.start)
+        e, (E, A) = linear.residuals, linear.answers(some)
         count, p, units = len(some), len(CONSTANTS), 1 / normalised(s.site.gravity)
         C = np.linalg.inv(E.T @ E + np.eye(count))
         G, found = A[3:45] * units[:, None], C @ (E.T @ e)
         cov = np.zeros((p + count,) * 2)
         cov[:p, :p] = s.fit.cov[3:45, 3:45] * np.outer(units, units) + G @ C @ G.T
         cov[:p, p:], cov[p:, :p], cov[p:, p:] = -G @ C, -C @ G.T, C
-        names = [f"{OF}{name}" for name, _ in some]
+        names = [f"{OF}{one.name}" for one in some]
         layout = Layout((*CONSTANTS.coefficients, *(Coefficient(n, "t", ONE, n) for n in names)))
         sd = np.concatenate([s.prior.sd[3:45] * units, np.ones(count)])
         values = np.concatenate([s.fit.start.constants * units - G @ found, found])
         mean = np.concatenate([s.prior.mean.constants * units, np.zeros(count)])
         states = CoefficientVector(layout, values, cov, prior_sd=sd)
         groups = of_priors(states, CONSTANTS.names)
-        for group in dict.fromkeys(g for _, g in some):
-            mine = tuple(f"{OF}{name}" for name, g in some if g == group)
+        for group in dict.fromkeys(one.group for one in some):
+            mine = tuple(f"{OF}{one.name}" for one in some if one.group == group)
             groups[group] = Group("source", mine, *sizes[group])
         return cls(e, E, A, states, mean, groups)
 

@@ -230,8 +230,6 @@ def _legs(shown: Mapping[str, Any]) -> tuple[Leg, ...]:
     return tuple(out)
 
 
-DEGREE = float(np.radians(1.0))
-
 LATITUDES = ("0 deg", "28 deg", "40 deg", "60 deg")
 """Where plans are compared beside the site itself."""
 
