@@ -27,7 +27,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -825,6 +825,27 @@ def _stated(
     return Solution(r, at, replace(p, nu=left), made, noise, cov, J @ formal @ J.T, of_gravity,
                     spread, halves, (lag[0], lag[1]), passes, settled, prior_sd,
                     hold)  # fmt: skip
+
+
+def answers(s: Solution, changed: Iterable[Readings]) -> tuple[FloatArray, FloatArray]:
+    """Return what changed readings change.
+
+    `changed`: c times the readings of a solution, with something put into them. Returns of the
+    white rows (6 m, c) [1], the parameters found again, and of the parameters (32, c) [SI].
+    """
+    p, at = s.last, s.last.about.at
+    seen = shown(p.information + _length(s.readings, at)[0], s.made, s.prior_sd)
+    gain = np.linalg.inv(seen.information + np.diag(s.prior_sd**-2.0))
+    M = p.rows @ seen.onto.T
+
+    def nu(r: Readings) -> FloatArray:
+        return one_pass(r, at, p.noise, s.hold, motion=True).nu.ravel()
+
+    now = nu(s.readings)
+    off = np.column_stack([nu(r) - now for r in changed])
+    by = gain @ (M.T @ off)
+    return off - M @ by, s.point.of_values() @ np.clip(by, -s.prior_sd[:, None],
+                                                       s.prior_sd[:, None])  # fmt: skip
 
 
 def _without_circles(cov: FloatArray, lever: FloatArray, prior_sd: FloatArray) -> FloatArray:

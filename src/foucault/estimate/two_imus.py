@@ -15,7 +15,7 @@ Errors are those against the master: a bias of both is not seen, nor a scale fac
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -396,6 +396,40 @@ def formal(s: Solution, var: FloatArray) -> FloatArray:
     J = _of_values(s.slaves)
     P = shown(at.information, s.made, s.problem.prior_sd).covariance(s.problem.prior_sd)
     return np.asarray(J @ P @ J.T)
+
+
+def answers(
+    s: Solution, changed: Iterable[Sequence[Readings]]
+) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+    """Return what changed readings change.
+
+    `changed`: c times the readings of a solution, with something put into them. Returns white rows
+    (r,) and what changes of them (r, c), the motion and the parameters found again [1]; what
+    changes of the parameters (p, c) [SI]; and how many more rows there are than the motion has.
+    """
+    problem, sd = s.problem, s.problem.prior_sd
+    at = normal(problem, s.slaves, s.spline, s.var)
+    seen = shown(at.information, s.made, sd)
+    gain = np.linalg.inv(seen.information + np.diag(sd**-2.0)) @ seen.onto
+    still = at.moved(np.zeros(len(sd)))
+
+    def rows(left: Sequence[FloatArray]) -> FloatArray:
+        return np.concatenate([(np.nan_to_num(x) / np.repeat(np.sqrt(v), 3)).ravel()
+                               for x, v in zip(left, s.var, strict=True)])  # fmt: skip
+
+    now, E, A = rows(at.left), [], []
+    for readings in changed:
+        other = replace(problem, readings=tuple(readings))
+        off = normal(other, s.slaves, s.spline, s.var)
+        delta = np.clip(gain @ (off.score - at.score), -sd, sd)
+        delta[problem.hold] = 0.0
+        parts = delta.reshape(len(s.slaves), -1)
+        moved = [one.moved(d) for one, d in zip(s.slaves, parts, strict=True)]
+        spline = s.spline + off.moved(delta) - still
+        E.append(rows(normal(other, moved, spline, s.var, still=True).left) - now)
+        A.append(delta)
+    more = int(np.count_nonzero(now)) - s.spline.size
+    return now, np.column_stack(E), _of_values(s.slaves) @ np.column_stack(A), more
 
 
 def _scores(

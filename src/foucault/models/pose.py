@@ -13,37 +13,13 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.coefficients import Coefficient, Layout
+from foucault.coefficients import Layout, coefficients_of
 from foucault.errors import Finding
-from foucault.tables import AXES
 
-LAYOUT = Layout(
-    (
-        *(Coefficient(f"pose.rotation.{a}", f"rho_{a}", "angle",
-                      f"rotation of the tracked body against the IMU, {a} of its rotation vector")
-          for a in AXES),
-        *(Coefficient(f"pose.lever.{a}", f"l_{a}", "lever arm",
-                      f"from the accelerometers to the tracked point, {a} axis of the IMU")
-          for a in AXES),
-        Coefficient("pose.delay", "tau", "delay",
-                    "what is added to the stamp of a pose, in the middle of the log"),
-        Coefficient("pose.clock", "kappa", "scale factor error",
-                    "by how much the clock of the IMU runs faster than that of the pose"),
-        Coefficient("pose.level.x", "lambda_x", "angle",
-                    "tilt of the world of the pose about its x axis"),
-        Coefficient("pose.level.y", "lambda_y", "angle",
-                    "tilt of the world of the pose about its y axis"),
-    )
-)  # fmt: skip
+LAYOUT = Layout(coefficients_of("pose"))
 """What is found of a pose beside the errors of an IMU."""
 
-BASE = Layout(
-    tuple(
-        Coefficient(f"pose.base.{a}", f"d_{a}", "lever arm",
-                    f"from the first antenna to the second, {a} axis of the IMU")
-        for a in AXES
-    )
-)  # fmt: skip
+BASE = Layout(coefficients_of("antennas"))
 """What is found of two antennas in place of a rotation."""
 
 READINGS = {

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from foucault.coefficients import Coefficient, Layout
+from foucault.coefficients import Coefficient, Layout, coefficients_of
 from foucault.models import imu, size_effect
 from foucault.tables import AXES
 
@@ -27,21 +27,6 @@ SENSORS = (
 """Errors of a slave, in the order of their columns."""
 
 
-def _ties(who: str) -> tuple[Coefficient, ...]:
-    return (
-        *(Coefficient(f"{who}.rotation.{a}", f"rho_{a}", "angle",
-                      f"rotation of the {who} IMU against the first, {a} of the rotation vector of "
-                      "what turns axes of the first into its own") for a in AXES),
-        *(Coefficient(f"{who}.lever.{a}", f"r_{a}", "lever arm",
-                      f"from the accelerometers of the first IMU to those of the {who}, {a} axis "
-                      "of the first") for a in AXES),
-        Coefficient(f"{who}.delay", "tau", "delay",
-                    f"what is added to a stamp of the {who} IMU, in the middle of its log"),
-        Coefficient(f"{who}.clock", "kappa", "scale factor error",
-                    f"by how much the clock of the first IMU runs faster than that of the {who}"),
-    )  # fmt: skip
-
-
 def _sensors(who: str) -> tuple[Coefficient, ...]:
     known = Layout((*imu.LAYOUT.coefficients, *size_effect.OFFSET.coefficients))
     own = known.subset(SENSORS).coefficients
@@ -53,7 +38,13 @@ def _sensors(who: str) -> tuple[Coefficient, ...]:
 
 def layout_of(slaves: int) -> Layout:
     """Return the coefficients of so many `slaves` [1], in the order of their columns."""
-    return Layout(tuple(c for who in ORDINALS[:slaves] for c in (*_ties(who), *_sensors(who))))
+    return Layout(
+        tuple(
+            c
+            for who in ORDINALS[:slaves]
+            for c in (*coefficients_of("tie", who=who), *_sensors(who))
+        )
+    )
 
 
 _OWN = frozenset(SENSORS)

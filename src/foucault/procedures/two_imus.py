@@ -14,7 +14,7 @@ Tables of the result
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -25,6 +25,7 @@ from pydantic import Field
 from foucault import logs
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.diagnose import left_out
 from foucault.diagnose.checks import check, given_check, plausible_scales, status_check
 from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, Status, error, finding
@@ -32,28 +33,33 @@ from foucault.estimate import two_bodies as bodies
 from foucault.estimate import two_imus as engine
 from foucault.estimate.two_bodies import SMOOTH, Clocks, clocks, even, one_axis, smooth, wahba
 from foucault.estimate.two_imus import Readings, Slave, Solution
-from foucault.guard.mistakes import exchange_words, exchanges
+from foucault.guard.mistakes import exchange_words, exchanges, rate_hint
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.infer.shown import shares
 from foucault.logs.checks import on_a_shared_clock
 from foucault.logs.description import OWN_LOG, LogDescription, log_head
+from foucault.models.earth import Site
 from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
-from foucault.models.noise import ImuNoise
+from foucault.models.left_out import Motion, Sizes
+from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.two_imus import LAYOUT, ORDINALS, SENSORS, layout_of
 from foucault.plans.directions import Free
+from foucault.procedures.chosen import Chosen
+from foucault.procedures.counted import PART, Again, Counted, Stages, Term, counted, terms_of
+from foucault.procedures.left_out import told_beside
 from foucault.procedures.record import Beforehand, Given, Procedure, SampleRate
 from foucault.result import Check, Result, TableData, Verdict
 from foucault.simulate.hand_motion import HandMotion
 from foucault.simulate.noise import sampled_log
 from foucault.strict import Strict
-from foucault.tables import AXES, Log, temperature_range, whole_samples
+from foucault.tables import AXES, Log, ranges, whole_samples
 from foucault.units import Seconds, parse, plain
 
 FRAME = "body axes of the IMU that is calibrated, as its accelerometers define them (see gauge)"
 
 
-class Settings(Strict):
+class Settings(Chosen):
     """What can be chosen; the defaults suit a plate moved by hand."""
 
     clock: bool = True
@@ -106,18 +112,9 @@ class Session(Strict):
 
 @dataclass(frozen=True)
 class ImuLogs(Log):
-    """The log of an IMU, and those of the others on its plate.
+    """The log of the IMU that is calibrated, of the `master` against which it is, and of `others`.
 
-    Attributes
-    ----------
-    time, gyro, accel, temperature, averaged, begins, mag, rests : ndarray
-        Of the IMU that is calibrated, as in `Log` [SI].
-    sampled, findings, source, table, clock
-        The same.
-    master : Log or None
-        The IMU against which all others are [SI].
-    others : tuple of Log
-        Further IMUs [SI].
+    `time`, `gyro`, `accel`, `temperature`, `averaged`, `begins`, `mag`, `rests`: of the first [SI].
     """
 
     master: Log | None = None
@@ -253,8 +250,7 @@ def _rates(who: str, size: FloatArray, free: FloatArray, misfit: float, loose: f
     ratio = float(np.median(size))
     turning = bool((size > 0.1 * size[0]).all())
     if not bodies.of_a_unit(ratio) and turning and loose < bodies.MISFIT:
-        hint = " That is deg/s." if 0.9 < ratio / np.degrees(1) < 1.1 else ""
-        hint = " That is rad/s read as deg/s." if 0.9 < ratio * np.degrees(1) < 1.1 else hint
+        hint = rate_hint(ratio)
         raise error("imus.gyro_unit", who=who, ratio=plain(ratio, 3), hint=hint)
     det = float(np.sign(np.linalg.det(free)))
     if det < 0 and misfit > bodies.MISFIT:
@@ -321,6 +317,67 @@ def _estimate(s: Solution) -> tuple[CoefficientVector, list[int]]:
     ), kept  # fmt: skip
 
 
+def _terms(s: Solution, site: Site, sizes: Sizes) -> list[tuple[int, Term]]:
+    """Return one size of all that is not estimated of every slave, and whose it is; `sizes` [SI].
+
+    Of further IMUs it is as large as of the second.
+    """
+    names, out = _estimate(s)[0].names, []
+    for k, (who, one) in enumerate(zip(ORDINALS, s.slaves, strict=False), 1):
+        r, own = s.problem.readings[k], "" if k == 1 else f"{who}."
+        f = (r.read[:, 3:] - one.accel[0]) @ np.linalg.inv(one.accel[1]).T
+        w = (r.read[:, :3] - one.gyro[0] - f @ one.by_force.T) @ np.linalg.inv(one.gyro[1]).T
+        motion = Motion(r.time, f, w, float(r.time[0]), float(r.time[-1]))
+        mine = [n.removeprefix(own) for n in names if n.startswith(own)]
+        out += [(k, replace(term, name=own + term.name))
+                for term in terms_of(mine, motion, site, sizes)]  # fmt: skip
+    return out
+
+
+def _put(
+    s: Solution, some: Iterable[tuple[int, Term]], times: Iterable[float]
+) -> tuple[Readings, ...]:
+    """Return all readings with so many `times` each of `some` terms [1]."""
+    out = list(s.problem.readings)
+    for (k, one), by in zip(some, times, strict=True):
+        read = out[k].read.copy()
+        read[:, :3] += by * one.gyro
+        read[:, 3:] += by * one.accel
+        out[k] = replace(out[k], read=read)
+    return tuple(out)
+
+
+def _counted(
+    s: Solution, c: CoefficientVector, log: Log, given: Given[Settings], *, planned: bool = False
+) -> Counted[Solution] | None:
+    """Return what a solution comes to beside what is not estimated, None where nothing has a size.
+
+    `c`: what is reported of it [SI]; `planned`: it is of a session that was not made.
+    """
+    gyro, accel = (TriadNoise(white=float(x)) for x in np.sqrt(s.var[1] * log.interval))
+    sizes = told_beside(given.sizes, given.noise or ImuNoise(accel, gyro), log.duration)
+    if sizes is None:
+        return None
+
+    def stages(
+        at: Solution, c: CoefficientVector, out: FloatArray
+    ) -> tuple[Stages, Again[Solution]]:
+        some = _terms(at, given.site, sizes)
+        e, E, A, redundancy = engine.answers(at, (_put(at, [one], [PART]) for one in some))
+        spread = at.spread if at.spread > bodies.COLOURED else 1.0
+        answers = e / spread, E / spread, A[_estimate(at)[1]]
+        both = Stages.of(c, [one for _, one in some], sizes, answers, redundancy, out)
+
+        def again(times: FloatArray) -> tuple[Solution, CoefficientVector]:
+            problem = replace(s.problem, readings=_put(s, some, -times))
+            found = engine.solve(problem, at.slaves, given.settings.passes)
+            return found, _estimate(found)[0]
+
+        return both, again
+
+    return counted(s, c, stages, planned=planned)
+
+
 def _unseen(s: Solution) -> list[str]:
     return [n for n, lost in zip(layout_of(len(s.slaves)).names, s.unseen, strict=True) if lost]
 
@@ -361,8 +418,10 @@ def _told(s: Solution, starts: Sequence[Start], clock_sd: float) -> list[Finding
     return told
 
 
-def _budget(s: Solution) -> dict[str, FloatArray]:
-    """Return the variance of every parameter by source, (p,) each [SI]; they add up to `cov`."""
+def _budget(
+    s: Solution, c: CoefficientVector, beside: Counted[Solution] | None, kept: list[int]
+) -> dict[str, FloatArray]:
+    """Return the variance of what is reported by source, (p,) each [SI]; they add up to `cov`."""
     names = [f"{sensor} of the {who} IMU" for who in ("first", *ORDINALS[: len(s.slaves)])
              for sensor in ("gyros", "accelerometers")]  # fmt: skip
     formal = np.diag(s.formal)
@@ -371,7 +430,9 @@ def _budget(s: Solution) -> dict[str, FloatArray]:
         var = s.var.copy()
         var.flat[k] *= 1 + STEP
         parts[name] = np.maximum(np.diag(engine.formal(s, var)) - formal, 0.0) / STEP
-    return shares(parts, formal, np.diag(s.cov), "colour of what is left")
+    known = shares(parts, formal, np.diag(s.cov), "colour of what is left")
+    known = {name: v[kept] for name, v in known.items()}
+    return known if beside is None else beside.beside(known, c)
 
 
 STEP = 0.02
@@ -381,7 +442,12 @@ STEP = 0.02
 def _solve(log: Log, given: Given[Settings]) -> Result:
     s, starts = _solved(log, given)
     c, kept = _estimate(s)
+    beside = _counted(s, c, log, given)
+    if beside is not None:
+        s, c = beside.solution, beside.coefficients
     checks = (*_checks(s, c), *given_check(c, given.prior))
+    if beside is not None:
+        checks = (*checks, *beside.checks)
     diagnostics: dict[str, Any] = {
         "gravity": given.site.gravity,
         "bound": np.sqrt(np.diag(s.formal))[kept].tolist(),
@@ -400,22 +466,21 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
                           (np.sqrt(s.var[1] * log.interval)).tolist(), strict=True)),
     }  # fmt: skip
     tables: dict[str, TableData] = {}
+    if beside is not None:
+        diagnostics |= left_out.judgement_json(beside.judged)
+        tables["left_out"] = left_out.table(beside.judged)
     if given.shown:
         given.progress(0.8, "looking at what it rests on")
-        diagnostics["budget"] = {name: v[kept].tolist() for name, v in _budget(s).items()}
+        diagnostics["budget"] = {n: v.tolist() for n, v in _budget(s, c, beside, kept).items()}
         columns = [f"{what}_{a}" for what in ("gyro", "accel") for a in AXES]
         tables["left"] = {"time": s.slaves[0].at(s.problem.readings[1]),
                           **{n: s.left[1][:, k] for k, n in enumerate(columns)}}  # fmt: skip
-    assert log.gyro is not None and log.accel is not None
-    validity: dict[str, Any] = {"sampled": log.sampled, "rate": log.rate}
-    for name, x in (("accel", log.accel), ("gyro", log.gyro)):
-        validity[name] = [float(x.min()), float(x.max())]
     return Result(
         procedure="two_imus", coefficients=c, equation=SIZE_EQUATION, frame=FRAME,
         gauge=Gauge.LOWER.value, verdict=Verdict.of(checks), checks=checks,
         findings=(*log.findings, *_told(s, starts, log.clock.sd)),
         status=Status.CONVERGED if s.converged else Status.NOT_CONVERGED,
-        site=given.site.as_dict(), validity=validity | temperature_range(log),
+        site=given.site.as_dict(), validity=ranges(log),
         diagnostics=diagnostics, tables=tables,
     )  # fmt: skip
 
@@ -506,8 +571,11 @@ def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
     noise = b.noise or b.typical
     assert noise is not None
     made = _simulated(b.session, b.settings, ImuModel(), noise, b.site, b.seed)
-    s, _ = _solved(made.log, Given(b.site, b.settings, noise, b.prior))
+    given = Given(b.site, b.settings, noise, b.prior, sizes=b.sizes)
+    s, _ = _solved(made.log, given)
     c, kept = _estimate(s)
+    beside = _counted(s, c, made.log, given, planned=True)
+    c = c if beside is None else beside.coefficients
     lost = _unseen(s)
     words = dict.fromkeys(w for n in lost for k, w in MOTION.items() if k in n)
     names = [f"{who}.delay" for who in ORDINALS[: len(s.slaves)]]
@@ -520,7 +588,8 @@ def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
         coefficients=replace(c, values=np.zeros(len(c))), linearised_at="no errors",
         plan=b.session.motion, duration=b.session.time, states=len(c), rank=len(c) - len(lost),
         hardly=tuple(lost), bound=np.sqrt(np.diag(s.formal))[kept],
-        budget={k: v[kept] for k, v in _budget(s).items()}, findings=tuple(told),
+        budget=_budget(s, c, beside, kept), findings=tuple(told),
+        left_out=None if beside is None else left_out.foretold(beside.judged),
     )  # fmt: skip
 
 
@@ -540,6 +609,8 @@ PROCEDURE = Procedure(
     layout=LAYOUT,
     foresee=_foresee,
     assumes_noise=True,
+    counts=True,
+    counts_by_noise=True,
     Master=MasterDescription,
     with_master=_with_master,
     write=_write,

@@ -15,6 +15,7 @@ Tables of the result
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -23,7 +24,9 @@ import numpy as np
 from pydantic import Field
 
 from foucault import logs
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
+from foucault.diagnose import left_out
 from foucault.diagnose.checks import check, given_check, plausible_scales, status_check
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.foresight import Foresight
@@ -31,27 +34,32 @@ from foucault.errors import Finding, Status, error, finding
 from foucault.estimate import imu_pose as engine
 from foucault.estimate import two_bodies as bodies
 from foucault.estimate.antennas import antennas, not_exchanged
-from foucault.estimate.imu_pose import LAYOUT, NAMES, OF_ANTENNAS, Readings, Solution
-from foucault.guard.mistakes import exchange_words, exchanges
+from foucault.estimate.imu_pose import LAYOUT, NAMES, OF_ANTENNAS, Point, Readings, Solution
+from foucault.estimate.two_bodies import even
+from foucault.guard.mistakes import exchange_words, exchanges, rate_hint
 from foucault.infer.filtered import component
 from foucault.infer.gauss_newton import FALSE_ALARM
 from foucault.logs import pose as poses
 from foucault.logs.checks import on_a_shared_clock
 from foucault.logs.pose import PoseDescription
+from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
-from foucault.models.noise import ImuNoise
+from foucault.models.left_out import Motion, Sizes
+from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.pose import BASE as OF_BASE
 from foucault.models.pose import LAYOUT as OF_POSE
 from foucault.models.pose import PoseTable
 from foucault.models.rotation import log as vector_of
 from foucault.models.size_effect import SizeEffect
 from foucault.plans.directions import Free
+from foucault.procedures.counted import PART, Again, Counted, Stages, Term, counted, terms_of
 from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
+from foucault.procedures.left_out import told_beside
 from foucault.procedures.record import Beforehand, Given, Procedure, Robust, SampleRate
 from foucault.result import Check, Result, TableData, Verdict
 from foucault.simulate.hand_motion import HandMotion, Tracker, simulate_hand
 from foucault.strict import Strict
-from foucault.tables import AXES, Log, evened, temperature_range
+from foucault.tables import AXES, Log, evened, ranges
 from foucault.units import AngleSd, Quantity, Seconds, parse, plain
 
 FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
@@ -136,16 +144,9 @@ class Session(Strict):
 
 @dataclass(frozen=True)
 class PoseLog(Log):
-    """The log of an IMU, and the poses of its body.
+    """The log of an IMU, and the poses of its body: what the tracking system said.
 
-    Attributes
-    ----------
-    time, gyro, accel, temperature, averaged, begins, mag, rests : ndarray
-        Of the IMU, as in `Log` [SI].
-    sampled, findings, source, table, clock
-        The same.
-    poses : PoseTable or None
-        What the tracking system said.
+    `time`, `gyro`, `accel`, `temperature`, `averaged`, `begins`, `mag`, `rests`: of the IMU [SI].
     """
 
     poses: PoseTable | None = None
@@ -267,12 +268,73 @@ def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, Start]:
         point = replace(point, node=point.node[inside], C=point.C[inside], v=point.v[inside],
                         p=point.p[inside])  # fmt: skip
     given.progress(0.3, "smoothing the motion")
+    return _smoothed(r, point, given), start
+
+
+def _smoothed(r: Readings, point: Point, given: Given[Settings]) -> Solution:
+    settings = given.settings
     hold = np.array(settings.held(bool(r.measured[:, 1].any())), int)
     sd = settings.attitude_sd if r.second is None else settings.second_sd, settings.position_sd
-    found = engine.solve(
+    return engine.solve(
         r, point, given.prior, sd, robust=settings.robust, most=settings.passes, hold=hold,
     )  # fmt: skip
-    return found, start
+
+
+EARTH = "earth rate"
+"""The Earth's rotation, of which nobody says where it points in the world of the poses."""
+
+EARTH_SIZE = (EARTH_RATE / np.sqrt(3.0), "the Earth's rate, in any direction")
+
+
+def _terms(s: Solution, site: Site, sizes: Sizes) -> list[Term]:
+    """Return one size of all that is not estimated, at the motion that was found; `sizes` [SI]."""
+    r, at = s.readings, s.point
+    c, dt = engine.corrected(r, at), r.dt[:, None]
+    motion = Motion(r.time, c.raw_a / dt, c.raw_g / dt, float(r.time[0]), float(r.time[-1]))
+    along = (even(r.time[at.node], at.C[:, k], r.time) for k in range(3))
+    return [*terms_of(r.names, motion, site, sizes),
+            *(Term(f"{EARTH} {axis}", EARTH, EARTH_SIZE[0] * x)
+              for axis, x in zip(AXES, along, strict=True))]  # fmt: skip
+
+
+def _put(r: Readings, some: Iterable[Term], times: Iterable[float]) -> Readings:
+    """Return the readings with so many `times` each of `some` terms [1]."""
+    dt = r.dt[:, None]
+    for one, k in zip(some, times, strict=True):
+        r = replace(r, dtheta=r.dtheta + k * one.gyro * dt, dvel=r.dvel + k * one.accel * dt)
+    return r
+
+
+def _counted(
+    s: Solution, c: CoefficientVector, given: Given[Settings], *, planned: bool = False
+) -> Counted[Solution] | None:
+    """Return what a solution comes to beside what is not estimated, None where nothing has a size.
+
+    `c`: what is reported of it [SI]; `planned`: it is of a session that was not made.
+    """
+    r = s.readings
+    white = given.noise or ImuNoise(*(TriadNoise(white=x) for x in reversed(r.white)))
+    sizes = told_beside(given.sizes, white, r.log.duration)
+    if sizes is None or not s.converged:
+        return None
+
+    def stages(
+        at: Solution, c: CoefficientVector, out: FloatArray
+    ) -> tuple[Stages, Again[Solution]]:
+        some = _terms(at, given.site, sizes)
+        E, A = engine.answers(at, (_put(at.readings, [one], [PART]) for one in some))
+        spread = at.spread if at.spread > bodies.COLOURED else 1.0
+        e, A = at.last.nu.ravel() / spread, A[[r.names.index(n) for n in c.names]]
+        both = Stages.of(c, some, {**sizes, EARTH: EARTH_SIZE}, (e, E / spread, A),
+                         int(np.count_nonzero(e)), out)  # fmt: skip
+
+        def again(times: FloatArray) -> tuple[Solution, CoefficientVector]:
+            found = _smoothed(_put(r, some, -times), at.point, given)
+            return found, _estimate(found, given)
+
+        return both, again
+
+    return counted(s, c, stages, planned=planned)
 
 
 def _contradicted(s: Start, gravity: float) -> None:
@@ -285,9 +347,7 @@ def _contradicted(s: Start, gravity: float) -> None:
         raise error("pose.periodic", peak=plain(c.peak, 3), second=plain(c.second, 3))
     turning = s.singular > 0.1 * s.singular[0]
     if not bodies.of_a_unit(ratio) and turning.all() and s.free_misfit < bodies.MISFIT:
-        hint = " That is deg/s." if 0.9 < ratio / np.degrees(1) < 1.1 else ""
-        hint = " That is rad/s read as deg/s." if 0.9 < ratio * np.degrees(1) < 1.1 else hint
-        raise error("pose.gyro_unit", ratio=plain(ratio, 3), hint=hint)
+        raise error("pose.gyro_unit", ratio=plain(ratio, 3), hint=rate_hint(ratio))
     if s.sign < 0 and s.misfit > bodies.MISFIT and turning.all():
         raise error("pose.mirror", det=plain(s.sign, 1), misfit=plain(s.misfit, 2))
     if s.misfit > bodies.MISFIT and turning.all():
@@ -421,7 +481,12 @@ def _told(s: Solution, start: Start, log: Log) -> list[Finding]:
 def _solve(log: Log, given: Given[Settings]) -> Result:
     s, start = _solved(log, given)
     c = _estimate(s, given)
+    beside = _counted(s, c, given)
+    if beside is not None:
+        s, c = beside.solution, beside.coefficients
     checks = (*_checks(s, c, given.settings), *given_check(c, given.prior))
+    if beside is not None:
+        checks = (*checks, *beside.checks)
     kept = [s.readings.names.index(n) for n in c.names]
     second, ok = s.readings.second, s.readings.measured
     site = given.site
@@ -443,28 +508,33 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         "noise": {"gyro": s.readings.white[0], "accel": s.readings.white[1]},
     } | of_site(site.as_dict(), c.names, s.of_gravity[kept])  # fmt: skip
     tables: dict[str, TableData] = {}
+    if beside is not None:
+        diagnostics |= left_out.judgement_json(beside.judged)
+        tables["left_out"] = left_out.table(beside.judged)
     if given.shown:
         given.progress(0.8, "looking at what it rests on")
-        parts = engine.budget(s)
-        diagnostics["budget"] = {name: v[kept].tolist() for name, v in parts.items()}
+        diagnostics["budget"] = {n: v.tolist() for n, v in _budget(s, c, beside, kept).items()}
         z = np.where((np.repeat(s.noise.weights, 3, axis=1) > 0.5) & ok, s.residuals, np.nan)
         first = "second" if second else "attitude"
         names = [f"{what}_{a}" for what in (first, "position") for a in "xyz"]
         some = np.flatnonzero(ok.any(axis=0))
         tables["poses"] = {"time": s.readings.at(s.point.tau, s.point.kappa),
                            **{names[k]: z[:, k] for k in some}}  # fmt: skip
-    assert log.gyro is not None
-    assert log.accel is not None
-    validity: dict[str, Any] = {"sampled": log.sampled, "rate": log.rate}
-    for name, x in (("accel", log.accel), ("gyro", log.gyro)):
-        validity[name] = [float(x.min()), float(x.max())]
     return Result(
         procedure="imu_pose", coefficients=c, equation=SIZE_EQUATION, frame=FRAME,
         gauge=Gauge.LOWER.value, verdict=Verdict.of(checks), checks=checks,
         findings=(*log.findings, *_told(s, start, log)),
         status=Status.CONVERGED if s.converged else Status.NOT_CONVERGED, site=site.as_dict(),
-        validity=validity | temperature_range(log), diagnostics=diagnostics, tables=tables,
+        validity=ranges(log), diagnostics=diagnostics, tables=tables,
     )  # fmt: skip
+
+
+def _budget(
+    s: Solution, c: CoefficientVector, beside: Counted[Solution] | None, kept: list[int]
+) -> dict[str, FloatArray]:
+    """Return the variance of what is reported by source, (p,) each [SI]."""
+    known = {name: v[kept] for name, v in engine.budget(s).items()}
+    return known if beside is None else beside.beside(known, c)
 
 
 # -- sessions --------------------------------------------------------------------------------------
@@ -539,8 +609,11 @@ def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
     noise = b.noise or b.typical
     assert noise is not None
     made = _simulated(b.session, b.settings, ImuModel(), noise, b.site, b.seed)
-    s, _ = _solved(made.log, Given(b.site, b.settings, noise, b.prior))
-    c = _estimate(s, Given(b.site, b.settings, noise, b.prior))
+    given = Given(b.site, b.settings, noise, b.prior, sizes=b.sizes)
+    s, _ = _solved(made.log, given)
+    c = _estimate(s, given)
+    beside = _counted(s, c, given, planned=True)
+    c = c if beside is None else beside.coefficients
     kept = [s.readings.names.index(n) for n in c.names]
     lost = _unseen(s)
     words = dict.fromkeys(w for n in lost for k, w in MOTION.items() if n.startswith(k))
@@ -551,12 +624,12 @@ def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
     elif float(np.sqrt(s.cov[6, 6])) > bodies.UNSURE_DELAY:
         told.append(finding("preflight.not_shown", names="pose.delay",
                             reason="; " + MOTION["pose.delay"]))  # fmt: skip
-    parts = engine.budget(s)
     return Foresight(
         coefficients=replace(c, values=np.zeros(len(c))), linearised_at="no errors",
         plan=b.session.motion, duration=b.session.time, states=len(c), rank=len(c) - len(lost),
         hardly=tuple(lost), bound=np.sqrt(np.diag(s.formal) + s.of_gravity**2)[kept],
-        budget={k: v[kept] for k, v in parts.items()}, findings=tuple(told),
+        budget=_budget(s, c, beside, kept), findings=tuple(told),
+        left_out=None if beside is None else left_out.foretold(beside.judged),
     )  # fmt: skip
 
 
@@ -578,6 +651,8 @@ PROCEDURE = Procedure(
     layout=LAYOUT,
     foresee=_foresee,
     assumes_noise=True,
+    counts=True,
+    counts_by_noise=True,
     Master=PoseDescription,
     with_master=_with_poses,
     write=_write,
