@@ -96,9 +96,11 @@ for plan in ("-x", "-x -z -y +z"):
 # %% [markdown]
 # ## Let it search
 # `foucault optimise` tries other motions of the same length within the limits of the rig; a real
-# search takes some minutes and cores. Its report shows the motion found beside the one to beat.
+# search takes some minutes and cores, and judges by several instruments that may be (`truths`), not
+# by one. Its report shows the motion found beside the one to beat.
 
 # %%
 folder = Path("can_my_motion_see_it")
-found = optimisation.run(platform, folder, restarts=2, evaluations=40, seed=1)
+quick = campaign.parse(PLATFORM + "[optimise]\ntruths = 1\n")
+found = optimisation.run(quick, folder, restarts=2, evaluations=40, seed=1)
 print("report:", report.save(search_report.document(found, folder), folder / "report.html"))

@@ -56,7 +56,7 @@ print(json.dumps([out, {k: v for k, v in signatures.items() if v}]))
 
 TYPES = '''
 from numba import types
-SHORT = {"float64": "f8", "int64": "i8", "bool": "b1"}
+SHORT = {"float64": "f8", "int64": "i8", "int8": "i1", "bool": "b1"}
 def short(t):
     if not isinstance(t, types.Array):
         return SHORT[str(t)]

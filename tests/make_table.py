@@ -19,7 +19,6 @@ from foucault.simulate.table import Rig, simulate_readings
 
 SITE = Site(9.81, np.radians(45.0), gravity_sd=0.0)
 ARCSEC = np.pi / 648000
-FREE_NAMES = LINEAR_LOWER
 ACCEL_NAMES = tuple(n for n in LINEAR_LOWER if n.startswith("accel."))
 
 

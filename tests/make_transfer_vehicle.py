@@ -72,7 +72,7 @@ white = "{gyro:.4g} deg/sqrt(h)"
 [noise.accel]
 white = "{accel:.4g} ug/sqrt(Hz)"
 """
-FOUND = {"velocity": 1.5e-3, "attitude": 5.6, "accel": 174.0, "gyro": 0.15}
+FOUND = {"velocity": 1.5e-3, "attitude": 5.6, "accel": 145.0, "gyro": 0.15}
 """What makes the innovations of every other second likeliest: m/s, arcsec, ug/sqrt(Hz),
 deg/sqrt(h)."""
 

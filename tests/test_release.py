@@ -70,9 +70,12 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
     }
     assert wanted == {n for n in names if ".dist-info/" not in n}
     assert "foucault/py.typed" in names
-    assert any(n.endswith("/LICENSE") for n in names)
+    kept = {n.split(".dist-info/licenses/")[1] for n in names if ".dist-info/licenses/" in n}
+    schemas = "src/foucault/certificate/schemas"
+    assert kept >= {"LICENSE", "src/foucault/workbench/static/htmx.LICENSE"}
+    assert any(n.startswith(f"{schemas}/COPYING") for n in kept)
     assert f"\nVersion: {foucault.__version__}\n" in about
-    assert "\nLicense-Expression: Apache-2.0\n" in about
+    assert "\nLicense-Expression: Apache-2.0 AND LGPL-3.0-only AND 0BSD AND MIT\n" in about
     assert about.endswith((ROOT / "README.md").read_text(encoding="utf-8"))
 
 

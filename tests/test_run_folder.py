@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import os
 import re
@@ -12,12 +13,14 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 
 from foucault.coefficients import CoefficientVector
 from foucault.errors import FoucaultError
 from foucault.result import Check
-from foucault.run_folder import load_result, result_schema, save
+from foucault.run_folder import load_result, parquet_of, result_schema, save
 from make_result import make_result
 from refusals import refuses
 
@@ -459,3 +462,11 @@ def test_axes_in_a_plane_are_not_applied(folder):
     edit(folder, change)
     with refuses("result.singular", "the three gyro axes lie in a plane"):
         _ = load_result(folder).model
+
+
+def test_numbers_have_no_dictionary_and_words_have_one():
+    """One of numbers that are all different takes ten times as long as the numbers."""
+    table = pa.table({"angle": np.arange(100.0), "verdict": ["pass"] * 100})
+    group = parquet.ParquetFile(io.BytesIO(parquet_of(table))).metadata.row_group(0)
+    coded = ["RLE_DICTIONARY" in group.column(k).encodings for k in range(2)]
+    assert coded == [False, True]

@@ -1,6 +1,9 @@
-"""What a session holds that its calibration does not know, five sessions of each cell.
+"""What a session holds that its calibration does not know, three sessions of each cell.
 
-The page of the validation has more of each; here no cell may pass that it would mark.
+The page of the validation has more of each, and calibrates without sizes too; here no cell may
+pass that it would mark. A cell of which seven sessions in ten pass with wrong numbers is found out
+in 97 % of cases, one of half its sessions in 88 %. Everything at its size has five sessions: 60
+coefficients and more, of which an sd that is wrong by a factor of 1.6 is found out in 99 %.
 """
 
 from __future__ import annotations
@@ -46,7 +49,12 @@ def test_few_sessions_are_judged_by_chance(violations: ModuleType) -> None:
 def test_no_session_passes_with_numbers_that_are_wrong_and_not_said_to_be(
     which: str, violations: ModuleType
 ) -> None:
-    _, page = violations.main(5, which, bare=1)
-    assert len(page["shown"]) >= 18
-    wrong = [line for line in page["shown"] if "**no**" in line]
+    some = [what for what in violations.VIOLATIONS if what != violations.ALL]
+    five = 25 if which in violations.SLOW else 5
+    shown = [
+        line for sessions, cells in ((3, some), (five, [violations.ALL]))
+        for line in violations.main(sessions, which, *cells, bare=0, workers=1)[1]["shown"]
+    ]  # fmt: skip
+    assert len(shown) >= 18
+    wrong = [line for line in shown if "**no**" in line]
     assert not wrong, "\n".join(wrong)

@@ -10,6 +10,7 @@ import sqlite3
 import sys
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -55,17 +56,18 @@ def each(
 ) -> Iterator[Any]:
     """Do all jobs side by side, by default on every processor; say how far it is.
 
-    Results come in the order of the jobs, whatever the number of `workers`. What is done is kept
-    in the folder that FOUCAULT_KEEP names: a run that was killed goes on from there, unless the
-    code has changed.
+    One worker is this process itself, which has its kernels already. Results come in the order of
+    the jobs, whatever the number of `workers`. What is done is kept in the folder that
+    FOUCAULT_KEEP names: a run that was killed goes on from there, unless the code has changed.
     """
     kept = _kept(one)
     try:
         keys = [pickle.dumps(job) for job in jobs]
         known = dict(kept.execute("SELECT * FROM kept"))
         todo = [key for key in keys if key not in known]
-        with multiprocessing.Pool(workers or os.cpu_count()) as pool:
-            found = pool.imap_unordered(partial(_of, one), todo)
+        many = (workers or os.cpu_count()) != 1
+        with multiprocessing.Pool(workers) if many else nullcontext() as pool:
+            found = (pool.imap_unordered if pool else map)(partial(_of, one), todo)
             for k, (key, result) in enumerate(found, len(keys) - len(todo) + 1):
                 kept.execute("INSERT INTO kept VALUES (?, ?)", (key, result))
                 kept.commit()

@@ -25,8 +25,9 @@ from systematic_setting import (
     spread_of,
 )
 
+from deflected_turns import tilt_rank, whole_turns
 from foucault.estimate.systematic import AtRest, Start
-from foucault.models.deflection import MODELS, deflection_model, whole_turns
+from foucault.models.deflection import MODELS, deflection_model
 from foucault.models.imu import ImuModel
 from foucault.models.rotation import exp
 from foucault.models.rotation import log as rotation_vector
@@ -238,7 +239,7 @@ def ranks() -> Page:
     for name in MODELS:
         model = deflection_model(name)
         rank = spin_rank(model.basis)
-        good &= rank == model.tilt_rank == RANKS[name]
+        good &= rank == tilt_rank(model) == RANKS[name]
         sd, anew = (worst_sd(session, name, AtRest(decorrelate=d)) for d in (False, True))
         lines.append(
             f"| {name} | {len(model)} | {rank} | {RANKS[name]} | {leg_rank(model.basis)} | "

@@ -453,7 +453,8 @@ def row(which: str, what: str, runs: list[list[Run]]) -> tuple[str, bool]:
     cells, good = [], True
     for found in ([run[0] for run in runs if len(run) > 1], [run[-1] for run in runs]):
         worth = [f.nees for f in found if np.isfinite(f.nees)]
-        ratio, passed = np.mean(worth) if worth else np.nan, np.mean([f.passed for f in found])
+        ratio = np.mean(worth) if worth else np.nan
+        passed = np.mean([f.passed for f in found]) if found else np.nan
         cells += [f"{ratio:.3g}", f"{100 * passed:.0f} %"]
         said = Counter(name for f in found for name in set(f.said))
     passing = [f for f in found if f.passed]
@@ -483,7 +484,9 @@ SLOW = ("transfer_alignment",)
 """Procedures whose session takes more than a second: a fifth of the sessions."""
 
 
-def main(sessions: int = 20, *only: str, bare: int | None = None) -> tuple[bool, dict[str, object]]:
+def main(
+    sessions: int = 20, *only: str, bare: int | None = None, workers: int | None = None
+) -> tuple[bool, dict[str, object]]:
     """Return whether every cell is as it must be, and the table.
 
     `bare`: so many sessions of a cell are calibrated without sizes too, all where None: they are
@@ -500,7 +503,7 @@ def main(sessions: int = 20, *only: str, bare: int | None = None) -> tuple[bool,
         (which, what, seed, bare is None or seed < bare)
         for which, what in cells for seed in range(count[which])
     ]  # fmt: skip
-    runs = {job[:3]: done for job, done in zip(jobs, each(one, jobs), strict=True)}
+    runs = {job[:3]: done for job, done in zip(jobs, each(one, jobs, workers), strict=True)}
     shown, good = [], True
     for which, what in cells:
         line, fine = row(which, what, [runs[which, what, k] for k in range(count[which])])

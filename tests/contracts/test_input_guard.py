@@ -26,11 +26,11 @@ GUARD = tomllib.loads(
 COLUMNS_OF = {m: [c for c, cells in GUARD["columns"].items() if m in cells] for m in MISTAKES}
 """Mistake -> the columns that it is possible in."""
 
-APART = 5
+APART = 8
 
 
 def quick(column: str, mistake: str) -> bool:
-    """Whether a cell is among the fifth that is tried each time: every mistake in some columns,
+    """Whether a cell is among the eighth that is tried each time: every mistake in some columns,
     and in each column other mistakes than in its neighbour. The rest of the table is thorough.
     """
     first, among = list(MISTAKES).index(mistake), COLUMNS_OF[mistake]

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+import drawn_errors
 from foucault import monte_carlo
 from foucault.arrays import FloatArray
 from foucault.diagnose import fit_checks
@@ -97,13 +98,6 @@ SESSIONS = {
     "imu_pose": Case("imu_pose", {}, {"time": 20.0}, grade="mems"),
     "two_imus": Case("two_imus", {}, {"time": 20.0}, grade="mems"),
 }  # fmt: skip
-ON_FACES_OR_TABLE = (
-    "six_position",
-    "norm_observation",
-    "multi_position",
-    "turntable",
-    "rate_table",
-)
 ON_TABLE = ("norm_observation", "multi_position", "turntable")
 MIXED = tuple(
     n for n in PROCEDURES
@@ -240,7 +234,7 @@ def counted(name: str) -> Result:
 
 
 SIZES = sizes_of("tactical MEMS")
-SHOWN = ("transfer_alignment",)
+SHOWN = ("transfer_alignment", "imu_pose", "two_imus")
 """Their budget asks another run of the filter: no trial has it."""
 
 
@@ -567,7 +561,7 @@ def test_placements_that_nobody_declared_are_foreseen_as_they_are_found(name: st
     assert low < dof * sum(ratios) < high
 
 
-MANY = 60
+MANY = 30
 """Sessions over which a size that is found is compared with that of the plan [1]."""
 
 
@@ -621,7 +615,7 @@ def drawn(name: str, seed: int, wrong: FloatArray | float = 0.0, scatter: bool =
     )
     sized = tuple(s if s.sd is not None else replace(s, sd=found.get(s.name, 0.0))
                   for s in at.sources)  # fmt: skip
-    error = mixed.drawn(replace(at, sources=sized), rng) - at.residuals + wrong
+    error = drawn_errors.drawn(replace(at, sources=sized), rng) - at.residuals + wrong
     known = 0.0
     if at.known is not None:
         known = rng.standard_normal(len(at.known[0])) - at.known[0]
@@ -640,7 +634,8 @@ HELD_OUT = tuple(name for name in MIXED if name != "hand_rotated")
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", HELD_OUT)
 def test_sessions_as_they_should_be_are_seldom_doubted(name: str) -> None:
-    n = 200
+    """One in a hundred is; one in six would be found out in 99 % of cases."""
+    n = 60
     doubted = sum(not held_out_check(drawn(name, seed)).passed for seed in range(n))
     assert doubted <= binom.ppf(0.995, n, FALSE_ALARM + fit_checks.STRAY)
 
@@ -711,49 +706,50 @@ def placed(name: str, sd: float, **words: Any) -> Case:
 
 
 SCATTER = {
-    **{f"hand_rotated, {g}": (36, Case("hand_rotated", {"held_out": 0}, HAND, g)) for g in GRADES},
-    "hand_rotated, slow noise": (20, Case("hand_rotated", {"held_out": 0}, HAND, noise=SLOW)),
-    **{f"{n}, {arcmin} arcmin": (25, placed(n, arcmin * ARCMIN))
+    **{f"hand_rotated, {g}": (14, Case("hand_rotated", {"held_out": 0}, HAND, g)) for g in GRADES},
+    "hand_rotated, slow noise": (14, Case("hand_rotated", {"held_out": 0}, HAND, noise=SLOW)),
+    **{f"{n}, {arcmin} arcmin": (25 if n == "six_position" else 14, placed(n, arcmin * ARCMIN))
        for n in ("six_position", "ferraris") for arcmin in (0, 5)},
     "ferraris, published": (8, placed("ferraris", 5 * ARCMIN, solution="published")),
     "ferraris, placement found": (15, replace(placed("ferraris", 5 * ARCMIN), said=dict.fromkeys(
         ("placement_sd", "level_sd", "angle_sd")))),
-    "ferraris, unequal angles": (60, placed("ferraris", 3 * ARCMIN, angle=TURNS)),
-    **{n: (25, SESSIONS[n]) for n in ON_TABLE},
-    **{f"rate_table, {g}": (70, replace(SESSIONS["rate_table"], grade=g, said={
+    "ferraris, unequal angles": (14, placed("ferraris", 3 * ARCMIN, angle=TURNS)),
+    **{n: (14, SESSIONS[n]) for n in ON_TABLE},
+    **{f"rate_table, {g}": (16, replace(SESSIONS["rate_table"], grade=g, said={
         "repeatability": False})) for g in ("mems", "tactical")},
-    "continuous_spin": (30, SESSIONS["continuous_spin"]),
+    "continuous_spin": (10, SESSIONS["continuous_spin"]),
     "continuous_spin, a drill": (
-        30, Case("continuous_spin", {}, SPUN | {"unbalance": 0.0, "wander": 0.03, "vibration": 0.5})
+        10, Case("continuous_spin", {}, SPUN | {"unbalance": 0.0, "wander": 0.03, "vibration": 0.5})
     ),
-    "magnetometer": (30, SESSIONS["magnetometer"]),
-    "north_seeking, level": (40, seeker({})),
-    "north_seeking, two on the case": (40, seeker({"accelerometers": "case"})),
+    "magnetometer": (24, SESSIONS["magnetometer"]),
+    "north_seeking, level": (30, seeker({})),
+    "north_seeking, two on the case": (30, seeker({"accelerometers": "case"})),
     "north_seeking, blind": (40, seeker(BLIND, level_sd=ARCMIN)),
     "north_seeking, all uncertain": (
-        40, seeker({"order": "palindrome", "gyro_drift": 1e-10}, **UNSURE)
+        30, seeker({"order": "palindrome", "gyro_drift": 1e-10}, **UNSURE)
     ),
     "north_seeking, tilted": (40, seeker(TILTED)),
     "north_seeking, tilted, free": (40, seeker(TILTED, z_coupling="free")),
-    "north_seeking, samples": (40, seeker(SAMPLES)),
-    "platform_tumble": (12, Case("platform_tumble", {"average": 5.0}, grade="navigation")),
+    "north_seeking, samples": (30, seeker(SAMPLES)),
+    "platform_tumble": (7, Case("platform_tumble", {"average": 5.0}, grade="navigation")),
     "systematic": (10, SESSIONS["systematic"]),
     "transfer_alignment": (12, SESSIONS["transfer_alignment"]),
-    "imu_pose": (20, SESSIONS["imu_pose"]),
-    "two_imus": (20, SESSIONS["two_imus"]),
-    "two_imus, three": (10, Case("two_imus", {}, {"time": 20.0, "imus": 3}, grade="mems")),
+    "imu_pose": (10, SESSIONS["imu_pose"]),
+    "two_imus": (8, SESSIONS["two_imus"]),
+    "two_imus, three": (5, Case("two_imus", {}, {"time": 20.0, "imus": 3}, grade="mems")),
     "imu_pose, positions alone": (
-        15, Case("imu_pose", {}, {"time": 30.0, "with_attitude": False}, grade="mems")
+        10, Case("imu_pose", {}, {"time": 30.0, "with_attitude": False}, grade="mems")
     ),
     "imu_pose, outliers": (
-        15, Case("imu_pose", {}, {"time": 30.0, "outliers": 0.02, "lost": 0.1}, grade="mems")
+        10, Case("imu_pose", {}, {"time": 30.0, "outliers": 0.02, "lost": 0.1}, grade="mems")
     ),
     "imu_pose, tags": (
-        15, Case("imu_pose", {}, {"time": 30.0, "pose_rate": 30.0, "position_noise": 3e-3,
+        10, Case("imu_pose", {}, {"time": 30.0, "pose_rate": 30.0, "position_noise": 3e-3,
                                   "attitude_noise": 3e-1 * np.pi / 180}, grade="mems"),
     ),
 }  # fmt: skip
-"""Sessions whose errors are drawn from what is said of them, and how many of each."""
+"""Sessions whose errors are drawn from what is said of them, and how many of each: about 300
+coefficients together, more where sessions are long."""
 
 
 def scatter(name: str, runs: int, case: Case) -> tuple[float, int, list[Level]]:
@@ -774,7 +770,11 @@ def scatter(name: str, runs: int, case: Case) -> tuple[float, int, list[Level]]:
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", SCATTER)
 def test_errors_have_the_size_that_was_promised(name: str) -> None:
-    """NEES inside two-sided limits; a covariance that is half as large again is found out."""
+    """NEES inside two-sided limits; a covariance that is half as large again is found out.
+
+    Standard deviations that are wrong by a factor of 1.3 are found out in 99 % of cases, of
+    `transfer_alignment` those of 1.4. `validation` has the tables of many sessions.
+    """
     runs, case = SCATTER[name]
     total, dof, levels = scatter(name, runs, case)
     low, high = chi_square_limits(dof, tests=len(SCATTER))
@@ -793,7 +793,7 @@ TACTICAL = grade("tactical").noise
 BY_HAND = Case("hand_rotated", {"held_out": 0, "repeatability": False}, HAND)
 RATES = Case("rate_table", {"repeatability": False}, MEANS)
 WRONG = {
-    **{f"hand_rotated, noise times {k:.2g}": (20, replace(BY_HAND, told=louder(TACTICAL, k)), k)
+    **{f"hand_rotated, noise times {k:.2g}": (14, replace(BY_HAND, told=louder(TACTICAL, k)), k)
        for k in (1.3, 1 / 1.3)},
     "hand_rotated, slow noise that is not told": (
         12, replace(BY_HAND, noise=SLOW, told=ImuNoise(
@@ -803,9 +803,9 @@ WRONG = {
         placed("ferraris", 5 * ARCMIN),
         said=dict.fromkeys(("placement_sd", "level_sd", "angle_sd"), 5 * k * ARCMIN)), k)
        for k in (0.6, 1.6)},
-    **{f"north_seeking, noise times {k}": (40, replace(seeker({}), told=louder(SEEKER, k)), k)
+    **{f"north_seeking, noise times {k}": (24, replace(seeker({}), told=louder(SEEKER, k)), k)
        for k in (0.6, 1.6)},
-    **{f"rate_table, noise times {k}": (30, replace(RATES, told=louder(TACTICAL, k)), k)
+    **{f"rate_table, noise times {k}": (12, replace(RATES, told=louder(TACTICAL, k)), k)
        for k in (0.6, 1.6)},
 }  # fmt: skip
 """Sessions of which something wrong is said, and what it is against what is true."""

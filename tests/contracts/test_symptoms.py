@@ -127,7 +127,7 @@ OTHER_KEYS = {
     "axis",  # "body axis = declared column"
     "end", "orientation", "diagnostics",  # of Python
     "limit",  # of a tolerance file
-    "brackets", "dask", "records", "postgresql", "capture", "workbench",  # TOML; extras
+    "brackets", "cuda", "dask", "records", "postgresql", "capture", "workbench",  # TOML; extras
     "certificate", "references", "labels",  # of a certificate
     "result", "action",  # lists of comparisons and sequences
 }  # fmt: skip

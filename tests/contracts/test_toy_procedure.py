@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import drawn_errors
 from foucault.arrays import FloatArray
 from foucault.diagnose.fit_checks import Judged, Limit, budget_json, checks, folds
 from foucault.infer import mixed
@@ -45,7 +46,7 @@ class RecordPlayer:
 
 
 def session(rng: np.random.Generator, jitter: float = 0.0) -> RecordPlayer:
-    errors = mixed.drawn(RecordPlayer(RATE).linearise(ImuModel()), rng)
+    errors = drawn_errors.drawn(RecordPlayer(RATE).linearise(ImuModel()), rng)
     return RecordPlayer(1.01 * RATE * (1 + jitter * rng.standard_normal((24, 1))) + 1e-3 + errors)
 
 

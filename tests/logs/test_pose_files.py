@@ -48,6 +48,21 @@ def test_euroc(tmp_path: Path) -> None:
     is_right(read(tmp_path, "data.csv", text))
 
 
+@pytest.mark.parametrize(
+    ("place", "turn"),
+    [("x,y,z", "q1,q2,q3,q4"), ("pos_x,pos_y,pos_z", "quat_w,quat_x,quat_y,quat_z"),
+     ("translation.x,translation.y,translation.z", "rotation.w,rotation.x,rotation.y,rotation.z")],
+)  # fmt: skip
+def test_titles_that_people_give(tmp_path: Path, place: str, turn: str) -> None:
+    is_right(read(tmp_path, "poses.csv", f"t,{place},{turn}\n" + rows(TIME, PLACE, Q)))
+    if turn == "q1,q2,q3,q4":  # which of its ends is the scalar is left open
+        text = f"t,{place},{turn}\n" + rows(TIME, PLACE, XYZW)
+        found = read(tmp_path, "poses.csv", text)
+        assert found.reading is None
+        true = PoseTable(TIME, PLACE, Q).attitude("w x y z, body to world")
+        np.testing.assert_allclose(found.attitude("x y z w, body to world"), true, atol=1e-7)
+
+
 def test_motive(tmp_path: Path) -> None:
     head = [
         "Format Version,1.23,Take Name,one,Rotation Type,Quaternion,Length Units,Millimeters",

@@ -181,6 +181,7 @@ ROWS = {
 @pytest.mark.thorough
 @pytest.mark.parametrize("row", ROWS)
 def test_errors_are_as_small_as_promised_and_not_smaller(row: str) -> None:
+    """Standard deviations wrong by a factor of 1.2 are found out in 99 %."""
     tool, promised = ROWS[row]
     total, levels, n, squares = 0.0, [], 20, dict.fromkeys(promised, 0.0)
     for seed in range(n):
@@ -220,8 +221,9 @@ def test_a_short_session_is_inside_its_covariance() -> None:
 
 @pytest.mark.thorough
 def test_starts_converge() -> None:
+    """Were one in seven not to, it were found out in 99 %."""
     wild = replace(QUICK, wander=0.03, ripple=((1, 0.03),), tilt=5 * DEG, mounting=10 * DEG)
-    for seed in range(100):
+    for seed in range(30):
         assert solved(wild, session.__wrapped__(wild, seed)[0]).status is Status.CONVERGED
 
 

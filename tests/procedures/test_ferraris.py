@@ -27,7 +27,7 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.procedures import ferraris, six_position
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
-from foucault.tables import READINGS, Log
+from foucault.tables import Log, declared
 from make_faces import IMUCAL, MEMS, SITE, TURN, calibrate, moved, short_log
 from refusals import refuses
 from sessions import Case, made, solved, truth
@@ -157,7 +157,7 @@ def test_one_result_in_full():
     total = np.sum(list(d["budget"].values()), axis=0)
     np.testing.assert_allclose(total, result.coefficients.sd**2, rtol=1e-6)
     table = result.tables["readings"]
-    assert set(table) <= {c.name for c in READINGS}
+    assert set(table) <= {c.name for c in declared("readings")}
     assert {len(column) for column in table.values()} == {12}
     g = SITE.gravity
     miss = (table["norm_after"] - g)[:9] / table["norm_sd"][:9]

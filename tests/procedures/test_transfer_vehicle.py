@@ -116,4 +116,4 @@ def test_the_defaults_say_what_is_wrong(log):
 def test_a_delay_that_is_ignored_is_told(log):
     result = calibrated(described(f'{ALL}\ndelay = "none"', FOUND, LEVER), log)
     (said,) = [f for f in result.findings if f.code == "transfer.delay_differs"]
-    assert "15.4" in said.message
+    assert "15.3 ± 0.1 ms" in said.message

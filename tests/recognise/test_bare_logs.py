@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import bz2
 import json
+import lzma
 import os
+import pickle
 import zipfile
 from pathlib import Path
 
@@ -98,10 +101,11 @@ def test_turns_from_face_to_face_tell_signs_by_the_way_they_take(tmp_path):
 
 
 @pytest.mark.thorough
-def test_of_500_shuffled_files_none_is_read_wrong(tmp_path):
-    out = counted(range(500), tmp_path)
+def test_of_100_shuffled_files_none_is_read_wrong(tmp_path):
+    """Were one in 22 read wrong, it were found out in 99 %; `validation` has 500 of them."""
+    out = counted(range(100), tmp_path)
     assert not out["wrong"], {seed: make.shuffled(seed, make.truth()).told for seed in out["wrong"]}
-    assert len(out["question"]) <= 25, out["question"]
+    assert len(out["question"]) <= 5, out["question"]
 
 
 # -- what is open ------------------------------------------------------------------------------
@@ -167,7 +171,9 @@ def files_that_are_no_logs(folder: Path) -> dict[str, str]:
         "picture.png": b"\x89PNG\r\n\x1a\n" + bytes(99), "log.csv": b"\xff\xd8\xff\xe0" + bytes(99),
         "sheet.pdf": b"%PDF-1.4", "empty.csv": b"", "blank.csv": b" \n\n",
         "table.json": json.dumps([{"ax": 1.0}]).encode(), "page.html": b"<!DOCTYPE html>",
-        "old.xls": b"\xd0\xcf\x11\xe0" + bytes(99),
+        "old.xls": b"\xd0\xcf\x11\xe0" + bytes(99), "log.csv.bz2": bz2.compress(b"1,2,3\n" * 9),
+        "log.csv.xz": lzma.compress(b"1,2,3\n" * 9), "log.pkl": pickle.dumps({"ax": [1.0]}),
+        "log.feather": b"ARROW1" + bytes(99),
         "letter.txt": b"Dear all,\nplease find the log attached.\nBest regards\n" * 5,
         "titles.csv": b"t,ax,ay,az,gx,gy,gz\n",
         "labelled.txt": b"ax:0.12,ay:0.30,az:9.81\n" * 200,
@@ -188,6 +194,8 @@ def files_that_are_no_logs(folder: Path) -> dict[str, str]:
         "turns.csv": "rows of several sensors take turns",
         "commas.csv": "the comma stands both between", "short.csv": "20 rows",
         "book.xlsx": "a spreadsheet", "logs.zip": "a packed archive",
+        "log.csv.bz2": "a packed file (bzip2)", "log.csv.xz": "a packed file (xz)",
+        "log.pkl": "a pickle", "log.feather": "an Arrow (Feather) file",
     }  # fmt: skip
 
 
@@ -200,6 +208,14 @@ def test_a_file_that_is_no_log_gets_one_clear_answer(tmp_path):
         usual = "recognise.no_table" if table else "recognise.no_log"
         assert problem.code == short.get(name, usual), name
         assert problem.cure
+
+
+def test_commas_in_a_line_above_the_titles_are_not_those_of_numbers(log, tmp_path):
+    # Half as many cells as a row has, as the line that `foucault apply` writes of its result.
+    c, file = make.Columns.of(log), tmp_path / "log.csv"
+    rows = make.text("t,ax,ay,az,gx,gy,gz", [c.t, c.f, c.w], ["%.5f"] * 7)
+    file.write_text("# recorded by A, B, on a table, warm\n" + rows)
+    assert recognise([file]).log["gyro"]["columns"] == ["gx", "gy", "gz"]
 
 
 def test_gravity_taken_off_rests_alone_and_motion_alone_are_told(log, tmp_path):

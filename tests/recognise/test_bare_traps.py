@@ -183,6 +183,27 @@ def test_gyros_that_stop_half_way_are_named(c, tmp_path, axis):
     assert [f.message.split()[1] for f in found if f.code == "log.stuck"] == list("xyz"[: axis + 1])
 
 
+# Alone, the first leaves the rate open, and the second looks as if gravity had been taken off.
+@pytest.mark.parametrize(
+    ("triad", "share", "axis"), [("accel", 0.1, 0), ("accel", 0.6, 1), ("accel", 0.5, 2)]
+)
+def test_an_axis_that_stops_on_the_way_is_named(c, tmp_path, triad, share, axis):
+    x = {"accel": c.f.copy(), "gyro": c.w.copy()}
+    k = int(share * len(c.w))
+    x[triad][k:, axis] = x[triad][k, axis]
+    file = tmp_path / "half.csv"
+    file.write_text(make.text(HEAD, [c.t, x["accel"], x["gyro"]], FORM))
+    try:
+        log = recognise([file])
+    except FoucaultError as problem:
+        assert problem.code == "recognise.lost", problem.message
+        assert f"{triad[0]}{'xyz'[axis]} repeats one reading from" in problem.message
+        return
+    assert not log.questions
+    found = logs.read(LogDescription.model_validate(log.log), tmp_path).findings
+    assert [f.message.split()[1] for f in found if f.code == "log.stuck"] == ["xyz"[axis]]
+
+
 def test_gyros_of_another_instrument_are_told(c, tmp_path):
     file = tmp_path / "other.csv"
     other = np.roll(c.w, len(c.w) // 3, axis=0)

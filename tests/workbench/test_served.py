@@ -17,7 +17,7 @@ import pytest
 from foucault.workbench.store import Store
 from make_workbench import Served, children, log_text
 
-KILLS = int(os.environ.get("FOUCAULT_KILLS", "20"))
+KILLS = int(os.environ.get("FOUCAULT_KILLS", "8"))
 
 
 @pytest.fixture

@@ -39,7 +39,7 @@ from foucault.procedures.navigation import NavigationTest, navigate_log
 from foucault.procedures.navigation.start import Settings
 from foucault.procedures.record import Stretch
 from foucault.run_folder import Record
-from foucault.tables import TRAJECTORY
+from foucault.tables import declared
 from foucault.units import Quantity, Rate
 
 if TYPE_CHECKING:
@@ -235,7 +235,7 @@ def _trajectory(run: Run, start: tuple[float, float, float]) -> Columns:
     t = run.trajectory
     here = earth.displacement(*start, t.latitude, t.longitude, t.height)
     values = [t.time, t.latitude, t.longitude, t.height, *t.velocity_n.T, *t.angles.T, *here.T]
-    return {c.name: (v, c.unit) for c, v in zip(TRAJECTORY, values, strict=True)}
+    return {c.name: (v, c.unit) for c, v in zip(declared("trajectory"), values, strict=True)}
 
 
 def _errors(test: NavigationTest, start: tuple[float, float, float]) -> Columns:

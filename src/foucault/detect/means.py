@@ -152,10 +152,6 @@ def _integral(
     return np.asarray(at[:, 1] - at[:, 0])
 
 
-BLOCK = 1 << 16
-"""Rows that are worked on at once [1]."""
-
-
 # -- noise -----------------------------------------------------------------------------------------
 
 

@@ -323,7 +323,7 @@ def rest_levels(rests: Rests) -> FloatArray:
 
 
 def rest_table(log: Log, rests: Rests) -> dict[str, npt.NDArray[np.generic]]:
-    """Return the columns first, last, start, end and means of `tables.RESTS`."""
+    """Return the columns first, last, start, end and means of "rests" in tables.toml."""
     out: dict[str, npt.NDArray[np.generic]] = {
         "first": rests.first,
         "last": rests.last,

@@ -87,6 +87,15 @@ def checked(
     return replace(alignment, findings=(*alignment.findings, *more))
 
 
+def hanging(C_nb: FloatArray, told: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Tell of `C_nb` (3, 3) [1] that z points down where nobody told the log how axes point."""
+    if C_nb[2, 2] > -0.5 or all(f.code != "recognise.taken" for f in told):
+        return ()
+    both = C_nb, C_nb[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
+    given, other = (", ".join(f"{x:.1f}" for x in np.degrees(rotation.angles_of(C))) for C in both)
+    return (finding("alignment.hanging", given=given, other=other),)
+
+
 def motion(increments: Increments, site: Site, sensors: SensorErrors) -> tuple[Finding, ...]:
     """Tell sway in the window `increments` [rad], [m/s] from a turn and from leaving the place."""
     fit = inertial_frame(increments, site, sensors)

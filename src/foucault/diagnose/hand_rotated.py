@@ -51,7 +51,7 @@ UNDETERMINED = 1e3
 def norm_columns(
     model: ImuModel, coefficients: CoefficientVector, session: Session
 ) -> dict[str, FloatArray]:
-    """Return the columns of `tables.RESTS` about up and norms [SI], the noise that of each rest."""
+    """Return columns of "rests" in tables.toml: up and norms [SI], the noise that of each rest."""
     readings, mean = session.log.accel, session.accel_mean
     assert readings is not None
     spans = zip(session.first, session.last, strict=True)

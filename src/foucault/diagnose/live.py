@@ -50,7 +50,7 @@ class Inspection:
 
     log: Log  # the log [SI]
     rests: Rests  # where the instrument did not move
-    # first, last, start, end and means of `tables.RESTS`, shape (rests,) each [SI]
+    # first, last, start, end and means of "rests" in tables.toml, shape (rests,) each [SI]
     rest_rows: dict[str, npt.NDArray[np.generic]]
     # accel, gyro: readings [m/s^2], [rad/s]
     accel: Axes | None
@@ -292,12 +292,7 @@ UNQUIET = {"accel": 0.3, "gyro": float(np.radians(5.0))}
 class Watchman:
     """Looks at a growing log from time to time and remembers what he saw.
 
-    Parameters
-    ----------
-    found : LiveRests
-        The log and its rests.
-    used : LogDescription
-        The complete description of the log.
+    `found`: the log and its rests; `used`: the complete description of the log.
     """
 
     def __init__(self, found: LiveRests, used: LogDescription) -> None:

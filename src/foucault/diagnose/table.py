@@ -412,7 +412,7 @@ def scatter(triad: int, sd: float) -> Check:
 def readings_of_many(
     r: Readings, coefficients: CoefficientVector, lever_arm: FloatArray, site: Site
 ) -> dict[str, FloatArray]:
-    """Return the table "readings" of the report, see `tables.READINGS`.
+    """Return the table "readings" of the report, see "readings" in tables.toml.
 
     `r`: means with the covariance of their noise, accelerometers and gyros [SI]; `coefficients`:
     the estimate with its covariance [SI]; `lever_arm` (3,): the accelerometers from the centre of
@@ -433,7 +433,7 @@ def _columns(
     r: Readings, up: FloatArray, h: FloatArray, model: ImuModel, coefficients: CoefficientVector,
     lever_arm: FloatArray, cov: tuple[FloatArray, FloatArray],
 ) -> dict[str, Any]:  # fmt: skip
-    """Return the columns of `tables.READINGS` but those of residuals.
+    """Return the columns of "readings" in tables.toml but those of residuals.
 
     `up` (n, 3): frame b [1]; `h` (n,): mean rates [rad/s]; `cov` (n, 3, 3) each: what a specific
     force and a rate have for themselves [SI].
@@ -523,7 +523,7 @@ NOISE = {
 
 
 def readings_table(e: TableFit) -> dict[str, Any]:
-    """Return the table "readings" of the report, see `tables.READINGS`."""
+    """Return the table "readings" of the report, see "readings" in tables.toml."""
     r, state = e.model.readings, e.estimate.state
     h = turntable.mean_rate(r.rate, e.model.site.latitude or 0.0)
     up, coefficients = state.geometry.directions(), e.estimate.coefficients

@@ -207,19 +207,22 @@ def turning(
                 cure = 'Write sense = "counter-clockwise" (or "clockwise") in [master.attitude].'
             return [finding("transfer.sense", angle=angle, cure=cure,
                             likeness=f"{100 * mirrored.likeness:.0f} %")]  # fmt: skip
-    other = delay_of(increments, said.time, said.C_nm, bracket=bracket)
-    if other is not None and other.likeness >= ALIKE:
-        heading, pitch, roll = (np.degrees(angles_of(other.C_ms)) + 180.0) % 360.0 - 180.0
-        mounted = finding("transfer.mounting", heading=f"{heading:.1f}", pitch=f"{pitch:.1f}",
-                       roll=f"{roll:.1f}", angle=f"{np.degrees(off(other)):.1f}")  # fmt: skip
-        return [mounted, *of_size(other, dt)]
     mirror = replace(increments, dtheta_b=-increments.dtheta_b)
-    other = delay_of(mirror, said.time, said.C_nm, bracket=bracket)
+    turned, mirrored = (delay_of(x, said.time, said.C_nm, bracket=bracket)
+                        for x in (increments, mirror))  # fmt: skip
+    # Of a motion that is nearly all about one axis most is alike even where two columns changed
+    # places: what is not alike tells which it is.
+    left, rest = (1.0 if x is None else 1.0 - x.likeness for x in (turned, mirrored))
+    if turned is not None and left <= min(rest, 1.0 - ALIKE):
+        heading, pitch, roll = (np.degrees(angles_of(turned.C_ms)) + 180.0) % 360.0 - 180.0
+        mounted = finding("transfer.mounting", heading=f"{heading:.1f}", pitch=f"{pitch:.1f}",
+                       roll=f"{roll:.1f}", angle=f"{np.degrees(off(turned)):.1f}")  # fmt: skip
+        return [mounted, *of_size(turned, dt)]
     told = of_size(found, dt)
-    if other is None or other.likeness < ALIKE:
+    if mirrored is None or rest > 1.0 - ALIKE:
         return told
     # Where the gyros point, in the axes of the nominal mounting: a wrong sign, or two columns.
-    axes = ", ".join(columns((-C_ms.T @ other.C_ms).T))
+    axes = ", ".join(columns((-C_ms.T @ mirrored.C_ms).T))
     return [*told, finding("transfer.mirror", axes=axes)]
 
 

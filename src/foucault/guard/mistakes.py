@@ -191,3 +191,10 @@ def likely(ratio: float, known: dict[float, str], near: float = NEAR) -> str | N
     """
     best = min(known, key=lambda factor: abs(np.log(max(ratio, 1e-300) / factor)))
     return known[best] if 1 / near < ratio / best < near else None
+
+
+def rate_hint(ratio: float) -> str:
+    """Return the sentence on degrees and radians that a `ratio` of rates [1] asks for, or none."""
+    if 0.9 < ratio * np.degrees(1) < 1.1:
+        return " That is rad/s read as deg/s."
+    return " That is deg/s." if 0.9 < ratio / np.degrees(1) < 1.1 else ""

@@ -21,16 +21,9 @@ KINDS = {
 def columns_alone(path: Path, columns: Sequence[str], unit: str, rate: str = "") -> LogDescription:
     """Describe up to three columns of a file.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    columns : sequence of str
-        Titles or numbers from 0, of one to three columns; they become x, y and z.
-    unit : str
-        Their unit, which says what they are: readings or increments of gyros or accelerometers.
-    rate : str
-        Such as "100 Hz"; empty where a time column with a usual title says it.
+    `columns`: titles or numbers from 0, of one to three columns, which become x, y and z; `unit`:
+    says what they are: readings or increments of gyros or accelerometers; `rate`: such as "100 Hz",
+    empty where a time column with a usual title says it.
     """
     if len(columns) > 3:
         raise error("allan.columns", count=len(columns))

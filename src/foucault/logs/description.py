@@ -127,6 +127,34 @@ def find(
     raise error("log.unknown_column", file=path.name, name=text, **words)
 
 
+def find_all(
+    raw: RawTable, wanted: Sequence[ColumnName | None], path: Path, block: str
+) -> tuple[list[int], FloatArray]:
+    """Return numbers and signs, shape (k,) [1], of the columns of a block; [None]: guessed."""
+    if list(wanted) == [None]:
+        numbers = guess(raw, block, path)
+        return numbers, np.ones(len(numbers))
+    pairs = [find(raw, name, path, block) for name in wanted if name is not None]
+    return [number for number, _ in pairs], np.array([sign for _, sign in pairs])
+
+
+def find_time(raw: RawTable, time: TimeColumn, path: Path) -> tuple[list[int], FloatArray]:
+    """Return the number of the column of the times and the SI value of one, shape (1,) [s]."""
+    numbers, sign = find_all(raw, [time.column], path, "time")
+    if time.iso != (numbers[0] in raw.stamps):
+        code = "log.time_not_iso" if time.iso else "log.time_iso"
+        raise error(code, file=path.name, column=raw.names[numbers[0]], unit=time.unit)
+    return numbers, time.one() * sign
+
+
+def no_dates(raw: RawTable, numbers: list[int], path: Path) -> None:
+    """Refuse dates where readings are expected; `numbers`: of their columns [1]."""
+    dates = [raw.names[n] for n in numbers if n in raw.stamps]
+    if dates:
+        raise error("log.not_numeric", file=path.name, line="every line", column=dates[0],
+                    cell="a date", hint="")  # fmt: skip
+
+
 def guess(raw: RawTable, block: str, path: Path) -> list[int]:
     """Find the columns of a block by the names people usually give them.
 
@@ -631,6 +659,12 @@ def _without(title: str, endings: dict[str, str]) -> str:
     low = title.strip().lower()
     end = next((end for end in endings if low.endswith(f"_{end}")), None)
     return title.strip() if end is None else title.strip()[: -len(end) - 1]
+
+
+def bare_title(title: str, endings: dict[str, str]) -> str:
+    """Return a column's `title` in small letters and digits, without its unit."""
+    bare = _without(re.sub(r"[(\[].*", "", title), endings).lower()
+    return re.sub(r"[^a-z0-9]", "", bare)
 
 
 def describes_itself(path: Path) -> bool:

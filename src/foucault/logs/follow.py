@@ -60,18 +60,10 @@ class Tail(Protocol):
 
 
 class FileTail:
-    """The bytes that another program appends to a file, which need not exist yet.
+    """The bytes that another program appends to a file `name`, which need not exist yet.
 
-    Attributes
-    ----------
-    name : str
-        Name of the file.
-    restarts : int, shape ()
-        How often the file was emptied, replaced or written anew [1].
-    ended : bool
-        Whether nothing more can come: never.
-    missing : bool
-        Whether there is no such file now.
+    `restarts`: how often it was emptied, replaced or written anew [1]; `ended`: whether nothing
+    more can come: never; `missing`: whether there is no such file now.
     """
 
     ended = False
@@ -120,16 +112,8 @@ class FileTail:
 class StreamTail:
     """The bytes of a pipe; a thread waits for them, so that nobody else must.
 
-    Attributes
-    ----------
-    name : str
-        What to call it.
-    restarts : int, shape ()
-        Always 0 [1].
-    ended : bool
-        Whether the writer has closed the pipe and all was read.
-    missing : bool
-        Always False.
+    `name`: what to call it; `restarts`: always 0 [1]; `ended`: whether the writer has closed it and
+    all was read; `missing`: always False.
     """
 
     restarts = 0
@@ -170,16 +154,10 @@ class StreamTail:
 
 
 class Follower:
-    """The rows of a log, as they come.
+    """The rows of a log, as they come from its `tail`.
 
-    Attributes
-    ----------
-    tail : Tail
-        Where the bytes come from.
-    behind : bool
-        Whether more bytes are waiting already.
-    used : LogDescription or None
-        The complete description, once the first line of data has come.
+    `behind`: whether more bytes are waiting already; `used`: the complete description, once the
+    first line of data has come.
     """
 
     def __init__(self, tail: Tail, description: LogDescription) -> None:

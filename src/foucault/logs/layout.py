@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
@@ -102,8 +102,27 @@ class Block(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class TimeColumn(Block):
+class Measured(Block):
+    """A table inside [log] whose units are checked when it is read."""
+
+    of: ClassVar[dict[str, str]]
+    """Name of a unit -> what it must measure, a key of `foucault.units.KINDS`."""
+
+    @model_validator(mode="after")
+    def _units(self) -> Self:
+        for name in self.of:
+            self.one(name)
+        return self
+
+    def one(self, name: str = "unit") -> float:
+        """Return the value of one of unit `name` [SI]."""
+        return scaled_unit(getattr(self, name), self.of[name])
+
+
+class TimeColumn(Measured):
     """The time column."""
+
+    of: ClassVar[dict[str, str]] = {"unit": "time"}
 
     column: ColumnName | None = Field(
         None, description="name, or number from 0; guessed from the header if left out"
@@ -112,19 +131,14 @@ class TimeColumn(Block):
         description='"s", "ms", "us", a tick such as "15.625 us", or "iso" for 2026-05-04T10:00:00Z'
     )
 
-    @model_validator(mode="after")
-    def _unit(self) -> TimeColumn:
-        self.one()
-        return self
-
     @property
     def iso(self) -> bool:
         """Whether the column holds dates and times of day."""
         return self.unit.lower() == "iso"
 
-    def one(self) -> float:
-        """Return the value of one `unit` [s]."""
-        return 1.0 if self.iso else scaled_unit(self.unit, "time")
+    def one(self, name: str = "unit") -> float:
+        """Return the value of one of unit `name` [s]."""
+        return 1.0 if self.iso else super().one(name)
 
 
 class Temperature(Block):
@@ -153,20 +167,13 @@ class TemperatureColumn(Temperature):
     file: str | None = Field(None, description="file of this column, if not the log's")
 
 
-class Length(Block):
+class Length(Measured):
     """The column that says over how long each row is already a mean."""
+
+    of: ClassVar[dict[str, str]] = {"unit": "time"}
 
     column: ColumnName = Field(description="name, or number from 0")
     unit: str = Field(description='"s", "min" or another unit of time')
-
-    @model_validator(mode="after")
-    def _unit(self) -> Length:
-        self.one()
-        return self
-
-    def one(self) -> float:
-        """Return the value of one `unit` [s]."""
-        return scaled_unit(self.unit, "time")
 
 
 class Averaged(Length):

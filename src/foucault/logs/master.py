@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -31,7 +31,7 @@ from foucault.errors import Finding, error, finding
 from foucault.files import atomic
 from foucault.logs import description as columns
 from foucault.logs import reference
-from foucault.logs.layout import Block, ColumnName, FileLayout, TimeColumn, scaled_unit
+from foucault.logs.layout import Block, ColumnName, FileLayout, Measured, TimeColumn, scaled_unit
 from foucault.logs.raw import RawTable, kept, open_raw
 from foucault.logs.reference import misses
 from foucault.models.rotation import matrix_of, turned
@@ -49,20 +49,16 @@ def _pair(block: str, columns: object, unit: object) -> None:
         raise error("master.columns", file="The master's table", what=f"{block} has no `{missing}`")
 
 
-class PositionColumns(Block):
+class PositionColumns(Measured):
     """Latitude and longitude, and the height where there is one."""
+
+    of: ClassVar[dict[str, str]] = {"unit": "angle", "height_unit": "length"}
 
     columns: tuple[ColumnName, ColumnName] | Triple = Field(
         description="names or numbers from 0 for latitude, longitude, height"
     )
     unit: str = Field(description='unit of latitude and longitude, such as "deg" or "rad"')
     height_unit: str = Field("m", description="unit of the height")
-
-    @model_validator(mode="after")
-    def _units(self) -> PositionColumns:
-        scaled_unit(self.unit, "angle")
-        scaled_unit(self.height_unit, "length")
-        return self
 
 
 class VelocityColumns(Block):
@@ -270,8 +266,8 @@ def _described(
             yield name, _time(raw, block, name, path)
     wanted: list[tuple[tuple[str, ...], tuple[int | str, ...] | None, list[float], str]] = []
     if used.position is not None:
-        angle = scaled_unit(used.position.unit, "angle")
-        sizes = [angle, angle, scaled_unit(used.position.height_unit, "length")]
+        angle = used.position.one()
+        sizes = [angle, angle, used.position.one("height_unit")]
         wanted.append((_PLACE, used.position.columns, sizes, "position"))
     if used.velocity.unit is not None:
         sizes = [scaled_unit(used.velocity.unit, "velocity")] * 3

@@ -1,4 +1,4 @@
-"""Our own log files: columns of `foucault.tables.IMU_LOG` in SI, readable without description.
+"""Our own log files: columns of imu_log (`foucault.tables`) in SI, readable without description.
 
 What a log says about the table that the instrument stands on, and rows that are means.
 """
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, error
 from foucault.files import atomic
-from foucault.tables import AXES, IMU_LOG, TABLE_LOG, Log, TableColumns, gaps
+from foucault.tables import AXES, Log, TableColumns, declared, gaps
 
 MARKER = "foucault imu log v1"
 """How our files begin to say what they are."""
@@ -56,7 +56,7 @@ def sampled_of(text: str) -> Literal["rate", "increment"] | None:
 
 def describe(names: tuple[str, ...]) -> dict[str, Any]:
     """Return the blocks of a description for one of our files with these columns."""
-    units = {column.name: column.unit for column in IMU_LOG}
+    units = {column.name: column.unit for column in declared("imu_log")}
     blocks: dict[str, Any] = {"time": {"column": "time", "unit": units["time"]}}
     for triad in ("gyro", "accel", "mag"):
         columns = [f"{triad}_{axis}" for axis in AXES]
@@ -68,7 +68,7 @@ def describe(names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _describe_table(names: tuple[str, ...]) -> dict[str, Any]:
-    units = {column.name: column.unit for column in TABLE_LOG}
+    units = {column.name: column.unit for column in declared("table_log")}
     table: dict[str, Any] = {}
     if set(ANGLES) & set(names):
         table |= {"columns": [n if n in names else "" for n in ANGLES], "unit": units[ANGLES[0]]}
@@ -83,7 +83,7 @@ def _describe_table(names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def columns_of(log: Log) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of `IMU_LOG` and `TABLE_LOG` that a log has, each shape (n,) [SI].
+    """Return the columns of imu_log and table_log that a log has, each shape (n,) [SI].
 
     `log`: the log [SI].
     """
@@ -155,7 +155,7 @@ def _opened(blocks: Iterable[Log], remarks: dict[str, str]) -> tuple[Any, Iterat
             pa.int64() if c.name == "position" else pa.float64(),
             metadata={"unit": c.unit, "meaning": c.meaning},
         )
-        for c in (*IMU_LOG, *TABLE_LOG)
+        for c in (*declared("imu_log"), *declared("table_log"))
         if c.name in have
     ]
     said = marker(first.sampled, calibrated=CALIBRATED_KEY in remarks)

@@ -19,7 +19,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -28,7 +28,7 @@ from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.errors import Finding, error, finding
 from foucault.files import atomic, sha256
 from foucault.logs import description as columns
-from foucault.logs.layout import Block, ColumnName, FileLayout, TimeColumn, scaled_unit
+from foucault.logs.layout import Block, ColumnName, FileLayout, Measured, TimeColumn, scaled_unit
 from foucault.logs.raw import RawTable, kept, open_raw
 from foucault.models.pose import READINGS, PoseTable, Second
 
@@ -36,16 +36,13 @@ Triple = tuple[ColumnName, ColumnName, ColumnName]
 Four = tuple[ColumnName, ColumnName, ColumnName, ColumnName]
 
 
-class PositionColumns(Block):
+class PositionColumns(Measured):
     """Position of the tracked point."""
+
+    of: ClassVar[dict[str, str]] = {"unit": "length"}
 
     columns: Triple | None = Field(None, description="names or numbers from 0 for x, y, z")
     unit: str = Field("m", description='unit of all three, such as "m" or "mm"')
-
-    @model_validator(mode="after")
-    def _unit(self) -> PositionColumns:
-        scaled_unit(self.unit, "length")
-        return self
 
 
 class QuaternionColumns(Block):
@@ -60,16 +57,13 @@ class QuaternionColumns(Block):
     )
 
 
-class HeadingColumns(Block):
+class HeadingColumns(Measured):
     """Direction of the base of two antennas: heading clockwise from north, y, and pitch up."""
+
+    of: ClassVar[dict[str, str]] = {"unit": "angle"}
 
     columns: tuple[ColumnName, ColumnName] = Field(description="names or numbers: heading, pitch")
     unit: str = Field("deg", description='unit of both, such as "deg"')
-
-    @model_validator(mode="after")
-    def _unit(self) -> HeadingColumns:
-        scaled_unit(self.unit, "angle")
-        return self
 
 
 class FixedColumn(Block):
@@ -128,14 +122,14 @@ class PoseDescription(FileLayout):
         return f"{' '.join(q.order)}, {q.turns}"
 
 
-POSITIONS = (("x", "y", "z"), ("px", "py", "pz"), ("positionx", "positiony", "positionz"),
-             ("tx", "ty", "tz"), ("prsrx", "prsry", "prsrz"), ("pxm", "pym", "pzm"),
-             ("posx", "posy", "posz"), ("easting", "northing", "height"))  # fmt: skip
-QUATERNIONS = (("qw", "qx", "qy", "qz"), ("qrsw", "qrsx", "qrsy", "qrsz"),
-               ("orientationw", "orientationx", "orientationy", "orientationz"),
-               ("rw", "rx", "ry", "rz"), ("q0", "q1", "q2", "q3"))  # fmt: skip
+POSITIONS = (*(tuple(word + axis for axis in "xyz") for word in (
+                 "", "p", "position", "t", "prsr", "pos", "translation")),
+             ("pxm", "pym", "pzm"), ("easting", "northing", "height"))  # fmt: skip
+QUATERNIONS = (("q0", "q1", "q2", "q3"), ("q1", "q2", "q3", "q4"), *(
+    tuple(word + axis for axis in "wxyz") for word in (
+        "q", "qrs", "orientation", "r", "quat", "quaternion", "rot", "rotation")))  # fmt: skip
 SECONDS = (("x2", "y2", "z2"),)
-"""Titles that people give, without unit and marks; quaternions scalar first."""
+"""Titles that people give, without unit and marks; q1 to q4 begin or end with the scalar."""
 
 
 def read(description: PoseDescription, folder: str | Path = ".") -> PoseTable:
@@ -230,7 +224,7 @@ def _of_columns(path: Path, said: PoseDescription) -> Columns:
     rows = np.concatenate([*kept(raw, path).blocks(wanted)])
     stamp = np.arange(len(rows)) / (said.rate or 1.0) if time is None else rows[:, 0] * one
     rows = rows[:, 0 if time is None else 1 :]
-    p = rows[:, :3] * scaled_unit(said.position.unit, "length")
+    p = rows[:, :3] * said.position.one()
     declared = "x y z w, body to world" if tum else (raw.declared or {}).get("reading")
     fixed = None if said.fixed is None else np.isin(rows[:, -1], said.fixed.values)
     second = of_second(rows[:, 3 : 3 + len(beside)]) if beside else None
@@ -242,7 +236,7 @@ def _second(
 ) -> tuple[list[int], Callable[[FloatArray], Second]]:
     """Return the columns of a second antenna, and what makes it of their numbers."""
     if said.heading is not None:
-        angle = scaled_unit(said.heading.unit, "angle")
+        angle = said.heading.one()
 
         def pointing(x: FloatArray) -> Second:
             heading, pitch = angle * x.T
@@ -259,7 +253,7 @@ def _second(
                         "second" if told == "position" else told)  # fmt: skip
     if found is None and block is not None:
         raise error("pose.second_columns", file=path.name, block="second" if said.second else told)
-    one = scaled_unit((block or said.position).unit, "length")
+    one = (block or said.position).one()
     return found or [], lambda x: Second(one * x, told)
 
 

@@ -271,20 +271,16 @@ def _picks(
     used: LogDescription, blocks: tuple[str, ...], raw: RawTable, path: Path
 ) -> Iterator[_Pick]:
     if used.time is not None:
-        numbers, sign = _numbers(raw, [used.time.column], "time", path)
-        if used.time.iso != (numbers[0] in raw.stamps):
-            code = "log.time_not_iso" if used.time.iso else "log.time_iso"
-            name, unit = raw.names[numbers[0]], used.time.unit
-            raise error(code, file=path.name, column=name, unit=unit)
-        yield _Pick("time", numbers, np.zeros(1), np.array([used.time.one()]) * sign)
+        numbers, one = columns.find_time(raw, used.time, path)
+        yield _Pick("time", numbers, np.zeros(1), one)
     elif used.rate is None and used.averaged is None:
         raise error("log.no_time", file=path.name)
     for name in blocks:
         block = getattr(used, name)
         if name in ("table", "averaged"):
-            one = block.numbers() if name == "table" else {name: (block.column, block.one())}
-            for what, (column, unit) in one.items():
-                numbers, sign = _numbers(raw, [column], name, path)
+            single = block.numbers() if name == "table" else {name: (block.column, block.one())}
+            for what, (column, unit) in single.items():
+                numbers, sign = columns.find_all(raw, [column], path, name)
                 yield _Pick(what, numbers, np.zeros(1), unit * sign)
             continue
         if name == "temperature":
@@ -292,25 +288,12 @@ def _picks(
         else:
             named = block.columns
             wanted = [None] if named is None else [c for c in named if c is not None]
-        numbers, sign = _numbers(raw, wanted, name, path)
-        dates = [raw.names[n] for n in numbers if n in raw.stamps]
-        if dates:
-            raise error("log.not_numeric", file=path.name, line="every line", column=dates[0],
-                        cell="a date", hint="")  # fmt: skip
+        numbers, sign = columns.find_all(raw, wanted, path, name)
+        columns.no_dates(raw, numbers, path)
         zero, factor = block.conversion()
         if name in TRIADS:
             zero, factor = zero[list(block.logged)], factor[list(block.logged)]
         yield _Pick(name, numbers, zero, factor * sign)
-
-
-def _numbers(
-    raw: RawTable, wanted: list[Any], block: str, path: Path
-) -> tuple[list[int], FloatArray]:
-    if wanted == [None]:
-        numbers = columns.guess(raw, block, path)
-        return numbers, np.ones(len(numbers))
-    found = [columns.find(raw, name, path, block) for name in wanted]
-    return [number for number, _ in found], np.array([sign for _, sign in found])
 
 
 def _joined(

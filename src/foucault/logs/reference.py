@@ -9,7 +9,6 @@ Velocities that should lead from each position of a table to the next, and where
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,7 +21,7 @@ from foucault import units
 from foucault.arrays import FloatArray
 from foucault.errors import FoucaultError, error
 from foucault.files import sha256
-from foucault.logs.description import unit_in
+from foucault.logs.description import bare_title, unit_in
 from foucault.logs.layout import FileLayout
 from foucault.logs.raw import RawTable, kept, open_raw
 from foucault.models.earth import displacement
@@ -258,7 +257,7 @@ def titled_columns(raw: RawTable, path: Path) -> dict[str, tuple[int, float]]:
     for column, titles in _TITLES.items():
         kind = _KINDS.get(column, "angle")
         ends = _ENDINGS[kind]
-        names = [_plain(name, ends) for name in raw.names]
+        names = [bare_title(name, ends) for name in raw.names]
         numbers = [i for i, name in enumerate(names) if name in titles]
         if len(numbers) > 1:
             raise wrong(f"more than one column is titled as {column.replace('_', ' ')}")
@@ -295,13 +294,6 @@ def _stated(path: Path) -> dict[str, str]:
     fields = parquet.read_schema(path)
     units_of = {f.name: (f.metadata or {}).get(b"unit", b"").decode() for f in fields}
     return {name: unit for name, unit in units_of.items() if unit}
-
-
-def _plain(name: str, endings: dict[str, str]) -> str:
-    bare = re.sub(r"[(\[].*", "", name).strip().lower()
-    end = next((e for e in endings if bare.endswith(f"_{e}")), None)
-    bare = bare if end is None else bare[: -len(end) - 1]
-    return re.sub(r"[^a-z0-9]", "", bare)
 
 
 def _position(columns: dict[str, FloatArray], path: Path) -> FloatArray | None:

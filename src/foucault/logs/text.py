@@ -46,6 +46,9 @@ if TYPE_CHECKING:
 
 
 BLOCK_BYTES = 4 << 20
+BYTE_ORDER = "\ufeff"
+"""The mark of a byte order: no part of the text that it stands before."""
+
 _COMMA_IN_TIME = re.compile(rb"(:\d\d),(?=\d)")
 """ISO 8601 allows it before a part of a second; Arrow does not."""
 
@@ -114,7 +117,16 @@ def _words(
     import pyarrow as pa
 
     for batch in _batches(stream, dialect, {column: pa.binary()}, size, None, good):
-        yield [decoded(word or b"") for word in batch.column(0).to_pylist()]
+        yield _decoded([word or b"" for word in batch.column(0).to_pylist()])
+
+
+def _decoded(cells: list[bytes]) -> list[str]:
+    """Return cells, none of which holds an end of line, as text: at once where all are UTF-8."""
+    try:
+        text = b"\n".join(cells).decode()
+    except UnicodeDecodeError:
+        text = BYTE_ORDER
+    return [decoded(cell) for cell in cells] if BYTE_ORDER in text else text.split("\n")
 
 
 def _batches(

@@ -40,7 +40,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray, IntArray
-from foucault.coefficients import Coefficient, Layout
+from foucault.coefficients import Coefficient, Layout, coefficients_of
 from foucault.errors import error
 from foucault.models.deflection import DeflectionModel
 from foucault.models.earth import EARTH_RATE
@@ -49,16 +49,7 @@ from foucault.models.noise import ImuNoise
 from foucault.models.rotation import cross_matrix
 from foucault.tables import AXES
 
-STATES = Layout(
-    (
-        *(Coefficient(f"attitude_error.{a}", f"psi_{a[0]}", "angle", f"attitude error about {a}")
-          for a in ("east", "north", "up")),
-        *(Coefficient(f"velocity_error.{a}", f"dv_{a[0]}", "velocity", f"velocity error {a}")
-          for a in ("east", "north", "up")),
-        *(Coefficient(f"position_error.{a}", f"dr_{a[0]}", "length", f"position error {a}")
-          for a in ("east", "north", "up")),
-    )
-)  # fmt: skip
+STATES = Layout(coefficients_of("navigation"))
 """The nine errors of navigation; east and north are the axes of frame l."""
 
 # Where the inputs of a term begin in the vector that the kernels make (`kernels.ins_transition`).

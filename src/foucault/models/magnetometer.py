@@ -25,10 +25,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector, Layout, coefficients_of
 from foucault.errors import error
 from foucault.models.rotation import exp
-from foucault.tables import AXES, Log
+from foucault.tables import Log
 
 REFERENCE = 298.15
 """T_0, the temperature that the hard iron is said at [K]."""
@@ -47,22 +47,7 @@ FRAME = "body axes x right, y forward, z up, those of the IMU"
 OFF = tuple((o, i) for o in range(3) for i in range(3) if o != i)
 """Output and input axis of the elements of A beside its diagonal."""
 
-LAYOUT = Layout(
-    (
-        *(Coefficient(f"mag.scale.{a}", f"S_{a}", "scale factor error",
-                      f"magnetometer {a}: gain for the field along {a}, less 1") for a in AXES),
-        *(Coefficient(f"mag.misalignment.{AXES[o]}{AXES[i]}", f"M_{AXES[o]}{AXES[i]}",
-                      "misalignment",
-                      f"magnetometer {AXES[o]}: gain for the field along {AXES[i]}, by rotation, "
-                      "non-orthogonality and soft iron") for o, i in OFF),
-        *(Coefficient(f"mag.bias.{a}", f"h_{a}", "magnetic field",
-                      f"magnetometer {a}: hard iron and bias of the sensor") for a in AXES),
-        Coefficient("mag.delay", "delay", "delay", "how late the magnetometer is after the gyros"),
-        *(Coefficient(f"mag.bias_temperature.{a}", f"h_T{a}", "magnetic field per kelvin",
-                      f"magnetometer {a}: change of hard iron and bias with temperature")
-          for a in AXES),
-    )
-)  # fmt: skip
+LAYOUT = Layout(coefficients_of("magnetometer"))
 """The coefficients of a magnetometer beside an IMU."""
 
 LINEAR = LAYOUT.names[:13]

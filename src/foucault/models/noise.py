@@ -268,23 +268,24 @@ def window_covariance(start: FloatArray, end: FloatArray, noise: TriadNoise) -> 
     of the two exponentials. Random walk: ``q^2 (t + T/3)`` on the diagonal, ``q^2`` times the
     middle of the earlier window off it (the bias of the model is the value at time zero).
 
-    `start`, `end` (m,): ends of the windows, counted from the start of the log [s]; `noise`: bias
-    instability, correlation time and random walk [SI]. Returns (m, m): covariance [unit^2].
+    `start`, `end` (..., m): ends of the windows, counted from the start of each log [s]; `noise`:
+    bias instability, correlation time and random walk [SI]. Returns (..., m, m): covariance
+    [unit^2].
     """
     T = np.maximum(end - start, 1e-9)
     mid = (start + end) / 2
     tau = noise.correlation_time
-    x = T / tau
-    gap = np.abs(mid[:, None] - mid[None, :]) / tau
+    x, each = T / tau, np.arange(T.shape[-1])
+    gap = np.abs(mid[..., :, None] - mid[..., None, :]) / tau
     # exp(-gap) sinh(x/2)/(x/2) for each window, kept from overflowing at long windows.
     shape = -np.expm1(-x) / x
-    between = np.maximum(gap - (x[:, None] + x[None, :]) / 2, 0.0)
-    markov = np.exp(-between) * np.outer(shape, shape)
+    between = np.maximum(gap - (x[..., :, None] + x[..., None, :]) / 2, 0.0)
+    markov = np.exp(-between) * (shape[..., :, None] * shape[..., None, :])
     small = x < 1e-4
     own = 2 / x * (1 - shape)
-    np.fill_diagonal(markov, np.where(small, 1 - x / 3, own))
-    walk = np.minimum(mid[:, None], mid[None, :])
-    np.fill_diagonal(walk, start + T / 3)
+    markov[..., each, each] = np.where(small, 1 - x / 3, own)
+    walk = np.minimum(mid[..., :, None], mid[..., None, :])
+    walk[..., each, each] = start + T / 3
     return np.asarray(noise.bias_instability**2 * markov + noise.random_walk**2 * walk)
 
 

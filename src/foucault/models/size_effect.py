@@ -28,28 +28,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.coefficients import Coefficient, CoefficientVector, Layout, coefficients_of
 from foucault.models.imu import ImuModel
-from foucault.tables import AXES, Log, gaps
+from foucault.tables import Log, gaps
 
 if TYPE_CHECKING:
     from foucault.models.ins_errors import Sensors
 
-LEVER = Layout(
-    tuple(
-        Coefficient(
-            f"accel.lever.{i}{k}", f"r_{i}{k}", "lever arm",
-            f"{k} coordinate of the {i} accelerometer from the z accelerometer, body axes",
-        )
-        for i in AXES[:2]
-        for k in AXES
-    )
-)  # fmt: skip
+LEVER = Layout(coefficients_of("lever"))
 """Lever arms of the x and y accelerometers from the z accelerometer."""
 
-OFFSET = Layout(
-    (Coefficient("accel.delay", "tau", "delay", "how much later accelerometers read than gyros"),)
-)
+OFFSET = Layout(coefficients_of("accel_delay"))
 """Time between gyros and accelerometers."""
 
 LAYOUT = Layout((*LEVER.coefficients, *OFFSET.coefficients))

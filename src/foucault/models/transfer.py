@@ -17,45 +17,29 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import BoolArray, FloatArray
-from foucault.coefficients import Coefficient, Layout
+from foucault.coefficients import Layout, coefficients_of
 from foucault.errors import Finding, error, finding
 from foucault.models.earth import transport_rate
 from foucault.models.imu import LAYOUT
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import angles_of
-from foucault.tables import AXES, gaps, usual_step
+from foucault.tables import gaps, usual_step
 from foucault.units import plain, span
 
-
-def _triad(group: str, symbol: str, kind: str, what: str) -> tuple[Coefficient, ...]:
-    return tuple(
-        Coefficient(f"{group}.{a}", f"{symbol}_{a}", kind, f"{what}, {a} axis of the slave")
-        for a in AXES
-    )
-
-
-INSTALLATION = Layout(_triad("installation", "mu", "angle", "rotation from the nominal mounting"))
+INSTALLATION = Layout(coefficients_of("installation"))
 """The constant part of how the slave is turned against its nominal mounting."""
 
-DELAY = Layout((Coefficient("master.delay", "tau", "time", "how late messages arrive"),))
+DELAY = Layout(coefficients_of("master_delay"))
 """Between what a message says and its arrival."""
 
-LOAD = Layout(_triad("load", "k", "angle", "rotation of the mount per g of load"))
+LOAD = Layout(coefficients_of("load"))
 """Compliance of the mount."""
 
-FLEXURE = Layout(
-    (*_triad("flexure", "th", "angle", "rotation of the mount that comes and goes"),
-     *_triad("flexure_rate", "thdot", "angular rate", "its rate"))
-)  # fmt: skip
+FLEXURE = Layout(coefficients_of("flexure"))
 """The part of the rotation that wanders."""
 
-WANDER = Layout(
-    tuple(Coefficient(f"{triad}_wander.{a}", f"w_{triad[0]}{a}", kind,
-                      f"what the bias of the {triad} wanders, {a} axis")
-          for triad, kind in (("gyro", "angular rate"), ("accel", "specific force"))
-          for a in AXES)
-)  # fmt: skip
+WANDER = Layout(coefficients_of("wander"))
 """What a bias is away from its mean: a first-order Markov process, the bias instability."""
 
 DRIFTING = ("gyro.bias", "accel.bias", "gyro.scale", "accel.scale")
@@ -65,10 +49,7 @@ COUNTED = Layout(
     (*(replace(LAYOUT.coefficients[i], name=f"drift.{LAYOUT.names[i]}", symbol="d",
                meaning=f"{LAYOUT.coefficients[i].meaning}, end minus start of the run")
        for group in DRIFTING for i in LAYOUT.group(group)),
-     Coefficient("site.gravity", "dg", "gravity", "local gravity less what was taken for it"),
-     Coefficient("site.latitude", "dL", "angle", "latitude less what was taken for it"),
-     *_triad("lever_arm", "dl", "length", "lever arm less what was measured"),
-     Coefficient("messages.rate", "c", "scale factor error", "rate of the clocks on each other"))
+     *coefficients_of("transfer_counted"))
 )  # fmt: skip
 """What is not estimated, and counted with as states, beside coefficients of the instrument."""
 

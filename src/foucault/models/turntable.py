@@ -52,45 +52,13 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import Coefficient, Layout
+from foucault.coefficients import Layout, coefficients_of
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import ImuModel
 from foucault.models.noise import Readings
 from foucault.models.rotation import cross_matrix, exp
-from foucault.tables import AXES
 
-RIG = Layout(
-    (
-        Coefficient("table.plumb.x", "x_0", "angle", "tilt of the outer axis about table x"),
-        Coefficient("table.plumb.y", "y_0", "angle", "tilt of the outer axis about table y"),
-        Coefficient(
-            "table.orthogonality.middle_outer", "p_mo", "angle",
-            "departure of the middle from the perpendicular to the outer axis",
-        ),
-        Coefficient(
-            "table.orthogonality.inner_middle", "p_im", "angle",
-            "departure of the inner from the perpendicular to the middle axis",
-        ),
-        Coefficient("table.zero.middle", "z_m", "angle", "zero error of the middle angle"),
-        Coefficient("table.zero.inner", "z_i", "angle", "zero error of the inner angle"),
-        Coefficient("table.rate", "e_w", "scale factor error", "relative error of all spin rates"),
-        Coefficient("table.heading", "psi", "angle", "azimuth of table y at outer angle zero"),
-        *(
-            Coefficient(
-                f"mounting.{a}", f"th_{a}", "angle",
-                f"rotation of the body axes about case {a}",
-            )
-            for a in AXES
-        ),
-        *(
-            Coefficient(
-                f"lever_arm.{a}", f"r_{a}", "length",
-                f"{a} of the accelerometers from the centre of the table",
-            )
-            for a in AXES
-        ),
-    )
-)  # fmt: skip
+RIG = Layout(coefficients_of("table"))
 """What a session on a table can find beside the coefficients of the instrument."""
 
 COMMON = RIG.names[:6]

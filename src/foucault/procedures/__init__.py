@@ -24,23 +24,13 @@ Progress = Callable[[float, str], None]
 """Called with the fraction done and what is being done."""
 
 PROCEDURES = {
-    "hand_rotated": "foucault.procedures.hand_rotated",
-    "hand_rotated_published": "foucault.procedures.hand_rotated_published",
-    "six_position": "foucault.procedures.six_position",
-    "ferraris": "foucault.procedures.ferraris",
-    "norm_observation": "foucault.procedures.norm_observation",
-    "multi_position": "foucault.procedures.multi_position",
-    "turntable": "foucault.procedures.turntable",
-    "rate_table": "foucault.procedures.rate_table",
-    "continuous_spin": "foucault.procedures.continuous_spin",
-    "magnetometer": "foucault.procedures.magnetometer",
-    "north_seeking": "foucault.procedures.north_seeking",
-    "platform_tumble": "foucault.procedures.platform_tumble",
-    "systematic": "foucault.procedures.systematic",
-    "transfer_alignment": "foucault.procedures.transfer_alignment",
-    "imu_pose": "foucault.procedures.imu_pose",
-    "two_imus": "foucault.procedures.two_imus",
-}
+    name: f"foucault.procedures.{name}" for name in (
+        "hand_rotated", "hand_rotated_published", "six_position", "ferraris", "norm_observation",
+        "multi_position", "turntable", "rate_table", "continuous_spin", "magnetometer",
+        "north_seeking", "platform_tumble", "systematic", "transfer_alignment", "imu_pose",
+        "two_imus",
+    )
+}  # fmt: skip
 """Name in a campaign file -> module."""
 
 

@@ -148,7 +148,8 @@ def align_log(
     return Comparison(
         found, float(np.linalg.norm(w_ib_b)), latitude_seen(f_b, w_ib_b), site, taken,
         noise is None, gyro_sd, accel_sd,
-        (*log.findings, *told, *judged(found, whole, site, sensors)),
+        (*log.findings, *told, *judged(found, whole, site, sensors),
+         *alignment_checks.hanging(found[0].C_nb, log.findings)),
     )  # fmt: skip
 
 

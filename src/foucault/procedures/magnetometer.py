@@ -31,7 +31,7 @@ import numpy as np
 from pydantic import Field
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector, Layout, coefficients_of
 from foucault.detect.coverage import coverage
 from foucault.detect.noise import without_spikes
 from foucault.diagnose.checks import check, left_out_check
@@ -681,13 +681,7 @@ SAID = {
 }  # fmt: skip
 """What is known of gyros and field, and the setting that says it."""
 
-CURVED = Layout(
-    tuple(
-        Coefficient(f"mag.{name}.{a}", f"{name[0]}_{a}", "scale factor error",
-                    f"magnetometer {a}: {name} term, as a part of the intensity at that field")
-        for name in ("quadratic", "cubic") for a in AXES
-    )
-)  # fmt: skip
+CURVED = Layout(coefficients_of("magnetometer_curved"))
 """What a sensor that bends adds to its readings."""
 
 

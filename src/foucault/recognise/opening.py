@@ -49,7 +49,10 @@ _NO_LOGS = {
     b"\x7fELF": "a program", b"MZ": "a program", b"RIFF": "sound or a film", b"ID3": "sound",
     b"\x1aE\xdf\xa3": "a film", b"OggS": "sound or a film", b"7z\xbc\xaf": "a packed archive (7z)",
     b"Rar!": "a packed archive (RAR)", b"SQLite format": "a data base (SQLite)",
-    b"\x89HDF": "an HDF5 file",
+    b"\x89HDF": "an HDF5 file", b"ARROW1": "an Arrow (Feather) file",
+    b"BZh": "a packed file (bzip2)", b"\xfd7zXZ\0": "a packed file (xz)",
+    b"\x28\xb5\x2f\xfd": "a packed file (zstd)", b"\x80\x04\x95": "a pickle of Python",
+    b"\x80\x05\x95": "a pickle of Python",
 }  # fmt: skip
 """How files begin that hold no log."""
 
@@ -148,6 +151,7 @@ def refuse_no_log(path: Path) -> None:
         return  # packed, and damaged: the reader says it
     what = next((said for magic, said in _NO_LOGS.items() if start.startswith(magic)), None)
     todo = _SAVE_AS if what and "XLS" in what else _NUMBERS
+    todo = _UNPACK if what and "packed" in what else todo
     if start.startswith(b"PK\x03\x04") and path.suffix.lower() != ".npz":
         book = b"xl/" in start or b"[Content_Types]" in start or path.suffix.lower() in (
             ".xlsx", ".xlsm", ".ods",
@@ -283,13 +287,17 @@ def _comma_twice(lines: Sequence[str], table: _Table) -> bool:
     """Tell whether each number is cut in two at its decimal comma."""
     if table.delimiter != ",":
         return False
-    heads = [len(split(line, ",")) for line in lines[: table.start]]
-    if any(2 * n in (table.cells, table.cells + 1) and n > 2 for n in heads):
-        return True
     rows = [_cells(line, ",") for line in lines[table.start : table.start + 40]]
     rows = [row for row in rows if len(row) == table.cells]
+    if any("." in cell for row in rows for cell in row):
+        return False
+    heads = [len(split(line, ",")) for line in lines[: table.start] if line.strip()]
+    if table.cells in heads:
+        return False
+    if any(2 * n in (table.cells, table.cells + 1) and n > 2 for n in heads[-1:]):
+        return True
     tails = [[row[c] for row in rows] for c in range(1, table.cells, 2)]
-    return table.cells not in heads and len(rows) > 10 and len(tails) > 2 and all(
+    return len(rows) > 10 and len(tails) > 2 and all(
         len({len(cell) for cell in tail}) == 1 and len(tail[0]) > 2 and "".join(tail).isdigit()
         for tail in tails
     )  # fmt: skip

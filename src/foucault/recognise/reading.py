@@ -185,11 +185,10 @@ class _Work:
                     raise error("recognise.unread", file=file.path.name, columns=said)
                 self.lines.append(Line("gyros", "none", f"{said} are empty", SURE))
             units_ = {self.data.columns[k].means.unit for k in columns or ()}
+            given = ", ".join(self.data.shown(k) for k in columns or ())
             if len(units_) > 1 and "" not in units_ and not self._said(name):
-                given = ", ".join(self.data.shown(k) for k in columns)
                 raise error("recognise.mixed_units", columns=given, **self._file())
             if columns and tell.wrapped(self.data.x[:, list(columns)]):
-                given = ", ".join(self.data.shown(k) for k in columns)
                 raise error("recognise.unsigned", columns=given, **self._file())
 
     def _no_gyros(self, used: Sequence[int]) -> None:
@@ -228,12 +227,15 @@ class _Work:
         self.cut = physics.blocks(data.x, every)
         self.ball = self._ball()
         if self.ball is not None and len(self.cut.rests[0]) > 3 and self.ball.scatter > NO_LENGTH:
-            raise error("recognise.no_gravity", file=data.files[0].path.name,
-                        columns=", ".join(data.shown(k) for k in self.ball.columns))  # fmt: skip
+            self._living()
+            shown = ", ".join(data.shown(k) for k in self.ball.columns)
+            raise error("recognise.no_gravity", columns=shown, **self._file())
         self.turned = self._turned()
         self._alive()
         reading = self._units()
         gyro, accel = self._axes(reading)
+        if self.questions:
+            self._living()
         log = self._log(reading, accel, gyro)
         return Recognised(
             tuple(f.path for f in data.files), log, tuple(self.lines), tuple(self.questions),
@@ -303,8 +305,7 @@ class _Work:
             ball = physics.sphere(self.cut.of_rests(accel), accel)
             if ball is not None:
                 return ball
-        size = np.linalg.norm(self.data.x[:, list(accel)], axis=1)
-        radius = float(np.median(size))
+        radius = float(np.median(np.linalg.norm(self.data.x[:, list(accel)], axis=1)))
         return physics.Sphere(accel, np.zeros(3), radius, 1.0, 0.0) if radius > 0 else None
 
     def _turned(self) -> physics.Turns | None:
@@ -316,10 +317,18 @@ class _Work:
             return found if any(np.array_equal(E, np.eye(3)) for E in found.fitting) else None
         return found
 
+    def _living(self) -> None:
+        """Refuse a column that repeats one reading, of a log that cannot be made out otherwise."""
+        for k in (*(self.found.gyro or ()), *(self.found.accel or ())):
+            lost = standstill(self.data.x[:, k], long_enough(usual_step(np.diff(self.time))))
+            if lost is not None:
+                start, end = (moment(self.time[row] - self.time[0]) for row in lost)
+                raise error("recognise.lost", start=start, end=end,
+                            column=self.data.shown(k), **self._file())  # fmt: skip
+
     def _alive(self) -> None:
         """Refuse a triad one column of which never changes, or whose gyros turn otherwise."""
         data, found, turned = self.data, self.found, self.turned
-        file = data.files[0].path.name
         moves = self.ball is not None and self.ball.spread > 0.3 and len(self.cut.rests[0]) > 1
         for columns in (found.accel, found.gyro):
             dead = [k for k in columns or () if np.ptp(data.x[:, k]) == 0]
@@ -328,22 +337,17 @@ class _Work:
                 self.lines.append(Line("gyros", "none", f"{shown} never change", SURE))
                 self.found = replace(found, gyro=None)
             elif dead and moves:
-                raise error("recognise.stuck", file=file, columns=shown)
+                raise error("recognise.stuck", columns=shown, **self._file())
         known = self._said("gyro") or self._titled(found.gyro)
         # What is only shaken, as in a vehicle, misses by less; spins by errors of their scale.
         may = physics.ON_THE_WAY + physics.SPUN * self._way_turned()
         far = turned is not None and turned.turns > 2 and turned.miss > may
         told = self.ball is not None and self.ball.scatter < physics.NORM
         if turned is not None and far and told and not known:
-            for k in (*(found.gyro or ()), *(found.accel or ())):
-                lost = standstill(data.x[:, k], long_enough(usual_step(np.diff(self.time))))
-                if lost is not None:
-                    start, end = (moment(self.time[row] - self.time[0]) for row in lost)
-                    raise error("recognise.lost", file=file, column=data.shown(k), start=start,
-                                end=end)  # fmt: skip
-            raise error("recognise.no_turns", file=file, turns=turned.turns,
-                        off=np.degrees(turned.miss),
-                        columns=", ".join(data.shown(k) for k in found.gyro or ()))  # fmt: skip
+            self._living()
+            shown = ", ".join(data.shown(k) for k in found.gyro or ())
+            raise error("recognise.no_turns", turns=turned.turns, off=np.degrees(turned.miss),
+                        columns=shown, **self._file())  # fmt: skip
 
     def _way_turned(self) -> float:
         """Return the angle turned on the way from a rest to the next, on average [rad].
@@ -504,9 +508,9 @@ class _Work:
                 self.lines.append(Line("axes", "x, y, z as they are", f"{why}; {tell_}", TAKEN))
             return same, same
         fits = any(np.array_equal(E, same) for E in turned.fitting)
+        sure = SURE if turned.proved else LIKELY
         # Titles that name all axes are believed where turns do not speak against them.
         if fits and (len(turned.fitting) == 1 or (accel_titled and gyro_titled)):
-            sure = SURE if turned.proved else LIKELY
             self.lines.append(Line("axes", "gyros and accelerometers in the same axes",
                                    self._turn_words(turned), sure))  # fmt: skip
             return same, same
@@ -522,12 +526,8 @@ class _Work:
             self.questions.append(Question(
                 "Two orders of the gyros' axes fit.", self._signed_line(E), "it is as simple",
                 self._signed_line(other[2]), "it fits as well"))  # fmt: skip
-        took = []
-        if not np.array_equal(R, same):
-            took.append(f"accelerometers {self._words('accel', R)}")
-        if not np.array_equal(E, same):
-            took.append(f"gyros {self._words('gyro', E)}")
-        sure = SURE if turned.proved else LIKELY
+        took = [f"{_KIND[name]} {self._words(name, M)}" for name, M in (("accel", R), ("gyro", E))
+                if not np.array_equal(M, same)]  # fmt: skip
         self.lines.append(Line("axes", "; ".join(took), self._turn_words(turned), sure))
         return E, R
 

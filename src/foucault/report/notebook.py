@@ -93,7 +93,7 @@ def dataframe(result: Result, name: str) -> Any:
         allowed = ", ".join(["coefficients", *result.tables])
         hint = suggestion(name, result.tables)
         raise error("result.no_table", given=name, hint=hint, allowed=allowed)
-    declared: Iterable[tables.Column] = getattr(tables, name.upper(), ())
+    declared = tables.declared(name)
     made = pd.DataFrame({k: np.asarray(v) for k, v in result.tables[name].items()})
     made.attrs["units"] = {c.name: c.unit for c in declared if c.name in made}
     return made

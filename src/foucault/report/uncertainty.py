@@ -84,13 +84,11 @@ def coefficients(result: Result) -> Section | None:
         "meaning: meaning",
     )
     rows: list[list[str]] = []
-    start = 0
     for head in dict.fromkeys(name.partition(".")[0] for name in vector.names):
         part = vector[head]
-        own = slice(start, start + len(part))
+        own = [vector.names.index(name) for name in part.names]  # a triad may be in two places
         limit, timed = (None if x is None else x[own] for x in (bound, seconds))
         rows += [[TRIADS.get(head, head)], *_coefficient_rows(part, prior, limit, timed)]
-        start += len(part)
     key = "uncertainty.coefficients"
     at = ""
     if result.temperature is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -13,8 +13,8 @@ from foucault.models.magnetometer import Magnetometer
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
 from foucault.models.turning import Turning
-from foucault.simulate.noise import noisy_log
-from foucault.tables import Log, whole_samples
+from foucault.simulate.noise import Simulated, noisy_log
+from foucault.tables import whole_samples
 
 
 class Session(Protocol):
@@ -42,19 +42,6 @@ FINE = 8
 """Steps that a motion is simulated with between two samples [1]."""
 
 
-@dataclass(frozen=True)
-class Simulation:
-    """A simulated session."""
-
-    log: Log  # [SI]
-    model: Magnetometer  # the errors of the magnetometer
-    said: dict[str, Any]  # what else is true
-
-    def truth_json(self) -> dict[str, Any]:
-        """Return the truth beside the coefficients."""
-        return self.said
-
-
 def draw_errors(grade_name: str, seed: int) -> Magnetometer:
     """Draw the errors of a magnetometer; the class of the IMU makes none; `seed`: seed [1]."""
     rng = np.random.default_rng([seed, 4])
@@ -67,7 +54,7 @@ def draw_errors(grade_name: str, seed: int) -> Magnetometer:
 def simulate_field(
     session: Session, settings: Any, model: Magnetometer, noise: ImuNoise, site: Site,
     seed: int,
-) -> Simulation:  # fmt: skip
+) -> Simulated:  # fmt: skip
     """Simulate a session: `seed` [1] gives one of its motion and one of its `noise` [SI]."""
     from scipy.signal import lfilter
 
@@ -105,7 +92,7 @@ def simulate_field(
     measured = np.asarray(np.linalg.solve(np.eye(3) - gyros, (rate + bias).T).T, float)
     force = f_b + s.accel_bias_sd * sensors.standard_normal(3)
     log = noisy_log(time[sampled], force, measured, sampled=session.kind, noise=noise, rng=sensors)
-    return Simulation(replace(log, mag=mag), model, {"dip": session.dip})
+    return Simulated(replace(log, mag=mag), model, {"dip": session.dip})
 
 
 def _rates(

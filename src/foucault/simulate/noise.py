@@ -16,15 +16,30 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.models.imu import ImuModel
+from foucault.models.magnetometer import Magnetometer
 from foucault.models.noise import ImuNoise, TriadNoise, mean_variance
 from foucault.tables import Log
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A simulated session of one instrument."""
+
+    log: Log  # [SI]
+    model: ImuModel | Magnetometer  # its errors
+    said: dict[str, Any]  # what else is true
+
+    def truth_json(self) -> dict[str, Any]:
+        """Return the truth beside the coefficients."""
+        return self.said
+
 
 Truth = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 

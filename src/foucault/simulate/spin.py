@@ -6,7 +6,7 @@ Attitudes are products of rotations; specific force and rates follow from their 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -16,8 +16,8 @@ from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import exp
 from foucault.models.spin import across
-from foucault.simulate.noise import noisy_log
-from foucault.tables import Log, whole_samples
+from foucault.simulate.noise import Simulated, noisy_log
+from foucault.tables import whole_samples
 
 Mounting = Literal["x", "y", "z", "-x", "-y", "-z", "skew"]
 """Axis of the instrument along the spin axis."""
@@ -42,26 +42,13 @@ class SpinPlan:
     kind: Literal["rate", "increment"]  # instantaneous, or means over each interval
 
 
-@dataclass(frozen=True)
-class SpinSimulation:
-    """A simulated plan."""
-
-    log: Log  # [SI]
-    model: ImuModel  # the errors of the instrument
-    said: dict[str, Any]
-
-    def truth_json(self) -> dict[str, Any]:
-        """Return the truth beside the coefficients."""
-        return self.said
-
-
 RAMP, PAUSE = 1.0, 1.5
 """How long a tool takes to its speed, and a hand to set the next one [s]."""
 
 
 def simulate_spins(
     plan: SpinPlan, model: ImuModel, noise: ImuNoise, site: Site, seed: int
-) -> SpinSimulation:  # fmt: skip
+) -> Simulated:  # fmt: skip
     """Simulate a session: `seed` [1] gives one of its motion and one of its `noise` [SI].
 
     Attitudes are products of rotations, specific force and rates follow from their axes.
@@ -91,7 +78,7 @@ def simulate_spins(
     log = noisy_log(time[fine - 1 :: fine], accel + shake, gyro, sampled=plan.kind, noise=noise,
                     rng=sensors)  # fmt: skip
     tilts = [float(g[1][0]) for g in grips]
-    return SpinSimulation(log, model, {"tilts": tilts, "arms": [g[2].tolist() for g in grips]})
+    return Simulated(log, model, {"tilts": tilts, "arms": [g[2].tolist() for g in grips]})
 
 
 FINE = 16

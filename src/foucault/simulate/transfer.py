@@ -87,26 +87,14 @@ _ARCMIN = np.pi / 10800
 
 @dataclass(frozen=True)
 class MasterNoise:
-    """Errors of what a master says: a new one in each message, and one that wanders slowly.
+    """Errors of what a master says: a new one in each message, and one that wanders slowly."""
 
-    Attributes
-    ----------
-    velocity, velocity_wander : float
-        Standard deviation of each component of the velocity [m/s].
-    attitude, attitude_wander : tuple of float, length 3
-        Standard deviation of heading, pitch and roll [rad].
-    position : float
-        Standard deviation of each component of the position [m].
-    wander_time : float
-        Correlation time of what wanders [s].
-    """
-
-    velocity: float = 0.05
-    attitude: Three = (_ARCMIN, _ARCMIN, _ARCMIN)
-    position: float = 1.0
-    velocity_wander: float = 0.0
-    attitude_wander: Three = (0.0, 0.0, 0.0)
-    wander_time: float = 300.0
+    velocity: float = 0.05  # sd of each component [m/s]
+    attitude: Three = (_ARCMIN, _ARCMIN, _ARCMIN)  # sd of heading, pitch and roll [rad]
+    position: float = 1.0  # sd of each component [m]
+    velocity_wander: float = 0.0  # sd of each component [m/s]
+    attitude_wander: Three = (0.0, 0.0, 0.0)  # sd of heading, pitch and roll [rad]
+    wander_time: float = 300.0  # correlation time of what wanders [s]
 
 
 @dataclass(frozen=True)

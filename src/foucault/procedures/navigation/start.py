@@ -225,12 +225,13 @@ def judged(
     alone = Alignment(start.C_nb, start.phi_cov, start.method, start.time, seen.start, seen.end,
                       limit, start.findings)  # fmt: skip
     # Wrong units show no north either: they are told first.
-    found = alignment_checks.checked(part, site, alone, sensors)
+    found = alignment_checks.checked(part, site, alone, sensors).findings
+    found += alignment_checks.hanging(start.C_nb, log.findings)
     if start.method in ("given", "level and given heading"):  # of north nothing is asked
-        told = [f for f in found.findings if f.code not in ("alignment.azimuth", "alignment.sway")]
-        return replace(start, findings=tuple(told))
-    shows_north(log, site, seen, start, bias_sd[0], found.findings)
-    return replace(start, findings=found.findings)
+        of_north = ("alignment.azimuth", "alignment.sway")
+        return replace(start, findings=tuple(f for f in found if f.code not in of_north))
+    shows_north(log, site, seen, start, bias_sd[0], found)
+    return replace(start, findings=found)
 
 
 def shows_north(

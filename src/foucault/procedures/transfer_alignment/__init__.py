@@ -70,7 +70,7 @@ from foucault.procedures.transfer_alignment.session import (
 )
 from foucault.procedures.transfer_alignment.settings import Settings, SlaveLog, heard, there, usable
 from foucault.result import Result, TableData, Verdict
-from foucault.tables import Log, temperature_range
+from foucault.tables import Log, ranges
 
 FRAME = "axes of the slave: right, forward, up as it is mounted nominally"
 GAUGE = "b is the case of the slave; its axes are taken to be at right angles"
@@ -150,7 +150,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         findings=(*log.findings, *told),
         status=s.status,
         site=site,
-        validity=_validity(log),
+        validity=ranges(log),
         diagnostics={"start": float(log.time[0])}
         | _diagnostics(log, s)
         | more
@@ -231,16 +231,6 @@ def _delay(s: Solution) -> dict[str, Any]:
     if s.likeliest is not None:
         out["likelihood"] = {"value": s.likeliest.delay, "sd": s.likeliest.sd}
     return out
-
-
-def _validity(log: Log) -> dict[str, Any]:
-    """Return the ranges that the run covered: outside them the result is extrapolated."""
-    assert log.gyro is not None
-    assert log.accel is not None
-    out: dict[str, Any] = {"sampled": log.sampled, "rate": log.rate}
-    for name, x in (("accel", log.accel), ("gyro", log.gyro)):
-        out[name] = [float(x.min()), float(x.max())]
-    return out | temperature_range(log)
 
 
 PROCEDURE = Procedure(

@@ -292,16 +292,9 @@ file = "master.csv"                     # the titles of its columns say what the
 
 @dataclass(frozen=True)
 class SlaveLog(Log):
-    """The log of a slave, and what its master said.
+    """The log of a slave, and the messages of its master.
 
-    Attributes
-    ----------
-    time, gyro, accel, mag, temperature, averaged, begins, rests : ndarray
-        Of the slave, as in `Log` [SI].
-    sampled, findings, source, table, clock
-        The same.
-    master : MasterTable or None
-        Messages of the master.
+    `time`, `gyro`, `accel`, `temperature`, `averaged`, `begins`, `mag`, `rests`: of the slave [SI].
     """
 
     master: MasterTable | None = None
