@@ -4,13 +4,14 @@ PYTHON ?= $(firstword $(foreach name,python3.13 python3.12 python3.11 python3 py
   $(name) -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $(name))))
 BIN := .venv/bin
 
-.PHONY: help demo test tests thorough blas lowest newest lint bench docs validation plotly release clean
+.PHONY: help demo test tests thorough blas extras lowest newest lint bench docs validation plotly release clean
 
 help:
 	@echo "make demo   simulate an instrument, calibrate it, write a report to demo/"
 	@echo "make test   lint and tests, side by side"
 	@echo "make thorough   the tests of a third of a second and more"
 	@echo "make blas   the numerical tests, with the arithmetic of another processor"
+	@echo "make extras   whether all extras can be installed beside one another, as pinned"
 	@echo "make lowest   calibrations with the lowest versions that are allowed"
 	@echo "make newest   calibrations and tests with the newest, on every Python there is"
 	@echo "make lint   style, types and layers"
@@ -59,6 +60,11 @@ UV = build/uv/bin/uv
 build/uv/bin/uv:
 	$(PYTHON) -m venv build/uv
 	build/uv/bin/python -m pip install --quiet uv
+
+# Resolved, not installed.
+extras: build/uv/bin/uv
+	$(UV) pip compile --quiet --python-version 3.11 --constraint constraints.txt --all-extras pyproject.toml \
+	  --output-file build/extras.txt
 
 NEWEST = python3.11 python3.12 python3.13
 OLDEST = $(shell command -v python3.11)

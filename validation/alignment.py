@@ -220,12 +220,12 @@ def position_rows(draws: int) -> tuple[list[str], bool]:
     return lines, good
 
 
-def main(draws: int = 60) -> tuple[bool, dict[str, object]]:
-    """Return whether all lies within its limits."""
+def main(draws: int = 60) -> tuple[bool, dict[str, object]] | None:
+    """Return whether all lies within its limits; nothing where a log is missing."""
     for folder in ("ring_laser_in_vehicle", "ln100_static"):
         if not (REAL / folder).is_dir():
             print(f"skipped: {REAL / folder} is missing; set FOUCAULT_DATA")
-            return 0
+            return None
     ring, ln100 = (
         increments_of(read(LogDescription.model_validate(description), REAL / folder))
         for folder, description in (("ring_laser_in_vehicle", RING), ("ln100_static", LN100))

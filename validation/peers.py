@@ -1,8 +1,9 @@
 """Other programs on the same input: a magnetometer beside an IMU, and the rotation of a hand-eye.
 
-What is installed is tried: magyc is in the extra `bench`; hand-eye calibration is in OpenCV 4, no
-longer in the wheels of OpenCV 5 that the extra `readers` pins. Sessions are those of the simulators
-of the tests.
+What is installed is tried. magyc asks for NumPy 1, so that no extra brings it, and works beside a
+newer one (`pip install --no-deps magyc navlib jax jaxlib ml_dtypes opt_einsum`). Hand-eye
+calibration is in OpenCV 4, no longer in the wheels of OpenCV 5 that the extra `readers` pins.
+Sessions are those of the simulators of the tests.
 """
 
 from __future__ import annotations
