@@ -63,8 +63,8 @@ build/uv/bin/uv:
 
 # Resolved, not installed.
 extras: build/uv/bin/uv
-	$(UV) pip compile --quiet --python-version 3.11 --constraint constraints.txt --all-extras pyproject.toml \
-	  --output-file build/extras.txt
+	$(UV) pip compile --quiet --python $(PYTHON) --constraint constraints.txt \
+	  --all-extras --output-file build/extras.txt pyproject.toml
 
 NEWEST = python3.11 python3.12 python3.13
 OLDEST = $(shell command -v python3.11)
