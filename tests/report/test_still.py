@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import re
 from xml.etree import ElementTree
 
@@ -13,6 +15,7 @@ from foucault.report import still
 from foucault.report.chart import area, axis, bars, dots, draw, line, titled
 from foucault.report.page import Figure
 from foucault.report.scales import axis_of, ticks, written
+from make_browser import WITHOUT, chromium, driven, watched
 from make_result import make_result
 
 PAIR = r"M(-?[\d.]+) (-?[\d.]+)"
@@ -132,3 +135,21 @@ def test_every_flat_figure_of_a_page_is_there_without_a_script():
         svg = box[box.index("<svg") : box.index("</svg>") + 6]
         assert "nan" not in re.sub(r"<text.*?</text>", "", svg)
         ElementTree.fromstring(svg)
+
+
+@pytest.mark.skipif(chromium() is None, reason=WITHOUT)
+def test_still_figures_remain_where_the_library_of_figures_does_not_run():
+    page = report.html(make_result())
+    held = re.search(r'id="plotly">([^<]+)<', page)
+    nothing = base64.b64encode(gzip.compress(b"")).decode()
+    with driven() as browser:
+        opened = browser.new_page()
+        opened.set_content(page)
+        opened.wait_for_function("!document.querySelector('svg.still')")  # drawn over
+        opened = browser.new_page()
+        said = watched(opened)
+        opened.set_content(page.replace(held[1], nothing))
+        opened.wait_for_function("!document.getElementById('plotly')")  # unpacked, and run
+        opened.wait_for_timeout(300)
+        assert opened.query_selector("svg.still") is not None
+        assert said == []

@@ -79,7 +79,8 @@
     block.append(button);
   }
 
-  // plotly.js lies in the page compressed. Where it cannot be unpacked the still figures remain.
+  // plotly.js lies in the page compressed. Where it cannot be unpacked, or may not run, the still
+  // figures remain.
   async function unpack(held) {
     const bytes = Uint8Array.from(atob(held.textContent), (letter) => letter.charCodeAt(0));
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
@@ -103,5 +104,5 @@
   }
 
   const held = document.getElementById("plotly");
-  if (held && window.DecompressionStream) unpack(held).then(begin, console.error);
+  if (held && window.DecompressionStream) unpack(held).then(() => window.Plotly && begin(), console.error);
 })();
