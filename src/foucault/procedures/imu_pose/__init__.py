@@ -298,7 +298,7 @@ def _counted(
     r = s.readings
     white = given.noise or ImuNoise(*(TriadNoise(white=x) for x in reversed(r.white)))
     sizes = told_beside(given.sizes, white, r.log.duration)
-    if sizes is None or not s.converged:
+    if sizes is None:
         return None
 
     def stages(
