@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.interpolate import make_interp_spline
+
+from foucault.models.left_out import sizes_of
 
 
 def motion(rng, duration, vigour=1.0, knots=0.31):
@@ -105,3 +109,22 @@ def values(truth):
         [truth["tau"], truth["kappa"]], truth["level"], truth["b_g"], truth["b_a"],
         truth["M_g"].ravel(), truth["M_a"][np.tril_indices(3)], [truth["late"]],
     ])  # fmt: skip
+
+
+def with_terms(log, truth, seed):
+    """Put what a MEMS IMU has beside its coefficients into a log, each at its size [SI].
+
+    Terms are of true rates and forces; where the truth has a g-sensitivity G, it is a coefficient.
+    """
+    f = np.linalg.solve(np.eye(3) + truth["M_a"], (log.accel - truth["b_a"]).T).T
+    w = log.gyro - truth["b_g"] - f @ truth.get("G", np.zeros((3, 3))).T
+    w = np.linalg.solve(np.eye(3) + truth["M_g"], w.T).T
+    draw, usual = np.random.default_rng([seed, 77]).standard_normal, sizes_of("consumer MEMS")
+    size = {group: value for group, (value, _) in usual.items()}
+    part = (log.time - log.time[0])[:, None] / log.duration - 0.5
+    gyro = 0.0 if "G" in truth else f @ draw((3, 3)).T * size["gyro.g_sensitivity"]
+    gyro = gyro + draw(3) * w**3 * size["gyro.cubic"] + draw(3) * part * size["gyro.bias drift"]
+    gyro += draw(3) * np.abs(w) * size["gyro.asymmetry"]
+    accel = draw(3) * f**2 * size["accel.quadratic"]
+    accel += draw(3) * part * size["accel.bias drift"]
+    return replace(log, gyro=log.gyro + gyro, accel=log.accel + accel)

@@ -23,7 +23,7 @@ KEPT = 60
 @pytest.fixture(scope="module")
 def calls() -> dict[str, list[list[Any]]]:
     """Return the arguments of calls of each kernel, before they are written to."""
-    found: dict[str, list[list[Any]]] = {"normal": [], "scores": []}
+    found: dict[str, list[list[Any]]] = {"normal": [], "pulled": []}
     with pytest.MonkeyPatch.context() as patch:
         for name, seen in found.items():
             compiled = getattr(kernels, name)
@@ -41,7 +41,7 @@ def calls() -> dict[str, list[list[Any]]]:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", ["normal", "scores"])
+@pytest.mark.parametrize("name", ["normal", "pulled"])
 def test_both_forms_say_the_same(name: str, calls: dict[str, list[list[Any]]]) -> None:
     assert len(calls[name]) >= 2  # of the master and of a slave
     for given in calls[name]:

@@ -49,31 +49,13 @@ def off(result, truth):
     return c.values - np.array([true[n] for n in c.names]), c.cov
 
 
-def with_terms(log, truth, seed):
-    """Put what a MEMS IMU has beside its coefficients into a log, each at its size [SI].
-
-    Terms are of true rates and forces.
-    """
-    w = np.linalg.solve(np.eye(3) + truth["M_g"], (log.gyro - truth["b_g"]).T).T
-    f = np.linalg.solve(np.eye(3) + truth["M_a"], (log.accel - truth["b_a"]).T).T
-    draw, usual = np.random.default_rng([seed, 77]).standard_normal, sizes_of("consumer MEMS")
-    size = {group: value for group, (value, _) in usual.items()}
-    part = (log.time - log.time[0])[:, None] / log.duration - 0.5
-    gyro = f @ draw((3, 3)).T * size["gyro.g_sensitivity"]
-    gyro += draw(3) * w**3 * size["gyro.cubic"] + draw(3) * part * size["gyro.bias drift"]
-    gyro += draw(3) * np.abs(w) * size["gyro.asymmetry"]
-    accel = draw(3) * f**2 * size["accel.quadratic"]
-    accel += draw(3) * part * size["accel.bias drift"]
-    return replace(log, gyro=log.gyro + gyro, accel=log.accel + accel)
-
-
 @pytest.mark.thorough
 def test_terms_that_are_not_estimated_are_counted():
     """Of their size they make wrong numbers that pass; with it the numbers are what is said."""
     sizes, found = sizes_of("consumer MEMS"), []
     for seed in (0, 7):  # in 7 a cubic term is .07 rad/s, and no small change
         log, table, truth = session(seed, vigour=1.0)
-        some = PoseLog.of(with_terms(log, truth, seed), table)
+        some = PoseLog.of(make_pose.with_terms(log, truth, seed), table)
         bare, told = (imu_pose.calibrate(some, site=SITE, noise=NOISE, sizes=x)
                       for x in (None, sizes))  # fmt: skip
         found.append([off(result, truth) for result in (bare, told)])
@@ -91,9 +73,9 @@ def test_terms_that_are_not_estimated_are_counted():
 @pytest.mark.thorough
 def test_terms_that_are_not_found_are_said(monkeypatch):
     """One look is not enough where terms are no small change: what it gives is wrong."""
-    log, table, truth = session(7, vigour=1.0)
+    log, table, truth = session(7, vigour=1.5)
     monkeypatch.setattr("foucault.procedures.counted.ROUNDS", 1)
-    some = PoseLog.of(with_terms(log, truth, 7), table)
+    some = PoseLog.of(make_pose.with_terms(log, truth, 7), table)
     told = imu_pose.calibrate(some, site=SITE, noise=NOISE, sizes=sizes_of("consumer MEMS"))
     error, cov = off(told, truth)
     assert error @ np.linalg.solve(cov, error) > chi_square_limits(len(error), 0.01)[1]

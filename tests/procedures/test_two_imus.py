@@ -19,7 +19,7 @@ from foucault.cli import app
 from foucault.estimate import two_imus as engine
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
-from foucault.models.left_out import ByNoise, sizes_of
+from foucault.models.left_out import ByNoise
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.two_imus import LAYOUT, layout_of
 from foucault.procedures import two_imus
@@ -89,30 +89,12 @@ def test_errors_are_those_that_are_promised(how, rms):
     assert (size < 1.1 * np.array(rms)).all()
 
 
-def with_terms(log, truth, seed):
-    """Put what a MEMS IMU has beside its coefficients into a log, each at its size [SI].
-
-    Terms are of true rates and forces.
-    """
-    f = np.linalg.solve(np.eye(3) + truth["M_a"], (log.accel - truth["b_a"]).T).T
-    w = log.gyro - truth["b_g"] - f @ truth["G"].T
-    w = np.linalg.solve(np.eye(3) + truth["M_g"], w.T).T
-    draw, usual = np.random.default_rng([seed, 77]).standard_normal, sizes_of("consumer MEMS")
-    size = {group: value for group, (value, _) in usual.items()}
-    part = (log.time - log.time[0])[:, None] / log.duration - 0.5
-    gyro = draw(3) * w**3 * size["gyro.cubic"] + draw(3) * part * size["gyro.bias drift"]
-    gyro += draw(3) * np.abs(w) * size["gyro.asymmetry"]
-    accel = draw(3) * f**2 * size["accel.quadratic"]
-    accel += draw(3) * part * size["accel.bias drift"]
-    return replace(log, gyro=log.gyro + gyro, accel=log.accel + accel)
-
-
 @pytest.mark.thorough
 @pytest.mark.parametrize("slaves", [1, 2])
 def test_terms_that_are_not_estimated_are_counted(slaves):
     """They make numbers wrong by far more than is said; counted, by no more than is said."""
     log, truths = session(2, slaves=slaves, rate=100.0)
-    first, *others = (with_terms(x, t, k) for k, (x, t)
+    first, *others = (make_pose.with_terms(x, t, k) for k, (x, t)
                       in enumerate(zip(log.all[1:], truths, strict=True), 4))  # fmt: skip
     log = replace(log, gyro=first.gyro, accel=first.accel, others=tuple(others))
     bare, told = (two_imus.calibrate(log, site=SITE, sizes=x) for x in (None, ByNoise()))

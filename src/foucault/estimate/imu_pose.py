@@ -27,7 +27,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -35,7 +35,7 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
-from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED, even
+from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED, Answers, even
 from foucault.infer.gauss_newton import student
 from foucault.infer.shown import shares, shown
 from foucault.kernels import pose as kernels
@@ -827,25 +827,38 @@ def _stated(
                     hold)  # fmt: skip
 
 
-def answers(s: Solution, changed: Iterable[Readings]) -> tuple[FloatArray, FloatArray]:
-    """Return what changed readings change.
+def answers(s: Solution, added: FloatArray) -> Answers:
+    """Return what changes of a solution with what is `added` (n, 6, c) to rates and forces [SI]."""
+    r, p, about = s.readings, s.last, s.last.about
+    at, count, step = about.at, added.shape[2], PART * r.dt[:, None]
+    fed, nu, none = p.fed, np.empty((len(r.stamp), 6)), np.empty((0, 0))
+    M = np.zeros((*nu.shape, 0))
+    for first in range(0, count, 22):
+        # As errors of the IMU are: columns of what is integrated, and of what poses are held to.
+        J, D = np.zeros((len(nu), 9, 22)), np.zeros((len(nu), 6, 32))
+        for k, column in enumerate(np.moveaxis(added[:, :, first : first + 22], 2, 0)):
+            other = linear(replace(r, dtheta=r.dtheta + step * column[:, :3],
+                                   dvel=r.dvel + step * column[:, 3:]),
+                           at, s.hold, motion=True)  # fmt: skip
+            u = (other.u - about.u) / PART
+            J[:, :3, k] = u[:, :3]
+            J[1:, 3:, k] = (u[1:, 3:].reshape(-1, 2, 3) @ about.C[:-1]).reshape(-1, 6)
+            D[:, :, 10 + k] = (about.z - other.z) / PART
+        part = np.empty((*nu.shape, 32))
+        kernels.forward(*fed[:2], J, *fed[3:5], 0.0 * about.G, *fed[6:10], D, *fed[10:], nu, part,
+                        none, none[:, :, None])  # fmt: skip
+        M = np.concatenate([M, part[:, :, 10:]], axis=2)
+    seen = shown(p.information + _length(r, at)[0], s.made, s.prior_sd)
+    gain = np.linalg.inv(seen.information + np.diag(s.prior_sd**-2.0)) @ seen.onto
+    off, e = -M[:, :, :count].reshape(-1, count), p.nu.ravel()
+    by = gain @ (p.rows.T @ off)
+    E = off - p.rows @ seen.onto.T @ by
+    return Answers(float(e @ e), E.T @ e, E.T @ E, s.point.of_values() @ by,
+                   int(np.count_nonzero(e)))  # fmt: skip
 
-    `changed`: c times the readings of a solution, with something put into them. Returns of the
-    white rows (6 m, c) [1], the parameters found again, and of the parameters (32, c) [SI].
-    """
-    p, at = s.last, s.last.about.at
-    seen = shown(p.information + _length(s.readings, at)[0], s.made, s.prior_sd)
-    gain = np.linalg.inv(seen.information + np.diag(s.prior_sd**-2.0))
-    M = p.rows @ seen.onto.T
 
-    def nu(r: Readings) -> FloatArray:
-        return one_pass(r, at, p.noise, s.hold, motion=True).nu.ravel()
-
-    now = nu(s.readings)
-    off = np.column_stack([nu(r) - now for r in changed])
-    by = gain @ (M.T @ off)
-    return off - M @ by, s.point.of_values() @ np.clip(by, -s.prior_sd[:, None],
-                                                       s.prior_sd[:, None])  # fmt: skip
+PART = 0.01
+"""Of what is added to readings it is seen what it does: it may be no small change [1]."""
 
 
 def _without_circles(cov: FloatArray, lever: FloatArray, prior_sd: FloatArray) -> FloatArray:

@@ -11,7 +11,9 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,6 +64,33 @@ UNSURE_DELAY = 1e-3
 
 NEAR, ALIKE = 0.5, 0.02
 """How far from a line windows are looked for [s]; by how much another place is worse [1]."""
+
+
+class Answers(NamedTuple):
+    """What something that is added to readings changes of white rows and of parameters.
+
+    With rows e of a solution, and E (r, c) what changes of them, the motion and the parameters
+    found again.
+    """
+
+    square: float  # e'e [1]
+    pull: FloatArray  # (c,) E'e [1]
+    gram: FloatArray  # (c, c) E'E [1]
+    A: FloatArray  # (p, c) change of the parameters [SI]
+    redundancy: int  # rows more than the motion has [1]
+
+    def of(self, spread: float, kept: Sequence[int], follows: IntArray) -> Answers:
+        """Return the same of terms alone, of rows that scatter more, of parameters that are `kept`.
+
+        `spread`: sd of the rows [1]; `follows` (c,): which of those a column goes with, as much of
+        it as that parameter moves: ``dc = -A dx - A_f dc``; negative: it is a term [1].
+        """
+        A, moves, one = self.A[kept], follows >= 0, spread**-2.0
+        own = A[follows[moves]]
+        V = np.eye(len(follows))[:, ~moves]
+        V[moves] = -np.linalg.solve(np.eye(len(own)) + own[:, moves], own[:, ~moves])
+        return Answers(one * self.square, one * V.T @ self.pull, one * V.T @ self.gram @ V, A @ V,
+                       self.redundancy)  # fmt: skip
 
 
 @dataclass(frozen=True)

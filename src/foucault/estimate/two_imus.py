@@ -15,13 +15,13 @@ Errors are those against the master: a bias of both is not seen, nor a scale fac
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED
+from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED, Answers
 from foucault.infer.gauss_newton import student
 from foucault.infer.shown import Shown, shown
 from foucault.kernels import banded
@@ -398,56 +398,77 @@ def formal(s: Solution, var: FloatArray) -> FloatArray:
     return np.asarray(J @ P @ J.T)
 
 
-def answers(
-    s: Solution, changed: Iterable[Sequence[Readings]]
-) -> tuple[FloatArray, FloatArray, FloatArray, int]:
-    """Return what changed readings change.
+def answers(s: Solution, added: Sequence[FloatArray]) -> Answers:
+    """Return what changes of a solution with what is `added` to readings.
 
-    `changed`: c times the readings of a solution, with something put into them. Returns white rows
-    (r,) and what changes of them (r, c), the motion and the parameters found again [1]; what
-    changes of the parameters (p, c) [SI]; and how many more rows there are than the motion has.
+    `added`: c times in all, to what each slave read (n, 6, its own) [SI].
     """
-    problem, sd = s.problem, s.problem.prior_sd
+    from scipy.linalg import block_diag
+
+    problem, sd, p = s.problem, s.problem.prior_sd, len(s.problem.prior_sd)
     at = normal(problem, s.slaves, s.spline, s.var)
     seen = shown(at.information, s.made, sd)
     gain = np.linalg.inv(seen.information + np.diag(sd**-2.0)) @ seen.onto
-    still = at.moved(np.zeros(len(sd)))
+    gain[problem.hold] = gain[:, problem.hold] = 0.0
+    scaled, borders, says = [], [], []
+    for k, (left, more) in enumerate(zip(at.left[1:], added, strict=True), 1):
+        D = np.where(np.isfinite(left)[:, :, None], more, 0.0)
+        border, say = np.zeros((6 * problem.knots, D.shape[2])), np.zeros((p, D.shape[2]))
+        _pulled(problem, s.slaves, s.spline, s.var, k, slice(None), D, border, say)
+        scaled.append((D / np.repeat(np.sqrt(s.var[k]), 3)[:, None]).reshape(-1, D.shape[2]))
+        borders.append(border)
+        says.append(say)
+    rows = [(np.nan_to_num(x) / np.repeat(np.sqrt(v), 3)).ravel()
+            for x, v in zip(at.left, s.var, strict=True)]  # fmt: skip
+    y = np.hstack(borders)
+    banded.forward(at.L, y)
+    score = np.hstack(says) - at.W[:, :p].T @ y
+    delta = gain @ score
+    both = score.T @ delta
+    # The motion and the parameters found again: E = D - J delta, less what the spline makes of it.
+    gram = block_diag(*(D.T @ D for D in scaled)) - y.T @ y - both - both.T
+    pull = np.concatenate([D.T @ e for D, e in zip(scaled, rows[1:], strict=True)])
+    return Answers(
+        float(sum(e @ e for e in rows)), pull - y.T @ at.W[:, -1] - delta.T @ at.score,
+        gram + delta.T @ at.information @ delta, _of_values(s.slaves) @ delta,
+        sum(int(np.count_nonzero(e)) for e in rows) - s.spline.size,
+    )  # fmt: skip
 
-    def rows(left: Sequence[FloatArray]) -> FloatArray:
-        return np.concatenate([(np.nan_to_num(x) / np.repeat(np.sqrt(v), 3)).ravel()
-                               for x, v in zip(left, s.var, strict=True)])  # fmt: skip
 
-    now, E, A = rows(at.left), [], []
-    for readings in changed:
-        other = replace(problem, readings=tuple(readings))
-        off = normal(other, s.slaves, s.spline, s.var)
-        delta = np.clip(gain @ (off.score - at.score), -sd, sd)
-        delta[problem.hold] = 0.0
-        parts = delta.reshape(len(s.slaves), -1)
-        moved = [one.moved(d) for one, d in zip(s.slaves, parts, strict=True)]
-        spline = s.spline + off.moved(delta) - still
-        E.append(rows(normal(other, moved, spline, s.var, still=True).left) - now)
-        A.append(delta)
-    more = int(np.count_nonzero(now)) - s.spline.size
-    return now, np.column_stack(E), _of_values(s.slaves) @ np.column_stack(A), more
+def _pulled(
+    problem: Problem, slaves: Sequence[Slave], spline: FloatArray, var: FloatArray, k: int,
+    some: slice, off: FloatArray, border: FloatArray, rhs: FloatArray,
+) -> None:  # fmt: skip
+    """Add what `some` readings of the IMU `k` say, `off` (n, 6, c) [SI], as `kernels.pulled`."""
+    r, one = problem.readings[k], None if k == 0 else slaves[k - 1]
+    time, x = (r.time, np.zeros(46)) if one is None else (one.at(r), one.flat)
+    kernels.pulled(time[some], (r.time - r.middle)[some], off, var[k], x,
+                   kernels.COLUMNS * (k - 1) if k else -1, spline, problem.first, problem.knot,
+                   border, rhs)  # fmt: skip
 
 
 def _scores(
     problem: Problem, slaves: Sequence[Slave], spline: FloatArray, var: FloatArray, at: Normal
 ) -> FloatArray:
     """Return what blocks of time say of the parameters, shape (blocks, p) [1 / SI]."""
-    p = len(problem.prior_sd)
-    last = problem.first + problem.knot * problem.knots
-    out = np.zeros((int((last - problem.first) / BLOCK) + 2, p))
+    p, h = len(problem.prior_sd), problem.knot
+    out = np.zeros((int(h * problem.knots / BLOCK) + 2, p))
     Z = np.ascontiguousarray(at.W[:, :p])
     banded.backward(at.L, Z)
+    border = np.zeros((len(Z), 1))
     for k, (r, left) in enumerate(zip(problem.readings, at.left, strict=True)):
-        one = None if k == 0 else slaves[k - 1]
-        time, x = (r.time, np.zeros(46)) if one is None else (one.at(r), one.flat)
+        time, late = (slaves[k - 1].at(r), abs(slaves[k - 1].late)) if k else (r.time, 0.0)
         block = np.clip((time - problem.first) / BLOCK, 0, len(out) - 1).astype(int)
-        own = kernels.COLUMNS * (k - 1) if k else -1
-        kernels.scores(time, r.time - r.middle, left, var[k], x, own, spline, Z, problem.first,
-                       problem.knot, block, out)  # fmt: skip
+        edges = np.searchsorted(block, np.arange(len(out) + 1))
+        for b, some in enumerate(map(slice, edges[:-1], edges[1:])):
+            if some.start == some.stop:
+                continue
+            rhs, ends = np.zeros((p, 1)), time[[some.start, some.stop - 1]] + [-late, late]
+            q = np.maximum((ends - problem.first) / h + [-1.0, 5.0], 0.0).astype(int)
+            own = slice(6 * q[0], 6 * q[1])
+            _pulled(problem, slaves, spline, var, k, some, left[some, :, None], border, rhs)
+            out[b] += rhs[:, 0] - border[own, 0] @ Z[own]
+            border[own] = 0.0
     out[:, problem.hold] = 0.0
     return np.asarray(out[np.abs(out).sum(axis=1) > 0])
 

@@ -308,60 +308,44 @@ def normal(
                     corner[own + max(i, j), own + min(i, j)] += s
 
 
-@part
-def _told(total, Z, q, out):
-    """Take what an interval q says of the spline, total (24), off what it says, out (p,)."""
-    for a in range(24):
-        u = total[a]
-        total[a] = 0.0
-        if u != 0.0:
-            for c in range(Z.shape[1]):
-                out[c] -= u * Z[6 * q + a, c]
-
-
 @kernel
-def scores(time, since, left, var, x, own, spline, Z, first, h, block, out):
-    """Add what readings say of the parameters, the motion eliminated, to out (blocks, p).
+def pulled(time, since, off, var, x, own, spline, first, h, border, rhs):
+    """Add what readings that are off say, J' off / var, to border (6 m, c) and rhs (p, c).
 
-    Z (6 m, p): what the spline does with them; block (n,): of each reading; others as in `normal`.
+    off (n, 6, c): by so much each time, NaN where nothing was read; others as in `normal`.
     """
     N, D, E, m = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros((5, 3))
-    A, B, S, read = np.zeros((3, 9)), np.zeros((3, 7)), np.zeros((3, 9)), np.zeros(3)
-    P, F = np.zeros((3, 3)), np.zeros((3, 3))
-    row, total = np.zeros(24), np.zeros(24)
+    A, B, S, out = np.zeros((3, 9)), np.zeros((3, 7)), np.zeros((3, 9)), np.zeros(3)
+    P, F, row = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(24)
     of_all, of_one = np.zeros(9, np.int64), np.zeros((3, 7), np.int64)
     for triad in range(2):
         _columns(triad, of_all, of_one)
         _products(triad, x, P, F)
-        now, last = -1, -1
         for k in range(time.shape[0]):
-            if not np.isfinite(left[k, 3 * triad]):
-                continue
             at = (time[k] - (triad * x[45] if own >= 0 else 0.0) - first) / h
             q = math.floor(at)
-            if now >= 0 and (q != now or block[k] != last):
-                _told(total, Z, now, out[last])
-            now, last = q, block[k]
-            _weights(at - q, h, N, D, E)
-            # Rows weighted by what is left, added up before they are multiplied by Z.
-            if own < 0:
-                for i in range(3):
-                    weighed = left[k, 3 * triad + i] / var[triad]
-                    for j in range(4):
-                        total[6 * j + 3 * triad + i] += N[j] * weighed
+            if q < 0 or q > spline.shape[0] - 4:
                 continue
-            _motion(spline, q, N, D, E, m)
-            _slave(triad, m, x, P, F, since[k], A, B, S, read)
+            _weights(at - q, h, N, D, E)
+            if own >= 0:
+                _motion(spline, q, N, D, E, m)
+                _slave(triad, m, x, P, F, since[k], A, B, S, out)
+            else:  # its readings are the spline
+                S[:] = 0.0
+                for i in range(3):
+                    S[i, 6 * triad + i] = 1.0
             for i in range(3):
-                weighed = left[k, 3 * triad + i] / var[triad]
-                _spread(S[i], N, D, weighed, row)
+                by, one = off[k, 3 * triad + i], 1.0 / var[triad]
+                if not np.isfinite(by[0]):
+                    continue
+                _spread(S[i], N, D, one, row)
                 for a in range(24):
-                    total[a] += row[a]
-                for c in range(9):
-                    if of_all[c] >= 0:
-                        out[last, own + of_all[c]] += A[i, c] * weighed
-                for c in range(7):
-                    if of_one[i, c] >= 0:
-                        out[last, own + of_one[i, c]] += B[i, c] * weighed
-        if now >= 0:
-            _told(total, Z, now, out[last])
+                    if row[a] != 0.0:
+                        for c in range(border.shape[1]):
+                            border[6 * q + a, c] += row[a] * by[c]
+                for n in range(16 if own >= 0 else 0):
+                    j = of_all[n] if n < 9 else of_one[i, n - 9]
+                    s = one * (A[i, n] if n < 9 else B[i, n - 9])
+                    if j >= 0 and s != 0.0:
+                        for c in range(border.shape[1]):
+                            rhs[own + j, c] += s * by[c]

@@ -14,10 +14,10 @@ Tables of the result
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -27,7 +27,6 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import left_out
 from foucault.diagnose.checks import check, given_check, plausible_scales, status_check
-from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate import two_bodies as bodies
 from foucault.estimate import two_imus as engine
@@ -38,21 +37,19 @@ from foucault.infer.gauss_newton import chi_square_limits
 from foucault.infer.shown import shares
 from foucault.logs.checks import on_a_shared_clock
 from foucault.logs.description import OWN_LOG, LogDescription, log_head
-from foucault.models.earth import Site
 from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
-from foucault.models.left_out import Motion, Sizes
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.two_imus import LAYOUT, ORDINALS, SENSORS, layout_of
 from foucault.plans.directions import Free
+from foucault.procedures.by_hand import Found, HandSession, foreseen
 from foucault.procedures.chosen import Chosen
-from foucault.procedures.counted import PART, Again, Counted, Stages, Term, counted, terms_of
+from foucault.procedures.counted import Again, Counted, Stages, Unit, counted
 from foucault.procedures.left_out import told_beside
-from foucault.procedures.record import Beforehand, Given, Procedure, SampleRate
+from foucault.procedures.record import Given, Procedure
 from foucault.result import Check, Result, TableData, Verdict
 from foucault.simulate.hand_motion import HandMotion
 from foucault.simulate.noise import sampled_log
-from foucault.strict import Strict
 from foucault.tables import AXES, Log, ranges, whole_samples
 from foucault.units import Seconds, parse, plain
 
@@ -85,17 +82,9 @@ class Settings(Chosen):
                      if not any(n.endswith(k) or f"{k}." in n for k in self.held))  # fmt: skip
 
 
-class Session(Strict):
+class Session(HandSession):
     """The session that `simulate` makes."""
 
-    motion: Literal["all axes", "rotation only", "one axis", "planar", "translation only",
-                    "constant rate"] = "all axes"  # fmt: skip
-    """What the hand does."""
-    time: Seconds = Field(default=60.0, ge=10)
-    """For how long."""
-    vigour: float = Field(default=1.0, gt=0, le=4)
-    """How fast, against 1.9 rad/s."""
-    rate: SampleRate = 200.0
     imus: int = Field(default=2, ge=2, le=4)
     """How many there are, the first among them."""
     better: float = Field(default=4.0, ge=0.1, le=1000)
@@ -317,36 +306,6 @@ def _estimate(s: Solution) -> tuple[CoefficientVector, list[int]]:
     ), kept  # fmt: skip
 
 
-def _terms(s: Solution, site: Site, sizes: Sizes) -> list[tuple[int, Term]]:
-    """Return one size of all that is not estimated of every slave, and whose it is; `sizes` [SI].
-
-    Of further IMUs it is as large as of the second.
-    """
-    names, out = _estimate(s)[0].names, []
-    for k, (who, one) in enumerate(zip(ORDINALS, s.slaves, strict=False), 1):
-        r, own = s.problem.readings[k], "" if k == 1 else f"{who}."
-        f = (r.read[:, 3:] - one.accel[0]) @ np.linalg.inv(one.accel[1]).T
-        w = (r.read[:, :3] - one.gyro[0] - f @ one.by_force.T) @ np.linalg.inv(one.gyro[1]).T
-        motion = Motion(r.time, f, w, float(r.time[0]), float(r.time[-1]))
-        mine = [n.removeprefix(own) for n in names if n.startswith(own)]
-        out += [(k, replace(term, name=own + term.name))
-                for term in terms_of(mine, motion, site, sizes)]  # fmt: skip
-    return out
-
-
-def _put(
-    s: Solution, some: Iterable[tuple[int, Term]], times: Iterable[float]
-) -> tuple[Readings, ...]:
-    """Return all readings with so many `times` each of `some` terms [1]."""
-    out = list(s.problem.readings)
-    for (k, one), by in zip(some, times, strict=True):
-        read = out[k].read.copy()
-        read[:, :3] += by * one.gyro
-        read[:, 3:] += by * one.accel
-        out[k] = replace(out[k], read=read)
-    return tuple(out)
-
-
 def _counted(
     s: Solution, c: CoefficientVector, log: Log, given: Given[Settings], *, planned: bool = False
 ) -> Counted[Solution] | None:
@@ -362,14 +321,29 @@ def _counted(
     def stages(
         at: Solution, c: CoefficientVector, out: FloatArray
     ) -> tuple[Stages, Again[Solution]]:
-        some = _terms(at, given.site, sizes)
-        e, E, A, redundancy = engine.answers(at, (_put(at, [one], [PART]) for one in some))
-        spread = at.spread if at.spread > bodies.COLOURED else 1.0
-        answers = e / spread, E / spread, A[_estimate(at)[1]]
-        both = Stages.of(c, [one for _, one in some], sizes, answers, redundancy, out)
+        def units(c: CoefficientVector) -> list[Unit]:
+            return [Unit(c, r.time, given.site, sizes, own=f"{who}." if k else "") for k, (who, r)
+                    in enumerate(zip(ORDINALS, at.problem.readings[1:], strict=False))]  # fmt: skip
 
-        def again(times: FloatArray) -> tuple[Solution, CoefficientVector]:
-            problem = replace(s.problem, readings=_put(s, some, -times))
+        def split(times: FloatArray) -> list[FloatArray]:
+            return np.array_split(times, len(at.slaves))  # all of them have the same terms
+
+        read = [r.read for r in at.problem.readings[1:]]
+        some = [x for unit, y in zip(units(c), read, strict=True) for x in unit.terms(y)]
+        own = split(np.broadcast_to(out, len(some)))
+        made = [unit.added(y, x) for unit, y, x in zip(units(c), read, own, strict=True)]
+        found = engine.answers(at, [columns for columns, _ in made])
+        spread = at.spread if at.spread > bodies.COLOURED else 1.0
+        follows = np.concatenate([x for _, x in made])
+        both = Stages.of(c, some, sizes, found.of(spread, _estimate(at)[1], follows), out)
+
+        def again(
+            times: FloatArray, foretold: CoefficientVector
+        ) -> tuple[Solution, CoefficientVector]:
+            first, *others = s.problem.readings
+            left = [replace(r, read=unit.without(r.read, x)) for unit, r, x
+                    in zip(units(foretold), others, split(times), strict=True)]  # fmt: skip
+            problem = replace(s.problem, readings=(first, *left))
             found = engine.solve(problem, at.slaves, given.settings.passes)
             return found, _estimate(found)[0]
 
@@ -557,40 +531,13 @@ def _simulated(
     return ImuSession(ImuLogs.of(made[1], made[0], made[2:]), model, tuple(ties))
 
 
-MOTION = {
-    "rotation": "turn about at least two axes, with starts and stops",
-    "lever": "turn about at least two axes, with starts and stops",
-    "delay": "start and stop often, and do not swing regularly",
-    "gyro.": "turn about all three axes",
-    "accel.": "hold it in many attitudes, upside down among them",
-}
-"""What shows a parameter."""
-
-
-def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
-    noise = b.noise or b.typical
-    assert noise is not None
-    made = _simulated(b.session, b.settings, ImuModel(), noise, b.site, b.seed)
-    given = Given(b.site, b.settings, noise, b.prior, sizes=b.sizes)
-    s, _ = _solved(made.log, given)
+def _found(log: Log, given: Given[Settings]) -> Found:
+    s, _ = _solved(log, given)
     c, kept = _estimate(s)
-    beside = _counted(s, c, made.log, given, planned=True)
+    beside = _counted(s, c, log, given, planned=True)
     c = c if beside is None else beside.coefficients
-    lost = _unseen(s)
-    words = dict.fromkeys(w for n in lost for k, w in MOTION.items() if k in n)
-    names = [f"{who}.delay" for who in ORDINALS[: len(s.slaves)]]
-    unsure = [n for n in names if c.chosen([n]).sd[0] > bodies.UNSURE_DELAY]
-    told = []
-    if lost or unsure:
-        reason = "; " + "; ".join(words or {MOTION["delay"]: None})
-        told.append(finding("preflight.not_shown", names=", ".join(lost or unsure), reason=reason))
-    return Foresight(
-        coefficients=replace(c, values=np.zeros(len(c))), linearised_at="no errors",
-        plan=b.session.motion, duration=b.session.time, states=len(c), rank=len(c) - len(lost),
-        hardly=tuple(lost), bound=np.sqrt(np.diag(s.formal))[kept],
-        budget=_budget(s, c, beside, kept), findings=tuple(told),
-        left_out=None if beside is None else left_out.foretold(beside.judged),
-    )  # fmt: skip
+    return Found(c, np.sqrt(np.diag(s.formal))[kept], _budget(s, c, beside, kept), _unseen(s),
+                 None if beside is None else beside.judged)  # fmt: skip
 
 
 PROCEDURE = Procedure(
@@ -607,7 +554,7 @@ PROCEDURE = Procedure(
         n for n in LAYOUT.names if n in settings.names(session.imus - 1)
     ),
     layout=LAYOUT,
-    foresee=_foresee,
+    foresee=lambda b: foreseen(b, _simulated, _found),
     assumes_noise=True,
     counts=True,
     counts_by_noise=True,

@@ -26,7 +26,10 @@ from foucault.errors import Finding
 from foucault.escape import address
 from foucault.result import Check, Level
 
-GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "mu": "μ", "tau": "τ"}
+GREEK = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ", "kappa": "κ", "lambda": "λ", "mu": "μ",
+    "rho": "ρ", "tau": "τ", "psi": "ψ",
+}  # fmt: skip
 """Symbols that are letters of another alphabet."""
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from foucault import units
 from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector
+from foucault.models.two_imus import ORDINALS
 from foucault.report.chart import (
     SERIES,
     Trace,
@@ -53,6 +54,8 @@ TRIADS = {
     "installation": "Installation",
     "master": "Messages of the master",
     "load": "Installation under load",
+    "pose": "Tracked body",
+    **{who: f"{who.capitalize()} IMU" for who in ORDINALS},
 }
 COVERAGE = 2.0  # coverage factor of the expanded uncertainty: about 95 % (JCGM 100:2008, 6.2)
 CLOCK = "clock of the log"

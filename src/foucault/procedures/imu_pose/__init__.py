@@ -15,10 +15,9 @@ Tables of the result
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -29,7 +28,6 @@ from foucault.coefficients import CoefficientVector, Layout
 from foucault.diagnose import left_out
 from foucault.diagnose.checks import check, given_check, plausible_scales, status_check
 from foucault.diagnose.comparable import of_site
-from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate import imu_pose as engine
 from foucault.estimate import two_bodies as bodies
@@ -44,7 +42,7 @@ from foucault.logs.checks import on_a_shared_clock
 from foucault.logs.pose import PoseDescription
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
-from foucault.models.left_out import Motion, Sizes
+from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.pose import BASE as OF_BASE
 from foucault.models.pose import LAYOUT as OF_POSE
@@ -52,13 +50,13 @@ from foucault.models.pose import PoseTable
 from foucault.models.rotation import log as vector_of
 from foucault.models.size_effect import SizeEffect
 from foucault.plans.directions import Free
-from foucault.procedures.counted import PART, Again, Counted, Stages, Term, counted, terms_of
+from foucault.procedures.by_hand import Found, HandSession, foreseen
+from foucault.procedures.counted import GYROS, Again, Counted, Stages, Term, Unit, counted
 from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
 from foucault.procedures.left_out import told_beside
-from foucault.procedures.record import Beforehand, Given, Procedure, Robust, SampleRate
+from foucault.procedures.record import Given, Procedure, Robust
 from foucault.result import Check, Result, TableData, Verdict
 from foucault.simulate.hand_motion import HandMotion, Tracker, simulate_hand
-from foucault.strict import Strict
 from foucault.tables import AXES, Log, evened, ranges
 from foucault.units import AngleSd, Quantity, Seconds, parse, plain
 
@@ -105,17 +103,9 @@ class Settings(Robust):
         return out + [7] * (not self.clock) + [31] * (not self.accel_delay)
 
 
-class Session(Strict):
+class Session(HandSession):
     """The session that `simulate` makes."""
 
-    motion: Literal["all axes", "rotation only", "one axis", "planar", "translation only",
-                    "constant rate"] = "all axes"  # fmt: skip
-    """What the hand does."""
-    time: Seconds = Field(default=60.0, ge=10)
-    """For how long."""
-    vigour: float = Field(default=1.0, gt=0, le=4)
-    """How fast, against 1.9 rad/s."""
-    rate: SampleRate = 200.0
     pose_rate: Annotated[float, Quantity("frequency")] = Field(default=100.0, gt=0)
     """Poses in a second."""
     with_attitude: bool = True
@@ -286,23 +276,16 @@ EARTH = "earth rate"
 EARTH_SIZE = (EARTH_RATE / np.sqrt(3.0), "the Earth's rate, in any direction")
 
 
-def _terms(s: Solution, site: Site, sizes: Sizes) -> list[Term]:
-    """Return one size of all that is not estimated, at the motion that was found; `sizes` [SI]."""
+def _rates(r: Readings) -> FloatArray:
+    return np.hstack([r.dtheta, r.dvel]) / r.dt[:, None]
+
+
+def _unit(s: Solution, c: CoefficientVector, site: Site, sizes: Sizes) -> Unit:
+    """Return the IMU, and all that is not estimated, at the motion that was found [SI]."""
     r, at = s.readings, s.point
-    c, dt = engine.corrected(r, at), r.dt[:, None]
-    motion = Motion(r.time, c.raw_a / dt, c.raw_g / dt, float(r.time[0]), float(r.time[-1]))
-    along = (even(r.time[at.node], at.C[:, k], r.time) for k in range(3))
-    return [*terms_of(r.names, motion, site, sizes),
-            *(Term(f"{EARTH} {axis}", EARTH, EARTH_SIZE[0] * x)
-              for axis, x in zip(AXES, along, strict=True))]  # fmt: skip
-
-
-def _put(r: Readings, some: Iterable[Term], times: Iterable[float]) -> Readings:
-    """Return the readings with so many `times` each of `some` terms [1]."""
-    dt = r.dt[:, None]
-    for one, k in zip(some, times, strict=True):
-        r = replace(r, dtheta=r.dtheta + k * one.gyro * dt, dvel=r.dvel + k * one.accel * dt)
-    return r
+    along = (EARTH_SIZE[0] * even(r.time[at.node], at.C[:, k], r.time) for k in range(3))
+    more = tuple(Term(f"{EARTH} {a}", EARTH, GYROS, x) for a, x in zip(AXES, along, strict=True))
+    return Unit(c, r.time, site, sizes, late=at.late * r.rise / r.dt[:, None], more=more)
 
 
 def _counted(
@@ -315,21 +298,26 @@ def _counted(
     r = s.readings
     white = given.noise or ImuNoise(*(TriadNoise(white=x) for x in reversed(r.white)))
     sizes = told_beside(given.sizes, white, r.log.duration)
-    if sizes is None or not s.converged:
+    if sizes is None:
         return None
 
     def stages(
         at: Solution, c: CoefficientVector, out: FloatArray
     ) -> tuple[Stages, Again[Solution]]:
-        some = _terms(at, given.site, sizes)
-        E, A = engine.answers(at, (_put(at.readings, [one], [PART]) for one in some))
+        unit, read = _unit(at, c, given.site, sizes), _rates(at.readings)
+        some = unit.terms(read)
+        columns, follows = unit.added(read, np.broadcast_to(out, len(some)))
         spread = at.spread if at.spread > bodies.COLOURED else 1.0
-        e, A = at.last.nu.ravel() / spread, A[[r.names.index(n) for n in c.names]]
-        both = Stages.of(c, some, {**sizes, EARTH: EARTH_SIZE}, (e, E / spread, A),
-                         int(np.count_nonzero(e)), out)  # fmt: skip
+        kept = [r.names.index(n) for n in c.names]
+        found = engine.answers(at, columns).of(spread, kept, follows)
+        both = Stages.of(c, some, {**sizes, EARTH: EARTH_SIZE}, found, out)
 
-        def again(times: FloatArray) -> tuple[Solution, CoefficientVector]:
-            found = _smoothed(_put(r, some, -times), at.point, given)
+        def again(
+            times: FloatArray, foretold: CoefficientVector
+        ) -> tuple[Solution, CoefficientVector]:
+            left = replace(unit, c=foretold).without(_rates(r), times) * r.dt[:, None]
+            dtheta, dvel = np.hsplit(left, 2)
+            found = _smoothed(replace(r, dtheta=dtheta, dvel=dvel), at.point, given)
             return found, _estimate(found, given)
 
         return both, again
@@ -594,43 +582,15 @@ def _simulated(
     return PoseSession(PoseLog.of(log, table), model, tracker, session.accelerometers_late, 0.0)
 
 
-MOTION = {
-    "pose.lever": "turn about at least two axes, with starts and stops",
-    "pose.rotation": "turn about at least two axes, with starts and stops",
-    "pose.delay": "start and stop often, and do not swing regularly",
-    "gyro.": "turn about all three axes",
-    "accel.": "hold it in many attitudes, upside down among them",
-    "pose.level": "turn it about level axes too",
-}
-"""What shows a parameter."""
-
-
-def _foresee(b: Beforehand[Settings, Session]) -> Foresight:
-    noise = b.noise or b.typical
-    assert noise is not None
-    made = _simulated(b.session, b.settings, ImuModel(), noise, b.site, b.seed)
-    given = Given(b.site, b.settings, noise, b.prior, sizes=b.sizes)
-    s, _ = _solved(made.log, given)
+def _found(log: Log, given: Given[Settings]) -> Found:
+    s, _ = _solved(log, given)
     c = _estimate(s, given)
+    kept = [s.readings.names.index(n) for n in c.names]
     beside = _counted(s, c, given, planned=True)
     c = c if beside is None else beside.coefficients
-    kept = [s.readings.names.index(n) for n in c.names]
-    lost = _unseen(s)
-    words = dict.fromkeys(w for n in lost for k, w in MOTION.items() if n.startswith(k))
-    told = []
-    if lost:
-        told.append(finding("preflight.not_shown", names=", ".join(lost),
-                            reason="; " + "; ".join(words)))  # fmt: skip
-    elif float(np.sqrt(s.cov[6, 6])) > bodies.UNSURE_DELAY:
-        told.append(finding("preflight.not_shown", names="pose.delay",
-                            reason="; " + MOTION["pose.delay"]))  # fmt: skip
-    return Foresight(
-        coefficients=replace(c, values=np.zeros(len(c))), linearised_at="no errors",
-        plan=b.session.motion, duration=b.session.time, states=len(c), rank=len(c) - len(lost),
-        hardly=tuple(lost), bound=np.sqrt(np.diag(s.formal) + s.of_gravity**2)[kept],
-        budget=_budget(s, c, beside, kept), findings=tuple(told),
-        left_out=None if beside is None else left_out.foretold(beside.judged),
-    )  # fmt: skip
+    bound = np.sqrt(np.diag(s.formal) + s.of_gravity**2)[kept]
+    return Found(c, bound, _budget(s, c, beside, kept), _unseen(s),
+                 None if beside is None else beside.judged)  # fmt: skip
 
 
 def _names(settings: Settings, session: Session) -> tuple[str, ...]:
@@ -649,7 +609,7 @@ PROCEDURE = Procedure(
     simulation=_simulated,
     names=_names,
     layout=LAYOUT,
-    foresee=_foresee,
+    foresee=lambda b: foreseen(b, _simulated, _found),
     assumes_noise=True,
     counts=True,
     counts_by_noise=True,
