@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from foucault.arrays import of_arrow, to_arrow
+from foucault.arrays import Names, of_arrow, to_arrow
 from foucault.errors import FoucaultError, error
 from foucault.files import (
     HEAD,
@@ -132,11 +132,15 @@ def record(
     given = (tables or {}).items()
     return Record(
         {"schema": KINDS[kind].schema} | {key: plain_json(value) for key, value in about.items()},
-        {name: {c: np.asarray(v) for c, (v, _) in columns.items()} for name, columns in given},
+        {name: {c: _column(v) for c, (v, _) in columns.items()} for name, columns in given},
         kind,
         {name: {c: unit for c, (_, unit) in columns.items()} for name, columns in given},
         texts,
     )
+
+
+def _column(values: Any) -> Any:
+    return values if isinstance(values, Names) else np.asarray(values)
 
 
 def read(folder: str | Path, kind: str) -> Record:

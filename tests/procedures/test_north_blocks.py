@@ -43,7 +43,8 @@ def numbers(survey: Survey) -> dict[str, np.ndarray]:
     f, p = survey.fixes, survey.pairs
     return {
         "angles": f.angles, "cov": f.cov, "square": f.square, "bound": survey.bound,
-        "drift": survey.drift_effect, "chi": p.chi_square, "residuals": p.residuals,
+        "drift": survey.drift_effect, "chi": p.chi_square,
+        "residuals": survey.again(np.arange(len(survey))).pairs.residuals,
         "levels": survey.levels, **f.sources,
     }  # fmt: skip
 

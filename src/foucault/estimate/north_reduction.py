@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -97,14 +98,35 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.values)
 
-    @property
+    @cached_property
+    def stacked(self) -> FloatArray:
+        """Covariance of every source, shape (s, m, 4, 4) [SI]."""
+        return np.stack([*self.sources.values()] or [np.zeros((len(self), 4, 4))])
+
+    @cached_property
+    def root(self) -> tuple[FloatArray, IntArray]:
+        """All roots side by side, shape (m, 4, c) [SI], and where each begins and the last ends."""
+        parts = [np.zeros((len(self), 4, 0)), *self.roots.values()]
+        return np.concatenate(parts, axis=2), np.cumsum([B.shape[2] for B in parts])
+
+    @cached_property
     def cov(self) -> FloatArray:
         """Covariance of all sources together, shape (m, 4, 4) [SI]."""
-        own = np.asarray(sum(self.sources.values()))
-        if not self.roots:
-            return own
-        B = np.concatenate([*self.roots.values()], axis=2)
-        return np.asarray(own + B @ transposed(B))
+        from foucault.kernels.north_seeking import together_batch
+
+        out = np.empty((len(self), 4, 4))
+        together_batch(self.stacked, self.root[0], out)
+        return out
+
+    def shares(self, gain: FloatArray) -> dict[str, FloatArray]:
+        """Return the variances (m, 4) of angles by source, by their `gain` (m, 4, 5) [rad^2]."""
+        from foucault.kernels.north_seeking import shares_batch
+
+        B, first = self.root
+        out = np.empty((len(self.stacked) + len(first) - 1, len(self), 4))
+        shares_batch(gain, self.stacked, B, first, out)
+        skip = len(self.stacked) - len(self.sources)
+        return dict(zip((*self.sources, *self.roots), out[skip:], strict=True))
 
     @property
     def noise_alone(self) -> Pairs:
@@ -114,10 +136,21 @@ class Pairs:
 
     @property
     def results(self) -> Pairs:
-        """The same without what only its solution needs."""
-        gyro, accel = np.zeros((0, 2)), np.zeros((0, 1, 2))
-        return replace(self, sources={}, roots={}, accel_white=np.zeros((0, 1)),
+        """The same without its readings, and what only its solution needs."""
+        none, gyro, accel = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 1, 2))
+        return replace(self, sources={}, roots={}, accel_white=np.zeros((0, 1)), fit=none,
+                       residuals=none, accel_residuals=none,
                        gyro_weights=gyro, accel_weights=accel)  # fmt: skip
+
+    def worst(self, first: IntArray) -> tuple[FloatArray, IntArray]:
+        """Return how far the gyro's worst reading of every set-up is off [sd], and which it is [1].
+
+        `first` (m + 1,): number of the first reading of each [1].
+        """
+        size = np.abs(np.nan_to_num(self.residuals))
+        most = np.maximum.reduceat(size, first[:-1])
+        at = np.flatnonzero(size == np.repeat(most, np.diff(first)))
+        return most, at[np.searchsorted(at, first[:-1])] - first[:-1]
 
 
 @dataclass
