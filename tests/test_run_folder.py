@@ -20,7 +20,7 @@ from pyarrow import parquet
 from foucault.coefficients import CoefficientVector
 from foucault.errors import FoucaultError
 from foucault.result import Check
-from foucault.run_folder import load_result, parquet_of, result_schema, save
+from foucault.run_folder import load_result, parquet_writer, result_schema, save
 from make_result import make_result
 from refusals import refuses
 
@@ -467,6 +467,9 @@ def test_axes_in_a_plane_are_not_applied(folder):
 def test_numbers_have_no_dictionary_and_words_have_one():
     """One of numbers that are all different takes ten times as long as the numbers."""
     table = pa.table({"angle": np.arange(100.0), "verdict": ["pass"] * 100})
-    group = parquet.ParquetFile(io.BytesIO(parquet_of(table))).metadata.row_group(0)
+    buffer = io.BytesIO()
+    with parquet_writer(table.schema, buffer) as writer:
+        writer.write_table(table)
+    group = parquet.ParquetFile(buffer).metadata.row_group(0)
     coded = ["RLE_DICTIONARY" in group.column(k).encodings for k in range(2)]
     assert coded == [False, True]

@@ -50,7 +50,7 @@ class Names(Sequence[str]):
 
     def __getitem__(self, i: Any) -> Any:
         if isinstance(i, slice):
-            return tuple(self.column[i].to_pylist())
+            return Names(self.column[i])
         return self.column[int(range(len(self))[i])].as_py()
 
     def __iter__(self) -> Iterator[str]:

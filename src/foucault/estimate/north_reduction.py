@@ -171,6 +171,8 @@ class _Fit:
 
 def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) -> Pairs:
     """Reduce set-ups to their four numbers, by noise and what is known of the rest [SI]."""
+    from foucault.kernels.means import carried_batch
+
     nuisance = nuisance or Nuisance()
     n, m = len(dwells), len(dwells.names)
     values, slope = np.zeros((m, 4)), np.zeros((m, 4))
@@ -191,9 +193,9 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
         _judge(gyro, dwells.gyro[rows] - fit[rows], setups, rows, 0, residuals, chi_square, dof)
         W = gyro.weights[:, :2]
         gyro_weights[rows] = transposed(W)
-        parts[GYRO_NOISE][setups, :2, :2] = (W * gyro.white[:, None]) @ transposed(W)
-        parts[GYRO_NOISE][setups, :2, :2] += _unseen(gyro, EARTH_RATE)
-        parts[GYRO_DRIFT][setups, :2, :2] = W @ gyro.slow @ transposed(W)
+        carried_batch(np.ascontiguousarray(W), gyro.white, gyro.slow, setups, 0, parts[GYRO_NOISE],
+                      parts[GYRO_DRIFT])  # fmt: skip
+        _unseen(gyro, EARTH_RATE, parts[GYRO_NOISE][:, :2, :2], setups)
         slope[setups, :2] = moved = (W @ gyro.drift[..., None])[..., 0]
         if np.isfinite(nuisance.drift_sd):  # what the prior leaves of it, at its full size
             parts[GYRO_DRIFT][setups, :2, :2] += nuisance.drift_sd**2 * _square(moved)
@@ -217,9 +219,9 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
                 dof[setups, 1] = 2 * accel.dof
             V = accel.weights[:, :2]
             accel_weights[rows] = transposed(V).reshape(len(V), rows.shape[1], -1, 2)
-            unseen = _unseen(accel, GRAVITY)
-            parts[TILT_NOISE][setups, 2:, 2:] = (V * accel.white[:, None]) @ transposed(V) + unseen
-            parts[TILT_DRIFT][setups, 2:, 2:] = V @ accel.slow @ transposed(V)
+            carried_batch(np.ascontiguousarray(V), accel.white, accel.slow, setups, 2,
+                          parts[TILT_NOISE], parts[TILT_DRIFT])  # fmt: skip
+            _unseen(accel, GRAVITY, parts[TILT_NOISE][:, 2:, 2:], setups)
         else:
             parts[TILT_NOISE][setups, 2:, 2:] = UNSEEN * GRAVITY**2 * np.eye(2)
         if nuisance.index_sd or nuisance.lag_sd:
@@ -244,8 +246,9 @@ def rates_of(
         for nuisance in nuisances:
             fit = _gyro_fit(d, noise.gyro, nuisance, np.zeros((1, rows.shape[1])))
             W = fit.weights[:, :2]
-            white = (W * fit.white[:, None]) @ transposed(W) + _unseen(fit, EARTH_RATE)
-            out.append((white + W @ fit.slow @ transposed(W), fit.dof))
+            cov = (W * fit.white[:, None]) @ transposed(W) + W @ fit.slow @ transposed(W)
+            _unseen(fit, EARTH_RATE, cov, np.arange(len(cov)))
+            out.append((cov, fit.dof))
         yield out
 
 
@@ -393,17 +396,19 @@ def _fit(
     return _Fit(weights, design, root, white, slow, redundancy, dof)
 
 
-def _unseen(fit: _Fit, size: float) -> FloatArray:
-    """Return the variance of what the readings do not show of the first two unknowns, (g, 2, 2)."""
+def _unseen(fit: _Fit, size: float, out: FloatArray, setups: IntArray) -> None:
+    """Add the variance of what the readings do not show of the first two unknowns to `out`.
+
+    `out` (m, 2, 2): of all set-ups, of which `setups` (g,) are those of the fit.
+    """
     # With its weights a visible component is returned in full, W X = I; what is missing is unseen.
     missing = np.eye(2) - fit.weights[:, :2] @ fit.design[:, :, :2]
-    out = np.zeros_like(missing)
     some = np.square(missing).sum(axis=(1, 2)) > 0.25  # no direction, where it is smaller
     if some.any():
         U, s, _ = np.linalg.svd(missing[some])  # unseen or seen, rounding apart
         U = U * (s > 0.5)[:, None]
-        out[some] = UNSEEN * size**2 * U @ transposed(U)
-    return out
+        those = setups[some] if len(some) > 1 else setups
+        out[those] += UNSEEN * size**2 * U @ transposed(U)
 
 
 def _judge(
@@ -497,9 +502,13 @@ def compensated(
     the Earth's rate, specific forces over gravity, along x_b and y_b [1].
     """
     model = compensation.model
-    rate = np.linalg.solve(model.gyro_matrix[:2, :2], (values[:, :2] - model.gyro_bias[:2]).T).T
-    force = np.linalg.solve(model.accel_matrix[:2, :2], (values[:, 2:] - model.accel_bias[:2]).T).T
-    return np.hstack([rate / EARTH_RATE, force / np.reshape(gravity, (-1, 1))])
+    inverse = np.zeros((4, 4))
+    inverse[:2, :2] = np.linalg.inv(model.gyro_matrix[:2, :2]) / EARTH_RATE
+    inverse[2:, 2:] = np.linalg.inv(model.accel_matrix[:2, :2])
+    biases = np.concatenate([model.gyro_bias[:2], model.accel_bias[:2]])
+    out: FloatArray = (values - biases) @ inverse.T
+    out[:, 2:] /= np.reshape(gravity, (-1, 1))
+    return out
 
 
 def horizontal_of(pairs: Pairs, known: Known, compensation: Compensation) -> FloatArray:

@@ -147,11 +147,12 @@ def likelihood_batch(
     best, NaN and infinite where there is none; status (n,).
     """
     L, W = np.empty((4, 4)), np.empty((4, 4))
-    C, T, J = np.empty((3, 3)), np.empty((3, 3)), np.empty((4, 4))
+    T, J = np.empty((3, 3)), np.empty((4, 4))
     H, Hinv, E = np.empty((4, 4)), np.empty((4, 4)), np.zeros((4, 4))
     h, r, s, WJ = np.empty(4), np.empty(4), np.empty(4), np.empty((4, 4))
     m = len(starts)
     found, each, settled = np.empty((m, 4)), np.empty(m), np.empty(m, np.int8)
+    turns = np.empty((m, 3, 3))
     for i in range(len(y)):
         for p in range(4):
             for q in range(4):
@@ -164,7 +165,7 @@ def likelihood_batch(
             invert(L, W, len(L))
         best = -1
         for k in range(m):
-            start, x = starts[k, i], found[k]
+            start, x, C = starts[k, i], found[k], turns[k]
             settled[k], each[k] = NOT_FINITE, np.inf
             if not (weighed and math.isfinite(y[i].sum() + start.sum())):
                 continue
@@ -204,9 +205,8 @@ def likelihood_batch(
         status[i] = settled[best]
         for p in range(4):
             angles[i, p] = found[best, p]
-        _attitude(angles[i, 0], angles[i, 1], angles[i, 2], C)
-        _uncertainty(C, angles[i, 3], A, g[i], earth_rate, W, known, J, H, Hinv, E, WJ, s, P[i],
-                     gain[i])  # fmt: skip
+        _uncertainty(turns[best], angles[i, 3], A, g[i], earth_rate, W, known, J, H, Hinv, E, WJ, s,
+                     P[i], gain[i])  # fmt: skip
         for k in range(m):
             if settled[k] == SOLVED and each[k] < other_rank[i]:
                 turn = abs(found[k, 0] - angles[i, 0])
@@ -284,8 +284,9 @@ def across_batch(y, cov, angles, A, b, g, earth_rate, latitude_sd, T, B, out):
     for i in range(len(y)):
         _attitude(angles[i, 0], angles[i, 1], angles[i, 2], C)
         lat = angles[i, 3]
-        _misfit(C, lat, y[i], A, b, g[i], earth_rate, lat, 0.0, X, h, r)
-        _slopes(C, lat, A, g[i], earth_rate, J)
+        sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
+        _misfit(C, lat, sl, cl, y[i], A, b, g[i], lat, 0.0, X, h, r)
+        _slopes(C, sl, cl, A, g[i], J)
         for p in range(4):
             k, m, q = (p + 1) % 4, (p + 2) % 4, (p + 3) % 4
             n[p] = J[k, 0] * (J[m, 1] * J[q, 2] - J[m, 2] * J[q, 1])
@@ -385,21 +386,23 @@ def _settle(
 ):  # fmt: skip
     """Turn C, and the latitude x[3], to the least sum of squares; return it, and the status."""
     lat, status = x[3], NOT_CONVERGED
-    now = _misfit(C, lat, y, A, b, g, earth_rate, latitude, known, W, h, r)
+    sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
+    now = _misfit(C, lat, sl, cl, y, A, b, g, latitude, known, W, h, r)
     for _ in range(rounds):
-        _slopes(C, lat, A, g, earth_rate, J)
+        _slopes(C, sl, cl, A, g, J)
         _normal(J, W, r, known, latitude - lat, H, s, WJ)
         if _scaled_cholesky(H, s) == 0.0:
             status = SINGULAR
             break
-        share, better, new = 1.0, False, now
+        share, better, new, up, along = 1.0, False, now, sl, cl
         moved = 0.0
         for p in range(4):
             moved += s[p] * s[p]
         for _ in range(12):
             _turned(C, share * s[0], share * s[1], share * s[2], T)
             trial = lat + share * s[3]
-            new = _misfit(T, trial, y, A, b, g, earth_rate, latitude, known, W, h, r)
+            up, along = earth_rate * math.sin(trial), earth_rate * math.cos(trial)
+            new = _misfit(T, trial, up, along, y, A, b, g, latitude, known, W, h, r)
             if new <= now * (1.0 + 1e-12) + 1e-12:
                 better = True
                 break
@@ -412,7 +415,7 @@ def _settle(
         for p in range(3):
             for q in range(3):
                 C[p, q] = T[p, q]
-        lat, now = lat + share * s[3], new
+        lat, now, sl, cl = lat + share * s[3], new, up, along
         if moved * share * share < 1e-18 or (gained < 1e-10 and moved < 1e-12):
             status = SOLVED
             break
@@ -444,9 +447,11 @@ def _attitude(psi, theta, gamma, C):
 
 
 @inlined
-def _misfit(C, lat, y, A, b, g, earth_rate, latitude, known, W, h, r):
-    """Fill h with what is predicted, r with what is left; return the sum of squares."""
-    sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
+def _misfit(C, lat, sl, cl, y, A, b, g, latitude, known, W, h, r):
+    """Fill h with what is predicted, r with what is left; return the sum of squares.
+
+    `sl`, `cl`: the Earth's rate times sine and cosine of `lat`.
+    """
     for p in range(4):
         h[p] = b[p]
         for q in range(3):
@@ -461,13 +466,12 @@ def _misfit(C, lat, y, A, b, g, earth_rate, latitude, known, W, h, r):
 
 
 @inlined
-def _slopes(C, lat, A, g, earth_rate, J):
+def _slopes(C, sl, cl, A, g, J):
     """Fill J (4, 4): slope of the prediction against phi (E, N, U) and latitude.
 
     ``d (C v) = C (phi x v)``: specific force sees tilt alone and heading is one unknown by itself,
     so that however exact the tilt, scaling keeps the normal equations well conditioned.
     """
-    sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
     for p in range(4):
         x, y, z = 0.0, 0.0, 0.0
         for q in range(3):
@@ -557,7 +561,7 @@ def _fill(P, gain, variance):
 @inlined
 def _uncertainty(C, lat, A, g, earth_rate, W, known, J, H, Hinv, E, WJ, s, P, gain):
     """Fill covariance and gain of heading, pitch, roll and latitude."""
-    _slopes(C, lat, A, g, earth_rate, J)
+    _slopes(C, earth_rate * math.sin(lat), earth_rate * math.cos(lat), A, g, J)
     for p in range(4):
         s[p] = 0.0
     _normal(J, W, s, known, 0.0, H, s, WJ)

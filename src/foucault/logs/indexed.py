@@ -72,6 +72,8 @@ def _stuck(log: IndexedLog) -> tuple[Finding, ...]:
 
 def _index(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
     """Tell degrees read as radians and the reverse: stops are at round angles in one of them."""
+    if np.mean(np.abs(np.sin(12 * (log.index - log.index[0]))) < 0.05) >= 0.9:
+        return ()  # round as they are read
     said = log.index / used.index.one()
     for unit, likely, one in (("deg", "rad", 1.0), ("rad", "deg", np.radians(1.0))):
         if used.index.unit != unit:
@@ -81,8 +83,7 @@ def _index(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
         same = np.abs(log.index - log.index[0]) < np.radians(0.1)
         covers = float(np.ptp(shift) * one)
         whole = covers < 2.1 * np.pi if unit == "deg" else covers > ROUND / 2
-        round_as_read = np.abs(np.sin(12 * (log.index - log.index[0]))) < 0.05
-        if whole and np.mean(near) > 0.9 and not same.all() and np.mean(round_as_read) < 0.9:
+        if whole and np.mean(near) > 0.9 and not same.all():
             seen = f"they reach from {said.min():.4g} to {said.max():.4g}"
             return (finding("north.index_unit", unit=unit, seen=seen, likely=likely),)
     return ()

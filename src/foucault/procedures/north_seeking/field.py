@@ -137,16 +137,18 @@ class Left:
     @property
     def groups(self) -> dict[str, tuple[str, ...]]:
         """Groups that do something to these set-ups -> their terms."""
-        some: BoolArray = np.asarray(self.whole.any(axis=(0, 1)))
-        return {g: self.terms.names[g] for g, at in self.terms.columns.items() if some[at].any()}
+        return {g: self.terms.names[g] for g, at in self.terms.columns.items()
+                if self.whole[:1, :, at].any() or self.whole[:, :, at].any()}  # fmt: skip
 
     def counted(self, times: Mapping[str, float]) -> tuple[Pairs, Known]:
         """Return the set-ups with the covariance of all groups, and the place as it counts.
 
         `times`: group -> how many sizes it has, where that is not one [1].
         """
-        parts = {words_of(g): times.get(g, 1.0) * self.whole[:, :, at]
-                 for g, at in self.terms.columns.items()}  # fmt: skip
+        parts = {words_of(g): self.whole[:, :, at] for g, at in self.terms.columns.items()}
+        parts |= {
+            words_of(g): times[g] * parts[words_of(g)] for g in times.keys() & self.terms.names
+        }
         more = times.get(CALIBRATION, 1.0)
         if more > 1.0:
             beyond = np.sqrt(more**2 - 1) * self._calibration()
@@ -193,9 +195,10 @@ class Left:
             np.full(m, known.gravity), EARTH_RATE, np.full(m, known.latitude_sd * each_own),
             np.eye(4)[None] if T is None else T, B, out,
         )  # fmt: skip
+        out[~good] = 0.0
         each = np.column_stack([out[:, 0], out[:, 2:]] + [out[:, 1] * known.latitude_sd] * wide)
         sums = np.zeros((size, size))
-        sums[np.ix_(at, at)] = each[good].T @ each[good]
+        sums[np.ix_(at, at)] = each.T @ each
         return Products(sums, int(good.sum()), groups)
 
 
