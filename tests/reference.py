@@ -677,3 +677,18 @@ def ins_filter(increments, state, sensors, epochs, P, q, estimate, offset=0.0):
         E = aligning(E[:, 2], east_north_up(L, lon)[:, 2]) @ E
         state, estimate = (E.T @ C_eb, E.T @ v_e, E, h), estimate + x[9:]
     return state, estimate, P, np.array(nis)
+
+
+def north_across(y, cov, w, f, J, A, b, latitude_sd, T, B) -> FloatArray:
+    """The direction that no slope of J (4, 4) of attitude and latitude has, and what it says."""
+    cov = cov + latitude_sd**2 * np.outer(J[:, 3], J[:, 3])
+    across = np.linalg.svd(J[:, :3].T)[2][-1]
+    back = across / np.sqrt(across @ cov @ across)
+    left = y - np.concatenate([A[:2] @ w, A[2:] @ f]) - b
+    return np.array([back @ left, back @ J[:, 3], *(back @ T @ B)])
+
+
+def north_shares(gain, S, parts) -> FloatArray:
+    """Variances of four angles by each covariance S (s, 4, 4) and root of one in `parts`."""
+    every = [*S, *(B @ B.T for B in parts)]
+    return np.array([np.diag(gain[:, :4] @ one @ gain[:, :4].T) for one in every])

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from foucault.arrays import of_arrow, settled, to_arrow
+from foucault.arrays import Names, chosen, of_arrow, settled, to_arrow
 
 
 def test_directions_of_equal_values_do_not_depend_on_how_they_are_turned() -> None:
@@ -67,3 +67,16 @@ def test_a_column_is_what_pyarrow_makes_of_it(values):
     expected = pa.array(values)
     assert made.type == expected.type and made.null_count == expected.null_count
     np.testing.assert_array_equal(of_arrow(made), of_arrow(expected))
+
+
+def test_names_are_read_as_a_tuple_of_words_would_be():
+    words = ("a", "", "Zürich", "d")
+    names = Names(pa.array(words))
+    assert names == words and [*names] == [*words] and len(names) == 4
+    assert names[np.int64(2)] == "Zürich" and names[-1] == "d" and names[1:3] == words[1:3]
+    assert names.index("d") == 3 and "" in names and names != words[:3]
+    with pytest.raises(IndexError):
+        names[4]
+    for some in (words, names):
+        assert chosen(some, np.array([3, 0, 0])) == ("d", "a", "a")
+    assert to_arrow(names[2:]).to_pylist() == ["Zürich", "d"]

@@ -17,10 +17,12 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
+from foucault import run_folder
+from foucault.arrays import Names
 from foucault.coefficients import CoefficientVector
 from foucault.errors import FoucaultError
 from foucault.result import Check
-from foucault.run_folder import load_result, parquet_of, result_schema, save
+from foucault.run_folder import load_result, parquet_writer, result_schema, save
 from make_result import make_result
 from refusals import refuses
 
@@ -467,6 +469,24 @@ def test_axes_in_a_plane_are_not_applied(folder):
 def test_numbers_have_no_dictionary_and_words_have_one():
     """One of numbers that are all different takes ten times as long as the numbers."""
     table = pa.table({"angle": np.arange(100.0), "verdict": ["pass"] * 100})
-    group = parquet.ParquetFile(io.BytesIO(parquet_of(table))).metadata.row_group(0)
+    buffer = io.BytesIO()
+    with parquet_writer(table.schema, buffer) as writer:
+        writer.write_table(table)
+    group = parquet.ParquetFile(buffer).metadata.row_group(0)
     coded = ["RLE_DICTIONARY" in group.column(k).encodings for k in range(2)]
     assert coded == [False, True]
+
+
+def test_a_long_table_is_written_by_groups_of_rows(tmp_path, monkeypatch):
+    monkeypatch.setattr(run_folder, "GROUP", 3)
+    x, words = np.arange(8.0), ["", "a", "b", "", "c", "d", "e", "f"]
+    none = [None] * 7 + [1.5]
+    table = {"x": (x, "m"), "words": (Names(pa.array(words)), ""), "late": (none, "")}
+    run_folder.record("north", {"a": 1}, {"fixes": table}).save(tmp_path)
+    file = parquet.ParquetFile(tmp_path / "fixes.parquet")
+    assert file.metadata.num_row_groups == 3
+    back = run_folder.read(tmp_path, "north")
+    assert back.tables["fixes"]["x"].tolist() == x.tolist()
+    assert file.read().column("words").to_pylist() == words
+    assert file.read().column("late").to_pylist() == none
+    assert file.schema_arrow.field("x").metadata[b"unit"] == b"m"

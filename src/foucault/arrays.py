@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,6 +39,38 @@ def settled(values: FloatArray, rows: FloatArray, near: float = 1e-6) -> FloatAr
     return out
 
 
+@dataclass(frozen=True, eq=False)
+class Names(Sequence[str]):
+    """Words of a column of pyarrow, of which few are looked at."""
+
+    column: Any  # array of strings
+
+    def __len__(self) -> int:
+        return len(self.column)
+
+    def __getitem__(self, i: Any) -> Any:
+        if isinstance(i, slice):
+            return Names(self.column[i])
+        return self.column[int(range(len(self))[i])].as_py()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.column.to_pylist())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and [*self] == [*other]
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def chosen(names: Sequence[str], some: IntArray) -> Sequence[str]:
+    """Return those of `names` at the places `some` (k,) [1]."""
+    if isinstance(names, Names):
+        import pyarrow as pa
+
+        return Names(names.column.take(pa.array(some)))
+    return tuple(names[i] for i in some.tolist())
+
+
 def of_arrow(column: Any) -> npt.NDArray[Any]:
     """Return a column of a table of pyarrow, numbers that are null as NaN.
 
@@ -69,6 +103,8 @@ def to_arrow(values: Any) -> Any:
     """Return a column for a table of pyarrow, as `pyarrow.array` does without importing pandas."""
     import pyarrow as pa
 
+    if isinstance(values, Names):
+        return values.column
     x = np.asarray(values)
     if x.dtype.kind in "UO" and x.ndim == 1:
         words = x.tolist()

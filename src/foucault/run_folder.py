@@ -20,16 +20,16 @@ import hashlib
 import io
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from foucault.arrays import of_arrow, to_arrow
+from foucault.arrays import Names, of_arrow, to_arrow
 from foucault.errors import FoucaultError, error
 from foucault.files import (
     HEAD,
@@ -38,6 +38,7 @@ from foucault.files import (
     parse_json,
     plain_json,
     read_text,
+    sha256,
     unwritable,
 )
 from foucault.result import Result, TableData
@@ -50,6 +51,9 @@ if TYPE_CHECKING:
 
 Columns = Mapping[str, tuple[Any, str]]
 """Name of a column -> its values and their SI unit."""
+
+File = bytes | Callable[[Path], None]
+"""What stands in a file, or what writes it."""
 
 RESULT_FILE = "result.json"
 CAMPAIGN_FILE = "campaign.toml"
@@ -99,13 +103,12 @@ class Record:
         The hashes of all other files are put to the document under "files". The page of what was
         there before is removed. Raises ``output.kind``.
         """
-        files = {
-            f"{name}.parquet": _parquet(columns, {c: {"unit": u} for c, u in units.items()})
-            for (name, columns), units in zip(self.tables.items(), self.units.values(), strict=True)
-        } | {name: text.encode() for name, text in self.texts.items()}
-        listed = {"files": {name: _sha256(data) for name, data in files.items()}} if files else {}
-        document = dict(self.about) | listed
-        _written(Path(folder), self.kind, document, files)
+        files: dict[str, File] = {
+            f"{name}.parquet": partial(_parquet, columns, {c: {"unit": u} for c, u in said.items()})
+            for (name, columns), said in zip(self.tables.items(), self.units.values(), strict=True)
+        }
+        files |= {name: text.encode() for name, text in self.texts.items()}
+        document = _written(Path(folder), self.kind, self.about, files, listed=bool(files))
         return replace(self, about=document)
 
 
@@ -132,11 +135,15 @@ def record(
     given = (tables or {}).items()
     return Record(
         {"schema": KINDS[kind].schema} | {key: plain_json(value) for key, value in about.items()},
-        {name: {c: np.asarray(v) for c, (v, _) in columns.items()} for name, columns in given},
+        {name: {c: _column(v) for c, (v, _) in columns.items()} for name, columns in given},
         kind,
         {name: {c: unit for c, (_, unit) in columns.items()} for name, columns in given},
         texts,
     )
+
+
+def _column(values: Any) -> Any:
+    return values if isinstance(values, Names) else np.asarray(values)
 
 
 def read(folder: str | Path, kind: str) -> Record:
@@ -184,18 +191,20 @@ def save(result: Result, folder: str | Path, campaign_text: str | None = None) -
     folder = Path(folder)
     doc = document(result)
     keep_a_campaign(folder, campaign_text)
-    files: dict[str, bytes] = {}
+    files: dict[str, File] = {}
     for name, table in result.tables.items():
         notes = {c.name: {"unit": c.unit, "meaning": c.meaning} for c in declared(name)}
-        data = _parquet({k: np.asarray(v) for k, v in table.items()}, notes)
+        buffer = io.BytesIO()
+        _parquet({k: np.asarray(v) for k, v in table.items()}, notes, buffer)
+        data = buffer.getvalue()
         digest = _sha256(data)
         file = f"{TABLE_FOLDER}/{name}.{digest[:8]}.parquet"
         rows = len(next(iter(table.values()))) if table else 0
         doc["tables"][name] = {"file": file, "rows": rows, "sha256": digest}
         files[file] = data
     if campaign_text is not None:
-        files[CAMPAIGN_FILE] = campaign_text.encode()
-        doc["campaign"] = {"file": CAMPAIGN_FILE, "sha256": _sha256(files[CAMPAIGN_FILE])}
+        files[CAMPAIGN_FILE] = data = campaign_text.encode()
+        doc["campaign"] = {"file": CAMPAIGN_FILE, "sha256": _sha256(data)}
     _written(folder, "result", doc, files)
     with suppress(OSError):  # the result is whole; what cannot be removed is only in the way
         for old in (folder / TABLE_FOLDER).glob("*.parquet"):
@@ -299,19 +308,32 @@ def result_schema() -> dict[str, Any]:
 # -- writing -------------------------------------------------------------------------------
 
 
-def _written(folder: Path, kind: str, doc: Mapping[str, Any], files: Mapping[str, bytes]) -> None:
-    """Write a document and the files that belong to it; the page of what was there goes."""
+def _written(
+    folder: Path, kind: str, doc: Mapping[str, Any], files: Mapping[str, File], listed: bool = False
+) -> Mapping[str, Any]:
+    """Write a document and the files that belong to it; the page of what was there goes.
+
+    `listed`: whether the hashes of the files are put to the document. Returns it as it was written.
+    """
     refuse_others(folder, kind)
-    name = KINDS[kind].file
-    text = json.dumps(doc, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    name, text, digests = KINDS[kind].file, "", dict[str, str]()
     new = [folder / file for file in files if not (folder / file).exists()]
     try:
         for parent in {(folder / file).parent for file in (name, *files)}:
             parent.mkdir(parents=True, exist_ok=True)
         with ExitStack() as stack:  # closed in reverse order, once everything is on the disk
-            stack.enter_context(atomic(folder / name)).write_text(text, encoding="utf-8")
+            document = stack.enter_context(atomic(folder / name))
             for file, data in files.items():
-                stack.enter_context(atomic(folder / file)).write_bytes(data)
+                there = stack.enter_context(atomic(folder / file))
+                if isinstance(data, bytes):
+                    there.write_bytes(data)
+                else:
+                    data(there)
+                if listed:
+                    digests[file] = sha256(there)
+            doc = {**doc, "files": digests} if listed else doc
+            text = json.dumps(doc, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+            document.write_text(text, encoding="utf-8")
     except BaseException as problem:
         with suppress(OSError):
             if not _says(folder / name, text):
@@ -322,31 +344,46 @@ def _written(folder: Path, kind: str, doc: Mapping[str, Any], files: Mapping[str
         raise
     with suppress(OSError):
         (folder / REPORT_FILE).unlink(missing_ok=True)
+    return doc
 
 
 def _says(file: Path, text: str) -> bool:
     return file.is_file() and file.read_text(encoding="utf-8") == text
 
 
-def _parquet(columns: Mapping[str, Any], notes: Mapping[str, Mapping[str, str]]) -> bytes:
-    """Return columns as Parquet, with `notes` of each."""
+GROUP = 1 << 17
+"""Rows of a Parquet file that are written at once: memory holds no more of them twice [1]."""
+
+
+def _parquet(
+    columns: Mapping[str, Any], notes: Mapping[str, Mapping[str, str]], where: Path | io.BytesIO
+) -> None:
+    """Write columns as Parquet, with `notes` of each, group by group."""
     import pyarrow as pa
 
-    arrays = {name: to_arrow(values) for name, values in columns.items()}
-    fields = [pa.field(name, a.type, metadata=notes.get(name)) for name, a in arrays.items()]
-    return parquet_of(pa.Table.from_arrays(list(arrays.values()), schema=pa.schema(fields)))
+    whole = {name: x if isinstance(x, np.ndarray) and x.dtype.kind in "fib" else to_arrow(x)
+             for name, x in columns.items()}  # fmt: skip
+    size = max((len(x) for x in whole.values()), default=0)
+
+    def rows(start: int) -> list[Any]:
+        some = (x[start : start + GROUP] for x in whole.values())
+        return [to_arrow(x) if isinstance(x, np.ndarray) else x for x in some]
+
+    schema = pa.schema(pa.field(name, a.type, metadata=notes.get(name))
+                       for name, a in zip(whole, rows(0), strict=True))  # fmt: skip
+    with parquet_writer(schema, where) as writer:
+        for start in range(0, max(size, 1), GROUP):
+            writer.write_table(pa.Table.from_arrays(rows(start), schema=schema))
 
 
-def parquet_of(table: Any) -> bytes:
-    """Return a table of pyarrow as a Parquet file."""
+def parquet_writer(schema: Any, where: Path | io.BytesIO) -> Any:
+    """Return a writer of tables of pyarrow with this schema."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     # A dictionary of numbers that are all different takes ten times as long as the numbers.
-    coded = [f.name for f in table.schema if not pa.types.is_floating(f.type)]
-    buffer = io.BytesIO()
-    pq.write_table(table, buffer, use_dictionary=coded)
-    return buffer.getvalue()
+    coded = [f.name for f in schema if not pa.types.is_floating(f.type)]
+    return pq.ParquetWriter(where, schema, use_dictionary=coded)
 
 
 def _sha256(data: bytes) -> str:

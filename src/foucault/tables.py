@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from itertools import pairwise
@@ -359,7 +360,7 @@ class IndexedLog:
     # accelerometers that stay with the case [m/s^2]
     accel: FloatArray | None
     setup: IntArray  # (n,) number of the set-up of each row, from 0, never falling [1]
-    names: tuple[str, ...]  # name of each set-up, all different
+    names: Sequence[str]  # name of each set-up, all different
     # (n,) heading of y_b by another reference, NaN where it is not known [rad]
     heading: FloatArray | None = None
     temperature: FloatArray | None = None  # (n,) temperature [K]

@@ -76,3 +76,21 @@ def test_what_all_share_has_one_row_and_a_bad_row_is_not_a_number(form):
     for one, other in zip(each[::2], shared[::2], strict=True):
         np.testing.assert_array_equal(one, other)
         assert np.isnan(one[2]).all() and np.isfinite(one[[0, 1, 3, 4]]).all()
+
+
+@pytest.mark.parametrize("form", ["compiled", "python"])
+@pytest.mark.parametrize("alike", [False, True])
+def test_what_noise_is_in_two_numbers_is_its_covariance_between_their_weights(form, alike):
+    rng = np.random.default_rng(4)
+    g, k = 3, 5
+    W, white, slow = rng.random((g, 2, k)), rng.random((g, k)), rng.random((g, k, k))
+    if alike:
+        W, white, slow = W[:1], white[:1], slow[:1]
+    S, T = np.zeros((2, 6, 4, 4))
+    setups = np.array([5, 0, 2])
+    kernel(form, module, "carried_batch")(W, white, slow, setups, 2, S, T)
+    for i, n in enumerate(setups):
+        j = 0 if alike else i
+        np.testing.assert_allclose(S[n, 2:, 2:], W[j] @ np.diag(white[j]) @ W[j].T, rtol=1e-13)
+        np.testing.assert_allclose(T[n, 2:, 2:], W[j] @ slow[j] @ W[j].T, rtol=1e-13)
+    assert not S[:, :2].any() and not S[[1, 3, 4]].any() and not T[:, :, :2].any()

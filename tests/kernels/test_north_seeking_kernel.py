@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import reference
 from foucault.estimate.north import Known, solve
 from foucault.estimate.north_reduction import Nuisance, reduce
 from foucault.kernels import north_seeking as module
-from foucault.models.earth import EARTH_RATE, gravity
+from foucault.models.earth import EARTH_RATE, Site, gravity
+from foucault.models.imu import ImuModel
+from foucault.models.left_out import GRAVITY, Term, changes, sizes_of
+from foucault.models.north_seeker import attitude
+from foucault.procedures.north_seeking.counted import added, moved
+from foucault.procedures.north_seeking.field import Terms, truth_of
 from make_dwells import (
     DEG_H,
     FIELD,
@@ -271,6 +279,114 @@ def test_compiled_and_plain_agree():
         np.testing.assert_allclose(turn(a[0], p[0]), 0.0, atol=1e-9)
         np.testing.assert_allclose(a[1], p[1], rtol=1e-6, atol=1e-14)
         np.testing.assert_array_equal(a[4], p[4])
+
+
+# -- what is not estimated ----------------------------------------------------------------------
+
+
+def slopes(angles, A, g):
+    """Slopes of the four numbers against East, North, Up and the latitude, by differences."""
+    h = 1e-6
+
+    def at(turned, latitude):
+        C = attitude(*angles[:3]) @ expm(reference.cross(turned))
+        w = EARTH_RATE * (np.cos(latitude) * C[:, 1] + np.sin(latitude) * C[:, 2])
+        return np.concatenate([A[:2] @ w, A[2:] @ (g * C[:, 2])])
+
+    moved = [at(s * h * np.eye(4)[p][:3], angles[3] + s * h * (p == 3)) for p in range(4)
+             for s in (1.0, -1.0)]  # fmt: skip
+    return np.stack([(moved[2 * p] - moved[2 * p + 1]) / (2 * h) for p in range(4)], 1)
+
+
+@FORMS
+@pytest.mark.parametrize("case", [False, True])
+def test_what_terms_do_is_what_they_do_to_every_reading(form, case):
+    dwells = make_dwells(attitudes(3, 20.0, 2), 0.7, stops=PALINDROME, noise=FIELD, seed=4)
+    if case:
+        dwells = replace(dwells, accel=np.tile(dwells.accel, (1, 2)))
+    pairs = reduce(dwells, FIELD, Nuisance())
+    angles = solve(pairs, Known(9.8, 0.7)).angles
+    own = Terms.of((), Site(gravity=9.8, gravity_sd=1e-3), sizes_of("tactical MEMS"), case)
+    w, f = truth_of(angles, Known(9.8, 0.7))
+    begin, end = float(dwells.start.min()), float((dwells.start + dwells.time).max())
+    ramp = (dwells.start + dwells.time / 2 - begin) / (end - begin) - 0.5
+    instrument = errors(seed=3).model
+    B = np.empty((3, 4, len(own.size)))
+    kernel(form, module, "left_batch")(
+        angles, np.full(3, 9.8), EARTH_RATE, instrument.accel_matrix[:2],
+        np.searchsorted(dwells.setup, np.arange(4)), dwells.cosine, dwells.sine, ramp,
+        pairs.gyro_weights, pairs.accel_weights, case, own.sensor, own.factors, own.size, B,
+    )  # fmt: skip
+    motion, seen = moved(dwells, f, w), 0
+    for group, at in own.columns.items():
+        if group == GRAVITY:
+            heavier = f * own.size[at] / 9.8 @ instrument.accel_matrix[:2].T
+            np.testing.assert_allclose(B[:, 2:, at.start], heavier, rtol=1e-12)
+            assert not B[:, :2, at].any()
+            continue
+        some = [Term(own.names[group][k], group, size)
+                for k, size in zip(own.felt[group], own.size[at], strict=True)]  # fmt: skip
+        here = motion
+        if group.startswith("gyro"):
+            n = len(dwells)
+            here = motion._replace(time=motion.time[:n], f_b=motion.f_b[:n],
+                                   w_ib_b=motion.w_ib_b[:n])  # fmt: skip
+        read = [*changes(some, ImuModel(), here)]
+        want = added(pairs, dwells, read)
+        most = max(np.abs(x).max() for one in read for x in one[:2] if x is not None)
+        np.testing.assert_allclose(B[:, :, at], want, rtol=1e-9, atol=1e-13 * most)
+        seen += bool(want.any())
+    assert seen > 6
+
+
+@FORMS
+@pytest.mark.parametrize("latitude_sd", [0.0, 2e-3])
+def test_the_number_across_is_what_no_attitude_explains(form, latitude_sd):
+    y, cov, _, A, b, g = problem(3)
+    angles = np.column_stack([attitudes(3, 30.0, 4), np.full(3, 0.8)])
+    rng = np.random.default_rng(1)
+    B, T = rng.standard_normal((3, 4, 5)), rng.standard_normal((3, 4, 4))
+    out = np.empty((3, 7))
+    kernel(form, module, "across_batch")(
+        y, cov, angles, A, b, g, EARTH_RATE, np.full(3, latitude_sd), T, B, out
+    )
+    for k in range(3):
+        w, f = reference.north_prediction(angles[k], EARTH_RATE, g[k])
+        J = slopes(angles[k], A, g[k])
+        want = reference.north_across(y[k], cov[k], w, f, J, A, b, latitude_sd, T[k], B[k])
+        sign = np.sign(want[1] * out[k, 1])
+        np.testing.assert_allclose(out[k], sign * want, rtol=1e-6, atol=1e-9)
+
+
+@FORMS
+def test_what_a_calibration_leaves_is_its_slopes_times_its_root(form, monkeypatch):
+    monkeypatch.setattr(module, "calibration_batch", kernel(form, module, "calibration_batch"))
+    instrument, known = errors(seed=2), Known(9.8, 0.7)
+    angles = np.column_stack([attitudes(4, 30.0, 4), np.full(4, 0.7)])
+    rng = np.random.default_rng(1)
+    root = rng.standard_normal((len(instrument.coefficients), 3))
+    T = rng.standard_normal((4, 4, 4))
+    found, part = (instrument.spread(angles, 9.8, root, share) for share in (None, T))
+    want = instrument.slopes(*truth_of(angles, known)) @ root
+    np.testing.assert_allclose(found, want, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(part, T @ want, rtol=1e-11, atol=1e-14)
+
+
+@FORMS
+def test_shares_are_those_of_every_covariance_and_their_sum_that_of_all(form):
+    rng = np.random.default_rng(3)
+    S = rng.standard_normal((2, 3, 4, 4))
+    S = S @ np.swapaxes(S, 2, 3)
+    B, gain = rng.standard_normal((3, 4, 5)), rng.standard_normal((3, 4, 5))
+    cov, out = np.empty((3, 4, 4)), np.empty((4, 3, 4))
+    kernel(form, module, "together_batch")(S, B, cov)
+    kernel(form, module, "shares_batch")(gain, S, B, np.array([0, 2, 5]), out)
+    np.testing.assert_allclose(cov, S.sum(axis=0) + B @ np.swapaxes(B, 1, 2), rtol=1e-12)
+    for k in range(3):
+        want = reference.north_shares(gain[k], S[:, k], [B[k, :, :2], B[k, :, 2:]])
+        np.testing.assert_allclose(out[:, k], want, rtol=1e-12)
+        total = gain[k, :, :4] @ cov[k] @ gain[k, :, :4].T
+        np.testing.assert_allclose(out[:, k].sum(axis=0), np.diag(total), rtol=1e-12)
 
 
 # -- all readings, not the four numbers ----------------------------------------------------------

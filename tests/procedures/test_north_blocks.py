@@ -43,7 +43,8 @@ def numbers(survey: Survey) -> dict[str, np.ndarray]:
     f, p = survey.fixes, survey.pairs
     return {
         "angles": f.angles, "cov": f.cov, "square": f.square, "bound": survey.bound,
-        "drift": survey.drift_effect, "chi": p.chi_square, "residuals": p.residuals,
+        "drift": survey.drift_effect, "chi": p.chi_square,
+        "residuals": survey.again(np.arange(len(survey))).pairs.residuals,
         "levels": survey.levels, **f.sources,
     }  # fmt: skip
 
@@ -75,3 +76,17 @@ def test_the_worst_of_all_blocks_is_what_is_refused(log, monkeypatch):
             found(replace(log, gyro=gyro), monkeypatch, size, 1)
         text.append(str(problem.value))
     assert text[0] == text[1]
+
+
+def test_some_set_ups_again_are_what_they_were_with_all_that_is_said_of_them(log, monkeypatch):
+    survey = found(log, monkeypatch, 4, 1)
+    some = np.array([1, 5, 6, 10])
+    again = survey.again(some)
+    assert again.fixes.sources.keys() == survey.fixes.sources.keys()
+    assert again.fixes.angles.tobytes() == survey.fixes.angles[some].tobytes()
+    for name, variance in survey.fixes.sources.items():
+        assert variance.shape == (11, 1)
+        assert again.fixes.sources[name][:, :1].tobytes() == variance[some].tobytes()
+    total = sum(again.fixes.sources.values())
+    np.testing.assert_allclose(total, np.einsum("nii->ni", again.fixes.cov), rtol=1e-6)
+    assert len(again.pairs.residuals) == len(survey.dwells.setups(some))

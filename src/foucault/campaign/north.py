@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import run_folder
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import FloatArray, IntArray, Names, chosen
 from foucault.campaign.reading import Campaign
 from foucault.campaign.reading import load as load_campaign
 from foucault.campaign.running import Case, opened, read_log
@@ -30,6 +30,8 @@ from foucault.campaign.tables import Said, SiteTable
 from foucault.diagnose.left_out import judgement_json, table
 from foucault.errors import error, finding
 from foucault.escape import csv_cell
+from foucault.estimate.north import Fixes
+from foucault.estimate.north_reduction import Pairs
 from foucault.logs import indexed
 from foucault.logs.indexed_own import description_of
 from foucault.models.earth import Site
@@ -149,8 +151,9 @@ ROUNDING = 1e-3
 def record(survey: Survey) -> Record:
     """Return what the folder of a survey keeps."""
     kept = _kept(survey)
-    about = run_folder.record("north", _document(survey, kept)).about
-    tables = {"dwells": _dwells(survey, kept), "fixes": _fixes(survey, kept, about)}
+    whole = survey.again(kept)
+    about = run_folder.record("north", _document(survey, kept, whole.fixes)).about
+    tables = {"dwells": _dwells(survey, kept, whole.pairs), "fixes": _fixes(survey, kept, about)}
     made = run_folder.record("north", {}, tables, **{"fixes.csv": _csv(about)})
     return replace(made, about=about)
 
@@ -166,7 +169,7 @@ def _kept(survey: Survey) -> IntArray:
 # -- north.json ----------------------------------------------------------------------------
 
 
-def _document(survey: Survey, kept: IntArray) -> dict[str, Any]:
+def _document(survey: Survey, kept: IntArray, whole: Fixes) -> dict[str, Any]:
     return {
         "instrument": survey.instrument,
         "site": survey.site.said,
@@ -182,7 +185,7 @@ def _document(survey: Survey, kept: IntArray) -> dict[str, Any]:
         **_left_out(survey),
         **({"norths": [asdict(n) for n in survey.norths]} if survey.norths[1:] else {}),
         **({"of": _all_of(survey)} if len(kept) < len(survey) else {}),
-        "setups": _setups(survey, kept),
+        "setups": _setups(survey, kept, whole),
         "provenance": survey.provenance,
     }
 
@@ -206,8 +209,8 @@ def _left_out(survey: Survey) -> dict[str, Any]:
     return judgement_json(judged) | {"not_estimated": columns}
 
 
-def _setups(survey: Survey, kept: IntArray) -> list[dict[str, Any]]:
-    parts = {name: part.tolist() for name, part in _parts(survey, kept).items()}
+def _setups(survey: Survey, kept: IntArray, whole: Fixes) -> list[dict[str, Any]]:
+    parts = {name: part.tolist() for name, part in _parts(whole).items()}
     return [
         _setup(survey, i, {name: part[k] for name, part in parts.items()})
         for k, i in enumerate(kept.tolist())
@@ -270,12 +273,10 @@ def _warnings(survey: Survey, i: int) -> str:
     return " ".join([*survey.verdicts[i].reasons, *noticed])
 
 
-def _parts(
-    survey: Survey, rows: IntArray | slice, angles: int = len(ANGLES)
-) -> dict[str, FloatArray]:
-    """Return sds of the first `angles` of set-ups `rows` by source [rad]; NaN where it is none."""
-    variances = {name: v[rows, :angles] for name, v in survey.fixes.sources.items()}
-    cov = survey.fixes.cov[rows]
+def _parts(fixes: Fixes) -> dict[str, FloatArray]:
+    """Return sds of the angles whose sources are known by source [rad]; NaN where it is none."""
+    variances = dict(fixes.sources)
+    cov, angles = fixes.cov, next(iter(variances.values())).shape[1]
     rest = np.einsum("nii->ni", cov)[:, :angles] - sum(variances.values())
     more = rest[:, 0] > ROUNDING * cov[:, 0, 0]
     if more.any():
@@ -286,12 +287,11 @@ def _parts(
 # -- tables --------------------------------------------------------------------------------
 
 
-def _dwells(survey: Survey, kept: IntArray) -> Columns:
+def _dwells(survey: Survey, kept: IntArray, pairs: Pairs) -> Columns:
     """Return the readings of `kept` with their fit, and what the figures need of them."""
-    rows = np.flatnonzero(np.isin(survey.dwells.setup, kept))
-    d, pairs = survey.dwells.rows(rows), survey.pairs
-    setup, fit = np.searchsorted(kept, d.setup), pairs.fit[rows]
-    each = pairs.values[d.setup]
+    d, fit = survey.dwells.setups(kept), pairs.fit
+    setup = d.setup
+    each = pairs.values[setup]
     turned = each[:, 0] * d.sine + each[:, 1] * d.cosine
     out: Columns = {
         "setup": (setup, ""),
@@ -305,7 +305,7 @@ def _dwells(survey: Survey, kept: IntArray) -> Columns:
         "gyro_fit": (fit, "rad/s"),
         "gyro_constant": (fit - turned, "rad/s"),  # offset and drift
         "gyro_sd": (np.sqrt(mean_variance(survey.noise.gyro, d.time, d.interval)), "rad/s"),
-        "residual": (pairs.residuals[rows], "1"),
+        "residual": (pairs.residuals, "1"),
     }
     if d.accel is None:
         return out
@@ -316,7 +316,7 @@ def _dwells(survey: Survey, kept: IntArray) -> Columns:
         turned = each[:, 2] * d.sine + each[:, 3] * d.cosine
         out["accel"] = (d.accel[:, 0], "m/s^2")
         out["accel_constant"] = (_offset(d.accel[:, 0] - turned, sd, setup), "m/s^2")
-        out["accel_residual"] = (pairs.accel_residuals[rows], "1")
+        out["accel_residual"] = (pairs.accel_residuals, "1")
     return out | {"accel_sd": (sd, "m/s^2")}
 
 
@@ -328,8 +328,10 @@ def _offset(left: FloatArray, sd: FloatArray, setup: npt.NDArray[np.int64]) -> F
 
 def _fixes(survey: Survey, kept: IntArray, about: Mapping[str, Any]) -> Columns:
     """Return a row per set-up in SI; what is to know of it in words where it is `kept`."""
+    import pyarrow as pa
+
     f, d, m = survey.fixes, survey.dwells, len(survey)
-    out: Columns = {"setup": (np.array(d.names, object), "")}  # as long as each is, not as all are
+    out: Columns = {"setup": (d.names, "")}
     for k, angle in enumerate(ANGLES):
         for said, name in (
             (f.angles, angle),
@@ -340,22 +342,23 @@ def _fixes(survey: Survey, kept: IntArray, about: Mapping[str, Any]) -> Columns:
     for i, one in enumerate(ANGLES):
         for k, two in enumerate(ANGLES[:i]):
             out[f"covariance_{two}_{one}"] = (f.cov[:, i, k], "rad^2")
-    for source, part in _parts(survey, slice(None), 1).items():
+    for source, part in _parts(f).items():
         out[f"heading_sd.{source}"] = (part[:, 0], "rad")
-    words = np.full(m, "", object)
-    words[kept] = [row["warnings"] for row in about["setups"]]
-    levels = np.array([str(level) for level in Level], object)
+    which = np.zeros(m, np.int64)
+    which[kept] = 1 + np.arange(len(kept))
+    words = Names(pa.array(["", *(row["warnings"] for row in about["setups"])]))
+    levels = Names(pa.array([str(level) for level in Level]))
     return out | {
         "reference_heading": (d.heading, "rad"),
         "other_heading": (f.other[:, 0], "rad"),
-        "ambiguous": (f.ambiguous.tolist(), ""),
+        "ambiguous": (f.ambiguous, ""),
         "gyro_offset": (survey.pairs.offset, "rad/s"),
         "gyro_drift": (survey.pairs.drift, "rad/s^2"),
         "drift_effect": (survey.drift_effect, "rad"),
-        "dwells": (np.bincount(d.setup, minlength=m).tolist(), "1"),
+        "dwells": (np.bincount(d.setup, minlength=m), "1"),
         "measured": (np.bincount(d.setup, d.time, minlength=m), "s"),
-        "verdict": (levels[survey.levels], ""),
-        "warnings": (words, ""),
+        "verdict": (chosen(levels, survey.levels), ""),
+        "warnings": (chosen(words, which), ""),
     }
 
 

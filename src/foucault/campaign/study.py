@@ -31,7 +31,7 @@ from foucault.diagnose.study import Study, nees
 from foucault.errors import FoucaultError, error
 from foucault.files import atomic, make_folder, write_text
 from foucault.result import Result
-from foucault.run_folder import KINDS, about_of, parquet_of
+from foucault.run_folder import KINDS, about_of, parquet_writer
 
 # -- A folder of many trials that can be killed at any time and continued ------------------------
 # It holds a JSON file that says what was asked, parts/*.parquet (trials as they were finished, each
@@ -215,8 +215,8 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]] | Mapping[str, Any
     import pyarrow as pa
 
     table = pa.table(dict(rows)) if isinstance(rows, Mapping) else pa.Table.from_pylist(list(rows))
-    with atomic(path) as temporary:
-        temporary.write_bytes(parquet_of(table))
+    with atomic(path) as temporary, parquet_writer(table.schema, temporary) as writer:
+        writer.write_table(table)
 
 
 def _whole(path: Path) -> bool:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray
+from foucault.arrays import BoolArray, FloatArray, chosen
 from foucault.detect.noise import resolution
 from foucault.detect.stretches import means_of, runs
 from foucault.errors import Finding, error, finding
@@ -123,11 +123,14 @@ def _places(log: IndexedLog) -> dict[str, Any]:
 
 def _numbered(dwells: Dwells, findings: tuple[Finding, ...] = ()) -> Dwells:
     """Leave out set-ups without a row."""
-    used, setup = np.unique(dwells.setup, return_inverse=True)
+    new = np.diff(dwells.setup, prepend=-1) != 0
+    used = dwells.setup[new]
+    if len(used) == len(dwells.names):
+        return replace(dwells, findings=findings)
     return replace(
         dwells,
-        setup=setup.astype(np.int64),
-        names=tuple(dwells.names[i] for i in used),
+        setup=np.cumsum(new) - 1,
+        names=chosen(dwells.names, used),
         heading=dwells.heading[used],
         **{k: getattr(dwells, k)[used] for k in PLACES if getattr(dwells, k) is not None},
         findings=findings,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple, TypeVar
@@ -302,11 +302,12 @@ def signal_to_noise(fixes: Fixes, pairs: Pairs) -> FloatArray:
     `fixes`: solutions with their budget [rad]; `pairs`: set-ups [SI].
     """
     gyro = [v[:, 0] for name, v in fixes.sources.items() if name.startswith("gyro")]
-    out = 1.0 / np.sqrt(np.maximum(np.sum(gyro, axis=0), 1e-300))
+    out = np.asarray(1.0 / np.sqrt(np.maximum(np.sum(gyro, axis=0), 1e-300)))
     # Where the rate along z is lost it is that, and not the gyro, which leaves heading uncertain.
     lost = fixes.status == 1
-    level = EARTH_RATE * np.cos(fixes.angles[:, 3]) / np.sqrt(_larger(pairs.cov[:, :2, :2]))
-    return np.where(lost, level, out)
+    sd = np.sqrt(_larger(pairs.cov[lost, :2, :2]))
+    out[lost] = EARTH_RATE * np.cos(fixes.angles[lost, 3]) / sd
+    return out
 
 
 SEES = 3.0
@@ -339,6 +340,9 @@ class Judged:
     # none, or nothing was said of the level
     level: FloatArray | None = None
     drift_effect: FloatArray | None = None  # (m,) of `drift_effect` [s^2]
+    # most, row: (m,) how far the worst reading is off [sd], and which of its set-up it is [1]
+    most: FloatArray = field(default_factory=lambda: np.zeros(0))
+    row: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @cached_property
     def worst(self) -> Worst:
@@ -639,7 +643,7 @@ def _worst(j: Judged) -> Worst:
     """
     from scipy.special import fdtri
 
-    square = np.nan_to_num(j.pairs.residuals) ** 2
+    square = j.most**2
     total = int(j.pairs.dof[:, 0].sum())
     first = np.searchsorted(j.dwells.setup, np.arange(len(j.pairs) + 1))
     count = np.diff(first)
@@ -650,11 +654,7 @@ def _worst(j: Judged) -> Worst:
     else:
         each = {int(n): chi_square_limits(1, tests=int(n))[1] for n in np.unique(count)}
         limits = np.array([each[n] for n in count.tolist()])
-    most = np.maximum.reduceat(square, first[:-1])
-    # The first row of a set-up that is as far off as its worst.
-    at = np.flatnonzero(square == most[j.dwells.setup])
-    row = at[np.searchsorted(j.dwells.setup[at], np.arange(len(count)))]
-    return Worst(row, most / limits, np.sqrt(most), j.pairs.dof[:, 0] >= 1)
+    return Worst(first[:-1] + j.row, square / limits, np.sqrt(square), j.pairs.dof[:, 0] >= 1)
 
 
 def _fitting(j: Judged) -> Test:

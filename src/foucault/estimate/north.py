@@ -77,8 +77,6 @@ from foucault.models.north_seeker import (
     SEEKER,
     Compensation,
     attitude,
-    earth_rate_b,
-    up_b,
 )
 from foucault.models.rotation import cross_matrix, exp, turned
 
@@ -218,15 +216,12 @@ def settled(pairs: Pairs, known: Known, compensation: Compensation, at: Best | F
             starts = [np.where(again, *two) for two in
                       ((new.angles, at.angles), (new.other, at.other))]  # fmt: skip
     more = _calibration_roots(starts[0], known, compensation, shared)
-    roots = pairs.roots | more
-    pairs = replace(pairs, roots=roots)
+    pairs = replace(pairs, roots=pairs.roots | more)
     if isinstance(at, Fixes) or more:
         best = best_of(pairs, pairs.cov, known, compensation, starts)
     else:
         best = at
-    gain = best.gain[..., :4]
-    budget = {name: np.sum(gain @ S * gain, axis=2) for name, S in pairs.sources.items()}
-    budget |= {name: np.sum((gain @ B) ** 2, axis=2) for name, B in roots.items()}
+    gain, budget = best.gain[..., :4], pairs.shares(best.gain)
     horizontal = horizontal_of(pairs, known, compensation)
     if known.latitude is not None:
         sd = np.reshape(np.maximum(known.latitude_sd, EXACT), (-1, 1))
@@ -315,12 +310,6 @@ def _calibration_roots(
     c = compensation.coefficients
     if c.cov is None or not len(c):
         return {}
-    finite = np.where(np.isfinite(angles), angles, 0.0)
-    w_b = earth_rate_b(*finite.T)
-    J = compensation.slopes(
-        w_b, np.reshape(known.gravity, (-1, 1)) * up_b(finite[:, 1], finite[:, 2])
-    )
-    J = J if shared is None else shared @ J
     # Coefficients are tied to one another: a coupling that a level session cannot show, and the
     # bias that made up for it. In the order of SOURCES each counts with what follows it, so that
     # the parts are independent and none is negative.
@@ -328,7 +317,9 @@ def _calibration_roots(
     order = sorted(range(len(c)), key=lambda i: list(SOURCES).index(kinds[i]))
     sd = np.sqrt(np.maximum(np.diag(c.cov), 1e-300))[order]
     tied = c.cov[np.ix_(order, order)] / np.outer(sd, sd) + 1e-12 * np.eye(len(c))
-    effect = J[..., order] @ (sd[:, None] * np.linalg.cholesky(tied))
+    root = np.empty_like(tied)
+    root[order] = sd[:, None] * np.linalg.cholesky(tied)
+    effect = compensation.spread(angles, known.gravity, root, shared)
     out: dict[str, FloatArray] = {}
     for start, words in SOURCES.items():
         mine = effect[..., [kinds[i] == start for i in order]]

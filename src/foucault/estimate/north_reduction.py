@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -97,14 +98,35 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.values)
 
-    @property
+    @cached_property
+    def stacked(self) -> FloatArray:
+        """Covariance of every source, shape (s, m, 4, 4) [SI]."""
+        return np.stack([*self.sources.values()] or [np.zeros((len(self), 4, 4))])
+
+    @cached_property
+    def root(self) -> tuple[FloatArray, IntArray]:
+        """All roots side by side, shape (m, 4, c) [SI], and where each begins and the last ends."""
+        parts = [np.zeros((len(self), 4, 0)), *self.roots.values()]
+        return np.concatenate(parts, axis=2), np.cumsum([B.shape[2] for B in parts])
+
+    @cached_property
     def cov(self) -> FloatArray:
         """Covariance of all sources together, shape (m, 4, 4) [SI]."""
-        own = np.asarray(sum(self.sources.values()))
-        if not self.roots:
-            return own
-        B = np.concatenate([*self.roots.values()], axis=2)
-        return np.asarray(own + B @ transposed(B))
+        from foucault.kernels.north_seeking import together_batch
+
+        out = np.empty((len(self), 4, 4))
+        together_batch(self.stacked, self.root[0], out)
+        return out
+
+    def shares(self, gain: FloatArray) -> dict[str, FloatArray]:
+        """Return the variances (m, 4) of angles by source, by their `gain` (m, 4, 5) [rad^2]."""
+        from foucault.kernels.north_seeking import shares_batch
+
+        B, first = self.root
+        out = np.empty((len(self.stacked) + len(first) - 1, len(self), 4))
+        shares_batch(gain, self.stacked, B, first, out)
+        skip = len(self.stacked) - len(self.sources)
+        return dict(zip((*self.sources, *self.roots), out[skip:], strict=True))
 
     @property
     def noise_alone(self) -> Pairs:
@@ -114,10 +136,21 @@ class Pairs:
 
     @property
     def results(self) -> Pairs:
-        """The same without what only its solution needs."""
-        gyro, accel = np.zeros((0, 2)), np.zeros((0, 1, 2))
-        return replace(self, sources={}, roots={}, accel_white=np.zeros((0, 1)),
+        """The same without its readings, and what only its solution needs."""
+        none, gyro, accel = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 1, 2))
+        return replace(self, sources={}, roots={}, accel_white=np.zeros((0, 1)), fit=none,
+                       residuals=none, accel_residuals=none,
                        gyro_weights=gyro, accel_weights=accel)  # fmt: skip
+
+    def worst(self, first: IntArray) -> tuple[FloatArray, IntArray]:
+        """Return how far the gyro's worst reading of every set-up is off [sd], and which it is [1].
+
+        `first` (m + 1,): number of the first reading of each [1].
+        """
+        size = np.abs(np.nan_to_num(self.residuals))
+        most = np.maximum.reduceat(size, first[:-1])
+        at = np.flatnonzero(size == np.repeat(most, np.diff(first)))
+        return most, at[np.searchsorted(at, first[:-1])] - first[:-1]
 
 
 @dataclass
@@ -138,6 +171,8 @@ class _Fit:
 
 def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) -> Pairs:
     """Reduce set-ups to their four numbers, by noise and what is known of the rest [SI]."""
+    from foucault.kernels.means import carried_batch
+
     nuisance = nuisance or Nuisance()
     n, m = len(dwells), len(dwells.names)
     values, slope = np.zeros((m, 4)), np.zeros((m, 4))
@@ -158,9 +193,9 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
         _judge(gyro, dwells.gyro[rows] - fit[rows], setups, rows, 0, residuals, chi_square, dof)
         W = gyro.weights[:, :2]
         gyro_weights[rows] = transposed(W)
-        parts[GYRO_NOISE][setups, :2, :2] = (W * gyro.white[:, None]) @ transposed(W)
-        parts[GYRO_NOISE][setups, :2, :2] += _unseen(gyro, EARTH_RATE)
-        parts[GYRO_DRIFT][setups, :2, :2] = W @ gyro.slow @ transposed(W)
+        carried_batch(np.ascontiguousarray(W), gyro.white, gyro.slow, setups, 0, parts[GYRO_NOISE],
+                      parts[GYRO_DRIFT])  # fmt: skip
+        _unseen(gyro, EARTH_RATE, parts[GYRO_NOISE][:, :2, :2], setups)
         slope[setups, :2] = moved = (W @ gyro.drift[..., None])[..., 0]
         if np.isfinite(nuisance.drift_sd):  # what the prior leaves of it, at its full size
             parts[GYRO_DRIFT][setups, :2, :2] += nuisance.drift_sd**2 * _square(moved)
@@ -184,9 +219,9 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
                 dof[setups, 1] = 2 * accel.dof
             V = accel.weights[:, :2]
             accel_weights[rows] = transposed(V).reshape(len(V), rows.shape[1], -1, 2)
-            unseen = _unseen(accel, GRAVITY)
-            parts[TILT_NOISE][setups, 2:, 2:] = (V * accel.white[:, None]) @ transposed(V) + unseen
-            parts[TILT_DRIFT][setups, 2:, 2:] = V @ accel.slow @ transposed(V)
+            carried_batch(np.ascontiguousarray(V), accel.white, accel.slow, setups, 2,
+                          parts[TILT_NOISE], parts[TILT_DRIFT])  # fmt: skip
+            _unseen(accel, GRAVITY, parts[TILT_NOISE][:, 2:, 2:], setups)
         else:
             parts[TILT_NOISE][setups, 2:, 2:] = UNSEEN * GRAVITY**2 * np.eye(2)
         if nuisance.index_sd or nuisance.lag_sd:
@@ -211,8 +246,9 @@ def rates_of(
         for nuisance in nuisances:
             fit = _gyro_fit(d, noise.gyro, nuisance, np.zeros((1, rows.shape[1])))
             W = fit.weights[:, :2]
-            white = (W * fit.white[:, None]) @ transposed(W) + _unseen(fit, EARTH_RATE)
-            out.append((white + W @ fit.slow @ transposed(W), fit.dof))
+            cov = (W * fit.white[:, None]) @ transposed(W) + W @ fit.slow @ transposed(W)
+            _unseen(fit, EARTH_RATE, cov, np.arange(len(cov)))
+            out.append((cov, fit.dof))
         yield out
 
 
@@ -360,17 +396,19 @@ def _fit(
     return _Fit(weights, design, root, white, slow, redundancy, dof)
 
 
-def _unseen(fit: _Fit, size: float) -> FloatArray:
-    """Return the variance of what the readings do not show of the first two unknowns, (g, 2, 2)."""
+def _unseen(fit: _Fit, size: float, out: FloatArray, setups: IntArray) -> None:
+    """Add the variance of what the readings do not show of the first two unknowns to `out`.
+
+    `out` (m, 2, 2): of all set-ups, of which `setups` (g,) are those of the fit.
+    """
     # With its weights a visible component is returned in full, W X = I; what is missing is unseen.
     missing = np.eye(2) - fit.weights[:, :2] @ fit.design[:, :, :2]
-    out = np.zeros_like(missing)
     some = np.square(missing).sum(axis=(1, 2)) > 0.25  # no direction, where it is smaller
     if some.any():
         U, s, _ = np.linalg.svd(missing[some])  # unseen or seen, rounding apart
         U = U * (s > 0.5)[:, None]
-        out[some] = UNSEEN * size**2 * U @ transposed(U)
-    return out
+        those = setups[some] if len(some) > 1 else setups
+        out[those] += UNSEEN * size**2 * U @ transposed(U)
 
 
 def _judge(
@@ -464,9 +502,13 @@ def compensated(
     the Earth's rate, specific forces over gravity, along x_b and y_b [1].
     """
     model = compensation.model
-    rate = np.linalg.solve(model.gyro_matrix[:2, :2], (values[:, :2] - model.gyro_bias[:2]).T).T
-    force = np.linalg.solve(model.accel_matrix[:2, :2], (values[:, 2:] - model.accel_bias[:2]).T).T
-    return np.hstack([rate / EARTH_RATE, force / np.reshape(gravity, (-1, 1))])
+    inverse = np.zeros((4, 4))
+    inverse[:2, :2] = np.linalg.inv(model.gyro_matrix[:2, :2]) / EARTH_RATE
+    inverse[2:, 2:] = np.linalg.inv(model.accel_matrix[:2, :2])
+    biases = np.concatenate([model.gyro_bias[:2], model.accel_bias[:2]])
+    out: FloatArray = (values - biases) @ inverse.T
+    out[:, 2:] /= np.reshape(gravity, (-1, 1))
+    return out
 
 
 def horizontal_of(pairs: Pairs, known: Known, compensation: Compensation) -> FloatArray:

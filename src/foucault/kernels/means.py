@@ -104,6 +104,30 @@ def whiten_batch(root, x):
                 x[i, a, q] = s * L[a, a]
 
 
+@kernel
+def carried_batch(W, white, slow, setups, at, S, T):
+    """Fill what noise of k readings is in the two numbers from `at` on of set-ups.
+
+    Parameters: W (g, 2, k) what a reading adds to them [1]; white (g, k) the variance of each by
+    itself, slow (g, k, k) covariance of what ties them together [unit^2]; setups (g,) their
+    numbers. What all share has one row.
+
+    Fills S, T (m, 4, 4): by what each has itself, and by what ties them together [unit^2].
+    """
+    k = W.shape[2]
+    for i in range(len(setups)):
+        w, v = W[i if len(W) > 1 else 0], white[i if len(white) > 1 else 0]
+        C, n = slow[i if len(slow) > 1 else 0], setups[i]
+        for p in range(2):
+            for q in range(2):
+                s, t = 0.0, 0.0
+                for a in range(k):
+                    s += w[p, a] * v[a] * w[q, a]
+                    for b in range(k):
+                        t += w[p, a] * C[a, b] * w[q, b]
+                S[n, at + p, at + q], T[n, at + p, at + q] = s, t
+
+
 @part
 def _pseudo_inverse(A, V, share, n):
     """Replace A (n, n), symmetric and not negative, by its pseudo-inverse.

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from foucault.kernels import kernel, part
+from foucault.kernels import inlined, kernel, part
 from foucault.kernels.rotation import atan2
 from foucault.kernels.small_matrices import cholesky, invert, substitute
 
@@ -147,11 +147,12 @@ def likelihood_batch(
     best, NaN and infinite where there is none; status (n,).
     """
     L, W = np.empty((4, 4)), np.empty((4, 4))
-    C, T, J = np.empty((3, 3)), np.empty((3, 3)), np.empty((4, 4))
+    T, J = np.empty((3, 3)), np.empty((4, 4))
     H, Hinv, E = np.empty((4, 4)), np.empty((4, 4)), np.zeros((4, 4))
     h, r, s, WJ = np.empty(4), np.empty(4), np.empty(4), np.empty((4, 4))
     m = len(starts)
     found, each, settled = np.empty((m, 4)), np.empty(m), np.empty(m, np.int8)
+    turns = np.empty((m, 3, 3))
     for i in range(len(y)):
         for p in range(4):
             for q in range(4):
@@ -164,7 +165,7 @@ def likelihood_batch(
             invert(L, W, len(L))
         best = -1
         for k in range(m):
-            start, x = starts[k, i], found[k]
+            start, x, C = starts[k, i], found[k], turns[k]
             settled[k], each[k] = NOT_FINITE, np.inf
             if not (weighed and math.isfinite(y[i].sum() + start.sum())):
                 continue
@@ -204,9 +205,8 @@ def likelihood_batch(
         status[i] = settled[best]
         for p in range(4):
             angles[i, p] = found[best, p]
-        _attitude(angles[i, 0], angles[i, 1], angles[i, 2], C)
-        _uncertainty(C, angles[i, 3], A, g[i], earth_rate, W, known, J, H, Hinv, E, WJ, s, P[i],
-                     gain[i])  # fmt: skip
+        _uncertainty(turns[best], angles[i, 3], A, g[i], earth_rate, W, known, J, H, Hinv, E, WJ, s,
+                     P[i], gain[i])  # fmt: skip
         for k in range(m):
             if settled[k] == SOLVED and each[k] < other_rank[i]:
                 turn = abs(found[k, 0] - angles[i, 0])
@@ -217,27 +217,192 @@ def likelihood_batch(
                         other[i, p] = found[k, p]
 
 
-@part
+@kernel
+def left_batch(
+    angles, g, earth_rate, A, first, cosine, sine, ramp, gyro_weights, accel_weights, on_case,
+    sensor, factors, size, B,
+):  # fmt: skip
+    """Fill what c terms of the sensors do to the four numbers of m set-ups.
+
+    Parameters: angles (m, 4) heading, pitch, roll, latitude [rad]; g (m,) [m/s^2]; earth_rate
+    [rad/s]; A (2, 3) of the accelerometers [1]; first (m + 1,) rows of each; cosine, sine (n,) of
+    the index angle [1]; ramp (n,) of a drift [1]; gyro_weights (n, 2), accel_weights (n, q, 2) of
+    every reading in its set-up [1];
+    on_case, whether accelerometers stay with the case; sensor (c,) 0 the gyro, 1 + k the
+    accelerometer k, -1 gravity itself; factors (c, 3) the numbers of `models.left_out.Monomial`;
+    size (c,) [SI].
+
+    Fills B (m, 4, c) [SI].
+    """
+    C, v, u = np.empty((3, 3)), np.ones(14), np.ones(14)
+    for i in range(len(angles)):
+        _attitude(angles[i, 0], angles[i, 1], angles[i, 2], C)
+        sl, cl = earth_rate * math.sin(angles[i, 3]), earth_rate * math.cos(angles[i, 3])
+        for p in range(3):
+            u[1 + p], u[4 + p] = g[i] * C[p, 2], cl * C[p, 1] + sl * C[p, 2]
+        for p in range(1, 7):
+            u[6 + p], v[p], v[6 + p] = abs(u[p]), u[p], abs(u[p])
+        for k in range(len(size)):
+            for p in range(4):
+                B[i, p, k] = 0.0
+                if sensor[k] < 0 and p > 1:
+                    for q in range(3):
+                        B[i, p, k] += A[p - 2, q] * C[q, 2] * size[k]
+        for r in range(first[i], first[i + 1]):
+            c, s = cosine[r], sine[r]
+            for p in (1, 4):  # axes that turn with the base
+                v[p], v[p + 1] = c * u[p] - s * u[p + 1], s * u[p] + c * u[p + 1]
+                v[p + 6], v[p + 7] = abs(v[p]), abs(v[p + 1])
+            u[13], v[13] = ramp[r], ramp[r]
+            for k in range(len(size)):
+                a, b, d = factors[k, 0], factors[k, 1], factors[k, 2]
+                if sensor[k] == 0:
+                    x = size[k] * v[a] * v[b] * v[d]
+                    B[i, 0, k] += gyro_weights[r, 0] * x
+                    B[i, 1, k] += gyro_weights[r, 1] * x
+                elif sensor[k] > 0:
+                    x = u[a] * u[b] * u[d] if on_case else v[a] * v[b] * v[d]
+                    x *= size[k]
+                    B[i, 2, k] += accel_weights[r, sensor[k] - 1, 0] * x
+                    B[i, 3, k] += accel_weights[r, sensor[k] - 1, 1] * x
+
+
+@kernel
+def across_batch(y, cov, angles, A, b, g, earth_rate, latitude_sd, T, B, out):
+    """Fill the one number of m set-ups that no attitude explains, and what is done to it.
+
+    At right angles to the slopes, whose cofactors that is, over its sd.
+
+    Parameters: y (m, 4), cov (m, 4, 4) [SI]; angles (m, 4), A (4, 3), b (4,), g (m,), earth_rate as
+    of `likelihood_batch`; latitude_sd (m,) of what each has by itself [rad]; T (m, 4, 4) or (1, 4,
+    4) what of B is in y [1]; B (m, 4, c) [SI].
+
+    Fills out (m, 2 + c): of y, of a latitude 1 rad further north, of B [sd].
+    """
+    C, J, X = np.empty((3, 3)), np.empty((4, 4)), np.zeros((4, 4))
+    h, r, n, t = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    for i in range(len(y)):
+        _attitude(angles[i, 0], angles[i, 1], angles[i, 2], C)
+        lat = angles[i, 3]
+        sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
+        _misfit(C, lat, sl, cl, y[i], A, b, g[i], lat, 0.0, X, h, r)
+        _slopes(C, sl, cl, A, g[i], J)
+        for p in range(4):
+            k, m, q = (p + 1) % 4, (p + 2) % 4, (p + 3) % 4
+            n[p] = J[k, 0] * (J[m, 1] * J[q, 2] - J[m, 2] * J[q, 1])
+            n[p] -= J[k, 1] * (J[m, 0] * J[q, 2] - J[m, 2] * J[q, 0])
+            n[p] += J[k, 2] * (J[m, 0] * J[q, 1] - J[m, 1] * J[q, 0])
+            n[p] *= 1.0 if p % 2 == 0 else -1.0
+        north, variance = 0.0, 0.0
+        for p in range(4):
+            north += n[p] * J[p, 3]
+            for q in range(4):
+                variance += n[p] * cov[i, p, q] * n[q]
+        variance += (north * latitude_sd[i]) ** 2
+        over = 1.0 / max(math.sqrt(variance), 1e-300)
+        out[i, 0], out[i, 1] = 0.0, over * north
+        for q in range(4):
+            out[i, 0] += over * n[q] * r[q]
+            t[q] = 0.0
+            for p in range(4):
+                t[q] += over * n[p] * T[i if len(T) > 1 else 0, p, q]
+        for k in range(B.shape[2]):
+            s = 0.0
+            for p in range(4):
+                s += t[p] * B[i, p, k]
+            out[i, 2 + k] = s
+
+
+@kernel
+def calibration_batch(angles, g, earth_rate, output, factor, root, T, B):
+    """Fill what the uncertainty of n coefficients does to the four numbers of m set-ups.
+
+    Parameters: angles (m, 4), g (m,), earth_rate as of `left_batch`; output (n,) which of the four
+    numbers a coefficient is in, factor (n,) what it multiplies there, of 1, f_x ... w_z; root (n,
+    c) of their covariance [SI]; T (m, 4, 4) or (1, 4, 4) what of that is in the numbers [1].
+
+    Fills B (m, 4, c) [SI].
+    """
+    C, v, x = np.empty((3, 3)), np.ones(7), np.empty(4)
+    for i in range(len(angles)):
+        _attitude(angles[i, 0], angles[i, 1], angles[i, 2], C)
+        sl, cl = earth_rate * math.sin(angles[i, 3]), earth_rate * math.cos(angles[i, 3])
+        for p in range(3):
+            v[1 + p], v[4 + p] = g[i] * C[p, 2], cl * C[p, 1] + sl * C[p, 2]
+        for c in range(root.shape[1]):
+            for p in range(4):
+                x[p] = 0.0
+            for k in range(len(root)):
+                x[output[k]] += v[factor[k]] * root[k, c]
+            for p in range(4):
+                s = 0.0
+                for q in range(4):
+                    s += T[i if len(T) > 1 else 0, p, q] * x[q]
+                B[i, p, c] = s
+
+
+@kernel
+def together_batch(S, B, cov):
+    """Fill cov (m, 4, 4) with the sum of S (s, m, 4, 4) and of B B', B (m, 4, c)."""
+    for i in range(len(cov)):
+        for p in range(4):
+            for q in range(p + 1):
+                t = 0.0
+                for k in range(len(S)):
+                    t += S[k, i, p, q]
+                for k in range(B.shape[2]):
+                    t += B[i, p, k] * B[i, q, k]
+                cov[i, p, q], cov[i, q, p] = t, t
+
+
+@kernel
+def shares_batch(gain, S, B, first, out):
+    """Fill out (s + g, m, 4): the variances of four angles by each S (s, m, 4, 4) and group of B.
+
+    Parameters: gain (m, 4, 5) slope of the angles against the four numbers; B (m, 4, c), of which
+    first (g + 1,) says where each group begins.
+    """
+    for i in range(len(gain)):
+        for p in range(4):
+            for k in range(len(S)):
+                t = 0.0
+                for q in range(4):
+                    for r in range(4):
+                        t += gain[i, p, q] * S[k, i, q, r] * gain[i, p, r]
+                out[k, i, p] = t
+            for k in range(len(first) - 1):
+                t = 0.0
+                for c in range(first[k], first[k + 1]):
+                    x = 0.0
+                    for q in range(4):
+                        x += gain[i, p, q] * B[i, q, c]
+                    t += x * x
+                out[len(S) + k, i, p] = t
+
+
+@inlined
 def _settle(
     C, x, y, A, b, g, earth_rate, latitude, known, rounds, W, T, J, H, h, r, s, WJ
 ):  # fmt: skip
     """Turn C, and the latitude x[3], to the least sum of squares; return it, and the status."""
     lat, status = x[3], NOT_CONVERGED
-    now = _misfit(C, lat, y, A, b, g, earth_rate, latitude, known, W, h, r)
+    sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
+    now = _misfit(C, lat, sl, cl, y, A, b, g, latitude, known, W, h, r)
     for _ in range(rounds):
-        _slopes(C, lat, A, g, earth_rate, J)
+        _slopes(C, sl, cl, A, g, J)
         _normal(J, W, r, known, latitude - lat, H, s, WJ)
         if _scaled_cholesky(H, s) == 0.0:
             status = SINGULAR
             break
-        share, better, new = 1.0, False, now
+        share, better, new, up, along = 1.0, False, now, sl, cl
         moved = 0.0
         for p in range(4):
             moved += s[p] * s[p]
         for _ in range(12):
             _turned(C, share * s[0], share * s[1], share * s[2], T)
             trial = lat + share * s[3]
-            new = _misfit(T, trial, y, A, b, g, earth_rate, latitude, known, W, h, r)
+            up, along = earth_rate * math.sin(trial), earth_rate * math.cos(trial)
+            new = _misfit(T, trial, up, along, y, A, b, g, latitude, known, W, h, r)
             if new <= now * (1.0 + 1e-12) + 1e-12:
                 better = True
                 break
@@ -250,7 +415,7 @@ def _settle(
         for p in range(3):
             for q in range(3):
                 C[p, q] = T[p, q]
-        lat, now = lat + share * s[3], new
+        lat, now, sl, cl = lat + share * s[3], new, up, along
         if moved * share * share < 1e-18 or (gained < 1e-10 and moved < 1e-12):
             status = SOLVED
             break
@@ -271,7 +436,7 @@ def _other_side(C, lat, sign, variance):
     return out + DEFAULT if sign * along < 0.0 else out
 
 
-@part
+@inlined
 def _attitude(psi, theta, gamma, C):
     sf, cf = math.sin(psi), math.cos(psi)
     st, ct = math.sin(theta), math.cos(theta)
@@ -281,10 +446,12 @@ def _attitude(psi, theta, gamma, C):
     C[2, 0], C[2, 1], C[2, 2] = sg * cf - cg * st * sf, -sg * sf - cg * st * cf, cg * ct
 
 
-@part
-def _misfit(C, lat, y, A, b, g, earth_rate, latitude, known, W, h, r):
-    """Fill h with what is predicted, r with what is left; return the sum of squares."""
-    sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
+@inlined
+def _misfit(C, lat, sl, cl, y, A, b, g, latitude, known, W, h, r):
+    """Fill h with what is predicted, r with what is left; return the sum of squares.
+
+    `sl`, `cl`: the Earth's rate times sine and cosine of `lat`.
+    """
     for p in range(4):
         h[p] = b[p]
         for q in range(3):
@@ -298,14 +465,13 @@ def _misfit(C, lat, y, A, b, g, earth_rate, latitude, known, W, h, r):
     return total + known * (latitude - lat) ** 2 if known > 0.0 else total
 
 
-@part
-def _slopes(C, lat, A, g, earth_rate, J):
+@inlined
+def _slopes(C, sl, cl, A, g, J):
     """Fill J (4, 4): slope of the prediction against phi (E, N, U) and latitude.
 
     ``d (C v) = C (phi x v)``: specific force sees tilt alone and heading is one unknown by itself,
     so that however exact the tilt, scaling keeps the normal equations well conditioned.
     """
-    sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
     for p in range(4):
         x, y, z = 0.0, 0.0, 0.0
         for q in range(3):
@@ -324,7 +490,7 @@ def _slopes(C, lat, A, g, earth_rate, J):
             J[p, 3] = 0.0
 
 
-@part
+@inlined
 def _normal(J, W, r, known, miss, H, s, WJ):
     """Fill H = J' W J and s = J' W r, with the latitude known before; WJ (4, 4) = W J."""
     for p in range(4):
@@ -347,7 +513,7 @@ def _normal(J, W, r, known, miss, H, s, WJ):
         s[3] += known * miss
 
 
-@part
+@inlined
 def _scaled_cholesky(H, s):
     """Replace s by inv(H) s, H by the factor of H scaled to a unit diagonal; 0 if singular."""
     d0, d1, d2, d3 = H[0, 0], H[1, 1], H[2, 2], H[3, 3]
@@ -366,7 +532,7 @@ def _scaled_cholesky(H, s):
     return 1.0
 
 
-@part
+@inlined
 def _turned(C, x, y, z, T):
     """Fill T with C exp([phi x])."""
     angle = math.sqrt(x * x + y * y + z * z)
@@ -392,10 +558,10 @@ def _fill(P, gain, variance):
             gain[p, q] = np.nan
 
 
-@part
+@inlined
 def _uncertainty(C, lat, A, g, earth_rate, W, known, J, H, Hinv, E, WJ, s, P, gain):
     """Fill covariance and gain of heading, pitch, roll and latitude."""
-    _slopes(C, lat, A, g, earth_rate, J)
+    _slopes(C, earth_rate * math.sin(lat), earth_rate * math.cos(lat), A, g, J)
     for p in range(4):
         s[p] = 0.0
     _normal(J, W, s, known, 0.0, H, s, WJ)

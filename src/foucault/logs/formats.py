@@ -33,6 +33,7 @@ _BATCH_ROWS = 1 << 16
 
 def open_parquet(path: Path, description: FileLayout, progress: Progress | None) -> RawTable:
     """Open a Parquet file; its top-level columns are the columns of the log."""
+    import pyarrow as pa
     from pyarrow import parquet
 
     with parquet.ParquetFile(path) as file:
@@ -57,11 +58,15 @@ def open_parquet(path: Path, description: FileLayout, progress: Progress | None)
                     progress(done / total)
                 yield np.array([_floats(batch.column(f.name)) for f in wanted]).T
 
-    def words(column: int) -> Iterator[list[str]]:
+    def words(column: int) -> Iterator[Any]:
         name = schema.field(column).name
         with parquet.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:
             for batch in file.iter_batches(_BATCH_ROWS, columns=[name]):
-                yield ["" if word is None else str(word) for word in batch.column(0).to_pylist()]
+                cells = batch.column(0)
+                if not pa.types.is_string(cells.type):
+                    cells = pa.array([None if w is None else str(w) for w in cells.to_pylist()],
+                                     pa.string())  # fmt: skip
+                yield cells.fill_null("")
 
     return RawTable(tuple(schema.names), True, blocks, marker, words=words)
 

@@ -9,15 +9,15 @@ gyro, at most gravity for an accelerometer. Biases that stay the same do not cou
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import FloatArray, IntArray, Names, chosen, of_arrow
 from foucault.errors import Finding, error, finding
 from foucault.files import sha256
 from foucault.logs import checks
@@ -72,6 +72,8 @@ def _stuck(log: IndexedLog) -> tuple[Finding, ...]:
 
 def _index(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
     """Tell degrees read as radians and the reverse: stops are at round angles in one of them."""
+    if np.mean(np.abs(np.sin(12 * (log.index - log.index[0]))) < 0.05) >= 0.9:
+        return ()  # round as they are read
     said = log.index / used.index.one()
     for unit, likely, one in (("deg", "rad", 1.0), ("rad", "deg", np.radians(1.0))):
         if used.index.unit != unit:
@@ -81,8 +83,7 @@ def _index(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
         same = np.abs(log.index - log.index[0]) < np.radians(0.1)
         covers = float(np.ptp(shift) * one)
         whole = covers < 2.1 * np.pi if unit == "deg" else covers > ROUND / 2
-        round_as_read = np.abs(np.sin(12 * (log.index - log.index[0]))) < 0.05
-        if whole and np.mean(near) > 0.9 and not same.all() and np.mean(round_as_read) < 0.9:
+        if whole and np.mean(near) > 0.9 and not same.all():
             seen = f"they reach from {said.min():.4g} to {said.max():.4g}"
             return (finding("north.index_unit", unit=unit, seen=seen, likely=likely),)
     return ()
@@ -101,22 +102,29 @@ def _swings(log: IndexedLog, columns: list[FloatArray]) -> list[tuple[float, flo
     normal = np.empty((m, 3, 3))
     for i, k in ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)):
         normal[:, i, k] = normal[:, k, i] = sums(A[i] * A[k]) / rows
-    values, vectors = np.linalg.eigh(normal)
+    alike = not np.ptp(normal, axis=0).any()  # the same stops everywhere
+    values, vectors = np.linalg.eigh(normal[:1] if alike else normal)
     seen = values > 1e-12 * values[:, 2:]
     rank = seen.sum(axis=1)
     out = []
     for x in columns:
         y = x - (sums(x) / rows)[number]
         right = np.stack([sums(a * y) for a in A], 1) / rows[:, None]
-        along = np.einsum("nik,ni->nk", vectors, right)
-        fit = np.einsum("nik,nk->ni", vectors, np.where(seen, along / np.where(seen, values, 1), 0))
+        inverse = np.where(seen, 1 / np.where(seen, values, 1), 0)[:, None] * vectors
+        fit = _each(right, inverse @ np.swapaxes(vectors, 1, 2))
         size = np.where(rank < 2, 0.0, np.hypot(*fit[:, 1:].T))  # one stop: nothing but the offset
         best = int(np.argmax(size))
         some = slice(first[best], first[best] + int(rows[best]))
         left = y[some] - fit[best] @ A[:, some]
-        sd = np.sqrt(np.sum(left**2) / max(rows[best] - rank[best], 1) * 2 / rows[best])
+        spent = rank[best if len(rank) > 1 else 0]
+        sd = np.sqrt(np.sum(left**2) / max(rows[best] - spent, 1) * 2 / rows[best])
         out.append((float(size[best]), float(sd) if size[best] > 0 else np.inf))
     return out
+
+
+def _each(x: FloatArray, matrices: FloatArray) -> FloatArray:
+    """Return every row of x (m, 3) times its matrix, symmetric, or times the one of all."""
+    return x @ matrices[0] if len(matrices) == 1 else np.asarray((matrices @ x[..., None])[..., 0])
 
 
 def _gyro(used: IndexedDescription, size: float, sd: float) -> tuple[Finding, ...]:
@@ -272,32 +280,34 @@ def _found(
 class _Labels(NamedTuple):
     """The name of the set-up of each row."""
 
-    words: list[str]  # all names; the first is empty, for rows without one
-    of: IntArray  # (n,) number of that of each row [1]
+    words: Any  # all names, an array of strings of pyarrow
+    of: IntArray  # (n,) number of that of each row, negative for rows without one [1]
 
 
 def _labels(used: IndexedDescription, raw: RawTable, path: Path) -> _Labels | None:
     """Return the name of the set-up of each row, where a column has them."""
     if used.setup is None:
         return None
+    import pyarrow as pa
+    from pyarrow import compute
+
     number, _ = columns.find(raw, used.setup, path, "setup")
     if raw.words is not None:
-        blocks = (np.array(words, object) for words in raw.words(number) if words)
+        blocks = raw.words(number)
     else:
-        blocks = (block[:, 0] for block in kept(raw, path).blocks([number]) if len(block))
-    known, of = {"": 0}, [np.empty(0, np.int64)]
-    for block in blocks:
-        first = np.flatnonzero(np.append(True, block[1:] != block[:-1]))
-        runs = [known.setdefault(_word(cell), len(known)) for cell in block[first].tolist()]
-        of.append(np.repeat(runs, np.diff(first, append=len(block))))
-    return _Labels([*known], np.concatenate(of))
-
-
-def _word(cell: str | float) -> str:
-    """Return the name that stands in a cell."""
-    if isinstance(cell, str):
-        return cell.strip()
-    return "" if np.isnan(cell) else f"{cell:.12g}"
+        numbers = (block[:, 0] for block in kept(raw, path).blocks([number]))
+        blocks = (pa.array(["" if np.isnan(x) else f"{x:.12g}" for x in some.tolist()], pa.string())
+                  for some in numbers)  # fmt: skip
+    runs, count = [pa.array([], pa.string())], [np.empty(0, np.int64)]
+    for cells in blocks:
+        moved = of_arrow(compute.not_equal(cells[1:], cells[:-1]))
+        first = np.flatnonzero(np.append(np.ones(min(len(cells), 1), bool), moved))
+        runs.append(cells.take(pa.array(first)))
+        count.append(np.diff(first, append=len(cells)))
+    coded = compute.utf8_trim_whitespace(pa.concat_arrays(runs)).dictionary_encode()
+    code, empty = of_arrow(coded.indices), compute.index(coded.dictionary, "").as_py()
+    each = np.where(code == empty, -1, code.astype(np.int64))
+    return _Labels(coded.dictionary, np.repeat(each, np.concatenate(count)))
 
 
 def _usable(
@@ -310,8 +320,8 @@ def _usable(
         data = {name: values[rows] for name, values in data.items()}
         labels = labels and labels._replace(of=labels.of[rows])
 
-    if labels is not None and not labels.of.all():
-        kept(np.flatnonzero(labels.of))
+    if labels is not None and labels.of.min(initial=0) < 0:
+        kept(np.flatnonzero(labels.of >= 0))
     needed = {name: values for name, values in data.items() if name not in BLANK}
     keep, found = checks.finite(needed, used.missing, path.name)
     if keep is not None:
@@ -333,7 +343,7 @@ def _usable(
 
 def _setups(
     data: Data, labels: _Labels | None
-) -> tuple[IntArray, tuple[str, ...], tuple[Finding, ...]]:
+) -> tuple[IntArray, Sequence[str], tuple[Finding, ...]]:
     """Number the set-ups: runs of one name, else of one reference heading."""
     n = len(data["gyro"])
     heading, latitude = data.get("heading"), data.get("latitude")
@@ -348,13 +358,17 @@ def _setups(
     if labels is None and latitude is not None:
         new[1:] |= np.abs(np.diff(latitude)) > SAME_LATITUDE
     first = np.flatnonzero(new)
+    setup = np.cumsum(new) - 1
     if labels is not None:
-        plain = [labels.words[k] for k in labels.of[first].tolist()]
+        code = labels.of[first]
+        different = chosen(Names(labels.words), code)
+        if np.bincount(code).max() == 1:
+            return setup, different, ()
+        plain = [*different]
     elif heading is not None:
         plain = [f"{np.degrees(heading[i]):.6g} deg" for i in first]
     else:
         plain = [f"{k + 1}" for k in range(len(first))]
-    setup = np.cumsum(new) - 1
     if len({*plain}) == len(plain):
         return setup, tuple(plain), ()
     names: list[str] = []

@@ -57,9 +57,9 @@ class RawTable:
     # numbers of the columns that hold dates, handed out in seconds since 1970 [1]
     stamps: tuple[int, ...] = ()
     findings: tuple[Finding, ...] = ()  # what was noticed of the file before its rows
-    # ``column -> iterator`` of lists of str: the cells of one column as text, in the order of the
-    # file; None where the format holds numbers only
-    words: Callable[[int], Iterator[list[str]]] | None = None
+    # ``column -> iterator`` of arrays of strings of pyarrow: the cells of one column as text, in
+    # the order of the file; None where the format holds numbers only
+    words: Callable[[int], Iterator[Any]] | None = None
     # blocks of a description, as [log] has them, that the file or its format says itself; a unit
     # may be open
     declared: Mapping[str, Any] | None = None

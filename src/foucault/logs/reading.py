@@ -592,7 +592,7 @@ def _runs(raw: RawTable, number: int) -> _Runs:
 
 def _words(raw: RawTable, number: int) -> Iterator[list[str]]:
     if raw.words is not None:
-        yield from (words for words in raw.words(number) if words)
+        yield from (words.to_pylist() for words in raw.words(number) if len(words))
         return
     for block in raw.blocks([number]):
         if len(block):

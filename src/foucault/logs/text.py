@@ -64,7 +64,7 @@ def open_delimited(path: Path, description: FileLayout, progress: Progress | Non
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
         return _blocks(path, dialect, columns, progress)
 
-    def words(column: int) -> Iterator[list[str]]:
+    def words(column: int) -> Iterator[Any]:
         with open_text(path) as stream, _told(path, dialect, ()) as good:
             yield from _words(stream, dialect, column, path.stat().st_size, good)
 
@@ -113,20 +113,24 @@ def parse(
 
 def _words(
     stream: IO[bytes], dialect: Dialect, column: int, size: int, good: list[int]
-) -> Iterator[list[str]]:
+) -> Iterator[Any]:
     import pyarrow as pa
 
     for batch in _batches(stream, dialect, {column: pa.binary()}, size, None, good):
-        yield _decoded([word or b"" for word in batch.column(0).to_pylist()])
+        yield _decoded(batch.column(0).combine_chunks().fill_null(b""))
 
 
-def _decoded(cells: list[bytes]) -> list[str]:
-    """Return cells, none of which holds an end of line, as text: at once where all are UTF-8."""
+def _decoded(cells: Any) -> Any:
+    """Return an array of cells as text: at once where all are UTF-8."""
+    import pyarrow as pa
+    from pyarrow import compute
+
     try:
-        text = b"\n".join(cells).decode()
-    except UnicodeDecodeError:
-        text = BYTE_ORDER
-    return [decoded(cell) for cell in cells] if BYTE_ORDER in text else text.split("\n")
+        text = cells.cast(pa.string())
+        plain = not compute.any(compute.match_substring(text, BYTE_ORDER)).as_py()
+    except pa.ArrowInvalid:
+        plain = False
+    return text if plain else pa.array([decoded(cell) for cell in cells.to_pylist()])
 
 
 def _batches(

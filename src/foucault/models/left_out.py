@@ -24,6 +24,7 @@ from foucault.errors import error, suggestion
 from foucault.files import parse_toml
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
+from foucault.models.imu_layout import PRODUCTS, coefficient_slot
 from foucault.strict import Strict
 from foucault.tables import AXES
 
@@ -175,6 +176,36 @@ def changes(some: Sequence[Term], model: ImuModel, at: Motion) -> Iterator[Chang
                 added = columns[..., k]
             added = term.size * added
             yield Change(accel=added) if triad == "accel" else Change(gyro=added)
+
+
+class Monomial(NamedTuple):
+    """What one unit of a term adds to one axis of a sensor without errors: a product of inputs."""
+
+    axis: int  # that it adds to: 0, 1, 2
+    # numbers among ``1, f_x, f_y, f_z, w_x, w_y, w_z, |f_x| ... |w_z|, ramp`` of a drift
+    inputs: tuple[int, int, int]
+
+
+def monomial(term: Term) -> Monomial:
+    """Return what a term is at true specific force and rate, as `changes` has it."""
+    one, f, w, size_f, size_w, ramp = 0, 1, 4, 7, 10, 13
+    triad, _, kind = term.group.partition(".")
+    if "drift" in kind:
+        axis = AXES.index(term.name[-1])
+        true = (f if triad == "accel" else w) + axis if kind == "scale drift" else one
+        return Monomial(axis, (true, ramp, one))
+    block, at = coefficient_slot(term.name)
+    axis, *inner = at if isinstance(at, tuple) else (at,)
+    first, last = (inner or [axis])[0], inner[-1:]
+    two = [AXES.index(a) for a in PRODUCTS[first]] if block == "accel_quadratic" else [0, 0]
+    inputs = {
+        "accel_bias": (one, one, one), "gyro_bias": (one, one, one),
+        "accel_matrix": (f + first, one, one), "gyro_matrix": (w + first, one, one),
+        "g_sensitivity": (f + first, one, one), "accel_quadratic": (f + two[0], f + two[1], one),
+        "accel_asymmetry": (size_f + axis, one, one), "gyro_asymmetry": (size_w + axis, one, one),
+        "gyro_cubic": (w + axis, w + axis, w + axis), "deflection": (w + first, f + sum(last), one),
+    }  # fmt: skip
+    return Monomial(axis, inputs[block])
 
 
 def terms(names: Sequence[str], site: Site, sizes: Sizes) -> list[Term]:

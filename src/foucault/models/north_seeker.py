@@ -29,6 +29,7 @@ What a north seeker said: one mean per stop of its base, or per piece of a rotat
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -36,11 +37,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import FloatArray, IntArray, chosen
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import Finding
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT, ImuModel
+from foucault.models.imu_layout import coefficient_slot
 
 EQUATION = (
     "gyro(a) = o + d t + e(a) . ((I + S_g + M_g) w + b_g);  "
@@ -143,13 +145,38 @@ class Compensation:
         slopes = self.model.slopes(f_b, w_b, self.coefficients.names)
         return np.concatenate([slopes.gyro[..., :2, :], slopes.accel[..., :2, :]], axis=-2)
 
+    def spread(
+        self, angles: FloatArray, gravity: float | FloatArray, root: FloatArray,
+        share: FloatArray | None = None,
+    ) -> FloatArray:  # fmt: skip
+        """Return what a `root` (n, c) of a covariance of coefficients does to the four numbers.
+
+        `angles` (m, 4): heading, pitch, roll, latitude, taken for 0 where they are not finite
+        [rad]; `gravity` (m,): [m/s^2]; `share` (m, 4, 4) or None: what of that is in them, None for
+        all [1]. Returns (m, 4, c) [SI].
+        """
+        from foucault.kernels.north_seeking import calibration_batch
+
+        at = [coefficient_slot(name) for name in self.coefficients.names]
+        places = [one if isinstance(one, tuple) else (one,) for _, one in at]
+        output = [2 * (b[0] == "a") + p[0] for (b, _), p in zip(at, places, strict=True)]
+        factor = [0 if len(p) == 1 else p[1] + (1 if b[0] == "a" else 4)
+                  for (b, _), p in zip(at, places, strict=True)]  # fmt: skip
+        out = np.empty((len(angles), 4, root.shape[1]))
+        calibration_batch(
+            np.where(np.isfinite(angles), angles, 0.0), np.full(len(angles), gravity), EARTH_RATE,
+            np.array(output, np.int64), np.array(factor, np.int64), np.ascontiguousarray(root),
+            np.eye(4)[None] if share is None else share, out,
+        )  # fmt: skip
+        return out
+
 
 @dataclass(frozen=True)
 class Dwells:
     """Means of one gyro and its accelerometers, n of them over m set-ups."""
 
     setup: IntArray  # (n,) number of the set-up of each row, from 0, in order [1]
-    names: tuple[str, ...]  # name of each set-up: a survey mark, or a position of the turntable
+    names: Sequence[str]  # name of each set-up: a survey mark, or a position of the turntable
     # start, time: (n,) beginning and length of each mean [s]
     start: FloatArray
     time: FloatArray
@@ -195,20 +222,23 @@ class Dwells:
         first, last = np.searchsorted(self.setup, np.stack([some, some + 1]))
         count = last - first
         before = np.cumsum(count) - count
-        whole = self.rows(np.arange(count.sum()) + np.repeat(first - before, count))
+        if len(some) and some[-1] - some[0] == len(some) - 1:  # one block: no copies
+            whole = self.rows(slice(int(first[0]), int(last[-1])))
+        else:
+            whole = self.rows(np.arange(count.sum()) + np.repeat(first - before, count))
         said = ((name, getattr(self, name)) for name in ("heading", "latitude", "latitude_sd"))
         each: dict[str, Any] = {name: None if x is None else x[some] for name, x in said}
         return replace(
             whole,
             setup=np.repeat(np.arange(len(some)), count),
-            names=tuple(self.names[i] for i in some.tolist()),
+            names=chosen(self.names, some),
             **each,
         )
 
-    def rows(self, keep: IntArray) -> Dwells:
+    def rows(self, keep: IntArray | slice) -> Dwells:
         """Return some rows; set-ups keep their numbers.
 
-        `keep` (k,): numbers of the rows [1].
+        `keep` (k,): numbers of the rows, or which they are [1].
         """
         names = ("setup", "start", "time", "index", "cosine", "sine", "gyro")
         some: dict[str, Any] = {name: getattr(self, name)[keep] for name in names}

@@ -231,7 +231,7 @@ def rate_of_day(file: Opened, column: int) -> float | None:
 
     `column`: its number [1].
     """
-    cells = [word.strip() for part in file.raw.words(column) for word in part] \
+    cells = [word.strip() for part in file.raw.words(column) for word in part.to_pylist()] \
         if file.raw.words else []  # fmt: skip
     found = [OF_DAY.search(cell) for cell in cells]
     if len(found) < 10 or not all(found):

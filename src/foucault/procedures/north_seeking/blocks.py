@@ -11,7 +11,7 @@ import functools
 import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from itertools import chain
 from operator import add
@@ -27,8 +27,15 @@ from foucault.models.earth import Site
 from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Compensation, Dwells
-from foucault.procedures.north_seeking.counted import explained
-from foucault.procedures.north_seeking.field import Left, Products, misfits
+from foucault.procedures.north_seeking.counted import explained, moved, on_case
+from foucault.procedures.north_seeking.field import (
+    HOUR,
+    Left,
+    Products,
+    Terms,
+    misfits,
+    truth_of,
+)
 
 BLOCK = 4096
 """Set-ups that are solved at once: fewer, and each call of a block costs as much as they do [1]."""
@@ -47,56 +54,52 @@ def in_blocks(count: int, of: Callable[[IntArray], T]) -> Iterator[T]:
         yield from pool.map(of, blocks)
 
 
-ROWS = ("fit", "residuals", "accel_residuals", "accel_white", "gyro_weights", "accel_weights")
-"""Arrays with a row for every reading; others have one for every set-up, or none."""
-
-
-def joined(parts: Iterator[T], dwells: Dwells) -> T:
+def joined(parts: Iterator[T], m: int) -> T:
     """Return one of the dataclasses of all blocks, with all their arrays one after the other.
 
     Each is put in its place as it comes: memory holds the arrays once.
 
-    `dwells`: the readings [SI].
+    `m`: set-ups of all [1].
     """
     first = next(parts)
-    m, n = len(dwells.names), len(dwells)
-    whole: T = _room(first, m, n)
-    at = 0, 0
+    whole: T = _room(first, m)
+    at = 0
     for part in chain([first], parts):
         at = _put(whole, part, m, at)
     return whole
 
 
-def _room(part: Any, m: int, n: int) -> Any:
-    """Return `part` with room for m set-ups and n readings."""
+def _fields(part: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the fields of a dataclass, not what it has worked out beside."""
+    return ((one.name, getattr(part, one.name)) for one in fields(part))
+
+
+def _room(part: Any, m: int) -> Any:
+    """Return `part` with room for m set-ups."""
     out: dict[str, Any] = {}
-    for name, x in vars(part).items():
+    for name, x in _fields(part):
         if isinstance(x, np.ndarray):
-            size = (n if name in ROWS else m) if len(x) else 0
-            out[name] = np.empty((size, *x.shape[1:]), x.dtype)
+            out[name] = np.empty((m if len(x) else 0, *x.shape[1:]), x.dtype)
         elif isinstance(x, dict):
             out[name] = {}
         else:
-            out[name] = None if x is None else _room(x, m, n)
+            out[name] = None if x is None else _room(x, m)
     return type(part)(**out)
 
 
-def _put(whole: Any, part: Any, m: int, at: tuple[int, int]) -> tuple[int, int]:
-    """Put a part, of m set-ups in all, to set-up and reading `at`; return where the next begins."""
-    setup, row = at
-    end = setup + len(part), row
-    for name, x in vars(part).items():
+def _put(whole: Any, part: Any, m: int, start: int) -> int:
+    """Put a part, of m set-ups in all, to set-up `start`; return where the next begins."""
+    end = start + len(part)
+    for name, x in _fields(part):
         room = getattr(whole, name)
         if isinstance(x, np.ndarray):
-            start = row if name in ROWS else setup
             room[start : start + len(x)] = x
-            end = (end[0], max(end[1], start + len(x))) if name in ROWS else end
         elif isinstance(x, dict):
             for key, each in x.items():  # a source that is none of another block is nothing there
                 there = room.setdefault(key, np.zeros((m, *each.shape[1:])))
-                there[setup : end[0]] = each
+                there[start:end] = each
         elif x is not None:
-            end = end[0], max(end[1], _put(room, x, m, at)[1])
+            _put(room, x, m, start)
     return end
 
 
@@ -110,6 +113,16 @@ class Found:
     drift_effect: FloatArray  # (m,) of a drift of 1 rad/s^2 that is not estimated [s^2]
     ratio: FloatArray  # (m,) Earth's rate over what the gyro leaves uncertain of it [1]
     level: FloatArray | None  # (m,) of `level_square`, None where nothing is said of the level [1]
+    # most, row: (m,) of `Pairs.worst` [sd], [1]
+    most: FloatArray
+    row: IntArray
+
+    @property
+    def results(self) -> Found:
+        """The same with what all set-ups keep: heading alone by source, and no readings."""
+        sources = {name: v[:, :1] for name, v in self.fixes.sources.items()}
+        fixes = replace(self.fixes, sources=sources)
+        return replace(self, pairs=self.pairs.results, fixes=fixes)
 
     def __len__(self) -> int:
         return len(self.fixes)
@@ -154,27 +167,32 @@ class Seeking:
 
     def found(self, times: Mapping[str, float]) -> tuple[Found, Told]:
         """Solve all set-ups, with so many `times` the sizes of groups of what is left out [1]."""
-        parts = in_blocks(len(self.dwells.names), partial(self._found, times))
+        m = len(self.dwells.names)
+        parts = in_blocks(m, partial(self.of_some, times))
         told = list[Told]()
 
         def each() -> Iterator[Found]:
             for found, more in parts:
                 told.append(more)
-                yield found
+                yield found.results
 
-        return joined(each(), self.dwells), functools.reduce(add, told)
+        return joined(each(), m), functools.reduce(add, told)
 
-    def _found(self, times: Mapping[str, float], some: IntArray) -> tuple[Found, Told]:
+    def of_some(self, times: Mapping[str, float], some: IntArray) -> tuple[Found, Told]:
+        """Solve set-ups of numbers `some` (k,) as `found` does all, with all that is said of them.
+
+        `times`: as of `found` [1].
+        """
         dwells, known = self.dwells.setups(some), self.known.of(some)
         compensation = self.compensation
         pairs = reduce(dwells, self.noise, self.nuisance)
         told = Told(implausible(dwells, pairs, known, compensation))
         fixes = solve(pairs, known, compensation)
         if self.sizes is not None:
-            left = self._left(dwells, pairs, fixes.angles, known)
-            groups = {g: left.names[g] for g, B in left.columns.items() if B.any()}
+            left = Left.of(dwells, pairs, fixes.angles, known, compensation, self._terms,
+                           self._span)  # fmt: skip
             products = left.products(fixes.status == 0)
-            told = Told(told.implausible, products, groups, misfits(pairs))
+            told = Told(told.implausible, products, left.groups, misfits(pairs))
             pairs, known = left.counted(times)
             fixes = settled(pairs, known, compensation, fixes)
         least = bound(pairs, known, compensation, fixes.angles)
@@ -183,18 +201,22 @@ class Seeking:
             level = level_square(pairs, known, compensation)
         ratio, effect = signal_to_noise(fixes, pairs), drift_effect(pairs, fixes)
         fixes = replace(fixes, slope=np.zeros((0, 4)))  # it is in the effect
-        return Found(pairs.results, fixes, least, effect, ratio, level), told
+        first = np.searchsorted(dwells.setup, np.arange(len(some) + 1))
+        worst = pairs.worst(first)
+        return Found(pairs, fixes, least, effect, ratio, level, *worst), told
 
     @cached_property
-    def span(self) -> tuple[float, float]:
-        """Begin and end of all readings [s]."""
+    def _span(self) -> tuple[float, float]:
+        """Begin and end of all readings, far enough apart for a drift [s]."""
         d = self.dwells
-        return float(d.start.min()), float((d.start + d.time).max())
+        begin = float(d.start.min())
+        return begin, max(float((d.start + d.time).max()), begin + HOUR)
 
-    def _left(self, dwells: Dwells, pairs: Pairs, angles: FloatArray, known: Known) -> Left:
-        assert self.sizes is not None
-        return Left.of(dwells, pairs, angles, known, self.compensation, self.site, self.sizes,
-                       self.span)  # fmt: skip
+    @cached_property
+    def _terms(self) -> Terms:
+        """What is not estimated."""
+        names = self.compensation.coefficients.names
+        return Terms.of(names, self.site, self.sizes or {}, on_case(self.dwells))
 
     def scatter(self, times: Mapping[str, float]) -> FloatArray:
         """Return the products of `counted.explained` over all set-ups, by `times` [1]."""
@@ -204,6 +226,8 @@ class Seeking:
         dwells, known = self.dwells.setups(some), self.known.of(some)
         pairs = reduce(dwells, self.noise, self.nuisance)
         fixes = solve(pairs, known, self.compensation)
-        left = self._left(dwells, pairs, fixes.angles, known)
+        w_b, f_b = truth_of(np.where(np.isfinite(fixes.angles), fixes.angles, 0.0), known)
+        begin, end = self._span
+        motion = moved(dwells, f_b, w_b)._replace(begin=begin, end=end)
         white = partial(left_white, dwells, self.noise, self.nuisance)
-        return explained(pairs, dwells, left.motion, white, times, self.site, left.sizes)
+        return explained(pairs, dwells, motion, white, times, self.site, self._terms.sizes)

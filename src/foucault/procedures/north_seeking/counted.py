@@ -155,16 +155,16 @@ def added(pairs: Pairs, dwells: Dwells, by: Sequence[Change]) -> FloatArray:
     return out
 
 
-def felt(term: Term, dwells: Dwells) -> bool:
+def felt(term: Term, case: bool) -> bool:
     """Whether a term is of an axis that is read: y, and x of accelerometers on the case.
 
-    `dwells`: the readings [SI].
+    `case`: whether they are there.
     """
     axis = term.name[-1]
     if "drift" not in term.group:
         at = coefficient_slot(term.name)[1]
         axis = AXES[at[0] if isinstance(at, tuple) else at]
-    return axis == "y" or (axis == "x" and term.group.startswith("accel") and on_case(dwells))
+    return axis == "y" or (axis == "x" and term.group.startswith("accel") and case)
 
 
 def moved(dwells: Dwells, f_b: FloatArray, w_b: FloatArray) -> Motion:
@@ -219,7 +219,7 @@ def explained(
     n, q = pairs.accel_white.shape
     columns = []
     for group, of in groupby(terms((), site, some), lambda term: term.group):
-        own = [term for term in of if felt(term, dwells)]
+        own = [term for term in of if felt(term, on_case(dwells))]
         for by in changes(own, ImuModel(), motion) if own else ():
             _, more = put(dwells, by)
             assert more is not None

@@ -12,13 +12,13 @@ Of many set-ups the products are enough, so that they are taken block by block.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.errors import Finding, finding
 from foucault.estimate.north import LATITUDE, Fixes, Known, levelled
 from foucault.estimate.north_reduction import INDEXING, Pairs
@@ -34,19 +34,9 @@ from foucault.infer.left_out import (
     seen_of,
 )
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.models.imu import ImuModel
-from foucault.models.left_out import (
-    GRAVITY,
-    Change,
-    Motion,
-    Sizes,
-    changes,
-    in_words,
-    table,
-    terms,
-)
-from foucault.models.north_seeker import Compensation, Dwells, attitude, earth_rate_b, up_b
-from foucault.procedures.north_seeking.counted import added, felt, moved, on_case
+from foucault.models.left_out import GRAVITY, Sizes, in_words, monomial, table, terms
+from foucault.models.north_seeker import Compensation, Dwells, earth_rate_b, up_b
+from foucault.procedures.north_seeking.counted import felt, on_case
 
 CALIBRATION, SCATTER = "errors of the calibration", "scatter of the set-ups"
 
@@ -72,63 +62,93 @@ def whole_sizes(sizes: Sizes, site: Site) -> Sizes:
 
 
 @dataclass(frozen=True)
+class Terms:
+    """What is not estimated of one instrument, the same for all its set-ups."""
+
+    sizes: Sizes  # of the instrument and of gravity [SI]
+    names: Mapping[str, tuple[str, ...]]  # group -> its terms
+    felt: Mapping[str, list[int]]  # group -> the c of its terms that do something [1]
+    # sensor, factors, size: (c,), (c, 3), (c,) of these terms, as of `kernels.north_seeking`
+    sensor: IntArray
+    factors: IntArray
+    size: FloatArray
+    columns: Mapping[str, slice]  # group -> which of all columns are its own
+
+    @classmethod
+    def of(cls, names: Sequence[str], site: Site, sizes: Sizes, case: bool) -> Terms:
+        """Take all terms but those of `names`, which are estimated.
+
+        `sizes`: as `counted.beside` has them [SI]; `case`: whether accelerometers stay with it.
+        """
+        whole = whole_sizes(sizes, site)
+        every, seen = dict[str, tuple[str, ...]](), dict[str, list[int]]()
+        columns, codes, size = dict[str, slice](), list[tuple[int, ...]](), list[float]()
+        some = terms(names, replace(site, latitude=None), whole)
+        for group, each in groupby(some, key=lambda term: term.group):
+            own = [*each]
+            every[group] = tuple(term.name for term in own)
+            heavy = group == GRAVITY
+            seen[group] = [k for k, term in enumerate(own) if heavy or felt(term, case)]
+            columns[group] = slice(len(size), len(size) + len(seen[group]))
+            for term in (own[k] for k in seen[group]):
+                size.append(term.size)
+                if heavy:
+                    codes.append((-1, 0, 0, 0))
+                    continue
+                axis, inputs = monomial(term)
+                sensor = group.startswith("accel") * (1 + (case and axis))
+                codes.append((sensor, *inputs))
+        code = np.array(codes, np.int64).reshape(-1, 4)
+        factors = np.ascontiguousarray(code[:, 1:])
+        return cls(whole, every, seen, code[:, 0].copy(), factors, np.array(size), columns)
+
+
+@dataclass(frozen=True)
 class Left:
     """What set-ups are off by that nobody estimates."""
 
     pairs: Pairs  # of the readings alone [SI]
     known: Known
     compensation: Compensation
-    motion: Motion  # of the readings at the attitudes that were found
-    angles: FloatArray  # (m, 4) these attitudes, and latitudes [rad]
-    sizes: Sizes  # of the instrument and of gravity [SI]
-    names: Mapping[str, tuple[str, ...]]  # group -> its terms
-    felt: Mapping[str, list[int]]  # group -> the c of its terms that do something [1]
-    columns: Mapping[str, FloatArray]  # group -> (m, 4, c) what one size of these does [SI]
+    angles: FloatArray  # (m, 4) attitudes that were found, and latitudes [rad]
+    terms: Terms
+    whole: FloatArray  # (m, 4, c) what one size of each of these does [SI]
 
     @classmethod
     def of(
         cls, dwells: Dwells, pairs: Pairs, angles: FloatArray, known: Known,
-        compensation: Compensation, site: Site, sizes: Sizes, span: tuple[float, float],
+        compensation: Compensation, own: Terms, span: tuple[float, float],
     ) -> Left:  # fmt: skip
-        """Take all terms at solutions `angles` (m, 4) [rad]; `sizes` as `counted.beside` has them.
+        """Take all terms at solutions `angles` (m, 4) [rad]; `span`: of the whole file [s]."""
+        from foucault.kernels.north_seeking import left_batch
 
-        `span`: begin and end of the whole file [s].
-        """
         angles = np.where(np.isfinite(angles), angles, 0.0)
-        w_b, f_b = _truth(angles, known)
-        motion = moved(dwells, f_b, w_b)
-        motion = motion._replace(begin=span[0], end=max(span[1], span[0] + HOUR))
-        whole = whole_sizes(sizes, site)
-        some = terms(compensation.coefficients.names, replace(site, latitude=None), whole)
-        columns, names = dict[str, FloatArray](), dict[str, tuple[str, ...]]()
-        every = dict[str, list[int]]()
-        for group, each in groupby(some, key=lambda term: term.group):
-            own = [*each]
-            names[group] = tuple(term.name for term in own)
-            every[group] = [0] if group == GRAVITY else [
-                k for k, term in enumerate(own) if felt(term, dwells)
-            ]  # fmt: skip
-            if group == GRAVITY:
-                more = f_b * (1 + own[0].size / np.reshape(known.gravity, (-1, 1)))
-                heavier = compensation.predict(w_b, more) - compensation.predict(w_b, f_b)
-                columns[group] = heavier[:, :, None]
-                continue
-            made: list[Change] = []
-            if every[group]:
-                at = motion
-                if group.startswith("gyro") or not on_case(dwells):
-                    n = len(dwells)
-                    at = at._replace(time=at.time[:n], f_b=at.f_b[:n], w_ib_b=at.w_ib_b[:n])
-                made = [*changes([own[k] for k in every[group]], ImuModel(), at)]
-            columns[group] = added(pairs, dwells, made)
-        return cls(pairs, known, compensation, motion, angles, whole, names, every, columns)
+        m, c = len(pairs), len(own.size)
+        first = np.searchsorted(dwells.setup, np.arange(m + 1))
+        ramp = (dwells.start + dwells.time / 2 - span[0]) / (span[1] - span[0]) - 0.5
+        B = np.empty((m, 4, c))
+        left_batch(
+            angles, np.full(m, known.gravity), EARTH_RATE, compensation.model.accel_matrix[:2],
+            first, dwells.cosine, dwells.sine, ramp, pairs.gyro_weights, pairs.accel_weights,
+            on_case(dwells), own.sensor, own.factors, own.size, B,
+        )  # fmt: skip
+        return cls(pairs, known, compensation, angles, own, B)
+
+    @property
+    def groups(self) -> dict[str, tuple[str, ...]]:
+        """Groups that do something to these set-ups -> their terms."""
+        return {g: self.terms.names[g] for g, at in self.terms.columns.items()
+                if self.whole[:1, :, at].any() or self.whole[:, :, at].any()}  # fmt: skip
 
     def counted(self, times: Mapping[str, float]) -> tuple[Pairs, Known]:
         """Return the set-ups with the covariance of all groups, and the place as it counts.
 
         `times`: group -> how many sizes it has, where that is not one [1].
         """
-        parts = {words_of(g): times.get(g, 1.0) * B for g, B in self.columns.items()}
+        parts = {words_of(g): self.whole[:, :, at] for g, at in self.terms.columns.items()}
+        parts |= {
+            words_of(g): times[g] * parts[words_of(g)] for g in times.keys() & self.terms.names
+        }
         more = times.get(CALIBRATION, 1.0)
         if more > 1.0:
             beyond = np.sqrt(more**2 - 1) * self._calibration()
@@ -143,72 +163,46 @@ class Left:
             return np.zeros((len(self.pairs), 4, 0))
         size, axes = np.linalg.eigh(cov)
         root = axes * np.sqrt(np.maximum(size, 0.0))
-        return np.asarray(self.compensation.slopes(*_truth(self.angles, self.known)) @ root)
+        return self.compensation.spread(self.angles, self.known.gravity, root)
 
     def products(self, good: BoolArray) -> Products:
         """Return the one number of each set-up that no angle explains, in products.
 
         `good` (m,): which are solved.
         """
-        known, compensation = self.known, self.compensation
-        columns = {**self.columns, CALIBRATION: self._calibration()}
+        from foucault.kernels.north_seeking import across_batch
+
+        known, model = self.known, self.compensation.model
+        calibration = self._calibration()
         each_own = isinstance(known.latitude_sd, np.ndarray)  # of each set-up by itself: noise
         wide = known.latitude is not None and not each_own and bool(known.latitude_sd)
-        groups = {g: len(self.names.get(g, B[0, 0])) for g, B in columns.items()}
-        groups |= {LATITUDE: 1} if wide else {}
+        groups = {g: len(names) for g, names in self.terms.names.items()}
+        groups |= {CALIBRATION: calibration.shape[2]} | ({LATITUDE: 1} if wide else {})
         size, at = 1, [0]  # in the order of all terms; of those that do nothing it is nothing
         for group, count in groups.items():
-            at += [size + k for k in self.felt.get(group, range(count))]
+            at += [size + k for k in self.terms.felt.get(group, range(count))]
             size += count
         if known.latitude is None or not good.any():
             return Products(np.zeros((size, size)), 0, groups)
-        pairs, T = levelled(self.pairs, known, compensation)
-        angles = np.column_stack([self.angles[:, :3], np.full(len(good), known.latitude)])
-        J, latitude = self._slopes(angles)
-        cov = pairs.cov
-        if each_own:
-            own = latitude * np.reshape(known.latitude_sd, (-1, 1, 1))
-            cov = cov + own @ np.swapaxes(own, 1, 2)
-        # What is at right angles to the slopes: their cofactors, over the sd of what that says.
-        rows = ([1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2])
-        across = np.stack([(-1) ** i * _det(J[:, some]) for i, some in enumerate(rows)], 1)
-        sd = np.sqrt(np.einsum("ni,nij,nj->n", across, cov, across, optimize=True))
-        back = (across / np.maximum(sd, 1e-300)[:, None])[good]
-        left = (pairs.values - compensation.predict(*_truth(angles, known)))[good]
-        B = np.concatenate([*columns.values()], axis=2)[good]
-        made = [left[:, :, None], B if T is None else T[good] @ B]
-        made += [(latitude * known.latitude_sd)[good]] if wide else []
-        each = (back[:, None] @ np.concatenate(made, axis=2))[:, 0]
+        pairs, T = levelled(self.pairs, known, self.compensation)
+        m, B = len(good), np.concatenate([self.whole, calibration], axis=2)
+        out = np.empty((m, 2 + B.shape[2]))
+        across_batch(
+            pairs.values, pairs.cov,
+            np.column_stack([self.angles[:, :3], np.full(m, known.latitude)]),
+            np.vstack([model.gyro_matrix[:2], model.accel_matrix[:2]]),
+            np.concatenate([model.gyro_bias[:2], model.accel_bias[:2]]),
+            np.full(m, known.gravity), EARTH_RATE, np.full(m, known.latitude_sd * each_own),
+            np.eye(4)[None] if T is None else T, B, out,
+        )  # fmt: skip
+        out[~good] = 0.0
+        each = np.column_stack([out[:, 0], out[:, 2:]] + [out[:, 1] * known.latitude_sd] * wide)
         sums = np.zeros((size, size))
         sums[np.ix_(at, at)] = each.T @ each
-        return Products(sums, len(each), groups)
-
-    def _slopes(self, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return slopes of the four numbers at `angles` [rad]: of attitude, latitude (m, 4, 3|1).
-
-        Of the attitude against rotations about East, North and Up, see `kernels.north_seeking`.
-        """
-        model = self.compensation.model
-        C = attitude(*angles[:, :3].T)
-        east, north, up = (C[:, :, i] for i in range(3))
-        sin, cos = (EARTH_RATE * f(angles[:, 3:]) for f in (np.sin, np.cos))
-        g = np.reshape(self.known.gravity, (-1, 1))
-        J = np.zeros((len(angles), 4, 3))
-        rates = (up * cos - north * sin, east * sin, -east * cos)
-        J[:, :2] = np.stack([w @ model.gyro_matrix[:2].T for w in rates], 2)
-        forces = (-g * north, g * east)
-        J[:, 2:, :2] = np.stack([f @ model.accel_matrix[:2].T for f in forces], 2)
-        latitude = J[:, :, :1].copy()
-        latitude[:, 2:] = 0.0
-        return J, latitude
+        return Products(sums, int(good.sum()), groups)
 
 
-def _det(A: FloatArray) -> FloatArray:
-    """Return the determinants of matrices (m, 3, 3), shape (m,)."""
-    return np.asarray(np.einsum("ni,ni->n", A[:, 0], np.cross(A[:, 1], A[:, 2])))
-
-
-def _truth(angles: FloatArray, known: Known) -> tuple[FloatArray, FloatArray]:
+def truth_of(angles: FloatArray, known: Known) -> tuple[FloatArray, FloatArray]:
     """Return rate and specific force in the case (m, 3) [SI] at `angles` (m, 4) [rad]."""
     up = up_b(angles[:, 1], angles[:, 2])
     return earth_rate_b(*angles.T), np.reshape(known.gravity, (-1, 1)) * up
@@ -316,10 +310,11 @@ def judgement(
 
 def misfits(pairs: Pairs) -> bool:
     """Tell whether accelerometers of a set-up of `pairs` [SI] scatter as rarely as they should."""
-    from scipy.special import chdtrc
+    from scipy.special import chdtri
 
-    chance = chdtrc(np.maximum(pairs.dof[:, 1], 1), pairs.chi_square[:, 1])
-    return bool(np.any((chance < MISFIT) & (pairs.dof[:, 1] > 0)))
+    dof = pairs.dof[:, 1]
+    some = np.unique(dof[dof > 0])
+    return any(bool(np.any(pairs.chi_square[dof == n, 1] > chdtri(n, MISFIT))) for n in some)
 
 
 def told(judged: Judgement) -> tuple[Finding, ...]:

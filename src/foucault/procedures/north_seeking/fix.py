@@ -10,7 +10,7 @@ The calibration of a north seeker solved: from dwells to coefficients, with what
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
@@ -61,7 +61,7 @@ from foucault.models.noise import ImuNoise, noise_of
 from foucault.models.north_seeker import SEEKER, Compensation, Dwells
 from foucault.models.norths import North, norths
 from foucault.procedures import Progress, left_out, silent
-from foucault.procedures.north_seeking.blocks import Seeking, in_blocks, joined
+from foucault.procedures.north_seeking.blocks import Found, Seeking, in_blocks, joined
 from foucault.procedures.north_seeking.counted import (
     accounted,
     again,
@@ -87,8 +87,8 @@ class Survey:
     """The solution of a file of readings: m set-ups, n dwells."""
 
     dwells: Dwells  # the readings [SI]
-    pairs: Pairs  # four numbers of every set-up [SI]
-    fixes: Fixes  # heading, pitch, roll, latitude of every set-up [rad]
+    pairs: Pairs  # four numbers of every set-up, without its readings [SI]
+    fixes: Fixes  # heading, pitch, roll, latitude of every set-up; sources of the heading [rad]
     known: Known  # place, and what decided between solutions
     noise: ImuNoise  # noise that was taken [SI]
     # "declared", "measured in the dwells", "of the calibration" or "from the residuals"
@@ -110,6 +110,8 @@ class Survey:
     site: Site
     provenance: dict[str, Any]  # versions, input, date, duration
     norths: Sequence[North]  # those that headings are given from, true north first
+    # some set-ups, by their numbers (k,), with all that is found of them and of their readings [SI]
+    again: Callable[[IntArray], Found]
     left_out: Judgement | None = None  # what was made of what is not estimated
 
     def __len__(self) -> int:
@@ -195,7 +197,7 @@ def find_north(
     fixes = found.fixes
     asked = judge.Judged(
         dwells, pairs, fixes, found.ratio, known, noise, source, settings.accuracy, found.level,
-        found.drift_effect,
+        found.drift_effect, found.most, found.row,
     )  # fmt: skip
     beyond = () if judged is None else left_out_checks(judged)
     tests = judge.checks(asked, _level(calibration), beyond)
@@ -210,7 +212,8 @@ def find_north(
         each, Each(m, lambda i: Verdict.of(each[i]).doubted(told)),
         tests.levels(told), Each(m, lambda i: (*judge.findings(asked, i), *against(i))), told,
         found.bound, DRIFT_UNIT * found.drift_effect, about, site,
-        provenance(log.source, clock.monotonic() - started), norths(site), judged,
+        provenance(log.source, clock.monotonic() - started), norths(site),
+        lambda some: seeking.of_some(times, some)[0], judged,
     )  # fmt: skip
 
 
@@ -281,9 +284,10 @@ def _noise(
             return found, "of the calibration"
     free = drift_sd(dwells, GUESS, settings.drift, settings.drift_sd)
     nuisance = _nuisance(settings, free)
+    m = len(dwells.names)
     pairs = joined(in_blocks(
-        len(dwells.names), lambda some: reduce(dwells.setups(some), GUESS, nuisance).results
-    ), dwells)  # fmt: skip
+        m, lambda some: reduce(dwells.setups(some), GUESS, nuisance).results
+    ), m)  # fmt: skip
     found = from_residuals(pairs, dwells.accel is not None)
     if found is None:
         also = ' and --accel-noise "5 ug/sqrt(Hz)"' if dwells.accel is not None else ""
