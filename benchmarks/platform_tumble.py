@@ -47,9 +47,19 @@ every, averaged = problem(0.0), problem(1.0)
 fit = estimation.solve(averaged, prior)
 z = (fit.start.constants - truth.constants) / np.sqrt(np.diag(fit.cov))[3:45]
 assert z @ z < 80
+# Limit: turning the cluster 27,000 times, and the Gram matrix of the white rows.
+from foucault.kernels.cluster_motion import integrate_exponential
+n, rng = len(every.dt), np.random.default_rng(0)
+C_pn, still, step = np.empty((n + 1, 3, 3)), np.zeros((n, 3)), float(every.dt[0])
+C_pn[0] = truth.C_np.T
+def turned():
+    integrate_exponential(truth.constants, C_pn, every.command, still, every.w_ie_n, step)
+white = [rng.standard_normal((3 * blocks, 48)) for blocks in (n, n // 5)]
+grams = [best(lambda: w.T @ w) for w in white]
 print(json.dumps([best(lambda: look(t, prior, truth)) for t in (every, averaged)]
                  + [best(lambda: filter_angles(every, prior, moments=2), 8),
-                    best(lambda: estimation.solve(averaged, prior), 10)]))
+                    best(lambda: estimation.solve(averaged, prior), 10)]
+                 + [best(turned) + gram for gram in grams]))
 """
 )
 

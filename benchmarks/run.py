@@ -315,8 +315,9 @@ def north_rows() -> list[Row]:
     what = "a million north fixes of four stops in closed form, with sd, two threads, each, wall"
     out = [
         Row(f"{what}, latitude known", ours["2 known"], 1.2e-7),
-        Row(f"{what}, latitude known".replace("two threads", "one thread"), ours["1 known"],
-            None, "the same in NumPy without sd", peer),
+        Row(f"{what}, latitude known; limit: the kernel, into arrays that are used again".replace(
+            "two threads, each, wall", "one thread, each, CPU"), ours["1 known"], 5.5e-8,
+            "the same in NumPy without sd", peer, ours["kernel"]),
         Row(f"{what}, latitude unknown", ours["2 unknown"], 1.2e-7),
     ]  # fmt: skip
     (known, unknown), peer = measure(north_seeking.LIKELIHOOD), measure(north_seeking.SCIPY)
@@ -332,15 +333,16 @@ def north_rows() -> list[Row]:
 
 def tumble_rows() -> list[Row]:
     """Measure what a platform tumble costs."""
-    every, averaged, published, whole = measure(platform_tumble.PASS)
+    every, averaged, published, whole, *limits = measure(platform_tumble.PASS)
     dense, filterpy = measure(platform_tumble.DENSE), measure(platform_tumble.FILTERPY)
     what = "tumble of 27,000 readings, 45 unknowns"
     given = "of 45 states, dense, matrices given, CPU"
     return [
-        Row(f"{what}, one Gauss-Newton pass, CPU", every, 0.022, f"NumPy filter {given}", dense),
-        Row(f"{what}, one Gauss-Newton pass, CPU", every, 0.022, f"filterpy {given}", filterpy),
-        Row(f"{what}, one pass with residuals averaged over 1 s, CPU", averaged, 0.005,
-            f"NumPy filter {given}", dense),
+        Row(f"{what}, one Gauss-Newton pass, CPU; limit: turning the cluster, and BLAS's Gram "
+            "matrix of the white rows", every, 0.010, f"NumPy filter {given}", dense, limits[0]),
+        Row(f"{what}, one Gauss-Newton pass, CPU", every, 0.010, f"filterpy {given}", filterpy),
+        Row(f"{what}, one pass with residuals averaged over 1 s, CPU; limit: the same", averaged,
+            0.005, f"NumPy filter {given}", dense, limits[1]),
         Row(f"{what}, the whole solution from a levelled start, CPU", whole, None),
         Row(f"{what}, the published filter of angles, CPU", published, 0.05,
             f"filterpy {given}", filterpy),
@@ -366,16 +368,18 @@ def plan_rows() -> list[Row]:
 
 def navigation_rows() -> list[Row]:
     """Measure what navigating from increments costs, a sample."""
-    free, held, aided, back = measure(strapdown.MODERATE + strapdown.STRAPDOWN)
-    long = measure(strapdown.LONG + strapdown.STRAPDOWN)[0]
+    free, held, aided, back, kernel = measure(strapdown.MODERATE + strapdown.STRAPDOWN)
+    long, *_, again = measure(strapdown.LONG + strapdown.STRAPDOWN)
     plain = measure(f"TESTS = {str(ROOT / 'tests')!r}\n" + strapdown.NUMPY)
     what = "strapdown navigation, all states of 250,000 samples kept, each sample, CPU"
     return [
-        Row(f"{what}, height free", free, 1 / 11e6, "the same steps in NumPy", plain),
+        Row(f"{what}, height free; limit: the kernel, into a history that is used again", free,
+            1 / 11e6, "the same steps in NumPy", plain, kernel),
         Row(f"{what}, height held", held, 1 / 11e6),
         Row(f"{what}, height aided", aided, 1 / 11e6),
         Row(f"{what}, backward", back, None),
-        Row(f"{what}, height free".replace("250,000", "a million"), long, 1 / 11e6),
+        Row(f"{what}, height free; limit: likewise".replace("250,000", "a million"), long, 6.5e-8,
+            limit=again),
         Row("zero-velocity filter of 33 states, updates at 1 Hz, each sample at 100 Hz, CPU",
             measure(strapdown.FILTER), 5e-7),
     ]  # fmt: skip
@@ -402,12 +406,14 @@ def systematic_rows() -> list[Row]:
 
 def transfer_rows() -> list[Row]:
     """Measure transfer alignment: 240 s at 200 Hz, messages at 10 Hz."""
-    kalman, alone, bounded, bounded_alone, bisected = measure(transfer.FILTERS)
+    kalman, alone, bounded, bounded_alone, bisected, *limits = measure(transfer.FILTERS)
     matched, likeliest = measure(transfer.DELAY)
     what = "transfer alignment, 240 s at 200 Hz, messages at 10 Hz"
     return [
-        Row(f"{what}, free run and Kalman filter, CPU", kalman, 0.03),
-        Row(f"{what}, the Kalman filter alone, CPU", alone, None),
+        Row(f"{what}, free run and Kalman filter, CPU; limit: going through the samples once, and "
+            "the filter's", kalman, 0.02, limit=limits[0]),
+        Row(f"{what}, the Kalman filter alone, CPU; limit: its matrix products by BLAS", alone,
+            None, limit=limits[1]),
         Row(f"{what}, free run and H-infinity filter, CPU", bounded, 0.05),
         Row(f"{what}, the H-infinity filter alone, CPU", bounded_alone, None),
         Row(f"{what}, least gamma by bisection, CPU", bisected, 0.5),

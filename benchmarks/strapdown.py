@@ -37,11 +37,18 @@ STRAPDOWN = (
     + """
 from foucault.navigate.strapdown import navigate
 end, heights = navigate(increments, state, vertical="held").state(-1), np.zeros(n)
+# Limit: the kernel alone, into a history that is used again.
+from foucault.kernels.strapdown import FREE, strapdown
+room = np.empty((n, 12))
+def kernel():
+    strapdown(increments.dtheta_b, increments.dvel_b, increments.dt, *increments.bends, 0, n - 1,
+              state.packed(), 0.0, FREE, np.zeros(0), np.zeros(3), room)
 print(json.dumps([best(run) / n for run in (
     lambda: navigate(increments, state),
     lambda: navigate(increments, state, vertical="held"),
     lambda: navigate(increments, state, vertical="aided", heights=heights),
     lambda: navigate(increments, end, first=n - 1, last=0, vertical="held"),
+    kernel,
 )]))
 """
 )

@@ -42,8 +42,8 @@ def closed(form, rate, up, latitude, sign=1.0, rate_var=1e-14, tilt_var=1e-10, l
     n = len(rate)
     angles, sd, status = np.empty((n, 4)), np.empty((n, 4)), np.empty(n, np.int8)
     kernel(form, module, "closed_form_batch")(
-        np.ascontiguousarray(rate), np.ascontiguousarray(up), latitude, sign, EARTH_RATE,
-        rate_var, tilt_var, latitude_var, angles, sd, status,
+        rate.ravel(), up.ravel(), latitude, sign, EARTH_RATE, rate_var, tilt_var, latitude_var,
+        angles.ravel(), sd.ravel(), status,
     )  # fmt: skip
     return angles, sd, status
 

@@ -161,8 +161,8 @@ def closed_form(
 
     def part(rows: slice) -> None:
         closed_form_batch(
-            rate[rows], up[rows], place, sign, EARTH_RATE, rate_sd**2, up_sd**2, latitude_sd**2,
-            angles[rows], sd[rows], status[rows],
+            rate[rows].ravel(), up[rows].ravel(), place, sign, EARTH_RATE, rate_sd**2, up_sd**2,
+            latitude_sd**2, angles[rows].ravel(), sd[rows].ravel(), status[rows],
         )  # fmt: skip
 
     _spread(part, n, threads)

@@ -159,30 +159,25 @@ def _whiten_and_correct(wide, m, W, at):
 
 @reduction
 def _gram(G, W, rows):
-    """Add ``W W'`` of the first `rows` columns to the upper triangle of G, in tiles of 2 x 4."""
-    for i in range(0, COLUMNS, 2):
-        for j in range(i // 4 * 4, COLUMNS, 4):
-            a = b = c = d = 0.0
-            e = f = g = h = 0.0
+    """Add ``W W'`` of the first `rows` columns to the upper triangle of G, in tiles of 3 x 3."""
+    for i in range(0, COLUMNS, 3):
+        for j in range(i, COLUMNS, 3):
+            a0 = a1 = a2 = b0 = b1 = b2 = c0 = c1 = c2 = 0.0
             for r in range(rows):
-                x, y = W[i, r], W[i + 1, r]
-                s, t, u, v = W[j, r], W[j + 1, r], W[j + 2, r], W[j + 3, r]
-                a += x * s
-                b += x * t
-                c += x * u
-                d += x * v
-                e += y * s
-                f += y * t
-                g += y * u
-                h += y * v
-            G[i, j] += a
-            G[i, j + 1] += b
-            G[i, j + 2] += c
-            G[i, j + 3] += d
-            G[i + 1, j] += e
-            G[i + 1, j + 1] += f
-            G[i + 1, j + 2] += g
-            G[i + 1, j + 3] += h
+                x, y, z = W[i, r], W[i + 1, r], W[i + 2, r]
+                s, t, u = W[j, r], W[j + 1, r], W[j + 2, r]
+                a0, a1, a2 = a0 + x * s, a1 + x * t, a2 + x * u
+                b0, b1, b2 = b0 + y * s, b1 + y * t, b2 + y * u
+                c0, c1, c2 = c0 + z * s, c1 + z * t, c2 + z * u
+            G[i, j] += a0
+            G[i, j + 1] += a1
+            G[i, j + 2] += a2
+            G[i + 1, j] += b0
+            G[i + 1, j + 1] += b1
+            G[i + 1, j + 2] += b2
+            G[i + 2, j] += c0
+            G[i + 2, j + 1] += c1
+            G[i + 2, j + 2] += c2
 
 
 @inlined

@@ -39,48 +39,44 @@ def closed_form_batch(
 ):
     """Solve n set-ups in closed form; one call for all with the latitude known, or for unknown.
 
-    Parameters: rate (n, 2) compensated rate along x_b, y_b [rad/s]; up (n, 2) up along x_b, y_b
-    [1]; latitude [rad], NaN where unknown; sign +1 or -1 of the rate along z_b (only where latitude
-    is unknown); earth_rate [rad/s]; rate_var [rad^2/s^2], tilt_var [1] variance of each component;
-    latitude_var [rad^2].
+    All tables are flat: only then is it known how far apart their rows are, and several are solved
+    at once. Parameters: rate (n 2,) compensated rate along x_b, y_b [rad/s]; up (n 2,) up along
+    x_b, y_b [1]; latitude [rad], NaN where unknown; sign +1 or -1 of the rate along z_b (only where
+    latitude is unknown); earth_rate [rad/s]; rate_var [rad^2/s^2], tilt_var [1] variance of each
+    component; latitude_var [rad^2].
 
-    Fills angles (n, 4): heading, pitch, roll, latitude [rad]; sd (n, 4) [rad]; status (n,).
+    Fills angles (n 4,): heading, pitch, roll, latitude [rad]; sd (n 4,) [rad]; status (n,).
     """
-    n = len(rate)
+    n = len(status)
     scale = 1.0 / earth_rate
     rate_var = rate_var * scale * scale
     tilt_sd, latitude_sd = math.sqrt(tilt_var), math.sqrt(latitude_var)
     known = not math.isnan(latitude)
     sl, cl = math.sin(latitude), math.cos(latitude)
-    for i in range(n):
-        e, m, x, s = rate[i, 0] * scale, rate[i, 1] * scale, up[i, 0], up[i, 1]
-        status[i] = SOLVED
+    for i in range(n):  # without a branch, so that several are solved at once
+        e, m, x, s = rate[2 * i] * scale, rate[2 * i + 1] * scale, up[2 * i], up[2 * i + 1]
+        finite = math.isfinite(e + m + s + x)
+        solved = finite & (1.0 - s * s - x * x > 0.0)
+        code = SOLVED if solved else SINGULAR if finite else NOT_FINITE
+        m = m if solved else 0.5  # anything that can be solved
+        e, x, s = e if solved else 0.0, x if solved else 0.0, s if solved else 0.0
         c2 = 1.0 - s * s
         g2 = c2 - x * x  # (cos pitch cos roll)^2
-        if not (g2 > 0.0) or not (math.isfinite(m) and math.isfinite(e)):
-            finite = math.isfinite(m + e + s + x)
-            status[i] = SINGULAR if finite else NOT_FINITE
-            angles[i, :] = np.nan
-            sd[i, :] = np.nan
-            continue
         ct, z = math.sqrt(c2), math.sqrt(g2)
         t_s, r_x = 1.0 / ct, -1.0 / z  # slopes of pitch and roll against the two tilts
         sg, cg = -x * t_s, z * t_s
         r_s = -sg * s * r_x * t_s
-        if known:
-            W = (s * m - sl - sg * ct * e) * r_x
-            Wt = (sg * s * e + ct * m) * r_x + W * s * t_s
-            Wr = e - W * sg * ct * r_x
-            We, Wm, Wl = -sg * ct * r_x, s * r_x, -cl * r_x
-        else:
-            square = 1.0 - m * m - e * e
-            if square <= 0.0:
-                square = 0.0
-                status[i] = CLAMPED
-            W = sign * math.sqrt(square)
-            Wt, Wr, Wl = 0.0, 0.0, 0.0
-            inverse = 1.0 / W if square > 0.0 else 0.0
-            We, Wm = -e * inverse, -m * inverse
+        square = 1.0 - m * m - e * e
+        clamped = solved & (square <= 0.0) & (not known)
+        code = CLAMPED if clamped else code
+        W = sign * math.sqrt(max(square, 0.0))
+        inverse = 1.0 / W if square > 0.0 else 0.0
+        W = (s * m - sl - sg * ct * e) * r_x if known else W
+        Wt = (sg * s * e + ct * m) * r_x + W * s * t_s if known else 0.0
+        Wr = e - W * sg * ct * r_x if known else 0.0
+        We = -sg * ct * r_x if known else -e * inverse
+        Wm = s * r_x if known else -m * inverse
+        Wl = -cl * r_x if known else 0.0
         X = cg * e + sg * W
         q = cg * W - sg * e
         Y = ct * m - s * q
@@ -96,31 +92,30 @@ def closed_form_batch(
         pt = a * sg * Wt - b * (s * m + ct * q + s * qt)
         pr = a * (q + sg * Wr) - b * s * qr
         ps, px = pt * t_s + pr * r_s, pr * r_x
+        pl = (a * sg - b * s * cg) * Wl
         variance = (pe * pe + pm * pm) * rate_var + (ps * ps + px * px) * tilt_var
-        if known:
-            pl = a * sg * Wl - b * s * cg * Wl
-            variance += pl * pl * latitude_var
-            angles[i, 3] = latitude
-            sd[i, 3] = latitude_sd
-        else:
-            Z = s * m + ct * q
-            angles[i, 3] = atan2(Z, math.sqrt(h2))
-            # dL = dZ / h, as the three components keep their norm where they are not clamped
-            ze, zm = ct * qe, s + ct * qm
-            zt, zr = ct * m - s * q + ct * qt, ct * qr
-            zs, zx = zt * t_s + zr * r_s, zr * r_x
-            sd[i, 3] = math.sqrt(
-                ((ze * ze + zm * zm) * rate_var + (zs * zs + zx * zx) * tilt_var) * over
-            )
+        variance += pl * pl * latitude_var
+        # dL = dZ / h, as the three components keep their norm where they are not clamped
+        Z = s * m + ct * q
+        ze, zm = ct * qe, s + ct * qm
+        zt, zr = ct * m - s * q + ct * qt, ct * qr
+        zs, zx = zt * t_s + zr * r_s, zr * r_x
+        square = ((ze * ze + zm * zm) * rate_var + (zs * zs + zx * zx) * tilt_var) * over
+        heading_sd = np.inf if clamped else math.sqrt(variance)  # W has no slope there
+        place_sd = np.inf if clamped else math.sqrt(square)
+        place = latitude if known else atan2(Z, math.sqrt(h2))
+        place_sd = latitude_sd if known else place_sd
         psi = atan2(-X, Y)
-        angles[i, 0] = psi if psi >= 0.0 else psi + 2.0 * math.pi
-        angles[i, 1] = atan2(s, ct)
-        angles[i, 2] = atan2(sg, cg)
-        sd[i, 0] = math.sqrt(variance)
-        sd[i, 1] = tilt_sd * t_s
-        sd[i, 2] = tilt_sd * math.sqrt(r_s * r_s + r_x * r_x)
-        if status[i] == CLAMPED:  # W has no slope there
-            sd[i, 0], sd[i, 3] = np.inf, np.inf
+        psi = psi if psi >= 0.0 else psi + 2.0 * math.pi
+        status[i] = code
+        angles[4 * i] = psi if solved else np.nan
+        angles[4 * i + 1] = atan2(s, ct) if solved else np.nan
+        angles[4 * i + 2] = atan2(sg, cg) if solved else np.nan
+        angles[4 * i + 3] = place if solved else np.nan
+        sd[4 * i] = heading_sd if solved else np.nan
+        sd[4 * i + 1] = tilt_sd * t_s if solved else np.nan
+        sd[4 * i + 2] = tilt_sd * math.sqrt(r_s * r_s + r_x * r_x) if solved else np.nan
+        sd[4 * i + 3] = place_sd if solved else np.nan
 
 
 @kernel

@@ -173,7 +173,7 @@ def integrate_turns_rk4(time, w, first, last):
     return C_se
 
 
-@kernel
+@inlined
 def atan2(y, x):
     """Return atan2(y, x) of finite numbers, to 5e-16, without a branch: an eighth of libm's time.
 
