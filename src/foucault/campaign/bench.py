@@ -26,8 +26,7 @@ and more, and biases of 50 mg turn two by six. Rates of spins within twice this 
 LIKE = 0.25
 """Sizes within this of each other are of one unit; at rest a gyro reads less of the rate [1]."""
 
-PATTERNS = 20
-"""So many instruments are looked at for others that are like them [1]."""
+PATTERNS = 20  # So many instruments are looked at for others that are like them [1].
 
 Alone = Callable[[str, "Log | FoucaultError"], "Readings | FoucaultError"]
 """Serial number and log -> its readings in the order of the plan, or why there are none."""

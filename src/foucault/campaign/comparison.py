@@ -57,11 +57,8 @@ from foucault.units import plain
 
 KEYS = ("folder", "date", "instrument", "label")
 
-DATED = 1e8
-"""Times since 1970 are larger, and lengths of time smaller [s]."""
-
-ONE = "the instrument"
-"""What an instrument without a name is called."""
+DATED = 1e8  # Times since 1970 are larger, and lengths of time smaller [s].
+ONE = "the instrument"  # What an instrument without a name is called.
 
 
 @dataclass(frozen=True)

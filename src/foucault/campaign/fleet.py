@@ -66,8 +66,7 @@ from foucault.simulate.table import (
 )
 from foucault.tables import AXES, Clock, Log, whole_samples
 
-BROKEN = "broken"
-"""Status of an instrument without a result."""
+BROKEN = "broken"  # Status of an instrument without a result.
 
 TRIADS = ("accel", "gyro")
 
@@ -358,8 +357,7 @@ def _of_table(columns: Mapping[str, Any], names: Sequence[str], i: int) -> Row:
 Report = Callable[[Path], Path]
 Entry = tuple[str, "Log | FoucaultError"]
 
-LONGEST = 80
-"""Longest name of a folder that is made of a serial number [1]."""
+LONGEST = 80  # Longest name of a folder that is made of a serial number [1].
 
 
 @dataclass

@@ -206,8 +206,7 @@ def _at_end(x: FloatArray) -> dict[str, float]:
 Columns = dict[str, tuple[Any, str]]
 
 ENU = ("east", "north", "up")
-WITHOUT = "without_"
-"""What columns of the run without the calibration begin with."""
+WITHOUT = "without_"  # What columns of the run without the calibration begin with.
 
 
 def tables(test: NavigationTest) -> dict[str, Columns]:

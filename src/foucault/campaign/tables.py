@@ -457,8 +457,7 @@ def validate(
         raise _first(problem, model, raw, where, also) from None
 
 
-MOST = 100_000
-"""More of anything, rests or repetitions, than a session has [1]."""
+MOST = 100_000  # More of anything, rests or repetitions, than a session has [1].
 
 
 def countable(table: BaseModel, where: tuple[str, ...]) -> None:

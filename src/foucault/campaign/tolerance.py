@@ -42,8 +42,7 @@ PASS, UNDECIDED, FAIL = 0, 1, 2
 DECISIONS = ("pass", "undecided", "fail")
 """What the number of a decision means; the larger one counts."""
 
-GUARD = 2.0
-"""Width of the guard band: a coverage factor of 95 % [standard deviations]."""
+GUARD = 2.0  # Width of the guard band: a coverage factor of 95 % [standard deviations].
 
 KEYS = ("limit", "sd", "change", "drift_per_year")
 
@@ -225,11 +224,8 @@ def _entry(name: str, said: Any) -> Entry:
 
 # -- What a comparison amounts to: limits kept or not, and a verdict in words --------------------
 
-LEVELS = ("pass", "doubtful", "fail")
-"""Outcomes of a comparison, the worse the later."""
-
-MOST = 6
-"""Coefficients that are named in the verdict [1]."""
+LEVELS = ("pass", "doubtful", "fail")  # Outcomes of a comparison, the worse the later.
+MOST = 6  # Coefficients that are named in the verdict [1].
 
 
 @dataclass(frozen=True)

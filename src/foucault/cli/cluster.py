@@ -44,14 +44,9 @@ BATCH, PER_WORKER = 1.0, 0.01
 """A batch should take so long, and at least so long per worker of the cluster, because all batches
 pass through one scheduler [s]."""
 
-MOST = 10_000
-"""Items in a batch [1]."""
-
-AHEAD = 4
-"""Batches that are out per worker [1]."""
-
-DEATHS = 10
-"""Workers of this machine that a batch may lose before it is given up [1]."""
+MOST = 10_000  # Items in a batch [1].
+AHEAD = 4  # Batches that are out per worker [1].
+DEATHS = 10  # Workers of this machine that a batch may lose before it is given up [1].
 
 PACKAGES = ("foucault", "numpy", "scipy", "numba")
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

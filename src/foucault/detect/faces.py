@@ -37,11 +37,8 @@ from foucault.units import STANDARD_GRAVITY, plain
 
 Sections = Mapping[str, Sequence[int]]
 
-OFF_FACE = np.radians(20.0)
-"""A rest that is tilted more than this belongs to no face [rad]."""
-
-SHORTEST = 8
-"""Fewest samples of a section [1]."""
+OFF_FACE = np.radians(20.0)  # A rest that is tilted more than this belongs to no face [rad].
+SHORTEST = 8  # Fewest samples of a section [1].
 
 STILL = 2e-3, 6.0
 """A rest moves if its halves differ by more than this share of g and this many sd [1]."""
@@ -299,15 +296,11 @@ TOLERANCE = 0.12
 SIDEWAYS = np.radians(20.0)
 """A turn about another direction than this near an axis is about no axis [rad]."""
 
-BUMP = np.radians(45.0)
-"""A smaller rotation between two rests on one face is no turn [rad]."""
-
-MOST = 3
-"""So many times the declared angle may have been turned at once [1]."""
+BUMP = np.radians(45.0)  # A smaller rotation between two rests on one face is no turn [rad].
+MOST = 3  # So many times the declared angle may have been turned at once [1].
 
 
-WHOLE = 1e-6
-"""An angle this near to whole turns is whole turns [1]."""
+WHOLE = 1e-6  # An angle this near to whole turns is whole turns [1].
 
 
 def is_whole(angle: float) -> bool:

@@ -22,14 +22,9 @@ from foucault.models.noise import Readings
 APART = np.radians(12.0)
 """Two directions lie as far apart as two others when it differs by less [rad]."""
 
-NEAR = np.radians(20.0)
-"""A reading this near to a position may be in it [rad]."""
-
-PAIRS = 4
-"""Pairs of readings that are tried: one reading of a pair may be in no position [1]."""
-
-MOST = 120
-"""Attitudes that are handed on; a regular solid fits itself in 60 [1]."""
+NEAR = np.radians(20.0)  # A reading this near to a position may be in it [rad].
+PAIRS = 4  # Pairs of readings that are tried: one reading of a pair may be in no position [1].
+MOST = 120  # Attitudes that are handed on; a regular solid fits itself in 60 [1].
 
 
 def attitudes(
@@ -99,8 +94,7 @@ def _frame(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.stack([one, np.cross(three, one), three], axis=2)
 
 
-FAR = float(np.radians(25.0))
-"""Directions further apart than this are different positions [rad]."""
+FAR = float(np.radians(25.0))  # Directions further apart than this are different positions [rad].
 
 SMALL = np.radians(30.0)
 """An instrument is mounted as the plan says when it is turned by less [rad]."""
@@ -117,8 +111,7 @@ MOST_OF_ALL = 0.7
 SET = np.radians(10.0)
 """Where neither order nor attitude is known, directions in one position differ by less [rad]."""
 
-LATE = 1e-4
-"""What a place further on in the plan costs where the order is given up [1]."""
+LATE = 1e-4  # What a place further on in the plan costs where the order is given up [1].
 
 
 @dataclass(frozen=True)

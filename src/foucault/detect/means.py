@@ -37,14 +37,9 @@ from foucault.detect.stretches import Rests
 from foucault.detect.table import Stretch
 from foucault.tables import Log
 
-HARMONICS = 2
-"""Harmonics of the outer angle that are removed from a spin [1]."""
-
-KEPT = 500
-"""Samples of each reading that are looked at for rounding [1]."""
-
-LEAST = 1e-24
-"""Least variance of a mean [SI]."""
+HARMONICS = 2  # Harmonics of the outer angle that are removed from a spin [1].
+KEPT = 500  # Samples of each reading that are looked at for rounding [1].
+LEAST = 1e-24  # Least variance of a mean [SI].
 
 
 def means(

@@ -26,23 +26,15 @@ from foucault.models.rotation import log as rotation_vector
 from foucault.tables import AXES, Log
 from foucault.units import plain
 
-PAUSE = 0.03
-"""Between two turns the rate falls below this part of its peak [1]."""
-
-LEAST_TURN = np.radians(2.0)
-"""A smaller rotation between two rests is no turn [rad]."""
+PAUSE = 0.03  # Between two turns the rate falls below this part of its peak [1].
+LEAST_TURN = np.radians(2.0)  # A smaller rotation between two rests is no turn [rad].
 
 CREEP = np.radians(2.0) / 3600.0
 """A rest moves if its rate is off by more than this, and by `MANY` usual residuals [rad/s]."""
 
-TILT = 1e-4
-"""A rest moves if it tilts by more than this, and by `MANY` sd of the noise [rad]."""
-
-MANY = 8.0
-"""Times the usual [1]."""
-
-ALIKE = np.radians(5.0)
-"""Ups nearer than this are one [rad]."""
+TILT = 1e-4  # A rest moves if it tilts by more than this, and by `MANY` sd of the noise [rad].
+MANY = 8.0  # Times the usual [1].
+ALIKE = np.radians(5.0)  # Ups nearer than this are one [rad].
 
 
 @dataclass(frozen=True)

@@ -53,8 +53,7 @@ from foucault.arrays import FloatArray, IntArray
 
 Kind = Literal["overlapping", "modified", "hadamard"]
 
-NOISES = 5
-"""Quantisation, white, flicker, random walk, ramp: the order of p [1]."""
+NOISES = 5  # Quantisation, white, flicker, random walk, ramp: the order of p [1].
 
 _STENCILS = {
     "overlapping": np.array([1.0, -2.0, 1.0]),
@@ -225,11 +224,8 @@ def degrees_of_freedom(kind: Kind, n: int, m: npt.ArrayLike, p: FloatArray) -> F
     return np.asarray(2 * (expected(kind, m) @ p) ** 2 / np.maximum(var, 1e-300))
 
 
-SEEN = 3.0
-"""A noise is seen when it is this many standard deviations above zero [1]."""
-
-CONFIDENCE = 0.95
-"""Probability of the two-sided intervals, and of the one-sided limits [1]."""
+SEEN = 3.0  # A noise is seen when it is this many standard deviations above zero [1].
+CONFIDENCE = 0.95  # Probability of the two-sided intervals, and of the one-sided limits [1].
 
 _ONE_SIDED = 1.6448536269514722  # normal quantile of CONFIDENCE
 _ITERATIONS = 50

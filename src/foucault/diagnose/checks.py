@@ -86,20 +86,11 @@ def check(
     return Check(name, value, low, high, passed, sentence, fails, p)
 
 
-PLAUSIBLE = 30.0
-"""A larger scale factor error is that of a wrong unit [percent]."""
-
-LARGEST_BIAS = 60.0
-"""No gyro has a larger bias [deg/s]."""
-
-VISIBLE = 4.0
-"""The Earth's rate and its opposite are told apart when they lie this far apart [sd]."""
-
-NEAR = 3.0
-"""A g-sensitivity within this of what a reversed sign makes may well be that [sd]."""
-
-SEEN = 1e-6
-"""A prior whose variance nothing narrows by more than this share is not tested [1]."""
+PLAUSIBLE = 30.0  # A larger scale factor error is that of a wrong unit [percent].
+LARGEST_BIAS = 60.0  # No gyro has a larger bias [deg/s].
+VISIBLE = 4.0  # The Earth's rate and its opposite are told apart when they lie this far apart [sd].
+NEAR = 3.0  # A g-sensitivity within this of what a reversed sign makes may well be that [sd].
+SEEN = 1e-6  # A prior whose variance nothing narrows by more than this share is not tested [1].
 
 WRONG_PRIOR = (
     "the prior is wrong or too narrow, and it bends the other coefficients. Leave [prior] out to "
@@ -312,8 +303,7 @@ def left_out_check(found: LeftOut | None, layout: Layout, what: str, cure: str) 
     return [check("terms left out", what, found.ratio, None, found.limit, given)]
 
 
-CHANCE = 0.005
-"""False alarms of the test of the Earth's sign at rest, one-sided [1]."""
+CHANCE = 0.005  # False alarms of the test of the Earth's sign at rest, one-sided [1].
 
 
 def reversed_earth_at_rest(
@@ -361,8 +351,7 @@ def reversed_earth_at_rest(
                  limit if nearer else None, given, p=float(2 * stdtr(dof, -abs(away))))  # fmt: skip
 
 
-MANY = 10.0
-"""An uncertainty so many times what noise and plan allow is no success of the plan [1]."""
+MANY = 10.0  # An uncertainty so many times what noise and plan allow is no success of the plan [1].
 
 
 IDLE = 1e-8

@@ -48,8 +48,7 @@ from foucault.models.layouts import gravity_slope, is_cluster, is_imu, of_one_sa
 from foucault.result import Level, Result
 from foucault.units import ZERO_CELSIUS
 
-DAY = 86400.0
-"""A slope over less says nothing of a year [s]."""
+DAY = 86400.0  # A slope over less says nothing of a year [s].
 
 
 @dataclass(frozen=True)
@@ -172,11 +171,8 @@ def step(series: Series) -> tuple[int, Fit]:
     return best, fit(series, designs[best])
 
 
-Site = tuple[Any, ...]
-"""Gravity, its standard deviation, latitude and height."""
-
-KEY = "gravity_errors"
-"""Where a result that says so itself keeps them, in its diagnostics."""
+Site = tuple[Any, ...]  # Gravity, its standard deviation, latitude and height.
+KEY = "gravity_errors"  # Where a result that says so itself keeps them, in its diagnostics.
 
 
 def gravity_errors(result: Result, vector: CoefficientVector) -> dict[Site, FloatArray]:
@@ -222,14 +218,9 @@ UNMOVED = ("accel_bias", "gyro_bias", "accel_asymmetry", "gyro_asymmetry", "gyro
 DEPENDENT = 1e-8
 """A coefficient of which the others leave a smaller share of the variance follows from them [1]."""
 
-LEANS = 0.1
-"""A prior with a larger share of the information than this pulls results together [1]."""
-
-WARMER = 2.0
-"""Mean temperatures farther apart than this are worth a word [K]."""
-
-NUDGE = 1e-5
-"""Step of a numerical derivative, beside angles of up to some degrees [SI]."""
+LEANS = 0.1  # A prior with a larger share of the information than this pulls results together [1].
+WARMER = 2.0  # Mean temperatures farther apart than this are worth a word [K].
+NUDGE = 1e-5  # Step of a numerical derivative, beside angles of up to some degrees [SI].
 
 
 @dataclass(frozen=True)

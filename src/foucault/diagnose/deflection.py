@@ -59,14 +59,9 @@ from foucault.result import Check
 
 GENERAL18 = deflection_model("general18")
 
-CONFIDENCE = 0.95
-"""Probability that no coefficient is larger than its bound [1]."""
-
-SIZES = np.exp(np.arange(-14.0, 0.1, 0.25))
-"""Variances that are tried, over the usual one [1]."""
-
-UNIT = np.radians(1.0 / 3600.0) / 9.80665
-"""1 arcsec/g [rad/(m/s^2)]."""
+CONFIDENCE = 0.95  # Probability that no coefficient is larger than its bound [1].
+SIZES = np.exp(np.arange(-14.0, 0.1, 0.25))  # Variances that are tried, over the usual one [1].
+UNIT = np.radians(1.0 / 3600.0) / 9.80665  # 1 arcsec/g [rad/(m/s^2)].
 
 
 def candidates(chirality: int = -1) -> tuple[DeflectionModel, ...]:

@@ -101,8 +101,7 @@ def norm_noise(fit: Fit) -> FloatArray:
     return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", slope, rest_cov(fit), slope)))
 
 
-ENOUGH_RESTS = 12
-"""Fewer rests leave too little redundancy to notice that one is wrong [1]."""
+ENOUGH_RESTS = 12  # Fewer rests leave too little redundancy to notice that one is wrong [1].
 
 CONDITION = (20.0, 400.0)
 """Condition number of the norm equations: doubtful and unusable beyond [1]. Even coverage has
@@ -124,8 +123,7 @@ DOMINATE = 0.85
 """Where a quarter of the residuals or fewer make more than this part of their sum, they are its
 cause [1]; of residuals that are spread as chance spreads them a quarter makes some 0.7 at most."""
 
-QUIETER = 5.0
-"""The threshold of rests to try where a hand shook them [1]."""
+QUIETER = 5.0  # The threshold of rests to try where a hand shook them [1].
 
 MOVED = "the instrument moved in its rests, or the log is damaged (lost samples, wrong sample rate)"
 

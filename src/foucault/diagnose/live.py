@@ -156,11 +156,8 @@ def _axes(x: FloatArray | None, interval: float, rests: Rests, counts: bool) -> 
     return Axes(x.mean(axis=0), x.std(axis=0), x.min(axis=0), x.max(axis=0), noise)
 
 
-VISITED = np.radians(30.0)
-"""A named direction is visited by a rest within this angle [rad]."""
-
-ALIKE = np.radians(15.0)
-"""Rests closer than this are one orientation [rad]."""
+VISITED = np.radians(30.0)  # A named direction is visited by a rest within this angle [rad].
+ALIKE = np.radians(15.0)  # Rests closer than this are one orientation [rad].
 
 
 @dataclass(frozen=True)
@@ -276,14 +273,12 @@ def _sphere_of(packed: bytes) -> _Sphere:
     )
 
 
-EVERY, SPAN = 2.0, 30.0
-"""The newest `SPAN` of the log is looked at `EVERY` so often [s]."""
+EVERY, SPAN = 2.0, 30.0  # The newest `SPAN` of the log is looked at `EVERY` so often [s].
 
 ENOUGH_FOR_TURNS = 6
 """Rests from which the turns between them show exchanged axes and a wrong gyro unit [1]."""
 
-MOST_TURNS = 8
-"""Turns that are compared with every exchange of axes [1]."""
+MOST_TURNS = 8  # Turns that are compared with every exchange of axes [1].
 
 UNQUIET = {"accel": 0.3, "gyro": float(np.radians(5.0))}
 """No instrument at rest shakes as much: nobody has held it still yet [m/s^2, rad/s]."""

@@ -40,17 +40,13 @@ from foucault.result import Check, Level, Verdict
 from foucault.tables import IndexedLog
 from foucault.units import plain, span
 
-TOO_FAST = 1.5
-"""Horizontal rate, in Earth rates, that no noise within reason gives [1]."""
-
-ROWS = 8
-"""Fewer rows may well read the same [1]."""
+TOO_FAST = 1.5  # Horizontal rate, in Earth rates, that no noise within reason gives [1].
+ROWS = 8  # Fewer rows may well read the same [1].
 
 SIDES = ("right accelerometer", "forward accelerometer")
 """Two accelerometers that stay with the case."""
 
-MANY_SD = 6.0
-"""What differs by so many standard deviations is no noise [1]."""
+MANY_SD = 6.0  # What differs by so many standard deviations is no noise [1].
 
 OVERLAP = 0.9
 """Means that begin within this share of the one before overlap; clocks are coarse [1]."""
@@ -240,8 +236,7 @@ def units_first(findings: tuple[Finding, ...]) -> Iterator[None]:
 GUESS = ImuNoise(TriadNoise(white=1e-3), TriadNoise(white=1e-6))
 """Noise to start from where none is known [SI]."""
 
-FEWEST = 5
-"""Redundant readings that a noise level needs at least [1]."""
+FEWEST = 5  # Redundant readings that a noise level needs at least [1].
 
 
 def from_residuals(
@@ -309,18 +304,14 @@ def signal_to_noise(fixes: Fixes, pairs: Pairs) -> FloatArray:
     return np.where(lost, level, out)
 
 
-SEES = 3.0
-"""Horizontal Earth rate over its sd below which heading is guesswork [1]."""
+SEES = 3.0  # Horizontal Earth rate over its sd below which heading is guesswork [1].
 
 TESTS = 4
 """Statistical tests of a set-up, which share its false alarms: scatter of gyro and accelerometer,
 rate and latitude, level [1]."""
 
-FAR_OUT = 6.0
-"""A set-up whose readings scatter by more than this was disturbed [sd]."""
-
-STEEP = np.radians(89.5)
-"""At a tilt beyond this heading is hardly defined [rad]."""
+FAR_OUT = 6.0  # A set-up whose readings scatter by more than this was disturbed [sd].
+STEEP = np.radians(89.5)  # At a tilt beyond this heading is hardly defined [rad].
 
 
 @dataclass(frozen=True)
@@ -349,8 +340,7 @@ class Judged:
 SURE = 1e-3
 """A drift of the offset is there where chance makes so much of it less often than this [1]."""
 
-MATTERS = 0.5
-"""What it moves a result by counts from this part of its standard deviation on [1]."""
+MATTERS = 0.5  # What it moves a result by counts from this part of its standard deviation on [1].
 
 
 def offset_drift(pairs: Pairs, dwells: Dwells) -> float | None:

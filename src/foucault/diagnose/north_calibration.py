@@ -40,8 +40,7 @@ mistake; instruments have a few tenths of it [1]."""
 SUSPECT = 1e-2
 """Accelerometer biases that may rather be a case that stands askew on the table [m/s^2]."""
 
-VAGUE = 0.1
-"""Standard deviation of a scale factor or coupling that is as good as unknown [1]."""
+VAGUE = 0.1  # Standard deviation of a scale factor or coupling that is as good as unknown [1].
 
 NOTHING = 1e-6
 """Part of the Earth's rate that is read by a gyro that reads nothing: no unit is so wrong [1]."""

@@ -169,17 +169,13 @@ def noise_covariance(
     return out
 
 
-EPOCHS = 120
-"""Epochs that the fit uses; more would be as good as copies of one another [1]."""
+EPOCHS = 120  # Epochs that the fit uses; more would be as good as copies of one another [1].
 
 ALIKE = 0.85
 """Correlation from which two terms count as hardly told apart: together known twice as well [1]."""
 
-FLOOR = 1e-6
-"""Part of the largest error that the reference is uncertain by at least [1]."""
-
-SHORTEST = 60.0
-"""Shortest run that is fitted [s]."""
+FLOOR = 1e-6  # Part of the largest error that the reference is uncertain by at least [1].
+SHORTEST = 60.0  # Shortest run that is fitted [s].
 
 
 @dataclass(frozen=True)

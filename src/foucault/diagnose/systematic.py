@@ -53,8 +53,7 @@ from foucault.navigate.strapdown import State, navigate
 from foucault.result import Check
 from foucault.tables import AXES
 
-EPOCH = 10.0
-"""Noise is taken in so often [s]."""
+EPOCH = 10.0  # Noise is taken in so often [s].
 
 
 def followed(heading_sd: float, most: float) -> Check:

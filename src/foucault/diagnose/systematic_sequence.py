@@ -37,17 +37,10 @@ from foucault.result import Check
 from foucault.tables import AXES
 from foucault.units import plain
 
-START = np.radians(20.0)
-"""The first rest may lean this far from its declared orientation [rad]."""
-
-AXIS = np.radians(8.0)
-"""The axis of a turn may be this far from its declared one [rad]."""
-
-ANGLE = (np.radians(1.5), 0.03)
-"""Its angle may be off by this, and by this part of it [rad], [1]."""
-
-HEADING = np.radians(5.0)
-"""A declared heading may be this far off before it is said [rad]."""
+START = np.radians(20.0)  # The first rest may lean this far from its declared orientation [rad].
+AXIS = np.radians(8.0)  # The axis of a turn may be this far from its declared one [rad].
+ANGLE = (np.radians(1.5), 0.03)  # Its angle may be off by this, and by this part of it [rad], [1].
+HEADING = np.radians(5.0)  # A declared heading may be this far off before it is said [rad].
 
 
 @dataclass(frozen=True)
@@ -262,8 +255,7 @@ def _along(direction: FloatArray) -> str:
 SEEN = 1e-7
 """A difference that a session tells less of than this is not seen, but for rounding [1]."""
 
-EACH = FALSE_ALARM / 8
-"""False-alarm rate of the check, as of the others of the session [1]."""
+EACH = FALSE_ALARM / 8  # False-alarm rate of the check, as of the others of the session [1].
 
 SAID = {"gyro": (np.radians(1.0) / 3600.0, "deg/h"), "accel": (9.80665e-6, "ug")}
 """Unit that biases of each triad are told in [SI], and its name."""

@@ -83,8 +83,7 @@ _WHAT = {
 }
 
 
-OF_TABLE = "errors of the table"
-"""Name of the check of all that is wrong with a table."""
+OF_TABLE = "errors of the table"  # Name of the check of all that is wrong with a table.
 
 _SAID = {
     "tilt of the outer axis": "how plumb the table is (plumb_sd in [procedure])",

@@ -36,23 +36,15 @@ from foucault.plans.tumble import Nominal, TorquingPlan
 from foucault.result import Check, TableData
 from foucault.tables import AXES, Log
 
-LONG = 1.5
-"""An interval longer than this many usual ones has lost rows [1]."""
-
-STEP = 0.01
-"""A change of the command by more than this, over its largest size, is a step [1]."""
+LONG = 1.5  # An interval longer than this many usual ones has lost rows [1].
+STEP = 0.01  # A change of the command by more than this, over its largest size, is a step [1].
 
 ROUGHNESS = float(np.sqrt(70.0)) / 6.0
 """Sd of a reading less what its four neighbours predict, over that of a reading [1]."""
 
-MANY = 0.1
-"""Where more readings than this jump, that is how they are [1]."""
-
-ROUNDS = 5
-"""Times that outlying readings are sought beside those that were found [1]."""
-
-SHIFTED = 120
-"""A command is searched for so many steps of its plan, earlier and later [1]."""
+MANY = 0.1  # Where more readings than this jump, that is how they are [1].
+ROUNDS = 5  # Times that outlying readings are sought beside those that were found [1].
+SHIFTED = 120  # A command is searched for so many steps of its plan, earlier and later [1].
 
 
 def plan_findings(
@@ -214,11 +206,8 @@ def measured_white(log: Log) -> float:
     return float(np.sqrt(np.mean(spread**2) / 20.0 * log.interval))
 
 
-STRETCHES = 12
-"""The log is tested in so many stretches [1]."""
-
-PARTS = 60
-"""Slow errors are sought in the sums over so many parts of the log [1]."""
+STRETCHES = 12  # The log is tested in so many stretches [1].
+PARTS = 60  # Slow errors are sought in the sums over so many parts of the log [1].
 
 EACH = FALSE_ALARM / 10
 """False-alarm rate of each of ten tests, so that all together keep about 1 % [1]."""
@@ -455,20 +444,14 @@ def _slopes(
     return F, H
 
 
-DRAWN = 400
-"""Rows of a table that is drawn as curves [1]."""
+DRAWN = 400  # Rows of a table that is drawn as curves [1].
 
 SUBDIVIDED = np.radians(15.0)
 """For the rank of the motion every constant rate is cut into turns of at most this [rad]."""
 
-MOST_SEGMENTS = 96
-"""Into so many parts the motion is cut at most [1]."""
-
-SHORT = 0.01
-"""A leg shorter than this part of the whole is one with its neighbour [1]."""
-
-WEAKEST, STRONG = 6, 0.9
-"""Combinations shown, and correlations from which pairs are shown [1]."""
+MOST_SEGMENTS = 96  # Into so many parts the motion is cut at most [1].
+SHORT = 0.01  # A leg shorter than this part of the whole is one with its neighbour [1].
+WEAKEST, STRONG = 6, 0.9  # Combinations shown, and correlations from which pairs are shown [1].
 
 
 def diagnostics(e: Solution) -> dict[str, Any]:

@@ -130,11 +130,8 @@ def scale_and_rotation(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     return K, matrix / K[:, None]
 
 
-PASSES = 2
-"""Times that the attitude in the turns is found; each is 1e-4 of the last, or less [1]."""
-
-QUIETEST = 1e-10
-"""Least sd of a mean, [m/s^2] and [rad/s]: far below what any instrument has."""
+PASSES = 2  # Times that the attitude in the turns is found; each is 1e-4 of the last, or less [1].
+QUIETEST = 1e-10  # Least sd of a mean, [m/s^2] and [rad/s]: far below what any instrument has.
 
 SCATTER = {"accel": "scatter of specific force at rest", "gyro": "scatter of angular rate at rest"}
 """Kind of reading -> source of what neither its noise nor the placement explains."""

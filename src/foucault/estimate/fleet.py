@@ -20,11 +20,8 @@ from foucault.errors import error
 from foucault.kernels.norm_observation import calibrate_batch
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
 
-STATUS = ("solved", "singular", "no ellipsoid", "not finite")
-"""What the number of a status means."""
-
-NEEDED = 9
-"""Rests, and spins, that the linear equations need [1]."""
+STATUS = ("solved", "singular", "no ellipsoid", "not finite")  # What the number of a status means.
+NEEDED = 9  # Rests, and spins, that the linear equations need [1].
 
 SIZE = len(LINEAR_LOWER)
 _ROWS, _COLUMNS = np.tril_indices(SIZE)

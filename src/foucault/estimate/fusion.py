@@ -46,11 +46,8 @@ DEPENDENT = 1e-10
 FIXED = 1e-8
 """Relative variance of a difference that the model allows no other value, and rounding [1]."""
 
-TIED = 1e-9
-"""Coefficients whose correlation is this near to 1 or -1 are one [1]."""
-
-ALL_SHARED = 1e-6
-"""Part of the variance in a combination of coefficients that is never shared [1]."""
+TIED = 1e-9  # Coefficients whose correlation is this near to 1 or -1 are one [1].
+ALL_SHARED = 1e-6  # Part of the variance in a combination of coefficients that is never shared [1].
 
 
 @dataclass(frozen=True)

@@ -47,12 +47,10 @@ from foucault.navigate.increments import Increments
 from foucault.navigate.ins_filter import FilterRun, Updates, run, start_cov
 from foucault.navigate.strapdown import State
 
-BETWEEN = 2.0
-"""Longest epoch during turns [s]."""
+BETWEEN = 2.0  # Longest epoch during turns [s].
 
 
-STAYS = 1e-4
-"""How well an instrument at rest stays where it is [m]."""
+STAYS = 1e-4  # How well an instrument at rest stays where it is [m].
 
 
 @dataclass(frozen=True)

@@ -46,11 +46,8 @@ JITTER = 1e-10
 """Added to the variances, as a part: a covariance may be singular where coefficients are tied [1].
 """
 
-DEPENDENT = 1e-8
-"""An eigenvalue of a correlation matrix below this belongs to what is tied [1]."""
-
-NOTHING = 1e-4
-"""A scatter whose variance is a smaller part of the evidence's own is none [1]."""
+DEPENDENT = 1e-8  # An eigenvalue of a correlation matrix below this belongs to what is tied [1].
+NOTHING = 1e-4  # A scatter whose variance is a smaller part of the evidence's own is none [1].
 
 
 @dataclass(frozen=True)

@@ -260,8 +260,7 @@ class Receiver:
         return any("rate" in (KINDS[r.kind][1], *r.of) for r in self.rows)
 
 
-TABLES = ("receivers", "magnetometers")
-"""Tables: of an IMU's calibration, of a magnetometer's."""
+TABLES = ("receivers", "magnetometers")  # Tables: of an IMU's calibration, of a magnetometer's.
 
 
 @cache

@@ -40,8 +40,7 @@ from foucault.arrays import FloatArray
 from foucault.errors import error, suggestion
 from foucault.units import Angle, Quantity
 
-STEEPEST = 85.0 * pi / 180.0
-"""Largest angle of climb and of bank [rad]."""
+STEEPEST = 85.0 * pi / 180.0  # Largest angle of climb and of bank [rad].
 
 TABLE_AXES = ("x", "y", "z", "east", "north", "up")
 """What a table may turn the body about: its own axes, and level ones."""

@@ -214,20 +214,11 @@ def root_mean_square(angle: FloatArray, start: FloatArray, time: FloatArray, kno
 
 Move = tuple[list[int], list[int]]
 
-UNIT = radians(1e-3)
-"""Unit of the angles of a plan [rad]."""
-
-TURN, HALF, DEGREE = 360_000, 180_000, 1000
-"""Units in a turn, in half of one, and in a degree [1]."""
-
-FINEST = radians(1.0)
-"""Angles without detents are multiples of this [rad]."""
-
-TICK = 0.1
-"""Lengths of stops are multiples of this [s]."""
-
-TRIES = 20
-"""So many draws or moves are tried before a plan is returned as it was [1]."""
+UNIT = radians(1e-3)  # Unit of the angles of a plan [rad].
+TURN, HALF, DEGREE = 360_000, 180_000, 1000  # Units in a turn, in half of one, and in a degree [1].
+FINEST = radians(1.0)  # Angles without detents are multiples of this [rad].
+TICK = 0.1  # Lengths of stops are multiples of this [s].
+TRIES = 20  # So many draws or moves are tried before a plan is returned as it was [1].
 
 
 @dataclass(frozen=True)
@@ -445,14 +436,9 @@ def schedule(index: FloatArray, dwell: FloatArray, rig: Rig) -> Schedule:
     return Schedule(tuple(turns.tolist()), tuple(np.diff(ends, prepend=0).tolist()))
 
 
-TILTED = radians(10.0)
-"""Up to which the case is tilted in one of the comparisons [rad]."""
-
-ELSEWHERE = radians(60.0)
-"""Latitude of another, north or south as the site is [rad]."""
-
-DRAWN = 100
-"""Random plans by which it is told whether any shows the heading [1]."""
+TILTED = radians(10.0)  # Up to which the case is tilted in one of the comparisons [rad].
+ELSEWHERE = radians(60.0)  # Latitude of another, north or south as the site is [rad].
+DRAWN = 100  # Random plans by which it is told whether any shows the heading [1].
 
 PLAIN = 2e-4
 """What a stop, or another index angle, costs: of plans that are alike the simpler is wanted [1]."""

@@ -25,8 +25,7 @@ LINEAR_DRIFT = "linear drift"
 LOST_RATE = "rate along the axis"
 """What the solution adds where that rate, which tells an unknown latitude, is lost in the noise."""
 
-SMALL = 1e-3
-"""Size of a drift that is tried, over all of the time, in Earth's rates [1]."""
+SMALL = 1e-3  # Size of a drift that is tried, over all of the time, in Earth's rates [1].
 
 
 @dataclass(frozen=True)

@@ -200,8 +200,7 @@ class Descent:
     trace: tuple[tuple[int, float], ...]
 
 
-NOTED = 0.005
-"""Smaller gains of the cost are not noted in the trace [1]."""
+NOTED = 0.005  # Smaller gains of the cost are not noted in the trace [1].
 
 
 def descend(

@@ -214,8 +214,7 @@ HEADINGS = (
 )  # fmt: skip
 """First row of the table."""
 
-WHOLE = 1e-9
-"""Turns that are so near to whole ones are whole [1]."""
+WHOLE = 1e-9  # Turns that are so near to whole ones are whole [1].
 
 
 def turns_of(turn: Rotate) -> int:

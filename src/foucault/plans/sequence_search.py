@@ -41,8 +41,7 @@ from foucault.plans.sequence_file import plain_action, plain_start, rows
 WIDE, NARROW = 40.0, 0.5
 """How far a pose is shifted at the start of a descent and at its end [deg]."""
 
-FIRST_REST = 30
-"""Shortest first rest: the attitude is found in it [s]."""
+FIRST_REST = 30  # Shortest first rest: the attitude is found in it [s].
 
 
 @dataclass(frozen=True)
@@ -283,18 +282,14 @@ PULL = 10.0
 MARGIN = 0.995
 """The search, whose uncertainties are a little off, wants so much of what is wanted [1]."""
 
-UNSEEN = 0.7
-"""A coefficient that keeps more than this share of its prior is not seen [1]."""
+UNSEEN = 0.7  # A coefficient that keeps more than this share of its prior is not seen [1].
 
 TURNED = 0.2
 """Where quarter turns are open beside spins, so many moves change one; without spins all others
 [1]."""
 
-CLEAR = 2.0
-"""Turns are at least so many times as large as the least that is found in a log [1]."""
-
-SAMPLED = 4
-"""Random plans that show what can be seen at all, beside the plan to beat [1]."""
+CLEAR = 2.0  # Turns are at least so many times as large as the least that is found in a log [1].
+SAMPLED = 4  # Random plans that show what can be seen at all, beside the plan to beat [1].
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -340,8 +340,7 @@ def half_covariance(
 Plan = tuple[Position, ...]
 Criterion = Literal["sd", "det"]
 
-KEPT = 50_000
-"""Positions whose information is remembered [1]."""
+KEPT = 50_000  # Positions whose information is remembered [1].
 
 REPLACED, TURNED = 0.1, 0.05
 """Shares of moves that draw one position anew, and that turn all together; the rest shift one."""
@@ -350,8 +349,7 @@ DOWNHILL, LAST = 0.002, 0.01
 """Share of moves that slide down to where nothing shifted a little is better; and the heat from
 which on that share grows to all [1]."""
 
-SLIDE = 60
-"""Most steps of such a slide [1]."""
+SLIDE = 60  # Most steps of such a slide [1].
 
 WIDE, NARROW = 0.6, 0.003
 """How far a position is shifted at the start of a descent and at its end [rad]."""

@@ -46,8 +46,7 @@ from foucault.tables import AXES, whole_samples
 
 Motion = tuple[tuple[float, float, tuple[float, float, float]], ...]
 
-TOLERANCE = 1e-6
-"""Times nearer than this are the same time [s]."""
+TOLERANCE = 1e-6  # Times nearer than this are the same time [s].
 
 
 @dataclass(frozen=True)
@@ -190,11 +189,8 @@ def _turned(C_pn: FloatArray, rate: FloatArray, time: FloatArray) -> FloatArray:
 
 # -- plans -----------------------------------------------------------------------------------
 
-RATE = float(np.radians(0.1))
-"""Rate of the published plan [rad/s]."""
-
-DURATION = 5400.0
-"""Its time [s]."""
+RATE = float(np.radians(0.1))  # Rate of the published plan [rad/s].
+DURATION = 5400.0  # Its time [s].
 
 
 def _turning(word: str, angle: float, rate: float) -> Step:
@@ -214,11 +210,8 @@ def published(rate: float = RATE) -> TorquingPlan:
     return TorquingPlan("published", np.zeros(3), steps)
 
 
-PUBLISHED = published()
-"""The plan of ref. [1], 5400 s."""
-
-NAMES = ("published",)
-"""Plans that have a name."""
+PUBLISHED = published()  # The plan of ref. [1], 5400 s.
+NAMES = ("published",)  # Plans that have a name.
 
 _SIGNED = re.compile(r"^[+-]?[xyz]$")
 
@@ -344,23 +337,12 @@ def needs(plan: TorquingPlan, limits: Limits) -> tuple[Limit, ...]:
 FINEST = float(np.radians(6.0))
 """Largest turn in a slot: its bounds are a few per cent too large, and order plans all the same."""
 
-USUAL = 24
-"""Segments that a random plan has at most, where nothing limits their length [1]."""
-
-FEWEST = 4
-"""Segments that a plan has at least [1]."""
-
-UNSEEN = 0.5
-"""A coefficient that keeps more than this share of its prior is not seen [1]."""
-
-SAMPLED = 48
-"""So many random plans show together what can be seen at all [1]."""
-
-TRIED = 40
-"""Random plans that are drawn in search of such as keep the limits [1]."""
-
-PARTS = 6
-"""In so many points of a slot the gimbals are looked at: one per degree [1]."""
+USUAL = 24  # Segments that a random plan has at most, where nothing limits their length [1].
+FEWEST = 4  # Segments that a plan has at least [1].
+UNSEEN = 0.5  # A coefficient that keeps more than this share of its prior is not seen [1].
+SAMPLED = 48  # So many random plans show together what can be seen at all [1].
+TRIED = 40  # Random plans that are drawn in search of such as keep the limits [1].
+PARTS = 6  # In so many points of a slot the gimbals are looked at: one per degree [1].
 
 LOCK = float(np.radians(88.0))
 """Middle angle from which on the turns of outer and inner gimbal mean nothing [rad]."""

@@ -36,11 +36,8 @@ HERE = "the session in [simulate]"
 
 NAMES = tuple(FACES)
 
-EVALUATIONS = 60
-"""Plans that a restart judges: each is a simulated session [1]."""
-
-TENTH = 10.0
-"""Rests are whole numbers of tenths of a second [1/s]."""
+EVALUATIONS = 60  # Plans that a restart judges: each is a simulated session [1].
+TENTH = 10.0  # Rests are whole numbers of tenths of a second [1/s].
 
 
 class Wanted(Strict):

@@ -118,8 +118,7 @@ def planned(
 WORTH = 0.1
 """Share of a variance from which on it is said what another size of a group would buy [1]."""
 
-BETTER = 10.0
-"""So many times as small is the size that is declared then [1]."""
+BETTER = 10.0  # So many times as small is the size that is declared then [1].
 
 
 def declared(

@@ -184,8 +184,7 @@ class Stated(Generic[S, N]):
         return self._kept[key]
 
 
-DRAWN = 3
-"""Other draws of a motion by hand that a preflight looks at [1]."""
+DRAWN = 3  # Other draws of a motion by hand that a preflight looks at [1].
 
 
 def _held(_description: Any) -> bool:

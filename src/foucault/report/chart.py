@@ -46,8 +46,7 @@ LOOK = {
 LEGEND = {"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom", "xanchor": "left"}
 """The look shared by all figures."""
 
-GAP = 0.08
-"""Between panels, of the height [1]."""
+GAP = 0.08  # Between panels, of the height [1].
 
 
 def numbers(values: npt.ArrayLike) -> list[float | None]:
@@ -407,8 +406,7 @@ def shares(labels: Sequence[str], share: Mapping[str, FloatArray], alt: str) -> 
     )
 
 
-FULL = 0.99
-"""Robust weight above which an observation counts in full [1]."""
+FULL = 0.99  # Robust weight above which an observation counts in full [1].
 
 
 def weighed(x: FloatArray, y: FloatArray, weight: Any, what: str, place: str) -> list[Trace]:
@@ -496,8 +494,7 @@ def length_unit(metres: float) -> tuple[str, float]:
     return ("m", 1.0) if metres >= 0.5 else ("mm", 1e-3)
 
 
-POINTS = 1500
-"""Points that a line is drawn with [1]."""
+POINTS = 1500  # Points that a line is drawn with [1].
 
 
 def thinned(n: int) -> npt.NDArray[np.int64]:

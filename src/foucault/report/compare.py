@@ -46,14 +46,12 @@ from foucault.units import ZERO_CELSIUS, plain
 
 About = Mapping[str, Any]
 
-LISTED = 40
-"""Limits in the table of a page, the worst first."""
+LISTED = 40  # Limits in the table of a page, the worst first.
 
 PAIRS = 45
 """Pairs in the table of a page; of more results only neighbours, and the first with the last."""
 
-REACH = 2.5
-"""A limit is drawn where it does not make the axis longer than so many times [1]."""
+REACH = 2.5  # A limit is drawn where it does not make the axis longer than so many times [1].
 
 LOOKS = {
     "pass": "good",

@@ -54,8 +54,7 @@ from foucault.report.page import (
 from foucault.tables import AXES
 from foucault.units import convert, display_unit, plain, span
 
-POINTS = 4000
-"""Samples drawn per line; a longer log is shown by the extremes of blocks."""
+POINTS = 4000  # Samples drawn per line; a longer log is shown by the extremes of blocks.
 
 TRIADS = {
     "accel": ("Accelerometers", "Specific force", "specific force", "m/s²"),
@@ -134,8 +133,7 @@ def glance(inspection: Inspection, start: float = 0.0) -> Document:
     )
 
 
-BAR = 68
-"""Letters of the bar that shows when an instrument was at rest [1]."""
+BAR = 68  # Letters of the bar that shows when an instrument was at rest [1].
 
 
 def _timeline(seen: Inspection) -> str:
@@ -269,8 +267,7 @@ def _rests(seen: Inspection, kind: str) -> Table:
     return Table(_columns(*heads), rows)
 
 
-ASIDE = ("min", "max", "end", "|w| (deg/s)")
-"""Columns for which a narrow page has no room."""
+ASIDE = ("min", "max", "end", "|w| (deg/s)")  # Columns for which a narrow page has no room.
 
 
 def _columns(first: str, *others: str) -> list[Column]:
@@ -396,11 +393,8 @@ def _each_axis(measured: LogAllan) -> Section | None:
     return section("noise.axes", Table(heads, rows), line_)
 
 
-MAIN = ("white", "bias_instability", "random_walk")
-"""The coefficients that a data sheet has."""
-
-LETTERS = dict(zip(NOISES, "QNBKR", strict=True))
-"""The letters of IEEE Std 952."""
+MAIN = ("white", "bias_instability", "random_walk")  # The coefficients that a data sheet has.
+LETTERS = dict(zip(NOISES, "QNBKR", strict=True))  # The letters of IEEE Std 952.
 
 
 def _plot(measured: LogAllan, triad: str, pair: Pair | None) -> Section | None:

@@ -43,8 +43,7 @@ from foucault.result import Check, Level, Verdict
 
 Rows = Sequence[Mapping[str, Any]]
 
-BARS = 300
-"""Bars of a histogram at most: a page does not grow with the study [1]."""
+BARS = 300  # Bars of a histogram at most: a page does not grow with the study [1].
 
 
 def document(study: Study, about: Mapping[str, Any]) -> Document:

@@ -89,29 +89,14 @@ GROUPS = {
 COMPARED = ("gyro bias", "installation")
 """Groups of coefficients that are drawn with the delay and without it."""
 
-MOST = 40
-"""So many stretches are listed and marked [1]."""
-
-BACK = 5.0
-"""Turns that come to less end where they began [deg]."""
-
-DOTS = 600
-"""So many innovations of a component are drawn, and those outside three sd besides [1]."""
-
-GROUPED = 60
-"""Points that the course of the NIS is drawn with [1]."""
-
-GUIDE = 2.0
-"""Bands are drawn at so many standard deviations [1]."""
-
-LATE = 0.1
-"""An axis of estimates shows what they did after this part of the run in full [1]."""
-
-RANGE = 6.0
-"""And at least so many final standard deviations [1]."""
-
-UNSEEN = 0.01
-"""A part whose delay is less certain than this shows none [s]."""
+MOST = 40  # So many stretches are listed and marked [1].
+BACK = 5.0  # Turns that come to less end where they began [deg].
+DOTS = 600  # So many innovations of a component are drawn, and those outside three sd besides [1].
+GROUPED = 60  # Points that the course of the NIS is drawn with [1].
+GUIDE = 2.0  # Bands are drawn at so many standard deviations [1].
+LATE = 0.1  # An axis of estimates shows what they did after this part of the run in full [1].
+RANGE = 6.0  # And at least so many final standard deviations [1].
+UNSEEN = 0.01  # A part whose delay is less certain than this shows none [s].
 
 MINUTE = float(np.radians(1 / 60))
 TIME = axis("time [s]", showgrid=False)

@@ -175,8 +175,7 @@ def _begun(
     return tuple(f[0] for f in first)
 
 
-LEVEL = 0.9
-"""Part of gravity that has to turn in the body; cos 25 deg [1]."""
+LEVEL = 0.9  # Part of gravity that has to turn in the body; cos 25 deg [1].
 
 
 def observe(log: Log, given: Given[Settings]) -> SpinModel:
@@ -203,8 +202,7 @@ def _spared(log: Log, spins: tuple[Spin, ...]) -> tuple[Finding, ...]:
     return spared(log.findings, log, used, used)
 
 
-SWAYS = float(np.radians(0.3))
-"""An axis that moves by more is not clamped [rad]."""
+SWAYS = float(np.radians(0.3))  # An axis that moves by more is not clamped [rad].
 
 
 def _again(model: SpinModel) -> Again:
@@ -284,14 +282,12 @@ def _own_checks(model: SpinModel, slips: list[physics.Slip]) -> tuple[Check, ...
     )
 
 
-HELD = 4.5
-"""A spin whose grip differs by so many sd from that of its mounting has slipped [1]."""
+HELD = 4.5  # A spin whose grip differs by so many sd from that of its mounting has slipped [1].
 
 LEANS = 1.0
 """An axis that tilts faster, all the while of a spin, looks like g-sensitivity [Earth rates]."""
 
-CLAMPED = 0.1
-"""An axis that moves by more takes part in the result [deg]."""
+CLAMPED = 0.1  # An axis that moves by more takes part in the result [deg].
 
 
 def _told(model: SpinModel) -> list[Finding]:
@@ -344,8 +340,7 @@ Plan = tuple[float, tuple[str, ...], tuple[float, ...]]
 
 HERE = "the session in [simulate]"
 
-EVALUATIONS = 12
-"""Plans that a restart judges: each is a simulated session [1]."""
+EVALUATIONS = 12  # Plans that a restart judges: each is a simulated session [1].
 
 MOUNTINGS = tuple(get_args(Mounting))
 

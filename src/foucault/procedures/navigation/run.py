@@ -53,8 +53,7 @@ from foucault.units import plain
 
 Position = tuple[float, float, float]
 
-SLOW = 1.0
-"""A slower start of what seems to rest is at rest [m/s]."""
+SLOW = 1.0  # A slower start of what seems to rest is at rest [m/s].
 
 WITH, WITHOUT, AS_MEASURED = "with calibration", "without calibration", "as measured"
 """Names of the runs."""
@@ -184,8 +183,7 @@ def bias_sds(vector: CoefficientVector | None) -> tuple[float, float]:
 FAR = float(np.radians(0.5))
 """A reference that starts farther from the place that was given is of another place [rad]."""
 
-WALK = 20.0
-"""A reference that moves by more during a rest shows that it is none [m]."""
+WALK = 20.0  # A reference that moves by more during a rest shows that it is none [m].
 
 PUSH, PUSHED = 2.0, 10.0
 """A speed that changes by more [m/s] within such a time [s]: no drift, the instrument was moved."""
@@ -323,8 +321,7 @@ def latitude_told(
     return (finding("navigate.latitude", latitude=latitude, longitude=longitude),)
 
 
-EPOCHS = 150
-"""Epochs at which contributions are computed [1]."""
+EPOCHS = 150  # Epochs at which contributions are computed [1].
 
 TURNS = np.radians(2.0)
 """A body that turns by more does not keep its sensor errors constant in a level frame [rad]."""
@@ -332,8 +329,7 @@ TURNS = np.radians(2.0)
 SMALL = 1e-4
 """A coefficient is changed by what moves readings by this part of gravity or Earth's rate [1]."""
 
-QUIETEST = (1e-9, 1e-7)
-"""White noise that a fit takes at least [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]."""
+QUIETEST = (1e-9, 1e-7)  # White noise that a fit takes at least [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)].
 
 
 def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budget:

@@ -28,20 +28,11 @@ from foucault.procedures.record import Stretch
 from foucault.tables import Log
 from foucault.units import Angle, Quantity, Seconds, plain
 
-USUAL = 300.0
-"""Length of the alignment in a log that rests all along, where nothing is said [s]."""
-
-PART = 1 / 3
-"""At most this part of such a log is used for it [1]."""
-
-LEAST = 10.0
-"""Shortest rest that is used without being told [s]."""
-
-WHOLE = 0.95
-"""A rest that covers this part of a log: the log does not move [1]."""
-
-CONSTANT = 1e-8
-"""Readings that change by less are constant [rad/s], [m/s^2]."""
+USUAL = 300.0  # Length of the alignment in a log that rests all along, where nothing is said [s].
+PART = 1 / 3  # At most this part of such a log is used for it [1].
+LEAST = 10.0  # Shortest rest that is used without being told [s].
+WHOLE = 0.95  # A rest that covers this part of a log: the log does not move [1].
+CONSTANT = 1e-8  # Readings that change by less are constant [rad/s], [m/s^2].
 
 SEES = 0.5
 """A mean rate at rest that differs from the Earth's by more of it does not show north [1]."""
@@ -271,8 +262,7 @@ def shows_north(
     raise error("navigate.heading", why=why)
 
 
-STEADY = np.radians(1.0)
-"""Gravity that turns by less than this in the body shows no tilt [rad]."""
+STEADY = np.radians(1.0)  # Gravity that turns by less than this in the body shows no tilt [rad].
 
 
 def _level_rate(part: Increments) -> float | None:

@@ -298,8 +298,7 @@ def options_of(
     )
 
 
-NORM_NEEDS = 9
-"""Directions that the norm of one triad needs [1]."""
+NORM_NEEDS = 9  # Directions that the norm of one triad needs [1].
 
 
 def _usable(readings: Readings, task: Task, site: Site) -> tuple[Readings, list[Finding]]:

@@ -346,20 +346,11 @@ class Bench:
         return cov
 
 
-TRIED = 60
-"""Random positions that together show whatever any positions could show [1]."""
-
-DRAWN = 3
-"""Instruments with drawn errors in which a plan is compared with another [1]."""
-
-CLASS = "tactical"
-"""Class whose noise is taken where none is known."""
-
-PLACES = 100
-"""Directions that are tried for one more position [1]."""
-
-LONGER = 300.0
-"""So much longer rests are foretold too [s]."""
+TRIED = 60  # Random positions that together show whatever any positions could show [1].
+DRAWN = 3  # Instruments with drawn errors in which a plan is compared with another [1].
+CLASS = "tactical"  # Class whose noise is taken where none is known.
+PLACES = 100  # Directions that are tried for one more position [1].
+LONGER = 300.0  # So much longer rests are foretold too [s].
 
 
 def bench(task: Task, b: Beforehand[Any, Any]) -> Bench:

@@ -60,8 +60,7 @@ from foucault.tables import Log, range_below_g
 FRAME = "cluster axes p; attitude: outer, middle, inner angle from North-Up-East"
 GAUGE = "x accelerometer input axis, y in the x-y accelerometer plane"
 
-MOMENTS = 120
-"""In so many moments the estimate is kept for its course in time [1]."""
+MOMENTS = 120  # In so many moments the estimate is kept for its course in time [1].
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:

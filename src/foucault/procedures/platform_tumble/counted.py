@@ -46,8 +46,7 @@ from foucault.procedures.left_out import declared_states
 from foucault.procedures.platform_tumble.settings import OTHERWISE, SIZE_EFFECT
 from foucault.tables import AXES
 
-LEVER, DELAY = SIZE_EFFECT
-"""Groups of where accelerometers are, and how late."""
+LEVER, DELAY = SIZE_EFFECT  # Groups of where accelerometers are, and how late.
 
 
 @dataclass(frozen=True)
@@ -132,8 +131,7 @@ class Stages:
         return Posterior(c, self.mean, {"readings": one})
 
 
-ONE = "scale factor error"
-"""Kind of terms that are states: a plain number."""
+ONE = "scale factor error"  # Kind of terms that are states: a plain number.
 
 
 def counted(
@@ -208,5 +206,4 @@ def _with_references(judged: Judgement, s: Solution) -> Judgement:
     return judged
 
 
-NOT_ESTIMATED = "what is not estimated"
-"""Their source in the budget."""
+NOT_ESTIMATED = "what is not estimated"  # Their source in the budget.

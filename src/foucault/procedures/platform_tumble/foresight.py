@@ -177,8 +177,7 @@ def seen(p: Planned, extras: tuple[Extra, ...] = ()) -> Foresight:
     )
 
 
-LONGER = 300.0
-"""How much longer a plan is made to see what that would buy [s]."""
+LONGER = 300.0  # How much longer a plan is made to see what that would buy [s].
 
 
 def more(p: Planned) -> tuple[Extra, ...]:
@@ -352,8 +351,7 @@ def _rates(settings: Settings, wanted: Wanted, reference: TorquingPlan) -> tuple
     return tuple(dict.fromkeys(rates or usual))
 
 
-WANDER = 0.01
-"""Share of the variance of an average that wandering within it may add [1]."""
+WANDER = 0.01  # Share of the variance of an average that wandering within it may add [1].
 
 COARSE = np.radians(5.0)
 """Over an average the cluster turns less than this, where its slopes are taken at the middle [rad].
@@ -487,14 +485,9 @@ def shifted(tumble: Tumble, prior: Prior, rows: int) -> tuple[Tumble, Prior]:
     return back, replace(prior, mean=replace(prior.mean, delay=prior.mean.delay - late))
 
 
-SHIFTS = 4
-"""So often a delay is put back by whole intervals [1]."""
-
-SEARCHED = 4
-"""Azimuths tried where the first start leads nowhere [1]."""
-
-BETTER = 3.0
-"""A command relative to the ground must fit so many times better to be spoken of [1]."""
+SHIFTS = 4  # So often a delay is put back by whole intervals [1].
+SEARCHED = 4  # Azimuths tried where the first start leads nowhere [1].
+BETTER = 3.0  # A command relative to the ground must fit so many times better to be spoken of [1].
 
 
 def solved(

@@ -78,17 +78,10 @@ SIZE_EFFECT: Sizes = {"accel.lever": (0.005, "judgement"), "accel.delay": (1e-3,
 
 Three = tuple[str, str, str]
 
-DEGREE = float(np.radians(1.0))
-"""One degree [rad]."""
-
-MINUTE = 60.0
-"""No reading comes so late, and no cluster takes so long to follow a command [s]."""
-
-HOUR = 3600.0
-"""No rig is read, or told what to do, so seldom [s]."""
-
-GRADE = "navigation"
-"""Class of [simulate]; the errors of clusters are those of `TYPICAL`."""
+DEGREE = float(np.radians(1.0))  # One degree [rad].
+MINUTE = 60.0  # No reading comes so late, and no cluster takes so long to follow a command [s].
+HOUR = 3600.0  # No rig is read, or told what to do, so seldom [s].
+GRADE = "navigation"  # Class of [simulate]; the errors of clusters are those of `TYPICAL`.
 
 
 def _three(given: Three, kind: str, key: str) -> FloatArray:

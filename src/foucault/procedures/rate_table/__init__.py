@@ -66,8 +66,7 @@ SOURCES = {
     "unknown": "measured by the residuals",
 }
 
-FEW = 0.1
-"""A larger part of the steps being outliers, they are scatter [1]."""
+FEW = 0.1  # A larger part of the steps being outliers, they are scatter [1].
 
 
 def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:

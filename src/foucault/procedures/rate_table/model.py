@@ -72,8 +72,7 @@ PRICE = {"rate scatter": 6.0, "bias drift": 8.0}
 """Twice the log-likelihood that each kind of scatter must gain: that of the bias is the larger one
 because it is chosen among several that differ in their correlation time [1]."""
 
-FEWEST = 6
-"""With fewer readings beyond the unknowns no scatter is looked for [1]."""
+FEWEST = 6  # With fewer readings beyond the unknowns no scatter is looked for [1].
 
 
 @dataclass(frozen=True)

@@ -218,8 +218,7 @@ def with_settings(p: SystematicProblem, settings: Settings, given: Given) -> Sys
     return replace(p, sensors=sensors, prior=prior)
 
 
-RATE = FALSE_ALARM / 2
-"""False-alarm rate of each of two tests of errors that are left out [1]."""
+RATE = FALSE_ALARM / 2  # False-alarm rate of each of two tests of errors that are left out [1].
 
 TAKEN_IN = 3.0
 """One stands for both if it is so many times less certain where both are estimated [1]."""

@@ -82,8 +82,7 @@ SURE = 1e-2
 """At best the velocity at rest is as sure as this part of what the noise adds to it from one update
 to the next [1]."""
 
-BLIND = 1e3
-"""A coefficient that is left less certain than so many times its prior is not seen [1]."""
+BLIND = 1e3  # A coefficient that is left less certain than so many times its prior is not seen [1].
 
 WIDER, FIRM = 10.0, 1.1
 """Nor is one whose bound grows by more than `FIRM` where the prior is `WIDER` times less certain:
@@ -229,8 +228,7 @@ HERE = "the site"
 OTHERS = ("latitude 0 deg", "latitude 60 deg", "instrument 1", "turns counted otherwise")
 """Where a plan found is compared, and what else is changed there."""
 
-SPINS = 6
-"""Spins that a model of deflection takes [1]."""
+SPINS = 6  # Spins that a model of deflection takes [1].
 
 
 class Wanted(Strict):
@@ -397,8 +395,7 @@ def _allowed(settings: Settings, wanted: Wanted, reference: CalibrationSequence)
     )
 
 
-FIRST_PART = "19 positions"
-"""The first part where the plan to beat does not name one."""
+FIRST_PART = "19 positions"  # The first part where the plan to beat does not name one.
 
 
 def wanted_limits(
@@ -416,8 +413,7 @@ def wanted_limits(
     return (*time, *sd_limits(members(states.layout, wanted), kinds, states.sd))
 
 
-LONGER = 300.0
-"""How much longer a session is made to see what that would buy [s]."""
+LONGER = 300.0  # How much longer a session is made to see what that would buy [s].
 
 
 def foresee(b: Plan) -> Foresight:

@@ -267,8 +267,7 @@ def prior_of(
     return CoefficientVector.prior(sensors.layout, {**known, **given})
 
 
-POLE = np.radians(89.0)
-"""Nearer to a pole the heading at the start cannot be found [rad]."""
+POLE = np.radians(89.0)  # Nearer to a pole the heading at the start cannot be found [rad].
 
 
 def require_place(site: Site, what: str) -> None:
@@ -478,11 +477,8 @@ def public(s: Solution, settings: Settings) -> CoefficientVector:
     return vector.chosen(named(vector.names, ()))
 
 
-RATE, BEFORE, REST = 50.0, 100.0, 500.0
-"""Sample rate [Hz], rest before the spin, and after it [s]."""
-
-EVERY = 5.0
-"""Time between the points that are kept [s]."""
+RATE, BEFORE, REST = 50.0, 100.0, 500.0  # Sample rate [Hz], rest before the spin, and after it [s].
+EVERY = 5.0  # Time between the points that are kept [s].
 
 
 def navigation_tests(

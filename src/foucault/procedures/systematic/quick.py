@@ -40,8 +40,7 @@ from foucault.simulate.systematic import simulate_systematic
 STEP, SLOW = np.radians(6.0), 10.0
 """Turns are sampled so that none of them turns more [rad], and at least so often [Hz]."""
 
-KEPT = 20_000
-"""Turns and attitudes that are remembered [1]."""
+KEPT = 20_000  # Turns and attitudes that are remembered [1].
 
 Epoch = tuple[FloatArray, FloatArray]
 """Transition (9, 9 + p) and noise (9, 9) of a time without measurements."""

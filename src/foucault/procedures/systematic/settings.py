@@ -106,15 +106,13 @@ PRIOR_LINES = """\
 """
 """[prior] of the template."""
 
-GRADE = "navigation"
-"""Class of [simulate]: the method is one for instruments that find north."""
+GRADE = "navigation"  # Class of [simulate]: the method is one for instruments that find north.
 
 
 FIRST_REST = FEWEST * EPOCH
 """Of the first rest so much is needed, for the attitude at the start is found in it [s]."""
 
-ENDS = 0.5
-"""A rest that is planned is found shorter by less than this [s]."""
+ENDS = 0.5  # A rest that is planned is found shorter by less than this [s].
 
 
 class Settings(Chosen):

@@ -40,8 +40,7 @@ __all__ = ["NAME", "Ramp", "Session", "Settings", "calibrate"]
 
 NAME = "temperature"
 
-HARDLY = 0.9
-"""An uncertainty above this part of the prior's is the prior's own [1]."""
+HARDLY = 0.9  # An uncertainty above this part of the prior's is the prior's own [1].
 
 UNIFORM = 1.0 / 12.0
 """Variance of a temperature that is anywhere in a span, over the square of the span [1]."""

@@ -76,8 +76,7 @@ FRAME = "axes of the slave: right, forward, up as it is mounted nominally"
 GAUGE = "b is the case of the slave; its axes are taken to be at right angles"
 
 
-FAST = 1e-4
-"""A clock so much too fast shows how the estimate hangs on it [1]."""
+FAST = 1e-4  # A clock so much too fast shows how the estimate hangs on it [1].
 
 
 def _clock_slope(log: Log, given: Given[Settings], result: Result) -> FloatArray | None:

@@ -26,8 +26,7 @@ from foucault.procedures.transfer_alignment.settings import LEFT_OUT, PRIOR, Set
 Given = Mapping[str, tuple[float, float]]
 """Mean and standard deviation of coefficients or groups of coefficients [SI]."""
 
-TACTICAL = "usual of a tactical instrument, judgement"
-"""What a size of `USUAL` rests on."""
+TACTICAL = "usual of a tactical instrument, judgement"  # What a size of `USUAL` rests on.
 
 
 @dataclass(frozen=True)

@@ -65,22 +65,16 @@ from foucault.units import convert, plain
 MINOR = {"transfer.noise", "strapdown.bridged", "delay.wild", "delay.wanders"}
 """What leaves forces to be compared with accelerations all the same."""
 
-DRIFTS = 5.0
-"""A drift of the clocks of so many standard deviations is taken out [1]."""
-
-DRIFTED = 1e-4
-"""If it makes so much over the log [s]."""
-
-DIFFERS = 1e-3
-"""A delay that was given is told to be wrong if it is by so much [s]."""
+DRIFTS = 5.0  # A drift of the clocks of so many standard deviations is taken out [1].
+DRIFTED = 1e-4  # If it makes so much over the log [s].
+DIFFERS = 1e-3  # A delay that was given is told to be wrong if it is by so much [s].
 
 WIDER = 5.0
 """The start attitude is that of the master with the nominal mounting: its error is that of the
 mounting. The filter takes the two as independent; so many times as uncertain as it is, the start
 tells nothing of the mounting that the first messages do not [1]."""
 
-PLACE_SD = 1.0
-"""How well the position at the start is known; it hardly matters [m]."""
+PLACE_SD = 1.0  # How well the position at the start is known; it hardly matters [m].
 
 
 @dataclass(frozen=True)
@@ -293,8 +287,7 @@ def place_of(table: MasterTable, k: int, lever_m: FloatArray) -> tuple[float, fl
 SETTLED = 0.5
 """Passes have settled if the last moved nothing by more than this of its uncertainty [1]."""
 
-STILL = 0.1
-"""No further pass is made if the last moved nothing by more [1]."""
+STILL = 0.1  # No further pass is made if the last moved nothing by more [1].
 
 
 @dataclass(frozen=True)

@@ -86,8 +86,7 @@ LONGER = 1.0
 """The slave's log goes on for so long after the hand-over, and the outage begins so much before it
 [s]."""
 
-ROWS = 10.0
-"""Rows of the tables of truth in a second [Hz]."""
+ROWS = 10.0  # Rows of the tables of truth in a second [Hz].
 
 
 class Session(Strict):
@@ -341,14 +340,9 @@ def _three(x: FloatArray) -> tuple[float, float, float]:
     return a, b, c
 
 
-RATE = 50.0
-"""Samples in a second that a covariance takes [Hz]."""
-
-TIED = 0.5
-"""Errors that are less correlated are not named [1]."""
-
-MOST = 3
-"""So many combinations are named [1]."""
+RATE = 50.0  # Samples in a second that a covariance takes [Hz].
+TIED = 0.5  # Errors that are less correlated are not named [1].
+MOST = 3  # So many combinations are named [1].
 
 _DEG = np.pi / 180.0
 
@@ -506,8 +500,7 @@ def _judged(
     )
 
 
-EVALUATIONS = 200
-"""Plans that a restart judges: each is a run of the filter [1]."""
+EVALUATIONS = 200  # Plans that a restart judges: each is a run of the filter [1].
 
 QUICK_RATE, MESSAGES = 10.0, 2.0
 """Samples and messages in a second that a search reckons with [Hz]."""
@@ -518,8 +511,7 @@ HERE = "the site"
 OTHERS = ("turned by 90 deg", "latitude 60 deg")
 """Where a plan found is compared, and what else is changed there."""
 
-FASTER = 0.2
-"""Part of the speed at the start by which it may be left, where nothing is said [1]."""
+FASTER = 0.2  # Part of the speed at the start by which it may be left, where nothing is said [1].
 
 
 class Wanted(Strict):

@@ -274,8 +274,7 @@ def sized(
     return told_beside(sizes, noise or NOISE, span)
 
 
-MASTER_FILE = "master.csv"
-"""File of the messages of a simulated master."""
+MASTER_FILE = "master.csv"  # File of the messages of a simulated master.
 
 LOG_TABLE = log_head("the slave's IMU; ") + Path(__file__).with_name("log.toml").read_text(
     encoding="utf-8"
@@ -343,17 +342,13 @@ def log_table(log: Log | None = None) -> str:
     return LOG_TABLE if log is None else SIMULATED_TABLE
 
 
-LEAST = 20
-"""Messages that it takes at least [1]."""
-
-BEYOND = 0.3
-"""A delay is looked for so far outside its bracket too, to be told [s]."""
+LEAST = 20  # Messages that it takes at least [1].
+BEYOND = 0.3  # A delay is looked for so far outside its bracket too, to be told [s].
 
 ELSEWHERE = np.radians(0.1)
 """A master whose latitude differs by so much from that of the site is not there [rad]."""
 
-NORMAL = "normal gravity"
-"""`Site.gravity_source` where gravity is that of the place."""
+NORMAL = "normal gravity"  # `Site.gravity_source` where gravity is that of the place.
 
 SPARE = 1.0
 """The slave's log is used from so much before the first message to so much after the last [s]."""
