@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from pydantic import Field
@@ -40,7 +40,7 @@ from foucault.procedures.navigation.start import Settings
 from foucault.procedures.record import Stretch
 from foucault.run_folder import Record
 from foucault.tables import declared
-from foucault.units import Quantity, Rate
+from foucault.units import Force, Rate
 
 if TYPE_CHECKING:
     from foucault.diagnose.navigation import Budget
@@ -344,7 +344,7 @@ class Window(Stretch):
     """Rests at different headings [s]."""
     gyro_bias_sd: Rate | None = Field(default=None, ge=0)
     """How well the gyro biases are known, such as "0.01 deg/h"."""
-    accel_bias_sd: Annotated[float, Quantity("specific force")] | None = Field(default=None, ge=0)
+    accel_bias_sd: Force | None = Field(default=None, ge=0)
     """How well the accelerometer biases are known, such as "50 ug"."""
 
 

@@ -66,7 +66,7 @@ class ActionTable(BaseModel):
     rest: Annotated[float, Field(gt=0), Quantity("time")] | None = Field(
         None, description="stand still for so long"
     )
-    turn: Annotated[float, Quantity("angle")] | None = Field(
+    turn: Angle | None = Field(
         None, description="turn by this angle, counter-clockwise about the axis"
     )
     spin: float | None = Field(None, description="so many turns about the axis")

@@ -21,7 +21,6 @@ from foucault.coefficients import CoefficientVector
 from foucault.detect import match as position_match
 from foucault.detect.coverage import coverage, coverage_json
 from foucault.diagnose import table as batch
-from foucault.diagnose import table as table_report
 from foucault.diagnose.checks import LARGEST_BIAS, PLAUSIBLE, plausible_scales, status_check
 from foucault.diagnose.table import UNKNOWN_NOISE
 from foucault.errors import FoucaultError, Status, error, finding
@@ -141,7 +140,7 @@ class Batch:
         task = task_of(self.settings)
         return {
             "coverage": coverage_json(covered, int(np.sum(~first.spin))),
-            "unseen": table_report.unseen(
+            "unseen": batch.unseen(
                 first, self.site, task.settings.table_rate_sd, None, quadratic=False
             ),
         }

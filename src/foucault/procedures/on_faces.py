@@ -15,7 +15,6 @@ from foucault.detect.faces import Faces, find_faces
 from foucault.detect.noise import measure_noise
 from foucault.detect.stretches import How, Rests, detection_table
 from foucault.diagnose import faces as face_checks
-from foucault.diagnose import faces as face_report
 from foucault.diagnose import hand_rotated as session_report
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.faces import FaceEvidence
@@ -249,7 +248,7 @@ def result_of(procedure: str, log: Log, e: FaceEvidence) -> Result:
     site, faces = e.scene.site, e.faces
     validity = range_below_g(log, site.gravity, SPIKES)
     checks = face_checks.checks(e)
-    tables: dict[str, Any] = {"readings": face_report.readings_table(e)}
+    tables: dict[str, Any] = {"readings": face_checks.readings_table(e)}
     if faces.rests is not None:
         tables["detection"] = detection_table(log, faces.rests)
     return record.result_of(

@@ -26,7 +26,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, Field, ValidationInfo
 
 from foucault import logs
 from foucault.coefficients import CoefficientVector, Layout
@@ -673,3 +673,14 @@ def located(info: ValidationInfo, check: Callable[[], Checked]) -> Checked:
         if "locate" in (info.context or ()):
             raise ValueError(problem) from None
         raise
+
+
+def checked(check: Callable[[Any], object]) -> AfterValidator:
+    """Return the mark of a field that stays as it is given, where `check` does not refuse it."""
+
+    def after(given: Any, info: ValidationInfo) -> Any:
+        if given is not None:
+            located(info, lambda: check(given))
+        return given
+
+    return AfterValidator(after)

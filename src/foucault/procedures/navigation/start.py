@@ -26,7 +26,7 @@ from foucault.navigate.align import Alignment, align, sensor_errors, window
 from foucault.navigate.increments import Increments, increments_of
 from foucault.procedures.record import Stretch
 from foucault.tables import Log
-from foucault.units import Angle, Quantity, Seconds, plain
+from foucault.units import Angle, Length, Quantity, Seconds, Velocity, plain
 
 USUAL = 300.0  # Length of the alignment in a log that rests all along, where nothing is said [s].
 PART = 1 / 3  # At most this part of such a log is used for it [1].
@@ -315,9 +315,9 @@ class Settings(Stretch):
     """Standard deviation of --pitch and --roll, such as "1 arcmin"."""
     velocity: tuple[float, float, float] | None = None
     """Velocity at the start, east, north, up, where it is given; it needs the attitude [m/s]."""
-    velocity_sd: Annotated[float, Quantity("velocity")] | None = Field(default=None, gt=0)
+    velocity_sd: Velocity | None = Field(default=None, gt=0)
     """Standard deviation of each component, "0.1 m/s" if left out."""
-    position_sd: Annotated[float, Quantity("length")] | None = Field(default=None, gt=0)
+    position_sd: Length | None = Field(default=None, gt=0)
     """Standard deviation of --latitude, --longitude and --height, such as "3 m": the start is
     there, not where the reference is."""
     vertical: Literal["free", "held", "aided"] | None = None

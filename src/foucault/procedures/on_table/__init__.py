@@ -16,9 +16,7 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.detect.coverage import coverage, coverage_json
 from foucault.detect.readings import find_readings, stream_readings
-from foucault.diagnose import table as table_checks
-from foucault.diagnose import table as table_hints
-from foucault.diagnose import table as table_report
+from foucault.diagnose import table as judge
 from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.references import no_latitude, times_the_table
 from foucault.errors import Finding, error, finding
@@ -93,7 +91,7 @@ def solve(log: Log | OnDisk, task: Task, given: Given[Any]) -> Result:
     return replace(
         result,
         findings=_without_gaps((*_noticed(log, readings), *result.findings)),
-        validity=table_report.validity(readings, log if isinstance(log, Log) else None, given.site),
+        validity=judge.validity(readings, log if isinstance(log, Log) else None, given.site),
     )
 
 
@@ -365,9 +363,9 @@ def _result(
     estimate, settings = solution.estimate, task.settings
     up = estimate.state.geometry.directions()[~readings.spin]
     covered = coverage(up if len(up) else estimate.state.geometry.directions())
-    checks = table_checks.checks(solution)
+    checks = judge.checks(solution)
     if likelihood is not None:
-        checks += (table_checks.agreement(estimate.coefficients, likelihood),)
+        checks += (judge.agreement(estimate.coefficients, likelihood),)
     # Made-up weights of accelerometers against gyros bound nothing.
     known = readings.noise_from != "unknown"
     return result_of(
@@ -375,21 +373,21 @@ def _result(
         solution.fit,
         checks,
         site=site,
-        findings=(*readings.findings, *found, *table_hints.hints(solution, checks)),
+        findings=(*readings.findings, *found, *judge.hints(solution, checks)),
         diagnostics={
             "gravity": site.gravity,
             "plan": settings.plan if settings.positions is None else "own positions",
             "noise": {
-                "source": table_report.NOISE[readings.noise_from], "scatter": solution.scatter,
+                "source": judge.NOISE[readings.noise_from], "scatter": solution.scatter,
             },
             "coverage": coverage_json(covered, int(np.sum(~readings.spin))),
-            "unseen": table_report.unseen(
+            "unseen": judge.unseen(
                 readings, site, settings.table_rate_sd, task.trust, settings.accel_quadratic
             ),
         },
         tables={
-            "readings": table_report.readings_table(solution),
-            "rig": table_report.rig_table(solution),
+            "readings": judge.readings_table(solution),
+            "rig": judge.rig_table(solution),
         },
         table_rate_sd=common_rate_sd(readings, task, site),
         gain=solution.gain,

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -23,9 +23,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import tumble as tumble_checks
-from foucault.diagnose import tumble as tumble_input
-from foucault.diagnose import tumble as tumble_report
+from foucault.diagnose import tumble as judge
 from foucault.diagnose.checks import hardly
 from foucault.diagnose.foresight import Extra, Foresight, Leg
 from foucault.diagnose.left_out import foretold
@@ -59,7 +57,7 @@ from foucault.procedures.record import Beforehand, Stated, located
 from foucault.simulate.tumble import TumbleSimulation
 from foucault.strict import Strict
 from foucault.tables import AXES, Log
-from foucault.units import Quantity, parse
+from foucault.units import Seconds, parse
 
 FORETOLD = ("tumble.singular", "tumble.condition", "tumble.azimuth")
 """What is said of a solution that can be said beforehand."""
@@ -147,8 +145,8 @@ def _usual(prior: Mapping[str, tuple[float, float]]) -> ClusterModel:
 def seen(p: Planned, extras: tuple[Extra, ...] = ()) -> Foresight:
     """Return what the planned motion will show."""
     settings, found = p.given.settings, p.solution.coefficients
-    shown = tumble_report.observability_json(p.solution)
-    told = [f for f in tumble_checks.of_motion(p.solution) if f.code in FORETOLD]
+    shown = judge.observability_json(p.solution)
+    told = [f for f in judge.of_motion(p.solution) if f.code in FORETOLD]
     names = hardly(found)
     if names:
         told.insert(0, finding("preflight.unseen", count=len(names), names=", ".join(names)))
@@ -252,11 +250,9 @@ class Wanted(Strict):
     plan to beat."""
     together: bool = False
     """Whether several axes may turn at once, each at that rate."""
-    total: Annotated[float, Quantity("time")] | None = Field(
-        default=None, gt=0, examples=["5400 s"]
-    )
+    total: Seconds | None = Field(default=None, gt=0, examples=["5400 s"])
     """Time there is; left out, that of the plan to beat."""
-    shortest: Annotated[float, Quantity("time")] = Field(default=60.0, ge=0)
+    shortest: Seconds = Field(default=60.0, ge=0)
     """Shortest time at one rate."""
     worst: float = Field(default=1.5, gt=0)
     """No coefficient that counts should get worse than so many times its sd under the plan to beat;
@@ -366,7 +362,7 @@ def noise_of(log: Log, noise: ImuNoise | None) -> tuple[ImuNoise, list[Finding]]
     told = []
     accel, gyro = (TriadNoise(), TriadNoise()) if noise is None else (noise.accel, noise.gyro)
     if not accel.white > 0:
-        white = tumble_input.measured_white(log)
+        white = judge.measured_white(log)
         accel = replace(accel, white=white)
         told.append(finding("tumble.measured", given=f"{white / 9.80665e-6:.3g}"))
     if not gyro.white > 0:
@@ -390,10 +386,10 @@ def tumble_of(
     assert log.gyro is not None and log.accel is not None and site.latitude is not None
     command = log.gyro[:-1] if settings.held(log.sampled) == "from its time" else log.gyro[1:]
     reading = log.accel[1:] / site.gravity
-    out = tumble_input.outlying(log, noise.accel.white / np.sqrt(log.interval))
+    out = judge.outlying(log, noise.accel.white / np.sqrt(log.interval))
     used: npt.NDArray[np.bool_] = np.asarray(np.isfinite(reading).all(axis=1)) & ~out[1:]
     if settings.mask_edges:
-        used &= ~tumble_input.edges(log.time, command, settings.mask_edges)
+        used &= ~judge.edges(log.time, command, settings.mask_edges)
     if int(used.sum()) <= len(LAYOUT):
         raise error("tumble.too_short", given=int(used.sum()), wanted=len(LAYOUT))
     interval = log.interval

@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import starmap
 from math import inf
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
@@ -48,7 +49,7 @@ from foucault.plans.sequence_search import (
     table_needs,
 )
 from foucault.procedures.left_out import told_beside
-from foucault.procedures.record import Beforehand, Shortest, Stated, located
+from foucault.procedures.record import Beforehand, Shortest, Stated, checked
 from foucault.procedures.systematic.choice import Decided, foreseen_of
 from foucault.procedures.systematic.counted import Beside
 from foucault.procedures.systematic.problem import (
@@ -74,7 +75,7 @@ from foucault.procedures.systematic.settings import (
 )
 from foucault.simulate.systematic import simulate_systematic
 from foucault.strict import Strict
-from foucault.units import Quantity, Seconds, parse
+from foucault.units import Rate, Seconds, parse
 
 Plan = Beforehand[Settings, Session]
 
@@ -236,10 +237,12 @@ class Wanted(Strict):
 
     total: Seconds | None = Field(default=None, gt=0, examples=["45 min"])
     """Time there is; left out, that of the plan to beat, or any with `accuracy`."""
-    accuracy: dict[str, str] = Field(default={}, examples=[{"deflection": "0.0085 arcsec/g"}])
+    accuracy: Annotated[
+        dict[str, str], checked(lambda given: [*starmap(accuracy_of, given.items())])
+    ] = Field(default={}, examples=[{"deflection": "0.0085 arcsec/g"}])
     """Largest standard deviation that is wanted of coefficients or groups of them: the shortest
     sequence that reaches it is sought. Left out, the smallest uncertainty."""
-    first: str | None = Field(default=None, examples=["19 positions"])
+    first: Annotated[str | None, checked(built_in)] = Field(default=None, examples=["19 positions"])
     """Built-in sequence of quarter turns to begin with; left out, that of the plan."""
     poses: int | None = Field(default=None, ge=0, le=24, examples=[6])
     """Number of spins; left out, six where there is a model of deflection."""
@@ -248,7 +251,7 @@ class Wanted(Strict):
     shortest: Shortest = 20.0
     longest: Seconds = Field(default=600.0, gt=0)
     """Longest rest."""
-    move_rate: Annotated[float, Quantity("angular rate")] = Field(default=RATE, gt=0)
+    move_rate: Rate = Field(default=RATE, gt=0)
     """Rate of all turns but the spins."""
     alike: bool = True
     """Whether the rests between quarter turns are alike."""
@@ -257,19 +260,6 @@ class Wanted(Strict):
     spins to seek."""
     weights: dict[str, float] = Field(default={}, examples=[{"deflection": 3.0, "accel": 0.0}])
     """How much coefficients or groups of them count; 1 if left out."""
-
-    @field_validator("accuracy", mode="after")
-    @classmethod
-    def _known(cls, given: dict[str, str], info: ValidationInfo) -> dict[str, str]:
-        located(info, lambda: [accuracy_of(name, text) for name, text in given.items()])
-        return given
-
-    @field_validator("first", mode="after")
-    @classmethod
-    def _there(cls, given: str | None, info: ValidationInfo) -> str | None:
-        if given is not None:
-            located(info, lambda: [built_in(given)])
-        return given
 
 
 def accuracy_of(name: str, text: str) -> float:

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from foucault import logs
 from foucault.arrays import FloatArray
 from foucault.coefficients import Layout
 from foucault.detect.noise import KNOCKS, without_spikes
-from foucault.errors import Finding, FoucaultError, error, finding
+from foucault.errors import Finding, error, finding
 from foucault.files import sha256
 from foucault.logs import master as masters
 from foucault.logs.checks import on_a_shared_clock
@@ -33,8 +33,20 @@ from foucault.models.transfer import LOAD, MasterTable, Matching, Mount
 from foucault.navigate.increments import Increments, increments_of
 from foucault.procedures.chosen import Chosen
 from foucault.procedures.left_out import told_beside
+from foucault.procedures.record import checked
 from foucault.tables import Log
-from foucault.units import Angle, AngleSd, Quantity, RatioSd, Seconds, parse, plain, span
+from foucault.units import (
+    Angle,
+    AngleSd,
+    Length,
+    Quantity,
+    RatioSd,
+    Seconds,
+    Velocity,
+    parse,
+    plain,
+    span,
+)
 
 ASIDE = ("gyro.misalignment", "accel.scale", "accel.misalignment")
 """Groups that are there for the uncertainties of the others: a motion need not show them."""
@@ -94,6 +106,11 @@ PRIOR_LINES = """\
 """[prior] of the template."""
 
 
+def _possible_delay(given: str) -> None:
+    if given not in ("estimate", "none") and not parse(given, "time", "delay") >= 0:
+        raise error("transfer.delay", given=given)
+
+
 class Settings(Chosen):
     """What can be chosen; the defaults suit a slave fixed firmly to the structure of its master."""
 
@@ -105,7 +122,7 @@ class Settings(Chosen):
     vertical: bool = True
     """Use vertical velocity too: without it the bias of the accelerometer that points up rests on
     turns alone. It is not used without accel_bias_z, which it shows."""
-    velocity_sd: Annotated[float, Quantity("velocity")] = Field(default=0.05, gt=0, le=100)
+    velocity_sd: Velocity = Field(default=0.05, gt=0, le=100)
     """Sd of the difference of velocities, each component."""
     attitude_sd: AngleSd = Field(default=float(np.radians(1 / 60)), gt=0)
     """Sd of the difference of attitudes, each component: the master's noise, and what bends between
@@ -117,9 +134,11 @@ class Settings(Chosen):
     """Its y above the master's level."""
     mounting_roll: Angle = 0.0
     """Its right side down."""
-    lever_arm: tuple[str, str, str] = ("0 m", "0 m", "0 m")
+    lever_arm: Annotated[
+        tuple[str, str, str], checked(lambda arm: [parse(x, "length", "lever_arm") for x in arm])
+    ] = ("0 m", "0 m", "0 m")
     """From the master to the slave: right, forward, up of the master."""
-    delay: str = "estimate"
+    delay: Annotated[str, checked(_possible_delay)] = "estimate"
     """How late messages arrive: "estimate", "none" (they are taken as if they held when they
     arrive), or a time such as "80 ms"."""
     delay_method: Literal["rate matching", "likelihood", "state"] = "rate matching"
@@ -151,7 +170,7 @@ class Settings(Chosen):
     misalignments, scale factors of the accelerometers, g-sensitivity of the gyros; beside them all
     else that is not estimated, unless [instrument] has left_out = false. false takes them as none,
     for a slave that is calibrated otherwise, and all else too where [instrument] says nothing."""
-    lever_arm_sd: Annotated[float, Quantity("length")] = Field(default=0.01, ge=0)
+    lever_arm_sd: Length = Field(default=0.01, ge=0)
     """How well the lever arm is known, each component. It counts as what is not estimated does."""
     clock_sd: RatioSd = Field(default=20e-6, ge=0)
     """How well the clocks of slave and master keep the same rate. It counts likewise."""
@@ -174,22 +193,6 @@ class Settings(Chosen):
     hand_over: Seconds | None = Field(default=None, examples=["240 s"])
     """When the slave goes on alone, by its clock; later messages are not used. Left out: when the
     last message arrives."""
-
-    @field_validator("lever_arm", "delay", mode="after")
-    @classmethod
-    def _parsed(cls, given: str | tuple[str, ...], info: ValidationInfo) -> str | tuple[str, ...]:
-        name = str(info.field_name)
-        try:
-            if name == "lever_arm":
-                for text in given:
-                    parse(text, "length", name)
-            elif given not in ("estimate", "none") and not parse(given, "time", name) >= 0:
-                raise error("transfer.delay", given=given)
-        except FoucaultError as problem:
-            if "locate" in (info.context or ()):
-                raise ValueError(problem) from None
-            raise
-        return given
 
     @model_validator(mode="after")
     def _possible(self) -> Settings:
