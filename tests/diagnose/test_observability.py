@@ -9,20 +9,12 @@ import pytest
 from scipy.linalg import expm
 
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
-from foucault.diagnose.observability import LinearSegment, growth, observability
+from foucault.diagnose.observability import LinearSegment, observability
 from foucault.errors import FoucaultError
-from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
-from foucault.infer import mixed
-from foucault.infer.information import Information, information
+from foucault.infer.information import Information
 from foucault.models import cluster
-from foucault.models.earth import Site, earth_rate_n
-from foucault.models.imu import LINEAR_LOWER
-from foucault.models.noise import SessionNoise, grade
-from foucault.models.rests_and_turns import Session
+from foucault.models.earth import earth_rate_n
 from foucault.models.rotation import cross_matrix, exp
-from foucault.plans.directions import hand_plan
-from foucault.result import Linearised
-from foucault.simulate.hand_rotated import draw_errors, simulate
 from refusals import refuses
 
 
@@ -159,8 +151,6 @@ def test_a_prior_that_is_no_unit_is_refused_by_name(sd: list[float]) -> None:
         observability([LinearSegment(F_MOTION, POSITION, 1.0)], MOTION, np.array(sd), 1.0)
     with pytest.raises(FoucaultError, match="velocity"):
         Information(MOTION, np.eye(3)).remaining(np.array(sd))
-    with pytest.raises(FoucaultError, match="velocity"):
-        growth(Linearised(np.zeros(3), np.eye(3), np.arange(3)), MOTION, np.array(sd))
 
 
 def test_a_prior_for_other_states_is_refused() -> None:
@@ -348,51 +338,6 @@ def test_what_a_tumble_leaves_uncertain() -> None:
 
 
 # -- a procedure that exists -----------------------------------------------------------------
-
-
-def test_growth_of_a_session_turned_by_hand() -> None:
-    """Rests in 12 directions; per rest its means and the turn that led to it."""
-    site = Site(9.81, 0.8)
-    noise = grade("mems").noise
-    model = draw_errors("mems", 5)
-    plan = hand_plan(12, 2.0, 1.5, 3.0)
-    made = simulate(plan, model=model, noise=noise, site=site, rate=100.0)
-    session = Session.reduce(made.log, made.first, made.last, site)
-    start = first_guess(session)
-    assert start is not None
-    known = SessionNoise.declared(noise, made.log.interval)
-    problem = mixed.stated(RestsAndTurns(session, LINEAR_LOWER, start, known))
-    at = problem.linearise(start, np.ones(problem.n_blocks))
-    n = len(session.accel_mean)
-    rests = {f"rest {j + 1}": [j, n + j, *([2 * n + j - 1] if j else [])] for j in range(n)}
-    sd = np.where([".bias." in name for name in LINEAR_LOWER], 0.1, 0.01)
-    o = growth(at, problem.layout, sd, steps=rests)
-    ranks = [g.rank for g in o.gains]
-    # Attitude unknown, a rest tells |f|, the vertical component of the rate and how fast.
-    assert ranks[0] == 3
-    assert o.gains[0].alone == ()
-    assert np.diff(ranks).min() >= 0
-    assert o.complete
-    assert o.rank == information(at, problem.layout).rank == 21
-    named = [name for g in o.gains for name in g.alone]
-    assert sorted(named) == sorted(LINEAR_LOWER)
-    # The last rows are those of the whole, without the prior of the heading.
-    data = at.blocks >= 0
-    parts = (at.residuals[data], at.jacobian[data], at.blocks[data])
-    whole = information(Linearised(*parts), problem.layout)
-    s = np.linalg.svd(whole.root * sd, compute_uv=False)
-    np.testing.assert_allclose(o.singular_values, s, rtol=1e-9)
-
-
-def test_growth_without_steps_takes_each_observation_in_turn() -> None:
-    J = np.array([[1.0, 0, 5], [0, 0, 1], [0, 1, 0], [1, 1, 1]])
-    at = Linearised(np.zeros(4), J, np.array([0, 1, 2, -1]))
-    o = growth(at, layout("a", "b"), np.ones(2))
-    # The first only tells the nuisance parameter; the prior, block -1, does not count.
-    assert [(g.label, g.rank, g.alone) for g in o.gains] == [
-        ("1", 0, ()), ("2", 1, ("a",)), ("3", 2, ("b",)),
-    ]  # fmt: skip
-    assert o.complete
 
 
 # -- after the data --------------------------------------------------------------------------

@@ -293,8 +293,8 @@ def record(
 ) -> Record:
     """Return what the folder of a comparison keeps.
 
-    `comparison`: what was found [SI]; `seconds`: how long it took [s]; `ties` (k,): numbers of
-    two results [1], and how the instrument of the second lies in the axes of the first.
+    `seconds`: how long it took [s]; `ties` (k,): numbers of two results [1], and how the instrument
+    of the second lies in the axes of the first.
     """
     c = comparison
     number = {id(e): i for i, e in enumerate(c.entries)}

@@ -26,10 +26,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import logs, monte_carlo, procedures, run_folder
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.campaign import bench, earlier
 from foucault.campaign.reading import Campaign
 from foucault.campaign.running import (
@@ -153,7 +152,7 @@ class FleetTable:
         return len(self.rows)
 
     @property
-    def good(self) -> npt.NDArray[np.bool_]:
+    def good(self) -> BoolArray:
         """Which instruments have a result, shape (N,)."""
         return np.array([r.problem is None for r in self.rows], bool)
 
@@ -427,10 +426,9 @@ def run(
 
     `tolerance`: what coefficients may be, None decides nothing; `report`: writes the report of a
     run folder and returns its path, None writes none; `table_only`: whether the table is all that
-    is kept, without a run folder for each; `workers`: threads [1]; `progress`: called
-    with the fraction done and what is being done. Returns a row per instrument, those without a
-    result last. Raises mistakes in the campaign, and ``fleet.nothing`` where no instrument has a
-    result.
+    is kept, without a run folder for each; `workers`: threads [1]. Returns a row per instrument,
+    those without a result last. Raises mistakes in the campaign, and ``fleet.nothing`` where no
+    instrument has a result.
     """
     earlier.refuse(campaign, "a fleet")
     started, folder = clock.monotonic(), Path(folder)

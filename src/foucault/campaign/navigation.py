@@ -61,9 +61,8 @@ def run(
     `log`: a campaign file of any procedure, for its log, site, noise and instrument, a log that
     Foucault has written, or a file whose titles carry the units; `said` or None: what is said
     beside it; `settings` or None: what can be chosen [SI]; `calibration` or None: run folder or
-    result.json of the calibration; `reference` or None: file of positions, velocities or angles
-    of the same clock; `progress`: called with the fraction done and what is being done. Returns
-    trajectories, errors, contributions [SI].
+    result.json of the calibration; `reference` or None: file of positions, velocities or angles of
+    the same clock. Returns trajectories, errors, contributions [SI].
     """
     settings = settings or Settings()
     # What is wrong with the small files shows before a long log is read.
@@ -91,10 +90,7 @@ def _whole_place(where: Mapping[str, Any]) -> None:
 
 
 def document(test: NavigationTest) -> dict[str, Any]:
-    """Return everything that navigation.json says but its schema and the hashes.
-
-    `test`: what was found [SI].
-    """
+    """Return everything that navigation.json says but its schema and the hashes."""
     t = test.runs[0].trajectory
     return {
         "verdict": str(test.verdict.level),
@@ -210,10 +206,7 @@ WITHOUT = "without_"  # What columns of the run without the calibration begin wi
 
 
 def tables(test: NavigationTest) -> dict[str, Columns]:
-    """Return every table of a navigation, values and unit of each column.
-
-    `test`: what was found [SI].
-    """
+    """Return every table of a navigation, values and unit of each column."""
     start = (test.runs[0].trajectory.latitude[0], test.runs[0].trajectory.longitude[0],
              test.runs[0].trajectory.height[0])  # fmt: skip
     out = {"trajectory": _trajectory(test.runs[0], start), "budget": _budget(test)}
@@ -358,10 +351,9 @@ def align(
 ) -> Comparison:
     """Align the log of a file.
 
-    `log`: a campaign file of any procedure, a log that Foucault has written, or a file whose
-    titles carry the units; `said`: site and noise, before what a campaign says of them;
-    `calibration` or None: run folder or result.json of the calibration; `progress`: called with
-    the fraction done and what is being done.
+    `log`: a campaign file of any procedure, a log that Foucault has written, or a file whose titles
+    carry the units; `said`: site and noise, before what a campaign says of them; `calibration` or
+    None: run folder or result.json of the calibration.
     """
     case = opened(log, said, calibration, progress)
     if case.place is None:

@@ -289,7 +289,7 @@ def decisions_on(
 ) -> tuple[Decision, ...]:
     """Decide on the latest value, every change and the drift of all that has a limit.
 
-    `instruments`: the instruments [SI]; `tolerance` or None: the limits.
+    `tolerance` or None: the limits.
     """
     if tolerance is None:
         return ()
@@ -354,7 +354,7 @@ def verdict_of(
 ) -> Verdict:  # fmt: skip
     """Combine what was found: the worst counts.
 
-    `instruments`: the instruments [SI]; `between` or None: the instruments side by side.
+    `between` or None: the instruments side by side.
     """
     told = _of_limits(limits)
     told += [

@@ -70,16 +70,8 @@ def spread(
 ) -> Iterator[Map]:
     """Yield a map over threads, over processes of this machine, or over a cluster.
 
-    Parameters
-    ----------
-    screen : Screen
-        Told where the dashboard is.
-    workers : int or None, shape ()
-        Threads; None takes as many as processors [1].
-    scheduler : str or None
-        Address of a Dask scheduler.
-    local_cluster : int or None, shape ()
-        Processes [1].
+    `screen`: told where the dashboard is; `workers`: threads, None takes as many as processors;
+    `scheduler`: address of a Dask scheduler; `local_cluster`: processes.
     """
     options = {"--workers": workers, "--scheduler": scheduler, "--local-cluster": local_cluster}
     given = [name for name, value in options.items() if value is not None]

@@ -245,11 +245,11 @@ SPIKE = 6.0  # A difference of successive means larger than this is no noise [sd
 def measured_noise(log: IndexedLog, dwells: Dwells) -> ImuNoise | None:
     """Measure the white noise of a log by differences of successive means within its dwells.
 
-    ``white^2 = var(x_k+1 - x_k) tau / 2`` with means over `tau` of a second or so, what the
-    index angle makes of them taken off before.
+    ``white^2 = var(x_k+1 - x_k) tau / 2`` with means over `tau` of a second or so, what the index
+    angle makes of them taken off before.
 
-    `log`: the log [SI]; `dwells`: what it was cut into [SI]. Returns white noise of gyro and
-    accelerometers [SI]; None for a log of means, or where the dwells are too short to tell.
+    `dwells`: what it was cut into [SI]. Returns white noise of gyro and accelerometers [SI]; None
+    for a log of means, or where the dwells are too short to tell.
     """
     if log.averaged is not None:
         return None

@@ -158,8 +158,8 @@ def check_sections(sections: Sections, samples: int, means: bool) -> list[str]:
 def require_gravity(log: Log, accel: FloatArray, gravity: float, band: float) -> None:
     """Refuse means at rest that are not gravity by far, and name increments.
 
-    `log`: readings [SI]; `accel` (n, 3): means at rest [m/s^2]; `gravity`: local [m/s^2]; `band`:
-    they may be so many times as large, or as small [1].
+    `accel` (n, 3): means at rest [m/s^2]; `gravity`: local [m/s^2]; `band`: they may be so many
+    times as large, or as small [1].
     """
     norm = float(np.median(np.linalg.norm(accel, axis=1)))
     ratio = norm / gravity
@@ -176,8 +176,8 @@ def face_readings(
 ) -> tuple[FaceReadings, FloatArray]:
     """Return means of rests on the faces that are nearest, and how far each is off [rad].
 
-    `log`: readings [SI]; `first`, `last` (n,): first sample of each rest and the sample after its
-    last; `gravity`: local gravity [m/s^2].
+    `first`, `last` (n,): first sample of each rest and the sample after its last; `gravity`: local
+    gravity [m/s^2].
     """
     assert log.accel is not None
     spans = list(zip(first.tolist(), last.tolist(), strict=True))

@@ -13,9 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from foucault.models import turntable
 from foucault.models.noise import Readings
 
@@ -60,7 +59,7 @@ def attitudes(
     return [all_of[k] for k in best if score[k] > 0.5 * score[best[0]]]
 
 
-def _pairs(up: FloatArray, usable: npt.NDArray[np.intp]) -> list[tuple[int, int]]:
+def _pairs(up: FloatArray, usable: IndexArray) -> list[tuple[int, int]]:
     """Choose pairs of readings that lie most nearly across one another."""
     if len(usable) < 2:
         return []
@@ -77,7 +76,7 @@ def _pairs(up: FloatArray, usable: npt.NDArray[np.intp]) -> list[tuple[int, int]
     return out
 
 
-def _alike(cosine: float, nominal: FloatArray) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+def _alike(cosine: float, nominal: FloatArray) -> tuple[IndexArray, IndexArray]:
     """Return the pairs of positions that lie as far apart as two readings."""
     apart = np.arccos(np.clip(nominal @ nominal.T, -1.0, 1.0))
     a, b = np.nonzero(np.abs(apart - np.arccos(np.clip(cosine, -1.0, 1.0))) < APART)
@@ -255,9 +254,8 @@ def with_plan(
 ) -> Match:
     """Match readings with a plan.
 
-    `readings`: what was read [SI]; `plan`: what was planned [SI]; `free`: whether another order
-    in another attitude may be told too: that is not certain, for regular plans fit themselves in
-    many attitudes.
+    `plan`: what was planned [SI]; `free`: whether another order in another attitude may be told
+    too: that is not certain, for regular plans fit themselves in many attitudes.
     """
     up, nominal = directions(readings), turntable.up_k(plan.angles)
     spin, planned = readings.spin if spins_known else None, plan.rate != 0

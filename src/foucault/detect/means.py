@@ -22,9 +22,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import FloatArray, IndexArray, IntArray
 from foucault.detect.cells import Reduced, Source, held, longest_step
 from foucault.detect.noise import (
     measure_noise,
@@ -123,7 +122,7 @@ def _held_apart(left: FloatArray, right: FloatArray, at: IntArray) -> tuple[Floa
     return begin, end
 
 
-def _foreign(before: Log | None, log: Log) -> npt.NDArray[np.intp]:
+def _foreign(before: Log | None, log: Log) -> IndexArray:
     """Return the intervals that begin in one numbered position and end in another."""
     if log.table is None or log.table.position is None:
         return np.empty(0, np.intp)

@@ -16,9 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import BoolArray, FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.detect.stretches import SEQUENCE, Rests, find_rests, means_of, runs
 from foucault.errors import Finding, error, finding
 from foucault.models.rotation import exp
@@ -107,7 +106,7 @@ class FoundSequence:
             tuple(f for found in some for f in found.findings),
         )  # fmt: skip
 
-    def intervals(self) -> npt.NDArray[np.int64]:
+    def intervals(self) -> IntArray:
         """Return first sample and sample after the last of each rest that is still, (m, 2)."""
         both = np.stack([self.rests.first, self.rests.last], axis=1)
         return np.asarray(both[self.still])

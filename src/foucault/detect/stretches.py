@@ -335,7 +335,7 @@ def rest_table(log: Log, rests: Rests) -> dict[str, npt.NDArray[np.generic]]:
 def detection_table(log: Log, rests: Rests, rows: int = 4000) -> dict[str, FloatArray]:
     """Return the table "detection" of the report: the levels, thinned, peaks kept.
 
-    `log`: readings [SI]; `rows`: largest number of rows [1].
+    `rows`: largest number of rows [1].
     """
     step = max(1, -(-len(log) // rows))
     n = len(log) // step * step

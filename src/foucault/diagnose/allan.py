@@ -282,17 +282,9 @@ def measure_log(
 ) -> LogAllan:
     """Find the noises of every axis of a log at rest.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    axes : tuple of str
-        Axes such as ``gyro.x``, ``gyro`` or ``x``; empty for all.
-    kind : {"overlapping", "modified", "hadamard"}
-        Which deviation to show.
-    rest : (float, float) or None
-        Start and end of the part at rest; None takes the whole log, or the longest rest of one
-        that moves [s].
+    `axes`: such as ``gyro.x``, ``gyro`` or ``x``, empty for all; `kind`: which deviation to show;
+    `rest`: start and end of the part at rest, None takes the whole log, or the longest rest of one
+    that moves [s].
     """
     names = _chosen(log, axes)
     log = without_spikes(log.filled())
@@ -493,18 +485,10 @@ def deviation_table(measured: LogAllan) -> str:
 
 
 def noise_block(measured: LogAllan) -> str:
-    """Write the ``[noise]`` block of a campaign file.
+    """Write the ``[noise]`` block of a campaign file from the noises of every axis.
 
-    Parameters
-    ----------
-    measured : LogAllan
-        The noises of every axis [SI].
-
-    Returns
-    -------
-    str
-        TOML with units. A campaign has one value for the three axes of a triad: the root mean
-        square over the axes on which the noise was seen.
+    A campaign has one value for the three axes of a triad: the root mean square over the axes on
+    which the noise was seen.
     """
     lines = [
         f"# Measured at rest, {measured.start:.6g} s to {measured.end:.6g} s: root mean square of",

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector, Layout, Prior
 from foucault.errors import ADVICE, Status
 from foucault.infer.drift import Drift, LeftOut
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
@@ -143,7 +143,7 @@ def judge_prior(estimate: Estimate) -> list[Check]:
     return [prior_check(estimate.coefficients, rows, estimate.alone)]
 
 
-def given_check(c: CoefficientVector, given: Mapping[str, tuple[float, float]]) -> list[Check]:
+def given_check(c: CoefficientVector, given: Prior) -> list[Check]:
     """Return the check of what was given beforehand, where an estimate knows more than was given.
 
     `c`: the estimate, with covariance, and the standard deviations of all that was known [SI];

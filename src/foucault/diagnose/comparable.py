@@ -75,13 +75,6 @@ class Series:
         """Whether a drift per year can be told: all times are known, and they span a day."""
         return bool(np.isfinite(self.time).all() and np.ptp(self.time) >= DAY)
 
-    def at(self, rows: list[int]) -> Series:
-        """Return some results, `rows` are their numbers, shape (m,) [1]."""
-        return replace(
-            self, time=self.time[rows], values=self.values[rows], cov=self.cov[rows],
-            shared=self.shared[rows],
-        )  # fmt: skip
-
     def only(self, columns: list[int]) -> Series:
         """Return some coefficients, `columns` are their numbers, shape (m,) [1]."""
         return replace(
@@ -178,8 +171,8 @@ KEY = "gravity_errors"  # Where a result that says so itself keeps them, in its 
 def gravity_errors(result: Result, vector: CoefficientVector) -> dict[Site, FloatArray]:
     """Return the errors that gravity makes in `vector`, per standard deviation of it.
 
-    `result`: the result [SI]; `vector`: its coefficients, turned perhaps into other axes [SI].
-    Returns (n,): site -> error of each coefficient [SI]; empty where gravity plays no part.
+    `vector`: its coefficients, turned perhaps into other axes [SI]. Returns (n,): site -> error of
+    each coefficient [SI]; empty where gravity plays no part.
     """
     kept = result.diagnostics.get(KEY)
     if kept is not None:
@@ -247,9 +240,8 @@ class Comparable:
 def comparable(entries: Sequence[Entry]) -> Comparable:
     """Bring results to the same coefficients in the same axes.
 
-    `entries`: two results or more, of one instrument or of several [SI]. Returns what they have
-    in common [SI]. Raises ``compare.*``: results that are not independent, not of one kind, or
-    with nothing in common.
+    Returns what they have in common [SI]. Raises ``compare.*``: results that are not independent,
+    not of one kind, or with nothing in common.
     """
     refuse_dependent(entries)
     _refuse_kinds(entries)

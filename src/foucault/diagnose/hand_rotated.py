@@ -259,8 +259,8 @@ DEAD = 0.01
 def vertical_earth_rate(session: Session, state: Attitudes) -> tuple[float, float] | None:
     """Estimate the vertical Earth rate from the rests, with its sd from their own scatter.
 
-    `session`: what was observed [SI]. Returns vertical Earth rate, up positive, and its standard
-    deviation [rad/s]; None where there are no gyros or too few rests.
+    Returns vertical Earth rate, up positive, and its standard deviation [rad/s]; None where there
+    are no gyros or too few rests.
     """
     if session.gyro_mean is None or len(session.gyro_mean) < 4:
         return None
@@ -301,8 +301,8 @@ def vertical_check(session: Session, estimate: Estimate, beside: float = 0.0) ->
 def hints(fit: Fit, prediction: Prediction, turned_round: bool = False) -> list[Finding]:
     """Return findings about the session: scatter, outliers, a wrong g, a missing term.
 
-    `fit`: of the model of a session; `prediction`: residuals at the solution [SI];
-    `turned_round`: whether the Earth's rate has the wrong sign: g-sensitivity would only hide it.
+    `prediction`: residuals at the solution [SI]; `turned_round`: whether the Earth's rate has the
+    wrong sign: g-sensitivity would only hide it.
     """
     model = session_of(fit)
     coarse = _resolution(model.session, model.noise)

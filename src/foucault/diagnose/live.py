@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.detect.coverage import coverage, direction_words, named_directions
 from foucault.detect.live import LiveRests
 from foucault.detect.noise import measure_noise, told_of, without_spikes
@@ -59,7 +59,7 @@ class Inspection:
     shortest: float
     longest: float
     gaps: int  # see `foucault.tables.gaps` [1]
-    turning: npt.NDArray[np.bool_]  # (rests,) which of the quiet times are turns at a constant rate
+    turning: BoolArray  # (rests,) which of the quiet times are turns at a constant rate
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -123,9 +123,7 @@ def _means(log: Log) -> Inspection:
     )
 
 
-def turns_among(
-    log: Log, rests: Rests, rows: dict[str, npt.NDArray[np.generic]]
-) -> npt.NDArray[np.bool_]:
+def turns_among(log: Log, rests: Rests, rows: dict[str, npt.NDArray[np.generic]]) -> BoolArray:
     """Tell which quiet times turn at a constant rate, by that of a table or `rows` (n,) [SI]."""
     n = len(rests)
     told = None if log.table is None else log.table.rate

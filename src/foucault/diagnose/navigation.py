@@ -20,9 +20,8 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IndexArray
 from foucault.errors import Finding, error, finding
 from foucault.logs.reference import Reference
 from foucault.models import earth, rotation
@@ -277,7 +276,7 @@ class Budget:
         """Standard deviation that each coefficient alone leaves, shape (m, 9, p) [SI]."""
         return np.abs(self.response) * np.nan_to_num(self.sd)
 
-    def ranked(self, part: FloatArray) -> npt.NDArray[np.intp]:
+    def ranked(self, part: FloatArray) -> IndexArray:
         """Return coefficients by error at the end in `part` (m, 9, p) [SI], largest first."""
         return np.argsort(-np.hypot(part[-1, 6], part[-1, 7]), kind="stable")
 

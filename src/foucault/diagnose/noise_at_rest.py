@@ -278,8 +278,7 @@ def held_against(rest: Log, declared: ImuNoise, least: ImuNoise) -> NoiseAtRest:
     Sway and dither scatter the readings as noise does. Noise beyond what was declared is what
     differences that are blind to them show too.
 
-    `rest`: the part of a log that rests [SI]; `declared`: noise as declared [SI]; `least`: noise
-    by `noise_of` [SI].
+    `least`: noise by `noise_of` [SI].
     """
     plain = noise_at_rest(rest, [(0, len(rest))], declared)
     seen, used = [], {}

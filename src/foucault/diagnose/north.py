@@ -93,9 +93,8 @@ def alive(log: IndexedLog) -> tuple[Finding, ...]:
 def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
     """Look at the index angles of every set-up: missing, repeated, too few.
 
-    `dwells`: readings [SI]; `known`: a rough heading and how level the case stands, if they were
-    given. Raises ``north.stops`` and ``north.stops_tilt`` where they do not show the heading or
-    the tilt.
+    `known`: a rough heading and how level the case stands, if they were given. Raises
+    ``north.stops`` and ``north.stops_tilt`` where they do not show the heading or the tilt.
     """
     patterns = _patterns(dwells)
     found: list[Finding] = []
@@ -267,9 +266,8 @@ def drift_sd(
 ) -> float:
     """Return the standard deviation that the drift is given beforehand [rad/s^2].
 
-    `dwells`: readings [SI]; `noise`: noise of the sensors [SI]; `known` or None: declared
-    standard deviation [rad/s^2]. Returns 0 where the drift is taken as none, infinite where it is
-    estimated freely.
+    `known` or None: declared standard deviation [rad/s^2]. Returns 0 where the drift is taken as
+    none, infinite where it is estimated freely.
     """
     if wanted == "none":
         return 0.0
@@ -294,7 +292,7 @@ def signal_to_noise(fixes: Fixes, pairs: Pairs) -> FloatArray:
 
     Level that is ``w_ie cos L / sd``: one over what the gyro alone leaves uncertain of the heading.
 
-    `fixes`: solutions with their budget [rad]; `pairs`: set-ups [SI].
+    `fixes`: solutions with their budget [rad].
     """
     gyro = [v[:, 0] for name, v in fixes.sources.items() if name.startswith("gyro")]
     out = 1.0 / np.sqrt(np.maximum(np.sum(gyro, axis=0), 1e-300))
@@ -666,7 +664,6 @@ def _outlier(j: Judged, i: int) -> list[Finding]:
 def drift_effect(pairs: Pairs, fixes: Fixes) -> FloatArray:
     """Return what a linear drift of 1 rad/s^2 that is not estimated does to a heading, (m,) [s^2].
 
-    `pairs`: set-ups, with what a drift does to the four numbers [SI]; `fixes`: their solutions
-    [rad].
+    `pairs`: set-ups, with what a drift does to the four numbers [SI].
     """
     return np.asarray(np.sum(fixes.slope * pairs.drift_slope, axis=1))

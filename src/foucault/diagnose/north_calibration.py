@@ -68,8 +68,6 @@ def leans(pairs: Pairs, rig: Rig) -> bool:
 
     On one axis the horizontal specific force is a constant, the bias, and a vector that turns with
     the heading.
-
-    `pairs`: set-ups [SI].
     """
     s, c = np.sin(rig.heading), np.cos(rig.heading)
     m, zero, one = len(pairs), np.zeros(len(pairs)), np.ones(len(pairs))

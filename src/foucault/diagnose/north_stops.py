@@ -44,8 +44,8 @@ def other_conditions(
 ) -> tuple[Finding, ...]:
     """Compare stops and temperature with those of the calibration.
 
-    `dwells`: readings [SI]; `temperature` (n,) or None: of the instrument [K]; `validity`: what
-    the result of the calibration says of itself.
+    `temperature` (n,) or None: of the instrument [K]; `validity`: what the result of the
+    calibration says of itself.
     """
     found = []
     calibrated = [float(a) for a in validity.get("index") or ()]
@@ -69,8 +69,8 @@ def contradicted(
 ) -> Callable[[int], tuple[Finding, ...]]:
     """Compare every heading with the reference in the file, where there is one.
 
-    `dwells`: with reference headings, NaN where there are none [rad]; `fixes`: solutions [rad];
-    `heading_sd`: standard deviation of the references [rad]. Returns what is to say of a set-up.
+    `dwells`: with reference headings, NaN where there are none [rad]; `heading_sd`: standard
+    deviation of the references [rad]. Returns what is to say of a set-up.
     """
     away = turned(fixes.angles[:, 0] - dwells.heading)
     size = np.abs(away) / np.sqrt(fixes.cov[:, 0, 0] + heading_sd**2)
@@ -170,8 +170,8 @@ def stop_gains(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[Gai
 def without_gains(dwells: Dwells, gains: Gains, values: FloatArray) -> Dwells:
     """Take off what gains of single stops make of the rates.
 
-    `dwells`: readings [SI]; `gains`: by index angle [1]; `values` (m, 4): rates along x_b and y_b
-    of every set-up, and two numbers that do not count [SI].
+    `gains`: by index angle [1]; `values` (m, 4): rates along x_b and y_b of every set-up, and two
+    numbers that do not count [SI].
     """
     if not gains:
         return dwells

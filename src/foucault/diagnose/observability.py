@@ -21,9 +21,6 @@ Cayley and Hamilton ``A^q`` is a combination of the lower powers of A. So ``H F^
 (at most n - 1) adds nothing, and p = q by default: 3, not 44, where an attitude moves under 42
 constants.
 
-The same growth, block by block, is computed for any linearised problem: there the rows of the
-Jacobian stand in place of the SOM (`growth`).
-
 References
 ----------
 .. [1] D. Goshen-Meskin, I. Y. Bar-Itzhack, "Observability analysis of piece-wise constant
@@ -37,7 +34,7 @@ noise on the outputs, their squares over its variance are the rate at which info
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,31 +51,19 @@ from foucault.infer.information import (
     terms,
     untouched,
 )
-from foucault.result import Linearised
 
 NAMED = 1e-6  # Directions and motions below this are rounding [1].
 
 
 @dataclass(frozen=True)
 class LinearSegment:
-    """A part of a plan in which the linearised system is constant.
+    """A part of a plan in which the linearised system is constant."""
 
-    Attributes
-    ----------
-    F : ndarray, shape (n, n)
-        Derivative of the rate of every state by every state [unit of the row / unit / s].
-    H : ndarray, shape (m, n)
-        Derivative of every output by every state [unit of the row / unit].
-    duration : float
-        How long it lasts [s].
-    label : str
-        What the plan calls it, shape ().
-    """
-
+    # (n, n) derivative of the rate of every state by every state [unit of the row / unit / s]
     F: FloatArray
-    H: FloatArray
-    duration: float
-    label: str = ""
+    H: FloatArray  # (m, n) derivative of every output by every state [unit of the row / unit]
+    duration: float  # how long it lasts [s]
+    label: str = ""  # what the plan calls it
 
 
 @dataclass(frozen=True)
@@ -155,29 +140,14 @@ def observability(
 ) -> Observability:
     """Analyse what a plan of constant segments makes visible, see the module.
 
-    Parameters
-    ----------
-    segments : sequence of LinearSegment
-        The plan; a step in which the attitude changes much needs several.
-    layout : Layout
-        The states, in the order of the columns.
-    prior_sd : ndarray, shape (n,)
-        Standard deviation of each state before the data [SI unit].
-    noise_sd : ndarray, shape (m,), or float
-        Standard deviation of one reading of each output [unit of the output].
-    time_scale : float or None
-        Unit of time; None for the one that the module states [s].
-    powers : int or None
-        Highest power of F; None for the number of states that move [1].
-    tolerance : float
-        Singular values below this times the largest are zero. With the default a combination
-        of that size would need (noise / (tolerance * largest))^2 readings: nobody has them, and
-        rounding stays far below [1].
-
-    Raises
-    ------
-    FoucaultError
-        A segment does not fit, or a prior or a noise is not positive.
+    `segments`: the plan, a step in which the attitude changes much needs several; `layout`: the
+    states, in the order of the columns; `prior_sd` (n,): standard deviation of each before the data
+    [SI unit]; `noise_sd` (m,): standard deviation of one reading of each output [unit of the
+    output]; `time_scale`: unit of time, None for the one that the module states [s]; `powers`:
+    highest power of F, None for the number of states that move [1]; `tolerance`: singular values
+    below this times the largest are zero. With the default a combination of that size would need
+    (noise / (tolerance * largest))^2 readings: nobody has them, and rounding stays far below [1].
+    Refuses a segment that does not fit, and a prior or a noise that is not positive.
     """
     n = len(layout)
     sd = proper_prior(layout, prior_sd)
@@ -197,33 +167,6 @@ def observability(
     exact = all(_still(Q, F, tolerance) for Q, F in zip(parts, drift, strict=True))
     unit = tau if moving.any() else float("nan")
     return Observability(layout, gains, last, unseen, tolerance, unit, p, exact)
-
-
-def growth(
-    at: Linearised,
-    layout: Layout,
-    prior_sd: FloatArray,
-    *,
-    steps: Mapping[str, Sequence[int]] | None = None,
-    tolerance: float = INVISIBLE,
-) -> Observability:
-    """Analyse what each observation of a linearised problem makes visible.
-
-    After step k the rows are the whitened ones of all observations up to then, the nuisance
-    parameters eliminated; rows of a prior (block -1) do not count.
-
-    `at`: white residuals and Jacobian, the coefficients are the first columns; `prior_sd` (n,):
-    standard deviation of each before the data [SI unit]; `steps`: label -> numbers of the
-    observations (`Linearised.blocks`) that come with it, in the order of time, None takes each
-    observation as a step, in the order of their numbers [1]; `tolerance`: singular values below
-    this times the largest are zero [1].
-    """
-    sd, n = proper_prior(layout, prior_sd), len(layout)
-    if steps is None:
-        steps = {str(b + 1): [b] for b in np.unique(at.blocks[at.blocks >= 0]).tolist()}
-    used = np.cumsum([np.isin(at.blocks, list(blocks)) for blocks in steps.values()], axis=0) > 0
-    roots = (_eliminated(at.jacobian[rows], n) * sd for rows in used)
-    return Observability(layout, *_gains(roots, list(steps), layout, tolerance), tolerance)
 
 
 def _check(segments: Sequence[LinearSegment], n: int, noise: FloatArray) -> None:
@@ -272,20 +215,6 @@ def _stacked(parts: Iterable[FloatArray]) -> Iterator[FloatArray]:
         rows = part if root is None else np.vstack([root, part])
         root = np.asarray(np.linalg.qr(rows, mode="r"))
         yield root
-
-
-def _eliminated(J: FloatArray, n: int) -> FloatArray:
-    """Project what nuisance parameters explain out of the first n columns.
-
-    Unlike `gauss_newton.eliminate` for nuisance parameters that these rows say nothing of.
-    """
-    nuisance = J[:, n:]
-    nuisance = nuisance[:, np.any(nuisance != 0, axis=0)]
-    if nuisance.size == 0:
-        return np.asarray(J[:, :n])
-    U, s, _ = np.linalg.svd(nuisance / np.linalg.norm(nuisance, axis=0), full_matrices=False)
-    U = U[:, s > INVISIBLE * s[0]]
-    return np.asarray(J[:, :n] - U @ (U.T @ J[:, :n]))
 
 
 def _gains(
@@ -350,33 +279,16 @@ def _sparse(basis: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Derivatives of the outputs by the states along time.
+    """Derivatives of the outputs by the states along time."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (k,)
-        Time of each sample [s].
-    layout : Layout
-        The states.
-    outputs : tuple of str
-        Names of the outputs.
-    slopes : ndarray, shape (k, m, n)
-        d(output)/d(state) at each sample [unit of the output / SI unit of the state].
-    """
-
-    time: FloatArray
-    layout: Layout
-    outputs: tuple[str, ...]
+    time: FloatArray  # (k,) of each sample [s]
+    layout: Layout  # the states
+    outputs: tuple[str, ...]  # their names
+    # (k, m, n) d(output)/d(state) at each sample [unit of the output / SI unit of the state]
     slopes: FloatArray
 
     def thinned(self, most: int = 1000) -> Sensitivity:
-        """Return at most `most` samples at even steps, for figures; first and last stay.
-
-        Parameters
-        ----------
-        most : int, shape ()
-            Largest number of samples, at least 2 [1].
-        """
+        """Return at most `most` samples [1], two or more, at even steps; first and last stay."""
         if len(self.time) <= most:
             return self
         keep = np.linspace(0, len(self.time) - 1, most).round().astype(np.intp)
@@ -386,11 +298,7 @@ class Sensitivity:
         """Return the part of each state's information that has come in, shape (k, n) [1].
 
         This is information about a state when all others are known; zero where none comes.
-
-        Parameters
-        ----------
-        noise_sd : ndarray, shape (m,), or float
-            Standard deviation of the white noise of each output [unit of the output].
+        `noise_sd` (m,): standard deviation of the white noise of each output [unit of the output].
         """
         white = self.slopes / np.asarray(noise_sd, float)[..., None]
         total = np.cumsum(np.sum(white**2, axis=1), axis=0)
@@ -399,12 +307,8 @@ class Sensitivity:
     def when(self, share: float = 0.5, noise_sd: FloatArray | float = 1.0) -> FloatArray:
         """Return when each state's information reaches a share, shape (n,), NaN if never [s].
 
-        Parameters
-        ----------
-        share : float
-            Part of the information of the whole, above 0 to 1 [1].
-        noise_sd : ndarray, shape (m,), or float
-            Standard deviation of the white noise of each output [unit of the output].
+        `share`: part of the information of the whole, above 0 to 1 [1]; `noise_sd`: as of `share`
+        [unit of the output].
         """
         # The last of a sum is 1 only to rounding.
         reached = self.share(noise_sd) >= share * (1 - 1e-12)
@@ -412,13 +316,7 @@ class Sensitivity:
         return np.where(reached.any(axis=0), first, np.nan)
 
     def information(self, noise_sd: FloatArray | float = 1.0) -> Information:
-        """Return the information of all samples about the states.
-
-        Parameters
-        ----------
-        noise_sd : ndarray, shape (m,), or float
-            Standard deviation of the white noise of each output [unit of the output].
-        """
+        """Return the information of all samples; `noise_sd`: as of `share` [unit of the output]."""
         white = self.slopes / np.asarray(noise_sd, float)[..., None]
         n = len(self.layout)
         root = np.linalg.qr(white.reshape(-1, n), mode="r")

@@ -45,10 +45,9 @@ def rate_steps(
 ) -> tuple[Steps, list[Finding]]:
     """Find axis, sense and rate of every step.
 
-    `readings`: one mean per constant rate [SI]; `commanded`: rates and placements as the campaign
-    gives them [SI]; `told`: whether the log carries the rate of the table. Raises no gyros, no
-    rates, an axis that is not vertical, other placements than declared, a sense reversed, a wrong
-    unit, a rate that was not commanded.
+    `commanded`: rates and placements as the campaign gives them [SI]; `told`: whether the log
+    carries the rate of the table. Raises no gyros, no rates, an axis that is not vertical, other
+    placements than declared, a sense reversed, a wrong unit, a rate that was not commanded.
     """
     if readings.gyro is None:
         raise error("rate_table.no_gyro")

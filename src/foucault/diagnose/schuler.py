@@ -48,9 +48,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models import earth
 from foucault.units import convert, display_unit, plain
@@ -233,11 +232,6 @@ class SchulerFit:
     of: str
     place: Place
 
-    @property
-    def fitted(self) -> FloatArray:
-        """The sum of all terms, shape (m, 2) [m] or [m/s]."""
-        return np.asarray(self.parts.sum(axis=2))
-
     def combinations(self) -> tuple[Combination, ...]:
         """Return the pairs of terms that this run cannot tell apart, most alike first."""
         correlation = self.cov / np.outer(self.sd, self.sd)
@@ -335,7 +329,7 @@ def fit(
     )  # fmt: skip
 
 
-def _epochs(time: FloatArray) -> npt.NDArray[np.int64]:
+def _epochs(time: FloatArray) -> IntArray:
     """Return evenly spread samples, the last one among them and the start not."""
     wanted = np.linspace(0.0, float(time[-1]), EPOCHS + 1)[1:]
     return np.unique(np.searchsorted(time, wanted - 1e-9).clip(1, len(time) - 1))

@@ -21,9 +21,8 @@ from itertools import permutations, product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.detect.sequence import FoundSequence, Move
 from foucault.diagnose.checks import check
@@ -48,7 +47,7 @@ class Matched:
     """A log against its sequence."""
 
     positions: tuple[Position, ...]  # the rests of the sequence that the log has
-    rests: npt.NDArray[np.int64]  # (m,) the number of the rest of the log that each of them is
+    rests: IntArray  # (m,) the number of the rest of the log that each of them is
     # (k,) angle of each turn as the gyros say, minus the one of the sequence [rad]
     angle_err: FloatArray
     # (k,) angle between the axis of each turn and the one of the sequence [rad]
@@ -157,7 +156,7 @@ def _misses(
     return np.arccos(np.clip(cosine, -1.0, 1.0)), np.array([m.angle for m in moves]) - angle
 
 
-def _off(axis: FloatArray, angle: FloatArray, declared: FloatArray) -> npt.NDArray[np.bool_]:
+def _off(axis: FloatArray, angle: FloatArray, declared: FloatArray) -> BoolArray:
     limit = ANGLE[0] + ANGLE[1] * np.abs(declared)
     return np.asarray((axis > AXIS) | (np.abs(angle) > limit))
 
@@ -199,7 +198,7 @@ def _relabelled(sequence: CalibrationSequence) -> Iterator[tuple[str, Calibratio
 
 def _rests(
     found: FoundSequence, sequence: CalibrationSequence
-) -> tuple[tuple[Position, ...], npt.NDArray[np.int64], list[Finding]]:
+) -> tuple[tuple[Position, ...], IntArray, list[Finding]]:
     """Give each rest of the sequence the one of the log with as many turns before it."""
     before = np.array([sum(m.after < k for m in found.moves) for k in range(len(found.rests))])
     positions, rests, notes = [], [], []

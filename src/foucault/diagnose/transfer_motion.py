@@ -446,8 +446,8 @@ def findings(
 ) -> list[Finding]:
     """Return all that was noticed: of delay, motion, innovations and what would explain them.
 
-    `before`: what was noticed before. Where that explains large innovations, and where passes
-    have not settled, nothing is said of what rests on the estimates.
+    Where that explains large innovations, and where passes have not settled, nothing is said of
+    what rests on the estimates.
     """
     if EXPLAINS & {f.code for f in before}:
         return [*before, *_of_edge(e), *_straight(e)]

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout, coefficients_of
 from foucault.diagnose.checks import check, hardly, status_check
 from foucault.diagnose.fit_checks import held_out_check
@@ -90,7 +90,7 @@ def _hold(log: Log) -> float:
     return float(np.median(np.diff(changes))) if len(changes) > 1 else log.interval
 
 
-def _between(since: FloatArray, plan: TorquingPlan, hold: float) -> npt.NDArray[np.bool_]:
+def _between(since: FloatArray, plan: TorquingPlan, hold: float) -> BoolArray:
     """Return where the rate of a plan changes: commands held otherwise are others there."""
     last = np.searchsorted(plan.ends, since + hold, side="right") - 1
     return np.asarray(since < plan.ends[last] + plan.ramp + hold)
@@ -129,11 +129,11 @@ def gap_findings(log: Log) -> list[Finding]:
     ]  # fmt: skip
 
 
-def edges(time: FloatArray, command: FloatArray, after: float) -> npt.NDArray[np.bool_]:
+def edges(time: FloatArray, command: FloatArray, after: float) -> BoolArray:
     """Tell which of `time` [s] end within `after` of a step of `command` (n, 3) [rad/s]."""
     step = np.linalg.norm(np.diff(command, axis=0, prepend=np.zeros((1, 3))), axis=1)
     steps = time[:-1][step > STEP * np.linalg.norm(command, axis=1).max()]
-    out: npt.NDArray[np.bool_] = np.zeros(len(command), bool)
+    out: BoolArray = np.zeros(len(command), bool)
     first = np.searchsorted(time[1:], steps - 1e-9, side="right")
     last = np.searchsorted(time[1:], steps + after + 1e-9, side="right")
     for a, b in zip(first, last, strict=True):
@@ -141,7 +141,7 @@ def edges(time: FloatArray, command: FloatArray, after: float) -> npt.NDArray[np
     return out
 
 
-def outlying(log: Log, sd: float) -> npt.NDArray[np.bool_]:
+def outlying(log: Log, sd: float) -> BoolArray:
     """Find rows whose readings jump farther from their neighbours than any would by chance, (n,).
 
     A cubic through two neighbours on either side, at the ends through four on one, predicts a
@@ -154,7 +154,7 @@ def outlying(log: Log, sd: float) -> npt.NDArray[np.bool_]:
 
     assert log.accel is not None and log.gyro is not None
     n = len(log)
-    out: npt.NDArray[np.bool_] = np.zeros(n, bool)
+    out: BoolArray = np.zeros(n, bool)
     if n < 50:
         return out
     step = np.linalg.norm(np.diff(log.gyro, axis=0), axis=1)

@@ -32,9 +32,8 @@ from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 
 LEAST = 1e-6
@@ -167,7 +166,7 @@ def _smallest_sd(name: str, *vectors: CoefficientVector) -> float:
 
 
 def _placed(
-    layout: Layout, unit: FloatArray, known: Known, without_prior: npt.NDArray[np.bool_]
+    layout: Layout, unit: FloatArray, known: Known, without_prior: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return J and h of a result among the coefficients of `layout`, in units of `unit`."""
     vector = known.vector

@@ -293,7 +293,7 @@ def solve(
     """Find coefficients, grips, phases and the noise of every spin.
 
     `axes`: of the mountings, (3,) each [1]; `paths`: of the spins by `first_phase`, (n, 3) each
-    [SI]; `declared` or None: noise of the sensors [SI]; `most`: passes [1].
+    [SI]; `most`: passes [1].
     """
     grips = tuple(Grip(across(axis)) for axis in axes)
     sizes = tuple(Sizes(np.maximum(_rough(s), floor(s, declared)), 1.0) for s in spins)

@@ -36,7 +36,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy import linalg, optimize, special
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
@@ -143,7 +142,7 @@ def _least_squares(
 
 
 def scatter(
-    evidence: Sequence[Evidence], design: Design, known: FloatArray, wanted: npt.NDArray[np.bool_]
+    evidence: Sequence[Evidence], design: Design, known: FloatArray, wanted: BoolArray
 ) -> FloatArray:
     """Find the scatter by restricted maximum likelihood, s_f^2, shape (g,) [unit^2].
 

@@ -538,7 +538,7 @@ class NorthSpace(Space):
     def changes(self, plan: Schedule) -> dict[str, dict[str, Any]]:
         """Return what makes a campaign do this plan: keys of its tables, as in the file.
 
-        `plan`: a plan. One that counts from north is for a fix: one set-up that faces north.
+        One that counts from north is for a fix: one set-up that faces north.
         """
         order = [{"index": f"{a} deg", "dwell": f"{t} s"} for a, t in self._texts(plan)]
         if self.known.rough_sd is None:

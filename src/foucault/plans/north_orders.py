@@ -23,9 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.detect.dwells import PIECE, PIECES
 from foucault.errors import error, suggestion
 from foucault.estimate.north_reduction import GYRO_NOISE, TILT_NOISE
@@ -49,7 +48,7 @@ class StopOrder:
     index: FloatArray  # (k,) index angles in order, clockwise seen from above [rad]
     share: FloatArray  # (k,) of the time at the stops, with the sum 1 [1]
     # (k,) whether the angle counts from north, by a rough heading, not from forward
-    from_north: npt.NDArray[np.bool_]
+    from_north: BoolArray
     needs: str = ""  # what is needed beside a base that stops; empty for nothing
 
     def __len__(self) -> int:
@@ -148,8 +147,8 @@ def dwells_at(
 
 
 def _joined(
-    index: FloatArray, share: FloatArray, from_north: npt.NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    index: FloatArray, share: FloatArray, from_north: BoolArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Make one stop of neighbours at the same angle."""
     same = (np.diff(index) == 0) & (from_north[1:] == from_north[:-1])
     first = np.flatnonzero(np.append(True, ~same))
@@ -380,7 +379,7 @@ class Choice:
 def compare(task: Task, names: Iterable[str] = NAMES, cycles: int = 1) -> Choice:
     """Compare orders.
 
-    `task`: what is to be planned [SI]; `cycles`: how often orders of stops are gone through [1].
+    `cycles`: how often orders of stops are gone through [1].
     """
     rows = tuple(_row(orders(name, cycles), task) for name in names)
     return _chosen(task, rows)

@@ -57,11 +57,6 @@ class Prediction:
     sources: dict[str, float]  # mean variance of the heading by source [rad^2]
     drift_error: float  # largest error by a linear drift of 1 rad/s^2 that is not estimated [s^2]
 
-    @property
-    def largest(self) -> str:
-        """The source with the largest share."""
-        return max(self.sources, key=lambda name: self.sources[name])
-
 
 def poses(tilt: float) -> FloatArray:
     """Return headings, pitches and rolls to average over, of up to `tilt`, shape (m, 3) [rad]."""

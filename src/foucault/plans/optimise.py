@@ -26,9 +26,8 @@ from math import exp, inf, isfinite, log
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import Layout
 from foucault.errors import Finding, error, suggestion
 from foucault.plans.limit import Limit
@@ -317,7 +316,7 @@ def weights_of(layout: Layout, given: Mapping[str, float]) -> FloatArray:
 
 
 def require_seen(
-    names: tuple[str, ...], weights: FloatArray, unseen: npt.NDArray[np.bool_], limits: str
+    names: tuple[str, ...], weights: FloatArray, unseen: BoolArray, limits: str
 ) -> tuple[str, ...]:
     """Return the names that no allowed plan shows; refuse those of them that count.
 

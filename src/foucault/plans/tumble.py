@@ -31,9 +31,8 @@ from math import ceil, inf, log
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.errors import error, suggestion
 from foucault.kernels.cluster_information import COLUMNS, information_pass
 from foucault.kernels.cluster_plan import KNOWN, attitudes, commanded, remaining
@@ -351,7 +350,7 @@ STRIDE = 0.05
 """Largest part of the whole time that one move shifts from one segment to another [1]."""
 
 NO_ROWS, NO_GAINS = np.zeros((0, 3, COLUMNS)), np.zeros((0, 5, 3, 3))
-NO_MOMENTS: npt.NDArray[np.int64] = np.zeros(0, np.int64)
+NO_MOMENTS: IntArray = np.zeros(0, np.int64)
 """Neither white rows nor gains nor the course in time are wanted."""
 
 Turns = tuple[tuple[int, int], ...]
@@ -587,7 +586,7 @@ class TorquingSpace(QuickSpace):
         return np.ascontiguousarray(gram[:KNOWN, :KNOWN].T)
 
     @cached_property
-    def _readings(self) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    def _readings(self) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Length of the slots, readings, which do not matter, and that all of them count."""
         n = self.allowed.slots
         return np.full(n, self.allowed.slot), np.zeros((n, 3)), np.ones(n, bool)

@@ -162,10 +162,7 @@ class FaceSpace(StatedSpace):
 
 
 def space(name: str, b: Beforehand[Any, Any]) -> FaceSpace:
-    """Return the rests among which the best are sought; those of the session are to beat.
-
-    `name`: the procedure.
-    """
+    """Return the rests among which the best are sought; those of the session are to beat."""
     wanted, session = b.wanted, b.session
     faces = session.faces
     back, turn = getattr(session, "back_time", None), getattr(session, "turn_time", None)

@@ -136,7 +136,7 @@ def model_of(
 ) -> RestsAndTurns:
     """State the model of a session.
 
-    `data`: what was observed [SI]; `start` or None: where to start, else what its rests say.
+    `start` or None: where to start, else what its rests say.
     """
     settings, declared = given.settings, given.noise is not None
     start = first_guess(data) if start is None else start
@@ -154,8 +154,7 @@ def model_of(
 def complete(result: Result, data: SessionData, rests: Rests, findings: list[Finding]) -> Result:
     """Add to a result what does not depend on how the coefficients were estimated.
 
-    `result`: with coefficients, checks and its own findings and tables; `data`: what was observed
-    [SI].
+    `result`: with coefficients, checks and its own findings and tables.
     """
     site, log = data.site, data.log
     validity = range_below_g(log, site.gravity, SPIKES)

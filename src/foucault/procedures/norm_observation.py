@@ -103,8 +103,8 @@ def linear(
 def solve(settings: Settings, readings: Readings, site: Site) -> tuple[ImuModel, FloatArray]:
     """Solve the linear equations of both triads and tie their frames together.
 
-    `readings`: what was observed [SI]. Returns `lever_arm` (3,): the accelerometers from the
-    centre of the table, body axes; zero where not solved for [m].
+    Returns `lever_arm` (3,): the accelerometers from the centre of the table, body axes; zero where
+    not solved for [m].
     """
     spin, arm = readings.spin, np.zeros(3)
     assert readings.accel is not None

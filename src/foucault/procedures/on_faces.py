@@ -120,10 +120,7 @@ class FaceSession(Strict):
 
 
 def found_faces(log: Log, site: Site, settings: FaceSettings) -> Faces:
-    """Find the rests on faces, and compare the first with its declaration.
-
-    `log`: readings [SI].
-    """
+    """Find the rests on faces, and compare the first with its declaration."""
     how = How(settings.window, settings.shortest, settings.threshold)
     faces = find_faces(log, site.gravity, sections=settings.sections, how=how)
     same_unit(faces.readings.accel, site.gravity)
@@ -136,8 +133,7 @@ def noise_of(
 ) -> FaceNoise:
     """Return the noise of the readings: as declared, else as measured in the rests.
 
-    `log`: readings [SI]; `turns` or None: the turns; `declared` or None: noise of the instrument
-    [SI].
+    `turns` or None: the turns.
     """
     if log.averaged is not None:
         return FaceNoise.of_means(declared, faces.readings)
@@ -241,10 +237,7 @@ def again(model: OnFaces, log: Log) -> Again:
 
 
 def result_of(procedure: str, log: Log, e: FaceEvidence) -> Result:
-    """Make the result of what was solved.
-
-    `log`: readings [SI].
-    """
+    """Make the result of what was solved."""
     site, faces = e.scene.site, e.faces
     validity = range_below_g(log, site.gravity, SPIKES)
     checks = face_checks.checks(e)

@@ -30,6 +30,7 @@ from pydantic import AfterValidator, BaseModel, Field, ValidationInfo
 
 from foucault import logs
 from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import Prior as Prior
 from foucault.diagnose import left_out
 from foucault.diagnose.fit_checks import against_the_plan, budget_json, chi_square_json
 from foucault.diagnose.foresight import Extra, Foresight
@@ -61,8 +62,6 @@ if TYPE_CHECKING:
 
 S = TypeVar("S", bound=BaseModel)
 N = TypeVar("N", bound=BaseModel)
-Prior = Mapping[str, tuple[float, float]]
-"""Mean and standard deviation of coefficients or groups of coefficients [SI]."""
 
 
 @dataclass(frozen=True)
@@ -377,9 +376,8 @@ class Procedure(Generic[S, N]):
     ) -> Result:
         """Calibrate without what only a report shows: one trial of many.
 
-        Arguments as of `calibrate`; `noise`: of the instrument [SI]; `prior`: mean and standard
-        deviation of coefficients or groups of coefficients [SI]; `sizes`: of what is not estimated
-        [SI].
+        Arguments as of `calibrate`; `noise`: of the instrument [SI]; `sizes`: of what is not
+        estimated [SI].
         """
         with solvable():
             given = self._given(site, settings, noise, prior, silent, sizes)
@@ -539,10 +537,9 @@ class Procedure(Generic[S, N]):
     ) -> Any:
         """Simulate a session.
 
-        `session`: what is done; `model`: errors of the instrument; `noise`: its noise [SI];
-        `seed`: seed of all random numbers [1]; `settings` or None: of the calibration to follow,
-        for its plan, and for what is wrong with table and reference. Returns its log and what is
-        true.
+        `session`: what is done; `model`: errors of the instrument; `seed`: seed of all random
+        numbers [1]; `settings` or None: of the calibration to follow, for its plan, and for what is
+        wrong with table and reference. Returns its log and what is true.
         """
         return self.simulation(
             session,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.report.page import GREEK, Figure, data_file
 
 Trace = dict[str, Any]
@@ -497,7 +497,7 @@ def length_unit(metres: float) -> tuple[str, float]:
 POINTS = 1500  # Points that a line is drawn with [1].
 
 
-def thinned(n: int) -> npt.NDArray[np.int64]:
+def thinned(n: int) -> IntArray:
     """Return the rows of `n` that are drawn, the last one among them."""
     step = -(-n // POINTS)
     return np.arange(n)[::-1][::step][::-1]

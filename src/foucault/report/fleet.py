@@ -75,10 +75,7 @@ TRIADS = {"accel": "accelerometers", "gyro": "gyros"}
 
 
 def document(some: FleetTable, about: Mapping[str, Any]) -> Document:
-    """Return what there is to say of a fleet.
-
-    `some`: the instruments [SI].
-    """
+    """Return what there is to say of a fleet."""
     odd = some.outlying()
     order = _worst_first(some, odd)
     return Document.of(

@@ -7,10 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import __version__
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IndexArray
 from foucault.diagnose.allan import (
     NOISES,
     UNIT_KINDS,
@@ -165,7 +164,7 @@ def _readings(time: FloatArray, x: FloatArray, unit: str) -> Figure:
     return draw("noise.readings", data, y=f"[{unit}]")
 
 
-def _extremes(x: FloatArray) -> npt.NDArray[np.intp]:
+def _extremes(x: FloatArray) -> IndexArray:
     """Return the samples to draw: all of a short log, lowest and highest of blocks of a long."""
     block = -(-2 * len(x) // POINTS)
     if block <= 2:

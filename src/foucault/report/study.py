@@ -49,8 +49,7 @@ BARS = 300  # Bars of a histogram at most: a page does not grow with the study [
 def document(study: Study, about: Mapping[str, Any]) -> Document:
     """Return what there is to say of a study.
 
-    `study`: the trials [SI]; `about`: what was asked: procedure, seed, version and n, the number
-    of trials.
+    `about`: what was asked: procedure, seed, version and n, the number of trials.
     """
     checks = study.checks()
     rows = study.rows() if len(study.nees) > 1 else []

@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import format_value
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.models.earth import displacement
@@ -552,7 +551,7 @@ def _innovations(some: Mapping[str, Any], family: Family, times: Times) -> Figur
     return _panels(panels, 80 + 100 * len(panels), times, alt, notes=notes)
 
 
-def chosen(must: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+def chosen(must: BoolArray) -> IntArray:
     """Return the rows that are drawn: an even choice, and those that must be."""
     step = max(1, -(-len(must) // DOTS))
     even = np.zeros(len(must), bool)

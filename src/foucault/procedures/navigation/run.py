@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import schuler
 from foucault.diagnose.alignment import POOR
@@ -195,9 +194,8 @@ def place_of(
 ) -> tuple[Site, Position]:  # fmt: skip
     """Return the site, and where the run starts: as the reference says, else as given.
 
-    `site` or None: as given; `longitude`: as given [rad]; `reference` or None: what is known of
-    the trajectory; `position_sd` or None: how well the place that is given is known, then the run
-    starts there [m].
+    `longitude`: as given [rad]; `reference` or None: what is known of the trajectory; `position_sd`
+    or None: how well the place that is given is known, then the run starts there [m].
     """
     there = None
     if reference is not None and position_sd is None:
@@ -250,7 +248,7 @@ def reference_of(
 ) -> Reference | None:  # fmt: skip
     """Return what to compare with: the file, or the known site where it never moved.
 
-    `given` or None: the file; `log`: the part that is used [SI]; `longitude`: there [rad].
+    `log`: the part that is used [SI]; `longitude`: there [rad].
     """
     if given is not None:
         if settings.still:
@@ -312,7 +310,7 @@ def latitude_told(
 ) -> tuple[Finding, ...]:
     """Return a note where the Earth's rate contradicts the latitude of the reference.
 
-    `site` or None: as given; `place`: latitude, longitude [rad] and height [m] of the start.
+    `place`: latitude, longitude [rad] and height [m] of the start.
     """
     given = site is not None and site.latitude is not None
     if given or not any(f.code == "alignment.latitude" for f in told):
@@ -361,7 +359,7 @@ def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budge
     )  # fmt: skip
 
 
-def _rows(made: Made) -> npt.NDArray[np.int64]:
+def _rows(made: Made) -> IntArray:
     """Return rows spread evenly from the start to the last epoch that is compared."""
     last = len(made.increments) - 1
     if made.errors is not None:

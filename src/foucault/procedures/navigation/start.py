@@ -100,7 +100,7 @@ def before(log: Log, length: float) -> float:
     The first sample counts as one: 300 s at 20 Hz are 6000 samples, stamped 0 to 299.95 s, and the
     one of 300 s belongs to what comes next.
 
-    `log`: readings [SI]; `length`: of the part [s].
+    `length`: of the part [s].
     """
     end = float(log.time[0]) + length
     last = int(np.searchsorted(log.time, end - 0.5 * log.interval)) - 1
@@ -138,8 +138,7 @@ def in_rest(
 ) -> tuple[ImuNoise, tuple[Finding, ...], NoiseAtRest | None]:
     """Return the white noise of a rest, a note where it is not clear, and what was declared of it.
 
-    `rest`: the part of a log that rests [SI]; `declared` or None: noise that is held against it
-    [SI].
+    `declared` or None: noise that is held against it [SI].
     """
     noise, told = noise_of(rest)
     return noise, told, None if declared is None else held_against(rest, declared, noise)
@@ -148,9 +147,8 @@ def in_rest(
 def start_of(log: Log, site: Site, seen: Opening, settings: Settings, noise: ImuNoise) -> Start:
     """Find the attitude at the end of the rest, by noise alone uncertain.
 
-    `log`: readings of the rest, compensated or not [SI]; `site`: where it stood, the latitude
-    must be known; `settings`: how it is aligned, and what attitude is given; `noise`: noise of
-    the sensors [SI].
+    `log`: readings of the rest, compensated or not [SI]; `site`: where it stood, the latitude must
+    be known; `settings`: how it is aligned, and what attitude is given.
     """
     return replace(_turned(log, site, seen, settings, noise),
                    position_sd=settings.position_sd or 0.0)  # fmt: skip
@@ -200,10 +198,10 @@ def judged(
 ) -> Start:  # fmt: skip
     """Return a start with what its data say of axes, units, motion and heading.
 
-    `log`: readings of the rest, compensated [SI]; `noise`: noise of the sensors [SI]; `bias_sd`:
-    how well the biases of gyros [rad/s] and accelerometers [m/s^2] are known; `rests`: whether a
-    log that looks still is, a steady drive does so too. Raises ``navigate.heading``: the gyros do
-    not show north, and no heading is given; or axes, units or signs that are wrong.
+    `log`: readings of the rest, compensated [SI]; `bias_sd`: how well the biases of gyros [rad/s]
+    and accelerometers [m/s^2] are known; `rests`: whether a log that looks still is, a steady drive
+    does so too. Raises ``navigate.heading``: the gyros do not show north, and no heading is given;
+    or axes, units or signs that are wrong.
     """
     if seen.end <= seen.start:  # the attitude is given
         if not (seen.still and rests):

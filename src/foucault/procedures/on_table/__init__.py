@@ -6,14 +6,14 @@ They differ in what they believe of the table: nothing (`norm_observation`), eve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Prior
 from foucault.detect.coverage import coverage, coverage_json
 from foucault.detect.readings import find_readings, stream_readings
 from foucault.diagnose import table as judge
@@ -173,14 +173,10 @@ def from_readings(
     task: Task,
     *,
     site: Site,
-    prior: Mapping[str, tuple[float, float]] | None = None,
+    prior: Prior | None = None,
     sizes: Sizes | None = None,
 ) -> Result:
-    """Calibrate from readings that were made before.
-
-    `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
-    of coefficients or groups of coefficients [SI]; `sizes` or None: of what is not estimated [SI].
-    """
+    """Calibrate from readings that were made before."""
     model, found = stated(readings, task, site, prior)
     readings, options, start, again = (
         model.readings,
@@ -207,13 +203,9 @@ def from_readings(
 
 
 def stated(
-    readings: Readings, task: Task, site: Site, prior: Mapping[str, tuple[float, float]] | None
+    readings: Readings, task: Task, site: Site, prior: Prior | None
 ) -> tuple[TableModel, list[Finding]]:
-    """State the model of readings, and what is to be said of them.
-
-    `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
-    of coefficients or groups of coefficients [SI].
-    """
+    """State the model of readings, and what is to be said of them."""
     readings, found = _usable(readings, task, site)
     options = options_of(readings, task, prior)
     return TableModel(readings, site, _start(readings, task, site, options), options), found
@@ -265,14 +257,8 @@ def _moved_north(geometry: Geometry, latitude: float) -> Geometry:
     return replace(geometry, trust=replace(geometry.trust, latitude=latitude))
 
 
-def options_of(
-    readings: Readings, task: Task, prior: Mapping[str, tuple[float, float]] | None
-) -> Options:
-    """Return how readings are fitted, by what they hold and what is believed of the table.
-
-    `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
-    of coefficients or groups of coefficients [SI].
-    """
+def options_of(readings: Readings, task: Task, prior: Prior | None) -> Options:
+    """Return how readings are fitted, by what they hold and what is believed of the table."""
     names = task.settings.estimated(gyro=readings.gyro is not None, turns=not task.poses)
     spins = bool(readings.spin.any())
     rests = int(np.sum(~readings.spin))

@@ -170,8 +170,8 @@ def simulate(
     """Simulate a session on a table.
 
     `session`: its length and rate, and the errors of the table; `settings`: positions and spins,
-    None takes the defaults; `noise`: its noise [SI]; `seed`: seed of table and noise [1];
-    `judged` or None: what the positions must determine, see `plan_of`.
+    None takes the defaults; `seed`: seed of table and noise [1]; `judged` or None: what the
+    positions must determine, see `plan_of`.
     """
     settings = settings or TableSettings()
     rig_seed, noise_seed = (int(s) for s in np.random.SeedSequence(seed).generate_state(2))

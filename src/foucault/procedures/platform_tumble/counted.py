@@ -139,11 +139,10 @@ def counted(
 ) -> tuple[Solution, Judgement] | None:
     """Count with what is not estimated, and enlarge what the readings contradict.
 
-    `sizes`: of what is not estimated [SI]; `measured`: the noise of the accelerometers was
-    measured: what is left without the terms says it better; `moments`: in how many moments the
-    estimate is kept for its course in time [1]. Returns the solution of the log without what was
-    found of the terms, and what was made of them; None where there is no solution, or one by a
-    published filter, whose gains are its own.
+    `measured`: the noise of the accelerometers was measured: what is left without the terms says it
+    better; `moments`: in how many moments the estimate is kept for its course in time [1]. Returns
+    the solution of the log without what was found of the terms, and what was made of them; None
+    where there is no solution, or one by a published filter, whose gains are its own.
     """
     if s.fit.status is not Status.CONVERGED or s.least is not None:
         return None

@@ -18,10 +18,9 @@ from itertools import product
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, ValidationInfo, field_validator
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import tumble as judge
 from foucault.diagnose.checks import hardly
@@ -355,10 +354,7 @@ COARSE = np.radians(5.0)
 
 
 def noise_of(log: Log, noise: ImuNoise | None) -> tuple[ImuNoise, list[Finding]]:
-    """Return the noise, and where it comes from where it was not declared.
-
-    `log`: command and readings [SI]; `noise` or None: noise as declared [SI].
-    """
+    """Return the noise, and where it comes from where it was not declared."""
     told = []
     accel, gyro = (TriadNoise(), TriadNoise()) if noise is None else (noise.accel, noise.gyro)
     if not accel.white > 0:
@@ -379,15 +375,12 @@ def noise_of(log: Log, noise: ImuNoise | None) -> tuple[ImuNoise, list[Finding]]
 def tumble_of(
     log: Log, site: Site, settings: Settings, noise: ImuNoise
 ) -> tuple[Tumble, list[Finding]]:
-    """Turn rows into intervals, and choose how many are averaged.
-
-    `log`: command and readings [SI]; `noise`: noise [SI].
-    """
+    """Turn rows into intervals, and choose how many are averaged."""
     assert log.gyro is not None and log.accel is not None and site.latitude is not None
     command = log.gyro[:-1] if settings.held(log.sampled) == "from its time" else log.gyro[1:]
     reading = log.accel[1:] / site.gravity
     out = judge.outlying(log, noise.accel.white / np.sqrt(log.interval))
-    used: npt.NDArray[np.bool_] = np.asarray(np.isfinite(reading).all(axis=1)) & ~out[1:]
+    used: BoolArray = np.asarray(np.isfinite(reading).all(axis=1)) & ~out[1:]
     if settings.mask_edges:
         used &= ~judge.edges(log.time, command, settings.mask_edges)
     if int(used.sum()) <= len(LAYOUT):
@@ -492,9 +485,8 @@ def solved(
 ) -> Solution:  # fmt: skip
     """Solve a tumble by the filter that was chosen.
 
-    `noise`: noise [SI]; `measured`: the noise of the accelerometers was measured: what the fit
-    leaves says it better; `moments`: in how many moments the estimate is kept for its course in
-    time [1].
+    `measured`: the noise of the accelerometers was measured: what the fit leaves says it better;
+    `moments`: in how many moments the estimate is kept for its course in time [1].
     """
     told, advice = [], ""
     if settings.filter == "gauss-newton":

@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import AfterValidator, Field, model_validator
 
 from foucault import logs, units
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, error
 from foucault.logs.description import OWN_LOG, LogDescription, log_head
@@ -394,9 +393,7 @@ def _within(accel: FloatArray | None, description: Description) -> FloatArray | 
     if accel is None or limits is None:
         return accel
     slack = 1e-6 * (limits[:, 1] - limits[:, 0])
-    clipped: npt.NDArray[np.bool_] = (accel <= limits[:, 0] + slack) | (
-        accel >= limits[:, 1] - slack
-    )
+    clipped: BoolArray = (accel <= limits[:, 0] + slack) | (accel >= limits[:, 1] - slack)
     rows = np.flatnonzero(clipped.any(axis=1))
     out = accel.copy()
     out[rows] = np.nan

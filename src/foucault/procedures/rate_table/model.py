@@ -339,7 +339,7 @@ def simulated(
     """Simulate a session; what is wrong with table and fixture is drawn from the settings.
 
     `model`: errors of the instrument, asymmetry and cubic terms are drawn where it has none;
-    `noise`: its noise [SI]; `seed`: seed of table, instrument and noise [1].
+    `seed`: seed of table, instrument and noise [1].
     """
     rng = np.random.default_rng([seed, 3])
     rates = in_si(settings.rates or session.rates)

@@ -8,7 +8,6 @@ rest known for sure, turns counted in full, and nothing known beforehand.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import starmap
@@ -19,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector, Layout, Prior
 from foucault.diagnose import systematic as judge
 from foucault.diagnose.checks import HARDLY, hardly
 from foucault.diagnose.foresight import Extra, Foresight
@@ -154,11 +153,8 @@ def _begun(problem: SystematicProblem, sequence: CalibrationSequence) -> FloatAr
     return np.asarray(sequence.at(problem.increments.time[[problem.first]])[0][0])
 
 
-def instrument_of(settings: Settings, prior: Mapping[str, tuple[float, float]]) -> ImuModel:
-    """Return the instrument that a prior expects: without errors but for the means in it.
-
-    `prior`: mean and standard deviation of coefficients or groups of coefficients [SI].
-    """
+def instrument_of(settings: Settings, prior: Prior) -> ImuModel:
+    """Return the instrument that a prior expects: without errors but for the means in it."""
     given = CoefficientVector.prior(settings.sensors.layout, dict(prior))
     if settings.model is not None:
         given = settings.model.general(given)
@@ -453,9 +449,7 @@ def _blind(states: CoefficientVector) -> list[str]:
     return [terms(largest_shares(states.layout, v), dots=True) for v in blind]
 
 
-def _warned(
-    found: Foreseen, settings: Settings, prior: Mapping[str, tuple[float, float]]
-) -> list[Finding]:
+def _warned(found: Foreseen, settings: Settings, prior: Prior) -> list[Finding]:
     """Say what will not be seen, and whether a calibration will refuse that."""
     states = found.states
     out = judge.unseen_of(states, prior_of(settings.sensors, {}).prior_sd)

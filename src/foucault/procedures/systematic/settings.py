@@ -319,7 +319,7 @@ def simulated(
     """Simulate a session.
 
     `model`: errors of the instrument, where they have no deflection it is drawn, if there is a
-    model; `noise`: its noise [SI]; `seed`: seed of deflection, table and noise [1].
+    model; `seed`: seed of deflection, table and noise [1].
     """
     sequence = planned(settings, session)
     rng = np.random.default_rng([seed, 12])

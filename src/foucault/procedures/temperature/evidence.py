@@ -24,9 +24,8 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 from foucault.diagnose.comparable import Site, gravity_errors
 from foucault.errors import error, suggestion
@@ -56,38 +55,20 @@ SENSORS = ("gyro", "accel")
 
 @dataclass(frozen=True)
 class Session:
-    """One calibration and its temperature.
+    """One calibration and its temperature."""
 
-    Attributes
-    ----------
-    name : str
-        How to call it.
-    result : Result
-        The calibration [SI].
-    temperature : float
-        Mean over the session [K].
-    low, high : float
-        Lowest and highest in the session [K].
-    """
-
-    name: str
-    result: Result
-    temperature: float
-    low: float
-    high: float
+    name: str  # how to call it
+    result: Result  # the calibration [SI]
+    temperature: float  # mean over the session [K]
+    low: float  # lowest in the session [K]
+    high: float  # highest [K]
 
     @classmethod
     def of(cls, name: str, result: Result, declared: float | None = None) -> Session:
         """Take the temperature from the log of the session, or as declared.
 
-        Parameters
-        ----------
-        name : str
-            How to call it.
-        result : Result
-            The calibration [SI].
-        declared : float or None
-            Temperature of the session, where its log has none or says it wrongly [K].
+        `name`: how to call it; `declared` or None: temperature of the session, where its log has
+        none or says it wrongly [K].
         """
         _suits(name, result)
         if declared is not None:
@@ -193,7 +174,7 @@ def plausible(temperature: float, name: str) -> None:
 
 def of_sessions(
     sessions: Sequence[Session], layout: Layout, unit: FloatArray, basis: FloatArray,
-    family: npt.NDArray[np.int64], constants: int,
+    family: IntArray, constants: int,
 ) -> list[Evidence]:  # fmt: skip
     """Return what sessions say, in units of `unit`.
 
@@ -361,13 +342,13 @@ class Task:
     held: Mapping[str, float]
     order: tuple[Coefficient, ...]  # both, in the order of the fullest session
     families: tuple[str, ...]  # families of the n coefficients
-    family: npt.NDArray[np.int64]  # (n,) the family of each [1]
+    family: IntArray  # (n,) the family of each [1]
     unit: FloatArray  # (n,) typical uncertainty of the family of each [SI]
     spaces: Spaces  # functions that each family may have
     evidence: tuple[Evidence, ...]  # sessions, then parts of ramps
     template: TemperatureModel  # reference, range and knots; no weights yet
     # (families,) at how many temperatures sessions tell each family [1]
-    temperatures: npt.NDArray[np.int64]
+    temperatures: IntArray
 
 
 def task_of(sessions: Sequence[Session], settings: Settings, ramps: Sequence[Ramp]) -> Task:
@@ -497,9 +478,7 @@ def _coefficients(
     return tuple(rows.values()), {n: v for n, v in held.items() if n not in free}
 
 
-def _units(
-    sessions: Sequence[Session], layout: Layout, family: npt.NDArray[np.int64]
-) -> FloatArray:
+def _units(sessions: Sequence[Session], layout: Layout, family: IntArray) -> FloatArray:
     """Return the typical uncertainty of the family of each coefficient [SI]."""
     total, count = np.zeros(len(layout)), np.zeros(len(layout))
     for session in sessions:
@@ -512,9 +491,7 @@ def _units(
     return np.asarray(np.sqrt(total[family] / count[family]))
 
 
-def _counts(
-    sessions: Sequence[Session], layout: Layout, family: npt.NDArray[np.int64]
-) -> npt.NDArray[np.int64]:
+def _counts(sessions: Sequence[Session], layout: Layout, family: IntArray) -> IntArray:
     """Return at how many temperatures each family is known: that of its worst known member."""
     out = np.full(int(family.max()) + 1, np.iinfo(np.int64).max)
     for name, f in zip(layout.names, family, strict=True):
@@ -550,8 +527,8 @@ def _range(
 
 
 def _tops(
-    families: tuple[str, ...], layout: Layout, family: npt.NDArray[np.int64],
-    counts: npt.NDArray[np.int64], settings: Settings, ramps: Sequence[Ramp],
+    families: tuple[str, ...], layout: Layout, family: IntArray,
+    counts: IntArray, settings: Settings, ramps: Sequence[Ramp],
 ) -> list[int]:  # fmt: skip
     """Return the number of the largest space that each family may have."""
     tops = []
@@ -576,7 +553,7 @@ def _tops(
 
 
 def _spaces(
-    tops: Sequence[int], family: npt.NDArray[np.int64], template: TemperatureModel, constants: int
+    tops: Sequence[int], family: IntArray, template: TemperatureModel, constants: int
 ) -> Spaces:
     """Return the nested functions: powers of temperature, or constant, line and all knots."""
     half, knots = max(0.5 * (template.high - template.low), SAME), template.knots

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Prior
 from foucault.diagnose import transfer_motion as delay_checks
 from foucault.diagnose.transfer import Evidence
 from foucault.diagnose.transfer_motion import BENDS
@@ -121,18 +121,16 @@ def problem_of(
     site: Site,
     settings: Settings,
     noise: ImuNoise | None,
-    given: Mapping[str, tuple[float, float]],
+    given: Prior,
     *,
     sizes: Sizes | None = None,
     match: bool = True,
 ) -> TransferProblem:
     """Bring both to one clock, find the delay to start from, and the state at the start.
 
-    `log`: readings of the slave beside what its master said [SI]; `site`: where it begins, see
-    `input.there`; `noise`: noise of the slave [SI], None takes that
-    of a tactical instrument; `given`: mean and standard deviation of coefficients or groups of
-    coefficients [SI]; `sizes` or None: of what is not estimated [SI]; `match`: whether what both
-    turned is compared, a simulated session without errors need not be.
+    `site`: where it begins, see `input.there`; `noise`: noise of the slave [SI], None takes that of
+    a tactical instrument; `match`: whether what both turned is compared, a simulated session
+    without errors need not be.
     """
     hand_over, table, increments = common(log, even(placed(log.messages, site)), settings)
     said, told = table.messages, [*([] if noise else [assumed_noise()]), *increments.findings]

@@ -282,7 +282,7 @@ def simulated(
 ) -> TransferSession:
     """Simulate a session.
 
-    `noise`: noise of the slave [SI]; `seed`: seed of installation, compliance and noise [1].
+    `seed`: seed of installation, compliance and noise [1].
     """
     motion = moved(session.motion, site)
     return simulate_motion(motion, session, settings, model, noise, seed, site.anomaly)
@@ -294,9 +294,8 @@ def simulate_motion(
 ) -> TransferSession:  # fmt: skip
     """Simulate a session of any motion.
 
-    `session`: how its messages come, and how the slave is fixed; `noise`: its noise [SI]; `seed`:
-    seed of installation, compliance and noise [1]; `gravity_offset`: local minus normal gravity
-    [m/s^2].
+    `session`: how its messages come, and how the slave is fixed; `seed`: seed of installation,
+    compliance and noise [1]; `gravity_offset`: local minus normal gravity [m/s^2].
     """
     mount = settings.mount
     rng = np.random.default_rng([seed, 22])

@@ -303,10 +303,7 @@ class SlaveLog(Log):
 
     @classmethod
     def of(cls, log: Log, master: MasterTable) -> SlaveLog:
-        """Return the log of a slave beside what its master said.
-
-        `log`: readings of the slave [SI]; `master`: messages of the master [SI].
-        """
+        """Return the log of a slave beside what its master said."""
         told = (*on_a_shared_clock(log.findings), *master.findings)
         own = {f.name: getattr(log, f.name) for f in fields(Log)}
         return cls(**own | {"findings": told, "master": master})
@@ -322,7 +319,7 @@ class SlaveLog(Log):
 def with_master(log: Log, description: MasterDescription, folder: str | Path) -> SlaveLog:
     """Read the table of the master beside the log of a slave.
 
-    `log`: readings of the slave [SI]; `folder`: folder that a relative file name starts from.
+    `folder`: folder that a relative file name starts from.
     """
     assert description.file is not None
     table, file = masters.read(description, folder), Path(folder) / description.file
@@ -361,10 +358,7 @@ LONGEST_GAP = 0.25
 
 
 def heard(table: MasterTable, settings: Settings) -> tuple[Settings, list[Finding]]:
-    """Return the settings for what a master says: some say no vertical velocity, and write zero.
-
-    `table`: messages of the master [SI].
-    """
+    """Return the settings for what a master says: some say no vertical velocity, and write zero."""
     used = settings.matched.vertical and settings.matching != "attitude"
     if not used or table.velocity_n[:, 2].any():
         return settings, []
@@ -373,8 +367,6 @@ def heard(table: MasterTable, settings: Settings) -> tuple[Settings, list[Findin
 
 def usable(log: SlaveLog) -> SlaveLog:
     """Return the log without spikes, each message once; refuse it backwards or not finite.
-
-    `log`: readings of the slave beside what its master said [SI].
 
     Logs read from files are whole already.
     """
@@ -404,10 +396,7 @@ def stamp(time: float) -> str:
 
 
 def placed(table: MasterTable, site: Site) -> MasterTable:
-    """Return the table with positions: those of a master that has none begin at the site.
-
-    `table`: messages [SI].
-    """
+    """Return the table with positions: those of a master that has none begin at the site."""
     if table.has_place:
         return table if table.height is not None else table.from_place(0.0, site.height)
     if site.latitude is None:
@@ -416,10 +405,7 @@ def placed(table: MasterTable, site: Site) -> MasterTable:
 
 
 def there(site: Site, table: MasterTable) -> tuple[Site, list[Finding]]:
-    """Return the site where the run begins: a master that says its position knows it better.
-
-    `table`: messages [SI].
-    """
+    """Return the site where the run begins: a master that says its position knows it better."""
     if table.latitude is None or table.longitude is None:
         return site, []
     latitude = float(table.latitude[0])
@@ -443,8 +429,6 @@ def even(table: MasterTable) -> MasterTable:
 
     The master's own stamps are even: the straight line of arrival over stamp is one clock against
     the other, and the mean of what the messages are late, which is part of the delay.
-
-    `table`: messages [SI].
     """
     if table.arrival is None:
         return table
@@ -458,7 +442,7 @@ def common(
 ) -> tuple[float, MasterTable, Increments]:
     """Return when the slave is handed over, the messages until then, and the slave beside them.
 
-    `log`: readings of the slave [SI]; `table`: messages, with positions [SI].
+    `table`: messages, with positions [SI].
     """
     time = table.messages.time
     first, last = float(log.time[0]), float(log.time[-1])
