@@ -450,6 +450,7 @@ class NorthSpace(Space):
 
     allowed: Rig
     known: Known  # instrument, place, and what the solution is told [SI]
+    Plan = Schedule
 
     @classmethod
     def of(
@@ -526,14 +527,6 @@ class NorthSpace(Space):
         return self.known.rough_sd is None or not by_level
 
     # -- plans as text -------------------------------------------------------------------------
-
-    def as_json(self, plan: Schedule) -> dict[str, list[int]]:
-        """Return a plan as plain values."""
-        return {"index": list(plan.index), "dwell": list(plan.dwell)}
-
-    def from_json(self, plain: Mapping[str, Any]) -> Schedule:
-        """Return the plan that `as_json` wrote, here `plain`."""
-        return Schedule(tuple(plain["index"]), tuple(plain["dwell"]))
 
     def changes(self, plan: Schedule) -> dict[str, dict[str, Any]]:
         """Return what makes a campaign do this plan: keys of its tables, as in the file.

@@ -20,12 +20,13 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from math import exp, inf, isfinite, log
 from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import Layout
@@ -64,6 +65,7 @@ class Space:
     # plan as it is done, case -> sd of each that would be stated, shape (n,) [SI]
     stated: Callable[[Any, str], FloatArray]
     findings: tuple[Finding, ...] = ()  # what was noticed of what is assumed
+    Plan: ClassVar[type | None] = None  # dataclass of its plans, where they are none of tuples
 
     def __getstate__(self) -> dict[str, Any]:
         # What is remembered stays behind: not all of it can be sent to another process.
@@ -102,10 +104,12 @@ class Space:
 
     def as_json(self, plan: Any) -> Any:
         """Return a plan as plain values: as it is, where it is of tuples and numbers."""
-        return plan
+        return plan if self.Plan is None else asdict(plan)
 
     def from_json(self, plain: Any) -> Any:
         """Return the plan that `as_json` wrote."""
+        if self.Plan is not None:
+            return TypeAdapter(self.Plan).validate_python(plain)
         return tuple(map(self.from_json, plain)) if isinstance(plain, list | tuple) else plain
 
     def changes(self, plan: Any) -> Mapping[str, Mapping[str, Any]]:

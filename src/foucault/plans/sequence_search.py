@@ -305,6 +305,7 @@ class SystematicSpace(QuickSpace):
     # the same where what is not estimated is nothing: what a sequence does not show even then
     alone: Callable[[CalibrationSequence], FloatArray]
     hidden = UNSEEN
+    Plan = SpinPlan
 
     @property
     def aim(self) -> str:
@@ -374,23 +375,6 @@ class SystematicSpace(QuickSpace):
     def done(self, plan: SpinPlan | CalibrationSequence) -> CalibrationSequence:
         """Return a plan as it is done."""
         return plan if isinstance(plan, CalibrationSequence) else self.allowed.sequence(plan)
-
-    def as_json(self, plan: SpinPlan) -> dict[str, Any]:
-        """Return a plan as plain values."""
-        return {
-            "rests": list(plan.rests), "poses": [list(pose) for pose in plan.poses],
-            "turns": plan.turns, "rate": plan.rate, "before": plan.before, "after": plan.after,
-            "quarters": [list(turn) for turn in plan.quarters],
-        }  # fmt: skip
-
-    def from_json(self, plain: Any) -> SpinPlan:
-        """Return the plan that `as_json` wrote."""
-        return SpinPlan(
-            tuple(int(t) for t in plain["rests"]),
-            tuple((float(a), float(b)) for a, b in plain["poses"]),
-            int(plain["turns"]), float(plain["rate"]), int(plain["before"]), int(plain["after"]),
-            tuple((str(axis), int(number)) for axis, number in plain.get("quarters", ())),
-        )  # fmt: skip
 
     def changes(self, plan: SpinPlan) -> Mapping[str, Mapping[str, Any]]:
         """Return the keys of [procedure] and [simulate] that make a campaign do this plan."""

@@ -406,6 +406,19 @@ def shares(labels: Sequence[str], share: Mapping[str, FloatArray], alt: str) -> 
     )
 
 
+def parted(
+    names: Sequence[str], values: FloatArray, some: Iterable[tuple[Any, str, str, str]], hover: str
+) -> list[Trace]:
+    """Return a dot for each name in a row of its own: `some` are rows, word, colour, symbol."""
+    return [
+        dots(
+            word, values[rows], [n for n, p in zip(names, rows, strict=True) if p], colour, hover,
+            size=9, symbol=symbol,
+        )
+        for rows, word, colour, symbol in some if rows.any()
+    ]  # fmt: skip
+
+
 FULL = 0.99  # Robust weight above which an observation counts in full [1].
 
 

@@ -16,12 +16,12 @@ from foucault.report.chart import (
     INK,
     WARNING,
     axis,
-    dots,
     draw,
     heat,
     level,
     line,
     names_axis,
+    parted,
     shaded,
     upright,
     whiskers,
@@ -526,22 +526,8 @@ def _dates(places: Sequence[str]) -> dict[str, Any]:
 def _in_sd(names: Sequence[str], z: FloatArray, limit: float, what: str) -> Figure:
     """Draw changes over their standard deviations, with the limit that all of them share."""
     far = np.abs(z) > limit
-    data = [
-        dots(
-            word,
-            z[pick],
-            [n for n, p in zip(names, pick, strict=True) if p],
-            colour,
-            "%{y}: %{x:.2f} sd|",
-            size=9,
-            symbol=symbol,
-        )
-        for pick, word, colour, symbol in (
-            (~far, "within chance", FIRST, "circle"),
-            (far, "beyond chance", WARNING, "diamond"),
-        )
-        if pick.any()
-    ]
+    fine, odd = (~far, "within chance", FIRST, "circle"), (far, "beyond chance", WARNING, "diamond")
+    data = parted(names, z, (fine, odd), "%{y}: %{x:.2f} sd|")
     top = 1.1 * max(limit, float(np.max(np.abs(z), initial=0.0)))
     return draw(
         "compare.in_sd",
