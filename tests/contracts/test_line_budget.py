@@ -26,7 +26,7 @@ BUDGET = {
     "models": 6_136,
     "navigate": 2_101,
     "plans": 5_942,
-    "procedures": 20_251,
+    "procedures": 20_243,
     "recognise": 3_024,
     "report": 10_560,
     "records": 1_601,

@@ -551,8 +551,6 @@ class Procedure(Generic[S, N]):
         )
 
 
-Checked = TypeVar("Checked")
-
 # -- of a calibration --------------------------------------------------------------------------
 
 Quadratic = Annotated[bool, Field(description="Estimate the accelerometers' quadratic terms too.")]
@@ -662,22 +660,20 @@ class Robust(Strict):
         return self.loss == "robust"
 
 
-def located(info: ValidationInfo, check: Callable[[], Checked]) -> Checked:
-    """Return what `check` does; where a file is read (`info` says so) its error names the key."""
-    try:
-        return check()
-    except FoucaultError as problem:
-        if "locate" in (info.context or ()):
-            raise ValueError(problem) from None
-        raise
-
-
 def checked(check: Callable[[Any], object]) -> AfterValidator:
-    """Return the mark of a field that stays as it is given, where `check` does not refuse it."""
+    """Return the mark of a field that stays as it is given, where `check` does not refuse it.
+
+    Where a file is read the error names the key.
+    """
 
     def after(given: Any, info: ValidationInfo) -> Any:
-        if given is not None:
-            located(info, lambda: check(given))
+        try:
+            if given is not None:
+                check(given)
+        except FoucaultError as problem:
+            if "locate" in (info.context or ()):
+                raise ValueError(problem) from None
+            raise
         return given
 
     return AfterValidator(after)

@@ -15,10 +15,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
 from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector
@@ -52,7 +52,7 @@ from foucault.procedures.platform_tumble.settings import (
     draw_errors,
     simulated,
 )
-from foucault.procedures.record import Beforehand, Stated, located
+from foucault.procedures.record import Beforehand, Stated, checked
 from foucault.simulate.tumble import TumbleSimulation
 from foucault.strict import Strict
 from foucault.tables import AXES, Log
@@ -256,7 +256,9 @@ class Wanted(Strict):
     worst: float = Field(default=1.5, gt=0)
     """No coefficient that counts should get worse than so many times its sd under the plan to beat;
     ignored where the rig cannot do that plan."""
-    latitudes: tuple[str, ...] = LATITUDES
+    latitudes: Annotated[tuple[str, ...], checked(lambda given: [*map(_latitude, given)])] = (
+        LATITUDES
+    )
     """Where the plan found is compared, beside the site."""
     truths: int = Field(default=4, ge=0)
     """With so many drawn clusters the plan found is compared."""
@@ -264,12 +266,6 @@ class Wanted(Strict):
         default={}, examples=[{"gyro.drift": 2.0, "accel.quadratic": 0.0}]
     )
     """How much coefficients or groups of them count; 1 if left out."""
-
-    @field_validator("latitudes", mode="after")
-    @classmethod
-    def _are_latitudes(cls, given: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        located(info, lambda: [_latitude(text) for text in given])
-        return tuple(dict.fromkeys(given))
 
 
 def in_case(b: Beforehand[Settings, Session], plan: TorquingPlan, case: str) -> Planned:
@@ -317,7 +313,7 @@ def space(b: Beforehand[Settings, Session]) -> TorquingSpace:
         gravity=site.gravity,
     )
     possible = all(limit.kept for limit in needs(reference, settings.limits))
-    cases = [HERE, *(f"latitude {text}" for text in wanted.latitudes)]
+    cases = [HERE, *(f"latitude {text}" for text in dict.fromkeys(wanted.latitudes))]
     cases += [f"cluster {k}" for k in range(1, wanted.truths + 1)]
     return TorquingSpace(
         allowed=allowed,
