@@ -22,11 +22,13 @@ from foucault.arrays import FloatArray
 from foucault.display import Shown
 from foucault.errors import error, suggestion
 
-NARROWEST = 1e-30
-"""Squares of smaller standard deviations are no numbers to calculate with [SI]."""
+NARROWEST = 1e-30  # Squares of smaller standard deviations are no numbers to calculate with [SI].
 
 COVARIANCE_TOLERANCE = 1e-6
 """How far a stored correlation matrix may be from symmetric and positive, as rounding [1]."""
+
+Prior = Mapping[str, tuple[float, float]]
+"""Mean and standard deviation of coefficients or groups of coefficients [SI]."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,7 @@ class CoefficientVector(Shown):
             object.__setattr__(self, "prior_sd", np.full(n, np.inf))
 
     @classmethod
-    def prior(cls, layout: Layout, given: Mapping[str, tuple[float, float]]) -> CoefficientVector:
+    def prior(cls, layout: Layout, given: Prior) -> CoefficientVector:
         """Return what is known of the coefficients of `layout` beforehand.
 
         Parameters

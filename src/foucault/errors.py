@@ -88,8 +88,7 @@ ADVICE: dict[Status, str] = {
 }
 
 
-ROOM = 16
-"""Words that names in a message take at most [1]."""
+ROOM = 16  # Words that names in a message take at most [1].
 
 
 def some(names: Sequence[str]) -> str:

@@ -18,14 +18,12 @@ from typing import IO, Any
 
 from foucault.errors import FoucaultError, error
 
-HEAD = 4096
-"""So much of the beginning of a file tells what it is [byte]."""
+HEAD = 4096  # So much of the beginning of a file tells what it is [byte].
 
 LONGEST_TEXT = 16 << 20
 """Longest text that a person writes, such as a campaign with a list of positions [byte]."""
 
-DEEPEST = 64
-"""So many tables and lists inside one another say more than anybody can mean [1]."""
+DEEPEST = 64  # So many tables and lists inside one another say more than anybody can mean [1].
 
 TOO_DEEP = f"tables or lists are nested more than {DEEPEST} deep"
 

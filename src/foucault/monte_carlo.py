@@ -19,8 +19,7 @@ Trial = Callable[[int, np.random.SeedSequence], Row]
 S = TypeVar("S")
 T = TypeVar("T")
 
-AHEAD = 2
-"""Items that are begun, or done and not yet asked for, per worker [1]."""
+AHEAD = 2  # Items that are begun, or done and not yet asked for, per worker [1].
 
 
 class Map(Protocol):

@@ -22,8 +22,7 @@ from foucault.files import plain_json
 from foucault.models.temperature import TemperatureModel
 from foucault.result import Check, Level, Result, TimeBase, Verdict
 
-SCHEMA = "foucault.result/1"
-"""Name and version of the document."""
+SCHEMA = "foucault.result/1"  # Name and version of the document.
 
 MIGRATIONS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {}
 """Schema name of an older document -> the step that makes the next version of it.

@@ -49,8 +49,7 @@ if TYPE_CHECKING:
 
     from foucault.result_document import ResultDocument
 
-Columns = Mapping[str, tuple[Any, str]]
-"""Name of a column -> its values and their SI unit."""
+Columns = Mapping[str, tuple[Any, str]]  # Name of a column -> its values and their SI unit.
 
 File = bytes | Callable[[Path], None]
 """What stands in a file, or what writes it."""
@@ -62,8 +61,7 @@ TABLE_FOLDER = "tables"
 SESSION_FOLDER, STATE_FILE, ENOUGH_FILE = "session", "guide.json", "enough"
 """Of a guided session: what was recorded, what it shows by now, and a file that ends it."""
 
-RESOLVED = b"# The campaign with every default filled in"
-"""So begins the campaign of a run."""
+RESOLVED = b"# The campaign with every default filled in"  # So begins the campaign of a run.
 
 _TABLE_NAME = re.compile(r"\w+\.[0-9a-f]{8}\.parquet")
 

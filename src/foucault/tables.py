@@ -26,14 +26,9 @@ if TYPE_CHECKING:
 
 AXES = ("x", "y", "z")
 
-GAP = 1.5
-"""An interval longer than this many usual ones is a gap [1]."""
-
-LATE = 3
-"""So many stamps in a row may be late [1]."""
-
-EVEN = 1e-6
-"""Intervals that differ by no more are one, rounded in the last places [1]."""
+GAP = 1.5  # An interval longer than this many usual ones is a gap [1].
+LATE = 3  # So many stamps in a row may be late [1].
+EVEN = 1e-6  # Intervals that differ by no more are one, rounded in the last places [1].
 
 ROUNDED, NEAR = (1e-2, 1e-3, 1e-4), 1e-2
 """Last places to which stamps are rounded [s], and by how much of one they miss it [1]."""
@@ -187,8 +182,7 @@ class TableColumns:
         )
 
 
-MOST_SAMPLES = 20_000_000
-"""Longest log that is simulated: 55 hours at 100 Hz [1]."""
+MOST_SAMPLES = 20_000_000  # Longest log that is simulated: 55 hours at 100 Hz [1].
 
 SAMPLE_SIZE = 200
 """What a sample takes while it is simulated, in all columns and their halfway stages [byte]."""
@@ -433,8 +427,7 @@ def ranges(log: Log) -> dict[str, Any]:
     return out | temperature_range(log)
 
 
-SPIKES = 1e-3
-"""Part of the rates on either side that may be spikes, and no range [1]."""
+SPIKES = 1e-3  # Part of the rates on either side that may be spikes, and no range [1].
 
 
 def range_below_g(log: Log, gravity: float, tail: float = 0.0) -> dict[str, Any]:

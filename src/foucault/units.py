@@ -32,8 +32,7 @@ if TYPE_CHECKING:
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of free fall, the ``g`` of every unit string [m/s^2] (CGPM 1901)."""
 
-ZERO_CELSIUS = 273.15
-"""0 degC [K]."""
+ZERO_CELSIUS = 273.15  # 0 degC [K].
 
 CELSIUS = ("degC", "°C", "C", "celsius")
 """Names of the one unit with an offset; only a temperature may be given in it."""
@@ -344,8 +343,7 @@ def _is_real(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-SMALLEST = 1e-60
-"""Nothing that a person gives is so small, and nothing one over this [SI]."""
+SMALLEST = 1e-60  # Nothing that a person gives is so small, and nothing one over this [SI].
 
 SIZES = {
     "time": (1e-12, 1e15), "delay": (1e-12, 1e15), "angle": (SMALLEST, 1e15),
@@ -401,9 +399,11 @@ Seconds = Annotated[float, Quantity("time")]
 Angle = Annotated[float, Quantity("angle")]
 Rate = Annotated[float, Quantity("angular rate")]
 Ratio = Annotated[float, Quantity("scale factor error")]
+Length = Annotated[float, Quantity("length")]
+Velocity = Annotated[float, Quantity("velocity")]
+Force = Annotated[float, Quantity("specific force")]
 
 AngleSd = Annotated[float, Le(math.pi), Quantity("angle")]
 """An sd of half a turn says that nothing is known; beyond it, it only spoils the arithmetic."""
 
-RatioSd = Annotated[float, Le(1.0), Quantity("scale factor error")]
-"""Likewise an sd of the whole."""
+RatioSd = Annotated[float, Le(1.0), Quantity("scale factor error")]  # Likewise an sd of the whole.

@@ -191,7 +191,7 @@ def test_terms_add_up_to_the_error() -> None:
                          velocity=(0.01, -0.02))  # fmt: skip
     fit = schuler.fit(age, error, PLACE, gyro_white=1e-9, accel_white=1e-7)
     assert sum(at_end(fit).values()) == pytest.approx(error[-1], rel=5e-3)
-    assert fit.fitted == pytest.approx(fit.observed, abs=5e-3 * np.abs(error).max())
+    assert fit.parts.sum(axis=2) == pytest.approx(fit.observed, abs=5e-3 * np.abs(error).max())
 
 
 def test_a_wandering_bias_widens_the_standard_deviations() -> None:

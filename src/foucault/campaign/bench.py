@@ -11,9 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from foucault.errors import FoucaultError
 from foucault.logs.reading import ManyLogs
 from foucault.models.noise import Readings
@@ -26,8 +25,7 @@ and more, and biases of 50 mg turn two by six. Rates of spins within twice this 
 LIKE = 0.25
 """Sizes within this of each other are of one unit; at rest a gyro reads less of the rate [1]."""
 
-PATTERNS = 20
-"""So many instruments are looked at for others that are like them [1]."""
+PATTERNS = 20  # So many instruments are looked at for others that are like them [1].
 
 Alone = Callable[[str, "Log | FoucaultError"], "Readings | FoucaultError"]
 """Serial number and log -> its readings in the order of the plan, or why there are none."""
@@ -80,7 +78,7 @@ def _order(many: ManyLogs, i: int, found: Readings) -> IntArray | None:
 
 def _like(
     many: ManyLogs, i: int, waiting: IntArray, found: Readings, order: IntArray
-) -> npt.NDArray[np.intp]:
+) -> IndexArray:
     """Return those of `waiting` that are arranged as instrument `i` is."""
     count = np.diff(many.first)
     mine = waiting[count[waiting] == count[i]]
@@ -104,7 +102,7 @@ def _like(
     return np.asarray(mine[good])
 
 
-def _near(x: FloatArray, like: FloatArray, angle: float) -> npt.NDArray[np.bool_]:
+def _near(x: FloatArray, like: FloatArray, angle: float) -> BoolArray:
     """Tell which of `x` (N, n, 3) have the directions and about the sizes of `like` (n, 3)."""
     with np.errstate(invalid="ignore", divide="ignore"):
         size, wanted = np.linalg.norm(x, axis=2), np.linalg.norm(like, axis=1)
@@ -114,7 +112,7 @@ def _near(x: FloatArray, like: FloatArray, angle: float) -> npt.NDArray[np.bool_
 
 
 def _take(
-    many: ManyLogs, like: npt.NDArray[np.intp], found: Readings, order: IntArray, out: Arranged
+    many: ManyLogs, like: IndexArray, found: Readings, order: IntArray, out: Arranged
 ) -> None:
     """Put down the readings of those that are like one whose were `found`."""
     for k in like.tolist():

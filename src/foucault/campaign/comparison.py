@@ -57,11 +57,8 @@ from foucault.units import plain
 
 KEYS = ("folder", "date", "instrument", "label")
 
-DATED = 1e8
-"""Times since 1970 are larger, and lengths of time smaller [s]."""
-
-ONE = "the instrument"
-"""What an instrument without a name is called."""
+DATED = 1e8  # Times since 1970 are larger, and lengths of time smaller [s].
+ONE = "the instrument"  # What an instrument without a name is called.
 
 
 @dataclass(frozen=True)
@@ -296,8 +293,8 @@ def record(
 ) -> Record:
     """Return what the folder of a comparison keeps.
 
-    `comparison`: what was found [SI]; `seconds`: how long it took [s]; `ties` (k,): numbers of
-    two results [1], and how the instrument of the second lies in the axes of the first.
+    `seconds`: how long it took [s]; `ties` (k,): numbers of two results [1], and how the instrument
+    of the second lies in the axes of the first.
     """
     c = comparison
     number = {id(e): i for i, e in enumerate(c.entries)}

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from foucault import procedures
 from foucault.campaign.tables import joined, kind_of_group, parse_at, validate
+from foucault.coefficients import Prior
 from foucault.errors import FoucaultError, Status, error
 from foucault.files import sha256
 from foucault.models.layouts import EVERY
@@ -162,11 +163,8 @@ def foreseen(
     return replace(found, coefficients=vector, hardly=hardly)
 
 
-def with_given(result: Result, prior: Mapping[str, tuple[float, float]]) -> Result:
-    """Return a result that remembers which prior it was given.
-
-    `prior`: mean and standard deviation of coefficients or groups [SI].
-    """
+def with_given(result: Result, prior: Prior) -> Result:
+    """Return a result that remembers which prior it was given."""
     if not prior:
         return result
     given = {name: [mean, sd] for name, (mean, sd) in prior.items()}

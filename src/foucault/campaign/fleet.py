@@ -26,10 +26,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import logs, monte_carlo, procedures, run_folder
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.campaign import bench, earlier
 from foucault.campaign.reading import Campaign
 from foucault.campaign.running import (
@@ -66,8 +65,7 @@ from foucault.simulate.table import (
 )
 from foucault.tables import AXES, Clock, Log, whole_samples
 
-BROKEN = "broken"
-"""Status of an instrument without a result."""
+BROKEN = "broken"  # Status of an instrument without a result.
 
 TRIADS = ("accel", "gyro")
 
@@ -154,7 +152,7 @@ class FleetTable:
         return len(self.rows)
 
     @property
-    def good(self) -> npt.NDArray[np.bool_]:
+    def good(self) -> BoolArray:
         """Which instruments have a result, shape (N,)."""
         return np.array([r.problem is None for r in self.rows], bool)
 
@@ -358,8 +356,7 @@ def _of_table(columns: Mapping[str, Any], names: Sequence[str], i: int) -> Row:
 Report = Callable[[Path], Path]
 Entry = tuple[str, "Log | FoucaultError"]
 
-LONGEST = 80
-"""Longest name of a folder that is made of a serial number [1]."""
+LONGEST = 80  # Longest name of a folder that is made of a serial number [1].
 
 
 @dataclass
@@ -429,10 +426,9 @@ def run(
 
     `tolerance`: what coefficients may be, None decides nothing; `report`: writes the report of a
     run folder and returns its path, None writes none; `table_only`: whether the table is all that
-    is kept, without a run folder for each; `workers`: threads [1]; `progress`: called
-    with the fraction done and what is being done. Returns a row per instrument, those without a
-    result last. Raises mistakes in the campaign, and ``fleet.nothing`` where no instrument has a
-    result.
+    is kept, without a run folder for each; `workers`: threads [1]. Returns a row per instrument,
+    those without a result last. Raises mistakes in the campaign, and ``fleet.nothing`` where no
+    instrument has a result.
     """
     earlier.refuse(campaign, "a fleet")
     started, folder = clock.monotonic(), Path(folder)

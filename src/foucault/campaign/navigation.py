@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from pydantic import Field
@@ -40,7 +40,7 @@ from foucault.procedures.navigation.start import Settings
 from foucault.procedures.record import Stretch
 from foucault.run_folder import Record
 from foucault.tables import declared
-from foucault.units import Quantity, Rate
+from foucault.units import Force, Rate
 
 if TYPE_CHECKING:
     from foucault.diagnose.navigation import Budget
@@ -61,9 +61,8 @@ def run(
     `log`: a campaign file of any procedure, for its log, site, noise and instrument, a log that
     Foucault has written, or a file whose titles carry the units; `said` or None: what is said
     beside it; `settings` or None: what can be chosen [SI]; `calibration` or None: run folder or
-    result.json of the calibration; `reference` or None: file of positions, velocities or angles
-    of the same clock; `progress`: called with the fraction done and what is being done. Returns
-    trajectories, errors, contributions [SI].
+    result.json of the calibration; `reference` or None: file of positions, velocities or angles of
+    the same clock. Returns trajectories, errors, contributions [SI].
     """
     settings = settings or Settings()
     # What is wrong with the small files shows before a long log is read.
@@ -91,10 +90,7 @@ def _whole_place(where: Mapping[str, Any]) -> None:
 
 
 def document(test: NavigationTest) -> dict[str, Any]:
-    """Return everything that navigation.json says but its schema and the hashes.
-
-    `test`: what was found [SI].
-    """
+    """Return everything that navigation.json says but its schema and the hashes."""
     t = test.runs[0].trajectory
     return {
         "verdict": str(test.verdict.level),
@@ -206,15 +202,11 @@ def _at_end(x: FloatArray) -> dict[str, float]:
 Columns = dict[str, tuple[Any, str]]
 
 ENU = ("east", "north", "up")
-WITHOUT = "without_"
-"""What columns of the run without the calibration begin with."""
+WITHOUT = "without_"  # What columns of the run without the calibration begin with.
 
 
 def tables(test: NavigationTest) -> dict[str, Columns]:
-    """Return every table of a navigation, values and unit of each column.
-
-    `test`: what was found [SI].
-    """
+    """Return every table of a navigation, values and unit of each column."""
     start = (test.runs[0].trajectory.latitude[0], test.runs[0].trajectory.longitude[0],
              test.runs[0].trajectory.height[0])  # fmt: skip
     out = {"trajectory": _trajectory(test.runs[0], start), "budget": _budget(test)}
@@ -345,7 +337,7 @@ class Window(Stretch):
     """Rests at different headings [s]."""
     gyro_bias_sd: Rate | None = Field(default=None, ge=0)
     """How well the gyro biases are known, such as "0.01 deg/h"."""
-    accel_bias_sd: Annotated[float, Quantity("specific force")] | None = Field(default=None, ge=0)
+    accel_bias_sd: Force | None = Field(default=None, ge=0)
     """How well the accelerometer biases are known, such as "50 ug"."""
 
 
@@ -359,10 +351,9 @@ def align(
 ) -> Comparison:
     """Align the log of a file.
 
-    `log`: a campaign file of any procedure, a log that Foucault has written, or a file whose
-    titles carry the units; `said`: site and noise, before what a campaign says of them;
-    `calibration` or None: run folder or result.json of the calibration; `progress`: called with
-    the fraction done and what is being done.
+    `log`: a campaign file of any procedure, a log that Foucault has written, or a file whose titles
+    carry the units; `said`: site and noise, before what a campaign says of them; `calibration` or
+    None: run folder or result.json of the calibration.
     """
     case = opened(log, said, calibration, progress)
     if case.place is None:

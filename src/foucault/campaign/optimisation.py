@@ -49,8 +49,7 @@ Turned = tuple[float, float, tuple[float, float, float]]
 
 FOUND_FILE = "found.json"
 
-GAIN = 0.9995
-"""Ratios above this are no gain: they are written as 1.000 [1]."""
+GAIN = 0.9995  # Ratios above this are no gain: they are written as 1.000 [1].
 
 
 @dataclass(frozen=True)
@@ -239,17 +238,10 @@ def _frozen(value: Any) -> Any:
 
 RESTARTS_FILE = "restarts.parquet"
 
-ROUND = 8
-"""Restarts in one round [1]."""
-
-EVALUATIONS = 4000
-"""Plans that a restart judges, where its procedure does not say how many [1]."""
-
-FINALISTS = 8
-"""So many of the best plans are judged without the approximations of the search [1]."""
-
-AGAIN = 0.2
-"""How hot a descent begins that continues a plan of an earlier round, over `HOT` [1]."""
+ROUND = 8  # Restarts in one round [1].
+EVALUATIONS = 4000  # Plans that a restart judges, where its procedure does not say how many [1].
+FINALISTS = 8  # So many of the best plans are judged without the approximations of the search [1].
+AGAIN = 0.2  # How hot a descent begins that continues a plan of an earlier round, over `HOT` [1].
 
 
 @dataclass(frozen=True)

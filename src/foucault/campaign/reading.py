@@ -242,8 +242,7 @@ def _model(raw: dict[str, Any]) -> type[CampaignFile]:
     return file_with(procedures.load(str(name)).Description if known else LogDescription)
 
 
-SURE = 1e-9
-"""No instrument is known to so small a part of the smallest unit that people use [1]."""
+SURE = 1e-9  # No instrument is known to so small a part of the smallest unit that people use [1].
 
 
 def _prior(name: str, entry: PriorEntry, layout: Layout) -> tuple[float, float]:

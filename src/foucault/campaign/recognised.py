@@ -33,11 +33,8 @@ from foucault.recognise.session import Session, session
 from foucault.run_folder import CAMPAIGN_FILE
 from foucault.tables import Log
 
-FILE = "campaign.toml"
-"""Where the campaign of a bare log would lie, beside the log."""
-
-MOST = 12
-"""Lines that say what was taken [1]."""
+FILE = "campaign.toml"  # Where the campaign of a bare log would lie, beside the log.
+MOST = 12  # Lines that say what was taken [1].
 
 
 @dataclass(frozen=True)

@@ -441,8 +441,8 @@ def opened(
 ) -> Case:  # fmt: skip
     """Read a log, and put together what is known of it.
 
-    `said`: what is said beside it; `calibration` or None: run folder or result.json; `progress`:
-    called with the fraction done and what is being done; `read`: reader of such logs.
+    `said`: what is said beside it; `calibration` or None: run folder or result.json; `read`: reader
+    of such logs.
     """
     # A wrong calibration shows before a long log is read.
     result, known = (None, {}) if calibration is None else calibration_of(Path(calibration))

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import monte_carlo, procedures
-from foucault.arrays import of_arrow
+from foucault.arrays import FloatArray, of_arrow
 from foucault.campaign import earlier
 from foucault.campaign.holding import in_words
 from foucault.campaign.reading import Campaign
@@ -275,7 +275,7 @@ def _row(
     names: Sequence[str],
     status: str,
     result: Result | None = None,
-    truth: npt.NDArray[np.float64] | None = None,
+    truth: FloatArray | None = None,
 ) -> dict[str, Any]:
     n = len(names)
     columns = {key: np.full(n, np.nan) for key in ("error", "sd", "bound")}

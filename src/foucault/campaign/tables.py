@@ -26,7 +26,7 @@ from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import earth, left_out, noise, parts
 from foucault.strict import Strict
-from foucault.units import Quantity
+from foucault.units import Angle, Force, Length, Quantity, Rate, Ratio, Seconds
 
 GRAVITY_LIMITS = (9.7, 9.9)
 """Anything outside is a mistake: gravity on the surface lies in 9.764 .. 9.834 [m/s^2]."""
@@ -65,35 +65,25 @@ class Instrument(Strict):
     """Size of the accelerometers' quadratic terms, instead of that of the grade."""
     accel_cross: Annotated[float, Quantity("quadratic")] | None = Field(default=None, ge=0)
     """Size of the products of two axes in the accelerometers."""
-    accel_asymmetry: Annotated[float, Quantity("scale factor error")] | None = Field(
-        default=None, ge=0
-    )
+    accel_asymmetry: Ratio | None = Field(default=None, ge=0)
     """Size of the asymmetry of the accelerometers' scale factors."""
     gyro_g_sensitivity: Annotated[float, Quantity("g-sensitivity")] | None = Field(
         default=None, ge=0
     )
     """Size of the gyros' g-sensitivity."""
-    gyro_asymmetry: Annotated[float, Quantity("scale factor error")] | None = Field(
-        default=None, ge=0
-    )
+    gyro_asymmetry: Ratio | None = Field(default=None, ge=0)
     """Size of the asymmetry of the gyros' scale factors."""
     gyro_cubic: Annotated[float, Quantity("cubic")] | None = Field(default=None, ge=0)
     """Size of the gyros' cubic terms."""
     gyro_deflection: Annotated[float, Quantity("deflection")] | None = Field(default=None, ge=0)
     """Size of the deflection of the gyros' axes under specific force."""
-    accel_bias_drift: Annotated[float, Quantity("specific force")] | None = Field(
-        default=None, ge=0
-    )
+    accel_bias_drift: Force | None = Field(default=None, ge=0)
     """Size of the drift of the accelerometers' biases over the session, end minus start."""
-    gyro_bias_drift: Annotated[float, Quantity("angular rate")] | None = Field(default=None, ge=0)
+    gyro_bias_drift: Rate | None = Field(default=None, ge=0)
     """Size of the drift of the gyros' biases over the session, end minus start."""
-    accel_scale_drift: Annotated[float, Quantity("scale factor error")] | None = Field(
-        default=None, ge=0
-    )
+    accel_scale_drift: Ratio | None = Field(default=None, ge=0)
     """Size of the drift of the accelerometers' scale factors over the session."""
-    gyro_scale_drift: Annotated[float, Quantity("scale factor error")] | None = Field(
-        default=None, ge=0
-    )
+    gyro_scale_drift: Ratio | None = Field(default=None, ge=0)
     """Size of the drift of the gyros' scale factors over the session."""
 
     def sizes(self) -> dict[str, tuple[float, str]] | None:
@@ -132,11 +122,11 @@ class Instrument(Strict):
 class SiteTable(Strict):
     """Where it was calibrated."""
 
-    latitude: Annotated[float, Quantity("angle")] | None = None
+    latitude: Angle | None = None
     """Geodetic latitude, positive north. Without it Earth rate is not modelled."""
-    longitude: Annotated[float, Quantity("angle")] | None = None
+    longitude: Angle | None = None
     """Longitude, positive east."""
-    height: Annotated[float, Quantity("length")] = 0.0
+    height: Length = 0.0
     """Height above the ellipsoid."""
     gravity: Annotated[float, Quantity("gravity")] | None = None
     """Local gravity; left out, normal gravity at latitude and height."""
@@ -194,11 +184,11 @@ class _Noise(Strict):
 class Said(Strict):
     """What is said beside a log; it goes before what a campaign file says."""
 
-    latitude: Annotated[float, Quantity("angle")] | None = None
+    latitude: Angle | None = None
     """Latitude of the site, positive north, such as "47.3 deg"."""
-    longitude: Annotated[float, Quantity("angle")] | None = None
+    longitude: Angle | None = None
     """Longitude of the site, such as "8.5 deg"."""
-    height: Annotated[float, Quantity("length")] | None = None
+    height: Length | None = None
     """Height of the site, such as "430 m"."""
     gravity: Annotated[float, Quantity("gravity")] | None = None
     """Local gravity, such as "9.8072 m/s^2"."""
@@ -238,17 +228,15 @@ class AccelNoise(_Noise):
 
     white: Annotated[float, Quantity("velocity random walk")] | None = Field(default=None, ge=0)
     """Velocity random walk."""
-    bias_instability: Annotated[float, Quantity("specific force")] | None = Field(
-        default=None, ge=0
-    )
+    bias_instability: Force | None = Field(default=None, ge=0)
     """Standard deviation of a first-order Markov bias."""
-    correlation_time: Annotated[float, Quantity("time")] | None = Field(default=None, gt=0)
+    correlation_time: Seconds | None = Field(default=None, gt=0)
     """Correlation time of that bias."""
     random_walk: Annotated[float, Quantity("acceleration random walk")] | None = Field(
         default=None, ge=0
     )
     """Acceleration random walk."""
-    quantisation: Annotated[float, Quantity("specific force")] | None = Field(default=None, ge=0)
+    quantisation: Force | None = Field(default=None, ge=0)
     """Step of the output; of increments, that of the sum over the sample interval."""
 
 
@@ -257,13 +245,13 @@ class GyroNoise(_Noise):
 
     white: Annotated[float, Quantity("angle random walk")] | None = Field(default=None, ge=0)
     """Angle random walk."""
-    bias_instability: Annotated[float, Quantity("angular rate")] | None = Field(default=None, ge=0)
+    bias_instability: Rate | None = Field(default=None, ge=0)
     """Standard deviation of a first-order Markov bias."""
-    correlation_time: Annotated[float, Quantity("time")] | None = Field(default=None, gt=0)
+    correlation_time: Seconds | None = Field(default=None, gt=0)
     """Correlation time of that bias."""
     random_walk: Annotated[float, Quantity("rate random walk")] | None = Field(default=None, ge=0)
     """Rate random walk."""
-    quantisation: Annotated[float, Quantity("angular rate")] | None = Field(default=None, ge=0)
+    quantisation: Rate | None = Field(default=None, ge=0)
     """Step of the output; of increments, that of the sum over the sample interval."""
 
 
@@ -457,8 +445,7 @@ def validate(
         raise _first(problem, model, raw, where, also) from None
 
 
-MOST = 100_000
-"""More of anything, rests or repetitions, than a session has [1]."""
+MOST = 100_000  # More of anything, rests or repetitions, than a session has [1].
 
 
 def countable(table: BaseModel, where: tuple[str, ...]) -> None:

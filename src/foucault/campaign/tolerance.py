@@ -42,8 +42,7 @@ PASS, UNDECIDED, FAIL = 0, 1, 2
 DECISIONS = ("pass", "undecided", "fail")
 """What the number of a decision means; the larger one counts."""
 
-GUARD = 2.0
-"""Width of the guard band: a coverage factor of 95 % [standard deviations]."""
+GUARD = 2.0  # Width of the guard band: a coverage factor of 95 % [standard deviations].
 
 KEYS = ("limit", "sd", "change", "drift_per_year")
 
@@ -225,11 +224,8 @@ def _entry(name: str, said: Any) -> Entry:
 
 # -- What a comparison amounts to: limits kept or not, and a verdict in words --------------------
 
-LEVELS = ("pass", "doubtful", "fail")
-"""Outcomes of a comparison, the worse the later."""
-
-MOST = 6
-"""Coefficients that are named in the verdict [1]."""
+LEVELS = ("pass", "doubtful", "fail")  # Outcomes of a comparison, the worse the later.
+MOST = 6  # Coefficients that are named in the verdict [1].
 
 
 @dataclass(frozen=True)
@@ -293,7 +289,7 @@ def decisions_on(
 ) -> tuple[Decision, ...]:
     """Decide on the latest value, every change and the drift of all that has a limit.
 
-    `instruments`: the instruments [SI]; `tolerance` or None: the limits.
+    `tolerance` or None: the limits.
     """
     if tolerance is None:
         return ()
@@ -358,7 +354,7 @@ def verdict_of(
 ) -> Verdict:  # fmt: skip
     """Combine what was found: the worst counts.
 
-    `instruments`: the instruments [SI]; `between` or None: the instruments side by side.
+    `between` or None: the instruments side by side.
     """
     told = _of_limits(limits)
     told += [

@@ -41,8 +41,7 @@ LOG_TABLE = log_head(up=', first_rest = "z up"') + Path(__file__).with_name("log
 NOT_Z_UP = (', first_rest = "z up" }', " }")
 """A table begins where its plan does; `first_rest` may be given, and is checked then."""
 
-WIDTH = 100
-"""Longest line of a template [1]."""
+WIDTH = 100  # Longest line of a template [1].
 
 AVERAGED = 'averaged = { column = "averaged", unit = "s" }   # every row is a mean over that long\n'
 """Line of a log that holds means."""

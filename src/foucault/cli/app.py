@@ -177,8 +177,7 @@ def _interrupted() -> typer.Exit:
     return typer.Exit(_BY.get("signal", BY_INTERRUPT))
 
 
-_BY: dict[str, int] = {}
-"""What has ended the program: "signal" -> its exit code."""
+_BY: dict[str, int] = {}  # What has ended the program: "signal" -> its exit code.
 
 
 def _on_interrupt(number: int, _frame: Any) -> None:

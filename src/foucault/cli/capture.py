@@ -17,11 +17,8 @@ from foucault.cli.screen import Screen
 if TYPE_CHECKING:
     from foucault.capture.recording import Recording
 
-HEARD, NOTHING = 0, 3
-"""Exit codes."""
-
-OFTEN = 0.25
-"""What is heard is told so often [s]."""
+HEARD, NOTHING = 0, 3  # Exit codes.
+OFTEN = 0.25  # What is heard is told so often [s].
 
 
 @command(

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from foucault.certificate.verify import Found
     from foucault.records import Records
 
-PASSWORD = "FOUCAULT_KEY_PASSWORD"
-"""Environment variable with the password of a key."""
+PASSWORD = "FOUCAULT_KEY_PASSWORD"  # Environment variable with the password of a key.
 
 Kept = Annotated[
     str | None,

@@ -44,14 +44,9 @@ BATCH, PER_WORKER = 1.0, 0.01
 """A batch should take so long, and at least so long per worker of the cluster, because all batches
 pass through one scheduler [s]."""
 
-MOST = 10_000
-"""Items in a batch [1]."""
-
-AHEAD = 4
-"""Batches that are out per worker [1]."""
-
-DEATHS = 10
-"""Workers of this machine that a batch may lose before it is given up [1]."""
+MOST = 10_000  # Items in a batch [1].
+AHEAD = 4  # Batches that are out per worker [1].
+DEATHS = 10  # Workers of this machine that a batch may lose before it is given up [1].
 
 PACKAGES = ("foucault", "numpy", "scipy", "numba")
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -75,16 +70,8 @@ def spread(
 ) -> Iterator[Map]:
     """Yield a map over threads, over processes of this machine, or over a cluster.
 
-    Parameters
-    ----------
-    screen : Screen
-        Told where the dashboard is.
-    workers : int or None, shape ()
-        Threads; None takes as many as processors [1].
-    scheduler : str or None
-        Address of a Dask scheduler.
-    local_cluster : int or None, shape ()
-        Processes [1].
+    `screen`: told where the dashboard is; `workers`: threads, None takes as many as processors;
+    `scheduler`: address of a Dask scheduler; `local_cluster`: processes.
     """
     options = {"--workers": workers, "--scheduler": scheduler, "--local-cluster": local_cluster}
     given = [name for name, value in options.items() if value is not None]

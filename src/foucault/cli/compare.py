@@ -52,8 +52,7 @@ def compare(
 
 # -- The command for many instruments at once ----------------------------------------------------
 
-MOST = 12
-"""Broken instruments that are named on the screen, with what to do."""
+MOST = 12  # Broken instruments that are named on the screen, with what to do.
 
 
 @command(

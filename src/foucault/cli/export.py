@@ -28,8 +28,7 @@ _RATE = quantity(
     "left out.", least="greater than 0",
 )  # fmt: skip
 
-BAGS = (".bag", ".mcap", ".db3")
-"""How the name of a bag ends, where it is no folder."""
+BAGS = (".bag", ".mcap", ".db3")  # How the name of a bag ends, where it is no folder.
 
 
 @command(

@@ -19,11 +19,8 @@ if TYPE_CHECKING:
     from foucault.capture.live import Live
     from foucault.capture.said import Words
 
-BAR = 24
-"""Width of a bar [1]."""
-
-OFTEN = 0.2
-"""Time between two states that are kept [s]."""
+BAR = 24  # Width of a bar [1].
+OFTEN = 0.2  # Time between two states that are kept [s].
 
 
 def guided(

@@ -15,8 +15,7 @@ from foucault.cli.screen import Screen
 if TYPE_CHECKING:
     from foucault.capture.listen import Fit, Listened
 
-KNOWN, UNKNOWN = 0, 3
-"""Exit codes."""
+KNOWN, UNKNOWN = 0, 3  # Exit codes.
 
 
 @command(

@@ -22,11 +22,8 @@ if TYPE_CHECKING:
     from foucault.procedures.north_seeking.settings import Planning
 
 
-MOST = 12
-"""Set-ups whose warnings are written out on the screen."""
-
-FIND = "find"
-"""Name of the command that stands behind `north READINGS`."""
+MOST = 12  # Set-ups whose warnings are written out on the screen.
+FIND = "find"  # Name of the command that stands behind `north READINGS`.
 
 SETTINGS = "foucault.procedures.north_seeking.settings:Settings"
 
@@ -143,11 +140,8 @@ _CHOSEN = Of(
     over=True,
 )
 
-ACCEL = "5 ug/sqrt(Hz)"
-"""Noise of the accelerometers where it is not given."""
-
-DRIFT = "0.1 deg/h/h"
-"""Drift to show the effect of where it is not given."""
+ACCEL = "5 ug/sqrt(Hz)"  # Noise of the accelerometers where it is not given.
+DRIFT = "0.1 deg/h/h"  # Drift to show the effect of where it is not given.
 
 
 @command(

@@ -317,8 +317,7 @@ Tolerance = Annotated[
     Path | None,
     typer.Option(help="TOML file with the limits of coefficients; none if left out."),
 ]
-SAID = "foucault.campaign.tables:Said"
-"""What is said beside a log."""
+SAID = "foucault.campaign.tables:Said"  # What is said beside a log.
 
 Place = Annotated[Any, Of(SAID, ("latitude", "height", "gravity"), over=True)]
 """What no log can say."""

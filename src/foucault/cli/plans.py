@@ -22,14 +22,9 @@ if TYPE_CHECKING:
 MODEL, DEFLECTION = "systematic", "deflection"
 """The model of sequences, and the one that poses for spins are judged for."""
 
-LATITUDE = 45.0
-"""Where it is said what a sequence shows [deg]."""
-
-CLASS = "navigation"
-"""With the noise of which class."""
-
-SAMPLE = "fibonacci 24"
-"""Stands in the list for the plans of any number of positions."""
+LATITUDE = 45.0  # Where it is said what a sequence shows [deg].
+CLASS = "navigation"  # With the noise of which class.
+SAMPLE = "fibonacci 24"  # Stands in the list for the plans of any number of positions.
 
 
 class Told(NamedTuple):

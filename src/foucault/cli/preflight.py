@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     pass
 
 
-INCOMPLETE = 3
-"""Exit code where something is hardly seen, that of a doubtful result."""
+INCOMPLETE = 3  # Exit code where something is hardly seen, that of a doubtful result.
 
 
 @command(

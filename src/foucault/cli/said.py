@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 
-FORGOTTEN = 3600.0
-"""What was said is said again after this [s]."""
+FORGOTTEN = 3600.0  # What was said is said again after this [s].
 
 FILE = "said.json"
 

@@ -23,17 +23,13 @@ if TYPE_CHECKING:
     from foucault.report.page import Document, Section, Table
     from foucault.run_folder import Record
 
-Tell = Callable[[float, str], None]
-"""Told the fraction done and what is being done."""
-
-PATIENCE = 1.0
-"""A progress bar appears when work takes longer than this [s]."""
+Tell = Callable[[float, str], None]  # Told the fraction done and what is being done.
+PATIENCE = 1.0  # A progress bar appears when work takes longer than this [s].
 
 INTERRUPTED = threading.Event()
 """Set by Ctrl-C, for the exception itself can be lost inside a library that is being imported."""
 
-ALSO: list[Tell] = []
-"""Who else is told how far the work is, where there is no terminal."""
+ALSO: list[Tell] = []  # Who else is told how far the work is, where there is no terminal.
 
 EXIT_CODES = {"pass": 0, "doubtful": 3, "unusable": 4, "fail": 4}
 COLOURS = {

@@ -23,14 +23,9 @@ if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
     from foucault.logs.follow import Follower
 
-PAUSE = 0.2
-"""Time between two looks at the log [s]."""
-
-STALLED = 2.0
-"""Without a new sample for so long, it is said [s]."""
-
-ENOUGH, TOO_FEW = 0, 3
-"""Exit codes."""
+PAUSE = 0.2  # Time between two looks at the log [s].
+STALLED = 2.0  # Without a new sample for so long, it is said [s].
+ENOUGH, TOO_FEW = 0, 3  # Exit codes.
 
 
 @command(

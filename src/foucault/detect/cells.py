@@ -19,15 +19,13 @@ from foucault.detect.noise import lattice
 from foucault.detect.stretches import TABLE
 from foucault.tables import Log, TableColumns
 
-CELL = TABLE.window
-"""Length of a cell [s]."""
+CELL = TABLE.window  # Length of a cell [s].
 
 SAMPLES = 40_000
 """Most samples of the log that are kept as they are: an axis in coarse steps does not move at rest,
 only with the moves and spins does it show its steps [1]."""
 
-HOLE = 0.25
-"""Where no sample came for longer, a rest or a spin is broken [s]."""
+HOLE = 0.25  # Where no sample came for longer, a rest or a spin is broken [s].
 
 
 def longest_step(interval: float) -> float:

@@ -23,27 +23,23 @@ from foucault.models.north_seeker import Dwells
 from foucault.tables import IndexedLog, gaps
 from foucault.units import span
 
-STILL = np.radians(0.1)
-"""A base is still while its index angle stays within this [rad]."""
+STILL = np.radians(0.1)  # A base is still while its index angle stays within this [rad].
 
 CREEP = np.radians(1.0)
 """A base whose angle changes by more between moves does turn, however slowly [rad]."""
 
-WINDOW = 1.0
-"""Time in which a base that turns is seen to turn [s]."""
+WINDOW = 1.0  # Time in which a base that turns is seen to turn [s].
 
 PIECE = (np.radians(5.0), np.radians(30.0))
 """Smallest and largest piece of a rotation; at 30 deg its mean loses 1.1 % in sd [rad]."""
 
-PIECES = 200
-"""Pieces that a rotation is cut into where their size allows it [1]."""
+PIECES = 200  # Pieces that a rotation is cut into where their size allows it [1].
 
 BLOCK = 1.0
 """Noise is measured by means over so long: shorter ones may be smoothed by the instrument [s]."""
 
 
-PLACES = ("latitude", "latitude_sd")
-"""What of a place a log can say set-up by set-up."""
+PLACES = ("latitude", "latitude_sd")  # What of a place a log can say set-up by set-up.
 
 
 @dataclass(frozen=True)
@@ -245,21 +241,18 @@ def _means(log: IndexedLog, cuts: list[_Cut]) -> Dwells:
 # -- noise ---------------------------------------------------------------------------------
 
 
-UNSTIRRED = 1e-6
-"""Noise of a signal that never leaves a step, in steps: next to none [1]."""
-
-SPIKE = 6.0
-"""A difference of successive means larger than this is no noise [sd]."""
+UNSTIRRED = 1e-6  # Noise of a signal that never leaves a step, in steps: next to none [1].
+SPIKE = 6.0  # A difference of successive means larger than this is no noise [sd].
 
 
 def measured_noise(log: IndexedLog, dwells: Dwells) -> ImuNoise | None:
     """Measure the white noise of a log by differences of successive means within its dwells.
 
-    ``white^2 = var(x_k+1 - x_k) tau / 2`` with means over `tau` of a second or so, what the
-    index angle makes of them taken off before.
+    ``white^2 = var(x_k+1 - x_k) tau / 2`` with means over `tau` of a second or so, what the index
+    angle makes of them taken off before.
 
-    `log`: the log [SI]; `dwells`: what it was cut into [SI]. Returns white noise of gyro and
-    accelerometers [SI]; None for a log of means, or where the dwells are too short to tell.
+    `dwells`: what it was cut into [SI]. Returns white noise of gyro and accelerometers [SI]; None
+    for a log of means, or where the dwells are too short to tell.
     """
     if log.averaged is not None:
         return None

@@ -37,11 +37,8 @@ from foucault.units import STANDARD_GRAVITY, plain
 
 Sections = Mapping[str, Sequence[int]]
 
-OFF_FACE = np.radians(20.0)
-"""A rest that is tilted more than this belongs to no face [rad]."""
-
-SHORTEST = 8
-"""Fewest samples of a section [1]."""
+OFF_FACE = np.radians(20.0)  # A rest that is tilted more than this belongs to no face [rad].
+SHORTEST = 8  # Fewest samples of a section [1].
 
 STILL = 2e-3, 6.0
 """A rest moves if its halves differ by more than this share of g and this many sd [1]."""
@@ -161,8 +158,8 @@ def check_sections(sections: Sections, samples: int, means: bool) -> list[str]:
 def require_gravity(log: Log, accel: FloatArray, gravity: float, band: float) -> None:
     """Refuse means at rest that are not gravity by far, and name increments.
 
-    `log`: readings [SI]; `accel` (n, 3): means at rest [m/s^2]; `gravity`: local [m/s^2]; `band`:
-    they may be so many times as large, or as small [1].
+    `accel` (n, 3): means at rest [m/s^2]; `gravity`: local [m/s^2]; `band`: they may be so many
+    times as large, or as small [1].
     """
     norm = float(np.median(np.linalg.norm(accel, axis=1)))
     ratio = norm / gravity
@@ -179,8 +176,8 @@ def face_readings(
 ) -> tuple[FaceReadings, FloatArray]:
     """Return means of rests on the faces that are nearest, and how far each is off [rad].
 
-    `log`: readings [SI]; `first`, `last` (n,): first sample of each rest and the sample after its
-    last; `gravity`: local gravity [m/s^2].
+    `first`, `last` (n,): first sample of each rest and the sample after its last; `gravity`: local
+    gravity [m/s^2].
     """
     assert log.accel is not None
     spans = list(zip(first.tolist(), last.tolist(), strict=True))
@@ -299,15 +296,11 @@ TOLERANCE = 0.12
 SIDEWAYS = np.radians(20.0)
 """A turn about another direction than this near an axis is about no axis [rad]."""
 
-BUMP = np.radians(45.0)
-"""A smaller rotation between two rests on one face is no turn [rad]."""
-
-MOST = 3
-"""So many times the declared angle may have been turned at once [1]."""
+BUMP = np.radians(45.0)  # A smaller rotation between two rests on one face is no turn [rad].
+MOST = 3  # So many times the declared angle may have been turned at once [1].
 
 
-WHOLE = 1e-6
-"""An angle this near to whole turns is whole turns [1]."""
+WHOLE = 1e-6  # An angle this near to whole turns is whole turns [1].
 
 
 def is_whole(angle: float) -> bool:

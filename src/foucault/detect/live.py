@@ -32,8 +32,7 @@ from foucault.tables import Log, usual_step
 LEARN = (0.5, 0.02)
 """The whole log is decided again when it has grown by so much [s] and by this part [1]."""
 
-LOOK = (2.0, 30.0)
-"""Spikes are looked for after so long, among so much of the newest [s]."""
+LOOK = (2.0, 30.0)  # Spikes are looked for after so long, among so much of the newest [s].
 
 THINNED = 1 << 14
 """Windows the threshold is learned from while data come; neighbours are much alike [1]."""

@@ -13,23 +13,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from foucault.models import turntable
 from foucault.models.noise import Readings
 
 APART = np.radians(12.0)
 """Two directions lie as far apart as two others when it differs by less [rad]."""
 
-NEAR = np.radians(20.0)
-"""A reading this near to a position may be in it [rad]."""
-
-PAIRS = 4
-"""Pairs of readings that are tried: one reading of a pair may be in no position [1]."""
-
-MOST = 120
-"""Attitudes that are handed on; a regular solid fits itself in 60 [1]."""
+NEAR = np.radians(20.0)  # A reading this near to a position may be in it [rad].
+PAIRS = 4  # Pairs of readings that are tried: one reading of a pair may be in no position [1].
+MOST = 120  # Attitudes that are handed on; a regular solid fits itself in 60 [1].
 
 
 def attitudes(
@@ -65,7 +59,7 @@ def attitudes(
     return [all_of[k] for k in best if score[k] > 0.5 * score[best[0]]]
 
 
-def _pairs(up: FloatArray, usable: npt.NDArray[np.intp]) -> list[tuple[int, int]]:
+def _pairs(up: FloatArray, usable: IndexArray) -> list[tuple[int, int]]:
     """Choose pairs of readings that lie most nearly across one another."""
     if len(usable) < 2:
         return []
@@ -82,7 +76,7 @@ def _pairs(up: FloatArray, usable: npt.NDArray[np.intp]) -> list[tuple[int, int]
     return out
 
 
-def _alike(cosine: float, nominal: FloatArray) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+def _alike(cosine: float, nominal: FloatArray) -> tuple[IndexArray, IndexArray]:
     """Return the pairs of positions that lie as far apart as two readings."""
     apart = np.arccos(np.clip(nominal @ nominal.T, -1.0, 1.0))
     a, b = np.nonzero(np.abs(apart - np.arccos(np.clip(cosine, -1.0, 1.0))) < APART)
@@ -99,8 +93,7 @@ def _frame(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.stack([one, np.cross(three, one), three], axis=2)
 
 
-FAR = float(np.radians(25.0))
-"""Directions further apart than this are different positions [rad]."""
+FAR = float(np.radians(25.0))  # Directions further apart than this are different positions [rad].
 
 SMALL = np.radians(30.0)
 """An instrument is mounted as the plan says when it is turned by less [rad]."""
@@ -117,8 +110,7 @@ MOST_OF_ALL = 0.7
 SET = np.radians(10.0)
 """Where neither order nor attitude is known, directions in one position differ by less [rad]."""
 
-LATE = 1e-4
-"""What a place further on in the plan costs where the order is given up [1]."""
+LATE = 1e-4  # What a place further on in the plan costs where the order is given up [1].
 
 
 @dataclass(frozen=True)
@@ -262,9 +254,8 @@ def with_plan(
 ) -> Match:
     """Match readings with a plan.
 
-    `readings`: what was read [SI]; `plan`: what was planned [SI]; `free`: whether another order
-    in another attitude may be told too: that is not certain, for regular plans fit themselves in
-    many attitudes.
+    `plan`: what was planned [SI]; `free`: whether another order in another attitude may be told
+    too: that is not certain, for regular plans fit themselves in many attitudes.
     """
     up, nominal = directions(readings), turntable.up_k(plan.angles)
     spin, planned = readings.spin if spins_known else None, plan.rate != 0

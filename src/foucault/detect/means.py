@@ -22,9 +22,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import FloatArray, IndexArray, IntArray
 from foucault.detect.cells import Reduced, Source, held, longest_step
 from foucault.detect.noise import (
     measure_noise,
@@ -37,14 +36,9 @@ from foucault.detect.stretches import Rests
 from foucault.detect.table import Stretch
 from foucault.tables import Log
 
-HARMONICS = 2
-"""Harmonics of the outer angle that are removed from a spin [1]."""
-
-KEPT = 500
-"""Samples of each reading that are looked at for rounding [1]."""
-
-LEAST = 1e-24
-"""Least variance of a mean [SI]."""
+HARMONICS = 2  # Harmonics of the outer angle that are removed from a spin [1].
+KEPT = 500  # Samples of each reading that are looked at for rounding [1].
+LEAST = 1e-24  # Least variance of a mean [SI].
 
 
 def means(
@@ -128,7 +122,7 @@ def _held_apart(left: FloatArray, right: FloatArray, at: IntArray) -> tuple[Floa
     return begin, end
 
 
-def _foreign(before: Log | None, log: Log) -> npt.NDArray[np.intp]:
+def _foreign(before: Log | None, log: Log) -> IndexArray:
     """Return the intervals that begin in one numbered position and end in another."""
     if log.table is None or log.table.position is None:
         return np.empty(0, np.intp)

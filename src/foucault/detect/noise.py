@@ -53,8 +53,7 @@ from foucault.errors import Finding, finding
 from foucault.models.noise import rounding_bias
 from foucault.tables import AXES, IndexedLog, Log
 
-SHORT = 0.2
-"""Means over so long show white noise above rounding [s]."""
+SHORT = 0.2  # Means over so long show white noise above rounding [s].
 
 CARRIED = 0.75
 """Counts carry their rounding on if their sums show less than this of what their own scatter would
@@ -67,14 +66,12 @@ PER_OCTAVE = 8
 """Lines of the spectrum are joined, so many groups an octave. Of each the median counts: pulses
 that come evenly, dither and engines stand in single lines [1]."""
 
-SLOW = 10.83
-"""Slow motion is told from white noise at this likelihood ratio: 1 in 1000 [1]."""
+SLOW = 10.83  # Slow motion is told from white noise at this likelihood ratio: 1 in 1000 [1].
 
 FEWER = 6.63
 """Less carried rounding than the counts make is told at this likelihood ratio: 1 in 100 [1]."""
 
-PASSES = 50
-"""Most times that the lines are weighed by what was found of them [1]."""
+PASSES = 50  # Most times that the lines are weighed by what was found of them [1].
 
 
 def white_and_carried(
@@ -325,27 +322,17 @@ def _values(x: FloatArray, spans: Sequence[tuple[int, int]]) -> FloatArray:
     return np.asarray(np.median(np.array(counts).reshape(-1, 3), axis=0))
 
 
-AROUND = 20
-"""So many samples before a reading and after it tell what it should be [1]."""
-
-BLOCK = 32
-"""Samples that tell how much readings scatter at rest [1]."""
-
-FAR = 8.0
-"""A spike is so many robust standard deviations off: no noise reaches it in a year [1]."""
-
-STEPS = 4.0
-"""And so many steps of the output, at least [1]."""
-
-BACK = 3
-"""Readings so many samples apart are compared first: more than a spike is long [1]."""
+AROUND = 20  # So many samples before a reading and after it tell what it should be [1].
+BLOCK = 32  # Samples that tell how much readings scatter at rest [1].
+FAR = 8.0  # A spike is so many robust standard deviations off: no noise reaches it in a year [1].
+STEPS = 4.0  # And so many steps of the output, at least [1].
+BACK = 3  # Readings so many samples apart are compared first: more than a spike is long [1].
 
 CALM = 3.0
 """Spikes are looked for where readings scatter by less than this much more than usual at rest: a
 hand that turns an instrument or puts it down makes peaks of its own [1]."""
 
-LONGEST = 2
-"""Samples of a spike, at most; what lasts longer is motion [1]."""
+LONGEST = 2  # Samples of a spike, at most; what lasts longer is motion [1].
 
 
 L = TypeVar("L", bound=Log | IndexedLog)

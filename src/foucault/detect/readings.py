@@ -34,11 +34,8 @@ if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
     from foucault.logs.raw import Progress
 
-BLOCK = 1 << 16
-"""Rows that are worked on at once [1]."""
-
-BEYOND_OTHERS = 8.0
-"""A change that is so many times that of the other rests is motion [1]."""
+BLOCK = 1 << 16  # Rows that are worked on at once [1].
+BEYOND_OTHERS = 8.0  # A change that is so many times that of the other rests is motion [1].
 
 LEAST_TURN = np.radians(0.02)
 """Least rate that is called motion; the Earth turns at 0.004 deg/s [rad/s]."""
@@ -50,14 +47,9 @@ UNKNOWN_ACCEL = 1e-6
 """Standard deviation of a mean whose noise nobody knows: readings weigh alike, and their scatter,
 which is estimated, must be larger than this [m/s^2]."""
 
-UNKNOWN_GYRO = 1e-9
-"""The same for the gyros [rad/s]."""
-
-MOST = 12
-"""So many spins are listed [1]."""
-
-WHOLE = 0.01
-"""Turns that are less than this from whole are whole [1]."""
+UNKNOWN_GYRO = 1e-9  # The same for the gyros [rad/s].
+MOST = 12  # So many spins are listed [1].
+WHOLE = 0.01  # Turns that are less than this from whole are whole [1].
 
 
 def find_readings(

@@ -16,9 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import BoolArray, FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.detect.stretches import SEQUENCE, Rests, find_rests, means_of, runs
 from foucault.errors import Finding, error, finding
 from foucault.models.rotation import exp
@@ -26,23 +25,15 @@ from foucault.models.rotation import log as rotation_vector
 from foucault.tables import AXES, Log
 from foucault.units import plain
 
-PAUSE = 0.03
-"""Between two turns the rate falls below this part of its peak [1]."""
-
-LEAST_TURN = np.radians(2.0)
-"""A smaller rotation between two rests is no turn [rad]."""
+PAUSE = 0.03  # Between two turns the rate falls below this part of its peak [1].
+LEAST_TURN = np.radians(2.0)  # A smaller rotation between two rests is no turn [rad].
 
 CREEP = np.radians(2.0) / 3600.0
 """A rest moves if its rate is off by more than this, and by `MANY` usual residuals [rad/s]."""
 
-TILT = 1e-4
-"""A rest moves if it tilts by more than this, and by `MANY` sd of the noise [rad]."""
-
-MANY = 8.0
-"""Times the usual [1]."""
-
-ALIKE = np.radians(5.0)
-"""Ups nearer than this are one [rad]."""
+TILT = 1e-4  # A rest moves if it tilts by more than this, and by `MANY` sd of the noise [rad].
+MANY = 8.0  # Times the usual [1].
+ALIKE = np.radians(5.0)  # Ups nearer than this are one [rad].
 
 
 @dataclass(frozen=True)
@@ -115,7 +106,7 @@ class FoundSequence:
             tuple(f for found in some for f in found.findings),
         )  # fmt: skip
 
-    def intervals(self) -> npt.NDArray[np.int64]:
+    def intervals(self) -> IntArray:
         """Return first sample and sample after the last of each rest that is still, (m, 2)."""
         both = np.stack([self.rests.first, self.rests.last], axis=1)
         return np.asarray(both[self.still])

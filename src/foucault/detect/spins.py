@@ -23,17 +23,13 @@ from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.tables import Log
 from foucault.units import plain
 
-OTHER_RATE = 1.2
-"""Rates that differ by more than this factor are not the same rate [1]."""
+OTHER_RATE = 1.2  # Rates that differ by more than this factor are not the same rate [1].
 
 MOST_MOVING = 0.25
 """A numbered position that moves for longer than this part of its time is told [1]."""
 
-SAME = np.radians(2.0)
-"""Directions of up in one position differ by less [rad]."""
-
-CREEP = np.radians(1.0)
-"""No table moves so slowly from one position to the next [rad/s]."""
+SAME = np.radians(2.0)  # Directions of up in one position differ by less [rad].
+CREEP = np.radians(1.0)  # No table moves so slowly from one position to the next [rad/s].
 
 ATTEMPT = 0.55
 """A spin of so much of a turn was meant to be one: moves to other positions are shorter [1]."""
@@ -41,22 +37,17 @@ ATTEMPT = 0.55
 PAUSE = 0.3
 """A rest next to a spin, shorter than this part of the longest rest, is only a pause [1]."""
 
-LEFT_OVER = 0.25
-"""Parts of a turn larger than this are worth telling; ramps leave less [1]."""
+LEFT_OVER = 0.25  # Parts of a turn larger than this are worth telling; ramps leave less [1].
 
 TURN = 2 * np.pi
 
-NEARLY = 0.01
-"""Where no angle is logged, so much less than a turn still counts as one [1]."""
-
-ROUNDED = 1e-3
-"""The same where an angle is: what stamps and angles are rounded by [1]."""
+NEARLY = 0.01  # Where no angle is logged, so much less than a turn still counts as one [1].
+ROUNDED = 1e-3  # The same where an angle is: what stamps and angles are rounded by [1].
 
 OFF_LINE = np.radians(0.02)
 """An outer angle this far from uniform rotation belongs to a ramp [rad]."""
 
-OFF_GYRO = 2e-6
-"""The same for the angle that the gyros add up, beyond their noise [rad]."""
+OFF_GYRO = 2e-6  # The same for the angle that the gyros add up, beyond their noise [rad].
 
 
 @dataclass(frozen=True)

@@ -15,20 +15,14 @@ from foucault.arrays import BoolArray, FloatArray
 from foucault.tables import Log, usual_step
 from foucault.units import plain
 
-TURNS = 2.0
-"""Fewer turns are no spin [1]."""
-
-STEADY = 0.3
-"""A spin keeps its rate to this share [1]."""
+TURNS = 2.0  # Fewer turns are no spin [1].
+STEADY = 0.3  # A spin keeps its rate to this share [1].
 
 WIDE, EVEN = 8.0, 0.03
 """What is no ramp keeps to so many times the median spread, or to this share [1]."""
 
-STRAIGHT = np.radians(10.0)
-"""A spin keeps its axis to this angle [rad]."""
-
-FINE = 0.12
-"""Samples are averaged where they are finer than this angle of the spin [rad]."""
+STRAIGHT = np.radians(10.0)  # A spin keeps its axis to this angle [rad].
+FINE = 0.12  # Samples are averaged where they are finer than this angle of the spin [rad].
 
 
 @dataclass(frozen=True)

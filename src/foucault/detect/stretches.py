@@ -53,8 +53,7 @@ class How:
         return max(2, round(self.shortest * rate))
 
 
-HAND = How()
-"""Held or turned by hand, and whatever nothing else is known of."""
+HAND = How()  # Held or turned by hand, and whatever nothing else is known of.
 
 SEQUENCE = How(shortest=5.0)
 """A calibration by navigation: each rest is long, and a pause between two turns is none."""
@@ -65,11 +64,8 @@ TABLE = How(window=0.25, least={"accel": 1e-4, "gyro": 2e-5})
 LOWEST = 2.0
 """On a table, and while a log grows, no threshold is below this: nothing may have moved yet [1]."""
 
-APART = 0.2
-"""Rest and motion differ by this much at least, in decades of the mean level [1]."""
-
-EDGE = 2.5
-"""A rest ends where its level leaves this multiple of its own median [1]."""
+APART = 0.2  # Rest and motion differ by this much at least, in decades of the mean level [1].
+EDGE = 2.5  # A rest ends where its level leaves this multiple of its own median [1].
 
 STEADY_TURN = np.radians(1.0), 8.0
 """A quiet stretch turns if its rate is off by this, far beyond Earth rate and the drift of a bias
@@ -79,8 +75,7 @@ STARTS = 4.0
 """A turn starts, or ends, where windows of a rest are off by more than the least rate of a steady
 turn and by so many times the usual [1]."""
 
-FEW = 5
-"""Fewer rests cannot be told apart by their rates [1]."""
+FEW = 5  # Fewer rests cannot be told apart by their rates [1].
 
 
 @dataclass(frozen=True)
@@ -340,7 +335,7 @@ def rest_table(log: Log, rests: Rests) -> dict[str, npt.NDArray[np.generic]]:
 def detection_table(log: Log, rests: Rests, rows: int = 4000) -> dict[str, FloatArray]:
     """Return the table "detection" of the report: the levels, thinned, peaks kept.
 
-    `log`: readings [SI]; `rows`: largest number of rows [1].
+    `rows`: largest number of rows [1].
     """
     step = max(1, -(-len(log) // rows))
     n = len(log) // step * step

@@ -32,38 +32,17 @@ from foucault.detect.stretches import (
     turning,
 )
 
-STEP = 5.0
-"""Cells belong together when their means differ by less than this many usual steps [1]."""
-
-OF_QUARTER = 1.4
-"""Median over lower quartile of the length of a vector of three noises [1]."""
-
-FEW = 10
-"""Cells of fewer samples say too little of their own noise [1]."""
-
-STEADY = 0.003
-"""A rate is constant when it changes by less than this part of itself per cell [1]."""
-
-QUIET_SPIN = 0.2
-"""In a spin the samples scatter by less than this part of the rate [1]."""
-
-ALIKE = 0.02
-"""Two stretches at rates that differ by less than this part may be one [1]."""
-
-LEAN = 0.1
-"""A spin whose axis leans by less than this is a spin about the vertical [rad]."""
-
-LEAST_STEP = {"accel": 2e-4, "gyro": 1e-5}
-"""Least step between cells that is looked at [SI]."""
-
-LEAST_TABLE = 1e-4
-"""Least step of the rate that the table tells [rad/s]."""
-
-HELD = 3e-4
-"""Middle and inner angle stand still when they change by less per cell [rad]."""
-
-PAUSE = 2.0
-"""Two stretches in the same position are one, if no more than this lies in between [s]."""
+STEP = 5.0  # Cells belong together when their means differ by less than this many usual steps [1].
+OF_QUARTER = 1.4  # Median over lower quartile of the length of a vector of three noises [1].
+FEW = 10  # Cells of fewer samples say too little of their own noise [1].
+STEADY = 0.003  # A rate is constant when it changes by less than this part of itself per cell [1].
+QUIET_SPIN = 0.2  # In a spin the samples scatter by less than this part of the rate [1].
+ALIKE = 0.02  # Two stretches at rates that differ by less than this part may be one [1].
+LEAN = 0.1  # A spin whose axis leans by less than this is a spin about the vertical [rad].
+LEAST_STEP = {"accel": 2e-4, "gyro": 1e-5}  # Least step between cells that is looked at [SI].
+LEAST_TABLE = 1e-4  # Least step of the rate that the table tells [rad/s].
+HELD = 3e-4  # Middle and inner angle stand still when they change by less per cell [rad].
+PAUSE = 2.0  # Two stretches in the same position are one, if no more than this lies in between [s].
 
 SAME = np.radians(0.3), np.radians(0.5)
 """And if up, or the table, has turned by less than the first, and the gyros by less than the
@@ -72,17 +51,13 @@ second, which their noise adds up to [rad]."""
 SLOWEST = np.radians(0.01)
 """No spin is slower, unless it is told so; the Earth turns at 0.004 deg/s [rad/s]."""
 
-LONG = 8
-"""Fewer cells than this do not tell noise from a change [1]."""
+LONG = 8  # Fewer cells than this do not tell noise from a change [1].
 
 SLOW_TURN = 0.25
 """Beyond this angle per cell a turn about a horizontal axis has second differences too [rad]."""
 
-SHAKEN = 0.1
-"""An instrument that is shaken by more of gravity than this is not at one place [1]."""
-
-BLURRED = 0.7
-"""Steps of the output are blurred by noise of so many of them [1]."""
+SHAKEN = 0.1  # An instrument that is shaken by more of gravity than this is not at one place [1].
+BLURRED = 0.7  # Steps of the output are blurred by noise of so many of them [1].
 
 
 @dataclass(frozen=True)

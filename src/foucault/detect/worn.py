@@ -24,8 +24,7 @@ from foucault.logs import follow
 from foucault.logs.follow import OnDisk
 from foucault.tables import Log
 
-WINDOW = 10.0
-"""Length of a window [s]."""
+WINDOW = 10.0  # Length of a window [s].
 
 LOUD = 0.03
 """Scatter of the three axes together, over gravity, that no rest has: 17 mg of each [1]."""
@@ -33,14 +32,9 @@ LOUD = 0.03
 CONE = np.radians(30.0)
 """Rests whose directions of up all lie within this of their mean tell no bias from scale [rad]."""
 
-STILL = 0.02
-"""Windows of one rest differ by less than this part of gravity from its first [1]."""
-
-CELL = 0.15
-"""Directions of up within about this are one attitude [rad]."""
-
-OF_A_CELL, MOST = 3, 400
-"""Rests that are kept of one attitude, and of all, the longest [1]."""
+STILL = 0.02  # Windows of one rest differ by less than this part of gravity from its first [1].
+CELL = 0.15  # Directions of up within about this are one attitude [rad].
+OF_A_CELL, MOST = 3, 400  # Rests that are kept of one attitude, and of all, the longest [1].
 
 
 def rests(log: OnDisk, progress: Callable[[float], None] | None = None) -> Log:

@@ -37,14 +37,12 @@ from foucault.units import convert, plain
 SURE = 5.0
 """A contradiction is one beyond this many standard deviations: one in a million by chance [1]."""
 
-FALSE_ALARM = 1e-6
-"""And so are other findings [1]."""
+FALSE_ALARM = 1e-6  # And so are other findings [1].
 
 TURNED = np.radians(1.0)
 """A standing vehicle does not turn by more as people walk about in it [rad]."""
 
-LEFT = 1.0
-"""Nor does it move by more [m]."""
+LEFT = 1.0  # Nor does it move by more [m].
 
 POOR = np.radians(5.0)
 """An azimuth of a larger standard deviation is no heading to navigate by [rad]."""
@@ -52,8 +50,7 @@ POOR = np.radians(5.0)
 NEAR_POLE = 0.1
 """Cosine of the latitude below which the level part of the Earth's rate is small [1]."""
 
-ALIKE = 1e-5
-"""Methods that differ by less agree: rounding, and terms of second order [rad]."""
+ALIKE = 1e-5  # Methods that differ by less agree: rounding, and terms of second order [rad].
 
 WORDS = {
     "inertial_frame": "inertial frame",

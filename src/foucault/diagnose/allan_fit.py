@@ -49,12 +49,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 
 Kind = Literal["overlapping", "modified", "hadamard"]
 
-NOISES = 5
-"""Quantisation, white, flicker, random walk, ramp: the order of p [1]."""
+NOISES = 5  # Quantisation, white, flicker, random walk, ramp: the order of p [1].
 
 _STENCILS = {
     "overlapping": np.array([1.0, -2.0, 1.0]),
@@ -225,11 +224,8 @@ def degrees_of_freedom(kind: Kind, n: int, m: npt.ArrayLike, p: FloatArray) -> F
     return np.asarray(2 * (expected(kind, m) @ p) ** 2 / np.maximum(var, 1e-300))
 
 
-SEEN = 3.0
-"""A noise is seen when it is this many standard deviations above zero [1]."""
-
-CONFIDENCE = 0.95
-"""Probability of the two-sided intervals, and of the one-sided limits [1]."""
+SEEN = 3.0  # A noise is seen when it is this many standard deviations above zero [1].
+CONFIDENCE = 0.95  # Probability of the two-sided intervals, and of the one-sided limits [1].
 
 _ONE_SIDED = 1.6448536269514722  # normal quantile of CONFIDENCE
 _ITERATIONS = 50
@@ -243,7 +239,7 @@ class Strengths:
 
     p: FloatArray  # (5,) Q^2/dt^2, N^2/dt, B^2, K^2 dt, R^2 dt^2 [unit^2]
     sd: FloatArray  # (5,) standard deviations; NaN where p is zero [unit^2]
-    seen: npt.NDArray[np.bool_]  # (5,) which noises are `SEEN` standard deviations above zero
+    seen: BoolArray  # (5,) which noises are `SEEN` standard deviations above zero
     # low, high: (5,) interval of what is seen; 0 and the upper limit of what is not (inf: none)
     # [unit^2]
     low: FloatArray
@@ -276,7 +272,7 @@ class _Problem:
         return np.asarray(both[:, 0]), np.asarray(both[:, 1:])
 
 
-def fit(variance: FloatArray, n: int, m: npt.NDArray[np.int64]) -> Strengths:
+def fit(variance: FloatArray, n: int, m: IntArray) -> Strengths:
     """Fit the five noises to `variance` (k,) [unit^2] at factors `m` (k,) of `n` samples [1]."""
     T = covariance("overlapping", n, tuple(int(each) for each in m))
     problem, p = _solved(_Problem(variance, expected("overlapping", m), T))
@@ -342,7 +338,7 @@ def _solved(problem: _Problem) -> tuple[_Problem, FloatArray]:
     return this, p
 
 
-def _covariance(J: FloatArray, free: npt.NDArray[np.bool_]) -> FloatArray:
+def _covariance(J: FloatArray, free: BoolArray) -> FloatArray:
     """Return the covariance of the free strengths, shape (5, 5), by whitened columns J (k, 5)."""
     J = J[:, free]
     size = np.linalg.norm(J, axis=0)

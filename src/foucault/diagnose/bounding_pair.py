@@ -33,14 +33,9 @@ from foucault.diagnose.allan import Channel, LogAllan
 LEAST, MOST = 0.95, 3.0
 """The pair is nowhere below, nowhere above, this many times the measured deviation [1]."""
 
-RISE = 4.0 / 3.0
-"""N may rise above that of the fit by this factor [1]."""
-
-FIRST = 2.0
-"""The shortest averaging time bounded is this or less [s]."""
-
-SPAN = 30.0
-"""The longest over the shortest averaging time bounded, at least [1]."""
+RISE = 4.0 / 3.0  # N may rise above that of the fit by this factor [1].
+FIRST = 2.0  # The shortest averaging time bounded is this or less [s].
+SPAN = 30.0  # The longest over the shortest averaging time bounded, at least [1].
 
 UNSEEN = 1.1
 """Where no walk shows, the variance at the longest averaging time over that of N alone [1]."""

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector, Layout, Prior
 from foucault.errors import ADVICE, Status
 from foucault.infer.drift import Drift, LeftOut
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
@@ -86,20 +86,11 @@ def check(
     return Check(name, value, low, high, passed, sentence, fails, p)
 
 
-PLAUSIBLE = 30.0
-"""A larger scale factor error is that of a wrong unit [percent]."""
-
-LARGEST_BIAS = 60.0
-"""No gyro has a larger bias [deg/s]."""
-
-VISIBLE = 4.0
-"""The Earth's rate and its opposite are told apart when they lie this far apart [sd]."""
-
-NEAR = 3.0
-"""A g-sensitivity within this of what a reversed sign makes may well be that [sd]."""
-
-SEEN = 1e-6
-"""A prior whose variance nothing narrows by more than this share is not tested [1]."""
+PLAUSIBLE = 30.0  # A larger scale factor error is that of a wrong unit [percent].
+LARGEST_BIAS = 60.0  # No gyro has a larger bias [deg/s].
+VISIBLE = 4.0  # The Earth's rate and its opposite are told apart when they lie this far apart [sd].
+NEAR = 3.0  # A g-sensitivity within this of what a reversed sign makes may well be that [sd].
+SEEN = 1e-6  # A prior whose variance nothing narrows by more than this share is not tested [1].
 
 WRONG_PRIOR = (
     "the prior is wrong or too narrow, and it bends the other coefficients. Leave [prior] out to "
@@ -152,7 +143,7 @@ def judge_prior(estimate: Estimate) -> list[Check]:
     return [prior_check(estimate.coefficients, rows, estimate.alone)]
 
 
-def given_check(c: CoefficientVector, given: Mapping[str, tuple[float, float]]) -> list[Check]:
+def given_check(c: CoefficientVector, given: Prior) -> list[Check]:
     """Return the check of what was given beforehand, where an estimate knows more than was given.
 
     `c`: the estimate, with covariance, and the standard deviations of all that was known [SI];
@@ -312,8 +303,7 @@ def left_out_check(found: LeftOut | None, layout: Layout, what: str, cure: str) 
     return [check("terms left out", what, found.ratio, None, found.limit, given)]
 
 
-CHANCE = 0.005
-"""False alarms of the test of the Earth's sign at rest, one-sided [1]."""
+CHANCE = 0.005  # False alarms of the test of the Earth's sign at rest, one-sided [1].
 
 
 def reversed_earth_at_rest(
@@ -361,8 +351,7 @@ def reversed_earth_at_rest(
                  limit if nearer else None, given, p=float(2 * stdtr(dof, -abs(away))))  # fmt: skip
 
 
-MANY = 10.0
-"""An uncertainty so many times what noise and plan allow is no success of the plan [1]."""
+MANY = 10.0  # An uncertainty so many times what noise and plan allow is no success of the plan [1].
 
 
 IDLE = 1e-8

@@ -48,8 +48,7 @@ from foucault.models.layouts import gravity_slope, is_cluster, is_imu, of_one_sa
 from foucault.result import Level, Result
 from foucault.units import ZERO_CELSIUS
 
-DAY = 86400.0
-"""A slope over less says nothing of a year [s]."""
+DAY = 86400.0  # A slope over less says nothing of a year [s].
 
 
 @dataclass(frozen=True)
@@ -75,13 +74,6 @@ class Series:
     def dated(self) -> bool:
         """Whether a drift per year can be told: all times are known, and they span a day."""
         return bool(np.isfinite(self.time).all() and np.ptp(self.time) >= DAY)
-
-    def at(self, rows: list[int]) -> Series:
-        """Return some results, `rows` are their numbers, shape (m,) [1]."""
-        return replace(
-            self, time=self.time[rows], values=self.values[rows], cov=self.cov[rows],
-            shared=self.shared[rows],
-        )  # fmt: skip
 
     def only(self, columns: list[int]) -> Series:
         """Return some coefficients, `columns` are their numbers, shape (m,) [1]."""
@@ -172,18 +164,15 @@ def step(series: Series) -> tuple[int, Fit]:
     return best, fit(series, designs[best])
 
 
-Site = tuple[Any, ...]
-"""Gravity, its standard deviation, latitude and height."""
-
-KEY = "gravity_errors"
-"""Where a result that says so itself keeps them, in its diagnostics."""
+Site = tuple[Any, ...]  # Gravity, its standard deviation, latitude and height.
+KEY = "gravity_errors"  # Where a result that says so itself keeps them, in its diagnostics.
 
 
 def gravity_errors(result: Result, vector: CoefficientVector) -> dict[Site, FloatArray]:
     """Return the errors that gravity makes in `vector`, per standard deviation of it.
 
-    `result`: the result [SI]; `vector`: its coefficients, turned perhaps into other axes [SI].
-    Returns (n,): site -> error of each coefficient [SI]; empty where gravity plays no part.
+    `vector`: its coefficients, turned perhaps into other axes [SI]. Returns (n,): site -> error of
+    each coefficient [SI]; empty where gravity plays no part.
     """
     kept = result.diagnostics.get(KEY)
     if kept is not None:
@@ -222,14 +211,9 @@ UNMOVED = ("accel_bias", "gyro_bias", "accel_asymmetry", "gyro_asymmetry", "gyro
 DEPENDENT = 1e-8
 """A coefficient of which the others leave a smaller share of the variance follows from them [1]."""
 
-LEANS = 0.1
-"""A prior with a larger share of the information than this pulls results together [1]."""
-
-WARMER = 2.0
-"""Mean temperatures farther apart than this are worth a word [K]."""
-
-NUDGE = 1e-5
-"""Step of a numerical derivative, beside angles of up to some degrees [SI]."""
+LEANS = 0.1  # A prior with a larger share of the information than this pulls results together [1].
+WARMER = 2.0  # Mean temperatures farther apart than this are worth a word [K].
+NUDGE = 1e-5  # Step of a numerical derivative, beside angles of up to some degrees [SI].
 
 
 @dataclass(frozen=True)
@@ -256,9 +240,8 @@ class Comparable:
 def comparable(entries: Sequence[Entry]) -> Comparable:
     """Bring results to the same coefficients in the same axes.
 
-    `entries`: two results or more, of one instrument or of several [SI]. Returns what they have
-    in common [SI]. Raises ``compare.*``: results that are not independent, not of one kind, or
-    with nothing in common.
+    Returns what they have in common [SI]. Raises ``compare.*``: results that are not independent,
+    not of one kind, or with nothing in common.
     """
     refuse_dependent(entries)
     _refuse_kinds(entries)

@@ -54,14 +54,9 @@ from foucault.arrays import FloatArray
 from foucault.diagnose.comparable import Series, constant, line, step
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 
-TO_SD = 1.482602218505602
-"""Standard deviation over MAD, for a normal distribution [1]."""
-
-ODD = 0.25
-"""Largest part of a fleet that can stand out of it: more are a second population [1]."""
-
-FEWEST = 8
-"""Fewer instruments have no distribution that one of them could stand out of [1]."""
+TO_SD = 1.482602218505602  # Standard deviation over MAD, for a normal distribution [1].
+ODD = 0.25  # Largest part of a fleet that can stand out of it: more are a second population [1].
+FEWEST = 8  # Fewer instruments have no distribution that one of them could stand out of [1].
 
 
 @dataclass(frozen=True)
@@ -190,11 +185,8 @@ def noisy(chi_square: FloatArray, redundancy: FloatArray) -> list[Outlying]:
     return sorted(out, key=lambda o: -o.z)
 
 
-YEAR = 365.25 * 86400.0
-"""A Julian year [s]."""
-
-TOO_ALIKE = 0.001
-"""Results that agree better than one comparison in so many are noted [1]."""
+YEAR = 365.25 * 86400.0  # A Julian year [s].
+TOO_ALIKE = 0.001  # Results that agree better than one comparison in so many are noted [1].
 
 
 @dataclass(frozen=True)

@@ -42,14 +42,13 @@ What is said of the choice of a model of deflection: verdict, check, findings, t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector, Layout, Prior
 from foucault.diagnose.checks import check
 from foucault.diagnose.systematic import EACH, WANTED, WORTH
 from foucault.errors import Finding, error, finding
@@ -59,14 +58,9 @@ from foucault.result import Check
 
 GENERAL18 = deflection_model("general18")
 
-CONFIDENCE = 0.95
-"""Probability that no coefficient is larger than its bound [1]."""
-
-SIZES = np.exp(np.arange(-14.0, 0.1, 0.25))
-"""Variances that are tried, over the usual one [1]."""
-
-UNIT = np.radians(1.0 / 3600.0) / 9.80665
-"""1 arcsec/g [rad/(m/s^2)]."""
+CONFIDENCE = 0.95  # Probability that no coefficient is larger than its bound [1].
+SIZES = np.exp(np.arange(-14.0, 0.1, 0.25))  # Variances that are tried, over the usual one [1].
+UNIT = np.radians(1.0 / 3600.0) / 9.80665  # 1 arcsec/g [rad/(m/s^2)].
 
 
 def candidates(chirality: int = -1) -> tuple[DeflectionModel, ...]:
@@ -234,7 +228,7 @@ class Choice:
 
 def judged(
     told: Told,
-    priors: Mapping[str, tuple[float, float]],
+    priors: Prior,
     *,
     chirality: int = -1,
     known: bool = False,
@@ -254,9 +248,7 @@ def judged(
     return Choice(tuple(rows), known, None)
 
 
-def known_of(
-    layout: Layout, given: Mapping[str, tuple[float, float]]
-) -> dict[str, tuple[float, float]]:
+def known_of(layout: Layout, given: Prior) -> dict[str, tuple[float, float]]:
     """Return what of `given`, mean and sd [SI], is about the coefficients of a layout."""
     names = layout.names
     return {k: v for k, v in given.items() if any(n == k or n.startswith(f"{k}.") for n in names)}

@@ -38,17 +38,10 @@ from foucault.result import Check
 from foucault.tables import AXES
 from foucault.units import plain
 
-ROUGH = np.radians(1.0)
-"""Placements that are off by more than this are no calibration [rad]."""
-
-UNSTILL = 0.05
-"""Scatter of rests that is no longer a calibration: 5 mg [m/s^2]."""
-
-TURNED = np.radians(1.0)
-"""Scatter of rates that no instrument at rest has [rad/s]."""
-
-PARTIAL = 0.03
-"""A gyro scale factor error beyond this looks like a turn that was not whole [1]."""
+ROUGH = np.radians(1.0)  # Placements that are off by more than this are no calibration [rad].
+UNSTILL = 0.05  # Scatter of rests that is no longer a calibration: 5 mg [m/s^2].
+TURNED = np.radians(1.0)  # Scatter of rates that no instrument at rest has [rad/s].
+PARTIAL = 0.03  # A gyro scale factor error beyond this looks like a turn that was not whole [1].
 
 SINGLE = 0.025
 """The same, where one turn about an axis is all there is and nobody says how it ended: 10 deg of a

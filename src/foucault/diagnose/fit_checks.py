@@ -32,23 +32,15 @@ from foucault.units import plain
 if TYPE_CHECKING:
     from foucault.infer import filtered
 
-TOO_MUCH = 5.0
-"""Residuals this many times the noise are no scatter: a term is missing [1]."""
-
-TOLD_APART = 8.0
-"""With fewer degrees of freedom one wrong reading looks like scatter of all [1]."""
-
-ENOUGH = 6.0
-"""Fewer numbers beyond those that the unknowns need hardly show a bad reading [1]."""
-
-TESTED = 3.0
-"""Half a session with fewer degrees of freedom is not compared with the other [1]."""
+TOO_MUCH = 5.0  # Residuals this many times the noise are no scatter: a term is missing [1].
+TOLD_APART = 8.0  # With fewer degrees of freedom one wrong reading looks like scatter of all [1].
+ENOUGH = 6.0  # Fewer numbers beyond those that the unknowns need hardly show a bad reading [1].
+TESTED = 3.0  # Half a session with fewer degrees of freedom is not compared with the other [1].
 
 MUCH = 0.25
 """A part that leaves this share of all that parts leave may hide behind what it makes [1]."""
 
-STRAY = 1e-3
-"""How often chance names one of all parts that does not belong to the others [1]."""
+STRAY = 1e-3  # How often chance names one of all parts that does not belong to the others [1].
 
 
 class Limit(NamedTuple):
@@ -138,11 +130,8 @@ def known_checks(fit: Fit, said: Mapping[str, str]) -> list[Check]:
     return [check("known beforehand", BEFOREHAND, np.sqrt(square / dof), None, high, given)]
 
 
-BEFOREHAND = "known beforehand"
-"""Name of the check of `known_checks`."""
-
-KNOWN = 1e-2
-"""Share of what was known that readings tell, below which it is not tested [1]."""
+BEFOREHAND = "known beforehand"  # Name of the check of `known_checks`.
+KNOWN = 1e-2  # Share of what was known that readings tell, below which it is not tested [1].
 
 
 def said_once(every: list[Check], better: str) -> list[Check]:

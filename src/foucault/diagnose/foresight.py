@@ -51,11 +51,8 @@ class Extra:
         return any(ratio < NO_GAIN for _, ratio in self.best)
 
 
-GAINING = 3
-"""So many of the coefficients that gain most are named [1]."""
-
-NO_GAIN = 0.98
-"""A ratio of sd above it is no gain [1]."""
+GAINING = 3  # So many of the coefficients that gain most are named [1].
+NO_GAIN = 0.98  # A ratio of sd above it is no gain [1].
 
 
 @dataclass(frozen=True)

@@ -101,8 +101,7 @@ def norm_noise(fit: Fit) -> FloatArray:
     return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", slope, rest_cov(fit), slope)))
 
 
-ENOUGH_RESTS = 12
-"""Fewer rests leave too little redundancy to notice that one is wrong [1]."""
+ENOUGH_RESTS = 12  # Fewer rests leave too little redundancy to notice that one is wrong [1].
 
 CONDITION = (20.0, 400.0)
 """Condition number of the norm equations: doubtful and unusable beyond [1]. Even coverage has
@@ -124,8 +123,7 @@ DOMINATE = 0.85
 """Where a quarter of the residuals or fewer make more than this part of their sum, they are its
 cause [1]; of residuals that are spread as chance spreads them a quarter makes some 0.7 at most."""
 
-QUIETER = 5.0
-"""The threshold of rests to try where a hand shook them [1]."""
+QUIETER = 5.0  # The threshold of rests to try where a hand shook them [1].
 
 MOVED = "the instrument moved in its rests, or the log is damaged (lost samples, wrong sample rate)"
 
@@ -261,8 +259,8 @@ DEAD = 0.01
 def vertical_earth_rate(session: Session, state: Attitudes) -> tuple[float, float] | None:
     """Estimate the vertical Earth rate from the rests, with its sd from their own scatter.
 
-    `session`: what was observed [SI]. Returns vertical Earth rate, up positive, and its standard
-    deviation [rad/s]; None where there are no gyros or too few rests.
+    Returns vertical Earth rate, up positive, and its standard deviation [rad/s]; None where there
+    are no gyros or too few rests.
     """
     if session.gyro_mean is None or len(session.gyro_mean) < 4:
         return None
@@ -303,8 +301,8 @@ def vertical_check(session: Session, estimate: Estimate, beside: float = 0.0) ->
 def hints(fit: Fit, prediction: Prediction, turned_round: bool = False) -> list[Finding]:
     """Return findings about the session: scatter, outliers, a wrong g, a missing term.
 
-    `fit`: of the model of a session; `prediction`: residuals at the solution [SI];
-    `turned_round`: whether the Earth's rate has the wrong sign: g-sensitivity would only hide it.
+    `prediction`: residuals at the solution [SI]; `turned_round`: whether the Earth's rate has the
+    wrong sign: g-sensitivity would only hide it.
     """
     model = session_of(fit)
     coarse = _resolution(model.session, model.noise)

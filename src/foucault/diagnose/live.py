@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.detect.coverage import coverage, direction_words, named_directions
 from foucault.detect.live import LiveRests
 from foucault.detect.noise import measure_noise, told_of, without_spikes
@@ -59,7 +59,7 @@ class Inspection:
     shortest: float
     longest: float
     gaps: int  # see `foucault.tables.gaps` [1]
-    turning: npt.NDArray[np.bool_]  # (rests,) which of the quiet times are turns at a constant rate
+    turning: BoolArray  # (rests,) which of the quiet times are turns at a constant rate
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -123,9 +123,7 @@ def _means(log: Log) -> Inspection:
     )
 
 
-def turns_among(
-    log: Log, rests: Rests, rows: dict[str, npt.NDArray[np.generic]]
-) -> npt.NDArray[np.bool_]:
+def turns_among(log: Log, rests: Rests, rows: dict[str, npt.NDArray[np.generic]]) -> BoolArray:
     """Tell which quiet times turn at a constant rate, by that of a table or `rows` (n,) [SI]."""
     n = len(rests)
     told = None if log.table is None else log.table.rate
@@ -156,11 +154,8 @@ def _axes(x: FloatArray | None, interval: float, rests: Rests, counts: bool) -> 
     return Axes(x.mean(axis=0), x.std(axis=0), x.min(axis=0), x.max(axis=0), noise)
 
 
-VISITED = np.radians(30.0)
-"""A named direction is visited by a rest within this angle [rad]."""
-
-ALIKE = np.radians(15.0)
-"""Rests closer than this are one orientation [rad]."""
+VISITED = np.radians(30.0)  # A named direction is visited by a rest within this angle [rad].
+ALIKE = np.radians(15.0)  # Rests closer than this are one orientation [rad].
 
 
 @dataclass(frozen=True)
@@ -276,14 +271,12 @@ def _sphere_of(packed: bytes) -> _Sphere:
     )
 
 
-EVERY, SPAN = 2.0, 30.0
-"""The newest `SPAN` of the log is looked at `EVERY` so often [s]."""
+EVERY, SPAN = 2.0, 30.0  # The newest `SPAN` of the log is looked at `EVERY` so often [s].
 
 ENOUGH_FOR_TURNS = 6
 """Rests from which the turns between them show exchanged axes and a wrong gyro unit [1]."""
 
-MOST_TURNS = 8
-"""Turns that are compared with every exchange of axes [1]."""
+MOST_TURNS = 8  # Turns that are compared with every exchange of axes [1].
 
 UNQUIET = {"accel": 0.3, "gyro": float(np.radians(5.0))}
 """No instrument at rest shakes as much: nobody has held it still yet [m/s^2, rad/s]."""

@@ -26,11 +26,8 @@ from foucault.models.rotation import log as rotation_vector
 from foucault.result import Result
 from foucault.tables import Log
 
-FEWEST = 3
-"""Rests that a rotation is told from at least [1]."""
-
-ALONG = 0.1
-"""Gravity in all rests nearer than this to one line tells no turn about it [1]."""
+FEWEST = 3  # Rests that a rotation is told from at least [1].
+ALONG = 0.1  # Gravity in all rests nearer than this to one line tells no turn about it [1].
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,8 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IndexArray
 from foucault.errors import Finding, error, finding
 from foucault.logs.reference import Reference
 from foucault.models import earth, rotation
@@ -34,17 +33,13 @@ if TYPE_CHECKING:
     from foucault.navigate.strapdown import Trajectory
 
 
-NAUTICAL_MILE = 1852.0
-"""[m]."""
+NAUTICAL_MILE = 1852.0  # [m].
 
 AGES = (1, 2, 5, 10, 20, 30, 60, 120, 180, 240, 300, 360, 480, 600, 720, 960, 1200, 1440)
 """Ages at which the growth of the error is listed [min]."""
 
-WIDE = 0.25
-"""Between epochs farther apart than this part of an age nothing is listed at it [1]."""
-
-MOST = 2000
-"""Epochs at which errors are kept [1]."""
+WIDE = 0.25  # Between epochs farther apart than this part of an age nothing is listed at it [1].
+MOST = 2000  # Epochs at which errors are kept [1].
 
 
 @dataclass(frozen=True)
@@ -281,7 +276,7 @@ class Budget:
         """Standard deviation that each coefficient alone leaves, shape (m, 9, p) [SI]."""
         return np.abs(self.response) * np.nan_to_num(self.sd)
 
-    def ranked(self, part: FloatArray) -> npt.NDArray[np.intp]:
+    def ranked(self, part: FloatArray) -> IndexArray:
         """Return coefficients by error at the end in `part` (m, 9, p) [SI], largest first."""
         return np.argsort(-np.hypot(part[-1, 6], part[-1, 7]), kind="stable")
 
@@ -337,27 +332,18 @@ def normalised_square(error: FloatArray, cov: FloatArray) -> float:
 # scale error s; J turns by 90 degrees. Only a reference whose times are too large by tau makes an
 # error that goes with the velocity, and an antenna ahead of the instrument one that looks alike.
 
-SPAN = 1200.0
-"""For so long the drift of a navigator is a cubic, a quarter of a Schuler period [s]."""
+SPAN = 1200.0  # For so long the drift of a navigator is a cubic, a quarter of a Schuler period [s].
 
 EXPLAINS = 0.75
 """Part of the variance that drift leaves, of which the clock must explain as much [1]."""
 
-FEWEST = 20
-"""Epochs below which nothing is said [1]."""
-
-LEAST, LATEST = 0.02, 60.0
-"""A clock that is off by less, or by more, is not spoken of [s]."""
-
-STEPS = 6
-"""Steps of the search [1]."""
-
-STEADY = 0.02
-"""Part of the velocity that must not look like drift [1]."""
+FEWEST = 20  # Epochs below which nothing is said [1].
+LEAST, LATEST = 0.02, 60.0  # A clock that is off by less, or by more, is not spoken of [s].
+STEPS = 6  # Steps of the search [1].
+STEADY = 0.02  # Part of the velocity that must not look like drift [1].
 
 
-WAY = 100.0
-"""Courses are compared once the reference is so far from the start [m]."""
+WAY = 100.0  # Courses are compared once the reference is so far from the start [m].
 
 ASTRAY = np.radians(5.0)
 """Courses that differ by less are those of a poor heading, of which its sd tells [rad]."""

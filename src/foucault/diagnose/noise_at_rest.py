@@ -45,11 +45,8 @@ from foucault.result import Check
 from foucault.tables import AXES, Log
 from foucault.units import convert
 
-SEVERAL = 16
-"""A rest has at least so many of the longer means [1]."""
-
-FEW = 30
-"""Fewer differences than this tell too little of noise [1]."""
+SEVERAL = 16  # A rest has at least so many of the longer means [1].
+FEW = 30  # Fewer differences than this tell too little of noise [1].
 
 UNLIKE = 1.5
 """Noise of more than this times the power that was declared is not the noise that was declared; up
@@ -243,24 +240,14 @@ def outlying(x: FloatArray, rests: Sequence[tuple[int, int]]) -> tuple[BoolArray
     return out, sd
 
 
-BLOCKS = 16
-"""A rest holds so many of the longest averaging time [1]."""
-
-FEWEST = BLOCKS
-"""Fewer samples tell nothing of the noise [1]."""
-
-ORDERS = 6
-"""Highest difference [1]."""
-
-FLAT = 1.2
-"""Densities an octave apart that differ by less, or by chance, are the same [1]."""
+BLOCKS = 16  # A rest holds so many of the longest averaging time [1].
+FEWEST = BLOCKS  # Fewer samples tell nothing of the noise [1].
+ORDERS = 6  # Highest difference [1].
+FLAT = 1.2  # Densities an octave apart that differ by less, or by chance, are the same [1].
 
 
-SURE = 4.0
-"""A density is surely not larger than by this many standard deviations [1]."""
-
-BESIDE = 4.0
-"""Rounding or dither of a larger share of the first samples hides the noise [1]."""
+SURE = 4.0  # A density is surely not larger than by this many standard deviations [1].
+BESIDE = 4.0  # Rounding or dither of a larger share of the first samples hides the noise [1].
 
 
 @dataclass(frozen=True)
@@ -291,8 +278,7 @@ def held_against(rest: Log, declared: ImuNoise, least: ImuNoise) -> NoiseAtRest:
     Sway and dither scatter the readings as noise does. Noise beyond what was declared is what
     differences that are blind to them show too.
 
-    `rest`: the part of a log that rests [SI]; `declared`: noise as declared [SI]; `least`: noise
-    by `noise_of` [SI].
+    `least`: noise by `noise_of` [SI].
     """
     plain = noise_at_rest(rest, [(0, len(rest))], declared)
     seen, used = [], {}

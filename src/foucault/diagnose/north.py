@@ -40,17 +40,13 @@ from foucault.result import Check, Level, Verdict
 from foucault.tables import IndexedLog
 from foucault.units import plain, span
 
-TOO_FAST = 1.5
-"""Horizontal rate, in Earth rates, that no noise within reason gives [1]."""
-
-ROWS = 8
-"""Fewer rows may well read the same [1]."""
+TOO_FAST = 1.5  # Horizontal rate, in Earth rates, that no noise within reason gives [1].
+ROWS = 8  # Fewer rows may well read the same [1].
 
 SIDES = ("right accelerometer", "forward accelerometer")
 """Two accelerometers that stay with the case."""
 
-MANY_SD = 6.0
-"""What differs by so many standard deviations is no noise [1]."""
+MANY_SD = 6.0  # What differs by so many standard deviations is no noise [1].
 
 OVERLAP = 0.9
 """Means that begin within this share of the one before overlap; clocks are coarse [1]."""
@@ -97,9 +93,8 @@ def alive(log: IndexedLog) -> tuple[Finding, ...]:
 def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
     """Look at the index angles of every set-up: missing, repeated, too few.
 
-    `dwells`: readings [SI]; `known`: a rough heading and how level the case stands, if they were
-    given. Raises ``north.stops`` and ``north.stops_tilt`` where they do not show the heading or
-    the tilt.
+    `known`: a rough heading and how level the case stands, if they were given. Raises
+    ``north.stops`` and ``north.stops_tilt`` where they do not show the heading or the tilt.
     """
     patterns = _patterns(dwells)
     found: list[Finding] = []
@@ -240,8 +235,7 @@ def units_first(findings: tuple[Finding, ...]) -> Iterator[None]:
 GUESS = ImuNoise(TriadNoise(white=1e-3), TriadNoise(white=1e-6))
 """Noise to start from where none is known [SI]."""
 
-FEWEST = 5
-"""Redundant readings that a noise level needs at least [1]."""
+FEWEST = 5  # Redundant readings that a noise level needs at least [1].
 
 
 def from_residuals(
@@ -272,9 +266,8 @@ def drift_sd(
 ) -> float:
     """Return the standard deviation that the drift is given beforehand [rad/s^2].
 
-    `dwells`: readings [SI]; `noise`: noise of the sensors [SI]; `known` or None: declared
-    standard deviation [rad/s^2]. Returns 0 where the drift is taken as none, infinite where it is
-    estimated freely.
+    `known` or None: declared standard deviation [rad/s^2]. Returns 0 where the drift is taken as
+    none, infinite where it is estimated freely.
     """
     if wanted == "none":
         return 0.0
@@ -299,7 +292,7 @@ def signal_to_noise(fixes: Fixes, pairs: Pairs) -> FloatArray:
 
     Level that is ``w_ie cos L / sd``: one over what the gyro alone leaves uncertain of the heading.
 
-    `fixes`: solutions with their budget [rad]; `pairs`: set-ups [SI].
+    `fixes`: solutions with their budget [rad].
     """
     gyro = [v[:, 0] for name, v in fixes.sources.items() if name.startswith("gyro")]
     out = np.asarray(1.0 / np.sqrt(np.maximum(np.sum(gyro, axis=0), 1e-300)))
@@ -310,18 +303,14 @@ def signal_to_noise(fixes: Fixes, pairs: Pairs) -> FloatArray:
     return out
 
 
-SEES = 3.0
-"""Horizontal Earth rate over its sd below which heading is guesswork [1]."""
+SEES = 3.0  # Horizontal Earth rate over its sd below which heading is guesswork [1].
 
 TESTS = 4
 """Statistical tests of a set-up, which share its false alarms: scatter of gyro and accelerometer,
 rate and latitude, level [1]."""
 
-FAR_OUT = 6.0
-"""A set-up whose readings scatter by more than this was disturbed [sd]."""
-
-STEEP = np.radians(89.5)
-"""At a tilt beyond this heading is hardly defined [rad]."""
+FAR_OUT = 6.0  # A set-up whose readings scatter by more than this was disturbed [sd].
+STEEP = np.radians(89.5)  # At a tilt beyond this heading is hardly defined [rad].
 
 
 @dataclass(frozen=True)
@@ -353,8 +342,7 @@ class Judged:
 SURE = 1e-3
 """A drift of the offset is there where chance makes so much of it less often than this [1]."""
 
-MATTERS = 0.5
-"""What it moves a result by counts from this part of its standard deviation on [1]."""
+MATTERS = 0.5  # What it moves a result by counts from this part of its standard deviation on [1].
 
 
 def offset_drift(pairs: Pairs, dwells: Dwells) -> float | None:
@@ -676,7 +664,6 @@ def _outlier(j: Judged, i: int) -> list[Finding]:
 def drift_effect(pairs: Pairs, fixes: Fixes) -> FloatArray:
     """Return what a linear drift of 1 rad/s^2 that is not estimated does to a heading, (m,) [s^2].
 
-    `pairs`: set-ups, with what a drift does to the four numbers [SI]; `fixes`: their solutions
-    [rad].
+    `pairs`: set-ups, with what a drift does to the four numbers [SI].
     """
     return np.asarray(np.sum(fixes.slope * pairs.drift_slope, axis=1))

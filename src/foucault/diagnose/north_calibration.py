@@ -40,8 +40,7 @@ mistake; instruments have a few tenths of it [1]."""
 SUSPECT = 1e-2
 """Accelerometer biases that may rather be a case that stands askew on the table [m/s^2]."""
 
-VAGUE = 0.1
-"""Standard deviation of a scale factor or coupling that is as good as unknown [1]."""
+VAGUE = 0.1  # Standard deviation of a scale factor or coupling that is as good as unknown [1].
 
 NOTHING = 1e-6
 """Part of the Earth's rate that is read by a gyro that reads nothing: no unit is so wrong [1]."""
@@ -69,8 +68,6 @@ def leans(pairs: Pairs, rig: Rig) -> bool:
 
     On one axis the horizontal specific force is a constant, the bias, and a vector that turns with
     the heading.
-
-    `pairs`: set-ups [SI].
     """
     s, c = np.sin(rig.heading), np.cos(rig.heading)
     m, zero, one = len(pairs), np.zeros(len(pairs)), np.ones(len(pairs))

@@ -34,14 +34,9 @@ from foucault.models.north_seeker import Dwells
 from foucault.models.rotation import turned
 from foucault.units import ZERO_CELSIUS
 
-NEAR_STOP = np.radians(2.0)
-"""Index angles that differ by less are the same stop [rad]."""
-
-WARM = 5.0
-"""Temperatures within so much of those of the calibration are the same [K]."""
-
-CONTRADICTS = 4.0
-"""A heading further from its reference than this contradicts it [sd]."""
+NEAR_STOP = np.radians(2.0)  # Index angles that differ by less are the same stop [rad].
+WARM = 5.0  # Temperatures within so much of those of the calibration are the same [K].
+CONTRADICTS = 4.0  # A heading further from its reference than this contradicts it [sd].
 
 
 def other_conditions(
@@ -49,8 +44,8 @@ def other_conditions(
 ) -> tuple[Finding, ...]:
     """Compare stops and temperature with those of the calibration.
 
-    `dwells`: readings [SI]; `temperature` (n,) or None: of the instrument [K]; `validity`: what
-    the result of the calibration says of itself.
+    `temperature` (n,) or None: of the instrument [K]; `validity`: what the result of the
+    calibration says of itself.
     """
     found = []
     calibrated = [float(a) for a in validity.get("index") or ()]
@@ -74,8 +69,8 @@ def contradicted(
 ) -> Callable[[int], tuple[Finding, ...]]:
     """Compare every heading with the reference in the file, where there is one.
 
-    `dwells`: with reference headings, NaN where there are none [rad]; `fixes`: solutions [rad];
-    `heading_sd`: standard deviation of the references [rad]. Returns what is to say of a set-up.
+    `dwells`: with reference headings, NaN where there are none [rad]; `heading_sd`: standard
+    deviation of the references [rad]. Returns what is to say of a set-up.
     """
     away = turned(fixes.angles[:, 0] - dwells.heading)
     size = np.abs(away) / np.sqrt(fixes.cov[:, 0, 0] + heading_sd**2)
@@ -98,11 +93,8 @@ def _range(low: float, high: float) -> str:
     return one if one == two else f"{one} to {two}"
 
 
-FEWEST = 6
-"""Set-ups with the same stops that it takes to see what repeats [1]."""
-
-SIGNIFICANT = 1e-3
-"""Offsets are worth a word where chance gives so much less often than this [1]."""
+FEWEST = 6  # Set-ups with the same stops that it takes to see what repeats [1].
+SIGNIFICANT = 1e-3  # Offsets are worth a word where chance gives so much less often than this [1].
 
 
 def stop_offsets(
@@ -147,8 +139,7 @@ Gains = dict[str, list[float]]
 """Index angle in whole degrees -> what the gyro reads too much there, as a part of the rates along
 x_b and y_b [1]."""
 
-GAINS = 0.01
-"""Gains that differ are taken off where chance gives so much less often than this [1]."""
+GAINS = 0.01  # Gains that differ are taken off where chance gives so much less often than this [1].
 
 
 def stop_gains(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[Gains, float]:
@@ -179,8 +170,8 @@ def stop_gains(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance) -> tuple[Gai
 def without_gains(dwells: Dwells, gains: Gains, values: FloatArray) -> Dwells:
     """Take off what gains of single stops make of the rates.
 
-    `dwells`: readings [SI]; `gains`: by index angle [1]; `values` (m, 4): rates along x_b and y_b
-    of every set-up, and two numbers that do not count [SI].
+    `gains`: by index angle [1]; `values` (m, 4): rates along x_b and y_b of every set-up, and two
+    numbers that do not count [SI].
     """
     if not gains:
         return dwells

@@ -25,14 +25,9 @@ from foucault.units import plain
 ON_AXIS = np.cos(np.radians(30.0))
 """An axis whose direction cosine to the vertical is less is not along it [1]."""
 
-OTHER_RATE = 0.2
-"""A step at another rate than commanded differs by more than this part of it [1]."""
-
-SLOW = np.radians(0.05)
-"""Differences of rate below this may be the bias of a gyro [rad/s]."""
-
-LARGEST_BIAS = np.radians(20.0)
-"""No gyro has a larger bias [rad/s]."""
+OTHER_RATE = 0.2  # A step at another rate than commanded differs by more than this part of it [1].
+SLOW = np.radians(0.05)  # Differences of rate below this may be the bias of a gyro [rad/s].
+LARGEST_BIAS = np.radians(20.0)  # No gyro has a larger bias [rad/s].
 
 
 @dataclass(frozen=True)
@@ -50,10 +45,9 @@ def rate_steps(
 ) -> tuple[Steps, list[Finding]]:
     """Find axis, sense and rate of every step.
 
-    `readings`: one mean per constant rate [SI]; `commanded`: rates and placements as the campaign
-    gives them [SI]; `told`: whether the log carries the rate of the table. Raises no gyros, no
-    rates, an axis that is not vertical, other placements than declared, a sense reversed, a wrong
-    unit, a rate that was not commanded.
+    `commanded`: rates and placements as the campaign gives them [SI]; `told`: whether the log
+    carries the rate of the table. Raises no gyros, no rates, an axis that is not vertical, other
+    placements than declared, a sense reversed, a wrong unit, a rate that was not commanded.
     """
     if readings.gyro is None:
         raise error("rate_table.no_gyro")

@@ -206,8 +206,7 @@ def with_clock(
     )  # fmt: skip
 
 
-ALIKE = 0.1
-"""Three scale factors within so much of their mean are off by one cause [1]."""
+ALIKE = 0.1  # Three scale factors within so much of their mean are off by one cause [1].
 
 FAR = 2e-3
 """Gravity is not so far off anywhere, and few accelerometers are by chance all alike [1]."""

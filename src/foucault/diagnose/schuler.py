@@ -48,9 +48,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models import earth
 from foucault.units import convert, display_unit, plain
@@ -169,17 +168,13 @@ def noise_covariance(
     return out
 
 
-EPOCHS = 120
-"""Epochs that the fit uses; more would be as good as copies of one another [1]."""
+EPOCHS = 120  # Epochs that the fit uses; more would be as good as copies of one another [1].
 
 ALIKE = 0.85
 """Correlation from which two terms count as hardly told apart: together known twice as well [1]."""
 
-FLOOR = 1e-6
-"""Part of the largest error that the reference is uncertain by at least [1]."""
-
-SHORTEST = 60.0
-"""Shortest run that is fitted [s]."""
+FLOOR = 1e-6  # Part of the largest error that the reference is uncertain by at least [1].
+SHORTEST = 60.0  # Shortest run that is fitted [s].
 
 
 @dataclass(frozen=True)
@@ -236,11 +231,6 @@ class SchulerFit:
     noise_sd: FloatArray
     of: str
     place: Place
-
-    @property
-    def fitted(self) -> FloatArray:
-        """The sum of all terms, shape (m, 2) [m] or [m/s]."""
-        return np.asarray(self.parts.sum(axis=2))
 
     def combinations(self) -> tuple[Combination, ...]:
         """Return the pairs of terms that this run cannot tell apart, most alike first."""
@@ -339,7 +329,7 @@ def fit(
     )  # fmt: skip
 
 
-def _epochs(time: FloatArray) -> npt.NDArray[np.int64]:
+def _epochs(time: FloatArray) -> IntArray:
     """Return evenly spread samples, the last one among them and the start not."""
     wanted = np.linspace(0.0, float(time[-1]), EPOCHS + 1)[1:]
     return np.unique(np.searchsorted(time, wanted - 1e-9).clip(1, len(time) - 1))

@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.checks import HARDLY, check, hardly, status_check
 from foucault.diagnose.noise_at_rest import NoiseAtRest
@@ -53,8 +53,7 @@ from foucault.navigate.strapdown import State, navigate
 from foucault.result import Check
 from foucault.tables import AXES
 
-EPOCH = 10.0
-"""Noise is taken in so often [s]."""
+EPOCH = 10.0  # Noise is taken in so often [s].
 
 
 def followed(heading_sd: float, most: float) -> Check:
@@ -71,7 +70,7 @@ class Legs:
     """Navigation from rest to rest."""
 
     # (m,) number among the rests used of the one that each leg ends with [1]
-    rest: npt.NDArray[np.int64]
+    rest: IntArray
     # start, end: (m,) when it begins and ends [s]
     start: FloatArray
     end: FloatArray
@@ -81,7 +80,7 @@ class Legs:
     after: FloatArray
     sd: FloatArray  # (m, 3) what is promised of `after` [m/s]
     # (k,) numbers among the rests used of those that the filter went through [1]
-    seen: npt.NDArray[np.int64]
+    seen: IntArray
     C_nb: FloatArray  # (k, 3, 3) attitudes at their ends [1]
     anew: bool  # whether velocities are those gained since the rest began
 
@@ -351,7 +350,7 @@ def require_deflection(
 WAYS = ("east", "north", "up")
 
 
-def tables(e: Evidence, numbers: npt.NDArray[np.int64]) -> dict[str, dict[str, npt.NDArray[Any]]]:
+def tables(e: Evidence, numbers: IntArray) -> dict[str, dict[str, npt.NDArray[Any]]]:
     """Return the tables of the report; `numbers` (m,) of the rests used, from 0 [1]."""
     time, legs = e.increments.time, e.legs
     total, count = squares(e)

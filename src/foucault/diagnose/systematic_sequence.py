@@ -21,9 +21,8 @@ from itertools import permutations, product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.detect.sequence import FoundSequence, Move
 from foucault.diagnose.checks import check
@@ -37,17 +36,10 @@ from foucault.result import Check
 from foucault.tables import AXES
 from foucault.units import plain
 
-START = np.radians(20.0)
-"""The first rest may lean this far from its declared orientation [rad]."""
-
-AXIS = np.radians(8.0)
-"""The axis of a turn may be this far from its declared one [rad]."""
-
-ANGLE = (np.radians(1.5), 0.03)
-"""Its angle may be off by this, and by this part of it [rad], [1]."""
-
-HEADING = np.radians(5.0)
-"""A declared heading may be this far off before it is said [rad]."""
+START = np.radians(20.0)  # The first rest may lean this far from its declared orientation [rad].
+AXIS = np.radians(8.0)  # The axis of a turn may be this far from its declared one [rad].
+ANGLE = (np.radians(1.5), 0.03)  # Its angle may be off by this, and by this part of it [rad], [1].
+HEADING = np.radians(5.0)  # A declared heading may be this far off before it is said [rad].
 
 
 @dataclass(frozen=True)
@@ -55,7 +47,7 @@ class Matched:
     """A log against its sequence."""
 
     positions: tuple[Position, ...]  # the rests of the sequence that the log has
-    rests: npt.NDArray[np.int64]  # (m,) the number of the rest of the log that each of them is
+    rests: IntArray  # (m,) the number of the rest of the log that each of them is
     # (k,) angle of each turn as the gyros say, minus the one of the sequence [rad]
     angle_err: FloatArray
     # (k,) angle between the axis of each turn and the one of the sequence [rad]
@@ -164,7 +156,7 @@ def _misses(
     return np.arccos(np.clip(cosine, -1.0, 1.0)), np.array([m.angle for m in moves]) - angle
 
 
-def _off(axis: FloatArray, angle: FloatArray, declared: FloatArray) -> npt.NDArray[np.bool_]:
+def _off(axis: FloatArray, angle: FloatArray, declared: FloatArray) -> BoolArray:
     limit = ANGLE[0] + ANGLE[1] * np.abs(declared)
     return np.asarray((axis > AXIS) | (np.abs(angle) > limit))
 
@@ -206,7 +198,7 @@ def _relabelled(sequence: CalibrationSequence) -> Iterator[tuple[str, Calibratio
 
 def _rests(
     found: FoundSequence, sequence: CalibrationSequence
-) -> tuple[tuple[Position, ...], npt.NDArray[np.int64], list[Finding]]:
+) -> tuple[tuple[Position, ...], IntArray, list[Finding]]:
     """Give each rest of the sequence the one of the log with as many turns before it."""
     before = np.array([sum(m.after < k for m in found.moves) for k in range(len(found.rests))])
     positions, rests, notes = [], [], []
@@ -262,8 +254,7 @@ def _along(direction: FloatArray) -> str:
 SEEN = 1e-7
 """A difference that a session tells less of than this is not seen, but for rounding [1]."""
 
-EACH = FALSE_ALARM / 8
-"""False-alarm rate of the check, as of the others of the session [1]."""
+EACH = FALSE_ALARM / 8  # False-alarm rate of the check, as of the others of the session [1].
 
 SAID = {"gyro": (np.radians(1.0) / 3600.0, "deg/h"), "accel": (9.80665e-6, "ug")}
 """Unit that biases of each triad are told in [SI], and its name."""

@@ -83,8 +83,7 @@ _WHAT = {
 }
 
 
-OF_TABLE = "errors of the table"
-"""Name of the check of all that is wrong with a table."""
+OF_TABLE = "errors of the table"  # Name of the check of all that is wrong with a table.
 
 _SAID = {
     "tilt of the outer axis": "how plumb the table is (plumb_sd in [procedure])",
@@ -606,9 +605,9 @@ def unseen(
 ) -> list[str]:
     """Say what a procedure on a table cannot see in principle, for result.json.
 
-    `readings`: what was observed [SI]; `table_rate_sd`: relative sd of an error that all spin
-    rates share [1]; `trust`: what is believed of the table, None for nothing; `quadratic`:
-    whether the quadratic terms of the accelerometers are estimated.
+    `table_rate_sd`: relative sd of an error that all spin rates share [1]; `trust`: what is
+    believed of the table, None for nothing; `quadratic`: whether the quadratic terms of the
+    accelerometers are estimated.
     """
     out = [
         wrong_gravity(site.gravity_sd),

@@ -216,8 +216,7 @@ def _chance(square: float, terms: int, dof: float) -> float:
     return float(special.fdtrc(terms, dof, square / terms))
 
 
-CURVE = 61
-"""Points of the curves that reports draw [1]."""
+CURVE = 61  # Points of the curves that reports draw [1].
 
 POINTS = ("session", "temperature", "coefficient", "value", "sd", "sd_total", "residual",
           "left_out")  # fmt: skip

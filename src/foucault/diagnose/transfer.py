@@ -36,17 +36,13 @@ from foucault.navigate.ins_filter import seen_at_place
 from foucault.navigate.strapdown import states_of
 from foucault.result import Check, TableData
 
-EACH = FALSE_ALARM / 4
-"""False-alarm rate of each of four tests, so that all together keep 1 % [1]."""
-
-BLOCKS = 6
-"""The messages are predicted in so many parts, each from all others [1]."""
+EACH = FALSE_ALARM / 4  # False-alarm rate of each of four tests, so that all together keep 1 % [1].
+BLOCKS = 6  # The messages are predicted in so many parts, each from all others [1].
 
 HARDLY = 0.7
 """A coefficient whose uncertainty is more than this of what it was before is hardly seen [1]."""
 
-NEAR = 2e-3
-"""A delay below this is none [s]."""
+NEAR = 2e-3  # A delay below this is none [s].
 
 
 @dataclass(frozen=True)
@@ -181,17 +177,10 @@ def _seen(e: Evidence) -> Check:
                  {"names": ", ".join(names)})  # fmt: skip
 
 
-KINDS = ("straight", "accelerated", "turning")
-"""What a stretch is called."""
-
-OVER = 2.0
-"""Rates are means over so long [s]."""
-
-TURNING, ACCELERATED = np.radians(1.0), 0.2
-"""More is a turn [rad/s], a change of speed [m/s^2]."""
-
-SHORTEST = 4.0
-"""What lasts shorter belongs to the stretch before it [s]."""
+KINDS = ("straight", "accelerated", "turning")  # What a stretch is called.
+OVER = 2.0  # Rates are means over so long [s].
+TURNING, ACCELERATED = np.radians(1.0), 0.2  # More is a turn [rad/s], a change of speed [m/s^2].
+SHORTEST = 4.0  # What lasts shorter belongs to the stretch before it [s].
 
 
 def kinds_of(said: Messages) -> IntArray:

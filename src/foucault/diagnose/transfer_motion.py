@@ -40,20 +40,11 @@ from foucault.models.rotation import cross_matrix, exp
 from foucault.models.rotation import log as rotation_vector
 from foucault.units import plain
 
-NO_DELAY = 1e-3
-"""A delay below this is none [s]."""
-
-WANDERS = 1e-3
-"""False-alarm rate of a delay that does not stay [1]."""
-
-MATTERS = 1e-4
-"""A change of the delay below this is not told [s]."""
-
-ASTRAY = np.radians(10.0)
-"""A mounting that is so far off is told [rad]."""
-
-POORLY = np.radians(1.0)
-"""A mounting that is known no better is told [rad]."""
+NO_DELAY = 1e-3  # A delay below this is none [s].
+WANDERS = 1e-3  # False-alarm rate of a delay that does not stay [1].
+MATTERS = 1e-4  # A change of the delay below this is not told [s].
+ASTRAY = np.radians(10.0)  # A mounting that is so far off is told [rad].
+POORLY = np.radians(1.0)  # A mounting that is known no better is told [rad].
 
 _AXES = (("right", "forward", "up"), ("left", "back", "down"))
 _SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -182,23 +173,15 @@ def _ms(seconds: float, sd: float = MATTERS) -> str:
     return f"{1e3 * seconds:.{digits}f}"
 
 
-FAR = 10.0
-"""A lever arm of which nothing is said is known so well [m]."""
-
-UNSETTLED = 1.0
-"""The velocity at the start may be wrong by this where the lever arm is [m/s]."""
+FAR = 10.0  # A lever arm of which nothing is said is known so well [m].
+UNSETTLED = 1.0  # The velocity at the start may be wrong by this where the lever arm is [m/s].
 
 LONG, SEEN_M = 0.05, 0.5
 """A shorter lever arm is none; a component that is known worse is not seen [m]."""
 
-LEFT = 0.3
-"""An arm leaves at most this part of what is too large about the innovations [1]."""
-
-NEARLY = 1.2
-"""With the arm that is found innovations may be so many times as large as allowed [1]."""
-
-SURELY = 1e-4
-"""False-alarm rate of a lever arm [1]."""
+LEFT = 0.3  # An arm leaves at most this part of what is too large about the innovations [1].
+NEARLY = 1.2  # With the arm that is found innovations may be so many times as large as allowed [1].
+SURELY = 1e-4  # False-alarm rate of a lever arm [1].
 
 OUTLIER, FEW, MOST = 8.0, 0.01, 5
 """An innovation of so many standard deviations is none of this noise; if at most this part of the
@@ -210,14 +193,12 @@ BENDS = 10.0
 VISIBLE = 1e-6
 """A direction of which the messages say less, in units of its prior, is not tested [1]."""
 
-WIDER = np.logspace(0.0, 4.0, 81)
-"""So many times as wide a prior is tried [1]."""
+WIDER = np.logspace(0.0, 4.0, 81)  # So many times as wide a prior is tried [1].
 
 ALIKE = 6.0
 """Explanations whose log-likelihoods differ by less than half of it are not told apart [1]."""
 
-LOOSE = 100.0
-"""Without priors means with priors so many times as wide [1]."""
+LOOSE = 100.0  # Without priors means with priors so many times as wide [1].
 
 
 @dataclass(frozen=True)
@@ -465,8 +446,8 @@ def findings(
 ) -> list[Finding]:
     """Return all that was noticed: of delay, motion, innovations and what would explain them.
 
-    `before`: what was noticed before. Where that explains large innovations, and where passes
-    have not settled, nothing is said of what rests on the estimates.
+    Where that explains large innovations, and where passes have not settled, nothing is said of
+    what rests on the estimates.
     """
     if EXPLAINS & {f.code for f in before}:
         return [*before, *_of_edge(e), *_straight(e)]

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout, coefficients_of
 from foucault.diagnose.checks import check, hardly, status_check
 from foucault.diagnose.fit_checks import held_out_check
@@ -36,23 +36,15 @@ from foucault.plans.tumble import Nominal, TorquingPlan
 from foucault.result import Check, TableData
 from foucault.tables import AXES, Log
 
-LONG = 1.5
-"""An interval longer than this many usual ones has lost rows [1]."""
-
-STEP = 0.01
-"""A change of the command by more than this, over its largest size, is a step [1]."""
+LONG = 1.5  # An interval longer than this many usual ones has lost rows [1].
+STEP = 0.01  # A change of the command by more than this, over its largest size, is a step [1].
 
 ROUGHNESS = float(np.sqrt(70.0)) / 6.0
 """Sd of a reading less what its four neighbours predict, over that of a reading [1]."""
 
-MANY = 0.1
-"""Where more readings than this jump, that is how they are [1]."""
-
-ROUNDS = 5
-"""Times that outlying readings are sought beside those that were found [1]."""
-
-SHIFTED = 120
-"""A command is searched for so many steps of its plan, earlier and later [1]."""
+MANY = 0.1  # Where more readings than this jump, that is how they are [1].
+ROUNDS = 5  # Times that outlying readings are sought beside those that were found [1].
+SHIFTED = 120  # A command is searched for so many steps of its plan, earlier and later [1].
 
 
 def plan_findings(
@@ -98,7 +90,7 @@ def _hold(log: Log) -> float:
     return float(np.median(np.diff(changes))) if len(changes) > 1 else log.interval
 
 
-def _between(since: FloatArray, plan: TorquingPlan, hold: float) -> npt.NDArray[np.bool_]:
+def _between(since: FloatArray, plan: TorquingPlan, hold: float) -> BoolArray:
     """Return where the rate of a plan changes: commands held otherwise are others there."""
     last = np.searchsorted(plan.ends, since + hold, side="right") - 1
     return np.asarray(since < plan.ends[last] + plan.ramp + hold)
@@ -137,11 +129,11 @@ def gap_findings(log: Log) -> list[Finding]:
     ]  # fmt: skip
 
 
-def edges(time: FloatArray, command: FloatArray, after: float) -> npt.NDArray[np.bool_]:
+def edges(time: FloatArray, command: FloatArray, after: float) -> BoolArray:
     """Tell which of `time` [s] end within `after` of a step of `command` (n, 3) [rad/s]."""
     step = np.linalg.norm(np.diff(command, axis=0, prepend=np.zeros((1, 3))), axis=1)
     steps = time[:-1][step > STEP * np.linalg.norm(command, axis=1).max()]
-    out: npt.NDArray[np.bool_] = np.zeros(len(command), bool)
+    out: BoolArray = np.zeros(len(command), bool)
     first = np.searchsorted(time[1:], steps - 1e-9, side="right")
     last = np.searchsorted(time[1:], steps + after + 1e-9, side="right")
     for a, b in zip(first, last, strict=True):
@@ -149,7 +141,7 @@ def edges(time: FloatArray, command: FloatArray, after: float) -> npt.NDArray[np
     return out
 
 
-def outlying(log: Log, sd: float) -> npt.NDArray[np.bool_]:
+def outlying(log: Log, sd: float) -> BoolArray:
     """Find rows whose readings jump farther from their neighbours than any would by chance, (n,).
 
     A cubic through two neighbours on either side, at the ends through four on one, predicts a
@@ -162,7 +154,7 @@ def outlying(log: Log, sd: float) -> npt.NDArray[np.bool_]:
 
     assert log.accel is not None and log.gyro is not None
     n = len(log)
-    out: npt.NDArray[np.bool_] = np.zeros(n, bool)
+    out: BoolArray = np.zeros(n, bool)
     if n < 50:
         return out
     step = np.linalg.norm(np.diff(log.gyro, axis=0), axis=1)
@@ -214,11 +206,8 @@ def measured_white(log: Log) -> float:
     return float(np.sqrt(np.mean(spread**2) / 20.0 * log.interval))
 
 
-STRETCHES = 12
-"""The log is tested in so many stretches [1]."""
-
-PARTS = 60
-"""Slow errors are sought in the sums over so many parts of the log [1]."""
+STRETCHES = 12  # The log is tested in so many stretches [1].
+PARTS = 60  # Slow errors are sought in the sums over so many parts of the log [1].
 
 EACH = FALSE_ALARM / 10
 """False-alarm rate of each of ten tests, so that all together keep about 1 % [1]."""
@@ -455,20 +444,14 @@ def _slopes(
     return F, H
 
 
-DRAWN = 400
-"""Rows of a table that is drawn as curves [1]."""
+DRAWN = 400  # Rows of a table that is drawn as curves [1].
 
 SUBDIVIDED = np.radians(15.0)
 """For the rank of the motion every constant rate is cut into turns of at most this [rad]."""
 
-MOST_SEGMENTS = 96
-"""Into so many parts the motion is cut at most [1]."""
-
-SHORT = 0.01
-"""A leg shorter than this part of the whole is one with its neighbour [1]."""
-
-WEAKEST, STRONG = 6, 0.9
-"""Combinations shown, and correlations from which pairs are shown [1]."""
+MOST_SEGMENTS = 96  # Into so many parts the motion is cut at most [1].
+SHORT = 0.01  # A leg shorter than this part of the whole is one with its neighbour [1].
+WEAKEST, STRONG = 6, 0.9  # Combinations shown, and correlations from which pairs are shown [1].
 
 
 def diagnostics(e: Solution) -> dict[str, Any]:

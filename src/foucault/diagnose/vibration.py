@@ -24,14 +24,9 @@ from foucault.errors import Finding, finding
 from foucault.tables import AXES, Log
 from foucault.units import convert, display_unit, plain
 
-ORDER = 6
-"""Differences of readings that are taken [1]."""
-
-WINDOW = 0.5
-"""Length of a stretch [s]; it has `SAMPLES` readings or more."""
-
-SAMPLES = 50
-"""Fewest readings of a stretch [1]."""
+ORDER = 6  # Differences of readings that are taken [1].
+WINDOW = 0.5  # Length of a stretch [s]; it has `SAMPLES` readings or more.
+SAMPLES = 50  # Fewest readings of a stretch [1].
 
 LOUD = 1.5
 """Stretches count as louder where their density is more than this times that of the rest [1]."""

@@ -26,8 +26,7 @@ APART, RIGID, TURNED, SUSPECT, LEFT = (0.01, 100.0), 0.2, 0.3, 0.02, 0.06
 parts of the base that the IMU's turning may leave: with biases that are not known yet, from where
 other axes are tried, and once biases are known [1]."""
 
-COARSE, FINE = 0.02, 0.002
-"""Steps of the offset [s]."""
+COARSE, FINE = 0.02, 0.002  # Steps of the offset [s].
 
 
 def antennas(q: PoseTable, length: tuple[float, float] | None) -> Second:
@@ -100,8 +99,7 @@ def of_base(
     return tau, C_0v, d * float(np.median(np.linalg.norm(base, axis=1))), left
 
 
-TURNS = 15
-"""Times that rotation and base are found from each other [1]."""
+TURNS = 15  # Times that rotation and base are found from each other [1].
 
 
 def not_exchanged(at: Point, known: Mapping[str, tuple[float, float]]) -> None:

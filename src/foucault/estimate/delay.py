@@ -53,23 +53,12 @@ from foucault.estimate.delay_matching import (
 )
 from foucault.navigate.increments import Increments
 
-FINER = 4
-"""Offsets lie so many times closer than the intervals, over which all is averaged [1]."""
-
-OVERLAP = 0.2
-"""So much of the shorter log both must have in common [1]."""
-
-LEAST = 20
-"""And so many intervals [1]."""
-
-PEAKS = 4
-"""Peaks that are followed [1]."""
-
-ROUNDING = 1e-12
-"""Variances below this part of the mean squares are rounding [1]."""
-
-NEARLY = 0.1
-"""A peak whose correlation is lower than the best by more is not [1]."""
+FINER = 4  # Offsets lie so many times closer than the intervals, over which all is averaged [1].
+OVERLAP = 0.2  # So much of the shorter log both must have in common [1].
+LEAST = 20  # And so many intervals [1].
+PEAKS = 4  # Peaks that are followed [1].
+ROUNDING = 1e-12  # Variances below this part of the mean squares are rounding [1].
+NEARLY = 0.1  # A peak whose correlation is lower than the best by more is not [1].
 
 
 @dataclass(frozen=True)
@@ -199,51 +188,25 @@ def _fit(s: FloatArray, m: FloatArray, C_ms: FloatArray | None) -> tuple[FloatAr
     return A, float(gain / (s_size * m_size)), float(s_size / m_size)
 
 
-BRACKET = (-1.0, 1.0)
-"""Where an offset is looked for if nothing is said [s]."""
-
-SEEN = 0.01
-"""A delay with a larger standard deviation is not seen [s]."""
-
-UNLIKE = 0.5
-"""A slave whose turning has less in common with the master is on another body [1]."""
-
-FEWEST = 20
-"""So few intervals do not show an offset [1]."""
-
-LONG = 5.0
-"""Intervals that are so many times the usual are not used [1]."""
-
-WILD = 10.0
-"""Residuals that are so many times the usual are not of this noise [1]."""
-
-WILD_TURN = 0.5
-"""And so large a part of what the slave turned [1]."""
-
-WILD_PART = 0.05
-"""At most this part of the intervals is left out for that [1]."""
-
-PARTS = 4
-"""The delay is shown in so many parts of the log [1]."""
-
-SOUND = 4.0
-"""Scale factor errors of so many times the usual are something else [1]."""
+BRACKET = (-1.0, 1.0)  # Where an offset is looked for if nothing is said [s].
+SEEN = 0.01  # A delay with a larger standard deviation is not seen [s].
+UNLIKE = 0.5  # A slave whose turning has less in common with the master is on another body [1].
+FEWEST = 20  # So few intervals do not show an offset [1].
+LONG = 5.0  # Intervals that are so many times the usual are not used [1].
+WILD = 10.0  # Residuals that are so many times the usual are not of this noise [1].
+WILD_TURN = 0.5  # And so large a part of what the slave turned [1].
+WILD_PART = 0.05  # At most this part of the intervals is left out for that [1].
+PARTS = 4  # The delay is shown in so many parts of the log [1].
+SOUND = 4.0  # Scale factor errors of so many times the usual are something else [1].
 
 DIFFER = 21.1
 """Chi-square of three that one in 10,000 exceeds: scale factors are estimated where they differ by
 more; where few turns tell them, they would cost much of what is known of the delay [1]."""
 
-DRIFTS = 4.0
-"""A drift of so many standard deviations is followed [1]."""
-
-DRIFT_STEPS = 5
-"""In at most so many steps [1]."""
-
-OTHER_UNIT = 0.25
-"""A ratio of sizes whose logarithm is larger is taken out before all else [1]."""
-
-RIVAL = 1.5
-"""An offset whose squared residuals are at most so many times the best is a rival [1]."""
+DRIFTS = 4.0  # A drift of so many standard deviations is followed [1].
+DRIFT_STEPS = 5  # In at most so many steps [1].
+OTHER_UNIT = 0.25  # A ratio of sizes whose logarithm is larger is taken out before all else [1].
+RIVAL = 1.5  # An offset whose squared residuals are at most so many times the best is a rival [1].
 
 
 @dataclass(frozen=True)

@@ -61,8 +61,7 @@ from foucault.navigate.increments import Increments
 
 ComplexArray = npt.NDArray[np.complex128]
 
-LEAST = 4
-"""A spectrum is smoothed over at least so many values on either side [1]."""
+LEAST = 4  # A spectrum is smoothed over at least so many values on either side [1].
 
 RATIOS = 1.0 - np.geomspace(1.0, 1e-4, 25)
 """Parts of differenced white noise in the residuals that are tried [1]."""
@@ -271,11 +270,8 @@ def inside(
     return np.asarray(ok)
 
 
-ITERATIONS = 20
-"""Most steps of Gauss-Newton in one pass [1]."""
-
-TOGETHER = 20
-"""Neighbouring rows that slow bending of the mount may disturb alike [1]."""
+ITERATIONS = 20  # Most steps of Gauss-Newton in one pass [1].
+TOGETHER = 20  # Neighbouring rows that slow bending of the mount may disturb alike [1].
 
 SETTLED, NEARLY = 1e-3, 0.1
 """Steps of so many standard deviations end the iteration: of the delay, and of all together, some
@@ -284,8 +280,7 @@ of which hardly count [1]."""
 LOOSE = 1.0
 """Standard deviation of the mounting about its start, where nothing else holds it [rad]."""
 
-GAINS = 0.05
-"""Standard deviation of scale factor errors, where nothing else holds them [1]."""
+GAINS = 0.05  # Standard deviation of scale factor errors, where nothing else holds them [1].
 
 HELD = np.diag(np.r_[0.0, np.full(3, LOOSE**-2), np.zeros(3), np.full(3, GAINS**-2)])
 """Information of both."""

@@ -62,8 +62,8 @@ from foucault.tables import Log
 def turn_spread(log: Log, turns: TurnReadings, model_k: ImuModel) -> FloatArray:
     """Integrate the attitude over each turn: what a vector fixed in space adds up to.
 
-    `log`: the log [SI]; `turns`: the turns [SI]. Returns (m, 3, 3): ``int C_k(t)k(0) dt``: times
-    a vector in case axes at the start, its integral [s].
+    `turns`: the turns [SI]. Returns (m, 3, 3): ``int C_k(t)k(0) dt``: times a vector in case axes
+    at the start, its integral [s].
     """
     assert log.gyro is not None
     out = np.empty((len(turns), 3, 3))
@@ -86,10 +86,9 @@ def published(
 ) -> ImuModel:
     """Solve as published, in case axes.
 
-    `rests`: the rests, on six faces, several on one face are averaged by their length [SI];
-    `turns`: turns about three axes [SI]; `site`: gravity, with a latitude the vertical part of
-    the Earth's rotation is taken off first; `spread` (m, 3, 3) or None: attitude during the
-    turns, see `turn_spread`, needed with a latitude [s].
+    `rests`: the rests, on six faces, several on one face are averaged by their length [SI]; `site`:
+    gravity, with a latitude the vertical part of the Earth's rotation is taken off first; `spread`
+    (m, 3, 3) or None: attitude during the turns, see `turn_spread`, needed with a latitude [s].
     """
     assert rests.gyro is not None
     gyro, turned = rests.gyro, turns.gyro
@@ -130,11 +129,8 @@ def scale_and_rotation(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     return K, matrix / K[:, None]
 
 
-PASSES = 2
-"""Times that the attitude in the turns is found; each is 1e-4 of the last, or less [1]."""
-
-QUIETEST = 1e-10
-"""Least sd of a mean, [m/s^2] and [rad/s]: far below what any instrument has."""
+PASSES = 2  # Times that the attitude in the turns is found; each is 1e-4 of the last, or less [1].
+QUIETEST = 1e-10  # Least sd of a mean, [m/s^2] and [rad/s]: far below what any instrument has.
 
 SCATTER = {"accel": "scatter of specific force at rest", "gyro": "scatter of angular rate at rest"}
 """Kind of reading -> source of what neither its noise nor the placement explains."""
@@ -213,8 +209,8 @@ def closed_form(
 ) -> tuple[Scene, State]:
     """Solve by linear least squares in case axes, and change to the body axes.
 
-    `rests`: the rests, on six faces [SI]; `turns` or None: turns about three axes [SI]; `log` or
-    None: the log, for the attitude during the turns.
+    `rests`: the rests, on six faces [SI]; `log` or None: the log, for the attitude during the
+    turns.
     """
     m = 0 if turns is None else len(turns)
     force = site.gravity * rests.up_k

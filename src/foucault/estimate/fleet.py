@@ -12,19 +12,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.kernels.norm_observation import calibrate_batch
 from foucault.models.imu import LAYOUT, LINEAR_LOWER
 
-STATUS = ("solved", "singular", "no ellipsoid", "not finite")
-"""What the number of a status means."""
-
-NEEDED = 9
-"""Rests, and spins, that the linear equations need [1]."""
+STATUS = ("solved", "singular", "no ellipsoid", "not finite")  # What the number of a status means.
+NEEDED = 9  # Rests, and spins, that the linear equations need [1].
 
 SIZE = len(LINEAR_LOWER)
 _ROWS, _COLUMNS = np.tril_indices(SIZE)
@@ -53,7 +49,7 @@ class FleetReadings:
     def __len__(self) -> int:
         return len(self.rest)
 
-    def __getitem__(self, some: npt.NDArray[np.bool_] | IntArray) -> FleetReadings:
+    def __getitem__(self, some: BoolArray | IntArray) -> FleetReadings:
         """Return some of the instruments, by mask or by number."""
         rest, accel, gyro = (x[some] if len(x) > 1 else x for x in self.variances)
         return replace(
@@ -95,14 +91,9 @@ class FleetEstimate:
         return len(self.status)
 
     @property
-    def solved(self) -> npt.NDArray[np.bool_]:
+    def solved(self) -> BoolArray:
         """Which instruments were solved, shape (N,)."""
         return np.asarray(self.status == 0)
-
-    @property
-    def words(self) -> list[str]:
-        """The status of each instrument."""
-        return [STATUS[k] for k in self.status]
 
     @property
     def sd(self) -> FloatArray:
@@ -171,7 +162,7 @@ def _check(r: FleetReadings) -> None:
             raise error("fleet.shape", what=name, given=given, allowed=shape)
 
 
-def _wrapped(r: FleetReadings, found: list[npt.NDArray[np.float64]]) -> FleetEstimate:
+def _wrapped(r: FleetReadings, found: list[FloatArray]) -> FleetEstimate:
     Ma, ba, Mg, bg, arm, packed, arm_cov, _, kernel_status = found
     status: IntArray = kernel_status.astype(np.int64)
     diagonals = [np.diagonal(M, axis1=1, axis2=2) - 1.0 for M in (Ma, Mg)]

@@ -32,9 +32,8 @@ from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector, Layout
 
 LEAST = 1e-6
@@ -46,11 +45,8 @@ DEPENDENT = 1e-10
 FIXED = 1e-8
 """Relative variance of a difference that the model allows no other value, and rounding [1]."""
 
-TIED = 1e-9
-"""Coefficients whose correlation is this near to 1 or -1 are one [1]."""
-
-ALL_SHARED = 1e-6
-"""Part of the variance in a combination of coefficients that is never shared [1]."""
+TIED = 1e-9  # Coefficients whose correlation is this near to 1 or -1 are one [1].
+ALL_SHARED = 1e-6  # Part of the variance in a combination of coefficients that is never shared [1].
 
 
 @dataclass(frozen=True)
@@ -170,7 +166,7 @@ def _smallest_sd(name: str, *vectors: CoefficientVector) -> float:
 
 
 def _placed(
-    layout: Layout, unit: FloatArray, known: Known, without_prior: npt.NDArray[np.bool_]
+    layout: Layout, unit: FloatArray, known: Known, without_prior: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return J and h of a result among the coefficients of `layout`, in units of `unit`."""
     vector = known.vector

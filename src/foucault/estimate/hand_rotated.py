@@ -136,11 +136,11 @@ def fit_directions(
 ) -> Estimate:
     """Fit gyro scale and misalignment to the change of the direction of gravity.
 
-    `log`: readings [SI]; `up_b` (n, 3): direction of the compensated specific force of each rest,
-    frame b [1]; `first`, `last` (n - 1,): first and last sample of each turn; `start`: where to
-    start, its gyro bias is held; `runge_kutta`: integrate as published instead of with the better
-    rule of the kernels; `max_iterations`: limit of the Gauss-Newton steps [1]. Returns covariance
-    from the residuals' own scatter; chi_square is twice the published cost.
+    `up_b` (n, 3): direction of the compensated specific force of each rest, frame b [1]; `first`,
+    `last` (n - 1,): first and last sample of each turn; `start`: where to start, its gyro bias is
+    held; `runge_kutta`: integrate as published instead of with the better rule of the kernels;
+    `max_iterations`: limit of the Gauss-Newton steps [1]. Returns covariance from the residuals'
+    own scatter; chi_square is twice the published cost.
     """
     assert log.gyro is not None
     gyro = log.gyro

@@ -125,8 +125,7 @@ def published_recovery(readings: FloatArray, norm: float) -> tuple[FloatArray, F
     return L, K[6:9] / K[:3] * norm
 
 
-NEAR = np.radians(1.0)
-"""Angles this close are those of the method [rad]."""
+NEAR = np.radians(1.0)  # Angles this close are those of the method [rad].
 
 
 def unify_four_positions(

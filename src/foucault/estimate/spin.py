@@ -29,14 +29,12 @@ from foucault.models.spin import GRIP, Grip, across, moved
 RATE_WALKS = 4.0 ** np.arange(-3, 5)
 """Densities of the random walk of the angular acceleration that are tried [rad/s^2/sqrt(s)]."""
 
-PROBES = 4
-"""Draws of noise that tell how many numbers the phase takes up [1]."""
+PROBES = 4  # Draws of noise that tell how many numbers the phase takes up [1].
 
 WALK_TURNS = 12
 """The walk of the acceleration is told by means over a twelfth of a turn [1 / turn]."""
 
-SWAY_TURNS = 4
-"""The sway is told by means over a quarter of a turn [1 / turn]."""
+SWAY_TURNS = 4  # The sway is told by means over a quarter of a turn [1 / turn].
 
 
 # -- a spin without its phase ----------------------------------------------------------------------
@@ -295,7 +293,7 @@ def solve(
     """Find coefficients, grips, phases and the noise of every spin.
 
     `axes`: of the mountings, (3,) each [1]; `paths`: of the spins by `first_phase`, (n, 3) each
-    [SI]; `declared` or None: noise of the sensors [SI]; `most`: passes [1].
+    [SI]; `most`: passes [1].
     """
     grips = tuple(Grip(across(axis)) for axis in axes)
     sizes = tuple(Sizes(np.maximum(_rough(s), floor(s, declared)), 1.0) for s in spins)
@@ -317,8 +315,7 @@ def solve(
     return replace(at, converged=size < UNSETTLED)
 
 
-FIRST = 2
-"""Steps before and after which noise is found [1]."""
+FIRST = 2  # Steps before and after which noise is found [1].
 
 SETTLED, UNSETTLED = 1e-3, 0.1
 """Steps shorter than the first are none; what ends with a longer one than the second has not
@@ -390,8 +387,7 @@ def _noise(at: Solved, declared: ImuNoise | None) -> tuple[Sizes, ...]:
     return tuple(out)
 
 
-CHANCE = 4.0
-"""By so many sd what is left has to exceed noise to be vibration, or sway [1]."""
+CHANCE = 4.0  # By so many sd what is left has to exceed noise to be vibration, or sway [1].
 
 
 # -- what is judged --------------------------------------------------------------------------------

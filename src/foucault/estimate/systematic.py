@@ -35,9 +35,8 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.models.earth import Site
 from foucault.models.ins_errors import Sensors
@@ -47,12 +46,10 @@ from foucault.navigate.increments import Increments
 from foucault.navigate.ins_filter import FilterRun, Updates, run, start_cov
 from foucault.navigate.strapdown import State
 
-BETWEEN = 2.0
-"""Longest epoch during turns [s]."""
+BETWEEN = 2.0  # Longest epoch during turns [s].
 
 
-STAYS = 1e-4
-"""How well an instrument at rest stays where it is [m]."""
+STAYS = 1e-4  # How well an instrument at rest stays where it is [m].
 
 
 @dataclass(frozen=True)
@@ -104,7 +101,7 @@ class AtRest:
         return out
 
 
-def _between(rows: IntArray, rests: Sequence[tuple[int, int]]) -> npt.NDArray[np.bool_]:
+def _between(rows: IntArray, rests: Sequence[tuple[int, int]]) -> BoolArray:
     """Return which rows lie between one rest and the next."""
     starts, ends = np.array(rests).T
     after = np.searchsorted(ends, rows)  # rests that are over

@@ -42,8 +42,7 @@ from foucault.models.noise import Readings
 from foucault.models.turntable import Angles, Free, State, Trust, Unknowns, moved, predict, tangents
 from foucault.result import Estimate, Linearised
 
-DEAD = 1e6
-"""Axes whose scale factors differ by more do not all read something [1]."""
+DEAD = 1e6  # Axes whose scale factors differ by more do not all read something [1].
 
 KINDS = ("accel at rest", "accel in spins", "gyro at rest", "gyro in spins", "rate of spins")
 """The kinds of residual; in spins the rate along the axis, which is the table's, stands alone."""
@@ -381,8 +380,7 @@ def _affine(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray] | Non
     return np.asarray(fit[:3].T / size), np.asarray(fit[3])
 
 
-ENOUGH = 8.0
-"""With fewer degrees of freedom scatter is added only where it is significant [1]."""
+ENOUGH = 8.0  # With fewer degrees of freedom scatter is added only where it is significant [1].
 
 
 @dataclass(frozen=True)
@@ -573,8 +571,7 @@ def _believed_again(found: TableFit) -> TableFit:
     return found.solved(replace(state, geometry=replace(g, doubted=tuple(kept))))
 
 
-MEDIAN = 0.693
-"""Median of chi-square with two degrees of freedom over its mean, ln 2 [1]."""
+MEDIAN = 0.693  # Median of chi-square with two degrees of freedom over its mean, ln 2 [1].
 
 
 def _without_outliers(found: TableFit) -> tuple[TableFit, tuple[int, ...]]:

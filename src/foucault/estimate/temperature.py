@@ -36,7 +36,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy import linalg, optimize, special
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
@@ -46,11 +45,8 @@ JITTER = 1e-10
 """Added to the variances, as a part: a covariance may be singular where coefficients are tied [1].
 """
 
-DEPENDENT = 1e-8
-"""An eigenvalue of a correlation matrix below this belongs to what is tied [1]."""
-
-NOTHING = 1e-4
-"""A scatter whose variance is a smaller part of the evidence's own is none [1]."""
+DEPENDENT = 1e-8  # An eigenvalue of a correlation matrix below this belongs to what is tied [1].
+NOTHING = 1e-4  # A scatter whose variance is a smaller part of the evidence's own is none [1].
 
 
 @dataclass(frozen=True)
@@ -146,7 +142,7 @@ def _least_squares(
 
 
 def scatter(
-    evidence: Sequence[Evidence], design: Design, known: FloatArray, wanted: npt.NDArray[np.bool_]
+    evidence: Sequence[Evidence], design: Design, known: FloatArray, wanted: BoolArray
 ) -> FloatArray:
     """Find the scatter by restricted maximum likelihood, s_f^2, shape (g,) [unit^2].
 

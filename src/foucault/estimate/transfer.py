@@ -229,11 +229,8 @@ PIECE = 300.0
 """A free run is reset after so long: its errors are to stay small enough for equations that are
 linear in them, and its vertical channel runs away [s]."""
 
-LATELY = 10.0
-"""Where it goes on is a mean over so long [s]."""
-
-MOST = 0.5
-"""A delay that leaves less of the messages inside the slave's log is none [1]."""
+LATELY = 10.0  # Where it goes on is a mean over so long [s].
+MOST = 0.5  # A delay that leaves less of the messages inside the slave's log is none [1].
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -556,14 +553,9 @@ def _as_angles(C_ns: FloatArray, C_nominal: FloatArray) -> tuple[FloatArray, Flo
     return J, np.remainder(difference + np.pi, 2 * np.pi) - np.pi
 
 
-EVALUATIONS = 80
-"""Runs of the filter at most [1]."""
-
-STARTS = (1.0, 10.0)
-"""Correlation times that are tried first [s]."""
-
-FAR = np.log(1e3)
-"""Logarithm of how far the search goes from where it starts [1]."""
+EVALUATIONS = 80  # Runs of the filter at most [1].
+STARTS = (1.0, 10.0)  # Correlation times that are tried first [s].
+FAR = np.log(1e3)  # Logarithm of how far the search goes from where it starts [1].
 
 
 @dataclass(frozen=True)

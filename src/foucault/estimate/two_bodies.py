@@ -19,33 +19,25 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 
-FASTEST = 0.02
-"""No clock is faster by so much than another [1]."""
+FASTEST = 0.02  # No clock is faster by so much than another [1].
 
 ONE_AXIS = 0.05
 """Rates that are smaller in all other directions by such a factor are about one axis [1]."""
 
-GRID, SMOOTH = 0.005, 0.1
-"""Grid of the correlation, and window of the derivatives [s]."""
+GRID, SMOOTH = 0.005, 0.1  # Grid of the correlation, and window of the derivatives [s].
 
 WINDOW = (3.0, 10.0)
 """Length of windows whose offsets tell the rate of clocks: a sixth of the log, within these [s]."""
 
-SOME = 40
-"""Windows that are looked for in the whole of the other log [1]."""
-
-SETTLED = 0.02
-"""A step that moves nothing by more of its sd is the last [1]."""
-
-BLOCK = 2.0
-"""Errors of what is farther apart are taken as independent [s]."""
+SOME = 40  # Windows that are looked for in the whole of the other log [1].
+SETTLED = 0.02  # A step that moves nothing by more of its sd is the last [1].
+BLOCK = 2.0  # Errors of what is farther apart are taken as independent [s].
 
 COLOURED, MOVED = 1.1, 1.3
 """More than chance, as sds: scatter of scores beyond that of white rows, and difference of the
 halves beyond what noise makes [1]."""
 
-ROUND = 0.1
-"""A rotation that is less certain is none [rad]."""
+ROUND = 0.1  # A rotation that is less certain is none [rad].
 
 LEAST_PEAK, SECOND, MISFIT = 0.5, 0.02, 0.5
 """Correlation of the rates below which nothing is in common, by how much another offset has to be
@@ -59,8 +51,7 @@ HALVES, SURE, SHORTEST, JUMPS = 3.0, 5.0, 5.0, 0.3
 """Limit of the difference of the halves [sd]; from where clocks differ [sd]; the shortest log [s];
 offsets of windows that leave their line by so many samples are of lost samples [1]."""
 
-UNSURE_DELAY = 1e-3
-"""An offset that is less sure than this is none [s]."""
+UNSURE_DELAY = 1e-3  # An offset that is less sure than this is none [s].
 
 NEAR, ALIKE = 0.5, 0.02
 """How far from a line windows are looked for [s]; by how much another place is worse [1]."""

@@ -32,8 +32,7 @@ SHARE = 0.01
 MARGIN = 0.05
 """How far beyond a range, as part of its width, still counts as inside: noise and bias [1]."""
 
-FAR = 0.5
-"""A single sample beyond a range by more than this part of its width is told [1]."""
+FAR = 0.5  # A single sample beyond a range by more than this part of its width is told [1].
 
 
 @dataclass(frozen=True)

@@ -152,8 +152,8 @@ def checked(
     Of several sensors in it that of the run is looked at, or the one that has most keys; without
     a run all of them.
 
-    `text`: the file; `receiver`: whose it is, None finds out; `result`: the run it came from, where
-    there is one; `noise`, `rate`, `axes`: as for `write`, the rate [Hz].
+    `receiver`: whose it is, None finds out; `result`: the run it came from, where there is one;
+    `noise`, `rate`, `axes`: as for `write`, the rate [Hz].
     """
     some = [recognised(text)] if receiver is None else _own(known_as(receiver))
     if axes is not None:

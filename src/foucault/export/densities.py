@@ -26,14 +26,9 @@ from foucault.result import Level, Result, Verdict
 from foucault.run_folder import result_file
 from foucault.tables import AXES
 
-ALLAN_FILE = "allan.json"
-"""What a run of `foucault allan` holds for programs."""
-
-UNLIKE = 1.5
-"""Axes whose noises differ by more than this factor are told [1]."""
-
-LONG = 10.0
-"""A Markov process stands for a random walk up to its correlation time over this [1]."""
+ALLAN_FILE = "allan.json"  # What a run of `foucault allan` holds for programs.
+UNLIKE = 1.5  # Axes whose noises differ by more than this factor are told [1].
+LONG = 10.0  # A Markov process stands for a random walk up to its correlation time over this [1].
 
 UNTIL = 1000.0
 """Up to where the curve of a declared noise is bounded, without an Allan run to say it [s]."""

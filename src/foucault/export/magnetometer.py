@@ -19,11 +19,8 @@ from foucault.models.imu import ImuModel
 from foucault.models.magnetometer import Magnetometer, halves, heading_error
 from foucault.result import Result
 
-ROTATION = "mag.rotation"
-"""What ``--drop`` calls the rotation between magnetometer and IMU."""
-
-LITTLE = 1e-9
-"""What is lost below this is rounding [rad]."""
+ROTATION = "mag.rotation"  # What ``--drop`` calls the rotation between magnetometer and IMU.
+LITTLE = 1e-9  # What is lost below this is rounding [rad].
 
 TURNING, WARMING = np.pi / 2, 10.0
 """Turning [rad/s] and warming [K] whose cost to a heading is said."""

@@ -24,8 +24,7 @@ from foucault.arrays import FloatArray
 from foucault.export.request import TemperatureTerms
 from foucault.units import STANDARD_GRAVITY, ZERO_CELSIUS
 
-ORDER = 3
-"""Highest power of the stacks [1]."""
+ORDER = 3  # Highest power of the stacks [1].
 
 _POINTS = 201  # temperatures at which cubic and functions are compared
 

@@ -27,8 +27,7 @@ from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import ImuModel
 from foucault.result import Result
 
-Constants = dict[str, tuple[str, FloatArray]]
-"""What the code needs: name -> meaning and numbers."""
+Constants = dict[str, tuple[str, FloatArray]]  # What the code needs: name -> meaning and numbers.
 
 AXES = {
     "cluster": "Axes: those of the cluster, p",

@@ -56,8 +56,7 @@ def _number(value: float) -> str:
 # Receiver's convention: ours, whatever reads it.
 
 
-FORMAT = "foucault.export/1"
-"""Name and version of the document."""
+FORMAT = "foucault.export/1"  # Name and version of the document.
 
 
 def json_text(wanted: Request) -> str:

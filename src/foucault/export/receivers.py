@@ -40,8 +40,7 @@ if TYPE_CHECKING:
 _CODE = {"c": "code", "python": "code", "json": "programs", "csv": "programs"}
 """Receivers that are programs of no one in particular -> module with their writer."""
 
-RECEIVERS = (*_CODE, *receivers())
-"""Names of all receivers."""
+RECEIVERS = (*_CODE, *receivers())  # Names of all receivers.
 
 ALIASES = {
     "ros": "ros2", "ros1": "ros2", "imu_calib": "ros2", "vins": "vins-mono",
@@ -52,16 +51,14 @@ ALIASES = {
 }  # fmt: skip
 """Other names of a receiver: the file of imu_calib is the same for ROS and ROS 2."""
 
-NOISE = "noise"
-"""What ``--drop`` calls noise that a receiver wants and nobody knows."""
+NOISE = "noise"  # What ``--drop`` calls noise that a receiver wants and nobody knows.
 
 
 _BY_AXES = ("accel.bias", "accel.scale", "gyro.bias", "gyro.scale")
 """Coefficients of which each axis has one."""
 
 
-RATES = 0.01
-"""Rates that differ by more than this part are told [1]."""
+RATES = 0.01  # Rates that differ by more than this part are told [1].
 
 
 def known_as(name: str) -> str:

@@ -37,8 +37,7 @@ def family(name: str) -> str:
 FAMILIES = tuple(dict.fromkeys(family(name) for name in ALL.names))
 """Kinds of coefficients: accel.bias, accel.scale, ... gyro.deflection, accel.lever, accel.delay."""
 
-EXPORTED = b"Calibration by foucault"
-"""With this every exported file begins to say what it is."""
+EXPORTED = b"Calibration by foucault"  # With this every exported file begins to say what it is.
 
 OWN_AXES = "right-forward-up"
 AXES: dict[str, FloatArray] = {

@@ -31,14 +31,9 @@ if TYPE_CHECKING:
     from foucault.logs.description import LogDescription
     from foucault.logs.raw import Progress
 
-EVERY = 0.05
-"""What comes within this time is corrected at once [s]."""
-
-BODY = "forward-left-up"
-"""Axes of `sensor_msgs/Imu` by REP 103."""
-
-MARK = "/foucault/calibrated"
-"""Topic by which a bag says that it was corrected."""
+EVERY = 0.05  # What comes within this time is corrected at once [s].
+BODY = "forward-left-up"  # Axes of `sensor_msgs/Imu` by REP 103.
+MARK = "/foucault/calibrated"  # Topic by which a bag says that it was corrected.
 
 Three = Sequence[float]
 

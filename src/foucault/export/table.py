@@ -166,7 +166,7 @@ class Row:
 def laid_out(x: FloatArray, layout: str) -> FloatArray:
     """Return the numbers of a vector or matrix in the order of a layout, shape (n,).
 
-    `x`: vector or matrix [SI]; `layout`: as in the table.
+    `x`: vector or matrix [SI].
     """
     if x.ndim == 1 and layout == "diagonal":
         return np.diag(x).ravel()
@@ -182,7 +182,7 @@ def laid_out(x: FloatArray, layout: str) -> FloatArray:
 def put_back(numbers: FloatArray, layout: str) -> FloatArray:
     """Return the vector or matrix of numbers in the order of a layout.
 
-    `numbers` (n,): flat [SI]; `layout`: as in the table.
+    `numbers` (n,): flat [SI].
     """
     if layout == "lower columns" and len(numbers) == 6:
         x = np.zeros((3, 3))
@@ -260,8 +260,7 @@ class Receiver:
         return any("rate" in (KINDS[r.kind][1], *r.of) for r in self.rows)
 
 
-TABLES = ("receivers", "magnetometers")
-"""Tables: of an IMU's calibration, of a magnetometer's."""
+TABLES = ("receivers", "magnetometers")  # Tables: of an IMU's calibration, of a magnetometer's.
 
 
 @cache

@@ -120,5 +120,4 @@ def _hand_eye(found: list[Tie]) -> str:
     return "\n".join(out) + "\n"
 
 
-FORMS = {"kalibr-chain": _chain, "ros2-tf": _transform, "hand-eye": _hand_eye}
-"""Receivers of ties."""
+FORMS = {"kalibr-chain": _chain, "ros2-tf": _transform, "hand-eye": _hand_eye}  # Receivers of ties.

@@ -391,8 +391,7 @@ def _with_missing(angles: FloatArray, needed: FloatArray, outer: bool) -> FloatA
     return np.concatenate([angles, needed[(apart > 1e-9).all(axis=0)]])
 
 
-HEADINGS = ("outer", "middle", "inner")
-"""The first line of a file."""
+HEADINGS = ("outer", "middle", "inner")  # The first line of a file.
 
 
 def write_positions(

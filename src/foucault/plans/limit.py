@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from foucault import units
 
-NOTHING = 1e-12
-"""What is needed or allowed and below this is rounding [SI]."""
+NOTHING = 1e-12  # What is needed or allowed and below this is rounding [SI].
 
 
 @dataclass(frozen=True)

@@ -38,10 +38,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from foucault.arrays import FloatArray
 from foucault.errors import error, suggestion
-from foucault.units import Angle, Quantity
+from foucault.units import Angle, Length, Quantity
 
-STEEPEST = 85.0 * pi / 180.0
-"""Largest angle of climb and of bank [rad]."""
+STEEPEST = 85.0 * pi / 180.0  # Largest angle of climb and of bank [rad].
 
 TABLE_AXES = ("x", "y", "z", "east", "north", "up")
 """What a table may turn the body about: its own axes, and level ones."""
@@ -349,9 +348,7 @@ class ManoeuvreTable(BaseModel):
     accelerate: Annotated[float, Field(ge=0), Quantity("velocity")] | None = Field(
         None, description="speed to reach"
     )
-    climb: Annotated[float, Quantity("length")] | None = Field(
-        None, description="height to climb, down if negative"
-    )
+    climb: Length | None = Field(None, description="height to climb, down if negative")
     sway: tuple[Angle, Angle, Angle] | None = Field(
         None, description="swell or gusts: amplitudes of heading, pitch and roll"
     )

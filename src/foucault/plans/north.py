@@ -214,20 +214,11 @@ def root_mean_square(angle: FloatArray, start: FloatArray, time: FloatArray, kno
 
 Move = tuple[list[int], list[int]]
 
-UNIT = radians(1e-3)
-"""Unit of the angles of a plan [rad]."""
-
-TURN, HALF, DEGREE = 360_000, 180_000, 1000
-"""Units in a turn, in half of one, and in a degree [1]."""
-
-FINEST = radians(1.0)
-"""Angles without detents are multiples of this [rad]."""
-
-TICK = 0.1
-"""Lengths of stops are multiples of this [s]."""
-
-TRIES = 20
-"""So many draws or moves are tried before a plan is returned as it was [1]."""
+UNIT = radians(1e-3)  # Unit of the angles of a plan [rad].
+TURN, HALF, DEGREE = 360_000, 180_000, 1000  # Units in a turn, in half of one, and in a degree [1].
+FINEST = radians(1.0)  # Angles without detents are multiples of this [rad].
+TICK = 0.1  # Lengths of stops are multiples of this [s].
+TRIES = 20  # So many draws or moves are tried before a plan is returned as it was [1].
 
 
 @dataclass(frozen=True)
@@ -445,14 +436,9 @@ def schedule(index: FloatArray, dwell: FloatArray, rig: Rig) -> Schedule:
     return Schedule(tuple(turns.tolist()), tuple(np.diff(ends, prepend=0).tolist()))
 
 
-TILTED = radians(10.0)
-"""Up to which the case is tilted in one of the comparisons [rad]."""
-
-ELSEWHERE = radians(60.0)
-"""Latitude of another, north or south as the site is [rad]."""
-
-DRAWN = 100
-"""Random plans by which it is told whether any shows the heading [1]."""
+TILTED = radians(10.0)  # Up to which the case is tilted in one of the comparisons [rad].
+ELSEWHERE = radians(60.0)  # Latitude of another, north or south as the site is [rad].
+DRAWN = 100  # Random plans by which it is told whether any shows the heading [1].
 
 PLAIN = 2e-4
 """What a stop, or another index angle, costs: of plans that are alike the simpler is wanted [1]."""
@@ -464,6 +450,7 @@ class NorthSpace(Space):
 
     allowed: Rig
     known: Known  # instrument, place, and what the solution is told [SI]
+    Plan = Schedule
 
     @classmethod
     def of(
@@ -541,18 +528,10 @@ class NorthSpace(Space):
 
     # -- plans as text -------------------------------------------------------------------------
 
-    def as_json(self, plan: Schedule) -> dict[str, list[int]]:
-        """Return a plan as plain values."""
-        return {"index": list(plan.index), "dwell": list(plan.dwell)}
-
-    def from_json(self, plain: Mapping[str, Any]) -> Schedule:
-        """Return the plan that `as_json` wrote, here `plain`."""
-        return Schedule(tuple(plain["index"]), tuple(plain["dwell"]))
-
     def changes(self, plan: Schedule) -> dict[str, dict[str, Any]]:
         """Return what makes a campaign do this plan: keys of its tables, as in the file.
 
-        `plan`: a plan. One that counts from north is for a fix: one set-up that faces north.
+        One that counts from north is for a fix: one set-up that faces north.
         """
         order = [{"index": f"{a} deg", "dwell": f"{t} s"} for a, t in self._texts(plan)]
         if self.known.rough_sd is None:

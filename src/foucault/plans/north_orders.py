@@ -23,9 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.detect.dwells import PIECE, PIECES
 from foucault.errors import error, suggestion
 from foucault.estimate.north_reduction import GYRO_NOISE, TILT_NOISE
@@ -38,8 +37,7 @@ ROUGH = "a rough heading, and two accelerometers or a level case"
 FIRST = "a first solution on the spot"
 TURNING = "a base that turns at one rate"
 
-HEADINGS = ("index (deg)", "dwell (s)")
-"""The first line of a file of stops."""
+HEADINGS = ("index (deg)", "dwell (s)")  # The first line of a file of stops.
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ class StopOrder:
     index: FloatArray  # (k,) index angles in order, clockwise seen from above [rad]
     share: FloatArray  # (k,) of the time at the stops, with the sum 1 [1]
     # (k,) whether the angle counts from north, by a rough heading, not from forward
-    from_north: npt.NDArray[np.bool_]
+    from_north: BoolArray
     needs: str = ""  # what is needed beside a base that stops; empty for nothing
 
     def __len__(self) -> int:
@@ -149,8 +147,8 @@ def dwells_at(
 
 
 def _joined(
-    index: FloatArray, share: FloatArray, from_north: npt.NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    index: FloatArray, share: FloatArray, from_north: BoolArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Make one stop of neighbours at the same angle."""
     same = (np.diff(index) == 0) & (from_north[1:] == from_north[:-1])
     first = np.flatnonzero(np.append(True, ~same))
@@ -210,8 +208,7 @@ def continuous(turns: int) -> TurningOrder:
     return TurningOrder(f"continuous, {turns} turn{'s' * (turns > 1)}", turns)
 
 
-SHARES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
-"""Of the time for the first stage, to choose from [1]."""
+SHARES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5)  # Of the time for the first stage, to choose from [1].
 
 NAMES = (
     "published", "sequential", "palindrome", "6 positions", "east-west pair", "east-west-east",
@@ -220,8 +217,7 @@ NAMES = (
 """Orders that are compared where none is named."""
 
 
-_COUNT = re.compile(r"[0-9]{1,5}")
-"""A number of positions or turns that somebody can mean."""
+_COUNT = re.compile(r"[0-9]{1,5}")  # A number of positions or turns that somebody can mean.
 
 
 def orders(name: str, cycles: int = 1) -> tuple[Order, ...]:
@@ -266,32 +262,18 @@ def write_stops(order: Order, total: float, move: float, path: str | Path) -> No
         temporary.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
-LONGEST = 86400.0
-"""Longest time that is tried [s]."""
+LONGEST = 86400.0  # Longest time that is tried [s].
 
 SHORTEST = 5.0
 """Shortest stop: what is left of it after settling is cut out of a log from so long on [s]."""
 
-SEEN = 3.0
-"""The Earth's rate is seen where it is so many sd of what is measured of it [1]."""
-
-ALIKE = 1.1
-"""Plans whose sd differ by less than this are alike; then what is safer decides [1]."""
-
-NO_DRIFT = 1.3e5
-"""Errors by drift that differ by less are alike; 0.001 deg for 0.1 deg/h/h [s^2]."""
-
-UNREACHED = 1e6
-"""Puts orders that do not reach the accuracy after all that do [1]."""
-
-LIMITING = 0.1
-"""Share of the variance from which on a source is what sets the floor [1]."""
-
-REPEATS = (2, 3, 5, 8)
-"""How often an order may be repeated [1]."""
-
-STEPS = 14
-"""Times that are tried before the search between two of them [1]."""
+SEEN = 3.0  # The Earth's rate is seen where it is so many sd of what is measured of it [1].
+ALIKE = 1.1  # Plans whose sd differ by less than this are alike; then what is safer decides [1].
+NO_DRIFT = 1.3e5  # Errors by drift that differ by less are alike; 0.001 deg for 0.1 deg/h/h [s^2].
+UNREACHED = 1e6  # Puts orders that do not reach the accuracy after all that do [1].
+LIMITING = 0.1  # Share of the variance from which on a source is what sets the floor [1].
+REPEATS = (2, 3, 5, 8)  # How often an order may be repeated [1].
+STEPS = 14  # Times that are tried before the search between two of them [1].
 
 
 @dataclass(frozen=True)
@@ -397,7 +379,7 @@ class Choice:
 def compare(task: Task, names: Iterable[str] = NAMES, cycles: int = 1) -> Choice:
     """Compare orders.
 
-    `task`: what is to be planned [SI]; `cycles`: how often orders of stops are gone through [1].
+    `cycles`: how often orders of stops are gone through [1].
     """
     rows = tuple(_row(orders(name, cycles), task) for name in names)
     return _chosen(task, rows)

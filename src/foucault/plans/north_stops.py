@@ -25,8 +25,7 @@ LINEAR_DRIFT = "linear drift"
 LOST_RATE = "rate along the axis"
 """What the solution adds where that rate, which tells an unknown latitude, is lost in the noise."""
 
-SMALL = 1e-3
-"""Size of a drift that is tried, over all of the time, in Earth's rates [1]."""
+SMALL = 1e-3  # Size of a drift that is tried, over all of the time, in Earth's rates [1].
 
 
 @dataclass(frozen=True)
@@ -57,11 +56,6 @@ class Prediction:
     worst: float  # at the worst heading [rad]
     sources: dict[str, float]  # mean variance of the heading by source [rad^2]
     drift_error: float  # largest error by a linear drift of 1 rad/s^2 that is not estimated [s^2]
-
-    @property
-    def largest(self) -> str:
-        """The source with the largest share."""
-        return max(self.sources, key=lambda name: self.sources[name])
 
 
 def poses(tilt: float) -> FloatArray:

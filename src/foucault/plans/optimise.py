@@ -20,15 +20,15 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from math import exp, inf, isfinite, log
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
+from pydantic import TypeAdapter
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import Layout
 from foucault.errors import Finding, error, suggestion
 from foucault.plans.limit import Limit
@@ -65,6 +65,7 @@ class Space:
     # plan as it is done, case -> sd of each that would be stated, shape (n,) [SI]
     stated: Callable[[Any, str], FloatArray]
     findings: tuple[Finding, ...] = ()  # what was noticed of what is assumed
+    Plan: ClassVar[type | None] = None  # dataclass of its plans, where they are none of tuples
 
     def __getstate__(self) -> dict[str, Any]:
         # What is remembered stays behind: not all of it can be sent to another process.
@@ -103,10 +104,12 @@ class Space:
 
     def as_json(self, plan: Any) -> Any:
         """Return a plan as plain values: as it is, where it is of tuples and numbers."""
-        return plan
+        return plan if self.Plan is None else asdict(plan)
 
     def from_json(self, plain: Any) -> Any:
         """Return the plan that `as_json` wrote."""
+        if self.Plan is not None:
+            return TypeAdapter(self.Plan).validate_python(plain)
         return tuple(map(self.from_json, plain)) if isinstance(plain, list | tuple) else plain
 
     def changes(self, plan: Any) -> Mapping[str, Mapping[str, Any]]:
@@ -200,8 +203,7 @@ class Descent:
     trace: tuple[tuple[int, float], ...]
 
 
-NOTED = 0.005
-"""Smaller gains of the cost are not noted in the trace [1]."""
+NOTED = 0.005  # Smaller gains of the cost are not noted in the trace [1].
 
 
 def descend(
@@ -318,7 +320,7 @@ def weights_of(layout: Layout, given: Mapping[str, float]) -> FloatArray:
 
 
 def require_seen(
-    names: tuple[str, ...], weights: FloatArray, unseen: npt.NDArray[np.bool_], limits: str
+    names: tuple[str, ...], weights: FloatArray, unseen: BoolArray, limits: str
 ) -> tuple[str, ...]:
     """Return the names that no allowed plan shows; refuse those of them that count.
 

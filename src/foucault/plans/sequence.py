@@ -53,8 +53,7 @@ from foucault.plans.manoeuvres import TABLE_AXES, Profile, Rest, Rotate
 COEFFICIENTS = ("xyy", "xzz", "yzz", "yxx", "zxx", "zyy")
 """Gyro, direction it bends to, direction of the specific force: the six of the design's columns."""
 
-SINGULAR = 1e-9
-"""A singular value below this share of the largest is zero [1]."""
+SINGULAR = 1e-9  # A singular value below this share of the largest is zero [1].
 
 _A = float(np.degrees(np.arctan(2 / (1 + 5**0.5))))
 
@@ -66,8 +65,7 @@ _SETS: dict[str, tuple[tuple[float, float], ...]] = {
     ),
 }  # fmt: skip
 
-NAMES = tuple(_SETS)
-"""Names of the sets of poses."""
+NAMES = tuple(_SETS)  # Names of the sets of poses.
 
 
 def poses(name: str) -> FloatArray:
@@ -198,8 +196,7 @@ STARTS = 10
 """Random sets from which a set that is asked for by name is found; half of them get there [1]."""
 
 
-_COUNT = re.compile(r"[0-9]{1,3}")
-"""A number of poses that somebody can mean."""
+_COUNT = re.compile(r"[0-9]{1,3}")  # A number of poses that somebody can mean.
 
 
 def poses_named(name: str) -> tuple[str, FloatArray]:
@@ -212,14 +209,9 @@ def poses_named(name: str) -> tuple[str, FloatArray]:
 
 Action = Rest | Rotate
 
-RATE = 10.0 * pi / 180.0
-"""Rate of a turn unless said otherwise [rad/s]."""
-
-RAMP = 0.5
-"""Growth of a rate, and its fading, unless said otherwise: 90 deg then take 9.5 s [s]."""
-
-REST = 150.0
-"""Length of a rest unless said otherwise [s]."""
+RATE = 10.0 * pi / 180.0  # Rate of a turn unless said otherwise [rad/s].
+RAMP = 0.5  # Growth of a rate, and its fading, unless said otherwise: 90 deg then take 9.5 s [s].
+REST = 150.0  # Length of a rest unless said otherwise [s].
 
 DIRECTIONS = ("east", "north", "up", "west", "south", "down")
 """Where an axis of the body may point at the start."""
@@ -458,8 +450,7 @@ def _euler(C: FloatArray, order: str) -> list[float]:
         return [float(angle) for angle in Rotation.from_matrix(C).as_euler(order)]
 
 
-SPIN_RATE = 18.0 * pi / 180.0
-"""Rate of the published spins: ten turns in 200 s [rad/s]."""
+SPIN_RATE = 18.0 * pi / 180.0  # Rate of the published spins: ten turns in 200 s [rad/s].
 
 
 def quarter_turns(

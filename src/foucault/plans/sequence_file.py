@@ -66,7 +66,7 @@ class ActionTable(BaseModel):
     rest: Annotated[float, Field(gt=0), Quantity("time")] | None = Field(
         None, description="stand still for so long"
     )
-    turn: Annotated[float, Quantity("angle")] | None = Field(
+    turn: Angle | None = Field(
         None, description="turn by this angle, counter-clockwise about the axis"
     )
     spin: float | None = Field(None, description="so many turns about the axis")
@@ -214,8 +214,7 @@ HEADINGS = (
 )  # fmt: skip
 """First row of the table."""
 
-WHOLE = 1e-9
-"""Turns that are so near to whole ones are whole [1]."""
+WHOLE = 1e-9  # Turns that are so near to whole ones are whole [1].
 
 
 def turns_of(turn: Rotate) -> int:

@@ -41,8 +41,7 @@ from foucault.plans.sequence_file import plain_action, plain_start, rows
 WIDE, NARROW = 40.0, 0.5
 """How far a pose is shifted at the start of a descent and at its end [deg]."""
 
-FIRST_REST = 30
-"""Shortest first rest: the attitude is found in it [s]."""
+FIRST_REST = 30  # Shortest first rest: the attitude is found in it [s].
 
 
 @dataclass(frozen=True)
@@ -283,18 +282,14 @@ PULL = 10.0
 MARGIN = 0.995
 """The search, whose uncertainties are a little off, wants so much of what is wanted [1]."""
 
-UNSEEN = 0.7
-"""A coefficient that keeps more than this share of its prior is not seen [1]."""
+UNSEEN = 0.7  # A coefficient that keeps more than this share of its prior is not seen [1].
 
 TURNED = 0.2
 """Where quarter turns are open beside spins, so many moves change one; without spins all others
 [1]."""
 
-CLEAR = 2.0
-"""Turns are at least so many times as large as the least that is found in a log [1]."""
-
-SAMPLED = 4
-"""Random plans that show what can be seen at all, beside the plan to beat [1]."""
+CLEAR = 2.0  # Turns are at least so many times as large as the least that is found in a log [1].
+SAMPLED = 4  # Random plans that show what can be seen at all, beside the plan to beat [1].
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -310,6 +305,7 @@ class SystematicSpace(QuickSpace):
     # the same where what is not estimated is nothing: what a sequence does not show even then
     alone: Callable[[CalibrationSequence], FloatArray]
     hidden = UNSEEN
+    Plan = SpinPlan
 
     @property
     def aim(self) -> str:
@@ -379,23 +375,6 @@ class SystematicSpace(QuickSpace):
     def done(self, plan: SpinPlan | CalibrationSequence) -> CalibrationSequence:
         """Return a plan as it is done."""
         return plan if isinstance(plan, CalibrationSequence) else self.allowed.sequence(plan)
-
-    def as_json(self, plan: SpinPlan) -> dict[str, Any]:
-        """Return a plan as plain values."""
-        return {
-            "rests": list(plan.rests), "poses": [list(pose) for pose in plan.poses],
-            "turns": plan.turns, "rate": plan.rate, "before": plan.before, "after": plan.after,
-            "quarters": [list(turn) for turn in plan.quarters],
-        }  # fmt: skip
-
-    def from_json(self, plain: Any) -> SpinPlan:
-        """Return the plan that `as_json` wrote."""
-        return SpinPlan(
-            tuple(int(t) for t in plain["rests"]),
-            tuple((float(a), float(b)) for a, b in plain["poses"]),
-            int(plain["turns"]), float(plain["rate"]), int(plain["before"]), int(plain["after"]),
-            tuple((str(axis), int(number)) for axis, number in plain.get("quarters", ())),
-        )  # fmt: skip
 
     def changes(self, plan: SpinPlan) -> Mapping[str, Mapping[str, Any]]:
         """Return the keys of [procedure] and [simulate] that make a campaign do this plan."""

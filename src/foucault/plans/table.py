@@ -21,10 +21,9 @@ from math import asin, atan2, ceil, cos, floor, inf, pi, remainder, sin
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IndexArray
 from foucault.errors import error
 from foucault.models.turntable import up_k
 from foucault.plans.directions import spread_outer
@@ -138,7 +137,7 @@ def travel_time(angles: FloatArray, rate: float) -> FloatArray:
     return np.asarray(apart.max(axis=2) / rate)
 
 
-def shortest_order(time: FloatArray) -> npt.NDArray[np.intp]:
+def shortest_order(time: FloatArray) -> IndexArray:
     """Return an order of positions with little travel: nearest neighbours, then 2-opt, shape (n,).
 
     `time` (n, n): travel from each to each [s].
@@ -215,7 +214,7 @@ class Periodic:
         return cls(degrees, size, amplitudes.reshape(-1, upper.shape[1]))
 
     @cached_property
-    def _upper(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    def _upper(self) -> tuple[IndexArray, IndexArray]:
         return np.triu_indices(self.size)
 
     @property
@@ -315,9 +314,7 @@ class Parts:
         return self.table.slope(position, K @ M @ K.T)
 
 
-def half_covariance(
-    F: FloatArray, used: npt.NDArray[np.intp], scale: FloatArray
-) -> FloatArray | None:
+def half_covariance(F: FloatArray, used: IndexArray, scale: FloatArray) -> FloatArray | None:
     """Return H with covariance ``H' H``; None where something of the `used` is not seen.
 
     `F` (u, u): information of all unknowns; `used` (k,): those of interest [1]; `scale` (u,):
@@ -340,8 +337,7 @@ def half_covariance(
 Plan = tuple[Position, ...]
 Criterion = Literal["sd", "det"]
 
-KEPT = 50_000
-"""Positions whose information is remembered [1]."""
+KEPT = 50_000  # Positions whose information is remembered [1].
 
 REPLACED, TURNED = 0.1, 0.05
 """Shares of moves that draw one position anew, and that turn all together; the rest shift one."""
@@ -350,8 +346,7 @@ DOWNHILL, LAST = 0.002, 0.01
 """Share of moves that slide down to where nothing shifted a little is better; and the heat from
 which on that share grows to all [1]."""
 
-SLIDE = 60
-"""Most steps of such a slide [1]."""
+SLIDE = 60  # Most steps of such a slide [1].
 
 WIDE, NARROW = 0.6, 0.003
 """How far a position is shifted at the start of a descent and at its end [rad]."""

@@ -174,11 +174,8 @@ Kind = Literal["straight", "turn", "s_turn", "accelerate", "climb"]
 
 KINDS: tuple[Kind, ...] = ("straight", "turn", "s_turn", "accelerate", "climb")
 
-TURNS, S_TURNS = 180, 90
-"""Largest turn, and first part of an S-turn [deg]."""
-
-STEP = 5
-"""Angles and heights are multiples of it [deg], [m]."""
+TURNS, S_TURNS = 180, 90  # Largest turn, and first part of an S-turn [deg].
+STEP = 5  # Angles and heights are multiples of it [deg], [m].
 
 G = 9.80665
 
@@ -422,8 +419,7 @@ def _with_speed(profile: TransferProfile) -> Iterator[tuple[Segment, float]]:
 
 POSITION = "position after the outage"
 
-UNSEEN = 0.9
-"""A coefficient that keeps more than this share of its prior is not seen [1]."""
+UNSEEN = 0.9  # A coefficient that keeps more than this share of its prior is not seen [1].
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,9 +31,8 @@ from math import ceil, inf, log
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.errors import error, suggestion
 from foucault.kernels.cluster_information import COLUMNS, information_pass
 from foucault.kernels.cluster_plan import KNOWN, attitudes, commanded, remaining
@@ -46,8 +45,7 @@ from foucault.tables import AXES, whole_samples
 
 Motion = tuple[tuple[float, float, tuple[float, float, float]], ...]
 
-TOLERANCE = 1e-6
-"""Times nearer than this are the same time [s]."""
+TOLERANCE = 1e-6  # Times nearer than this are the same time [s].
 
 
 @dataclass(frozen=True)
@@ -190,11 +188,8 @@ def _turned(C_pn: FloatArray, rate: FloatArray, time: FloatArray) -> FloatArray:
 
 # -- plans -----------------------------------------------------------------------------------
 
-RATE = float(np.radians(0.1))
-"""Rate of the published plan [rad/s]."""
-
-DURATION = 5400.0
-"""Its time [s]."""
+RATE = float(np.radians(0.1))  # Rate of the published plan [rad/s].
+DURATION = 5400.0  # Its time [s].
 
 
 def _turning(word: str, angle: float, rate: float) -> Step:
@@ -214,11 +209,8 @@ def published(rate: float = RATE) -> TorquingPlan:
     return TorquingPlan("published", np.zeros(3), steps)
 
 
-PUBLISHED = published()
-"""The plan of ref. [1], 5400 s."""
-
-NAMES = ("published",)
-"""Plans that have a name."""
+PUBLISHED = published()  # The plan of ref. [1], 5400 s.
+NAMES = ("published",)  # Plans that have a name.
 
 _SIGNED = re.compile(r"^[+-]?[xyz]$")
 
@@ -344,23 +336,12 @@ def needs(plan: TorquingPlan, limits: Limits) -> tuple[Limit, ...]:
 FINEST = float(np.radians(6.0))
 """Largest turn in a slot: its bounds are a few per cent too large, and order plans all the same."""
 
-USUAL = 24
-"""Segments that a random plan has at most, where nothing limits their length [1]."""
-
-FEWEST = 4
-"""Segments that a plan has at least [1]."""
-
-UNSEEN = 0.5
-"""A coefficient that keeps more than this share of its prior is not seen [1]."""
-
-SAMPLED = 48
-"""So many random plans show together what can be seen at all [1]."""
-
-TRIED = 40
-"""Random plans that are drawn in search of such as keep the limits [1]."""
-
-PARTS = 6
-"""In so many points of a slot the gimbals are looked at: one per degree [1]."""
+USUAL = 24  # Segments that a random plan has at most, where nothing limits their length [1].
+FEWEST = 4  # Segments that a plan has at least [1].
+UNSEEN = 0.5  # A coefficient that keeps more than this share of its prior is not seen [1].
+SAMPLED = 48  # So many random plans show together what can be seen at all [1].
+TRIED = 40  # Random plans that are drawn in search of such as keep the limits [1].
+PARTS = 6  # In so many points of a slot the gimbals are looked at: one per degree [1].
 
 LOCK = float(np.radians(88.0))
 """Middle angle from which on the turns of outer and inner gimbal mean nothing [rad]."""
@@ -369,7 +350,7 @@ STRIDE = 0.05
 """Largest part of the whole time that one move shifts from one segment to another [1]."""
 
 NO_ROWS, NO_GAINS = np.zeros((0, 3, COLUMNS)), np.zeros((0, 5, 3, 3))
-NO_MOMENTS: npt.NDArray[np.int64] = np.zeros(0, np.int64)
+NO_MOMENTS: IntArray = np.zeros(0, np.int64)
 """Neither white rows nor gains nor the course in time are wanted."""
 
 Turns = tuple[tuple[int, int], ...]
@@ -605,7 +586,7 @@ class TorquingSpace(QuickSpace):
         return np.ascontiguousarray(gram[:KNOWN, :KNOWN].T)
 
     @cached_property
-    def _readings(self) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    def _readings(self) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Length of the slots, readings, which do not matter, and that all of them count."""
         n = self.allowed.slots
         return np.full(n, self.allowed.slot), np.zeros((n, 3)), np.ones(n, bool)

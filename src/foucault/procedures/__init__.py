@@ -20,8 +20,7 @@ from foucault.errors import error, suggestion
 if TYPE_CHECKING:
     from foucault.procedures.record import Procedure
 
-Progress = Callable[[float, str], None]
-"""Called with the fraction done and what is being done."""
+Progress = Callable[[float, str], None]  # Called with the fraction done and what is being done.
 
 PROCEDURES = {
     name: f"foucault.procedures.{name}" for name in (

@@ -41,8 +41,7 @@ from foucault.tables import Log
 METHODS: tuple[Method, ...] = ("inertial_frame", "kalman", "two_vector")
 """Methods for one rest, the one to go by first."""
 
-BESIDE = 4
-"""Samples beside a rest that feed the integration at its ends [1]."""
+BESIDE = 4  # Samples beside a rest that feed the integration at its ends [1].
 
 
 @dataclass(frozen=True)

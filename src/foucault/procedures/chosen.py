@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
 
 from foucault import units
+from foucault.coefficients import Prior
 from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.left_out import CLEARER
 from foucault.errors import Finding, FoucaultError, finding
@@ -56,7 +57,7 @@ class Taken:
     what: str  # in words, with how much of its size is seen
     seen: float  # share of a size that the readings tell [1]
     contradicted: bool  # whether because no size explains it
-    prior: Mapping[str, tuple[float, float]]  # group -> mean and sd that it keeps [SI]
+    prior: Prior  # group -> mean and sd that it keeps [SI]
 
 
 G = TypeVar("G")

@@ -21,20 +21,14 @@ from foucault.result import Level, Verdict
 from foucault.tables import Log, gaps
 from foucault.units import plain
 
-MOST = 12000
-"""Rows of a second log that are compared; more are joined to longer intervals [1]."""
-
-CLEARLY = 4.0
-"""By so many times less must be left over for another sense to be told [1]."""
-
-ASTRAY = np.radians(45.0)
-"""A mounting that is so far off what was said may be a wrong sign [rad]."""
+MOST = 12000  # Rows of a second log that are compared; more are joined to longer intervals [1].
+CLEARLY = 4.0  # By so many times less must be left over for another sense to be told [1].
+ASTRAY = np.radians(45.0)  # A mounting that is so far off what was said may be a wrong sign [rad].
 
 EXPLAINED = {"delay.axes", "delay.scale", "delay.north_east_down"}
 """What a reversed angle or axis brings about [1]."""
 
-ALIKE = 0.99
-"""Above this part in common nothing is tried the other way round [1]."""
+ALIKE = 0.99  # Above this part in common nothing is tried the other way round [1].
 
 
 @dataclass(frozen=True)

@@ -36,11 +36,8 @@ HERE = "the session in [simulate]"
 
 NAMES = tuple(FACES)
 
-EVALUATIONS = 60
-"""Plans that a restart judges: each is a simulated session [1]."""
-
-TENTH = 10.0
-"""Rests are whole numbers of tenths of a second [1/s]."""
+EVALUATIONS = 60  # Plans that a restart judges: each is a simulated session [1].
+TENTH = 10.0  # Rests are whole numbers of tenths of a second [1/s].
 
 
 class Wanted(Strict):
@@ -165,10 +162,7 @@ class FaceSpace(StatedSpace):
 
 
 def space(name: str, b: Beforehand[Any, Any]) -> FaceSpace:
-    """Return the rests among which the best are sought; those of the session are to beat.
-
-    `name`: the procedure.
-    """
+    """Return the rests among which the best are sought; those of the session are to beat."""
     wanted, session = b.wanted, b.session
     faces = session.faces
     back, turn = getattr(session, "back_time", None), getattr(session, "turn_time", None)

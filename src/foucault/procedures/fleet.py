@@ -14,14 +14,12 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray, IndexArray
 from foucault.coefficients import CoefficientVector
 from foucault.detect import match as position_match
 from foucault.detect.coverage import coverage, coverage_json
 from foucault.diagnose import table as batch
-from foucault.diagnose import table as table_report
 from foucault.diagnose.checks import LARGEST_BIAS, PLAUSIBLE, plausible_scales, status_check
 from foucault.diagnose.table import UNKNOWN_NOISE
 from foucault.errors import FoucaultError, Status, error, finding
@@ -84,8 +82,7 @@ def enough(plan: TablePlan) -> bool:
 def arranged(readings: Readings, plan: TablePlan) -> Readings:
     """Return readings in the order of the plan, one for each of its positions.
 
-    `readings`: what was read [SI]. Raises ``fleet.positions``: some are missing, repeated or
-    elsewhere.
+    Raises ``fleet.positions``: some are missing, repeated or elsewhere.
     """
     if readings.accel is None or readings.gyro is None:
         missing = "accelerometers" if readings.accel is None else "gyros"
@@ -105,7 +102,7 @@ def arranged(readings: Readings, plan: TablePlan) -> Readings:
     return readings[np.argsort(row)]
 
 
-def _numbers(numbers: npt.NDArray[np.intp], most: int = 6) -> str:
+def _numbers(numbers: IndexArray, most: int = 6) -> str:
     more = " and others" if len(numbers) > most else ""
     return "number " + ", ".join(str(k + 1) for k in numbers[:most]) + more
 
@@ -141,7 +138,7 @@ class Batch:
         task = task_of(self.settings)
         return {
             "coverage": coverage_json(covered, int(np.sum(~first.spin))),
-            "unseen": table_report.unseen(
+            "unseen": batch.unseen(
                 first, self.site, task.settings.table_rate_sd, None, quadratic=False
             ),
         }
@@ -174,7 +171,7 @@ class Batch:
         return np.asarray(np.sqrt(variance))
 
     @cached_property
-    def sure(self) -> npt.NDArray[np.bool_]:
+    def sure(self) -> BoolArray:
         """Which instruments pass all checks of `checks`, shape (N,), as far as all say it at once.
 
         Where the fleet is too small to say it, none: `checks` tells each.
@@ -282,9 +279,8 @@ def solve(
 ) -> Batch:
     """Solve all instruments.
 
-    `readings`: of each instrument, all in the order of the plan (`arranged`) [SI]; `sizes` or
-    None: of what is not estimated [SI]. Raises ``plan.singular``: no instrument could be solved
-    with this plan.
+    `readings`: of each instrument, all in the order of the plan (`arranged`) [SI]. Raises
+    ``plan.singular``: no instrument could be solved with this plan.
     """
     plan = plan_of(settings)
     refuse_singular(plan.name, up_k(plan.angles[plan.rate == 0.0]), "accel")
@@ -368,9 +364,7 @@ def _stacked(readings: Sequence[Readings], rate: FloatArray, site: Site) -> Flee
     )  # fmt: skip
 
 
-def _joined(
-    parts: Sequence[FleetEstimate], groups: Sequence[npt.NDArray[np.intp]]
-) -> FleetEstimate:
+def _joined(parts: Sequence[FleetEstimate], groups: Sequence[IndexArray]) -> FleetEstimate:
     if len(parts) == 1:
         return parts[0]
     back = np.argsort(np.concatenate(groups))

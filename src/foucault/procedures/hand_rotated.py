@@ -37,7 +37,6 @@ from foucault.detect.stretches import (
     rest_table,
 )
 from foucault.diagnose import hand_rotated as judge
-from foucault.diagnose import hand_rotated as session_report
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.hand_rotated import hold_out, vertical_check
 from foucault.diagnose.left_out import common_g_sensitivity
@@ -137,7 +136,7 @@ def model_of(
 ) -> RestsAndTurns:
     """State the model of a session.
 
-    `data`: what was observed [SI]; `start` or None: where to start, else what its rests say.
+    `start` or None: where to start, else what its rests say.
     """
     settings, declared = given.settings, given.noise is not None
     start = first_guess(data) if start is None else start
@@ -155,8 +154,7 @@ def model_of(
 def complete(result: Result, data: SessionData, rests: Rests, findings: list[Finding]) -> Result:
     """Add to a result what does not depend on how the coefficients were estimated.
 
-    `result`: with coefficients, checks and its own findings and tables; `data`: what was observed
-    [SI].
+    `result`: with coefficients, checks and its own findings and tables.
     """
     site, log = data.site, data.log
     validity = range_below_g(log, site.gravity, SPIKES)
@@ -169,7 +167,7 @@ def complete(result: Result, data: SessionData, rests: Rests, findings: list[Fin
         | {
             "gravity": site.gravity,
             "unseen": [
-                *session_report.unseen(data, site.gravity_sd),
+                *judge.unseen(data, site.gravity_sd),
                 *unseen_sizes(result.coefficients, site.gravity, validity.get("gyro")),
             ],
             "detection": {
@@ -217,13 +215,13 @@ def _likelihood(data: SessionData, rests: Rests, given: Given[Settings]) -> Resu
         fit,
         checks,
         site=data.site,
-        findings=tuple(session_report.hints(fit, prediction, turned_round)),
+        findings=tuple(judge.hints(fit, prediction, turned_round)),
         diagnostics={
-            "noise": session_report.noise_json(model.noise, declared, fit.found),
+            "noise": judge.noise_json(model.noise, declared, fit.found),
             "coverage": coverage_json(around, len(data.accel_mean)),
-            "heading_sd": session_report.heading_sd(estimate) if data.earth.any() else None,
+            "heading_sd": judge.heading_sd(estimate) if data.earth.any() else None,
         },
-        tables=session_report.tables(fit, prediction, held_out, rest_table(data.log, rests)),
+        tables=judge.tables(fit, prediction, held_out, rest_table(data.log, rests)),
         judged=beside,
     )
 

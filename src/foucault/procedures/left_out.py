@@ -68,8 +68,7 @@ def fit(
 ) -> tuple[Fit, Judgement | None]:
     """Fit as `mixed.fit` does, with what is left out where sizes of it are declared.
 
-    `prior` or None: what is known of the coefficients [SI]; `sizes` or None: of what is not
-    estimated [SI]; `how`: of `mixed.fit`.
+    `prior` or None: what is known of the coefficients [SI]; `how`: of `mixed.fit`.
     """
     sizes = whole(sizes, site, again.white, again.wander)
     if sizes is None:
@@ -118,8 +117,7 @@ def planned(
 WORTH = 0.1
 """Share of a variance from which on it is said what another size of a group would buy [1]."""
 
-BETTER = 10.0
-"""So many times as small is the size that is declared then [1]."""
+BETTER = 10.0  # So many times as small is the size that is declared then [1].
 
 
 def declared(

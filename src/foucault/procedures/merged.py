@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Prior
 from foucault.diagnose import comparable
 from foucault.diagnose.checks import check
 from foucault.diagnose.left_out import LAYOUT_GROUPS
@@ -120,7 +120,7 @@ def _shared_left_out(results: Sequence[tuple[str, Result]]) -> list[Finding]:
     return told
 
 
-def with_prior(result: Result, earlier: Earlier, own: Mapping[str, tuple[float, float]]) -> Result:
+def with_prior(result: Result, earlier: Earlier, own: Prior) -> Result:
     """Return the result of a session, an earlier one of the same instrument taken into account.
 
     `result`: of the session [SI]; `own`: prior that was given beside it, for coefficients or
@@ -161,7 +161,7 @@ def with_prior(result: Result, earlier: Earlier, own: Mapping[str, tuple[float, 
 
 
 def foreseen_with_prior(
-    vector: CoefficientVector, earlier: Earlier, own: Mapping[str, tuple[float, float]]
+    vector: CoefficientVector, earlier: Earlier, own: Prior
 ) -> CoefficientVector:
     """Return what a session will know, an earlier result of the instrument taken into account.
 

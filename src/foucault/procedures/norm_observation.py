@@ -26,8 +26,6 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import error
 from foucault.estimate import norm_observation
-from foucault.estimate import norm_observation as four_positions
-from foucault.estimate import norm_observation as parallel_vectors
 from foucault.estimate.table import TableFit
 from foucault.models import turntable
 from foucault.models.earth import Site
@@ -105,8 +103,8 @@ def linear(
 def solve(settings: Settings, readings: Readings, site: Site) -> tuple[ImuModel, FloatArray]:
     """Solve the linear equations of both triads and tie their frames together.
 
-    `readings`: what was observed [SI]. Returns `lever_arm` (3,): the accelerometers from the
-    centre of the table, body axes; zero where not solved for [m].
+    Returns `lever_arm` (3,): the accelerometers from the centre of the table, body axes; zero where
+    not solved for [m].
     """
     spin, arm = readings.spin, np.zeros(3)
     assert readings.accel is not None
@@ -122,9 +120,9 @@ def solve(settings: Settings, readings: Readings, site: Site) -> tuple[ImuModel,
         w_d = (readings.gyro[spin] - bias) @ np.linalg.inv(L).T
         f_b = (readings.accel[spin] - b) @ np.linalg.inv(M).T
         if settings.unification == "four positions":
-            C_bd = four_positions.unify_four_positions(readings, b, bias, h, site.gravity)
+            C_bd = norm_observation.unify_four_positions(readings, b, bias, h, site.gravity)
         else:
-            C_bd, arm = parallel_vectors.unify(f_b, w_d, h[spin], site.gravity, settings.lever_arm)
+            C_bd, arm = norm_observation.unify(f_b, w_d, h[spin], site.gravity, settings.lever_arm)
         model = replace(model, gyro_matrix=L @ C_bd.T, gyro_bias=bias)
     return model, arm
 

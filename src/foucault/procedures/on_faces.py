@@ -15,7 +15,6 @@ from foucault.detect.faces import Faces, find_faces
 from foucault.detect.noise import measure_noise
 from foucault.detect.stretches import How, Rests, detection_table
 from foucault.diagnose import faces as face_checks
-from foucault.diagnose import faces as face_report
 from foucault.diagnose import hand_rotated as session_report
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.faces import FaceEvidence
@@ -121,10 +120,7 @@ class FaceSession(Strict):
 
 
 def found_faces(log: Log, site: Site, settings: FaceSettings) -> Faces:
-    """Find the rests on faces, and compare the first with its declaration.
-
-    `log`: readings [SI].
-    """
+    """Find the rests on faces, and compare the first with its declaration."""
     how = How(settings.window, settings.shortest, settings.threshold)
     faces = find_faces(log, site.gravity, sections=settings.sections, how=how)
     same_unit(faces.readings.accel, site.gravity)
@@ -137,8 +133,7 @@ def noise_of(
 ) -> FaceNoise:
     """Return the noise of the readings: as declared, else as measured in the rests.
 
-    `log`: readings [SI]; `turns` or None: the turns; `declared` or None: noise of the instrument
-    [SI].
+    `turns` or None: the turns.
     """
     if log.averaged is not None:
         return FaceNoise.of_means(declared, faces.readings)
@@ -242,14 +237,11 @@ def again(model: OnFaces, log: Log) -> Again:
 
 
 def result_of(procedure: str, log: Log, e: FaceEvidence) -> Result:
-    """Make the result of what was solved.
-
-    `log`: readings [SI].
-    """
+    """Make the result of what was solved."""
     site, faces = e.scene.site, e.faces
     validity = range_below_g(log, site.gravity, SPIKES)
     checks = face_checks.checks(e)
-    tables: dict[str, Any] = {"readings": face_report.readings_table(e)}
+    tables: dict[str, Any] = {"readings": face_checks.readings_table(e)}
     if faces.rests is not None:
         tables["detection"] = detection_table(log, faces.rests)
     return record.result_of(

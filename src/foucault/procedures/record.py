@@ -26,10 +26,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, Field, ValidationInfo
 
 from foucault import logs
 from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import Prior as Prior
 from foucault.diagnose import left_out
 from foucault.diagnose.fit_checks import against_the_plan, budget_json, chi_square_json
 from foucault.diagnose.foresight import Extra, Foresight
@@ -61,8 +62,6 @@ if TYPE_CHECKING:
 
 S = TypeVar("S", bound=BaseModel)
 N = TypeVar("N", bound=BaseModel)
-Prior = Mapping[str, tuple[float, float]]
-"""Mean and standard deviation of coefficients or groups of coefficients [SI]."""
 
 
 @dataclass(frozen=True)
@@ -184,8 +183,7 @@ class Stated(Generic[S, N]):
         return self._kept[key]
 
 
-DRAWN = 3
-"""Other draws of a motion by hand that a preflight looks at [1]."""
+DRAWN = 3  # Other draws of a motion by hand that a preflight looks at [1].
 
 
 def _held(_description: Any) -> bool:
@@ -378,9 +376,8 @@ class Procedure(Generic[S, N]):
     ) -> Result:
         """Calibrate without what only a report shows: one trial of many.
 
-        Arguments as of `calibrate`; `noise`: of the instrument [SI]; `prior`: mean and standard
-        deviation of coefficients or groups of coefficients [SI]; `sizes`: of what is not estimated
-        [SI].
+        Arguments as of `calibrate`; `noise`: of the instrument [SI]; `sizes`: of what is not
+        estimated [SI].
         """
         with solvable():
             given = self._given(site, settings, noise, prior, silent, sizes)
@@ -540,10 +537,9 @@ class Procedure(Generic[S, N]):
     ) -> Any:
         """Simulate a session.
 
-        `session`: what is done; `model`: errors of the instrument; `noise`: its noise [SI];
-        `seed`: seed of all random numbers [1]; `settings` or None: of the calibration to follow,
-        for its plan, and for what is wrong with table and reference. Returns its log and what is
-        true.
+        `session`: what is done; `model`: errors of the instrument; `seed`: seed of all random
+        numbers [1]; `settings` or None: of the calibration to follow, for its plan, and for what is
+        wrong with table and reference. Returns its log and what is true.
         """
         return self.simulation(
             session,
@@ -554,8 +550,6 @@ class Procedure(Generic[S, N]):
             seed=seed,
         )
 
-
-Checked = TypeVar("Checked")
 
 # -- of a calibration --------------------------------------------------------------------------
 
@@ -666,11 +660,20 @@ class Robust(Strict):
         return self.loss == "robust"
 
 
-def located(info: ValidationInfo, check: Callable[[], Checked]) -> Checked:
-    """Return what `check` does; where a file is read (`info` says so) its error names the key."""
-    try:
-        return check()
-    except FoucaultError as problem:
-        if "locate" in (info.context or ()):
-            raise ValueError(problem) from None
-        raise
+def checked(check: Callable[[Any], object]) -> AfterValidator:
+    """Return the mark of a field that stays as it is given, where `check` does not refuse it.
+
+    Where a file is read the error names the key.
+    """
+
+    def after(given: Any, info: ValidationInfo) -> Any:
+        try:
+            if given is not None:
+                check(given)
+        except FoucaultError as problem:
+            if "locate" in (info.context or ()):
+                raise ValueError(problem) from None
+            raise
+        return given
+
+    return AfterValidator(after)

@@ -32,8 +32,7 @@ from foucault.simulate.spin import PAUSE, RAMP, SpinPlan
 
 STILL = np.zeros(3)
 
-LEVEL = 3.0
-"""What is nearer to up, down or level is called so [deg]."""
+LEVEL = 3.0  # What is nearer to up, down or level is called so [deg].
 
 
 @dataclass(frozen=True)

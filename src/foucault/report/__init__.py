@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from foucault.result import Result
 
 _HERE = Path(__file__).parent
-COLOURS = _HERE / "colours.css"
-"""Of reports and of the workbench, light and dark."""
+COLOURS = _HERE / "colours.css"  # Of reports and of the workbench, light and dark.
 
 
 def write(folder: str | Path) -> Path:
@@ -88,8 +87,7 @@ def _plotly() -> str:
     return b64encode((_HERE / "plotly.js.gz").read_bytes()).decode()
 
 
-LONG_NAME = 26
-"""A dotted name of so many letters may break after every dot."""
+LONG_NAME = 26  # A dotted name of so many letters may break after every dot.
 
 _PIECES = re.compile(r"[A-Za-z]\w*|\^-?\d+|\s+|.")
 

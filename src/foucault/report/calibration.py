@@ -139,8 +139,7 @@ def sections(result: Result) -> list[Section]:
 
 # -- the certificate -------------------------------------------------------------------------
 
-SLOW = np.radians(0.1)
-"""Slower rates are those of a north seeker, in degrees per hour [rad/s]."""
+SLOW = np.radians(0.1)  # Slower rates are those of a north seeker, in degrees per hour [rad/s].
 
 KNOWN = ("name", "serial", "operator", "due", "note")
 """Keys of the instrument that the certificate shows."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.report.page import GREEK, Figure, data_file
 
 Trace = dict[str, Any]
@@ -46,8 +46,7 @@ LOOK = {
 LEGEND = {"orientation": "h", "x": 0, "y": 1, "yanchor": "bottom", "xanchor": "left"}
 """The look shared by all figures."""
 
-GAP = 0.08
-"""Between panels, of the height [1]."""
+GAP = 0.08  # Between panels, of the height [1].
 
 
 def numbers(values: npt.ArrayLike) -> list[float | None]:
@@ -407,8 +406,20 @@ def shares(labels: Sequence[str], share: Mapping[str, FloatArray], alt: str) -> 
     )
 
 
-FULL = 0.99
-"""Robust weight above which an observation counts in full [1]."""
+def parted(
+    names: Sequence[str], values: FloatArray, some: Iterable[tuple[Any, str, str, str]], hover: str
+) -> list[Trace]:
+    """Return a dot for each name in a row of its own: `some` are rows, word, colour, symbol."""
+    return [
+        dots(
+            word, values[rows], [n for n, p in zip(names, rows, strict=True) if p], colour, hover,
+            size=9, symbol=symbol,
+        )
+        for rows, word, colour, symbol in some if rows.any()
+    ]  # fmt: skip
+
+
+FULL = 0.99  # Robust weight above which an observation counts in full [1].
 
 
 def weighed(x: FloatArray, y: FloatArray, weight: Any, what: str, place: str) -> list[Trace]:
@@ -496,11 +507,10 @@ def length_unit(metres: float) -> tuple[str, float]:
     return ("m", 1.0) if metres >= 0.5 else ("mm", 1e-3)
 
 
-POINTS = 1500
-"""Points that a line is drawn with [1]."""
+POINTS = 1500  # Points that a line is drawn with [1].
 
 
-def thinned(n: int) -> npt.NDArray[np.int64]:
+def thinned(n: int) -> IntArray:
     """Return the rows of `n` that are drawn, the last one among them."""
     step = -(-n // POINTS)
     return np.arange(n)[::-1][::step][::-1]

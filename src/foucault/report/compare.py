@@ -16,12 +16,12 @@ from foucault.report.chart import (
     INK,
     WARNING,
     axis,
-    dots,
     draw,
     heat,
     level,
     line,
     names_axis,
+    parted,
     shaded,
     upright,
     whiskers,
@@ -46,14 +46,12 @@ from foucault.units import ZERO_CELSIUS, plain
 
 About = Mapping[str, Any]
 
-LISTED = 40
-"""Limits in the table of a page, the worst first."""
+LISTED = 40  # Limits in the table of a page, the worst first.
 
 PAIRS = 45
 """Pairs in the table of a page; of more results only neighbours, and the first with the last."""
 
-REACH = 2.5
-"""A limit is drawn where it does not make the axis longer than so many times [1]."""
+REACH = 2.5  # A limit is drawn where it does not make the axis longer than so many times [1].
 
 LOOKS = {
     "pass": "good",
@@ -528,22 +526,8 @@ def _dates(places: Sequence[str]) -> dict[str, Any]:
 def _in_sd(names: Sequence[str], z: FloatArray, limit: float, what: str) -> Figure:
     """Draw changes over their standard deviations, with the limit that all of them share."""
     far = np.abs(z) > limit
-    data = [
-        dots(
-            word,
-            z[pick],
-            [n for n, p in zip(names, pick, strict=True) if p],
-            colour,
-            "%{y}: %{x:.2f} sd|",
-            size=9,
-            symbol=symbol,
-        )
-        for pick, word, colour, symbol in (
-            (~far, "within chance", FIRST, "circle"),
-            (far, "beyond chance", WARNING, "diamond"),
-        )
-        if pick.any()
-    ]
+    fine, odd = (~far, "within chance", FIRST, "circle"), (far, "beyond chance", WARNING, "diamond")
+    data = parted(names, z, (fine, odd), "%{y}: %{x:.2f} sd|")
     top = 1.1 * max(limit, float(np.max(np.abs(z), initial=0.0)))
     return draw(
         "compare.in_sd",

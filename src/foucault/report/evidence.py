@@ -55,14 +55,9 @@ from foucault.result import Result
 RESIDUAL_LIMIT = 3.0  # guide line; one normal residual in 370 lies outside
 NOTHING_ADDED = 0.9  # of the prior sd: the data hardly added to what was known
 
-UNTESTED = 1e-3
-"""A standardized residual below this is that of a reading which nothing tests [1]."""
-
-USED = 0.5
-"""Robust weight below which a reading was left out [1]."""
-
-GAP = 0.05
-"""Space between two groups, as a part of the width [1]."""
+UNTESTED = 1e-3  # A standardized residual below this is that of a reading which nothing tests [1].
+USED = 0.5  # Robust weight below which a reading was left out [1].
+GAP = 0.05  # Space between two groups, as a part of the width [1].
 
 OBSERVED = {
     "accel": "Specific force at rest",
@@ -628,8 +623,7 @@ def rig(result: Result) -> Section | None:
 STEPS = {"before": "before", "line": "off the line", "after": "after"}
 """Column of the table -> name of its panel."""
 
-SPREAD = 0.012
-"""How far apart the axes stand at the same rate, as a part of the fastest [1]."""
+SPREAD = 0.012  # How far apart the axes stand at the same rate, as a part of the fastest [1].
 
 
 def rate_steps(result: Result) -> Section | None:

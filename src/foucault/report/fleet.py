@@ -53,23 +53,12 @@ if TYPE_CHECKING:
     from foucault.campaign.fleet import FleetTable
     from foucault.diagnose.compare import Outlying
 
-LISTED = 500
-"""Instruments in the table of the page; the others are in fleet.parquet [1]."""
-
-FEW = 40
-"""Instruments in the table of those that did not pass [1]."""
-
-NAMED = 60
-"""Lines in a list of what stands out [1]."""
-
-PER_ROW = 3
-"""Histograms side by side [1]."""
-
-REACH = 8.0
-"""Values farther from the median than this are counted in the margin [robust sd]."""
-
-MANY = 30
-"""So many redundant readings leave the size of the residuals little scatter [1]."""
+LISTED = 500  # Instruments in the table of the page; the others are in fleet.parquet [1].
+FEW = 40  # Instruments in the table of those that did not pass [1].
+NAMED = 60  # Lines in a list of what stands out [1].
+PER_ROW = 3  # Histograms side by side [1].
+REACH = 8.0  # Values farther from the median than this are counted in the margin [robust sd].
+MANY = 30  # So many redundant readings leave the size of the residuals little scatter [1].
 
 LOOKS = {
     "broken": "bad",
@@ -86,10 +75,7 @@ TRIADS = {"accel": "accelerometers", "gyro": "gyros"}
 
 
 def document(some: FleetTable, about: Mapping[str, Any]) -> Document:
-    """Return what there is to say of a fleet.
-
-    `some`: the instruments [SI].
-    """
+    """Return what there is to say of a fleet."""
     odd = some.outlying()
     order = _worst_first(some, odd)
     return Document.of(

@@ -64,14 +64,9 @@ from foucault.units import plain
 if TYPE_CHECKING:
     from foucault.run_folder import Record
 
-ELLIPSES = 4
-"""Error ellipses on the map of a path [1]."""
-
-TINY = 0.001
-"""Numbers of a smaller size are not written out [any]."""
-
-DRAWN = 14
-"""Coefficients that are drawn [1]."""
+ELLIPSES = 4  # Error ellipses on the map of a path [1].
+TINY = 0.001  # Numbers of a smaller size are not written out [any].
+DRAWN = 14  # Coefficients that are drawn [1].
 
 TICKS = (1, 2, 5, 10, 15, 20, 30, 60, 120, 180, 240, 360, 720, 1440)
 """Ages that may be marked on a path [min]."""

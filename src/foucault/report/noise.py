@@ -7,10 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import __version__
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IndexArray
 from foucault.diagnose.allan import (
     NOISES,
     UNIT_KINDS,
@@ -54,8 +53,7 @@ from foucault.report.page import (
 from foucault.tables import AXES
 from foucault.units import convert, display_unit, plain, span
 
-POINTS = 4000
-"""Samples drawn per line; a longer log is shown by the extremes of blocks."""
+POINTS = 4000  # Samples drawn per line; a longer log is shown by the extremes of blocks.
 
 TRIADS = {
     "accel": ("Accelerometers", "Specific force", "specific force", "m/s²"),
@@ -134,8 +132,7 @@ def glance(inspection: Inspection, start: float = 0.0) -> Document:
     )
 
 
-BAR = 68
-"""Letters of the bar that shows when an instrument was at rest [1]."""
+BAR = 68  # Letters of the bar that shows when an instrument was at rest [1].
 
 
 def _timeline(seen: Inspection) -> str:
@@ -167,7 +164,7 @@ def _readings(time: FloatArray, x: FloatArray, unit: str) -> Figure:
     return draw("noise.readings", data, y=f"[{unit}]")
 
 
-def _extremes(x: FloatArray) -> npt.NDArray[np.intp]:
+def _extremes(x: FloatArray) -> IndexArray:
     """Return the samples to draw: all of a short log, lowest and highest of blocks of a long."""
     block = -(-2 * len(x) // POINTS)
     if block <= 2:
@@ -269,8 +266,7 @@ def _rests(seen: Inspection, kind: str) -> Table:
     return Table(_columns(*heads), rows)
 
 
-ASIDE = ("min", "max", "end", "|w| (deg/s)")
-"""Columns for which a narrow page has no room."""
+ASIDE = ("min", "max", "end", "|w| (deg/s)")  # Columns for which a narrow page has no room.
 
 
 def _columns(first: str, *others: str) -> list[Column]:
@@ -396,11 +392,8 @@ def _each_axis(measured: LogAllan) -> Section | None:
     return section("noise.axes", Table(heads, rows), line_)
 
 
-MAIN = ("white", "bias_instability", "random_walk")
-"""The coefficients that a data sheet has."""
-
-LETTERS = dict(zip(NOISES, "QNBKR", strict=True))
-"""The letters of IEEE Std 952."""
+MAIN = ("white", "bias_instability", "random_walk")  # The coefficients that a data sheet has.
+LETTERS = dict(zip(NOISES, "QNBKR", strict=True))  # The letters of IEEE Std 952.
 
 
 def _plot(measured: LogAllan, triad: str, pair: Pair | None) -> Section | None:

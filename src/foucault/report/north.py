@@ -66,32 +66,15 @@ from foucault.units import plain
 if TYPE_CHECKING:
     from foucault.run_folder import Record
 
-NAMED = 6
-"""Set-ups that the verdict names."""
-
-LISTED = 500
-"""Set-ups in the table of the page; the others are in fixes.csv [1]."""
-
-NEEDLES = 360
-"""Needles on the compass rose [1]."""
-
-STACKED = 20
-"""Set-ups whose budgets are drawn side by side [1]."""
-
-DETAILED = 3
-"""Set-ups shown in detail, where there are more [1]."""
-
-SHORT_NAME = 20
-"""Letters that a name of a set-up may have to stay on one line [1]."""
-
-MOST_ROWS = 40
-"""Dwells that are listed [1]."""
-
-LARGEST = 5
-"""Sources that are drawn one by one beside others [1]."""
-
-LEVELS = ("unusable", "doubtful", "pass")
-"""Verdicts, worst first."""
+NAMED = 6  # Set-ups that the verdict names.
+LISTED = 500  # Set-ups in the table of the page; the others are in fixes.csv [1].
+NEEDLES = 360  # Needles on the compass rose [1].
+STACKED = 20  # Set-ups whose budgets are drawn side by side [1].
+DETAILED = 3  # Set-ups shown in detail, where there are more [1].
+SHORT_NAME = 20  # Letters that a name of a set-up may have to stay on one line [1].
+MOST_ROWS = 40  # Dwells that are listed [1].
+LARGEST = 5  # Sources that are drawn one by one beside others [1].
+LEVELS = ("unusable", "doubtful", "pass")  # Verdicts, worst first.
 
 ANGLES = ("heading", "pitch", "roll", "latitude")
 SENSORS = {
@@ -106,8 +89,7 @@ FOUND = 0.9
 UNRESOLVED = "sign of the vertical rate"
 """Source that covers both roots; no better instrument helps against it."""
 
-NOTHING = 1e-3
-"""What a source gives, over the largest, for it to be left out of the budget [1]."""
+NOTHING = 1e-3  # What a source gives, over the largest, for it to be left out of the budget [1].
 
 MARKS = {"pass": (FIRST, "circle"), "doubtful": (WARNING, "diamond"), "unusable": (BAD, "x")}
 """Colour and symbol of a verdict."""

@@ -38,8 +38,7 @@ _STYLE = (
     ".foucault svg{width:100%}</style>"
 )
 
-LONG = 12
-"""Rows of a table that a result shows before it is folded [1]."""
+LONG = 12  # Rows of a table that a result shows before it is folded [1].
 
 
 def html(thing: Any) -> str:

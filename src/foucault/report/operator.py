@@ -24,14 +24,12 @@ _HERE = Path(__file__).parent
 AWAY, ABOVE = np.radians(30.0), np.radians(24.0)
 """From where it is seen: so far east of south, and so far above the horizon [rad]."""
 
-HALF = np.array([0.5, 0.78, 0.28])
-"""Half the box along x, y and z [1]."""
+HALF = np.array([0.5, 0.78, 0.28])  # Half the box along x, y and z [1].
 
 TIP, NAME, GROUND = 1.08, 1.3, -1.12
 """Where the arrow of an axis ends, where its name stands, and where the ground is [1]."""
 
-RING, AT = 0.26, 0.98
-"""Radius of the arrow of a turn, and where it is along its axis [1]."""
+RING, AT = 0.26, 0.98  # Radius of the arrow of a turn, and where it is along its axis [1].
 
 FEW, LINES, SOME, MOST = 9, 3, 24, 500
 """Up to so many positions, each of so few lines, a page is printed large; or in the usual size; and

@@ -62,29 +62,14 @@ if TYPE_CHECKING:
 
 Motion = Sequence[tuple[float, float, tuple[float, float, float]]]
 
-SPLIT = 20
-"""More coefficients than this are drawn in two figures side by side [1]."""
-
-NAMED = 6
-"""So many coefficients are named in a sentence [1]."""
-
-NEAR = 1.02
-"""A restart whose cost, as a ratio, is within this of the best one's ended as well [1]."""
-
-SETTLED = 1.01
-"""Where the later half of the restarts gained less, more of them promise little [1]."""
-
-AS_GOOD = 1.005
-"""Up to this ratio a coefficient is as good: bounds are not known much better [1]."""
-
-MOST_LINES = 200
-"""Restarts whose course is drawn, those with the lowest cost [1]."""
-
-NARROW = 4.0
-"""Up to this ratio of its ends an axis has evenly spaced marks [1]."""
-
-WIDE = 0.04
-"""Part of the time from which a step has room for its number [1]."""
+SPLIT = 20  # More coefficients than this are drawn in two figures side by side [1].
+NAMED = 6  # So many coefficients are named in a sentence [1].
+NEAR = 1.02  # A restart whose cost, as a ratio, is within this of the best one's ended as well [1].
+SETTLED = 1.01  # Where the later half of the restarts gained less, more of them promise little [1].
+AS_GOOD = 1.005  # Up to this ratio a coefficient is as good: bounds are not known much better [1].
+MOST_LINES = 200  # Restarts whose course is drawn, those with the lowest cost [1].
+NARROW = 4.0  # Up to this ratio of its ends an axis has evenly spaced marks [1].
+WIDE = 0.04  # Part of the time from which a step has room for its number [1].
 
 PLAN = "campaign.toml"
 

@@ -481,8 +481,7 @@ def counted_once(noticed: Iterable[Finding]) -> list[dict[str, str]]:
     return sorted(out, key=lambda one: _ORDER.index(one["severity"]))
 
 
-ALIKE = 3
-"""Findings of one kind that are written out [1]."""
+ALIKE = 3  # Findings of one kind that are written out [1].
 
 
 def grouped(noticed: Sequence[Mapping[str, str]]) -> list[Mapping[str, str]]:

@@ -15,8 +15,7 @@ from foucault.report.page import Document, Heading, Items, Section, Table, colum
 from foucault.report.uncertainty import left_out_table
 from foucault.units import plain
 
-SHOWN = 4
-"""Combinations and pairs that are named; all of them are in the JSON."""
+SHOWN = 4  # Combinations and pairs that are named; all of them are in the JSON.
 
 
 def preflight(found: Foresight, noticed: Iterable[Finding] = ()) -> Document:
@@ -118,8 +117,7 @@ def _listed(key: str, words: Iterable[str]) -> Section | None:
 
 # -- how to seek north -----------------------------------------------------------------------
 
-TILTED = "10 deg"
-"""Tilt to show the effect of where none is given."""
+TILTED = "10 deg"  # Tilt to show the effect of where none is given.
 
 
 def north(choice: Choice, drift: float, tilt: float | None, noticed: Iterable[Finding]) -> Document:

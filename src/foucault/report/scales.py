@@ -11,11 +11,8 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 
-PAD = 0.05
-"""Room beyond the data on each side, of their range [1]."""
-
-MONTHS = 1e7
-"""Dates that span more are written as months [s]."""
+PAD = 0.05  # Room beyond the data on each side, of their range [1].
+MONTHS = 1e7  # Dates that span more are written as months [s].
 
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 

@@ -16,11 +16,8 @@ from foucault.arrays import BoolArray, FloatArray
 from foucault.report.page import Figure
 from foucault.report.scales import Axis, axis_of
 
-PARTS = 800.0
-"""So many parts of an axis are told apart [1]."""
-
-FEW = 30
-"""Lines of fewer points stay as they are [1]."""
+PARTS = 800.0  # So many parts of an axis are told apart [1].
+FEW = 30  # Lines of fewer points stay as they are [1].
 
 
 def seen(figure: Figure) -> Figure:

@@ -19,14 +19,9 @@ from foucault.arrays import FloatArray
 from foucault.report.page import Figure
 from foucault.report.scales import Axis, axis_of, bins, ticks
 
-WIDTH = 9.2
-"""Width of a drawing for each percent of the page that a figure takes [px]."""
-
-LETTER = 0.56
-"""Mean width of a letter over its size [1]."""
-
-SIZE = 12.0
-"""Height of the letters [px]."""
+WIDTH = 9.2  # Width of a drawing for each percent of the page that a figure takes [px].
+LETTER = 0.56  # Mean width of a letter over its size [1].
+SIZE = 12.0  # Height of the letters [px].
 
 DASHES = {
     "dash": "6 4",
@@ -35,8 +30,7 @@ DASHES = {
     "longdash": "10 4",
     "longdashdot": "10 3 1.5 3",
 }
-SHADES = 8
-"""Steps of colour on each side of zero [1]."""
+SHADES = 8  # Steps of colour on each side of zero [1].
 
 _SYMBOLS = {
     "circle-open": "m-{r} 0a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0-{d} 0z",

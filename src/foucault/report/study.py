@@ -22,6 +22,7 @@ from foucault.report.chart import (
     line,
     names_axis,
     numbers,
+    parted,
     shaded,
     upright,
 )
@@ -43,15 +44,13 @@ from foucault.result import Check, Level, Verdict
 
 Rows = Sequence[Mapping[str, Any]]
 
-BARS = 300
-"""Bars of a histogram at most: a page does not grow with the study [1]."""
+BARS = 300  # Bars of a histogram at most: a page does not grow with the study [1].
 
 
 def document(study: Study, about: Mapping[str, Any]) -> Document:
     """Return what there is to say of a study.
 
-    `study`: the trials [SI]; `about`: what was asked: procedure, seed, version and n, the number
-    of trials.
+    `about`: what was asked: procedure, seed, version and n, the number of trials.
     """
     checks = study.checks()
     rows = study.rows() if len(study.nees) > 1 else []
@@ -123,22 +122,8 @@ def _against(rows: Rows, key: str, limits: tuple[float, float], ideal: float, wh
     """Draw one dot per coefficient with the limits it should keep."""
     names, values = [row["name"] for row in rows], np.array([row[key] for row in rows])
     inside = (values >= limits[0]) & (values <= limits[1])
-    data = [
-        dots(
-            name,
-            values[pick],
-            [n for n, p in zip(names, pick, strict=True) if p],
-            colour,
-            "%{y}: %{x:.3f}|",
-            size=9,
-            symbol=symbol,
-        )
-        for pick, colour, symbol, name in (
-            (inside, FIRST, "circle", "inside"),
-            (~inside, BAD, "diamond", "outside"),
-        )
-        if pick.any()
-    ]
+    some = (inside, "inside", FIRST, "circle"), (~inside, "outside", BAD, "diamond")
+    data = parted(names, values, some, "%{y}: %{x:.3f}|")
     reach = 1.15 * max(abs(v - ideal) for v in (*values, *limits))
     return draw(
         "study.against",

@@ -56,14 +56,9 @@ QUANTITIES = {
 }
 """What is drawn of the navigation test: its unit [SI], the axis, and its name."""
 
-SAME = np.cos(np.radians(3.0))
-"""An axis nearer than this points there [1]."""
-
-ROOM = 26
-"""Width of the name of an axis [px]."""
-
-LABELS = 40
-"""So many rests are named on the axis, more are numbered [1]."""
+SAME = np.cos(np.radians(3.0))  # An axis nearer than this points there [1].
+ROOM = 26  # Width of the name of an axis [px].
+LABELS = 40  # So many rests are named on the axis, more are numbered [1].
 
 
 def velocities(result: Result) -> Section | None:

@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from foucault import units
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import format_value
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.models.earth import displacement
@@ -89,29 +88,14 @@ GROUPS = {
 COMPARED = ("gyro bias", "installation")
 """Groups of coefficients that are drawn with the delay and without it."""
 
-MOST = 40
-"""So many stretches are listed and marked [1]."""
-
-BACK = 5.0
-"""Turns that come to less end where they began [deg]."""
-
-DOTS = 600
-"""So many innovations of a component are drawn, and those outside three sd besides [1]."""
-
-GROUPED = 60
-"""Points that the course of the NIS is drawn with [1]."""
-
-GUIDE = 2.0
-"""Bands are drawn at so many standard deviations [1]."""
-
-LATE = 0.1
-"""An axis of estimates shows what they did after this part of the run in full [1]."""
-
-RANGE = 6.0
-"""And at least so many final standard deviations [1]."""
-
-UNSEEN = 0.01
-"""A part whose delay is less certain than this shows none [s]."""
+MOST = 40  # So many stretches are listed and marked [1].
+BACK = 5.0  # Turns that come to less end where they began [deg].
+DOTS = 600  # So many innovations of a component are drawn, and those outside three sd besides [1].
+GROUPED = 60  # Points that the course of the NIS is drawn with [1].
+GUIDE = 2.0  # Bands are drawn at so many standard deviations [1].
+LATE = 0.1  # An axis of estimates shows what they did after this part of the run in full [1].
+RANGE = 6.0  # And at least so many final standard deviations [1].
+UNSEEN = 0.01  # A part whose delay is less certain than this shows none [s].
 
 MINUTE = float(np.radians(1 / 60))
 TIME = axis("time [s]", showgrid=False)
@@ -567,7 +551,7 @@ def _innovations(some: Mapping[str, Any], family: Family, times: Times) -> Figur
     return _panels(panels, 80 + 100 * len(panels), times, alt, notes=notes)
 
 
-def chosen(must: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+def chosen(must: BoolArray) -> IntArray:
     """Return the rows that are drawn: an even choice, and those that must be."""
     step = max(1, -(-len(must) // DOTS))
     even = np.zeros(len(must), bool)

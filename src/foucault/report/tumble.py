@@ -71,29 +71,14 @@ OF_RESIDUALS = {"stretches", "neighbours", "slow errors"}
 
 START = {"start.east": "ψ_E", "start.north": "ψ_N", "start.up": "ψ_U"}
 
-MOST_LEGS = 24
-"""Legs of the motion that are listed [1]."""
-
-MOST_NUMBERS = 20
-"""Legs that are numbered; more would stand on one another [1]."""
-
-MOST_UNSEEN = 12
-"""Combinations that cannot be seen and are named [1]."""
-
-GUIDE = 3.0
-"""Lines and bands are drawn at so many standard deviations [1]."""
-
-DOTS = 700
-"""So many residuals of an axis are drawn, and beyond the lines twice as many more [1]."""
-
-TICKS = 2
-"""Powers of ten that are marked on each side of zero [1]."""
-
-NEAR = 0.22
-"""A mark nearer to zero than this part of the axis would stand on the zero [1]."""
-
-CURVES = 160
-"""Points of a sensitivity curve that are drawn [1]."""
+MOST_LEGS = 24  # Legs of the motion that are listed [1].
+MOST_NUMBERS = 20  # Legs that are numbered; more would stand on one another [1].
+MOST_UNSEEN = 12  # Combinations that cannot be seen and are named [1].
+GUIDE = 3.0  # Lines and bands are drawn at so many standard deviations [1].
+DOTS = 700  # So many residuals of an axis are drawn, and beyond the lines twice as many more [1].
+TICKS = 2  # Powers of ten that are marked on each side of zero [1].
+NEAR = 0.22  # A mark nearer to zero than this part of the axis would stand on the zero [1].
+CURVES = 160  # Points of a sensitivity curve that are drawn [1].
 
 Legs = Sequence[Mapping[str, Any]]
 

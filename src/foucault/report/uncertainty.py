@@ -63,8 +63,7 @@ CLOCK = "clock of the log"
 SMALL_SHARE = 0.05
 """A source whose largest share is smaller has a row but no column of its own [percent]."""
 
-MANY = 36
-"""More coefficients than this need a larger matrix and smaller names [1]."""
+MANY = 36  # More coefficients than this need a larger matrix and smaller names [1].
 
 
 def coefficients(result: Result) -> Section | None:
@@ -190,8 +189,7 @@ def budget(result: Result) -> Section | None:
     )
 
 
-NEVER = 1e3
-"""A term that would have to be so many times its size is never seen [1]."""
+NEVER = 1e3  # A term that would have to be so many times its size is never seen [1].
 
 
 def not_estimated(result: Result) -> Section | None:
@@ -305,8 +303,7 @@ def correlation(result: Result) -> Section | None:
 # ------------------------------------------------------------------------------------------------
 # What a fit over temperature showed: functions with the sessions, terms, and what was left out.
 
-LIMIT = 3.0
-"""Lines of the figures of residuals [sd]."""
+LIMIT = 3.0  # Lines of the figures of residuals [sd].
 
 
 def functions(result: Result) -> Section | None:

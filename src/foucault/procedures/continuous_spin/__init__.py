@@ -21,10 +21,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 from math import log
-from typing import Annotated, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
 from foucault import procedures, units
 from foucault.arrays import FloatArray
@@ -50,15 +50,23 @@ from foucault.procedures import left_out, record
 from foucault.procedures.continuous_spin import model as physics
 from foucault.procedures.continuous_spin.model import SCATTER, SPAN, SpinModel
 from foucault.procedures.left_out import Again
-from foucault.procedures.rate_table.model import in_si
+from foucault.procedures.rate_table.model import Rates, in_si
 from foucault.procedures.record import Beforehand, Given, Procedure, Stated, result_of
 from foucault.result import Check, Result, TableData
 from foucault.simulate.spin import Mounting, SpinPlan, simulate_spins
 from foucault.strict import Strict
 from foucault.tables import AXES, Log, temperature_range
-from foucault.units import STANDARD_GRAVITY, Angle, AngleSd, Quantity, Rate, RatioSd, Seconds, plain
-
-Length = Annotated[float, Quantity("length")]
+from foucault.units import (
+    STANDARD_GRAVITY,
+    Angle,
+    AngleSd,
+    Force,
+    Length,
+    Rate,
+    RatioSd,
+    Seconds,
+    plain,
+)
 
 
 class Settings(record.Robust, record.EarthRate, record.Terms):
@@ -82,7 +90,7 @@ class Settings(record.Robust, record.EarthRate, record.Terms):
 class Session(Strict):
     """The session that `simulate` makes."""
 
-    rates: tuple[str, ...] = Field(default=("230 deg/s", "-400 deg/s", "570 deg/s"), min_length=1)
+    rates: Rates = Field(default=("230 deg/s", "-400 deg/s", "570 deg/s"), min_length=1)
     """Rates of the spins in each mounting, negative backwards."""
     mountings: tuple[Mounting, ...] = ("x", "y", "z")
     """Axes of the instrument along the spin axis, one mounting after the other."""
@@ -100,18 +108,12 @@ class Session(Strict):
     """What the rate varies once a turn."""
     sway: AngleSd = Field(default=0.0, ge=0)
     """Sd of the direction of the axis, over 0.3 s."""
-    vibration: Annotated[float, Quantity("specific force")] = Field(default=0.0, ge=0)
+    vibration: Force = Field(default=0.0, ge=0)
     """Rms of the vibration of the tool, each axis."""
     slip: Length = Field(default=0.0, ge=0)
     """By how much the instrument moves in the chuck before the last spin."""
     rate: record.SampleRate = 100.0
     kind: record.Sampling = "rate"
-
-    @field_validator("rates", mode="after")
-    @classmethod
-    def _are_rates(cls, rates: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        record.located(info, lambda: in_si(rates))
-        return rates
 
     def plan(self) -> SpinPlan:
         """Return it as it is simulated."""
@@ -175,8 +177,7 @@ def _begun(
     return tuple(f[0] for f in first)
 
 
-LEVEL = 0.9
-"""Part of gravity that has to turn in the body; cos 25 deg [1]."""
+LEVEL = 0.9  # Part of gravity that has to turn in the body; cos 25 deg [1].
 
 
 def observe(log: Log, given: Given[Settings]) -> SpinModel:
@@ -203,8 +204,7 @@ def _spared(log: Log, spins: tuple[Spin, ...]) -> tuple[Finding, ...]:
     return spared(log.findings, log, used, used)
 
 
-SWAYS = float(np.radians(0.3))
-"""An axis that moves by more is not clamped [rad]."""
+SWAYS = float(np.radians(0.3))  # An axis that moves by more is not clamped [rad].
 
 
 def _again(model: SpinModel) -> Again:
@@ -284,14 +284,12 @@ def _own_checks(model: SpinModel, slips: list[physics.Slip]) -> tuple[Check, ...
     )
 
 
-HELD = 4.5
-"""A spin whose grip differs by so many sd from that of its mounting has slipped [1]."""
+HELD = 4.5  # A spin whose grip differs by so many sd from that of its mounting has slipped [1].
 
 LEANS = 1.0
 """An axis that tilts faster, all the while of a spin, looks like g-sensitivity [Earth rates]."""
 
-CLAMPED = 0.1
-"""An axis that moves by more takes part in the result [deg]."""
+CLAMPED = 0.1  # An axis that moves by more takes part in the result [deg].
 
 
 def _told(model: SpinModel) -> list[Finding]:
@@ -344,8 +342,7 @@ Plan = tuple[float, tuple[str, ...], tuple[float, ...]]
 
 HERE = "the session in [simulate]"
 
-EVALUATIONS = 12
-"""Plans that a restart judges: each is a simulated session [1]."""
+EVALUATIONS = 12  # Plans that a restart judges: each is a simulated session [1].
 
 MOUNTINGS = tuple(get_args(Mounting))
 

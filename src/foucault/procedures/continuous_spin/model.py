@@ -302,8 +302,5 @@ def require_spread(spins: tuple[Spin, ...], axes: list[FloatArray]) -> None:
             raise error("spun.one_sense", mounting=m + 1)
 
 
-LEAN = 0.3
-"""Least singular value of the axes of the mountings: about 17 deg out of one plane [1]."""
-
-SPAN = 1.25
-"""Fastest over slowest spin from which on lever arms are told from biases [1]."""
+LEAN = 0.3  # Least singular value of the axes of the mountings: about 17 deg out of one plane [1].
+SPAN = 1.25  # Fastest over slowest spin from which on lever arms are told from biases [1].

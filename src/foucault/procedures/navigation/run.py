@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import schuler
 from foucault.diagnose.alignment import POOR
@@ -53,8 +52,7 @@ from foucault.units import plain
 
 Position = tuple[float, float, float]
 
-SLOW = 1.0
-"""A slower start of what seems to rest is at rest [m/s]."""
+SLOW = 1.0  # A slower start of what seems to rest is at rest [m/s].
 
 WITH, WITHOUT, AS_MEASURED = "with calibration", "without calibration", "as measured"
 """Names of the runs."""
@@ -184,8 +182,7 @@ def bias_sds(vector: CoefficientVector | None) -> tuple[float, float]:
 FAR = float(np.radians(0.5))
 """A reference that starts farther from the place that was given is of another place [rad]."""
 
-WALK = 20.0
-"""A reference that moves by more during a rest shows that it is none [m]."""
+WALK = 20.0  # A reference that moves by more during a rest shows that it is none [m].
 
 PUSH, PUSHED = 2.0, 10.0
 """A speed that changes by more [m/s] within such a time [s]: no drift, the instrument was moved."""
@@ -197,9 +194,8 @@ def place_of(
 ) -> tuple[Site, Position]:  # fmt: skip
     """Return the site, and where the run starts: as the reference says, else as given.
 
-    `site` or None: as given; `longitude`: as given [rad]; `reference` or None: what is known of
-    the trajectory; `position_sd` or None: how well the place that is given is known, then the run
-    starts there [m].
+    `longitude`: as given [rad]; `reference` or None: what is known of the trajectory; `position_sd`
+    or None: how well the place that is given is known, then the run starts there [m].
     """
     there = None
     if reference is not None and position_sd is None:
@@ -252,7 +248,7 @@ def reference_of(
 ) -> Reference | None:  # fmt: skip
     """Return what to compare with: the file, or the known site where it never moved.
 
-    `given` or None: the file; `log`: the part that is used [SI]; `longitude`: there [rad].
+    `log`: the part that is used [SI]; `longitude`: there [rad].
     """
     if given is not None:
         if settings.still:
@@ -314,7 +310,7 @@ def latitude_told(
 ) -> tuple[Finding, ...]:
     """Return a note where the Earth's rate contradicts the latitude of the reference.
 
-    `site` or None: as given; `place`: latitude, longitude [rad] and height [m] of the start.
+    `place`: latitude, longitude [rad] and height [m] of the start.
     """
     given = site is not None and site.latitude is not None
     if given or not any(f.code == "alignment.latitude" for f in told):
@@ -323,8 +319,7 @@ def latitude_told(
     return (finding("navigate.latitude", latitude=latitude, longitude=longitude),)
 
 
-EPOCHS = 150
-"""Epochs at which contributions are computed [1]."""
+EPOCHS = 150  # Epochs at which contributions are computed [1].
 
 TURNS = np.radians(2.0)
 """A body that turns by more does not keep its sensor errors constant in a level frame [rad]."""
@@ -332,8 +327,7 @@ TURNS = np.radians(2.0)
 SMALL = 1e-4
 """A coefficient is changed by what moves readings by this part of gravity or Earth's rate [1]."""
 
-QUIETEST = (1e-9, 1e-7)
-"""White noise that a fit takes at least [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]."""
+QUIETEST = (1e-9, 1e-7)  # White noise that a fit takes at least [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)].
 
 
 def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budget:
@@ -365,7 +359,7 @@ def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budge
     )  # fmt: skip
 
 
-def _rows(made: Made) -> npt.NDArray[np.int64]:
+def _rows(made: Made) -> IntArray:
     """Return rows spread evenly from the start to the last epoch that is compared."""
     last = len(made.increments) - 1
     if made.errors is not None:

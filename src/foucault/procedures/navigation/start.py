@@ -26,22 +26,13 @@ from foucault.navigate.align import Alignment, align, sensor_errors, window
 from foucault.navigate.increments import Increments, increments_of
 from foucault.procedures.record import Stretch
 from foucault.tables import Log
-from foucault.units import Angle, Quantity, Seconds, plain
+from foucault.units import Angle, Length, Quantity, Seconds, Velocity, plain
 
-USUAL = 300.0
-"""Length of the alignment in a log that rests all along, where nothing is said [s]."""
-
-PART = 1 / 3
-"""At most this part of such a log is used for it [1]."""
-
-LEAST = 10.0
-"""Shortest rest that is used without being told [s]."""
-
-WHOLE = 0.95
-"""A rest that covers this part of a log: the log does not move [1]."""
-
-CONSTANT = 1e-8
-"""Readings that change by less are constant [rad/s], [m/s^2]."""
+USUAL = 300.0  # Length of the alignment in a log that rests all along, where nothing is said [s].
+PART = 1 / 3  # At most this part of such a log is used for it [1].
+LEAST = 10.0  # Shortest rest that is used without being told [s].
+WHOLE = 0.95  # A rest that covers this part of a log: the log does not move [1].
+CONSTANT = 1e-8  # Readings that change by less are constant [rad/s], [m/s^2].
 
 SEES = 0.5
 """A mean rate at rest that differs from the Earth's by more of it does not show north [1]."""
@@ -109,7 +100,7 @@ def before(log: Log, length: float) -> float:
     The first sample counts as one: 300 s at 20 Hz are 6000 samples, stamped 0 to 299.95 s, and the
     one of 300 s belongs to what comes next.
 
-    `log`: readings [SI]; `length`: of the part [s].
+    `length`: of the part [s].
     """
     end = float(log.time[0]) + length
     last = int(np.searchsorted(log.time, end - 0.5 * log.interval)) - 1
@@ -147,8 +138,7 @@ def in_rest(
 ) -> tuple[ImuNoise, tuple[Finding, ...], NoiseAtRest | None]:
     """Return the white noise of a rest, a note where it is not clear, and what was declared of it.
 
-    `rest`: the part of a log that rests [SI]; `declared` or None: noise that is held against it
-    [SI].
+    `declared` or None: noise that is held against it [SI].
     """
     noise, told = noise_of(rest)
     return noise, told, None if declared is None else held_against(rest, declared, noise)
@@ -157,9 +147,8 @@ def in_rest(
 def start_of(log: Log, site: Site, seen: Opening, settings: Settings, noise: ImuNoise) -> Start:
     """Find the attitude at the end of the rest, by noise alone uncertain.
 
-    `log`: readings of the rest, compensated or not [SI]; `site`: where it stood, the latitude
-    must be known; `settings`: how it is aligned, and what attitude is given; `noise`: noise of
-    the sensors [SI].
+    `log`: readings of the rest, compensated or not [SI]; `site`: where it stood, the latitude must
+    be known; `settings`: how it is aligned, and what attitude is given.
     """
     return replace(_turned(log, site, seen, settings, noise),
                    position_sd=settings.position_sd or 0.0)  # fmt: skip
@@ -209,10 +198,10 @@ def judged(
 ) -> Start:  # fmt: skip
     """Return a start with what its data say of axes, units, motion and heading.
 
-    `log`: readings of the rest, compensated [SI]; `noise`: noise of the sensors [SI]; `bias_sd`:
-    how well the biases of gyros [rad/s] and accelerometers [m/s^2] are known; `rests`: whether a
-    log that looks still is, a steady drive does so too. Raises ``navigate.heading``: the gyros do
-    not show north, and no heading is given; or axes, units or signs that are wrong.
+    `log`: readings of the rest, compensated [SI]; `bias_sd`: how well the biases of gyros [rad/s]
+    and accelerometers [m/s^2] are known; `rests`: whether a log that looks still is, a steady drive
+    does so too. Raises ``navigate.heading``: the gyros do not show north, and no heading is given;
+    or axes, units or signs that are wrong.
     """
     if seen.end <= seen.start:  # the attitude is given
         if not (seen.still and rests):
@@ -271,8 +260,7 @@ def shows_north(
     raise error("navigate.heading", why=why)
 
 
-STEADY = np.radians(1.0)
-"""Gravity that turns by less than this in the body shows no tilt [rad]."""
+STEADY = np.radians(1.0)  # Gravity that turns by less than this in the body shows no tilt [rad].
 
 
 def _level_rate(part: Increments) -> float | None:
@@ -325,9 +313,9 @@ class Settings(Stretch):
     """Standard deviation of --pitch and --roll, such as "1 arcmin"."""
     velocity: tuple[float, float, float] | None = None
     """Velocity at the start, east, north, up, where it is given; it needs the attitude [m/s]."""
-    velocity_sd: Annotated[float, Quantity("velocity")] | None = Field(default=None, gt=0)
+    velocity_sd: Velocity | None = Field(default=None, gt=0)
     """Standard deviation of each component, "0.1 m/s" if left out."""
-    position_sd: Annotated[float, Quantity("length")] | None = Field(default=None, gt=0)
+    position_sd: Length | None = Field(default=None, gt=0)
     """Standard deviation of --latitude, --longitude and --height, such as "3 m": the start is
     there, not where the reference is."""
     vertical: Literal["free", "held", "aided"] | None = None

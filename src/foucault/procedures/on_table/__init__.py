@@ -6,19 +6,17 @@ They differ in what they believe of the table: nothing (`norm_observation`), eve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Prior
 from foucault.detect.coverage import coverage, coverage_json
 from foucault.detect.readings import find_readings, stream_readings
-from foucault.diagnose import table as table_checks
-from foucault.diagnose import table as table_hints
-from foucault.diagnose import table as table_report
+from foucault.diagnose import table as judge
 from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.references import no_latitude, times_the_table
 from foucault.errors import Finding, error, finding
@@ -93,7 +91,7 @@ def solve(log: Log | OnDisk, task: Task, given: Given[Any]) -> Result:
     return replace(
         result,
         findings=_without_gaps((*_noticed(log, readings), *result.findings)),
-        validity=table_report.validity(readings, log if isinstance(log, Log) else None, given.site),
+        validity=judge.validity(readings, log if isinstance(log, Log) else None, given.site),
     )
 
 
@@ -175,14 +173,10 @@ def from_readings(
     task: Task,
     *,
     site: Site,
-    prior: Mapping[str, tuple[float, float]] | None = None,
+    prior: Prior | None = None,
     sizes: Sizes | None = None,
 ) -> Result:
-    """Calibrate from readings that were made before.
-
-    `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
-    of coefficients or groups of coefficients [SI]; `sizes` or None: of what is not estimated [SI].
-    """
+    """Calibrate from readings that were made before."""
     model, found = stated(readings, task, site, prior)
     readings, options, start, again = (
         model.readings,
@@ -209,13 +203,9 @@ def from_readings(
 
 
 def stated(
-    readings: Readings, task: Task, site: Site, prior: Mapping[str, tuple[float, float]] | None
+    readings: Readings, task: Task, site: Site, prior: Prior | None
 ) -> tuple[TableModel, list[Finding]]:
-    """State the model of readings, and what is to be said of them.
-
-    `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
-    of coefficients or groups of coefficients [SI].
-    """
+    """State the model of readings, and what is to be said of them."""
     readings, found = _usable(readings, task, site)
     options = options_of(readings, task, prior)
     return TableModel(readings, site, _start(readings, task, site, options), options), found
@@ -267,14 +257,8 @@ def _moved_north(geometry: Geometry, latitude: float) -> Geometry:
     return replace(geometry, trust=replace(geometry.trust, latitude=latitude))
 
 
-def options_of(
-    readings: Readings, task: Task, prior: Mapping[str, tuple[float, float]] | None
-) -> Options:
-    """Return how readings are fitted, by what they hold and what is believed of the table.
-
-    `readings`: one mean per rest and per spin [SI]; `prior` or None: mean and standard deviation
-    of coefficients or groups of coefficients [SI].
-    """
+def options_of(readings: Readings, task: Task, prior: Prior | None) -> Options:
+    """Return how readings are fitted, by what they hold and what is believed of the table."""
     names = task.settings.estimated(gyro=readings.gyro is not None, turns=not task.poses)
     spins = bool(readings.spin.any())
     rests = int(np.sum(~readings.spin))
@@ -298,8 +282,7 @@ def options_of(
     )
 
 
-NORM_NEEDS = 9
-"""Directions that the norm of one triad needs [1]."""
+NORM_NEEDS = 9  # Directions that the norm of one triad needs [1].
 
 
 def _usable(readings: Readings, task: Task, site: Site) -> tuple[Readings, list[Finding]]:
@@ -366,9 +349,9 @@ def _result(
     estimate, settings = solution.estimate, task.settings
     up = estimate.state.geometry.directions()[~readings.spin]
     covered = coverage(up if len(up) else estimate.state.geometry.directions())
-    checks = table_checks.checks(solution)
+    checks = judge.checks(solution)
     if likelihood is not None:
-        checks += (table_checks.agreement(estimate.coefficients, likelihood),)
+        checks += (judge.agreement(estimate.coefficients, likelihood),)
     # Made-up weights of accelerometers against gyros bound nothing.
     known = readings.noise_from != "unknown"
     return result_of(
@@ -376,21 +359,21 @@ def _result(
         solution.fit,
         checks,
         site=site,
-        findings=(*readings.findings, *found, *table_hints.hints(solution, checks)),
+        findings=(*readings.findings, *found, *judge.hints(solution, checks)),
         diagnostics={
             "gravity": site.gravity,
             "plan": settings.plan if settings.positions is None else "own positions",
             "noise": {
-                "source": table_report.NOISE[readings.noise_from], "scatter": solution.scatter,
+                "source": judge.NOISE[readings.noise_from], "scatter": solution.scatter,
             },
             "coverage": coverage_json(covered, int(np.sum(~readings.spin))),
-            "unseen": table_report.unseen(
+            "unseen": judge.unseen(
                 readings, site, settings.table_rate_sd, task.trust, settings.accel_quadratic
             ),
         },
         tables={
-            "readings": table_report.readings_table(solution),
-            "rig": table_report.rig_table(solution),
+            "readings": judge.readings_table(solution),
+            "rig": judge.rig_table(solution),
         },
         table_rate_sd=common_rate_sd(readings, task, site),
         gain=solution.gain,

@@ -21,10 +21,9 @@ from math import pi
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.arrays import BoolArray, FloatArray, IndexArray
+from foucault.coefficients import CoefficientVector, Layout, Prior
 from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.left_out import foretold
 from foucault.errors import error, finding
@@ -81,7 +80,7 @@ class Bench:
     noise: ImuNoise  # noise of the instrument [SI]
     declared: bool  # whether the calibration will be told that noise; else it will measure it
     # mean and standard deviation of coefficients or groups of coefficients [SI]
-    prior: Mapping[str, tuple[float, float]]
+    prior: Prior
     sizes: Sizes | None = None  # of what is not estimated, None: it is taken for nothing [SI]
 
     @property
@@ -154,7 +153,7 @@ class Bench:
         )  # fmt: skip
 
     def _scattered(
-        self, spin: npt.NDArray[np.bool_], w: FloatArray, accel: FloatArray, gyro: FloatArray
+        self, spin: BoolArray, w: FloatArray, accel: FloatArray, gyro: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Add the scatter that errors of the table make, where a calibration estimates it."""
         trust, eye = self.task.trust, np.eye(3)
@@ -255,12 +254,6 @@ class Bench:
 
     # -- one position at a time ------------------------------------------------------------
 
-    @property
-    def own(self) -> int:
-        """Number of unknowns that each position has to itself in `part` [1]."""
-        trusted = self.task.trust is not None and self.task.trust.position_sd > 0
-        return 2 * len(self.plan(np.zeros((1, 3)), more=False)) if trusted else 0
-
     def part(self, position: tuple[float, float, float]) -> FloatArray:
         """Return the information of one position, shape (u + own, u + own): its rest and spins.
 
@@ -326,7 +319,7 @@ class Bench:
             out = out + without(self._joined(added), len(out))
         return np.asarray(out)
 
-    def _own_columns(self, n: int) -> npt.NDArray[np.intp]:
+    def _own_columns(self, n: int) -> IndexArray:
         """Return the unknowns that belong to one of n readings alone."""
         o, trust = self.options, self.task.trust
         first = o.unknowns.before_geometry
@@ -346,20 +339,11 @@ class Bench:
         return cov
 
 
-TRIED = 60
-"""Random positions that together show whatever any positions could show [1]."""
-
-DRAWN = 3
-"""Instruments with drawn errors in which a plan is compared with another [1]."""
-
-CLASS = "tactical"
-"""Class whose noise is taken where none is known."""
-
-PLACES = 100
-"""Directions that are tried for one more position [1]."""
-
-LONGER = 300.0
-"""So much longer rests are foretold too [s]."""
+TRIED = 60  # Random positions that together show whatever any positions could show [1].
+DRAWN = 3  # Instruments with drawn errors in which a plan is compared with another [1].
+CLASS = "tactical"  # Class whose noise is taken where none is known.
+PLACES = 100  # Directions that are tried for one more position [1].
+LONGER = 300.0  # So much longer rests are foretold too [s].
 
 
 def bench(task: Task, b: Beforehand[Any, Any]) -> Bench:
@@ -474,7 +458,7 @@ def _within_cable(b: Bench, reach: Reach, count: int) -> Reach:
     return replace(reach, outer=(-most, most))
 
 
-def _unseen(b: Bench, reach: Reach) -> npt.NDArray[np.bool_]:
+def _unseen(b: Bench, reach: Reach) -> BoolArray:
     """Tell which coefficients no allowed positions show, shape (p,)."""
     rng = np.random.default_rng(TRIED)
     tried = np.array([

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, field_validator
 
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
@@ -18,7 +18,7 @@ from foucault.procedures import record
 from foucault.simulate.table import Rig, Simulation, simulate_means
 from foucault.simulate.table import simulate as simulate_log
 from foucault.strict import Strict
-from foucault.units import Angle, AngleSd, Quantity
+from foucault.units import Angle, AngleSd, Length, Rate
 
 LOG_LINES = """\
 # A spreadsheet of means, a row per position:  averaged = { column = "averaged", unit = "s" }
@@ -37,14 +37,14 @@ position = "position"                   # number of the position, empty or -1 in
 class TableSettings(record.Robust, record.EarthRate, record.Terms):
     """What can be chosen of a session on a table; procedures add their own."""
 
-    plan: str = "icosahedron 12"
+    plan: Annotated[str, record.checked(canonical)] = "icosahedron 12"
     """Set of positions, as `foucault plans` lists them."""
-    positions: list[list[str]] | None = Field(
+    positions: Annotated[list[list[str]] | None, record.checked(angles_of_positions)] = Field(
         default=None,
         examples=[[["30 deg", "0 deg", "-31.7 deg"], ["60 deg", "0 deg", "211.7 deg"]]],
     )
     """Positions of your own instead of a plan: outer, middle and inner angle each."""
-    spin_rate: Annotated[float, Quantity("angular rate")] = float(np.radians(10.0))
+    spin_rate: Rate = float(np.radians(10.0))
     """Rate of the outer axis in spins, counter-clockwise seen from above."""
     both_senses: bool = False
     """Each spin is followed by one the other way."""
@@ -66,19 +66,6 @@ class TableSettings(record.Robust, record.EarthRate, record.Terms):
     """Smallest and largest inner angle that the table reaches."""
     angle_step: Angle | None = Field(default=None, gt=0, examples=["15 deg"])
     """Angles are multiples of this, as on a dividing head."""
-
-    @field_validator("plan", mode="after")
-    @classmethod
-    def _known(cls, name: str, info: ValidationInfo) -> str:
-        record.located(info, lambda: canonical(name))
-        return name
-
-    @field_validator("positions", mode="after")
-    @classmethod
-    def _angles(cls, rows: list[list[str]] | None, info: ValidationInfo) -> list[list[str]] | None:
-        if rows is not None:
-            record.located(info, lambda: angles_of_positions(rows))
-        return rows
 
     @field_validator("spin_rate", mode="after")
     @classmethod
@@ -117,7 +104,7 @@ class TableSession(Strict):
     rate_jitter: record.RateSd = 0.0
     mounting_sd: AngleSd = Field(default=float(np.radians(10 / 60)), ge=0)
     """Sd of the rotation of the instrument on the table, about each axis."""
-    lever_arm_sd: Annotated[float, Quantity("length")] = Field(default=0.02, ge=0, le=100)
+    lever_arm_sd: Length = Field(default=0.02, ge=0, le=100)
     """Sd of each coordinate of the accelerometers from the centre of the table."""
     heading: Angle = float(np.radians(30.0))
     """Azimuth of table y at outer angle zero, clockwise from North."""
@@ -183,8 +170,8 @@ def simulate(
     """Simulate a session on a table.
 
     `session`: its length and rate, and the errors of the table; `settings`: positions and spins,
-    None takes the defaults; `noise`: its noise [SI]; `seed`: seed of table and noise [1];
-    `judged` or None: what the positions must determine, see `plan_of`.
+    None takes the defaults; `seed`: seed of table and noise [1]; `judged` or None: what the
+    positions must determine, see `plan_of`.
     """
     settings = settings or TableSettings()
     rig_seed, noise_seed = (int(s) for s in np.random.SeedSequence(seed).generate_state(2))

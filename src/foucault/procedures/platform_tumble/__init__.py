@@ -22,8 +22,6 @@ from foucault import units
 from foucault.arrays import FloatArray
 from foucault.diagnose import left_out
 from foucault.diagnose import tumble as judge
-from foucault.diagnose import tumble as tumble_input
-from foucault.diagnose import tumble as tumble_report
 from foucault.diagnose.comparable import of_site
 from foucault.errors import Finding
 from foucault.estimate.tumble_solution import Solution
@@ -60,8 +58,7 @@ from foucault.tables import Log, range_below_g
 FRAME = "cluster axes p; attitude: outer, middle, inner angle from North-Up-East"
 GAUGE = "x accelerometer input axis, y in the x-y accelerometer plane"
 
-MOMENTS = 120
-"""In so many moments the estimate is kept for its course in time [1]."""
+MOMENTS = 120  # In so many moments the estimate is kept for its course in time [1].
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:
@@ -98,18 +95,18 @@ def _look(log: Log, site: Site, settings: Settings) -> list[Finding]:
     command.require_gravity(log, site, settings.angles)
     from_its_time = settings.held(log.sampled) == "from its time"
     told = command.motion_findings(log, from_its_time, settings.delay_sd)
-    told += tumble_input.gap_findings(log)
+    told += judge.gap_findings(log)
     plan = settings.torquing
     if plan is not None:
         assert site.latitude is not None
         expected = nominal(plan, site.latitude)
-        told += tumble_input.plan_findings(log, plan, expected, from_its_time)
+        told += judge.plan_findings(log, plan, expected, from_its_time)
     return told
 
 
 def _result(s: Solution, filter_: str, shown: bool, judged: Judgement | None) -> Result:
     found, checks = s.coefficients, judge.checks(s)
-    tables = tumble_report.tables(s) if shown else {}
+    tables = judge.tables(s) if shown else {}
     budget = {k: np.diag(v).tolist() for k, v in s.parts.items()}
     more: dict[str, Any] = {
         "bound": s.bound.tolist(), "budget": budget, "filter": filter_, "unseen": [_of_latitude(s)]
@@ -118,7 +115,7 @@ def _result(s: Solution, filter_: str, shown: bool, judged: Judgement | None) ->
         error = _one_error(s.parts["local gravity"], found.names.index("accel.scale.x"))
         more |= of_site(s.site.as_dict(), found.names, error)
     if shown:
-        more["observability"] = tumble_report.observability_json(s)
+        more["observability"] = judge.observability_json(s)
     if judged is not None:
         checks = (*checks, *left_out.checks(judged))
         tables = {**tables, "left_out": left_out.table(judged)}
@@ -134,7 +131,7 @@ def _result(s: Solution, filter_: str, shown: bool, judged: Judgement | None) ->
         findings=(*s.findings, *judge.findings(s)),
         status=s.fit.status,
         site=s.site.as_dict(),
-        diagnostics=tumble_report.diagnostics(s) | more,
+        diagnostics=judge.diagnostics(s) | more,
         tables=tables,
     )
 

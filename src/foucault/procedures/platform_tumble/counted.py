@@ -46,8 +46,7 @@ from foucault.procedures.left_out import declared_states
 from foucault.procedures.platform_tumble.settings import OTHERWISE, SIZE_EFFECT
 from foucault.tables import AXES
 
-LEVER, DELAY = SIZE_EFFECT
-"""Groups of where accelerometers are, and how late."""
+LEVER, DELAY = SIZE_EFFECT  # Groups of where accelerometers are, and how late.
 
 
 @dataclass(frozen=True)
@@ -132,8 +131,7 @@ class Stages:
         return Posterior(c, self.mean, {"readings": one})
 
 
-ONE = "scale factor error"
-"""Kind of terms that are states: a plain number."""
+ONE = "scale factor error"  # Kind of terms that are states: a plain number.
 
 
 def counted(
@@ -141,11 +139,10 @@ def counted(
 ) -> tuple[Solution, Judgement] | None:
     """Count with what is not estimated, and enlarge what the readings contradict.
 
-    `sizes`: of what is not estimated [SI]; `measured`: the noise of the accelerometers was
-    measured: what is left without the terms says it better; `moments`: in how many moments the
-    estimate is kept for its course in time [1]. Returns the solution of the log without what was
-    found of the terms, and what was made of them; None where there is no solution, or one by a
-    published filter, whose gains are its own.
+    `measured`: the noise of the accelerometers was measured: what is left without the terms says it
+    better; `moments`: in how many moments the estimate is kept for its course in time [1]. Returns
+    the solution of the log without what was found of the terms, and what was made of them; None
+    where there is no solution, or one by a published filter, whose gains are its own.
     """
     if s.fit.status is not Status.CONVERGED or s.least is not None:
         return None
@@ -208,5 +205,4 @@ def _with_references(judged: Judgement, s: Solution) -> Judgement:
     return judged
 
 
-NOT_ESTIMATED = "what is not estimated"
-"""Their source in the budget."""
+NOT_ESTIMATED = "what is not estimated"  # Their source in the budget.

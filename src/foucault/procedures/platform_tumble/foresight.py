@@ -18,14 +18,11 @@ from itertools import product
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import tumble as tumble_checks
-from foucault.diagnose import tumble as tumble_input
-from foucault.diagnose import tumble as tumble_report
+from foucault.diagnose import tumble as judge
 from foucault.diagnose.checks import hardly
 from foucault.diagnose.foresight import Extra, Foresight, Leg
 from foucault.diagnose.left_out import foretold
@@ -55,11 +52,11 @@ from foucault.procedures.platform_tumble.settings import (
     draw_errors,
     simulated,
 )
-from foucault.procedures.record import Beforehand, Stated, located
+from foucault.procedures.record import Beforehand, Stated, checked
 from foucault.simulate.tumble import TumbleSimulation
 from foucault.strict import Strict
 from foucault.tables import AXES, Log
-from foucault.units import Quantity, parse
+from foucault.units import Seconds, parse
 
 FORETOLD = ("tumble.singular", "tumble.condition", "tumble.azimuth")
 """What is said of a solution that can be said beforehand."""
@@ -147,8 +144,8 @@ def _usual(prior: Mapping[str, tuple[float, float]]) -> ClusterModel:
 def seen(p: Planned, extras: tuple[Extra, ...] = ()) -> Foresight:
     """Return what the planned motion will show."""
     settings, found = p.given.settings, p.solution.coefficients
-    shown = tumble_report.observability_json(p.solution)
-    told = [f for f in tumble_checks.of_motion(p.solution) if f.code in FORETOLD]
+    shown = judge.observability_json(p.solution)
+    told = [f for f in judge.of_motion(p.solution) if f.code in FORETOLD]
     names = hardly(found)
     if names:
         told.insert(0, finding("preflight.unseen", count=len(names), names=", ".join(names)))
@@ -177,8 +174,7 @@ def seen(p: Planned, extras: tuple[Extra, ...] = ()) -> Foresight:
     )
 
 
-LONGER = 300.0
-"""How much longer a plan is made to see what that would buy [s]."""
+LONGER = 300.0  # How much longer a plan is made to see what that would buy [s].
 
 
 def more(p: Planned) -> tuple[Extra, ...]:
@@ -253,16 +249,16 @@ class Wanted(Strict):
     plan to beat."""
     together: bool = False
     """Whether several axes may turn at once, each at that rate."""
-    total: Annotated[float, Quantity("time")] | None = Field(
-        default=None, gt=0, examples=["5400 s"]
-    )
+    total: Seconds | None = Field(default=None, gt=0, examples=["5400 s"])
     """Time there is; left out, that of the plan to beat."""
-    shortest: Annotated[float, Quantity("time")] = Field(default=60.0, ge=0)
+    shortest: Seconds = Field(default=60.0, ge=0)
     """Shortest time at one rate."""
     worst: float = Field(default=1.5, gt=0)
     """No coefficient that counts should get worse than so many times its sd under the plan to beat;
     ignored where the rig cannot do that plan."""
-    latitudes: tuple[str, ...] = LATITUDES
+    latitudes: Annotated[tuple[str, ...], checked(lambda given: [*map(_latitude, given)])] = (
+        LATITUDES
+    )
     """Where the plan found is compared, beside the site."""
     truths: int = Field(default=4, ge=0)
     """With so many drawn clusters the plan found is compared."""
@@ -270,12 +266,6 @@ class Wanted(Strict):
         default={}, examples=[{"gyro.drift": 2.0, "accel.quadratic": 0.0}]
     )
     """How much coefficients or groups of them count; 1 if left out."""
-
-    @field_validator("latitudes", mode="after")
-    @classmethod
-    def _are_latitudes(cls, given: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        located(info, lambda: [_latitude(text) for text in given])
-        return tuple(dict.fromkeys(given))
 
 
 def in_case(b: Beforehand[Settings, Session], plan: TorquingPlan, case: str) -> Planned:
@@ -323,7 +313,7 @@ def space(b: Beforehand[Settings, Session]) -> TorquingSpace:
         gravity=site.gravity,
     )
     possible = all(limit.kept for limit in needs(reference, settings.limits))
-    cases = [HERE, *(f"latitude {text}" for text in wanted.latitudes)]
+    cases = [HERE, *(f"latitude {text}" for text in dict.fromkeys(wanted.latitudes))]
     cases += [f"cluster {k}" for k in range(1, wanted.truths + 1)]
     return TorquingSpace(
         allowed=allowed,
@@ -352,8 +342,7 @@ def _rates(settings: Settings, wanted: Wanted, reference: TorquingPlan) -> tuple
     return tuple(dict.fromkeys(rates or usual))
 
 
-WANDER = 0.01
-"""Share of the variance of an average that wandering within it may add [1]."""
+WANDER = 0.01  # Share of the variance of an average that wandering within it may add [1].
 
 COARSE = np.radians(5.0)
 """Over an average the cluster turns less than this, where its slopes are taken at the middle [rad].
@@ -361,14 +350,11 @@ COARSE = np.radians(5.0)
 
 
 def noise_of(log: Log, noise: ImuNoise | None) -> tuple[ImuNoise, list[Finding]]:
-    """Return the noise, and where it comes from where it was not declared.
-
-    `log`: command and readings [SI]; `noise` or None: noise as declared [SI].
-    """
+    """Return the noise, and where it comes from where it was not declared."""
     told = []
     accel, gyro = (TriadNoise(), TriadNoise()) if noise is None else (noise.accel, noise.gyro)
     if not accel.white > 0:
-        white = tumble_input.measured_white(log)
+        white = judge.measured_white(log)
         accel = replace(accel, white=white)
         told.append(finding("tumble.measured", given=f"{white / 9.80665e-6:.3g}"))
     if not gyro.white > 0:
@@ -385,17 +371,14 @@ def noise_of(log: Log, noise: ImuNoise | None) -> tuple[ImuNoise, list[Finding]]
 def tumble_of(
     log: Log, site: Site, settings: Settings, noise: ImuNoise
 ) -> tuple[Tumble, list[Finding]]:
-    """Turn rows into intervals, and choose how many are averaged.
-
-    `log`: command and readings [SI]; `noise`: noise [SI].
-    """
+    """Turn rows into intervals, and choose how many are averaged."""
     assert log.gyro is not None and log.accel is not None and site.latitude is not None
     command = log.gyro[:-1] if settings.held(log.sampled) == "from its time" else log.gyro[1:]
     reading = log.accel[1:] / site.gravity
-    out = tumble_input.outlying(log, noise.accel.white / np.sqrt(log.interval))
-    used: npt.NDArray[np.bool_] = np.asarray(np.isfinite(reading).all(axis=1)) & ~out[1:]
+    out = judge.outlying(log, noise.accel.white / np.sqrt(log.interval))
+    used: BoolArray = np.asarray(np.isfinite(reading).all(axis=1)) & ~out[1:]
     if settings.mask_edges:
-        used &= ~tumble_input.edges(log.time, command, settings.mask_edges)
+        used &= ~judge.edges(log.time, command, settings.mask_edges)
     if int(used.sum()) <= len(LAYOUT):
         raise error("tumble.too_short", given=int(used.sum()), wanted=len(LAYOUT))
     interval = log.interval
@@ -487,14 +470,9 @@ def shifted(tumble: Tumble, prior: Prior, rows: int) -> tuple[Tumble, Prior]:
     return back, replace(prior, mean=replace(prior.mean, delay=prior.mean.delay - late))
 
 
-SHIFTS = 4
-"""So often a delay is put back by whole intervals [1]."""
-
-SEARCHED = 4
-"""Azimuths tried where the first start leads nowhere [1]."""
-
-BETTER = 3.0
-"""A command relative to the ground must fit so many times better to be spoken of [1]."""
+SHIFTS = 4  # So often a delay is put back by whole intervals [1].
+SEARCHED = 4  # Azimuths tried where the first start leads nowhere [1].
+BETTER = 3.0  # A command relative to the ground must fit so many times better to be spoken of [1].
 
 
 def solved(
@@ -503,9 +481,8 @@ def solved(
 ) -> Solution:  # fmt: skip
     """Solve a tumble by the filter that was chosen.
 
-    `noise`: noise [SI]; `measured`: the noise of the accelerometers was measured: what the fit
-    leaves says it better; `moments`: in how many moments the estimate is kept for its course in
-    time [1].
+    `measured`: the noise of the accelerometers was measured: what the fit leaves says it better;
+    `moments`: in how many moments the estimate is kept for its course in time [1].
     """
     told, advice = [], ""
     if settings.filter == "gauss-newton":

@@ -10,14 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from foucault import logs, units
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, error
 from foucault.logs.description import OWN_LOG, LogDescription, log_head
@@ -28,7 +27,7 @@ from foucault.models.left_out import GRAVITY, LATITUDE, Sizes
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.plans import tumble as torquing
 from foucault.plans.tumble import Limits, TorquingPlan
-from foucault.procedures.record import located
+from foucault.procedures.record import checked
 from foucault.simulate.tumble import Acquisition, TumbleSimulation, simulate_tumble
 from foucault.strict import Strict
 from foucault.tables import Log
@@ -78,36 +77,29 @@ SIZE_EFFECT: Sizes = {"accel.lever": (0.005, "judgement"), "accel.delay": (1e-3,
 
 Three = tuple[str, str, str]
 
-DEGREE = float(np.radians(1.0))
-"""One degree [rad]."""
-
-MINUTE = 60.0
-"""No reading comes so late, and no cluster takes so long to follow a command [s]."""
-
-HOUR = 3600.0
-"""No rig is read, or told what to do, so seldom [s]."""
-
-GRADE = "navigation"
-"""Class of [simulate]; the errors of clusters are those of `TYPICAL`."""
+DEGREE = float(np.radians(1.0))  # One degree [rad].
+MINUTE = 60.0  # No reading comes so late, and no cluster takes so long to follow a command [s].
+HOUR = 3600.0  # No rig is read, or told what to do, so seldom [s].
+GRADE = "navigation"  # Class of [simulate]; the errors of clusters are those of `TYPICAL`.
 
 
 def _three(given: Three, kind: str, key: str) -> FloatArray:
     return np.array([units.parse(text, kind, key) for text in given])
 
 
+def _are(kind: str, key: str) -> AfterValidator:
+    return checked(lambda given: _three(given, kind, key))
+
+
 class PlanStep(Strict):
     """One step of a torquing plan."""
 
-    rate: Three = Field(examples=[["-0.1 deg/s", "0 deg/s", "0 deg/s"]])
+    rate: Annotated[Three, _are("angular rate", "rate")] = Field(
+        examples=[["-0.1 deg/s", "0 deg/s", "0 deg/s"]]
+    )
     """Rate about x, y and z of the cluster, relative to East-North-Up."""
     time: Seconds = Field(gt=0)
     """How long it is held."""
-
-    @field_validator("rate", mode="after")
-    @classmethod
-    def _is_rate(cls, rate: Three, info: ValidationInfo) -> Three:
-        located(info, lambda: _three(rate, "angular rate", "rate"))
-        return rate
 
 
 class Settings(Strict):
@@ -118,14 +110,17 @@ class Settings(Strict):
     annealed noise; published literal: one pass as printed, which diverges."""
     average: Seconds = Field(default=1.0, ge=0)
     """Residuals are averaged over so long; 0 s: every sample."""
-    start: Three = ("0 deg", "0 deg", "0 deg")
+    start: Annotated[Three, _are("angle", "start")] = ("0 deg", "0 deg", "0 deg")
     """Outer, middle and inner angle at the first row: all zero where x, y and z of the cluster
     point north, up and east."""
     start_sd: AngleSd = Field(default=5 * DEGREE, gt=0)
     """Sd of that attitude about East and about North."""
     azimuth_sd: AngleSd = Field(default=5 * DEGREE, gt=0)
     """Sd of it about Up."""
-    arms: tuple[Three, Three, Three] = (("0 m", "0 m", "0 m"),) * 3
+    arms: Annotated[
+        tuple[Three, Three, Three],
+        checked(lambda arms: [_three(arm, "length", "arms") for arm in arms]),
+    ] = (("0 m", "0 m", "0 m"),) * 3
     """Position of the x, y and z accelerometer, along x, y and z of the cluster."""
     mask_edges: Seconds = Field(default=0.0, ge=0)
     """Readings so long after a step of the command are left out, for there the angular acceleration
@@ -163,18 +158,6 @@ class Settings(Strict):
     stops allow; likewise."""
     passes: int = Field(default=20, ge=1)
     """Most passes of gauss-newton."""
-
-    @field_validator("start", mode="after")
-    @classmethod
-    def _are_angles(cls, start: Three, info: ValidationInfo) -> Three:
-        located(info, lambda: _three(start, "angle", "start"))
-        return start
-
-    @field_validator("arms", mode="after")
-    @classmethod
-    def _are_lengths(cls, arms: tuple[Three, ...], info: ValidationInfo) -> tuple[Three, ...]:
-        located(info, lambda: [_three(arm, "length", "arms") for arm in arms])
-        return arms
 
     @model_validator(mode="after")
     def _one_plan(self) -> Settings:
@@ -256,7 +239,7 @@ class Session(Strict):
     """Time between commands, a multiple of `interval`."""
     kind: Literal["rate", "increment"] = "rate"
     """Readings at the time of a row, or their means over the interval before it."""
-    attitude: Three = ("2 deg", "3 deg", "5 deg")
+    attitude: Annotated[Three, _are("angle", "attitude")] = ("2 deg", "3 deg", "5 deg")
     """By how much outer, middle and inner angle differ from `start`, on average."""
     attitude_sd: AngleSd = Field(default=0.1 * DEGREE, ge=0)
     """Sd of that."""
@@ -265,12 +248,6 @@ class Session(Strict):
     edge: Seconds = Field(default=0.0, ge=0, le=MINUTE)
     """Time in which the cluster follows a step of the command: readings taken then feel the angular
     acceleration."""
-
-    @field_validator("attitude", mode="after")
-    @classmethod
-    def _are_angles(cls, attitude: Three, info: ValidationInfo) -> Three:
-        located(info, lambda: _three(attitude, "angle", "attitude"))
-        return attitude
 
 
 def simulated(
@@ -416,9 +393,7 @@ def _within(accel: FloatArray | None, description: Description) -> FloatArray | 
     if accel is None or limits is None:
         return accel
     slack = 1e-6 * (limits[:, 1] - limits[:, 0])
-    clipped: npt.NDArray[np.bool_] = (accel <= limits[:, 0] + slack) | (
-        accel >= limits[:, 1] - slack
-    )
+    clipped: BoolArray = (accel <= limits[:, 0] + slack) | (accel >= limits[:, 1] - slack)
     rows = np.flatnonzero(clipped.any(axis=1))
     out = accel.copy()
     out[rows] = np.nan

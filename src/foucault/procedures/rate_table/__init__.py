@@ -16,14 +16,13 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Prior
 from foucault.detect.readings import find_readings
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.rate_table import Commanded, lacking, rate_steps
@@ -66,8 +65,7 @@ SOURCES = {
     "unknown": "measured by the residuals",
 }
 
-FEW = 0.1
-"""A larger part of the steps being outliers, they are scatter [1]."""
+FEW = 0.1  # A larger part of the steps being outliers, they are scatter [1].
 
 
 def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
@@ -130,14 +128,12 @@ def from_readings(
     *,
     told: bool,
     site: Site,
-    prior: Mapping[str, tuple[float, float]] | None = None,
+    prior: Prior | None = None,
     sizes: Sizes | None = None,
 ) -> Result:
     """Calibrate from readings that were made before.
 
-    `readings`: one mean per constant rate [SI]; `told`: whether their rates are those of the
-    table, else `rates` of the settings are matched; `prior` or None: mean and standard deviation
-    of coefficients or groups of coefficients [SI]; `sizes` or None: of what is not estimated [SI].
+    `told`: whether their rates are those of the table, else `rates` of the settings are matched.
     """
     site = settings.where(site)
     table, found = _table(readings, settings, told, site)
@@ -159,13 +155,12 @@ def _table(
 def solved(
     table: RateTable,
     site: Site,
-    given: Mapping[str, tuple[float, float]] | None,
+    given: Prior | None,
     sizes: Sizes | None = None,
 ) -> Solution:
     """Estimate the coefficients, and what scatters or moves beyond the noise.
 
-    `site`: gravity and latitude; `given` or None: mean and standard deviation of coefficients or
-    groups of coefficients [SI]; `sizes` or None: of what is not estimated [SI].
+    `site`: gravity and latitude.
     """
     prior = CoefficientVector.prior(table.layout, given) if given else None
     require_determined(table, prior)

@@ -24,10 +24,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
 from foucault import units
 from foucault.arrays import BoolArray, FloatArray
@@ -72,8 +72,7 @@ PRICE = {"rate scatter": 6.0, "bias drift": 8.0}
 """Twice the log-likelihood that each kind of scatter must gain: that of the bias is the larger one
 because it is chosen among several that differ in their correlation time [1]."""
 
-FEWEST = 6
-"""With fewer readings beyond the unknowns no scatter is looked for [1]."""
+FEWEST = 6  # With fewer readings beyond the unknowns no scatter is looked for [1].
 
 
 @dataclass(frozen=True)
@@ -267,20 +266,13 @@ def in_si(rates: tuple[str, ...]) -> FloatArray:
     return np.array([units.parse(text, "angular rate", "rates") for text in rates])
 
 
-class _Rates(Strict):
-    """A list of rates as text, each checked where it stands."""
-
-    @field_validator("rates", mode="after", check_fields=False)
-    @classmethod
-    def _are_rates(cls, rates: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        record.located(info, lambda: in_si(rates))
-        return rates
+Rates = Annotated[tuple[str, ...], record.checked(in_si)]
 
 
-class Settings(_Rates, record.Robust, record.EarthRate, Chosen):
+class Settings(record.Robust, record.EarthRate, Chosen):
     """What can be chosen; the defaults suit most tables."""
 
-    rates: tuple[str, ...] = ()
+    rates: Rates = ()
     """Rates of the table in each placement, in order, counter-clockwise seen from above positive;
     needed where the log carries no rate of the table. Rests between rates above 0.2 deg/s need not
     be listed."""
@@ -306,10 +298,10 @@ class Settings(_Rates, record.Robust, record.EarthRate, Chosen):
         return tuple(a for a in AXES if not self.axes or any(p.startswith(a) for p in self.axes))
 
 
-class Session(_Rates):
+class Session(Strict):
     """The session that `simulate` makes."""
 
-    rates: tuple[str, ...] = (
+    rates: Rates = (
         "10 deg/s",
         "-10 deg/s",
         "25 deg/s",
@@ -347,7 +339,7 @@ def simulated(
     """Simulate a session; what is wrong with table and fixture is drawn from the settings.
 
     `model`: errors of the instrument, asymmetry and cubic terms are drawn where it has none;
-    `noise`: its noise [SI]; `seed`: seed of table, instrument and noise [1].
+    `seed`: seed of table, instrument and noise [1].
     """
     rng = np.random.default_rng([seed, 3])
     rates = in_si(settings.rates or session.rates)

@@ -35,15 +35,11 @@ Plan = tuple[float, tuple[float, ...]]
 
 HERE = "the session in [simulate]"
 
-EVALUATIONS = 200
-"""Plans that a restart judges: each is a session of means [1]."""
-
-APART = 0.1
-"""Speeds are whole multiples of it [deg/s]."""
+EVALUATIONS = 200  # Plans that a restart judges: each is a session of means [1].
+APART = 0.1  # Speeds are whole multiples of it [deg/s].
 
 
-QUARTER = 1.25
-"""Speeds are well apart where one is so many times the other [1]."""
+QUARTER = 1.25  # Speeds are well apart where one is so many times the other [1].
 
 
 class Wanted(Strict):

@@ -25,7 +25,6 @@ from foucault.detect.noise import without_spikes
 from foucault.diagnose import deflection as deflection_verdict
 from foucault.diagnose import left_out as not_estimated
 from foucault.diagnose import systematic as judge
-from foucault.diagnose import systematic as systematic_report
 from foucault.diagnose import systematic_sequence as recordings
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.systematic import legs_of
@@ -145,7 +144,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
             findings, checks = [*findings, *told], (*checks, *more)
         progress(0.8, "navigating a test with it and without")
         tests, tilts = navigation_tests(found, site, settings.model)
-        tables = {**systematic_report.tables(e, problem.numbers), "navigation": tests}
+        tables = {**judge.tables(e, problem.numbers), "navigation": tests}
         diagnostics |= {"navigation": tilts} | bound(problem, base, settings)
     if judged is not None:
         tables = {**tables, "left_out": not_estimated.table(judged)}
@@ -218,7 +217,7 @@ def _diagnostics(p: SystematicProblem, s: Solution, settings: Settings) -> dict[
         "start": {"angles": start[0].tolist(), "sd": start[1].tolist()},
         "passes": {"names": list(s.states.names), "values": [x.tolist() for x in s.passes]},
         "log_likelihood": s.log_likelihood,
-        "unseen": systematic_report.unseen(p.site, settings.restarts),
+        "unseen": judge.unseen(p.site, settings.restarts),
     }  # fmt: skip
 
 

@@ -5,13 +5,13 @@ What a systematic calibration did not estimate: does it show, and does something
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Prior
 from foucault.diagnose.checks import check
 from foucault.diagnose.deflection import (
     GENERAL18,
@@ -43,8 +43,6 @@ from foucault.procedures.systematic.settings import AS_PARAMETERS, FIRST, PRIOR,
 from foucault.result import Check
 from foucault.tables import AXES, Log
 
-Given = Mapping[str, tuple[float, float]]
-
 PASSES = 1
 """Passes with all bendings, from the result with one model; more change nothing that matters [1].
 """
@@ -66,15 +64,13 @@ def decided(
     site: Site,
     settings: Settings,
     noise: ImuNoise | None,
-    given: Given,
+    given: Prior,
     *,
     compare: bool,
 ) -> Decided:
     """Solve, with the model that was named or with the one that is chosen.
 
-    `log`: readings [SI]; `noise` or None: noise as declared [SI]; `given`: mean and standard
-    deviation of coefficients or groups of coefficients [SI]; `compare`: whether a model that was
-    named is compared with the others.
+    `compare`: whether a model that was named is compared with the others.
     """
     asked = settings.deflection == "choose"
     others = _without_deflection(given)
@@ -95,13 +91,12 @@ def decided(
 
 
 def choice_of(
-    p: SystematicProblem, settings: Settings, given: Given
+    p: SystematicProblem, settings: Settings, given: Prior
 ) -> tuple[Choice, SystematicProblem, Settings, Solution]:
     """Choose a model, or none.
 
-    `given`: mean and standard deviation of coefficients or groups of coefficients [SI]. Returns
-    `problem`: with the model that the choice began with. Raises ``systematic.choice_unseen``
-    where the session sees no model whole.
+    Returns `problem`: with the model that the choice began with. Raises
+    ``systematic.choice_unseen`` where the session sees no model whole.
     """
     first = settings.model_copy(update={"deflection": FIRST, "steps": "joint"})
     begun = with_settings(p, first, given)
@@ -111,7 +106,7 @@ def choice_of(
 
 
 def _choose(
-    p: SystematicProblem, settings: Settings, given: Given
+    p: SystematicProblem, settings: Settings, given: Prior
 ) -> tuple[SystematicProblem, Settings, Solution, Choice]:
     """Choose a model, or none, and solve with it."""
     choice, begun, first, base = choice_of(p, settings, given)
@@ -126,7 +121,7 @@ def _choose(
     return problem, final, solved(problem, final), choice
 
 
-def _tested(p: SystematicProblem, settings: Settings, found: Solution, given: Given) -> Choice:
+def _tested(p: SystematicProblem, settings: Settings, found: Solution, given: Prior) -> Choice:
     """Compare the model that was named with the others."""
     if settings.steps == "published":  # the second step does not tell what the first has used
         settings = settings.model_copy(update={"steps": "joint"})
@@ -139,27 +134,21 @@ def _tested(p: SystematicProblem, settings: Settings, found: Solution, given: Gi
     return replace(choice, used=mine)
 
 
-def compared(p: SystematicProblem, settings: Settings, found: Solution, given: Given) -> Choice:
-    """Compare all models, from a result with one of them or with none.
-
-    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
-    """
+def compared(p: SystematicProblem, settings: Settings, found: Solution, given: Prior) -> Choice:
+    """Compare all models, from a result with one of them or with none."""
     return judged(
         told(p, settings, found, given), {"deflection": PRIOR["deflection"], **given},
         chirality=settings.chirality, known=len(_without_deflection(given)) < len(given),
     )  # fmt: skip
 
 
-def _without_deflection(given: Given) -> dict[str, tuple[float, float]]:
+def _without_deflection(given: Prior) -> dict[str, tuple[float, float]]:
     """Return what is given of other coefficients than those of the deflection."""
     return {k: v for k, v in given.items() if k.partition(".")[0] != "deflection"}
 
 
-def told(p: SystematicProblem, settings: Settings, found: Solution, given: Given) -> Told:
-    """Return what the session says of all bendings, from a result with one model.
-
-    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
-    """
+def told(p: SystematicProblem, settings: Settings, found: Solution, given: Prior) -> Told:
+    """Return what the session says of all bendings, from a result with one model."""
     general = settings.model_copy(update={"deflection": GENERAL18.name})
     problem = with_settings(p, general, _without_deflection(given))
     same = [name for name in found.states.names if name not in AS_PARAMETERS]
@@ -207,19 +196,15 @@ def resumed(
     return again(p, near, begins(found.run), passes, keep=keep)
 
 
-def with_settings(p: SystematicProblem, settings: Settings, given: Given) -> SystematicProblem:
-    """Return the problem with the coefficients of other settings.
-
-    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
-    """
+def with_settings(p: SystematicProblem, settings: Settings, given: Prior) -> SystematicProblem:
+    """Return the problem with the coefficients of other settings."""
     sensors = sensors_of(settings, p.noise, p.recordings)
     known = known_of(sensors.layout, given)
     prior = prior_of(sensors, known, p.noise, settings.turn_on)
     return replace(p, sensors=sensors, prior=prior)
 
 
-RATE = FALSE_ALARM / 2
-"""False-alarm rate of each of two tests of errors that are left out [1]."""
+RATE = FALSE_ALARM / 2  # False-alarm rate of each of two tests of errors that are left out [1].
 
 TAKEN_IN = 3.0
 """One stands for both if it is so many times less certain where both are estimated [1]."""
@@ -234,13 +219,11 @@ class Shown:
     finding: Finding  # what is said of it
 
 
-def left_out(decision: Decided, given: Given) -> tuple[list[Finding], list[Check]]:
+def left_out(decision: Decided, given: Prior) -> tuple[list[Finding], list[Check]]:
     """Return what the user should know of errors that were not estimated, and the check of them.
 
     One error that is left out looks a little like another: that which explains the readings best is
     named alone.
-
-    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     p, settings, found = decision.problem, decision.settings, decision.solution
     out: list[Finding] = []
@@ -262,12 +245,9 @@ def left_out(decision: Decided, given: Given) -> tuple[list[Finding], list[Check
 
 
 def foreseen_of(
-    p: SystematicProblem, settings: Settings, found: Solution, given: Given
+    p: SystematicProblem, settings: Settings, found: Solution, given: Prior
 ) -> list[Finding]:
-    """Say beforehand whether asymmetry or quadratic term will stand for both.
-
-    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
-    """
+    """Say beforehand whether asymmetry or quadratic term will stand for both."""
     left = _left(settings)
     return stands_for(with_both(p, settings, found, given), found, left) if left else []
 
@@ -279,12 +259,9 @@ def _left(settings: Settings) -> list[str]:
 
 
 def with_both(
-    p: SystematicProblem, settings: Settings, found: Solution, given: Given
+    p: SystematicProblem, settings: Settings, found: Solution, given: Prior
 ) -> CoefficientVector:
-    """Return the states with asymmetry and quadratic term, both estimated.
-
-    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
-    """
+    """Return the states with asymmetry and quadratic term, both estimated."""
     both = settings.model_copy(update={"accel_asymmetry": True, "accel_quadratic": True})
     return widened(with_settings(p, both, given), found, found.states.names)
 

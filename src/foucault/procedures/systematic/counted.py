@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Prior
 from foucault.diagnose.foresight import Extra
 from foucault.errors import FoucaultError, error
 from foucault.infer.filtered import component
@@ -36,9 +36,6 @@ from foucault.procedures.systematic.choice import Decided, resumed
 from foucault.procedures.systematic.problem import Solution, SystematicProblem, prior_of
 from foucault.procedures.systematic.settings import SIZE_EFFECT, Settings
 
-Given = Mapping[str, tuple[float, float]]
-
-
 Found = tuple[SystematicProblem, Solution]
 
 
@@ -54,12 +51,8 @@ class Beside:
     latitude: tuple[float, str]  # how well it is known [rad], and what that rests on
 
     @classmethod
-    def of(cls, decision: Decided, sizes: Sizes, given: Given) -> Beside | None:
-        """Return it; None where so many recordings leave the filter no states for it.
-
-        `sizes`: of what is not estimated [SI]; `given`: mean and standard deviation of coefficients
-        or groups of coefficients [SI].
-        """
+    def of(cls, decision: Decided, sizes: Sizes, given: Prior) -> Beside | None:
+        """Return it; None where so many recordings leave the filter no states for it."""
         p, settings, base = decision.problem, decision.settings, decision.solution
         names = base.states.names
         sensors, groups = _widened(p, settings, names, sizes)
@@ -133,7 +126,7 @@ class Beside:
 
 
 def counted(
-    decision: Decided, sizes: Sizes, given: Given
+    decision: Decided, sizes: Sizes, given: Prior
 ) -> tuple[Decided, CoefficientVector, Judgement, dict[str, dict[str, Any]]] | None:
     """Filter again with what is not estimated, and enlarge what the readings contradict.
 

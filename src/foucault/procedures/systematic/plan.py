@@ -8,17 +8,17 @@ rest known for sure, turns counted in full, and nothing known beforehand.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import starmap
 from math import inf
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector, Layout, Prior
 from foucault.diagnose import systematic as judge
 from foucault.diagnose.checks import HARDLY, hardly
 from foucault.diagnose.foresight import Extra, Foresight
@@ -48,7 +48,7 @@ from foucault.plans.sequence_search import (
     table_needs,
 )
 from foucault.procedures.left_out import told_beside
-from foucault.procedures.record import Beforehand, Shortest, Stated, located
+from foucault.procedures.record import Beforehand, Shortest, Stated, checked
 from foucault.procedures.systematic.choice import Decided, foreseen_of
 from foucault.procedures.systematic.counted import Beside
 from foucault.procedures.systematic.problem import (
@@ -74,7 +74,7 @@ from foucault.procedures.systematic.settings import (
 )
 from foucault.simulate.systematic import simulate_systematic
 from foucault.strict import Strict
-from foucault.units import Quantity, Seconds, parse
+from foucault.units import Rate, Seconds, parse
 
 Plan = Beforehand[Settings, Session]
 
@@ -82,8 +82,7 @@ SURE = 1e-2
 """At best the velocity at rest is as sure as this part of what the noise adds to it from one update
 to the next [1]."""
 
-BLIND = 1e3
-"""A coefficient that is left less certain than so many times its prior is not seen [1]."""
+BLIND = 1e3  # A coefficient that is left less certain than so many times its prior is not seen [1].
 
 WIDER, FIRM = 10.0, 1.1
 """Nor is one whose bound grows by more than `FIRM` where the prior is `WIDER` times less certain:
@@ -154,11 +153,8 @@ def _begun(problem: SystematicProblem, sequence: CalibrationSequence) -> FloatAr
     return np.asarray(sequence.at(problem.increments.time[[problem.first]])[0][0])
 
 
-def instrument_of(settings: Settings, prior: Mapping[str, tuple[float, float]]) -> ImuModel:
-    """Return the instrument that a prior expects: without errors but for the means in it.
-
-    `prior`: mean and standard deviation of coefficients or groups of coefficients [SI].
-    """
+def instrument_of(settings: Settings, prior: Prior) -> ImuModel:
+    """Return the instrument that a prior expects: without errors but for the means in it."""
     given = CoefficientVector.prior(settings.sensors.layout, dict(prior))
     if settings.model is not None:
         given = settings.model.general(given)
@@ -229,8 +225,7 @@ HERE = "the site"
 OTHERS = ("latitude 0 deg", "latitude 60 deg", "instrument 1", "turns counted otherwise")
 """Where a plan found is compared, and what else is changed there."""
 
-SPINS = 6
-"""Spins that a model of deflection takes [1]."""
+SPINS = 6  # Spins that a model of deflection takes [1].
 
 
 class Wanted(Strict):
@@ -238,10 +233,12 @@ class Wanted(Strict):
 
     total: Seconds | None = Field(default=None, gt=0, examples=["45 min"])
     """Time there is; left out, that of the plan to beat, or any with `accuracy`."""
-    accuracy: dict[str, str] = Field(default={}, examples=[{"deflection": "0.0085 arcsec/g"}])
+    accuracy: Annotated[
+        dict[str, str], checked(lambda given: [*starmap(accuracy_of, given.items())])
+    ] = Field(default={}, examples=[{"deflection": "0.0085 arcsec/g"}])
     """Largest standard deviation that is wanted of coefficients or groups of them: the shortest
     sequence that reaches it is sought. Left out, the smallest uncertainty."""
-    first: str | None = Field(default=None, examples=["19 positions"])
+    first: Annotated[str | None, checked(built_in)] = Field(default=None, examples=["19 positions"])
     """Built-in sequence of quarter turns to begin with; left out, that of the plan."""
     poses: int | None = Field(default=None, ge=0, le=24, examples=[6])
     """Number of spins; left out, six where there is a model of deflection."""
@@ -250,7 +247,7 @@ class Wanted(Strict):
     shortest: Shortest = 20.0
     longest: Seconds = Field(default=600.0, gt=0)
     """Longest rest."""
-    move_rate: Annotated[float, Quantity("angular rate")] = Field(default=RATE, gt=0)
+    move_rate: Rate = Field(default=RATE, gt=0)
     """Rate of all turns but the spins."""
     alike: bool = True
     """Whether the rests between quarter turns are alike."""
@@ -259,19 +256,6 @@ class Wanted(Strict):
     spins to seek."""
     weights: dict[str, float] = Field(default={}, examples=[{"deflection": 3.0, "accel": 0.0}])
     """How much coefficients or groups of them count; 1 if left out."""
-
-    @field_validator("accuracy", mode="after")
-    @classmethod
-    def _known(cls, given: dict[str, str], info: ValidationInfo) -> dict[str, str]:
-        located(info, lambda: [accuracy_of(name, text) for name, text in given.items()])
-        return given
-
-    @field_validator("first", mode="after")
-    @classmethod
-    def _there(cls, given: str | None, info: ValidationInfo) -> str | None:
-        if given is not None:
-            located(info, lambda: [built_in(given)])
-        return given
 
 
 def accuracy_of(name: str, text: str) -> float:
@@ -397,8 +381,7 @@ def _allowed(settings: Settings, wanted: Wanted, reference: CalibrationSequence)
     )
 
 
-FIRST_PART = "19 positions"
-"""The first part where the plan to beat does not name one."""
+FIRST_PART = "19 positions"  # The first part where the plan to beat does not name one.
 
 
 def wanted_limits(
@@ -416,8 +399,7 @@ def wanted_limits(
     return (*time, *sd_limits(members(states.layout, wanted), kinds, states.sd))
 
 
-LONGER = 300.0
-"""How much longer a session is made to see what that would buy [s]."""
+LONGER = 300.0  # How much longer a session is made to see what that would buy [s].
 
 
 def foresee(b: Plan) -> Foresight:
@@ -467,9 +449,7 @@ def _blind(states: CoefficientVector) -> list[str]:
     return [terms(largest_shares(states.layout, v), dots=True) for v in blind]
 
 
-def _warned(
-    found: Foreseen, settings: Settings, prior: Mapping[str, tuple[float, float]]
-) -> list[Finding]:
+def _warned(found: Foreseen, settings: Settings, prior: Prior) -> list[Finding]:
     """Say what will not be seen, and whether a calibration will refuse that."""
     states = found.states
     out = judge.unseen_of(states, prior_of(settings.sensors, {}).prior_sd)

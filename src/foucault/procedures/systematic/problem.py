@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector
+from foucault.arrays import FloatArray, IntArray
+from foucault.coefficients import CoefficientVector, Prior
 from foucault.detect.noise import measure_noise
 from foucault.detect.sequence import FoundSequence, find_sequence, require_triads
 from foucault.diagnose.noise_at_rest import NoiseAtRest, noise_at_rest
@@ -78,7 +78,7 @@ class SystematicProblem:
     site: Site  # where it stood; the latitude is known
     sensors: Sensors
     rests: tuple[tuple[int, int], ...]  # first and last row of each rest that is used [1]
-    numbers: npt.NDArray[np.int64]  # (m,) which rests of the log they are, from 0 [1]
+    numbers: IntArray  # (m,) which rests of the log they are, from 0 [1]
     found: FoundSequence  # rests and turns of the log
     matched: Matched | None  # the log against the sequence, where one is declared
     start: Alignment  # attitude at the first rest
@@ -142,12 +142,11 @@ def problem_of(
     site: Site,
     settings: Settings,
     noise: ImuNoise | None,
-    given: Mapping[str, tuple[float, float]],
+    given: Prior,
 ) -> SystematicProblem:
     """Find rests and turns, check them, and align.
 
-    `log`: readings [SI]; `noise`: noise as declared [SI], None measures the white noise in the
-    rests; `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
+    `noise`: noise as declared [SI], None measures the white noise in the rests.
     """
     require_place(site, "a systematic calibration")
     require_triads(log)
@@ -246,15 +245,14 @@ def steady(p: SystematicProblem) -> SystematicProblem:
 
 def prior_of(
     sensors: Sensors,
-    given: Mapping[str, tuple[float, float]],
+    given: Prior,
     noise: ImuNoise | None = None,
     turn_on: Mapping[str, float] | None = None,
 ) -> CoefficientVector:
     """Return what is known of the coefficients beforehand: what is usual, but for what is given.
 
-    `given`: mean and standard deviation of coefficients or groups of coefficients [SI]; `noise`
-    or None: noise, where the sensors have biases that wander [SI]; `turn_on` or None: standard
-    deviation of what the biases of each triad differ by between recordings [SI].
+    `noise` or None: noise, where the sensors have biases that wander [SI]; `turn_on` or None:
+    standard deviation of what the biases of each triad differ by between recordings [SI].
     """
     names = sensors.layout.names
     slow = noise or ImuNoise()
@@ -267,8 +265,7 @@ def prior_of(
     return CoefficientVector.prior(sensors.layout, {**known, **given})
 
 
-POLE = np.radians(89.0)
-"""Nearer to a pole the heading at the start cannot be found [rad]."""
+POLE = np.radians(89.0)  # Nearer to a pole the heading at the start cannot be found [rad].
 
 
 def require_place(site: Site, what: str) -> None:
@@ -279,16 +276,12 @@ def require_place(site: Site, what: str) -> None:
         raise error("systematic.pole", given=f"{np.degrees(site.latitude):.4f}", what=what)
 
 
-def as_parameters(
-    given: Mapping[str, tuple[float, float]], settings: Settings
-) -> dict[str, tuple[float, float]]:
+def as_parameters(given: Prior, settings: Settings) -> dict[str, tuple[float, float]]:
     """Return what is given of the coefficients of deflection as said of the model's parameters.
 
     A result says what bends, coefficient by coefficient; the filter has the parameters that make
     them. Coefficients that one parameter makes are one piece of knowledge, so that they count once
     together. Coefficients of another model say nothing of these parameters, and are left out.
-
-    `given`: mean and standard deviation of coefficients or groups of coefficients [SI].
     """
     bends = {name: known for name, known in given.items() if name in GENERAL}
     out = {name: known for name, known in given.items() if name not in GENERAL}
@@ -478,11 +471,8 @@ def public(s: Solution, settings: Settings) -> CoefficientVector:
     return vector.chosen(named(vector.names, ()))
 
 
-RATE, BEFORE, REST = 50.0, 100.0, 500.0
-"""Sample rate [Hz], rest before the spin, and after it [s]."""
-
-EVERY = 5.0
-"""Time between the points that are kept [s]."""
+RATE, BEFORE, REST = 50.0, 100.0, 500.0  # Sample rate [Hz], rest before the spin, and after it [s].
+EVERY = 5.0  # Time between the points that are kept [s].
 
 
 def navigation_tests(

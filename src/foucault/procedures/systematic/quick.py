@@ -23,9 +23,8 @@ from functools import cached_property
 from math import ceil
 
 import numpy as np
-import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IndexArray
 from foucault.estimate.systematic import BETWEEN, STAYS, AtRest
 from foucault.models.earth import Site, earth_rate_n
 from foucault.models.ins_errors import Sensors, dynamics
@@ -40,8 +39,7 @@ from foucault.simulate.systematic import simulate_systematic
 STEP, SLOW = np.radians(6.0), 10.0
 """Turns are sampled so that none of them turns more [rad], and at least so often [Hz]."""
 
-KEPT = 20_000
-"""Turns and attitudes that are remembered [1]."""
+KEPT = 20_000  # Turns and attitudes that are remembered [1].
 
 Epoch = tuple[FloatArray, FloatArray]
 """Transition (9, 9 + p) and noise (9, 9) of a time without measurements."""
@@ -149,7 +147,7 @@ class Quick:
         return np.kron(np.eye(2), C_nb) @ out
 
     @property
-    def _at_rest(self) -> tuple[npt.NDArray[np.intp], Sensors]:
+    def _at_rest(self) -> tuple[IndexArray, Sensors]:
         """Coefficients that are felt at rest: lever arms and delay are not."""
         s = self.sensors
         felt = s.entry < 31

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Literal, get_args
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from foucault import units
 from foucault.coefficients import Layout
@@ -30,12 +30,12 @@ from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.sequence import REST, CalibrationSequence, built_in, orientation
 from foucault.plans.sequence_file import ActionTable
 from foucault.procedures.chosen import Chosen
-from foucault.procedures.record import Quadratic, SampleRate, Shortest, located
+from foucault.procedures.record import Quadratic, SampleRate, Shortest, checked
 from foucault.simulate import hand_rotated
 from foucault.simulate.systematic import SystematicSimulation, TableErrors, simulate_systematic
 from foucault.strict import Strict
 from foucault.tables import Log
-from foucault.units import Angle, AngleSd, Quantity, Seconds
+from foucault.units import Angle, AngleSd, Force, Length, Rate, Seconds, Velocity
 
 Deflection = Literal[
     "none", "choose", "coupled6", "direct6", "direct6+transverse3", "lateral3+axial6", "direct12",
@@ -106,21 +106,19 @@ PRIOR_LINES = """\
 """
 """[prior] of the template."""
 
-GRADE = "navigation"
-"""Class of [simulate]: the method is one for instruments that find north."""
+GRADE = "navigation"  # Class of [simulate]: the method is one for instruments that find north.
 
 
 FIRST_REST = FEWEST * EPOCH
 """Of the first rest so much is needed, for the attitude at the start is found in it [s]."""
 
-ENDS = 0.5
-"""A rest that is planned is found shorter by less than this [s]."""
+ENDS = 0.5  # A rest that is planned is found shorter by less than this [s].
 
 
 class Settings(Chosen):
     """What can be chosen; the defaults suit an instrument on a table in a laboratory."""
 
-    sequence: tuple[str, ...] = Field(
+    sequence: Annotated[tuple[str, ...], checked(lambda names: [*map(built_in, names)])] = Field(
         default=("19 positions",), examples=[("19 positions", "spins, simple 6")]
     )
     """Built-in sequences that were done, in order; the log is compared with them. An empty list
@@ -154,13 +152,11 @@ class Settings(Chosen):
     passes: int = Field(default=6, ge=1, le=20)
     """Most passes through the session, each linear about the result before; 1: the first alone,
     which a wide prior spoils."""
-    velocity_sd: Annotated[float, Quantity("velocity")] = Field(default=1e-4, gt=0, le=100)
+    velocity_sd: Velocity = Field(default=1e-4, gt=0, le=100)
     """How still the instrument stands at rest, each component."""
-    position_sd: Annotated[float, Quantity("length")] = Field(default=1e-2, gt=0, le=1e4)
+    position_sd: Length = Field(default=1e-2, gt=0, le=1e4)
     """How near the same place it comes to rest after every turn."""
-    turning_sd: Annotated[float, Quantity("velocity")] | None = Field(
-        default=None, gt=0, le=100, examples=["2 mm/s"]
-    )
+    turning_sd: Velocity | None = Field(default=None, gt=0, le=100, examples=["2 mm/s"])
     """How still it stays while it turns about itself, each component: velocity is measured in turns
     too. Left out: at rest alone."""
     interval: Seconds = Field(default=1.0, gt=0)
@@ -169,30 +165,22 @@ class Settings(Chosen):
     """Start every rest anew with velocity and position, so that what the lever arms of the
     accelerometers do in turns is not taken for errors of the gyros. Left out: unless the lever arms
     are estimated."""
-    gyro_bias_repeatability: Annotated[float, Quantity("angular rate")] = Field(
+    gyro_bias_repeatability: Rate = Field(
         default=units.parse("0.01 deg/h", "angular rate"),
         ge=units.parse("0.00001 deg/h", "angular rate"),
     )
     """Of several recordings: sd of what the gyro biases differ by from one to the next, such as
     from switch-on to switch-on."""
-    accel_bias_repeatability: Annotated[float, Quantity("specific force")] = Field(
+    accel_bias_repeatability: Force = Field(
         default=units.parse("50 ug", "specific force"), ge=units.parse("0.01 ug", "specific force")
     )
     """The same of the accelerometers."""
     shortest: Shortest = 5.0
-    rate_limit: Annotated[float, Quantity("angular rate")] | None = Field(
-        default=None, gt=0, examples=["90 deg/s"]
-    )
+    rate_limit: Rate | None = Field(default=None, gt=0, examples=["90 deg/s"])
     """Highest rate of the table."""
     angle_step: Angle | None = Field(default=None, gt=0, le=float(np.pi), examples=["45 deg"])
     """Angles at which the instrument can be put are multiples of this (90 deg: never slanting);
     left out, any."""
-
-    @field_validator("sequence", mode="after")
-    @classmethod
-    def _known(cls, names: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        located(info, lambda: [built_in(name) for name in names])
-        return names
 
     @model_validator(mode="after")
     def _possible(self) -> Settings:
@@ -282,7 +270,7 @@ class Session(Strict):
     """Sd of the error of every turn of the table; errors add up."""
     start_sd: AngleSd = Field(default=float(np.radians(0.5)), ge=0)
     """Sd of the attitude at the start from the one of the sequence, each axis."""
-    arms: Annotated[float, Quantity("length")] = Field(default=0.0, ge=0)
+    arms: Length = Field(default=0.0, ge=0)
     """Sd of the place of the x and y accelerometer from the z accelerometer."""
     delay: Seconds = 0.0
     """How much later accelerometers read than gyros."""
@@ -331,7 +319,7 @@ def simulated(
     """Simulate a session.
 
     `model`: errors of the instrument, where they have no deflection it is drawn, if there is a
-    model; `noise`: its noise [SI]; `seed`: seed of deflection, table and noise [1].
+    model; `seed`: seed of deflection, table and noise [1].
     """
     sequence = planned(settings, session)
     rng = np.random.default_rng([seed, 12])

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from foucault.diagnose import temperature as diagnose
-from foucault.diagnose import temperature as tables
 from foucault.diagnose.comparable import KEY, as_kept
 from foucault.errors import Finding, Status, error, finding
 from foucault.models.imu import INVERSES
@@ -40,8 +39,7 @@ __all__ = ["NAME", "Ramp", "Session", "Settings", "calibrate"]
 
 NAME = "temperature"
 
-HARDLY = 0.9
-"""An uncertainty above this part of the prior's is the prior's own [1]."""
+HARDLY = 0.9  # An uncertainty above this part of the prior's is the prior's own [1].
 
 UNIFORM = 1.0 / 12.0
 """Variance of a temperature that is anywhere in a span, over the square of the span [1]."""
@@ -111,7 +109,7 @@ def calibrate(
         site=dict(first.site),
         validity=_validity(sessions, model),
         diagnostics=_facts(sessions, ramps, settings)
-        | tables.facts(seen, model)
+        | diagnose.facts(seen, model)
         | {KEY: as_kept(common)},
         provenance=_provenance(sessions, time.perf_counter() - begun),
         tables=_tables(seen, model, ramps),
@@ -278,8 +276,8 @@ def _provenance(sessions: Sequence[Session], seconds: float) -> dict[str, Any]:
 
 def _tables(seen: diagnose.Seen, model: TemperatureModel, ramps: Sequence[Ramp]) -> dict[str, Any]:
     out: dict[str, Any] = {
-        "temperature_points": tables.points(seen),
-        "temperature_curves": tables.curves(model),
+        "temperature_points": diagnose.points(seen),
+        "temperature_curves": diagnose.curves(model),
     }
     if ramps:
         parts = [
@@ -287,5 +285,5 @@ def _tables(seen: diagnose.Seen, model: TemperatureModel, ramps: Sequence[Ramp])
              tuple(f"{t}.bias.{a}" for t in r.triads for a in AXES))
             for r in ramps
         ]  # fmt: skip
-        out["temperature_ramps"] = tables.ramp_points(seen, model, parts)
+        out["temperature_ramps"] = diagnose.ramp_points(seen, model, parts)
     return out

@@ -37,7 +37,6 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.diagnose import left_out
 from foucault.diagnose import transfer as judge
-from foucault.diagnose import transfer as report
 from foucault.diagnose import transfer_motion as findings
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.references import stretched
@@ -76,8 +75,7 @@ FRAME = "axes of the slave: right, forward, up as it is mounted nominally"
 GAUGE = "b is the case of the slave; its axes are taken to be at right angles"
 
 
-FAST = 1e-4
-"""A clock so much too fast shows how the estimate hangs on it [1]."""
+FAST = 1e-4  # A clock so much too fast shows how the estimate hangs on it [1].
 
 
 def _clock_slope(log: Log, given: Given[Settings], result: Result) -> FloatArray | None:
@@ -133,7 +131,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     if given.shown:
         given.progress(0.7, "looking at what was found")
         undelayed = ignoring_delay(s) if settings.delay != "none" else None
-        tables = report.tables(s, settings.reported, s.backward, undelayed)
+        tables = judge.tables(s, settings.reported, s.backward, undelayed)
         more = _budget(s, beside, at)
     if s.judged is not None:
         checks = (*checks, *left_out.checks(s.judged))
@@ -169,15 +167,15 @@ def _diagnostics(log: SlaveLog, s: Solution) -> dict[str, Any]:
         "noise": {"accel": model.slave.noise.accel.white, "gyro": model.slave.noise.gyro.white},
         "delay": _delay(s),
         "hand_over": {"place": "master" if log.messages.has_place else "site"}
-        | report.hand_over(handed_over(s), model.slave.increments),
+        | judge.hand_over(handed_over(s), model.slave.increments),
         "passes": {"names": list(model.names[model.first :]),
                    "values": [x.tolist() for x in s.fit.passes]},
         "log_likelihood": s.fit.run.log_likelihood,
         "messages": {"used": int(s.fit.system.used.sum()), "logged": len(model.master)},
         "innovations": judge.innovations(s),
-        "mounting": report.mounting(model.mount, s.states),
+        "mounting": judge.mounting(model.mount, s.states),
         "beside": [r for r in rows if r["name"] in settings.beside],
-        "unseen": report.unseen(model.mount, left_out=settings.left_out,
+        "unseen": judge.unseen(model.mount, left_out=settings.left_out,
                                 misalignments=settings.misalignments),
     }  # fmt: skip
 

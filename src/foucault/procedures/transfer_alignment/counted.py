@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector, Layout, Prior
 from foucault.estimate.transfer import TransferFit, TransferModel
 from foucault.infer import filtered
 from foucault.infer.filtered import components
@@ -23,11 +23,7 @@ from foucault.models.left_out import GRAVITY, LATITUDE, Sizes
 from foucault.models.transfer import COUNTED, LOAD, Mount
 from foucault.procedures.transfer_alignment.settings import LEFT_OUT, PRIOR, Settings
 
-Given = Mapping[str, tuple[float, float]]
-"""Mean and standard deviation of coefficients or groups of coefficients [SI]."""
-
-TACTICAL = "usual of a tactical instrument, judgement"
-"""What a size of `USUAL` rests on."""
+TACTICAL = "usual of a tactical instrument, judgement"  # What a size of `USUAL` rests on.
 
 
 @dataclass(frozen=True)
@@ -44,8 +40,7 @@ class Counted:
     def of(cls, settings: Settings, sizes: Sizes | None, site: Site, *, placed: bool) -> Counted:
         """Return what is counted with.
 
-        `sizes` or None: of what is not estimated [SI]; `placed`: whether the master says where it
-        is.
+        `placed`: whether the master says where it is.
         """
         asked, mount = settings.asked.layout.names, settings.mount
         out = dict[str, tuple[tuple[str, ...], float, str]]()
@@ -75,7 +70,7 @@ class Counted:
         mine = {n for names, *_ in self.groups.values() for n in names}
         return tuple(n for n in COUNTED.names if n in mine)
 
-    def prior(self, settings: Settings, given: Given) -> CoefficientVector:
+    def prior(self, settings: Settings, given: Prior) -> CoefficientVector:
         """Return what was known of all of them, and of what is found besides.
 
         `given`: of coefficients or groups of coefficients [SI].
@@ -93,7 +88,7 @@ class Counted:
             usual |= {n.rpartition(".")[0] if n in LAYOUT else n: (0.0, size) for n in names}
         return CoefficientVector.prior(layout, {**usual, **given})
 
-    def judged_groups(self, prior: CoefficientVector, given: Given) -> dict[str, Group]:
+    def judged_groups(self, prior: CoefficientVector, given: Prior) -> dict[str, Group]:
         """Return what is judged: what is counted with, as large as `prior` says, and the priors."""
         out = dict[str, Group]()
         for group, (names, _, basis) in self.groups.items():

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
-from foucault.coefficients import CoefficientVector
+from foucault.coefficients import CoefficientVector, Prior
 from foucault.diagnose import transfer_motion as delay_checks
 from foucault.diagnose.transfer import Evidence
 from foucault.diagnose.transfer_motion import BENDS
@@ -65,22 +65,16 @@ from foucault.units import convert, plain
 MINOR = {"transfer.noise", "strapdown.bridged", "delay.wild", "delay.wanders"}
 """What leaves forces to be compared with accelerations all the same."""
 
-DRIFTS = 5.0
-"""A drift of the clocks of so many standard deviations is taken out [1]."""
-
-DRIFTED = 1e-4
-"""If it makes so much over the log [s]."""
-
-DIFFERS = 1e-3
-"""A delay that was given is told to be wrong if it is by so much [s]."""
+DRIFTS = 5.0  # A drift of the clocks of so many standard deviations is taken out [1].
+DRIFTED = 1e-4  # If it makes so much over the log [s].
+DIFFERS = 1e-3  # A delay that was given is told to be wrong if it is by so much [s].
 
 WIDER = 5.0
 """The start attitude is that of the master with the nominal mounting: its error is that of the
 mounting. The filter takes the two as independent; so many times as uncertain as it is, the start
 tells nothing of the mounting that the first messages do not [1]."""
 
-PLACE_SD = 1.0
-"""How well the position at the start is known; it hardly matters [m]."""
+PLACE_SD = 1.0  # How well the position at the start is known; it hardly matters [m].
 
 
 @dataclass(frozen=True)
@@ -127,18 +121,16 @@ def problem_of(
     site: Site,
     settings: Settings,
     noise: ImuNoise | None,
-    given: Mapping[str, tuple[float, float]],
+    given: Prior,
     *,
     sizes: Sizes | None = None,
     match: bool = True,
 ) -> TransferProblem:
     """Bring both to one clock, find the delay to start from, and the state at the start.
 
-    `log`: readings of the slave beside what its master said [SI]; `site`: where it begins, see
-    `input.there`; `noise`: noise of the slave [SI], None takes that
-    of a tactical instrument; `given`: mean and standard deviation of coefficients or groups of
-    coefficients [SI]; `sizes` or None: of what is not estimated [SI]; `match`: whether what both
-    turned is compared, a simulated session without errors need not be.
+    `site`: where it begins, see `input.there`; `noise`: noise of the slave [SI], None takes that of
+    a tactical instrument; `match`: whether what both turned is compared, a simulated session
+    without errors need not be.
     """
     hand_over, table, increments = common(log, even(placed(log.messages, site)), settings)
     said, told = table.messages, [*([] if noise else [assumed_noise()]), *increments.findings]
@@ -293,8 +285,7 @@ def place_of(table: MasterTable, k: int, lever_m: FloatArray) -> tuple[float, fl
 SETTLED = 0.5
 """Passes have settled if the last moved nothing by more than this of its uncertainty [1]."""
 
-STILL = 0.1
-"""No further pass is made if the last moved nothing by more [1]."""
+STILL = 0.1  # No further pass is made if the last moved nothing by more [1].
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ from foucault.simulate.transfer import (
 )
 from foucault.strict import Strict
 from foucault.tables import Log
-from foucault.units import Angle, AngleSd, Quantity, Seconds
+from foucault.units import Angle, AngleSd, Force, Length, Quantity, Seconds, Velocity
 
 GRADE = "tactical"
 """Class of [simulate]; of this class the turn-on errors are those of the publication."""
@@ -86,8 +86,7 @@ LONGER = 1.0
 """The slave's log goes on for so long after the hand-over, and the outage begins so much before it
 [s]."""
 
-ROWS = 10.0
-"""Rows of the tables of truth in a second [Hz]."""
+ROWS = 10.0  # Rows of the tables of truth in a second [Hz].
 
 
 class Session(Strict):
@@ -102,9 +101,7 @@ class Session(Strict):
     accelerate, climb or sway."""
     heading: Angle | None = Field(default=None, examples=["40 deg"])
     """Heading at the start; left out, that of the profile."""
-    speed: Annotated[float, Quantity("velocity")] | None = Field(
-        default=None, ge=0, examples=["40 m/s"]
-    )
+    speed: Velocity | None = Field(default=None, ge=0, examples=["40 m/s"])
     """Speed at the start; left out, that of the profile."""
     rate: SampleRate = 200.0
     message_rate: Annotated[float, Quantity("frequency")] = Field(default=10.0, gt=0)
@@ -121,7 +118,7 @@ class Session(Strict):
     """What the stamps are."""
     clock_drift: float = Field(default=0.0, gt=-1e-3, lt=1e-3)
     """Part by which the master's clock is fast."""
-    master_velocity_sd: Annotated[float, Quantity("velocity")] = Field(default=0.05, ge=0, le=100)
+    master_velocity_sd: Velocity = Field(default=0.05, ge=0, le=100)
     """Noise of the master's velocity, each component."""
     master_attitude_sd: AngleSd = Field(default=float(np.radians(1 / 60)), ge=0)
     """Noise of its heading, pitch and roll."""
@@ -133,7 +130,7 @@ class Session(Strict):
     """Sd of a random bending."""
     flexure_memory: Seconds = Field(default=5.0, gt=0)
     """Its correlation time."""
-    vibration: Annotated[float, Quantity("specific force")] = Field(default=0.0, ge=0)
+    vibration: Force = Field(default=0.0, ge=0)
     """Vibration, root mean square along each axis."""
     with_outage: bool = True
     """Simulate the outage after the hand-over too."""
@@ -285,7 +282,7 @@ def simulated(
 ) -> TransferSession:
     """Simulate a session.
 
-    `noise`: noise of the slave [SI]; `seed`: seed of installation, compliance and noise [1].
+    `seed`: seed of installation, compliance and noise [1].
     """
     motion = moved(session.motion, site)
     return simulate_motion(motion, session, settings, model, noise, seed, site.anomaly)
@@ -297,9 +294,8 @@ def simulate_motion(
 ) -> TransferSession:  # fmt: skip
     """Simulate a session of any motion.
 
-    `session`: how its messages come, and how the slave is fixed; `noise`: its noise [SI]; `seed`:
-    seed of installation, compliance and noise [1]; `gravity_offset`: local minus normal gravity
-    [m/s^2].
+    `session`: how its messages come, and how the slave is fixed; `seed`: seed of installation,
+    compliance and noise [1]; `gravity_offset`: local minus normal gravity [m/s^2].
     """
     mount = settings.mount
     rng = np.random.default_rng([seed, 22])
@@ -341,14 +337,9 @@ def _three(x: FloatArray) -> tuple[float, float, float]:
     return a, b, c
 
 
-RATE = 50.0
-"""Samples in a second that a covariance takes [Hz]."""
-
-TIED = 0.5
-"""Errors that are less correlated are not named [1]."""
-
-MOST = 3
-"""So many combinations are named [1]."""
+RATE = 50.0  # Samples in a second that a covariance takes [Hz].
+TIED = 0.5  # Errors that are less correlated are not named [1].
+MOST = 3  # So many combinations are named [1].
 
 _DEG = np.pi / 180.0
 
@@ -506,8 +497,7 @@ def _judged(
     )
 
 
-EVALUATIONS = 200
-"""Plans that a restart judges: each is a run of the filter [1]."""
+EVALUATIONS = 200  # Plans that a restart judges: each is a run of the filter [1].
 
 QUICK_RATE, MESSAGES = 10.0, 2.0
 """Samples and messages in a second that a search reckons with [Hz]."""
@@ -518,8 +508,7 @@ HERE = "the site"
 OTHERS = ("turned by 90 deg", "latitude 60 deg")
 """Where a plan found is compared, and what else is changed there."""
 
-FASTER = 0.2
-"""Part of the speed at the start by which it may be left, where nothing is said [1]."""
+FASTER = 0.2  # Part of the speed at the start by which it may be left, where nothing is said [1].
 
 
 class Wanted(Strict):
@@ -527,27 +516,23 @@ class Wanted(Strict):
 
     aim: Literal["coefficients", "position"] = "coefficients"
     """What is to be known best: coefficients, or the position after the outage."""
-    total: Annotated[float, Quantity("time")] | None = Field(default=None, gt=0, examples=["4 min"])
+    total: Seconds | None = Field(default=None, gt=0, examples=["4 min"])
     """Time until the hand-over; left out, that of the motion to beat."""
     most: int = Field(default=8, ge=1, le=40)
     """Most manoeuvres, straight runs among them."""
-    shortest: Annotated[float, Quantity("time")] = Field(default=8.0, ge=1)
+    shortest: Seconds = Field(default=8.0, ge=1)
     """Shortest manoeuvre."""
-    slowest: Annotated[float, Quantity("velocity")] | None = Field(
-        default=None, gt=0, examples=["40 m/s"]
-    )
+    slowest: Velocity | None = Field(default=None, gt=0, examples=["40 m/s"])
     """Lowest speed; left out, a fifth below that at the start."""
-    fastest: Annotated[float, Quantity("velocity")] | None = Field(
-        default=None, gt=0, examples=["55 m/s"]
-    )
+    fastest: Velocity | None = Field(default=None, gt=0, examples=["55 m/s"])
     """Highest speed; left out, a fifth above that at the start."""
-    bank: Annotated[float, Quantity("angle")] = Field(default=float(np.radians(45.0)), gt=0, lt=1.4)
+    bank: Angle = Field(default=float(np.radians(45.0)), gt=0, lt=1.4)
     """Largest angle of bank; of a flat turn, of the force that is felt sideways."""
-    acceleration: Annotated[float, Quantity("specific force")] = Field(default=0.15 * 9.80665, gt=0)
+    acceleration: Force = Field(default=0.15 * 9.80665, gt=0)
     """Largest acceleration along the path."""
-    climb: Annotated[float, Quantity("angle")] = Field(default=float(np.radians(8.0)), ge=0, lt=1.4)
+    climb: Angle = Field(default=float(np.radians(8.0)), ge=0, lt=1.4)
     """Largest angle of climb; 0 for a vehicle that does not."""
-    height: Annotated[float, Quantity("length")] = Field(default=100.0, ge=0)
+    height: Length = Field(default=100.0, ge=0)
     """How far above and below the start it may go."""
     flat: bool = False
     """Whether it turns without rolling, as ships do."""

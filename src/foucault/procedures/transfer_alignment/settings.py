@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from foucault import logs
 from foucault.arrays import FloatArray
 from foucault.coefficients import Layout
 from foucault.detect.noise import KNOCKS, without_spikes
-from foucault.errors import Finding, FoucaultError, error, finding
+from foucault.errors import Finding, error, finding
 from foucault.files import sha256
 from foucault.logs import master as masters
 from foucault.logs.checks import on_a_shared_clock
@@ -33,8 +33,20 @@ from foucault.models.transfer import LOAD, MasterTable, Matching, Mount
 from foucault.navigate.increments import Increments, increments_of
 from foucault.procedures.chosen import Chosen
 from foucault.procedures.left_out import told_beside
+from foucault.procedures.record import checked
 from foucault.tables import Log
-from foucault.units import Angle, AngleSd, Quantity, RatioSd, Seconds, parse, plain, span
+from foucault.units import (
+    Angle,
+    AngleSd,
+    Length,
+    Quantity,
+    RatioSd,
+    Seconds,
+    Velocity,
+    parse,
+    plain,
+    span,
+)
 
 ASIDE = ("gyro.misalignment", "accel.scale", "accel.misalignment")
 """Groups that are there for the uncertainties of the others: a motion need not show them."""
@@ -94,6 +106,11 @@ PRIOR_LINES = """\
 """[prior] of the template."""
 
 
+def _possible_delay(given: str) -> None:
+    if given not in ("estimate", "none") and not parse(given, "time", "delay") >= 0:
+        raise error("transfer.delay", given=given)
+
+
 class Settings(Chosen):
     """What can be chosen; the defaults suit a slave fixed firmly to the structure of its master."""
 
@@ -105,7 +122,7 @@ class Settings(Chosen):
     vertical: bool = True
     """Use vertical velocity too: without it the bias of the accelerometer that points up rests on
     turns alone. It is not used without accel_bias_z, which it shows."""
-    velocity_sd: Annotated[float, Quantity("velocity")] = Field(default=0.05, gt=0, le=100)
+    velocity_sd: Velocity = Field(default=0.05, gt=0, le=100)
     """Sd of the difference of velocities, each component."""
     attitude_sd: AngleSd = Field(default=float(np.radians(1 / 60)), gt=0)
     """Sd of the difference of attitudes, each component: the master's noise, and what bends between
@@ -117,9 +134,11 @@ class Settings(Chosen):
     """Its y above the master's level."""
     mounting_roll: Angle = 0.0
     """Its right side down."""
-    lever_arm: tuple[str, str, str] = ("0 m", "0 m", "0 m")
+    lever_arm: Annotated[
+        tuple[str, str, str], checked(lambda arm: [parse(x, "length", "lever_arm") for x in arm])
+    ] = ("0 m", "0 m", "0 m")
     """From the master to the slave: right, forward, up of the master."""
-    delay: str = "estimate"
+    delay: Annotated[str, checked(_possible_delay)] = "estimate"
     """How late messages arrive: "estimate", "none" (they are taken as if they held when they
     arrive), or a time such as "80 ms"."""
     delay_method: Literal["rate matching", "likelihood", "state"] = "rate matching"
@@ -151,7 +170,7 @@ class Settings(Chosen):
     misalignments, scale factors of the accelerometers, g-sensitivity of the gyros; beside them all
     else that is not estimated, unless [instrument] has left_out = false. false takes them as none,
     for a slave that is calibrated otherwise, and all else too where [instrument] says nothing."""
-    lever_arm_sd: Annotated[float, Quantity("length")] = Field(default=0.01, ge=0)
+    lever_arm_sd: Length = Field(default=0.01, ge=0)
     """How well the lever arm is known, each component. It counts as what is not estimated does."""
     clock_sd: RatioSd = Field(default=20e-6, ge=0)
     """How well the clocks of slave and master keep the same rate. It counts likewise."""
@@ -174,22 +193,6 @@ class Settings(Chosen):
     hand_over: Seconds | None = Field(default=None, examples=["240 s"])
     """When the slave goes on alone, by its clock; later messages are not used. Left out: when the
     last message arrives."""
-
-    @field_validator("lever_arm", "delay", mode="after")
-    @classmethod
-    def _parsed(cls, given: str | tuple[str, ...], info: ValidationInfo) -> str | tuple[str, ...]:
-        name = str(info.field_name)
-        try:
-            if name == "lever_arm":
-                for text in given:
-                    parse(text, "length", name)
-            elif given not in ("estimate", "none") and not parse(given, "time", name) >= 0:
-                raise error("transfer.delay", given=given)
-        except FoucaultError as problem:
-            if "locate" in (info.context or ()):
-                raise ValueError(problem) from None
-            raise
-        return given
 
     @model_validator(mode="after")
     def _possible(self) -> Settings:
@@ -274,8 +277,7 @@ def sized(
     return told_beside(sizes, noise or NOISE, span)
 
 
-MASTER_FILE = "master.csv"
-"""File of the messages of a simulated master."""
+MASTER_FILE = "master.csv"  # File of the messages of a simulated master.
 
 LOG_TABLE = log_head("the slave's IMU; ") + Path(__file__).with_name("log.toml").read_text(
     encoding="utf-8"
@@ -301,10 +303,7 @@ class SlaveLog(Log):
 
     @classmethod
     def of(cls, log: Log, master: MasterTable) -> SlaveLog:
-        """Return the log of a slave beside what its master said.
-
-        `log`: readings of the slave [SI]; `master`: messages of the master [SI].
-        """
+        """Return the log of a slave beside what its master said."""
         told = (*on_a_shared_clock(log.findings), *master.findings)
         own = {f.name: getattr(log, f.name) for f in fields(Log)}
         return cls(**own | {"findings": told, "master": master})
@@ -320,7 +319,7 @@ class SlaveLog(Log):
 def with_master(log: Log, description: MasterDescription, folder: str | Path) -> SlaveLog:
     """Read the table of the master beside the log of a slave.
 
-    `log`: readings of the slave [SI]; `folder`: folder that a relative file name starts from.
+    `folder`: folder that a relative file name starts from.
     """
     assert description.file is not None
     table, file = masters.read(description, folder), Path(folder) / description.file
@@ -343,17 +342,13 @@ def log_table(log: Log | None = None) -> str:
     return LOG_TABLE if log is None else SIMULATED_TABLE
 
 
-LEAST = 20
-"""Messages that it takes at least [1]."""
-
-BEYOND = 0.3
-"""A delay is looked for so far outside its bracket too, to be told [s]."""
+LEAST = 20  # Messages that it takes at least [1].
+BEYOND = 0.3  # A delay is looked for so far outside its bracket too, to be told [s].
 
 ELSEWHERE = np.radians(0.1)
 """A master whose latitude differs by so much from that of the site is not there [rad]."""
 
-NORMAL = "normal gravity"
-"""`Site.gravity_source` where gravity is that of the place."""
+NORMAL = "normal gravity"  # `Site.gravity_source` where gravity is that of the place.
 
 SPARE = 1.0
 """The slave's log is used from so much before the first message to so much after the last [s]."""
@@ -363,10 +358,7 @@ LONGEST_GAP = 0.25
 
 
 def heard(table: MasterTable, settings: Settings) -> tuple[Settings, list[Finding]]:
-    """Return the settings for what a master says: some say no vertical velocity, and write zero.
-
-    `table`: messages of the master [SI].
-    """
+    """Return the settings for what a master says: some say no vertical velocity, and write zero."""
     used = settings.matched.vertical and settings.matching != "attitude"
     if not used or table.velocity_n[:, 2].any():
         return settings, []
@@ -375,8 +367,6 @@ def heard(table: MasterTable, settings: Settings) -> tuple[Settings, list[Findin
 
 def usable(log: SlaveLog) -> SlaveLog:
     """Return the log without spikes, each message once; refuse it backwards or not finite.
-
-    `log`: readings of the slave beside what its master said [SI].
 
     Logs read from files are whole already.
     """
@@ -406,10 +396,7 @@ def stamp(time: float) -> str:
 
 
 def placed(table: MasterTable, site: Site) -> MasterTable:
-    """Return the table with positions: those of a master that has none begin at the site.
-
-    `table`: messages [SI].
-    """
+    """Return the table with positions: those of a master that has none begin at the site."""
     if table.has_place:
         return table if table.height is not None else table.from_place(0.0, site.height)
     if site.latitude is None:
@@ -418,10 +405,7 @@ def placed(table: MasterTable, site: Site) -> MasterTable:
 
 
 def there(site: Site, table: MasterTable) -> tuple[Site, list[Finding]]:
-    """Return the site where the run begins: a master that says its position knows it better.
-
-    `table`: messages [SI].
-    """
+    """Return the site where the run begins: a master that says its position knows it better."""
     if table.latitude is None or table.longitude is None:
         return site, []
     latitude = float(table.latitude[0])
@@ -445,8 +429,6 @@ def even(table: MasterTable) -> MasterTable:
 
     The master's own stamps are even: the straight line of arrival over stamp is one clock against
     the other, and the mean of what the messages are late, which is part of the delay.
-
-    `table`: messages [SI].
     """
     if table.arrival is None:
         return table
@@ -460,7 +442,7 @@ def common(
 ) -> tuple[float, MasterTable, Increments]:
     """Return when the slave is handed over, the messages until then, and the slave beside them.
 
-    `log`: readings of the slave [SI]; `table`: messages, with positions [SI].
+    `table`: messages, with positions [SI].
     """
     time = table.messages.time
     first, last = float(log.time[0]), float(log.time[-1])
