@@ -16,7 +16,7 @@ BUDGET = {
     "certificate": 2_063,
     "cli": 5_358,
     "detect": 4_856,
-    "diagnose": 12_220,
+    "diagnose": 12_360,
     "estimate": 9_313,
     "export": 3_705,
     "guard": 1_938,

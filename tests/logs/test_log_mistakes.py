@@ -129,6 +129,10 @@ def test_cell_that_is_not_a_number(read_text):
     )  # fmt: skip
     rows = [row.replace(",", ";").replace(".", ",") for row in lines()]
     refused(read_text, rows, "log.not_numeric", 'write decimal = ","', head=HEAD.replace(",", ";"))
+    rows = cells(7, 5, '"-1,000.25"')
+    refused(
+        read_text, rows, "log.not_numeric", "'-1,000.25' is not a number. Write thousands without"
+    )
 
 
 def test_zero_bytes_in_the_first_lines_are_no_text(tmp_path):

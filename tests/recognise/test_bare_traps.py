@@ -157,9 +157,10 @@ def test_a_magnetometer_alone_is_told_so(c, tmp_path):
 
 def test_a_dead_axis_is_refused_and_dead_gyros_are_left_out(c, tmp_path):
     file = tmp_path / "dead.csv"
-    for f, w in ((c.f * [1, 1, 0], c.w), (c.f, c.w * [0, 1, 1])):
+    for triad, f, w in (("accel", c.f * [1, 1, 0], c.w), ("gyro", c.f, c.w * [0, 1, 1])):
         file.write_text(make.text(HEAD, [c.t, f, w], FORM))
-        with pytest.raises(FoucaultError, match="never changes, though the instrument was turned"):
+        told = f"never changes, though the instrument was turned.*--set .{triad}.columns"
+        with pytest.raises(FoucaultError, match=told):
             recognise([file])
     file.write_text(make.text(HEAD, [c.t, c.f, 0 * c.w], FORM))
     seen = recognise([file])
