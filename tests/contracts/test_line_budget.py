@@ -27,7 +27,7 @@ BUDGET = {
     "navigate": 2_101,
     "plans": 6_049,
     "procedures": 20_573,
-    "recognise": 3_024,
+    "recognise": 3_040,
     "report": 10_708,
     "records": 1_601,
     "simulate": 3_777,

@@ -108,6 +108,9 @@ def recognise(paths: Sequence[Path], said: Mapping[str, Any] | None = None) -> R
     data, dropped = _whole_rows(data)
     work = _Work(data, dict(said), dropped)
     if "rate" not in said and not tell.clocks(data):
+        if (out := tell.shuffled(data)) is not None:
+            raise error("recognise.order", file=files[0].path.name, column=data.shown(out[0]),
+                        share=f"{100 * out[1]:.2g}")  # fmt: skip
         work.take_rate()
     return work.done()
 
