@@ -129,6 +129,10 @@ def test_cell_that_is_not_a_number(read_text):
     )  # fmt: skip
     rows = [row.replace(",", ";").replace(".", ",") for row in lines()]
     refused(read_text, rows, "log.not_numeric", 'write decimal = ","', head=HEAD.replace(",", ";"))
+    rows = cells(7, 5, '"-1,000.25"')
+    refused(
+        read_text, rows, "log.not_numeric", "'-1,000.25' is not a number. Write thousands without"
+    )
 
 
 def test_zero_bytes_in_the_first_lines_are_no_text(tmp_path):
@@ -190,7 +194,12 @@ def test_time_backward_and_repeated(read_text):
     refused(
         read_text, cells(8, 0, "0.005"), "log.time_backward",
         "row 8 of the data (from 0): 0.005 s after 0.07 s, counted from the start; 1 such rows",
+        "The logger was restarted, or two logs were put together: keep one part of the file.",
     )  # fmt: skip
+    # A stamp that is late by less than an interval is no restart.
+    refused(read_text, cells(8, 0, "0.065"), "log.time_backward", 'rate = "100 Hz"')
+    newest_first = lines()[::-1]
+    refused(read_text, newest_first, "log.time_backward", "19 such rows in all. The logger was")
     refused(
         read_text, cells(8, 0, "0.07"), "log.time_repeated",
         "Row 8 of the data (from 0) has the same time as the row before, 0.07 s", 'rate = "100 Hz"',

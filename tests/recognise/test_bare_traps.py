@@ -157,14 +157,31 @@ def test_a_magnetometer_alone_is_told_so(c, tmp_path):
 
 def test_a_dead_axis_is_refused_and_dead_gyros_are_left_out(c, tmp_path):
     file = tmp_path / "dead.csv"
-    for f, w in ((c.f * [1, 1, 0], c.w), (c.f, c.w * [0, 1, 1])):
+    for triad, f, w in (("accel", c.f * [1, 1, 0], c.w), ("gyro", c.f, c.w * [0, 1, 1])):
         file.write_text(make.text(HEAD, [c.t, f, w], FORM))
-        with pytest.raises(FoucaultError, match="never changes, though the instrument was turned"):
+        told = f"never changes, though the instrument was turned.*--set .{triad}.columns"
+        with pytest.raises(FoucaultError, match=told):
             recognise([file])
     file.write_text(make.text(HEAD, [c.t, c.f, 0 * c.w], FORM))
     seen = recognise([file])
     assert "gyro" not in seen.log
     assert taken(seen, "gyros") == ["none (gx, gy, gz never change)"]
+
+
+@pytest.mark.parametrize("how", ["newest first", "in no order"])
+def test_rows_that_are_not_in_the_order_of_time_are_refused(c, tmp_path, how):
+    """Turned round, gyros seem reversed: a mirrored calibration passed, with wrong signs."""
+    order = np.arange(len(c.t))[::-1]
+    if how == "in no order":
+        order = np.random.default_rng(1).permutation(order)
+    file = tmp_path / "turned.csv"
+    file.write_text(make.text(HEAD, [c.t[order], c.f[order], c.w[order]], FORM))
+    share = "100 %" if how == "newest first" else "50 %"
+    with refuses("recognise.order", match=f"runs backward in {share} of its rows"):
+        recognise([file])
+    assert recognise([file], {"rate": "100 Hz"}).log["rate"] == "100 Hz"
+    file.write_text(make.text(HEAD, [c.t % 1.0, c.f, c.w], FORM))  # begins again each second
+    assert taken(recognise([file]), "rate")
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -342,7 +359,7 @@ def test_a_triad_that_cannot_be_taken_as_it_is_written_is_named(c, tmp_path):
 
 def test_a_clock_that_does_not_run_on_is_named(log, c, tmp_path):
     file = tmp_path / "back.csv"
-    file.write_text(make.text(HEAD, [-c.t, c.f, c.w], FORM))
+    file.write_text(make.text(HEAD, [0 * c.t, c.f, c.w], FORM))
     assert "t stands still or runs backward" in taken(recognise([file]), "rate")[0]
 
 

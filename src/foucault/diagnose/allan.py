@@ -42,6 +42,7 @@ from foucault.arrays import FloatArray, IntArray
 from foucault.detect.noise import without_spikes
 from foucault.detect.stretches import How, Rests, find_rests
 from foucault.diagnose.allan_fit import SPAN, Kind, degrees_of_freedom, expected, norm
+from foucault.diagnose.settling import Event, calmed
 from foucault.errors import Finding, FoucaultError, error, finding, suggestion
 from foucault.logs.checks import rate_instead
 from foucault.tables import AXES, Log, evened, gaps
@@ -308,6 +309,7 @@ def measure_log(
     for name in names:
         triad, axis = name.split(".")
         x = np.ascontiguousarray(getattr(part, triad)[:, AXES.index(axis)])
+        x, events = calmed(x)
         try:
             channel = measure(x, part.interval, kind, name)
         except FoucaultError as problem:
@@ -317,6 +319,7 @@ def measure_log(
             findings.append(finding("allan.stuck", axis=name))
             continue
         channels[name] = channel
+        findings += [_told(name, event, part) for event in events]
         findings += _quantised(name, x)
     if stuck is not None and not channels:
         raise stuck
@@ -325,6 +328,17 @@ def measure_log(
         findings.append(finding("allan.misfit", axes=", ".join(misfits)))
     findings += _hidden(channels)
     return LogAllan(channels, float(part.time[0]), float(part.time[-1]), tuple(findings))
+
+
+def _told(name: str, event: Event, part: Log) -> Finding:
+    """Say what was taken off an axis, in units for people."""
+    kind = {"gyro": "angular rate", "accel": "specific force"}[name.partition(".")[0]]
+    unit = display_unit(kind, abs(event.change))
+    change = f"{plain(convert(event.change, kind, unit), 3)} {unit}"
+    time = event.time * part.interval
+    if event.kind == "jumps":
+        return finding("allan.jumps", axis=name, change=change, time=f"{part.time[0] + time:.5g}")
+    return finding("allan.settles", axis=name, change=change, time=f"{time:.3g}")
 
 
 def _chosen(log: Log, wanted: tuple[str, ...]) -> list[str]:

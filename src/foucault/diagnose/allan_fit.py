@@ -217,6 +217,15 @@ def expected(kind: Kind, m: npt.ArrayLike) -> FloatArray:
     return out * norm(kind, m)[:, None]
 
 
+def covariance_of_differences(count: int) -> FloatArray:
+    """Return the covariance of a difference of two neighbouring means with `count` next ones.
+
+    Of white noise, flicker and random walk of unit strength, (3, count) [1].
+    """
+    lags = np.arange(count, dtype=float)
+    return _covariance_at("overlapping", 1, _kernel("overlapping", 1, 1), lags)[1:]
+
+
 def degrees_of_freedom(kind: Kind, n: int, m: npt.ArrayLike, p: FloatArray) -> FloatArray:
     """Return 2 (E a)^2 / var a, (k,) [1], of noises `p` (5,), factors `m`, `n` samples."""
     factors = tuple(int(each) for each in np.asarray(m))

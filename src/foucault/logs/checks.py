@@ -158,6 +158,7 @@ def rate_instead(time: FloatArray, *, shared: bool = False) -> str:
     )
 
 
+RESTARTED = "The logger was restarted, or two logs were put together: keep one part of the file"
 SHARED = "Keep [log.time]: another log or a table is stamped by the same clock"
 
 
@@ -201,8 +202,9 @@ def timing(
         row = int(np.argmax(wrong)) + 1
         code = "log.time_repeated" if step[row - 1] == 0 else "log.time_backward"
         now, before = (moment(t - zero) for t in (time[row], time[row - 1]))
+        jitter = least >= -2.0 * float(np.median(step)) and np.mean(step < 0) < 0.5
         raise error(code, row=row + start, time=now, before=before, count=int(wrong.sum()),
-                    advice=rate_instead(time, shared=shared))  # fmt: skip
+                    advice=rate_instead(time, shared=shared) if jitter else RESTARTED)  # fmt: skip
     nominal, wide = usual_step(step), gaps(step)
     off = ~wide & (np.abs(step / nominal - 1.0) > IRREGULAR[0])
     found = []

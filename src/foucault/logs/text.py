@@ -301,17 +301,14 @@ def fault(
                 return error("log.not_a_date", file=name, line=number, cell=cells[column],
                              column=dialect.names[column])  # fmt: skip
         elif number_in(cells[column], dialect.decimal) is None:
-            comma = "," in cells[column] and dialect.decimal == "."
-            return error(
-                "log.not_numeric",
-                file=name,
-                line=f"line {number}",
-                column=dialect.names[column],
-                cell=cells[column],
-                hint=' If the comma is the decimal sign, write decimal = "," in [log].'
-                if comma
-                else "",
-            )
+            cell, other = cells[column], "," if dialect.decimal == "." else "."
+            hint = ""
+            if dialect.decimal in cell and number_in(cell.replace(other, ""), dialect.decimal):
+                hint = f" Write thousands without '{other}'."
+            elif other == "," and other in cell:
+                hint = ' If the comma is the decimal sign, write decimal = "," in [log].'
+            return error("log.not_numeric", file=name, line=f"line {number}", cell=cell,
+                         column=dialect.names[column], hint=hint)  # fmt: skip
     return None
 
 

@@ -194,6 +194,19 @@ def clocks(data: Data) -> list[Clock]:
     return [clock for _, clock in sorted(found, key=lambda pair: -pair[0])]
 
 
+def shuffled(data: Data) -> tuple[int, float] | None:
+    """Return a column of times whose rows are not in their order, and how many of them fall [1].
+
+    A clock that begins again each second or minute tells the same times more than once.
+    """
+    for k, column in enumerate(data.columns):
+        t = data.x[np.isfinite(data.x[:, k]), k]
+        falls = float(np.mean(np.diff(t) < 0)) if len(t) > 1 else 0.0
+        if column.means.role == "time" and falls > 0.25 and len(np.unique(t)) > 0.9 * len(t):
+            return k, falls
+    return None
+
+
 def counters(data: Data) -> list[int]:
     """Return the columns that count rows."""
     out = []

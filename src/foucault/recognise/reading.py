@@ -108,6 +108,9 @@ def recognise(paths: Sequence[Path], said: Mapping[str, Any] | None = None) -> R
     data, dropped = _whole_rows(data)
     work = _Work(data, dict(said), dropped)
     if "rate" not in said and not tell.clocks(data):
+        if (out := tell.shuffled(data)) is not None:
+            raise error("recognise.order", file=files[0].path.name, column=data.shown(out[0]),
+                        share=f"{100 * out[1]:.2g}")  # fmt: skip
         work.take_rate()
     return work.done()
 
@@ -330,14 +333,14 @@ class _Work:
         """Refuse a triad one column of which never changes, or whose gyros turn otherwise."""
         data, found, turned = self.data, self.found, self.turned
         moves = self.ball is not None and self.ball.spread > 0.3 and len(self.cut.rests[0]) > 1
-        for columns in (found.accel, found.gyro):
+        for triad, columns in (("accel", found.accel), ("gyro", found.gyro)):
             dead = [k for k in columns or () if np.ptp(data.x[:, k]) == 0]
             shown = ", ".join(data.shown(k) for k in dead)
-            if len(dead) == 3 and columns is found.gyro:
+            if len(dead) == 3 and triad == "gyro":
                 self.lines.append(Line("gyros", "none", f"{shown} never change", SURE))
                 self.found = replace(found, gyro=None)
             elif dead and moves:
-                raise error("recognise.stuck", columns=shown, **self._file())
+                raise error("recognise.stuck", columns=shown, triad=triad, **self._file())
         known = self._said("gyro") or self._titled(found.gyro)
         # What is only shaken, as in a vehicle, misses by less; spins by errors of their scale.
         may = physics.ON_THE_WAY + physics.SPUN * self._way_turned()
