@@ -16,6 +16,7 @@ import platform
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -448,6 +449,14 @@ def twice(names: list[str]) -> list[Row]:
     return [replace(row, again=again.get(row.case + row.peer)) for row in first]
 
 
+def processor() -> str:
+    """Return what this computer calls its processor, or of which kind it is."""
+    told = Path("/proc/cpuinfo")
+    lines = told.read_text().splitlines() if told.exists() else []
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return f"{named[0]}, {platform.machine()}" if named else platform.machine()
+
+
 HEAD = [
     "| case | ours, run twice | limit | ours / limit | peer | peer / ours | target | met |",
     "|---|---|---|---|---|---|---|---|",
@@ -470,7 +479,8 @@ def main() -> None:
         "The limit is the least that has to be done, as the case names it. Figures called recorded "
         "come from another machine and are quoted, not measured.",
         "",
-        f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}.",
+        f"{processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, "
+        f"{time.strftime('%Y-%m-%d')}.",
         "",
         *HEAD,
         *[row.markdown() for row in table],
