@@ -5,7 +5,7 @@ Motion is a rotation of SciPy, taken in steps of 1 ms; sensors are read off it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -121,6 +121,30 @@ def session(
     gyro += arw * np.sqrt(rate) * rng.standard_normal(gyro.shape)
     accel = G * C[rows, 2] + truth.accel_bias + 1e-3 * np.sqrt(rate) * rng.standard_normal(m.shape)
     return Log(rows / FINE, gyro, accel, mag=mag)
+
+
+def held(log: Log, rng: np.random.Generator, times: float = 1.0) -> Log:
+    """Return a log with so many times what a consumer MEMS has beside the model, all of it drawn.
+
+    A magnetometer that bends at the whole field it sits in, hard iron that drifts, gyros that
+    follow specific force, bend, turn with the load and drift, accelerometers that bend and drift.
+    """
+    ramp = ((log.time - log.time[0]) / np.ptp(log.time) - 0.5)[:, None]
+    f, w, x = log.accel / G, log.gyro, log.mag / 50e-6
+    mag = 50e-6 * (rng.normal(0, 500e-6, 3) * x**2 + rng.normal(0, 250e-6, 3) * x**3)
+    mag += ramp * rng.normal(0, 50e-9, 3)
+    bend = rng.normal(0, 50e-6, (3, 3, 3))  # of output by rate and force
+    bend[np.arange(3), np.arange(3)] = 0
+    gyro = f @ rng.normal(0, 100 * DEG / 3600, (3, 3)).T + rng.normal(0, 200e-6, 3) * np.abs(w)
+    gyro += rng.normal(0, 60e-9, 3) * DEG * (w / DEG) ** 3 + np.einsum("ijk,nj,nk->ni", bend, w, f)
+    gyro += ramp * (rng.normal(0, 20 * DEG / 3600, 3) + rng.normal(0, 200e-6, 3) * w)
+    pairs = np.stack([f[:, 1] * f[:, 2], f[:, 0] * f[:, 2], f[:, 0] * f[:, 1]], axis=1)
+    accel = rng.normal(0, 500e-6, 3) * f**2 + pairs @ rng.normal(0, 250e-6, (3, 3))
+    accel += rng.normal(0, 200e-6, 3) * np.abs(f)
+    accel += ramp * (rng.normal(0, 500e-6, 3) + rng.normal(0, 200e-6, 3) * f)
+    return replace(
+        log, gyro=w + times * gyro, accel=log.accel + times * G * accel, mag=log.mag + times * mag
+    )
 
 
 def level_headings(A: np.ndarray, h: np.ndarray, truth: Truth, dip: float = 66 * DEG) -> np.ndarray:

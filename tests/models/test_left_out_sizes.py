@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from foucault import units
+from foucault.coefficients import coefficients_of
 from foucault.errors import FoucaultError
 from foucault.models import left_out
 from foucault.models.earth import Site
@@ -32,8 +33,8 @@ def test_every_group_has_a_size_of_every_grade_and_says_what_it_rests_on() -> No
         # No grade is worse than the one before it.
         assert list(group.sizes) == sorted(group.sizes, reverse=True)
         if not name.endswith(" drift") and name != left_out.LATITUDE:
-            kinds = {LAYOUT.coefficients[i].kind for i in LAYOUT.group(name)}
-            assert kinds == {group.kind}
+            every = (*LAYOUT.coefficients, *coefficients_of("magnetometer_curved"))
+            assert {c.kind for c in every if c.name.startswith(f"{name}.")} == {group.kind}
     sizes = left_out.sizes_of("consumer MEMS")
     # 600 ppm of the scale factor at 100 deg/s
     assert sizes["gyro.cubic"][0] * np.radians(100) ** 2 == pytest.approx(600e-6)
@@ -55,7 +56,28 @@ def test_what_is_estimated_or_cannot_be_is_not_left_out() -> None:
     assert left_out.LATITUDE not in [t.group for t in nowhere]
 
 
-@pytest.mark.parametrize("group", [g for g in left_out.sizes_of("consumer MEMS") if "." in g])
+def test_terms_of_a_magnetometer_are_left_out_where_there_is_one() -> None:
+    """Data sheets state the deviation from the best straight line, as a part of the full scale."""
+    sizes = left_out.sizes_of("consumer MEMS")
+    assert not any(t.name.startswith("mag.") for t in left_out.terms(LINEAR_LOWER, SITE, sizes))
+    field = np.linspace(-200e-6, 200e-6, len(MOTION.time))
+    at = MOTION._replace(mag=field[:, None] * np.array([1.0, 0.5, -1.0]))
+    some = [t for t in left_out.terms(["mag.bias.x"], SITE, sizes) if t.name.startswith("mag.")]
+    assert [t.name for t in some[::3]] == ["mag.quadratic.x", "mag.cubic.x", "mag.bias drift x"]
+    for k in range(0, 9, 3):
+        made = [c.mag for c in left_out.changes(some[k : k + 3], ImuModel(), at)]
+        assert [np.flatnonzero(x.any(axis=0)).tolist() for x in made] == [[0], [1], [2]]
+        x = made[0][:, 0]
+        if "drift" in some[k].name:
+            assert x[-1] - x[0] == pytest.approx(50e-9)
+        else:  # 0.1 % of 200 uT from the line that leaves least
+            line = np.polynomial.chebyshev.chebfit(field / 200e-6, x, 3)
+            assert np.abs(line[2:]).max() == pytest.approx(0.1e-2 * 200e-6, rel=0.03)
+
+
+@pytest.mark.parametrize("group", [
+    g for g in left_out.sizes_of("consumer MEMS") if g.startswith(("accel.", "gyro."))
+])  # fmt: skip
 def test_one_size_is_what_the_instrument_with_the_term_says_more(group) -> None:
     model = ImuModel(
         accel_matrix=np.eye(3) + 0.02 * RNG.standard_normal((3, 3)),

@@ -18,6 +18,7 @@ from foucault.infer.gauss_newton import chi_square_limits
 from foucault.logs import LogDescription, read, write
 from foucault.logs.description import description_of
 from foucault.models.earth import Site
+from foucault.models.left_out import ByNoise
 from foucault.models.magnetometer import LAYOUT, REFERENCE, Magnetometer
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.norths import norths
@@ -27,7 +28,7 @@ from foucault.procedures.magnetometer import Settings, ellipsoid
 from foucault.report import evidence
 from foucault.result import Level, Result
 from foucault.tables import Log
-from make_magnetometer import DEG, G, Truth, draw, free, level_headings, rests, session
+from make_magnetometer import DEG, G, Truth, draw, free, held, level_headings, rests, session
 
 IMU = ImuNoise(TriadNoise(white=1e-3), TriadNoise(white=0.007 * DEG))
 SETTINGS = Settings(
@@ -447,6 +448,53 @@ def test_a_magnetometer_that_bends_is_no_pass() -> None:
     assert name not in failed(calibrated(log, SETTINGS))
     bent = calibrated(replace(log, mag=log.mag + 1e3 * log.mag**2), SETTINGS)
     assert name in failed(bent) and bent.verdict.level is Level.DOUBTFUL
+
+
+@pytest.mark.thorough
+def test_what_is_not_estimated_is_in_the_covariance() -> None:
+    """Twenty minutes in which a consumer MEMS holds it, and twenty in which it does not."""
+    nees, passed = np.zeros((2, 2)), np.zeros((2, 2), int)
+    for seed in range(20):
+        rng = np.random.default_rng([8, seed])
+        truth = draw(rng)
+        clean = session(free(rng), truth, rng)
+        for k, log in enumerate((clean, held(clean, rng))):
+            for j, sizes in enumerate((None, ByNoise())):
+                given = {"site": SITE, "settings": SETTINGS, "noise": IMU, "sizes": sizes}
+                result = magnetometer.PROCEDURE.trial(log, **given)
+                off = errors(result, truth)
+                nees[k, j] += off @ np.linalg.solve(result.coefficients.cov, off)
+                passed[k, j] += result.verdict.level is Level.PASS
+    low, high = chi_square_limits(20 * 13, 0.01)
+    assert nees[1, 0] > 1.5 * high and passed[1, 0] < 12  # taken for nothing
+    assert (nees[:, 1] < high).all() and nees[1, 1] > low
+    # A clean session is doubtful by chance in 3 of 100: four of twenty are rarer than 1 %.
+    assert (passed[:, 1] > 16).all()
+
+
+def test_a_magnetometer_that_bends_beyond_its_size_is_named() -> None:
+    log, truth = short()
+    plain = magnetometer.calibrate(log, site=SITE, settings=CALM, noise=IMU, sizes=ByNoise())
+    assert plain.verdict.level is Level.PASS and not plain.diagnostics["named"]
+    bent = replace(log, mag=log.mag + 1e3 * log.mag**2)
+    found = magnetometer.calibrate(bent, site=SITE, settings=CALM, noise=IMU, sizes=ByNoise())
+    assert found.verdict.level is Level.DOUBTFUL
+    assert next(iter(found.diagnostics["named"][0])) == "mag.quadratic"
+    assert "size of mag.quadratic" in failed(found)
+    off = errors(found, truth)
+    nees = off @ np.linalg.solve(found.coefficients.cov, off)
+    assert nees < chi_square_limits(13, 0.01)[1]
+
+
+def test_without_accelerometers_what_follows_the_force_counts_nothing() -> None:
+    log, _ = short()
+    given = {"site": SITE, "settings": CALM, "noise": IMU, "sizes": ByNoise()}
+    alone = magnetometer.calibrate(replace(log, accel=None), **given).tables["left_out"]["group"]
+    every = magnetometer.calibrate(log, **given).tables["left_out"]["group"]
+    assert set(every) - set(alone) == {
+        "accel.quadratic", "accel.cross", "accel.asymmetry", "accel.bias drift",
+        "accel.scale drift", "gyro.g_sensitivity", "gyro.deflection", "local gravity",
+    }  # fmt: skip
 
 
 def test_an_intensity_of_another_field_is_no_pass() -> None:

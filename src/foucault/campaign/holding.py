@@ -69,19 +69,17 @@ class Held:
 
     def log(self, log: AnyLog, model: ImuModel, begin: float, end: float) -> AnyLog:
         """Return a log with what is added to its samples; `begin`, `end`: of the session [s]."""
-        read = [_on_axes(x, len(log.time)) for x in (log.accel, log.gyro)]
-        f_b, w_b = model.compensate(*read)
+        logged = {name: getattr(log, name, None) for name in ("accel", "gyro", "mag")}
+        read = {name: _on_axes(x, len(log.time)) for name, x in logged.items()}
+        f_b, w_b = model.compensate(read["accel"], read["gyro"])
         assert f_b is not None
         assert w_b is not None
-        at = Motion(log.time, f_b, w_b, begin, end)
+        at = Motion(log.time, f_b, w_b, begin, end, read["mag"])
         for term in self.added:
             (by,) = changes([term], model, at)
-            read = [x if more is None else x + more for x, more in zip(read, by[:2], strict=True)]
-        more: dict[str, Any] = {
-            name: _as_read(r, x)
-            for name, x, r in zip(("accel", "gyro"), (log.accel, log.gyro), read, strict=True)
-            if x is not None
-        }
+            for name, x in read.items():
+                read[name] = x if (more := getattr(by, name)) is None else x + more
+        more = {name: _as_read(read[name], x) for name, x in logged.items() if x is not None}
         return replace(log, **more)
 
 

@@ -85,6 +85,12 @@ class Instrument(Strict):
     """Size of the drift of the accelerometers' scale factors over the session."""
     gyro_scale_drift: Ratio | None = Field(default=None, ge=0)
     """Size of the drift of the gyros' scale factors over the session."""
+    mag_quadratic: Ratio | None = Field(default=None, ge=0)
+    """Size of the quadratic terms of a magnetometer, as a part of 50 uT at that field."""
+    mag_cubic: Ratio | None = Field(default=None, ge=0)
+    """Size of the cubic terms of a magnetometer, as a part of 50 uT at that field."""
+    mag_bias_drift: Annotated[float, Quantity("magnetic field")] | None = Field(default=None, ge=0)
+    """Size of the drift of the hard iron over the session, end minus start."""
 
     def sizes(self) -> dict[str, tuple[float, str]] | None:
         """Return the sizes of what is not estimated [SI], None where it is taken for nothing.

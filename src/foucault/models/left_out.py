@@ -33,6 +33,12 @@ Sizes = Mapping[str, tuple[float, str]]
 
 GRAVITY, LATITUDE = "local gravity", "latitude"
 
+FIELD = 50e-6
+"""Field at which terms of a magnetometer that bends are of their size, as a part of it [T]."""
+
+BENT = {"quadratic": 2, "cubic": 3}
+"""Powers of the reading that such a term adds [1]."""
+
 
 class Group(Strict):
     """Terms of one kind, which have one size."""
@@ -106,6 +112,11 @@ def told(sizes: Sizes, accel: float, gyro: float) -> Sizes | None:
     return out | sizes or None
 
 
+def of_imu(sizes: Sizes) -> Sizes:
+    """Return those of `sizes` that are not of a magnetometer."""
+    return {group: size for group, size in sizes.items() if not group.startswith("mag.")}
+
+
 def grade_of(triad: str, white: float) -> str | None:
     """Return the grade that the `white` noise of a triad tells, shape () [SI]; None where NaN."""
     kind = {"accel": "velocity random walk", "gyro": "angle random walk"}[triad]
@@ -129,6 +140,7 @@ class Motion(NamedTuple):
     w_ib_b: FloatArray  # (n, 3) true rate, frame b [rad/s]
     begin: float  # of the session, from which a drift counts [s]
     end: float  # of the session [s]
+    mag: FloatArray | None = None  # (n, 3) readings of a magnetometer [T]
 
 
 class Change(NamedTuple):
@@ -138,6 +150,7 @@ class Change(NamedTuple):
     gyro: FloatArray | None = None  # (n, 3) added to the rate read [rad/s]
     gravity: float = 0.0  # local gravity is so much larger [m/s^2]
     latitude: float = 0.0  # the latitude is so much further north [rad]
+    mag: FloatArray | None = None  # (n, 3) added to the readings of a magnetometer [T]
 
 
 NONE = Change()
@@ -157,7 +170,7 @@ def changes(some: Sequence[Term], model: ImuModel, at: Motion) -> Iterator[Chang
     A reading is linear in each of these terms, whatever the others: its slope is no approximation.
     """
     triad, _, kind = some[0].group.partition(".")
-    if kind and "drift" not in kind:
+    if kind and "drift" not in kind and triad != "mag":
         slopes = model.slopes(at.f_b, at.w_ib_b, [t.name for t in some])
         columns = slopes.accel if triad == "accel" else slopes.gyro
     ramp = (at.time - at.begin) / max(at.end - at.begin, 1e-300) - 0.5
@@ -167,15 +180,22 @@ def changes(some: Sequence[Term], model: ImuModel, at: Motion) -> Iterator[Chang
         elif term.group == LATITUDE:
             yield Change(latitude=term.size)
         else:
-            if "drift" in kind:
+            if "drift" in kind or triad == "mag":
                 axis = AXES.index(term.name[-1])
                 added = np.zeros_like(at.w_ib_b)
-                true = at.f_b if triad == "accel" else at.w_ib_b
-                added[:, axis] = ramp * (true[:, axis] if kind == "scale drift" else 1.0)
+                true = {"accel": at.f_b, "gyro": at.w_ib_b, "mag": at.mag}[triad]
+                assert true is not None
+                if kind in BENT:
+                    added[:, axis] = FIELD * (true[:, axis] / FIELD) ** BENT[kind]
+                else:
+                    added[:, axis] = ramp * (true[:, axis] if kind == "scale drift" else 1.0)
             else:
                 added = columns[..., k]
             added = term.size * added
-            yield Change(accel=added) if triad == "accel" else Change(gyro=added)
+            if triad == "mag":
+                yield Change(mag=added)
+            else:
+                yield Change(accel=added) if triad == "accel" else Change(gyro=added)
 
 
 class Monomial(NamedTuple):
@@ -214,14 +234,18 @@ def terms(names: Sequence[str], site: Site, sizes: Sizes) -> list[Term]:
     `names`: of the coefficients that are estimated; `site`: whose gravity has an uncertainty, and
     which has a latitude or none.
     """
-    out = []
+    out, field = [], any(n.startswith("mag.") for n in names)
     for group, (size, _) in sizes.items():
         if group == LATITUDE:
             members = [LATITUDE] if site.latitude is not None else []
         elif group == GRAVITY:
             members = [GRAVITY]
+        elif group.startswith("mag.") and not field:
+            members = []
         elif group.endswith(" drift"):
             members = [f"{group} {axis}" for axis in AXES]
+        elif group.startswith("mag."):
+            members = [f"{group}.{axis}" for axis in AXES]
         else:
             members = [LAYOUT.names[i] for i in LAYOUT.group(group)]
         out += [Term(n, group, size) for n in members if n not in names and size > 0]

@@ -32,6 +32,7 @@ from foucault.models.left_out import (
     Sizes,
     changes,
     in_words,
+    of_imu,
     table,
     terms,
     told,
@@ -193,9 +194,9 @@ def less_wander(sizes: Sizes, wanders: tuple[float, float]) -> dict[str, tuple[f
 
 
 def told_beside(sizes: Sizes | None, noise: ImuNoise, span: float) -> Sizes | None:
-    """Return sizes as `noise` [SI] tells them, less what it has of drifts over a `span` [s]."""
+    """Return sizes of an IMU as `noise` [SI] tells them, less its drifts over a `span` [s]."""
     sizes = None if sizes is None else told(sizes, noise.accel.white, noise.gyro.white)
-    return None if sizes is None else less_wander(sizes, wander_of(noise, span))
+    return None if sizes is None else less_wander(of_imu(sizes), wander_of(noise, span))
 
 
 def wander_of(slow: ImuNoise | None, span: float) -> tuple[float, float]:

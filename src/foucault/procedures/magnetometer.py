@@ -13,7 +13,8 @@ axes at the start::
     mag_k   = A mean(C_k') m_0 + h + noise + field wander        f_k = mean(C_k') f_0 + noise
 
 Errors of the gyros are nuisance parameters with a prior, their noise, the bias of the
-accelerometers and a field that changes from place to place are sources of error.
+accelerometers, a field that changes from place to place and what is not estimated (a magnetometer
+that bends, hard iron that drifts, the other terms of the IMU) are sources of error.
 
 References
 ----------
@@ -41,11 +42,14 @@ from foucault.infer import mixed
 from foucault.infer.drift import find_left_out
 from foucault.infer.ellipsoid import ellipsoid
 from foucault.infer.gauss_newton import chi_square_limits
+from foucault.infer.left_out import Judgement
 from foucault.infer.mixed import NOISE_BASIS, Fit, Linearisation, Source
 from foucault.logs.axes import rows_per_reading
 from foucault.logs.description import OWN_LOG, log_head
 from foucault.models import magnetometer as sensor
 from foucault.models.earth import Site
+from foucault.models.imu import ImuModel
+from foucault.models.left_out import Change, Motion
 from foucault.models.magnetometer import LAYOUT, Magnetometer
 from foucault.models.noise import ImuNoise, grade
 from foucault.models.norths import norths
@@ -54,7 +58,8 @@ from foucault.models.rotation import log as rotation_vector
 from foucault.models.turning import Cells, Chain, Turning
 from foucault.models.world_field import WorldField, world_field
 from foucault.plans.directions import Free, RestPlan, hand_plan
-from foucault.procedures import record
+from foucault.procedures import left_out, record
+from foucault.procedures.left_out import Again
 from foucault.procedures.record import Given, Procedure, result_of
 from foucault.result import Check, Result, TableData
 from foucault.simulate.magnetometer import draw_errors, simulate_field
@@ -435,34 +440,47 @@ class FieldModel:
         force = np.zeros((0, 3)) if log.accel is None else o.still.mean(log.accel[o.still.rows]) / g
         return o.cells.mean(self.readings), force, warm - (T is not None) * sensor.REFERENCE
 
+    def missed(self, state: State, chain: Chain) -> FloatArray:
+        """Return the readings less those of a magnetometer, shape (n, 3) [T, g].
+
+        `chain`: attitudes at `state`.
+        """
+        o, (mag, force, warm) = self.observed, self._read
+        seen = chain.seen(o.cells, self.sizes.intensity * state.field)
+        iron = state.mag.bias + np.outer(warm, state.mag.bias_temperature)
+        miss = mag - seen @ state.mag.matrix.T - iron
+        if not len(o.still):
+            return miss
+        return np.concatenate([miss, force - chain.seen(o.still, state.up)])
+
+    def chain(self, state: State) -> Chain:
+        """Return the attitudes at a state, as late as the magnetometer."""
+        return self.observed.turning.chain(state.mag.delay, state.bias, state.matrix)
+
     def linearise(self, state: State) -> Linearisation:
         """Compare the readings with those of a magnetometer."""
         o, B, A = self.observed, self.sizes.intensity, state.mag.matrix
-        mag, force, warm = self._read
         n, k = len(o.cells), len(o.still)
-        chain, after = (o.turning.chain(state.mag.delay + late, state.bias, state.matrix)
-                        for late in (0.0, SOON))  # fmt: skip
+        chain = self.chain(state)
+        after = o.turning.chain(state.mag.delay + SOON, state.bias, state.matrix)
         m_0 = B * state.field
         seen, moved = chain.seen(o.cells, m_0), A @ chain.seen_by(o.cells, m_0)
-        iron = state.mag.bias + np.outer(warm, state.mag.bias_temperature)
         every = np.zeros((n + k, 3, len(LAYOUT)))
-        every[:n] = sensor.slopes(seen, warm)
+        every[:n] = sensor.slopes(seen, self._read[2])
         every[:n, :, 12] = (after.seen(o.cells, m_0) - seen) @ A.T / SOON
         other = np.zeros((n + k, 3, 18 if k else 15))
         other[:n, :, :3], other[:n, :, -12:] = B * moved[:, :, :3], moved[:, :, 3:]
-        miss = mag - seen @ A.T - iron
         tilting = moved[:, :, :3] @ cross_matrix(m_0)  # by an error of the attitude
         if k:
             by, still = chain.seen_by(o.still, state.up), chain.seen(o.still, state.up)
             other[n:, :, 3:6], other[n:, :, 6:] = by[:, :, :3], by[:, :, 3:]
             every[n:, :, 12] = (after.seen(o.still, state.up) - still) / SOON
-            miss = np.concatenate([miss, force - still])
             tilting = np.concatenate([tilting, by[:, :, :3] @ cross_matrix(state.up)])
         chosen = [LAYOUT.index(name) for name in self.names]
         J = np.concatenate([every[:, :, chosen], other], axis=2)
         known, named = self._known(state)
         sources = self._sources(moved[:, :, :3], tilting, every)
-        return Linearisation(miss, J, sources, known, named)
+        return Linearisation(self.missed(state, chain), J, sources, known, named)
 
     def _known(self, state: State) -> tuple[tuple[FloatArray, FloatArray], tuple[str, ...]]:
         """White rows of what is known of intensity and gyros."""
@@ -582,6 +600,33 @@ def _noise(o: Observed, state: State, B: float) -> float:
     return float(np.median(np.std(second, axis=0)) / np.sqrt(6.0))
 
 
+def again_of(model: FieldModel) -> Again:
+    """Return the session read again, at the cells and the rests that were found.
+
+    Without accelerometers nothing is known of the specific force: what it does counts nothing.
+    """
+    o, sizes = model.observed, model.sizes
+    log, gyro = o.log, o.turning.gyro
+    force = np.zeros_like(gyro) if log.accel is None else log.accel
+
+    def motion(state: State) -> tuple[ImuModel, Motion]:
+        w = gyro - state.bias - gyro @ state.matrix.T
+        return ImuModel(), Motion(log.time, force, w, log.time[0], log.time[-1], log.mag)
+
+    def residuals(state: State, by: Change) -> FloatArray:
+        changed = {"accel": by.accel, "gyro": by.gyro, "mag": by.mag}
+        added = {k: getattr(log, k) + x for k, x in changed.items()
+                 if x is not None and getattr(log, k) is not None}  # fmt: skip
+        turning = replace(o.turning, gyro=added.get("gyro", gyro))
+        read = replace(o, log=replace(log, **added), turning=turning)
+        other = replace(
+            model, observed=read, sizes=replace(sizes, gravity=sizes.gravity + by.gravity)
+        )
+        return other.missed(state, other.chain(state))
+
+    return Again(motion, residuals, (sizes.imu.accel.white, sizes.imu.gyro.white))
+
+
 # -- the result ------------------------------------------------------------------------------------
 
 UNITS = (1e-6, 1e-3, 0.01, 0.1, 10.0, 100.0, 1e3, 1e6)
@@ -604,11 +649,11 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     given.progress(0.1, "integrating the gyros")
     model, told = _model(reduce(without_spikes(log)), given)
     given.progress(0.3, "calibrating")
-    fit = _fitted(model, given)
+    fit, left = _fitted(model, given)
     if s.terms == "auto" and _poor(fit, model):
         hard = s.model_copy(update={"terms": "hard iron"})
         again, _ = _model(model.observed, replace(given, settings=hard))
-        fit = _fitted(again, given)
+        fit, left = _fitted(again, given)
         told.append(finding("mag.hard_iron", percent=f"{100 * s.matrix_sd:.3g}"))
         model = again
     given.progress(0.7, "judging")
@@ -620,23 +665,23 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         tables["norths"] = field.norths(given.site)
     return result_of(
         "magnetometer", fit,
-        (*checks(_judged(fit, model)), *_curved(fit, model),
-         *field.checks()),
+        (*checks(_judged(fit, model)), *(() if left else _curved(fit, model)), *field.checks()),
         site=given.site,
         findings=(*log.findings, *o.findings, *told), tables=tables,
         diagnostics={"field": field.json()},
         described=(sensor.EQUATION, sensor.FRAME, "axes of the IMU"), table_rate_sd=None,
-        validity={"sampled": log.sampled, "rate": log.rate} | temperature_range(log),
+        validity={"sampled": log.sampled, "rate": log.rate} | temperature_range(log), judged=left,
     )  # fmt: skip
 
 
-def _fitted(model: FieldModel, given: Given[Settings]) -> Fit:
+def _fitted(model: FieldModel, given: Given[Settings]) -> tuple[Fit, Judgement | None]:
     """Solve; where the hard iron alone is found, what is known of the matrix does not count."""
     names = np.array(LAYOUT.names)
     mine = {n: v for n, v in given.prior.items() if {*names[LAYOUT.group(n)]} & {*model.names}}
-    return mixed.fit(
-        model, CoefficientVector.prior(model.layout, mine), robust=given.settings.robust
-    )
+    return left_out.fit(
+        model, CoefficientVector.prior(model.layout, mine), given.sizes, given.site,
+        again_of(model), robust=given.settings.robust,
+    )  # fmt: skip
 
 
 def _poor(fit: Fit, model: FieldModel) -> bool:
@@ -717,8 +762,7 @@ class FieldSeen:
     @cached_property
     def chain(self) -> Chain:
         """Attitudes as found, each as late as the magnetometer."""
-        state: State = self.fit.state
-        return self.model.observed.turning.chain(state.mag.delay, state.bias, state.matrix)
+        return self.model.chain(self.fit.state)
 
     @cached_property
     def up(self) -> FloatArray:
@@ -980,6 +1024,7 @@ PROCEDURE = Procedure(
     plan=lambda _settings, session, _site: _planned(session),
     simulation=simulate_field,
     observe=observe,
+    again=lambda model, *_: again_of(model),
     names=lambda settings, _: settings.estimated(),
     layout=LAYOUT,
     draw_errors=draw_errors,

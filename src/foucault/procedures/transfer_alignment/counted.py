@@ -19,7 +19,7 @@ from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT
 from foucault.models.ins_errors import Sensors
 from foucault.models.layouts import BESIDE
-from foucault.models.left_out import GRAVITY, LATITUDE, Sizes
+from foucault.models.left_out import GRAVITY, LATITUDE, Sizes, of_imu
 from foucault.models.transfer import COUNTED, LOAD, Mount
 from foucault.procedures.transfer_alignment.settings import LEFT_OUT, PRIOR, Settings
 
@@ -49,7 +49,7 @@ class Counted:
                 names = tuple(n for n in _members(group) if n not in asked)
                 out[group] = (names, *(sizes or {}).get(group, (PRIOR[group][1], TACTICAL)))
         if sizes is not None:
-            for group, sized in {**sizes, **_of_the_rig(settings, site)}.items():
+            for group, sized in {**of_imu(sizes), **_of_the_rig(settings, site)}.items():
                 names = tuple(n for n in _members(group) if n not in asked)
                 if not (group == LATITUDE and (placed or site.latitude is None)):
                     out.setdefault(group, (names, *sized))
