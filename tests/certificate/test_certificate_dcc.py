@@ -14,6 +14,7 @@ from scipy.stats import chi2
 from foucault import run_folder
 from foucault.certificate import dcc, issue
 from foucault.certificate.content import Certificate
+from foucault.certificate.verify import verify
 from foucault.errors import FoucaultError
 from foucault.units import KINDS, _by_pint
 from make_certificate import (
@@ -153,3 +154,15 @@ def test_the_licence_of_the_schemas_lies_beside_them() -> None:
     assert "GNU GENERAL PUBLIC LICENSE" in (dcc.SCHEMAS / "COPYING").read_text()
     for file in dcc.SCHEMAS.glob("*.xsd"):
         assert "Physikalisch-Technische Bundesanstalt" in file.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("declared", ['<!ENTITY x SYSTEM "file:///etc/passwd">', ""])
+def test_a_certificate_that_declares_anything_is_none(tmp_path: Path, declared: str) -> None:
+    file, used = tmp_path / "c.xml", "&x;" if declared else ""
+    file.write_text(
+        f'<?xml version="1.0"?><!DOCTYPE d [{declared}]><dcc:digitalCalibrationCertificate '
+        f'xmlns:dcc="https://ptb.de/dcc">{used}</dcc:digitalCalibrationCertificate>'
+    )
+    with pytest.raises(FoucaultError, match="it declares entities") as problem:
+        verify(file)
+    assert problem.value.code == "certificate.xml"

@@ -13,7 +13,7 @@ BUDGET = {
     ".": 3_572,
     "campaign": 6_029,
     "capture": 4_224,
-    "certificate": 2_063,
+    "certificate": 2_065,
     "cli": 5_311,
     "detect": 4_746,
     "diagnose": 12_137,

@@ -167,3 +167,4 @@ def test_10_a_certificate_reaches_no_file(bench: Bench, browser: Any) -> None:
     work_off(bench)
     page = browser.get(sent.url.path).text
     assert "root:" not in page and "aaaaaaaaaaaaaaaaaaaa" not in page
+    assert "it declares entities" in page and "Traceback" not in page

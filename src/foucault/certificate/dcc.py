@@ -374,6 +374,8 @@ def parsed(data: bytes, path: str | Path) -> Any:
         root = etree.fromstring(data, parser)
     except (etree.XMLSyntaxError, ValueError) as problem:
         raise error("certificate.xml", path=path, reason=problem) from None
+    if root.getroottree().docinfo.doctype:
+        raise error("certificate.xml", path=path, reason="it declares entities (DOCTYPE)")
     if root.tag != f"{{{DCC}}}digitalCalibrationCertificate":
         raise error("certificate.xml", path=path, reason=f"it begins with {root.tag}")
     return root
