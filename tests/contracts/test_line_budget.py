@@ -22,7 +22,7 @@ BUDGET = {
     "guard": 1_938,
     "infer": 3_699,
     "kernels": 6_246,
-    "logs": 7_671,
+    "logs": 7_672,
     "models": 6_221,
     "navigate": 2_101,
     "plans": 5_942,

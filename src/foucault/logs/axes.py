@@ -74,7 +74,8 @@ def check(
     zero = float(time[0]) if zero is None else zero
     # What neither repeats a reading nor has a declared end shows nothing of the kind.
     repeats = values[1:] == values[:-1]
-    slower = rows_per_reading(values) if repeats.mean(axis=0).max() > SOME_REPEAT else np.ones(3)
+    most = max(np.count_nonzero(column) for column in repeats.T)
+    slower = rows_per_reading(values) if most > SOME_REPEAT * len(repeats) else np.ones(3)
     for _ in range(2, CLIPPED_RUN):
         repeats = repeats[1:] & repeats[:-1]
     if limits is None and not repeats.any() and (slower == 1.0).all():
@@ -209,9 +210,9 @@ def unmoved(log: Log) -> tuple[Finding, ...]:
         values = log.accel if triad == "gyro" else getattr(log, triad)
         if values is None or np.isnan(values[0]).any():
             continue
+        every = _longest(gyro) if triad == "gyro" else None
         for i, axis in enumerate(AXES):
-            still = gyro if triad == "gyro" else values[:, i : i + 1]
-            a, b = _longest(still)
+            a, b = every or _longest(values[:, i : i + 1])
             if (triad, axis) in told or b - a < needed:
                 continue
             size = max(needed, (b - a) // PIECES)
@@ -231,7 +232,7 @@ def unmoved(log: Log) -> tuple[Finding, ...]:
 
 def _longest(values: FloatArray) -> tuple[int, int]:
     """Return first row, and row after, of the longest time in which columns are constant."""
-    at = np.flatnonzero((values[1:] != values[:-1]).any(axis=1)) + 1
+    at = np.flatnonzero(np.any([c[1:] != c[:-1] for c in values.T], axis=0)) + 1
     edges = np.concatenate([[0], at, [len(values)]])
     k = int(np.argmax(np.diff(edges)))
     return int(edges[k]), int(edges[k + 1])
