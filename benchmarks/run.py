@@ -497,7 +497,7 @@ def main() -> None:
         "filter written for this problem would.",
         "",
         "What misses its target, and why. Reading: the targets were set where pandas takes .26 "
-        "s; what is above the limit are the checks, .11 s of both. A pass over a tumble: "
+        "s; what is above the limit are the checks, .07 s of both. A pass over a tumble: "
         "without its Gram matrix it takes 2.8 ms less, without whitening 1.7, without the "
         "innovation .7; the limit alone is 7 ms. Transfer alignment: the targets were set for "
         "21 constants, of which the filters took 7.6 and 14.6 ms on this machine (version of "
