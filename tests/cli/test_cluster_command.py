@@ -30,7 +30,7 @@ from foucault.cli.screen import Screen
 from foucault.errors import FoucaultError
 from refusals import refuses
 
-TRIALS = 60
+TRIALS = 120
 QUICK = """
 [site]
 latitude = "48 deg"
@@ -224,7 +224,7 @@ def test_a_study_that_is_interrupted_then_killed_then_resumed_equals_an_undistur
     assert ended(children)
     kept = finished(tmp_path)
     assert not (tmp_path / study.TRIALS_FILE).exists()
-    assert len(kept) >= 2  # others may have ended before it died
+    assert 2 <= len(kept) < len(finished(undisturbed.parent))
 
     study.run(campaign.load(quick), TRIALS, tmp_path, seed=2, workers=2)
     assert kept.items() <= finished(tmp_path).items()
