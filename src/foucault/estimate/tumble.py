@@ -516,6 +516,8 @@ def _fit(t: Tumble, prior: Prior, best: Pass, status: Status, used: int) -> Fit:
     square += best.x @ best.gram[:STATES, :STATES] @ best.x
     start = best.at.moved(_stepped(prior, best.x))
     _, slope = prior.rows(start)
+    slopes = best.rows[..., :STATES]
+    left = best.rows[..., RESIDUAL] - slopes @ best.x
     return Fit(
         start=start,
         C_np=C_np,
@@ -529,16 +531,9 @@ def _fit(t: Tumble, prior: Prior, best: Pass, status: Status, used: int) -> Fit:
         orthogonal=best.orthogonal,
         late=_late(best, slope) if prior.sd[-1] == 0 else (0.0, 0.0),
         history=_history(t, prior, best) if len(best.out[4]) else None,
-        rows=_at_solution(best),
+        rows=np.concatenate([slopes, left[..., None]], axis=-1),
         time=best.out[9],
     )
-
-
-def _at_solution(best: Pass) -> FloatArray:
-    """Return the white rows with the residuals that the last step leaves."""
-    slopes = best.rows[..., :STATES]
-    left = best.rows[..., RESIDUAL] - slopes @ best.x
-    return np.concatenate([slopes, left[..., None]], axis=-1)
 
 
 def _late(best: Pass, slope: FloatArray) -> tuple[float, float]:

@@ -173,7 +173,9 @@ def solve(
         cost = float(at.residuals @ at.residuals)
         state, at, moved = _descend(problem, state, weights, at, part.step)
         gained = cost - float(at.residuals @ at.residuals)
-        weights, reweighted = _reweight(problem, at, weights, loss)
+        norms = block_norms(at.residuals, at.blocks, weights)
+        new = loss(norms)
+        weights, reweighted = new, float(np.max(np.abs(new - weights), initial=0.0))
         if reweighted > 1e-3:
             at = with_prior(problem, state, problem.linearise(state, weights))
         # `moved` is the step in units of its own standard deviation: sqrt(dx' J'J dx).
@@ -295,14 +297,6 @@ def block_norms(
     square = np.bincount(blocks[used], residuals[used] ** 2, len(weights))
     count = np.bincount(blocks[used], minlength=len(weights))
     return np.sqrt(square / np.maximum(count, 1) / np.maximum(weights, 1e-12))
-
-
-def _reweight(
-    problem: Problem, at: Linearised, weights: FloatArray, loss: Loss
-) -> tuple[FloatArray, float]:
-    norms = block_norms(at.residuals, at.blocks, weights)
-    new = loss(norms)
-    return new, float(np.max(np.abs(new - weights), initial=0.0))
 
 
 def _estimate(

@@ -322,7 +322,9 @@ def fit(
         for name, s in causes.items():
             if s.kind == "prior":
                 assert prior is not None
-                prior = _wider(prior, name, s.k)
+                sd = prior.prior_sd.copy()
+                sd[_known(prior.layout, prior)[name.removeprefix("prior of ")]] *= s.k
+                prior = replace(prior, prior_sd=sd)
             else:
                 sizes[name] = s.k * (every[name] or 0.0)
         order = sorted(causes, key=lambda name: -causes[name].gain)
@@ -377,13 +379,6 @@ def _as_free(at: Fit, held: set[str]) -> Fit:
     """Let the test know what is a scatter, though it was held at nothing."""
     sources = tuple(replace(s, sd=None) if s.name in held else s for s in at.at.sources)
     return replace(at, at=replace(at.at, sources=sources))
-
-
-def _wider(prior: CoefficientVector, name: str, k: float) -> CoefficientVector:
-    """Enlarge a group of a prior, its mean kept."""
-    sd = prior.prior_sd.copy()
-    sd[_known(prior.layout, prior)[name.removeprefix("prior of ")]] *= k
-    return replace(prior, prior_sd=sd)
 
 
 def joined(named: list[dict[str, float]]) -> tuple[Mapping[str, float], ...]:
