@@ -50,8 +50,7 @@ from foucault.units import convert, display_unit, plain
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
-LEAST = 256
-"""Fewest samples: seven octaves for five noises [1]."""
+LEAST = 256  # Fewest samples: seven octaves for five noises [1].
 
 USEFUL = 5.0
 """Fewest degrees of freedom of a useful tau: the deviation is known to 32 % (1 sd) [1]."""
@@ -257,15 +256,9 @@ def check(rate: FloatArray, interval: float, axis: str = "the channel") -> None:
 MARKOV_PEAK = (0.6174, 1.8926)
 """Peak of the Allan deviation over the sd of the Markov noise; its tau over T_c [1]."""
 
-FLAT = float(np.sqrt(2 * np.log(2) / np.pi))
-"""Allan deviation of flicker over B [1]."""
-
-SMALL = 0.5
-"""A rest that covers less than this of the log is a small part of it [1]."""
-
-MOVED = float(np.radians(0.3))
-"""What turns or tilts by less stays where it is [rad]."""
-
+FLAT = float(np.sqrt(2 * np.log(2) / np.pi))  # Allan deviation of flicker over B [1].
+SMALL = 0.5  # A rest that covers less than this of the log is a small part of it [1].
+MOVED = float(np.radians(0.3))  # What turns or tilts by less stays where it is [rad].
 _WHOLE = 0.95  # a rest that covers this part of the log: the log does not move
 
 

@@ -56,8 +56,7 @@ from foucault.infer.information import (
 )
 from foucault.result import Linearised
 
-NAMED = 1e-6
-"""Directions and motions below this are rounding [1]."""
+NAMED = 1e-6  # Directions and motions below this are rounding [1].
 
 
 @dataclass(frozen=True)

@@ -37,11 +37,8 @@ from foucault.kernels.cluster_information import COLUMNS, RESIDUAL, information_
 from foucault.models.rotation import aligning, exp, log, right_jacobian_inverse
 from foucault.tables import gaps
 
-STATES = 46
-"""Attitude at the start 3, constants 42, delay 1."""
-
-DELAY_UNIT = 0.01
-"""A delay that is not estimated is tested in units of this [s]."""
+STATES = 46  # Attitude at the start 3, constants 42, delay 1.
+DELAY_UNIT = 0.01  # A delay that is not estimated is tested in units of this [s].
 
 
 @dataclass(frozen=True)
@@ -117,8 +114,7 @@ class Prior:
 POOR = 1e13
 """Condition, of the information scaled to a unit diagonal, beyond which it is not summed [1]."""
 
-NO_MOMENTS: IntArray = np.zeros(0, np.int64)
-"""No history is kept."""
+NO_MOMENTS: IntArray = np.zeros(0, np.int64)  # No history is kept.
 
 
 @dataclass(frozen=True)
@@ -307,8 +303,7 @@ def sensitivities(tumble: Tumble, at: State, scale: FloatArray) -> tuple[FloatAr
     return out[9], rows[:, :, :STATES] / white[:, None, None]
 
 
-SETTLED = 0.05
-"""A step shorter than this, in units of its standard deviation, is the last [1]."""
+SETTLED = 0.05  # A step shorter than this, in units of its standard deviation, is the last [1].
 
 ROUGH = 100.0
 """Passes over long averages end with a step shorter than this, in units of its sd [1]."""
@@ -316,8 +311,7 @@ ROUGH = 100.0
 ABSURD = 1e3
 """Where a run that did not settle came so far from the prior, in its sd, nothing was learnt [1]."""
 
-FAR = np.radians(3.0)
-"""Most that the cluster may turn in one of these averages [rad]."""
+FAR = np.radians(3.0)  # Most that the cluster may turn in one of these averages [rad].
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,7 @@ USUAL = {
 }  # fmt: skip
 """Standard deviations where nothing else is said, of offset and rotation about the start [SI]."""
 
-GROWN = 0.02
-"""Logarithm of a variance by which it grows no more [1]."""
+GROWN = 0.02  # Logarithm of a variance by which it grows no more [1].
 
 NOISY = 4
 """Pass in which what the motion shows is told from what its noise does, before all settles."""
@@ -48,8 +47,7 @@ QUIET, ABOUT = 2, 0.3
 """Passes in which noise grows by no more than that of differences of readings may be off, in its
 logarithm: what a start leaves is none, and looks like one in which nothing is seen [1]."""
 
-NEAR = 0.1
-"""Steps since that was told that do not change it, together [sd]."""
+NEAR = 0.1  # Steps since that was told that do not change it, together [sd].
 
 FEWEST = 1e-9
 """Information of a knot that no reading tells of, as a part of that of the others [1]."""

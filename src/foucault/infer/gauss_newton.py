@@ -30,8 +30,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.errors import Status
 from foucault.result import Estimate, Linearised, Problem
 
-FALSE_ALARM = 0.01
-"""Family-wise probability of rejecting a result that is right [1]."""
+FALSE_ALARM = 0.01  # Family-wise probability of rejecting a result that is right [1].
 
 
 TOLD = 4.0
@@ -113,8 +112,7 @@ def least_squares(norms: FloatArray) -> FloatArray:
 ROBUST_LIMIT = 3.0
 """Observations whose standardized residuals exceed this, rms, count as outliers [1]."""
 
-PATIENCE = 8
-"""After this many steps a gain below the tolerance is none [1]."""
+PATIENCE = 8  # After this many steps a gain below the tolerance is none [1].
 
 SETTLED = 0.05
 """A last step shorter than this is of no account, in units of its standard deviation [1]."""

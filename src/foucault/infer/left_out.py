@@ -41,14 +41,12 @@ VISIBLE = 1e-4
 ALIKE = 6.0
 """Twice the log-likelihood within which readings do not tell one cause from another [1]."""
 
-ROUNDS = 8
-"""Times that something is enlarged at most [1]."""
+ROUNDS = 8  # Times that something is enlarged at most [1].
 
 UNSEEN = 10.0
 """Sizes that a group would need to be named from which on this plan cannot show it [1]."""
 
-MATTERS = 0.01
-"""Share of a variance from which on a group that cannot be shown is told [1]."""
+MATTERS = 0.01  # Share of a variance from which on a group that cannot be shown is told [1].
 
 
 @dataclass(frozen=True)
@@ -280,8 +278,7 @@ class Judgement:
         }  # fmt: skip
 
 
-Columns = Callable[[Any], tuple[Source, ...]]
-"""State -> a source for every group that is left out."""
+Columns = Callable[[Any], tuple[Source, ...]]  # State -> a source for every group that is left out.
 
 
 def fit(

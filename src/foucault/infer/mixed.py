@@ -51,14 +51,9 @@ cannot be negative, so that half of them find none at all [1]."""
 FEW = 0.25
 """Outliers up to this share of a kind are single mishaps; more of them are repeatability [1]."""
 
-SETTLED = 1e-3
-"""A variance that changes by less than this share has settled [1]."""
-
-NEARLY = 2.0
-"""A mean square of residuals that is not far from that of the noise [1]."""
-
-LEAST = 1e-13
-"""Least variance of a reading for itself, as a part of its whole variance [1]."""
+SETTLED = 1e-3  # A variance that changes by less than this share has settled [1].
+NEARLY = 2.0  # A mean square of residuals that is not far from that of the noise [1].
+LEAST = 1e-13  # Least variance of a reading for itself, as a part of its whole variance [1].
 
 MANY = 8
 """Numbers read for each cause that they share, above which rows are whitened cause by cause [1]."""
@@ -942,8 +937,7 @@ def planned(
     return replace(_fit_of(once, problem, estimate, wide), model=model, dof=dof)
 
 
-DRAWS = 40
-"""Sessions without scatter that are drawn, to see how much of it is found by chance [1]."""
+DRAWS = 40  # Sessions without scatter that are drawn, to see how much of it is found by chance [1].
 
 
 def by_chance(model: Model) -> dict[str, float]:

@@ -38,8 +38,7 @@ from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.left_out import Motion, Sizes, changes, terms
 from foucault.result import Check
 
-ONE = "scale factor error"
-"""Kind of terms that are states: a plain number."""
+ONE = "scale factor error"  # Kind of terms that are states: a plain number.
 
 ROUNDS, FORETOLD = 10, 0.1
 """At most so many times; how near to what was foretold there is no other time [sd]."""

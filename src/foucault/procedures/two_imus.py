@@ -178,8 +178,7 @@ class Start:
     jumps: float  # of the stamps against a line, in samples (rms) [1]
 
 
-FORCES = 800
-"""Samples by which lever arm and forces are judged, evenly chosen [1]."""
+FORCES = 800  # Samples by which lever arm and forces are judged, evenly chosen [1].
 
 
 def start_of(master: Log, log: Log, who: str) -> Start:
@@ -409,8 +408,7 @@ def _budget(
     return known if beside is None else beside.beside(known, c)
 
 
-STEP = 0.02
-"""Part of a variance by which it is changed to see what hangs on it [1]."""
+STEP = 0.02  # Part of a variance by which it is changed to see what hangs on it [1].
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:
@@ -492,8 +490,7 @@ def _better(noise: ImuNoise, times: float) -> ImuNoise:
     return ImuNoise(a, g)
 
 
-TINY = 1e-4
-"""Half of a difference that tells an angular acceleration [s]."""
+TINY = 1e-4  # Half of a difference that tells an angular acceleration [s].
 
 
 def _simulated(

@@ -65,11 +65,8 @@ MIRRORED, LEFT_OUT = 1.5, 10.0
 """By so many times less must be left over for axes of positions, whose second derivatives are
 noisy [1]; limit of poses that are left out [%]."""
 
-APART = 0.3
-"""Stamps of positions and attitudes are tried so far apart [s]."""
-
-QUIET = 0.05
-"""Part of the stretches of half a second that are the stillest [1]."""
+APART = 0.3  # Stamps of positions and attitudes are tried so far apart [s].
+QUIET = 0.05  # Part of the stretches of half a second that are the stillest [1].
 
 Length = Annotated[float, Quantity("length")]
 

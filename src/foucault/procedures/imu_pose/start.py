@@ -265,8 +265,7 @@ def _motion(
 
 # -- of positions alone --------------------------------------------------------------------------
 
-SPAN = 15.0
-"""So long gyros can be integrated before their biases are known [s]."""
+SPAN = 15.0  # So long gyros can be integrated before their biases are known [s].
 
 FREE_AT_FIRST = np.r_[3:7, 8:16]
 """Parameters that a few seconds tell: lever arm, offset, level and biases."""

@@ -40,14 +40,9 @@ from foucault.result import Level, Result
 from foucault.tables import Log
 from foucault.units import ZERO_CELSIUS
 
-PART = 60.0
-"""Means of a ramp are over about this long [s]."""
-
-PARTS = (12, 80)
-"""No fewer and no more means than this in a ramp [1]."""
-
-SPAN = 2.0
-"""A log whose temperature changes by less is no ramp [K]."""
+PART = 60.0  # Means of a ramp are over about this long [s].
+PARTS = (12, 80)  # No fewer and no more means than this in a ramp [1].
+SPAN = 2.0  # A log whose temperature changes by less is no ramp [K].
 
 TILTED = 0.5
 """Means of accelerometers that change by more are those of an instrument that was turned [m/s^2].
@@ -332,11 +327,8 @@ def put_back(model: TemperatureModel, common: Common) -> TemperatureModel:
     return replace(model, cov=cov)
 
 
-HIGHEST = 3
-"""Highest power that is tried unless more is asked for [1]."""
-
-SAME = 1.0
-"""Sessions whose means are closer than this are at one temperature [K]."""
+HIGHEST = 3  # Highest power that is tried unless more is asked for [1].
+SAME = 1.0  # Sessions whose means are closer than this are at one temperature [K].
 
 BY_RAMP = ("gyro.bias", "accel.bias")
 """Families whose change with temperature a ramp alone can tell."""
