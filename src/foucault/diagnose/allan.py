@@ -137,27 +137,9 @@ def deviations(
 ) -> tuple[FloatArray, FloatArray]:
     """Compute deviations of one channel.
 
-    Parameters
-    ----------
-    rate : ndarray, shape (n,)
-        Readings, evenly spaced [unit].
-    interval : float
-        Sample interval [s].
-    factors : ndarray of int, shape (k,), or None
-        Averaging times in samples; None takes `octaves` [1].
-    kind : {"overlapping", "modified", "hadamard"}
-        Which deviation.
-
-    Returns
-    -------
-    tau : ndarray, shape (k,)
-        Averaging times [s].
-    deviation : ndarray, shape (k,)
-        Deviations [unit].
-
-    Notes
-    -----
-    Needs twice the memory of `rate`: 1.6 GB for 1e8 samples.
+    `rate` (n,): readings, evenly spaced [unit]; `interval`: of the samples [s]; `factors` (k,) or
+    None: averaging times in samples, else `octaves` [1]. Returns averaging times (k,) [s] and
+    deviations (k,) [unit]. Needs twice the memory of `rate`: 1.6 GB for 1e8 samples.
     """
     m = octaves(len(rate)) if factors is None else np.asarray(factors, np.int64)
     deviation = np.sqrt(_variances(_phase(rate), m, check_kind(kind)))
@@ -282,17 +264,9 @@ def measure_log(
 ) -> LogAllan:
     """Find the noises of every axis of a log at rest.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    axes : tuple of str
-        Axes such as ``gyro.x``, ``gyro`` or ``x``; empty for all.
-    kind : {"overlapping", "modified", "hadamard"}
-        Which deviation to show.
-    rest : (float, float) or None
-        Start and end of the part at rest; None takes the whole log, or the longest rest of one
-        that moves [s].
+    `axes`: such as ``gyro.x``, ``gyro`` or ``x``, empty for all; `kind`: of deviation to show;
+    `rest` or None: start and end of the part at rest, else the whole log, or the longest rest of
+    one that moves [s].
     """
     names = _chosen(log, axes)
     log = without_spikes(log.filled())
@@ -508,16 +482,8 @@ def deviation_table(measured: LogAllan) -> str:
 def noise_block(measured: LogAllan) -> str:
     """Write the ``[noise]`` block of a campaign file.
 
-    Parameters
-    ----------
-    measured : LogAllan
-        The noises of every axis [SI].
-
-    Returns
-    -------
-    str
-        TOML with units. A campaign has one value for the three axes of a triad: the root mean
-        square over the axes on which the noise was seen.
+    A campaign has one value for the three axes of a triad: the root mean square over the axes on
+    which the noise was seen.
     """
     lines = [
         f"# Measured at rest, {measured.start:.6g} s to {measured.end:.6g} s: root mean square of",

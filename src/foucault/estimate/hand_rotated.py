@@ -362,22 +362,17 @@ def middle(session: Session) -> FloatArray:
     return np.concatenate([rests, rests, turns])
 
 
-def first_guess(session: Session, fixed: ImuModel | None = None) -> Attitudes | None:
+def first_guess(session: Session) -> Attitudes | None:
     """Return a state to start from, or None where the rests do not determine the norm.
 
     Linear norm observation for the accelerometers, the mean of the rests for the gyro bias, the
     published cost for the gyro matrix, dead reckoning between rests for heading, and a linear
     fit of the Earth's rotation for the heading of the first.
-
-    `fixed` or None: start from these accelerometer errors instead (for instance a prior).
     """
-    if fixed is None:
-        solved = norm_observation.solve(session.accel_mean, session.site.gravity)
-        if solved is None:
-            return None
-        model = ImuModel(accel_matrix=solved[0], accel_bias=solved[1])
-    else:
-        model = fixed
+    solved = norm_observation.solve(session.accel_mean, session.site.gravity)
+    if solved is None:
+        return None
+    model = ImuModel(accel_matrix=solved[0], accel_bias=solved[1])
     f_b, _ = model.compensate(session.accel_mean, None)
     assert f_b is not None
     up_b = f_b / np.linalg.norm(f_b, axis=1)[:, None]

@@ -509,7 +509,6 @@ def _fit(t: Tumble, prior: Prior, best: Pass, status: Status, used: int) -> Fit:
     square = best.gram[RESIDUAL, RESIDUAL] - 2 * best.gram[:STATES, RESIDUAL] @ best.x
     square += best.x @ best.gram[:STATES, :STATES] @ best.x
     start = best.at.moved(_stepped(prior, best.x))
-    _, slope = prior.rows(start)
     slopes = best.rows[..., :STATES]
     left = best.rows[..., RESIDUAL] - slopes @ best.x
     return Fit(
@@ -523,14 +522,14 @@ def _fit(t: Tumble, prior: Prior, best: Pass, status: Status, used: int) -> Fit:
         residuals=3 * len(best.out[9]),
         information=best.gram[:STATES, :STATES],
         orthogonal=best.orthogonal,
-        late=_late(best, slope) if prior.sd[-1] == 0 else (0.0, 0.0),
+        late=_late(best) if prior.sd[-1] == 0 else (0.0, 0.0),
         history=_history(t, prior, best) if len(best.out[4]) else None,
         rows=np.concatenate([slopes, left[..., None]], axis=-1),
         time=best.out[9],
     )
 
 
-def _late(best: Pass, slope: FloatArray) -> tuple[float, float]:
+def _late(best: Pass) -> tuple[float, float]:
     """Test a delay that is held: its estimate, were it free, and sd (a score test)."""
     row = best.gram[STATES - 1, : STATES - 1]
     left = best.gram[STATES - 1, RESIDUAL] - row @ best.x[:-1]

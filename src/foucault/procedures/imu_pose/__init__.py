@@ -315,7 +315,7 @@ def _counted(
             left = replace(unit, c=foretold).without(_rates(r), times) * r.dt[:, None]
             dtheta, dvel = np.hsplit(left, 2)
             found = _smoothed(replace(r, dtheta=dtheta, dvel=dvel), at.point, given)
-            return found, _estimate(found, given)
+            return found, _estimate(found)
 
         return both, again
 
@@ -392,7 +392,7 @@ def _apart(s: Start) -> tuple[float, float]:
     return float(tried[left.argmin()] * step), float(left.min())
 
 
-def _estimate(s: Solution, given: Given[Settings]) -> CoefficientVector:
+def _estimate(s: Solution) -> CoefficientVector:
     """Return what was found, without what was held; the whole of an IMU before its ties."""
     kept = [i for i in _order(s.readings.names) if i not in s.hold]
     layout = LAYOUT.subset(s.readings.names[i] for i in kept)
@@ -465,7 +465,7 @@ def _told(s: Solution, start: Start, log: Log) -> list[Finding]:
 
 def _solve(log: Log, given: Given[Settings]) -> Result:
     s, start = _solved(log, given)
-    c = _estimate(s, given)
+    c = _estimate(s)
     beside = _counted(s, c, given)
     if beside is not None:
         s, c = beside.solution, beside.coefficients
@@ -533,7 +533,6 @@ class PoseSession:
     model: ImuModel  # errors of the IMU
     tracker: Tracker
     late: float  # of the accelerometers [s]
-    sampled_middle: float  # by how much the middle of the poses moved the offset [s]
 
     @property
     def size_effect(self) -> SizeEffect:
@@ -576,12 +575,12 @@ def _simulated(
         motion, tracker, duration=session.time, rate=session.rate, model=model, noise=noise,
         late=session.accelerometers_late, gravity=site.gravity, rng=rng,
     )  # fmt: skip
-    return PoseSession(PoseLog.of(log, table), model, tracker, session.accelerometers_late, 0.0)
+    return PoseSession(PoseLog.of(log, table), model, tracker, session.accelerometers_late)
 
 
 def _found(log: Log, given: Given[Settings]) -> Found:
     s, _ = _solved(log, given)
-    c = _estimate(s, given)
+    c = _estimate(s)
     kept = [s.readings.names.index(n) for n in c.names]
     beside = _counted(s, c, given, planned=True)
     c = c if beside is None else beside.coefficients

@@ -68,7 +68,7 @@ SOURCES = {
 FEW = 0.1  # A larger part of the steps being outliers, they are scatter [1].
 
 
-def names_of(settings: Settings, gyro: bool = True) -> tuple[str, ...]:
+def names_of(settings: Settings) -> tuple[str, ...]:
     """Return the coefficients that are estimated."""
     families = ["gyro.bias", "gyro.scale", "gyro.misalignment"]
     families += ["gyro.g_sensitivity"] if settings.g_sensitivity else []

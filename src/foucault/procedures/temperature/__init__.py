@@ -65,19 +65,9 @@ def calibrate(
 ) -> Result:
     """Fit functions of temperature to calibrations.
 
-    Parameters
-    ----------
-    sessions : sequence of Session
-        Calibrations of one instrument; in the order they were made in, with `visited`.
-    settings : Settings or None
-        How.
-    ramps : sequence of Ramp
-        Logs at rest while the temperature changes.
-
-    Returns
-    -------
-    Result
-        Coefficients at the reference temperature, and the functions.
+    `sessions`: calibrations of one instrument, in the order they were made in, with `visited`;
+    `ramps`: logs at rest while the temperature changes. Returns the coefficients at the reference
+    temperature, and the functions.
     """
     begun = time.perf_counter()
     settings = settings or Settings()

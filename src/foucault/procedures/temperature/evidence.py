@@ -56,23 +56,12 @@ SENSORS = ("gyro", "accel")
 
 @dataclass(frozen=True)
 class Session:
-    """One calibration and its temperature.
+    """One calibration and its temperature."""
 
-    Attributes
-    ----------
-    name : str
-        How to call it.
-    result : Result
-        The calibration [SI].
-    temperature : float
-        Mean over the session [K].
-    low, high : float
-        Lowest and highest in the session [K].
-    """
-
-    name: str
-    result: Result
-    temperature: float
+    name: str  # how to call it
+    result: Result  # the calibration [SI]
+    temperature: float  # mean over the session [K]
+    # low, high: lowest and highest in the session [K]
     low: float
     high: float
 
@@ -80,14 +69,7 @@ class Session:
     def of(cls, name: str, result: Result, declared: float | None = None) -> Session:
         """Take the temperature from the log of the session, or as declared.
 
-        Parameters
-        ----------
-        name : str
-            How to call it.
-        result : Result
-            The calibration [SI].
-        declared : float or None
-            Temperature of the session, where its log has none or says it wrongly [K].
+        `declared` or None: where the log has none or says it wrongly [K].
         """
         _suits(name, result)
         if declared is not None:
