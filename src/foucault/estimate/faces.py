@@ -138,9 +138,6 @@ SCATTER = {"accel": "scatter of specific force at rest", "gyro": "scatter of ang
 BEYOND = "placement beyond placement_sd"
 """Source of what placements are off by beyond what was declared."""
 
-FOUND = Source("", sd=None, type=UNEXPLAINED_BASIS[0], basis=UNEXPLAINED_BASIS[1])
-"""A source whose size the residuals tell."""
-
 TILTS = (
     ("placement", "placement_sd"), ("level of the turns", "level_sd"),
     ("angle of the turns", "angle_sd"),
@@ -448,13 +445,11 @@ class OnFaces:
             each = self._rows(mine.start, effect[mine])
             out.append(Source("least noise", each, sd=QUIETEST, noise=True))
             if noise.known:
-                out.append(replace(FOUND, name=scatter, each=each, unexplained=True))
+                out.append(mixed.scatter(scatter, each))
             if wander.bias_instability or wander.random_walk:
                 cov = window_covariance(start[mine], start[mine] + time[mine], wander)
-                squares, axes = np.linalg.eigh(cov)
-                root = axes * np.sqrt(np.maximum(squares, 0.0))
-                blocks = np.einsum("nij,nk->nikj", effect[mine], root).reshape(len(cov), 3, -1)
-                out.append(replace(sensor, shared=self._rows(mine.start, blocks)))
+                shared = self._rows(mine.start, mixed.tied(effect[mine], mixed.root(cov)))
+                out.append(replace(sensor, shared=shared))
         if rated and noise.session.gyro_rounding.any():  # the same in all rests
             blocks = np.broadcast_to(np.diag(noise.session.gyro_rounding), (n, 3, 3))
             out.append(replace(sensor, shared=self._rows(n, blocks)))
@@ -529,8 +524,7 @@ class OnFaces:
         if self.given[0] is not None and self.noise.known:
             # What a tilt explains as well as scatter does is taken for a tilt: it costs less.
             price = 0.9 * mixed.SIGNIFICANT
-            beyond = replace(FOUND, name=BEYOND, shared=first, price=price, unexplained=True)
-            out.append(beyond)
+            out.append(mixed.scatter(BEYOND, None, first, price))
         return out
 
     def tilt(self, which: int) -> Source:
@@ -538,7 +532,8 @@ class OnFaces:
         like = 0 if self.given[which] is None else which
         (name, setting), sd = TILTS[like], self.given[like]
         if sd is None:
-            return replace(FOUND, name=name, price=0.0)
+            kind, basis = UNEXPLAINED_BASIS
+            return Source(name, sd=None, price=0.0, type=kind, basis=basis)
         return Source(name, sd=sd, basis=f"{setting} as given in the campaign")
 
 

@@ -40,7 +40,7 @@ from foucault.detect.stretches import Rests, runs
 from foucault.estimate import norm_observation
 from foucault.infer import gauss_newton
 from foucault.infer.left_out import With
-from foucault.infer.mixed import Fit, Linearisation, Source
+from foucault.infer.mixed import Fit, Linearisation, Source, root, scatter, tied
 from foucault.kernels.rotation import integrate_turns, integrate_turns_rk4
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT, ImuModel
@@ -272,9 +272,9 @@ class RestsAndTurns:
         ]  # fmt: skip
         slow = "slow noise as given in the campaign"
         if _wanders(noise.slow.accel):
-            tied = rows(0, np.asarray(np.kron(self._slow[0], np.eye(3))).reshape(n, 3, -1))
+            shared = rows(0, tied(np.broadcast_to(np.eye(3), (n, 3, 3)), self._slow[0]))
             name = "slow noise of accelerometers"
-            out.append(Source(name, shared=tied, noise=True, basis=slow))
+            out.append(Source(name, shared=shared, noise=True, basis=slow))
         if s.gyro_mean is not None:
             rest = _roots(noise.gyro_psd / T + 2 * noise.gyro_carried / T**2)
             turn = np.linalg.cholesky(at.turn_noise + 2 * np.diag(noise.gyro_carried))
@@ -286,9 +286,8 @@ class RestsAndTurns:
                                   basis="lines over as long a time in the turns"))  # fmt: skip
             if _wanders(noise.slow.gyro):
                 effect = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), at.turn_bias])
-                tied = np.einsum("iac,ij->iajc", effect, self._slow[1]).reshape(2 * n - 1, 3, -1)
-                name = "slow noise of gyros"
-                out.append(Source(name, shared=rows(n, tied), noise=True, basis=slow))
+                shared = rows(n, tied(effect, self._slow[1]))
+                out.append(Source("slow noise of gyros", shared=shared, noise=True, basis=slow))
             if s.site.latitude is None:
                 # One vector for the whole session, for the turns tie the headings together. It has
                 # its full size over all directions: a third of its square per axis.
@@ -296,12 +295,8 @@ class RestsAndTurns:
                                   EARTH_RATE / np.sqrt(3.0), type="B",
                                   basis="latitude not given: any direction"))  # fmt: skip
         if self.price is not None:
-            out += [
-                Source(SCATTER[name], mine[:, :, None] * np.eye(3), None, None, price=self.price,
-                       unexplained=True, type="A",
-                       basis="scatter of the residuals beyond the noise")
-                for name, mine in self.kinds.items()
-            ]  # fmt: skip
+            out += [scatter(SCATTER[name], mine[:, :, None] * np.eye(3), price=self.price)
+                    for name, mine in self.kinds.items()]  # fmt: skip
         return out
 
     def _rounding(self, at: Prediction) -> FloatArray | None:
@@ -327,7 +322,7 @@ class RestsAndTurns:
         start, end = time[s.first], time[s.last - 1]
         accel = window_covariance(start, end, self.noise.slow.accel)
         start, end = np.append(start, end[:-1]), np.append(end, start[1:])
-        return _root(accel), _root(window_covariance(start, end, self.noise.slow.gyro))
+        return root(accel), root(window_covariance(start, end, self.noise.slow.gyro))
 
 
 def session_of(fit: Fit) -> RestsAndTurns:
@@ -339,12 +334,6 @@ def session_of(fit: Fit) -> RestsAndTurns:
 
 def _wanders(triad: TriadNoise) -> bool:
     return bool(triad.bias_instability or triad.random_walk)
-
-
-def _root(cov: FloatArray) -> FloatArray:
-    """A root of a covariance that may be singular: a bias that hardly changes is one number."""
-    size, axes = np.linalg.eigh(cov)
-    return np.asarray(axes * np.sqrt(np.maximum(size, 0.0)))
 
 
 def _roots(variance: FloatArray) -> FloatArray:

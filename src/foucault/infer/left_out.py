@@ -103,9 +103,7 @@ def scatters(model: Model) -> tuple[Source, ...]:
         seen = [s.each[rows.any(axis=1)] for s in free if s.each is not None]
         if rows.any() and not any(each.any() for each in seen):
             each = np.eye(d) * rows[:, :, None]
-            told, basis = mixed.UNEXPLAINED_BASIS
-            out.append(Source(f"scatter of {kind}", each, sd=None, price=ALIKE, unexplained=True,
-                              type=told, basis=basis))  # fmt: skip
+            out.append(mixed.scatter(f"scatter of {kind}", each, price=ALIKE))
     return tuple(out)
 
 

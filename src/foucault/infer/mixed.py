@@ -91,6 +91,33 @@ class Source:
     basis: str = ""  # what it was evaluated from, for people
 
 
+def scatter(
+    name: str, each: FloatArray | None, shared: FloatArray | None = None,
+    price: float = SIGNIFICANT,
+) -> Source:  # fmt: skip
+    """Return what differs beyond the noise, of a size that the residuals tell.
+
+    `each`, `shared`, `price`: as of `Source` [SI], [1].
+    """
+    kind, basis = UNEXPLAINED_BASIS
+    return Source(name, each, shared, None, price=price, unexplained=True, type=kind, basis=basis)
+
+
+def root(cov: FloatArray) -> FloatArray:
+    """Return a root of covariances (..., n, n) [SI]; what hardly changes is nearly one number."""
+    size, axes = np.linalg.eigh(cov)
+    return np.asarray(axes * np.sqrt(np.maximum(size, 0.0))[..., None, :])
+
+
+def tied(effect: FloatArray, by: FloatArray) -> FloatArray:
+    """Return what causes do that readings share, shape (n, d, k c) [SI].
+
+    `effect` (n, d, c): of a cause on each reading [SI]; `by` (n, k): root of their covariance.
+    """
+    every = np.einsum("ndc,nk->ndkc", effect, by)
+    return every.reshape(*effect.shape[:2], -1)
+
+
 @dataclass(frozen=True)
 class Linearisation:
     """A model linearised at a state, before whitening."""

@@ -516,17 +516,15 @@ class FieldModel:
         first, last = np.zeros((2, n + k, 3, 3))
         first[:n], last[n:] = each[:n], each[n:]
         how = NOISE_BASIS["declared" if self.sizes.declared else "measured"]
-        drift = (tilting[:, :, None] * walk[:, None, :, None]).reshape(n + k, 3, -1)
+        drift = mixed.tied(tilting, walk)
         out = [
             Source("magnetometer noise", first, noise=True, type=how[0], basis=how[1]),
             Source("gyro noise", shared=drift, noise=True, basis="noise of the gyros"),
         ]
         for name in wander if self.settings.wander else ():
             some = np.zeros((n + k, 3, 3 * n))
-            some[:n] = (moved[:, :, None] * wander[name][:, None, :, None]).reshape(n, 3, -1)
-            out.append(
-                Source(name, shared=some, sd=None, type="A", basis=mixed.UNEXPLAINED_BASIS[1])
-            )
+            some[:n] = mixed.tied(moved, wander[name])
+            out.append(replace(mixed.scatter(name, None, some), unexplained=False))
         if "mag.scale.x" not in self.names:
             held = self.settings.matrix_sd * every[:, :, :9]
             out.append(Source("matrix taken for one", shared=held, basis="matrix_sd as given"))
@@ -537,9 +535,8 @@ class FieldModel:
             out += [
                 Source("accelerometer noise", last, noise=True, basis="their noise"),
                 Source("accelerometer bias", shared=bias, basis="accel_bias_sd as given"),
-                Source(SHAKEN, own, sd=None, unexplained=True, type="A",
-                       basis=mixed.UNEXPLAINED_BASIS[1]),
-            ]  # fmt: skip
+                mixed.scatter(SHAKEN, own),
+            ]
         return tuple(out)
 
 
