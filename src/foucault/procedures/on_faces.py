@@ -19,7 +19,7 @@ from foucault.diagnose import hand_rotated as session_report
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.faces import FaceEvidence
 from foucault.errors import Finding
-from foucault.estimate.faces import FaceNoise, OnFaces, State, closed_form, on_faces, unbiased
+from foucault.estimate.faces import FaceNoise, OnFaces, State, on_faces, scene_of, unbiased
 from foucault.guard.rest import first_rest, same_unit
 from foucault.infer.snooping import snoop
 from foucault.logs.axes import spared
@@ -165,7 +165,7 @@ class Observed:
     def model(self, given: Given[Any]) -> OnFaces:
         """State the model of rests and turns."""
         readings = self.faces.readings
-        scene, start = closed_form(readings, self.turns, given.site, self.names, self.log)
+        scene, start = scene_of(readings, self.turns, given.site, self.names, self.log)
         had = noise_of(self.log, self.faces, self.turns, given.noise)
         return on_faces(scene, start, self.names, had, self.tilts)
 
