@@ -104,7 +104,7 @@ def scatter(
 
 
 def root(cov: FloatArray) -> FloatArray:
-    """Return a root of covariances (..., n, n) [SI]; what hardly changes is nearly one number."""
+    """Return a root of `cov` (..., n, n) [SI]; what hardly changes is nearly one number."""
     size, axes = np.linalg.eigh(cov)
     return np.asarray(axes * np.sqrt(np.maximum(size, 0.0))[..., None, :])
 

@@ -15,7 +15,6 @@ References
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -30,12 +29,10 @@ from foucault.estimate import faces as engine
 from foucault.guard.rest import between_rests
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.plans.directions import RestPlan, face_plan
-from foucault.procedures import faces_search as search
 from foucault.procedures import on_faces
 from foucault.procedures.on_faces import FaceSession, FaceSettings, Observed
-from foucault.procedures.record import Given, Procedure
+from foucault.procedures.record import Given
 from foucault.result import Result
-from foucault.simulate.hand_rotated import simulate_drawn
 from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Seconds
 
@@ -195,21 +192,14 @@ def _additions(settings: Settings, session: Session) -> list[tuple[str, Settings
     return on_faces.additions(settings, session) + (turned if session.back_time is None else [])
 
 
-PROCEDURE = Procedure(
-    name="ferraris",
-    doc=__doc__,
-    by_rests=True,
+PROCEDURE = on_faces.face_procedure(
+    "ferraris",
+    __doc__,
     Settings=Settings,
     Session=Session,
     solve=_solve,
-    plan=lambda settings, session, _: session.perfect.plan(settings, 0),
-    simulation=simulate_drawn,
     observe=_stated,
-    again=lambda model, log, _: on_faces.again(model, log),
     additions=_additions,
-    space=partial(search.space, "ferraris"),
-    Wanted=search.Wanted,
-    evaluations=search.EVALUATIONS,
     sizes=lambda session, _: session.sizes,
     names=lambda settings, _: names_of(settings),
 )
