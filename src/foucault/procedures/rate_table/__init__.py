@@ -145,7 +145,32 @@ def from_readings(
     """
     site = settings.where(site)
     table, found = _table(readings, settings, told, site)
-    return _result(readings, settings, site, solved(table, site, prior, sizes), found)
+    e = solved(table, site, prior, sizes)
+    checks = rate_checks.checks(e)
+    bent = settings.asymmetry or settings.cubic
+    rates = [float(e.steps.gyro.min()), float(e.steps.gyro.max())]
+    return result_of(
+        "rate_table",
+        e.fit,
+        checks,
+        site=site,
+        described=(SCALE_EQUATION if bent else EQUATION, FRAME, GAUGE),
+        findings=(*_told(readings), *found, *rate_checks.hints(e)),
+        validity={"gyro": rates},
+        diagnostics={
+            "noise": {"source": SOURCES[e.table.noise], "gyro_white": _white(e)},
+            "rate_table": rate_checks.standard_figures(e),
+            "rate_scatter": e.scatter,
+            "bias_drift": rate_checks.drift_figures(e),
+            "unseen": [
+                *unseen(settings),
+                *unseen_sizes(e.fit.estimate.coefficients, site.gravity, rates),
+            ],
+        },
+        tables={"rate_steps": rate_checks.step_table(e, readings.start)},
+        table_rate_sd=None,
+        judged=e.left_out,
+    )
 
 
 def _table(
@@ -206,36 +231,6 @@ def _again(table: RateTable, site: Site) -> Again:
 
     white = np.nan if table.noise == "unknown" else float(np.sqrt(np.mean(_psd(table))))
     return Again(lambda state: (state, motion), residuals, (np.nan, white))
-
-
-def _result(
-    readings: Readings, settings: Settings, site: Site, e: Solution, found: list[Finding]
-) -> Result:
-    checks = rate_checks.checks(e)
-    bent = settings.asymmetry or settings.cubic
-    rates = [float(e.steps.gyro.min()), float(e.steps.gyro.max())]
-    return result_of(
-        "rate_table",
-        e.fit,
-        checks,
-        site=site,
-        described=(SCALE_EQUATION if bent else EQUATION, FRAME, GAUGE),
-        findings=(*_told(readings), *found, *rate_checks.hints(e)),
-        validity={"gyro": rates},
-        diagnostics={
-            "noise": {"source": SOURCES[e.table.noise], "gyro_white": _white(e)},
-            "rate_table": rate_checks.standard_figures(e),
-            "rate_scatter": e.scatter,
-            "bias_drift": rate_checks.drift_figures(e),
-            "unseen": [
-                *unseen(settings),
-                *unseen_sizes(e.fit.estimate.coefficients, site.gravity, rates),
-            ],
-        },
-        tables={"rate_steps": rate_checks.step_table(e, readings.start)},
-        table_rate_sd=None,
-        judged=e.left_out,
-    )
 
 
 def _told(readings: Readings) -> list[Finding]:

@@ -24,7 +24,7 @@ from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.left_out import foretold
 from foucault.diagnose.transfer import HARDLY, unknown
 from foucault.diagnose.transfer_motion import unseen
-from foucault.errors import Finding, error
+from foucault.errors import error
 from foucault.estimate.transfer import after_outage
 from foucault.infer import filtered
 from foucault.infer.information import Remaining, correlated, largest_shares
@@ -375,7 +375,36 @@ def foresee(b: Beforehand[Settings, Session]) -> Foresight:
                              then.vector.sd / now.vector.sd))  # fmt: skip
     # What a motion does not show is a matter of the motion, whatever else may hide it.
     alone = now if not now.groups else foreseen(plan, replace(b, sizes=None), gravity=True)
-    return _judged(now, alone, tuple(more), [] if b.noise else [assumed_noise()])
+    vector, shown = now.vector, alone.vector
+    assert vector.cov is not None
+    assert shown.cov is not None
+    # Combinations of the coefficients, their priors as units.
+    left, ways = np.linalg.eigh(shown.cov / np.outer(shown.prior_sd, shown.prior_sd))
+    left = np.sqrt(np.maximum(left, 0.0))
+    words = [Remaining(a, largest_shares(vector.layout, w)).words
+             for a, w in zip(left[::-1].tolist(), ways.T[::-1], strict=True)]  # fmt: skip
+    lost = int(np.sum(left > HARDLY))
+    rho = vector.cov / np.outer(vector.sd, vector.sd)
+    judged, bought = None, tuple[Extra, ...]()
+    if now.groups:
+        judged = planned(now.posterior, now.groups, vector.names)
+        bought = declared_states(now.posterior, now.groups, judged, vector.names)
+    return Foresight(
+        coefficients=vector,
+        linearised_at="a slave without errors",
+        plan=now.name,
+        duration=now.time,
+        states=len(vector),
+        rank=len(vector) - lost,
+        smallest=float(left.min()),
+        hardly=alone.hardly,
+        unseen=tuple(words[:lost]),
+        remaining=tuple(words[lost : lost + MOST]),
+        correlated=correlated(vector.names, rho, TIED)[:MOST],
+        more=(*bought, *tuple(more)),
+        left_out=None if judged is None else foretold(judged),
+        findings=(*([] if b.noise else [assumed_noise()]), *unseen(alone.hardly)),
+    )
 
 
 def _at_hand_over(
@@ -443,42 +472,6 @@ def foreseen(
     return Foreseen(plan.name, plan.hand_over, zero, unknown(states, LEFT_OUT, motion=True),
                     float(np.sqrt(squares.mean())), Posterior(states, p.prior.values, {}),
                     p.groups if p.counted.judged else {})  # fmt: skip
-
-
-def _judged(
-    now: Foreseen, alone: Foreseen, more: tuple[Extra, ...], told: list[Finding]
-) -> Foresight:
-    """Say what a motion shows; `alone`: where what is not estimated is nothing."""
-    vector, shown = now.vector, alone.vector
-    assert vector.cov is not None
-    assert shown.cov is not None
-    # Combinations of the coefficients, their priors as units.
-    left, ways = np.linalg.eigh(shown.cov / np.outer(shown.prior_sd, shown.prior_sd))
-    left = np.sqrt(np.maximum(left, 0.0))
-    words = [Remaining(a, largest_shares(vector.layout, w)).words
-             for a, w in zip(left[::-1].tolist(), ways.T[::-1], strict=True)]  # fmt: skip
-    lost = int(np.sum(left > HARDLY))
-    rho = vector.cov / np.outer(vector.sd, vector.sd)
-    judged, bought = None, tuple[Extra, ...]()
-    if now.groups:
-        judged = planned(now.posterior, now.groups, vector.names)
-        bought = declared_states(now.posterior, now.groups, judged, vector.names)
-    return Foresight(
-        coefficients=vector,
-        linearised_at="a slave without errors",
-        plan=now.name,
-        duration=now.time,
-        states=len(vector),
-        rank=len(vector) - lost,
-        smallest=float(left.min()),
-        hardly=alone.hardly,
-        unseen=tuple(words[:lost]),
-        remaining=tuple(words[lost : lost + MOST]),
-        correlated=correlated(vector.names, rho, TIED)[:MOST],
-        more=(*bought, *more),
-        left_out=None if judged is None else foretold(judged),
-        findings=(*told, *unseen(alone.hardly)),
-    )
 
 
 EVALUATIONS = 200  # Plans that a restart judges: each is a run of the filter [1].
