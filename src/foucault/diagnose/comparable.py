@@ -116,9 +116,7 @@ def fit(series: Series, design: FloatArray) -> Fit:
     return Fit(values, sd, float(left @ left), (n - r) * p)
 
 
-def _whitened(
-    series: Series, designs: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+def _whitened(series: Series, designs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the equations of `designs` (m, n, r) [any] with errors of unit variance, and scales.
 
     Equations (m, n p + q, r p + q) with their right side (n p + q,) [1], and scales (p,) [SI].

@@ -54,8 +54,7 @@ from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models import earth
 from foucault.units import convert, display_unit, plain
 
-STATES = ("east", "north", "velocity east", "velocity north",
-          "phi east", "phi north", "phi up")  # fmt: skip
+STATES = ("east", "north", "velocity east", "velocity north", "phi east", "phi north", "phi up")
 """Rows of the solution: m, m, m/s, m/s, rad, rad, rad."""
 
 TERMS = ("velocity east", "velocity north", "tilt about east", "tilt about north",

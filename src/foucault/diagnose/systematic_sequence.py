@@ -65,7 +65,7 @@ class Matched:
             np.concatenate([part.angle_err for part in parts]),
             np.concatenate([part.axis_err for part in parts]),
             tuple(f for part in parts for f in part.findings),
-        )  # fmt: skip
+        )
 
 
 def match_sequence(found: FoundSequence, sequence: CalibrationSequence) -> Matched:

@@ -536,6 +536,5 @@ def _of_spread(e: judge.Evidence) -> list[Finding]:
             continue
         value = f"{plain(np.sqrt(left) / size, 2)} {unit}"
         code = "transfer.spread" if s.ratio > 1.0 else "transfer.narrow"
-        out.append(finding(code, what=name, ratio=f"{s.rms[0]:.2f}",
-                           key=f"{name}_sd", value=value))  # fmt: skip
+        out.append(finding(code, what=name, ratio=f"{s.rms[0]:.2f}", key=f"{name}_sd", value=value))
     return out

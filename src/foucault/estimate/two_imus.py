@@ -483,9 +483,9 @@ def _widened(
     own = np.flatnonzero(told)
     halves = 1.0
     if len(own):
-        halves = float(np.sqrt(
-            off[own] @ np.linalg.solve(formal[np.ix_(own, own)], off[own]) / len(own)
-        ))  # fmt: skip
+        halves = float(
+            np.sqrt(off[own] @ np.linalg.solve(formal[np.ix_(own, own)], off[own]) / len(own))
+        )
     wide *= halves if halves > MOVED else 1.0
     scaled = formal * np.outer(wide, wide)
     held = np.minimum(1.0, prior_sd / np.sqrt(np.diag(scaled)))  # no more than was known before

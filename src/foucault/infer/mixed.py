@@ -115,7 +115,7 @@ def tied(effect: FloatArray, by: FloatArray) -> FloatArray:
     `effect` (n, d, c): of a cause on each reading [SI]; `by` (n, k): root of their covariance.
     """
     every = np.einsum("ndc,nk->ndkc", effect, by)
-    return every.reshape(*effect.shape[:2], -1)
+    return np.asarray(every.reshape(*effect.shape[:2], -1))
 
 
 @dataclass(frozen=True)

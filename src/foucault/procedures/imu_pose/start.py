@@ -383,8 +383,7 @@ def _of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point, flo
     C_v0 = at.C[middle] @ known[middle].T
     start = at_places(r, C_v0 @ turns.at(r.at(at.tau, at.kappa))[0], at)
     none = bodies.Clocks(tau, 0.0, np.nan, np.nan, 0.0, 0.0)
-    found = Start(start, None, none, size, sign, np.nan, np.nan, left, gravity, forces,
-                  usual)  # fmt: skip
+    found = Start(start, None, none, size, sign, np.nan, np.nan, left, gravity, forces, usual)
     z, ok = np.abs(misses(few, short.point)), few.measured
     off = max(float(np.median(x[o])) for x, o in ((z[:, :3], ok[:, :3]), (z[:, 3:], ok[:, 3:]))
               if o.any())  # fmt: skip

@@ -317,8 +317,7 @@ def _aligned(
     a, b = rest
     begin, end = float(increments.time[a]), float(increments.time[b])
     if end - begin < FIRST_REST:
-        raise error("systematic.first_rest", time=f"{end - begin:.1f}",
-                    least=f"{FIRST_REST:.0f}")  # fmt: skip
+        raise error("systematic.first_rest", time=f"{end - begin:.1f}", least=f"{FIRST_REST:.0f}")
 
     def sd(group: str) -> float:
         return float(np.max(prior.prior_sd[prior.layout.group(group)]))

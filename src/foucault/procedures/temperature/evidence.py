@@ -378,8 +378,7 @@ def task_of(sessions: Sequence[Session], settings: Settings, ramps: Sequence[Ram
     ]
     found = of_sessions(sessions, layout, unit, each, family, spaces.constants)
     found += of_ramps(ramps, layout, unit, parts, len(families))
-    return Task(layout, held, order, families, family, unit, spaces, tuple(found), template,
-                counts)  # fmt: skip
+    return Task(layout, held, order, families, family, unit, spaces, tuple(found), template, counts)
 
 
 def solved(task: Task, settings: Settings) -> Choice:
