@@ -35,7 +35,7 @@ from functools import cached_property
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import Layout
 from foucault.detect.stretches import Rests, runs
 from foucault.estimate import norm_observation
 from foucault.infer import gauss_newton
@@ -115,10 +115,9 @@ def fit_norms(readings: FloatArray, gravity: float, start: ImuModel) -> Estimate
         assert f_b is not None
         norm = np.linalg.norm(f_b, axis=1)
         lever = -(f_b / norm[:, None]) @ np.linalg.inv(model.accel_matrix)
-        columns = [lever[:, i] for i in range(3)]
-        columns += [lever[:, i] * f_b[:, i] for i in range(3)]
-        columns += [lever[:, o] * f_b[:, i] for o, i in ((1, 0), (2, 0), (2, 1))]
-        return Linearised(gravity - norm, np.stack(columns, axis=1), np.arange(len(norm)))
+        slopes = model.slopes(f_b, np.zeros(f_b.shape), ACCEL_NAMES).accel
+        columns = np.einsum("ni,nij->nj", lever, slopes)
+        return Linearised(gravity - norm, columns, np.arange(len(norm)))
 
     problem = _problem(ACCEL_NAMES, start, linearise, len(readings))
     return _with_own_scatter(gauss_newton.solve(problem, tolerance=1e-12))
@@ -176,10 +175,9 @@ def _with_own_scatter(estimate: Estimate) -> Estimate:
     variance = estimate.chi_square / max(estimate.dof, 1)
     c = estimate.coefficients
     assert c.cov is not None
-    scaled = CoefficientVector(c.layout, c.values, c.cov * variance, c.free, c.prior_sd)
     return replace(
         estimate,
-        coefficients=scaled,
+        coefficients=replace(c, cov=c.cov * variance),
         state_cov=estimate.state_cov * variance,
         information=estimate.information / max(variance, 1e-300),
     )

@@ -29,7 +29,8 @@ from foucault.diagnose.checks import check
 from foucault.errors import Finding, error, finding
 from foucault.estimate import two_bodies as bodies
 from foucault.estimate import two_imus as engine
-from foucault.estimate.two_bodies import SMOOTH, Clocks, clocks, even, one_axis, smooth, wahba
+from foucault.estimate.norm_observation import wahba
+from foucault.estimate.two_bodies import SMOOTH, Clocks, clocks, even, one_axis, smooth
 from foucault.estimate.two_imus import Readings, Slave, Solution
 from foucault.guard.mistakes import exchange_words, exchanges, rate_hint
 from foucault.infer.gauss_newton import chi_square_limits

@@ -25,6 +25,7 @@ from foucault.estimate import two_bodies as bodies
 from foucault.estimate.antennas import LEFT, SUSPECT, TURNED, least, of_base
 from foucault.estimate.delay_matching import SlaveAttitude
 from foucault.estimate.imu_pose import Point, Readings, corrected, misses, solve
+from foucault.estimate.norm_observation import wahba
 from foucault.estimate.two_bodies import clocks
 from foucault.guard.mistakes import exchanges
 from foucault.logs.pose import FEWEST
@@ -205,7 +206,7 @@ def _with_rates(
     w = w_m[inside]
     # Hardly turned, rates are noise: what is centred is what the turning says.
     x, y = w_b - w_b.mean(axis=0), w - w.mean(axis=0)
-    C_bm = bodies.wahba(x, y)
+    C_bm = wahba(x, y)
     free = np.linalg.lstsq(y, x, rcond=None)[0].T
     left = float(np.sqrt(np.sum((x - y @ C_bm.T) ** 2) / np.sum(x**2)))
     loose = float(np.sqrt(np.sum((x - y @ free.T) ** 2) / np.sum(x**2)))
