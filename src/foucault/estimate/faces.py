@@ -236,11 +236,15 @@ def scene_of(
 def _least_squares(scene: Scene, names: Sequence[str]) -> State:
     """Return model and mounting by all readings alike: linear, but for the change of axes."""
     state, p = State(ImuModel(), np.eye(3)), len(names)
+    # Of turns per unit of time, so that rests and turns have equations of like size.
+    time = np.ones((sum(scene.sizes), 1))
+    if scene.turns is not None:
+        time[-len(scene.turns) :, 0] = scene.turns.time
     for _ in range(STEPS):
         miss, J = predict(scene, names, state)
-        rows = J.reshape(-1, p + 3)
+        rows = (J / time[:, :, None]).reshape(-1, p + 3)
         size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-        step = np.linalg.lstsq(rows / size, miss.ravel(), rcond=1e-12)[0] / size
+        step = np.linalg.lstsq(rows / size, (miss / time).ravel(), rcond=1e-12)[0] / size
         state = State(state.model.moved(names, step[:p]), exp(step[p:]) @ state.C_bk)
     return state
 
