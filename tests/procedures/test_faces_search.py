@@ -15,8 +15,7 @@ from foucault import campaign
 from foucault.campaign import optimisation
 from foucault.plans.optimise import descend
 from foucault.procedures import ferraris, load, six_position
-from foucault.procedures.faces_search import NAMES, FaceSpace
-from foucault.procedures.on_faces import FACES
+from foucault.procedures.on_faces import FACE_NAMES, FACES, FaceSpace
 
 
 @cache
@@ -50,7 +49,7 @@ def test_faces_are_rested_on_again_where_that_shows_more(name: str) -> None:
     space = space_of(name)
     found = descend(space, np.random.default_rng(0), 25)
     rest, faces, back = found.plan
-    assert space.reference[1] == NAMES and len(faces) > len(NAMES) and found.cost < -0.02
+    assert space.reference[1] == FACE_NAMES and len(faces) > len(FACE_NAMES) and found.cost < -0.02
     assert all(limit.kept for limit in space.needs(found.plan))
     # The file does what was judged.
     told = space.changes(found.plan)["simulate"]
@@ -71,7 +70,7 @@ def test_only_sizes_of_what_drifts_ask_for_faces_again() -> None:
     text = text.replace("[instrument]\n", "[instrument]\nleft_out = false\n")
     text = text.replace('# placement_sd = "5 arcmin"', 'placement_sd = "0 arcmin"')
     space = optimisation.space_of(campaign.parse(f"{text}\n[optimise]\n"))
-    again = space.allowed.filled([*NAMES, *NAMES])
+    again = space.allowed.filled([*FACE_NAMES, *FACE_NAMES])
     assert space.cost(again) > -0.01
     assert space_of("six_position").cost(again) < -0.1
 

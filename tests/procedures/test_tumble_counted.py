@@ -13,6 +13,7 @@ import pytest
 from foucault import campaign
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.infer.left_out import UNSEEN
+from foucault.infer.left_out_states import OF
 from foucault.models.left_out import sizes_of
 from foucault.procedures import platform_tumble
 from foucault.procedures.platform_tumble.foresight import noise_of, prior_of, solved, tumble_of
@@ -53,7 +54,7 @@ def solution(log):
 @cache
 def stages():
     log, _ = session()
-    return counted.Stages.of(solution(log), {**counted.SIZE_EFFECT, **SIZES})
+    return counted.stages_of(solution(log), {**counted.SIZE_EFFECT, **SIZES})
 
 
 @pytest.mark.parametrize(
@@ -63,21 +64,21 @@ def stages():
 def test_a_term_moves_solution_and_residuals_as_its_columns_say(name, group):
     """Against a whole solution of a log with it."""
     log, _ = session()
-    before, both = solution(log), stages()
+    before, (both, _, A) = solution(log), stages()
     size = SIZES[group][0]
     if group == "gyro.bias drift":
         log = replace(log, gyro=log.gyro + size * ramp(log) * [1, 0, 0])
     else:
         log = replace(log, accel=log.accel + size * log.accel[:, :1] ** 2 * [0, 1, 0])
     after = solution(log)
-    j = both.states.names.index(f"{counted.OF}{name}") - 42
+    j = both.states.names.index(f"{OF}{name}") - 42
     sd = np.sqrt(np.diag(before.fit.cov))[3:45]
     moved = (after.fit.start.constants - before.fit.start.constants) / sd
-    foretold = both.A[3:45, j] / sd
+    foretold = A[3:45, j] / sd
     np.testing.assert_allclose(moved, foretold, atol=0.03 * np.abs(foretold).max() + 0.05)
-    e, E = both.residuals, both.E[:, j]
+    square, pull = both.answers.gram[j, j], both.answers.pull[j]
     changed = after.fit.chi_square - before.fit.chi_square
-    assert changed == pytest.approx(E @ E + 2 * e @ E, rel=0.05, abs=0.2)
+    assert changed == pytest.approx(square + 2 * pull, rel=0.05, abs=0.2)
 
 
 def test_nothing_is_named_and_the_budget_adds_up():

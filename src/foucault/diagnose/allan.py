@@ -50,8 +50,7 @@ from foucault.units import convert, display_unit, plain
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
-LEAST = 256
-"""Fewest samples: seven octaves for five noises [1]."""
+LEAST = 256  # Fewest samples: seven octaves for five noises [1].
 
 USEFUL = 5.0
 """Fewest degrees of freedom of a useful tau: the deviation is known to 32 % (1 sd) [1]."""
@@ -138,27 +137,9 @@ def deviations(
 ) -> tuple[FloatArray, FloatArray]:
     """Compute deviations of one channel.
 
-    Parameters
-    ----------
-    rate : ndarray, shape (n,)
-        Readings, evenly spaced [unit].
-    interval : float
-        Sample interval [s].
-    factors : ndarray of int, shape (k,), or None
-        Averaging times in samples; None takes `octaves` [1].
-    kind : {"overlapping", "modified", "hadamard"}
-        Which deviation.
-
-    Returns
-    -------
-    tau : ndarray, shape (k,)
-        Averaging times [s].
-    deviation : ndarray, shape (k,)
-        Deviations [unit].
-
-    Notes
-    -----
-    Needs twice the memory of `rate`: 1.6 GB for 1e8 samples.
+    `rate` (n,): readings, evenly spaced [unit]; `interval`: of the samples [s]; `factors` (k,) or
+    None: averaging times in samples, else `octaves` [1]. Returns averaging times (k,) [s] and
+    deviations (k,) [unit]. Needs twice the memory of `rate`: 1.6 GB for 1e8 samples.
     """
     m = octaves(len(rate)) if factors is None else np.asarray(factors, np.int64)
     deviation = np.sqrt(_variances(_phase(rate), m, check_kind(kind)))
@@ -257,15 +238,9 @@ def check(rate: FloatArray, interval: float, axis: str = "the channel") -> None:
 MARKOV_PEAK = (0.6174, 1.8926)
 """Peak of the Allan deviation over the sd of the Markov noise; its tau over T_c [1]."""
 
-FLAT = float(np.sqrt(2 * np.log(2) / np.pi))
-"""Allan deviation of flicker over B [1]."""
-
-SMALL = 0.5
-"""A rest that covers less than this of the log is a small part of it [1]."""
-
-MOVED = float(np.radians(0.3))
-"""What turns or tilts by less stays where it is [rad]."""
-
+FLAT = float(np.sqrt(2 * np.log(2) / np.pi))  # Allan deviation of flicker over B [1].
+SMALL = 0.5  # A rest that covers less than this of the log is a small part of it [1].
+MOVED = float(np.radians(0.3))  # What turns or tilts by less stays where it is [rad].
 _WHOLE = 0.95  # a rest that covers this part of the log: the log does not move
 
 
@@ -289,17 +264,9 @@ def measure_log(
 ) -> LogAllan:
     """Find the noises of every axis of a log at rest.
 
-    Parameters
-    ----------
-    log : Log
-        Readings [SI].
-    axes : tuple of str
-        Axes such as ``gyro.x``, ``gyro`` or ``x``; empty for all.
-    kind : {"overlapping", "modified", "hadamard"}
-        Which deviation to show.
-    rest : (float, float) or None
-        Start and end of the part at rest; None takes the whole log, or the longest rest of one
-        that moves [s].
+    `axes`: such as ``gyro.x``, ``gyro`` or ``x``, empty for all; `kind`: of deviation to show;
+    `rest` or None: start and end of the part at rest, else the whole log, or the longest rest of
+    one that moves [s].
     """
     names = _chosen(log, axes)
     log = without_spikes(log.filled())
@@ -515,16 +482,8 @@ def deviation_table(measured: LogAllan) -> str:
 def noise_block(measured: LogAllan) -> str:
     """Write the ``[noise]`` block of a campaign file.
 
-    Parameters
-    ----------
-    measured : LogAllan
-        The noises of every axis [SI].
-
-    Returns
-    -------
-    str
-        TOML with units. A campaign has one value for the three axes of a triad: the root mean
-        square over the axes on which the noise was seen.
+    A campaign has one value for the three axes of a triad: the root mean square over the axes on
+    which the noise was seen.
     """
     lines = [
         f"# Measured at rest, {measured.start:.6g} s to {measured.end:.6g} s: root mean square of",

@@ -116,9 +116,7 @@ def fit(series: Series, design: FloatArray) -> Fit:
     return Fit(values, sd, float(left @ left), (n - r) * p)
 
 
-def _whitened(
-    series: Series, designs: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+def _whitened(series: Series, designs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the equations of `designs` (m, n, r) [any] with errors of unit variance, and scales.
 
     Equations (m, n p + q, r p + q) with their right side (n p + q,) [1], and scales (p,) [SI].
@@ -244,7 +242,15 @@ def comparable(entries: Sequence[Entry]) -> Comparable:
     not of one kind, or with nothing in common.
     """
     refuse_dependent(entries)
-    _refuse_kinds(entries)
+    kinds = [_kind(e.result) for e in entries]
+    for entry, kind in zip(entries, kinds, strict=True):
+        if kind != kinds[0]:
+            raise error(
+                "compare.models", one=entries[0].label, kind=kinds[0], other=entry.label,
+                unlike=kind,
+            )  # fmt: skip
+        if not np.isfinite(entry.result.coefficients.values).all():
+            raise error("compare.not_finite", name=entry.label, status=entry.result.status.value)
     vectors, found = _in_one_gauge(entries, [_of_instrument(e) for e in entries])
     layout, told = _common(entries, vectors)
     found += told
@@ -302,18 +308,6 @@ def _hashes(value: Any, below: tuple[str, ...] | None = None) -> set[str]:
     return set()
 
 
-def _refuse_kinds(entries: Sequence[Entry]) -> None:
-    kinds = [_kind(e.result) for e in entries]
-    for entry, kind in zip(entries, kinds, strict=True):
-        if kind != kinds[0]:
-            raise error(
-                "compare.models", one=entries[0].label, kind=kinds[0], other=entry.label,
-                unlike=kind,
-            )  # fmt: skip
-        if not np.isfinite(entry.result.coefficients.values).all():
-            raise error("compare.not_finite", name=entry.label, status=entry.result.status.value)
-
-
 def _kind(result: Result) -> str:
     return "a torqued cluster" if is_cluster(result.coefficients) else "an IMU"
 
@@ -360,7 +354,11 @@ def _turned(vector: CoefficientVector, gauge: str) -> CoefficientVector | None:
     vector = of_one_sample(vector)
     if not is_imu(vector) or not _whole(vector, gauge):
         return None
-    names = _lower_names(vector)
+    below = ("accel.misalignment.yx", "accel.misalignment.zx", "accel.misalignment.zy")
+    angles = [n for n in imu.LAYOUT.names if n.startswith("accel.misalignment.")]
+    names = tuple(
+        n for n in imu.LAYOUT.names if n in below or (n in vector.layout and n not in angles)
+    )
 
     def turned(x: FloatArray) -> FloatArray:
         model = ImuModel.from_coefficients(CoefficientVector(vector.layout, x))
@@ -381,15 +379,6 @@ def _whole(vector: CoefficientVector, gauge: str) -> bool:
     known = {where for block, where in places if block == "accel_matrix"}
     upper = {(i, j) for i in range(3) for j in range(3) if gauge != Gauge.UPPER.value or i <= j}
     return upper <= known
-
-
-def _lower_names(vector: CoefficientVector) -> tuple[str, ...]:
-    """Return the names in the new gauge: those of the old, with the other half of the angles."""
-    below = ("accel.misalignment.yx", "accel.misalignment.zx", "accel.misalignment.zy")
-    angles = [n for n in imu.LAYOUT.names if n.startswith("accel.misalignment.")]
-    return tuple(
-        n for n in imu.LAYOUT.names if n in below or (n in vector.layout and n not in angles)
-    )
 
 
 # -- the same coefficients -------------------------------------------------------------------

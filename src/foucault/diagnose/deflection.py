@@ -272,8 +272,7 @@ def deflection_check(choice: Choice) -> Check:
     given: dict[str, Any] = {"bounds": _bounds(choice), "rival": rival.label, "rank": rival.rank}
     if used is None:
         given |= {"count": len(rival.model)}
-        return check("deflection not seen", "deflection", choice.chance, FALSE_ALARM, None,
-                           given)  # fmt: skip
+        return check("deflection not seen", "deflection", choice.chance, FALSE_ALARM, None, given)
     given |= {
         "used": used.label, "count": len(used.model), "chance": likely(choice.chance),
         "seen": "" if rival.whole else f" (seen in part, {rival.rank} of {len(rival.model)})",

@@ -23,16 +23,9 @@ import numpy as np
 from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.detect.coverage import Coverage
-from foucault.diagnose import fit_checks
+from foucault.diagnose import fit_checks, references
 from foucault.diagnose.checks import REVERSED, VISIBLE, check, reversed_earth_check
 from foucault.diagnose.fit_checks import Judged, Limit, folds
-from foucault.diagnose.references import (
-    BEYOND_THE_SESSION,
-    common_scale,
-    norm_with_cov,
-    worst_residuals,
-    wrong_gravity,
-)
 from foucault.errors import Finding, finding
 from foucault.estimate import norm_observation
 from foucault.estimate.hand_rotated import SCATTER, middle, session_of
@@ -56,7 +49,7 @@ def norm_columns(
     assert readings is not None
     spans = zip(session.first, session.last, strict=True)
     cov = np.array([np.diag(readings[a:b].var(axis=0, ddof=1)) / (b - a) for a, b in spans])
-    norm, joint = norm_with_cov(model, coefficients, mean, cov)
+    norm, joint = references.norm_with_cov(model, coefficients, mean, cov)
     f_b, _ = model.compensate(mean, None)
     assert f_b is not None
     up_b = f_b / norm[:, None]
@@ -307,7 +300,7 @@ def hints(fit: Fit, prediction: Prediction, turned_round: bool = False) -> list[
     model = session_of(fit)
     coarse = _resolution(model.session, model.noise)
     gravity, codes = model.session.site.gravity, {"accel": "session.common_scale"}
-    common = common_scale(fit.estimate.coefficients, gravity, codes)
+    common = references.common_scale(fit.estimate.coefficients, gravity, codes)
     found = [*coarse, *_scatter(fit), *_outliers(fit), *common]
     return found if turned_round or coarse else found + _g_sensitivity(fit, prediction)
 
@@ -387,8 +380,10 @@ def tables(
     """Return the tables "rests" and "turns" of the report, with norms of rests left out."""
     s, estimate, up_b = session_of(fit).session, fit.estimate, fit.state.C_nb[:, 2, :]
     n = len(up_b)
-    norm, joint = norm_with_cov(fit.state.model, estimate.coefficients, s.accel_mean, rest_cov(fit))
-    worst, none = worst_residuals(estimate), np.full((n, 1), np.nan)
+    norm, joint = references.norm_with_cov(
+        fit.state.model, estimate.coefficients, s.accel_mean, rest_cov(fit)
+    )
+    worst, none = references.worst_residuals(estimate), np.full((n, 1), np.nan)
     sd = none if held_out is None else held_out.sd[:n]
     rests = dict(base) | {f"up_{a}": up_b[:, i] for i, a in enumerate(AXES)}
     rests |= {
@@ -422,9 +417,9 @@ def tables(
 def unseen(data: Session, gravity_sd: float) -> list[str]:
     """Say what cannot be seen in principle, gravity known to `gravity_sd` [m/s^2]."""
     out = [
-        wrong_gravity(gravity_sd),
+        references.wrong_gravity(gravity_sd),
         "How the body axes lie in the case: they are those of the accelerometers (see gauge).",
-        *BEYOND_THE_SESSION,
+        *references.BEYOND_THE_SESSION,
     ]
     if data.log.gyro is not None and data.site.latitude is None:
         out.append("The Earth's rotation: without a latitude it cannot be told from gyro bias.")

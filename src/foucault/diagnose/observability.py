@@ -56,30 +56,17 @@ from foucault.infer.information import (
 )
 from foucault.result import Linearised
 
-NAMED = 1e-6
-"""Directions and motions below this are rounding [1]."""
+NAMED = 1e-6  # Directions and motions below this are rounding [1].
 
 
 @dataclass(frozen=True)
 class LinearSegment:
-    """A part of a plan in which the linearised system is constant.
+    """A part of a plan in which the linearised system is constant."""
 
-    Attributes
-    ----------
-    F : ndarray, shape (n, n)
-        Derivative of the rate of every state by every state [unit of the row / unit / s].
-    H : ndarray, shape (m, n)
-        Derivative of every output by every state [unit of the row / unit].
-    duration : float
-        How long it lasts [s].
-    label : str
-        What the plan calls it, shape ().
-    """
-
-    F: FloatArray
-    H: FloatArray
-    duration: float
-    label: str = ""
+    F: FloatArray  # (n, n) of the rate of every state by every state [unit of the row / unit / s]
+    H: FloatArray  # (m, n) of every output by every state [unit of the row / unit]
+    duration: float  # how long it lasts [s]
+    label: str = ""  # what the plan calls it
 
 
 @dataclass(frozen=True)
@@ -150,35 +137,17 @@ def observability(
     prior_sd: FloatArray,
     noise_sd: FloatArray | float,
     *,
-    time_scale: float | None = None,
     powers: int | None = None,
     tolerance: float = INVISIBLE,
 ) -> Observability:
     """Analyse what a plan of constant segments makes visible, see the module.
 
-    Parameters
-    ----------
-    segments : sequence of LinearSegment
-        The plan; a step in which the attitude changes much needs several.
-    layout : Layout
-        The states, in the order of the columns.
-    prior_sd : ndarray, shape (n,)
-        Standard deviation of each state before the data [SI unit].
-    noise_sd : ndarray, shape (m,), or float
-        Standard deviation of one reading of each output [unit of the output].
-    time_scale : float or None
-        Unit of time; None for the one that the module states [s].
-    powers : int or None
-        Highest power of F; None for the number of states that move [1].
-    tolerance : float
-        Singular values below this times the largest are zero. With the default a combination
-        of that size would need (noise / (tolerance * largest))^2 readings: nobody has them, and
-        rounding stays far below [1].
-
-    Raises
-    ------
-    FoucaultError
-        A segment does not fit, or a prior or a noise is not positive.
+    `segments`: a step in which the attitude changes much needs several; `layout`: the states, in
+    the order of the columns; `prior_sd` (n,): sd of each before the data [SI unit]; `noise_sd`
+    (m,) or (): of one reading of each output [unit of the output]; `powers` or None: highest power
+    of F, else the number of states that move [1]; `tolerance`: singular values below this times
+    the largest are zero. With the default a combination of that size would need (noise /
+    (tolerance * largest))^2 readings: nobody has them, and rounding stays far below [1].
     """
     n = len(layout)
     sd = proper_prior(layout, prior_sd)
@@ -188,7 +157,9 @@ def observability(
     _check(segments, n, noise)
     moving = np.any([np.any(s.F != 0, axis=1) for s in segments], axis=0)
     p = min(int(moving.sum()), n - 1) if powers is None else powers
-    tau = _time_scale(segments) if time_scale is None else time_scale
+    # One radian of the fastest motion, at most the duration of the plan.
+    fastest = max(float(np.abs(np.linalg.eigvals(s.F)).max(initial=0.0)) for s in segments)
+    tau = 1.0 / max(fastest, 1.0 / sum(s.duration for s in segments))
     drift = [s.F * sd / sd[:, None] * tau for s in segments]
     parts = [
         _powers(s.H * sd / noise[..., None], F, p) for s, F in zip(segments, drift, strict=True)
@@ -242,13 +213,6 @@ def _check(segments: Sequence[LinearSegment], n: int, noise: FloatArray) -> None
             what = f"it lasts {s.duration:g} s"
         if what:
             raise error("observability.segment", segment=where, what=what)
-
-
-def _time_scale(segments: Sequence[LinearSegment]) -> float:
-    """Return one radian of the fastest motion, at most the duration of the plan."""
-    whole = sum(s.duration for s in segments)
-    fastest = max(float(np.abs(np.linalg.eigvals(s.F)).max(initial=0.0)) for s in segments)
-    return 1.0 / max(fastest, 1.0 / whole)
 
 
 def _powers(H: FloatArray, F: FloatArray, powers: int) -> FloatArray:
@@ -351,33 +315,16 @@ def _sparse(basis: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Derivatives of the outputs by the states along time.
+    """Derivatives of the outputs by the states along time."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (k,)
-        Time of each sample [s].
-    layout : Layout
-        The states.
-    outputs : tuple of str
-        Names of the outputs.
-    slopes : ndarray, shape (k, m, n)
-        d(output)/d(state) at each sample [unit of the output / SI unit of the state].
-    """
-
-    time: FloatArray
-    layout: Layout
+    time: FloatArray  # (k,) of each sample [s]
+    layout: Layout  # the states
     outputs: tuple[str, ...]
+    # (k, m, n) d(output)/d(state) at each sample [unit of the output / SI unit of the state]
     slopes: FloatArray
 
     def thinned(self, most: int = 1000) -> Sensitivity:
-        """Return at most `most` samples at even steps, for figures; first and last stay.
-
-        Parameters
-        ----------
-        most : int, shape ()
-            Largest number of samples, at least 2 [1].
-        """
+        """Return at most `most` [1] samples at even steps, for figures; first and last stay."""
         if len(self.time) <= most:
             return self
         keep = np.linspace(0, len(self.time) - 1, most).round().astype(np.intp)
@@ -387,11 +334,7 @@ class Sensitivity:
         """Return the part of each state's information that has come in, shape (k, n) [1].
 
         This is information about a state when all others are known; zero where none comes.
-
-        Parameters
-        ----------
-        noise_sd : ndarray, shape (m,), or float
-            Standard deviation of the white noise of each output [unit of the output].
+        `noise_sd` (m,) or (): of the white noise of each output [unit of the output].
         """
         white = self.slopes / np.asarray(noise_sd, float)[..., None]
         total = np.cumsum(np.sum(white**2, axis=1), axis=0)
@@ -400,12 +343,8 @@ class Sensitivity:
     def when(self, share: float = 0.5, noise_sd: FloatArray | float = 1.0) -> FloatArray:
         """Return when each state's information reaches a share, shape (n,), NaN if never [s].
 
-        Parameters
-        ----------
-        share : float
-            Part of the information of the whole, above 0 to 1 [1].
-        noise_sd : ndarray, shape (m,), or float
-            Standard deviation of the white noise of each output [unit of the output].
+        `share`: part of the information of the whole, above 0 to 1 [1]; `noise_sd` (m,) or (): of
+        the white noise of each output [unit of the output].
         """
         # The last of a sum is 1 only to rounding.
         reached = self.share(noise_sd) >= share * (1 - 1e-12)
@@ -415,10 +354,7 @@ class Sensitivity:
     def information(self, noise_sd: FloatArray | float = 1.0) -> Information:
         """Return the information of all samples about the states.
 
-        Parameters
-        ----------
-        noise_sd : ndarray, shape (m,), or float
-            Standard deviation of the white noise of each output [unit of the output].
+        `noise_sd` (m,) or (): of the white noise of each output [unit of the output].
         """
         white = self.slopes / np.asarray(noise_sd, float)[..., None]
         n = len(self.layout)

@@ -54,7 +54,8 @@ def rate_steps(
     if not told and not len(commanded.rates):
         raise error("rate_table.no_rates")
     up = _up(readings, commanded, told)
-    placement = _runs(up)
+    change = np.any(up[1:] != up[:-1], axis=1)
+    placement = np.concatenate([[0], np.cumsum(change)]).astype(np.int64)
     if commanded.axes:
         _as_declared(up, placement, commanded.axes)
     rates = commanded.rates
@@ -135,12 +136,6 @@ def _up(readings: Readings, commanded: Commanded, told: bool) -> FloatArray:
     return _nearest_axis(turning[spins[nearest]])
 
 
-def _runs(up: FloatArray) -> IntArray:
-    """Number the runs of steps with the same axis up, from 0."""
-    change = np.any(up[1:] != up[:-1], axis=1)
-    return np.concatenate([[0], np.cumsum(change)]).astype(np.int64)
-
-
 def _as_declared(up: FloatArray, placement: IntArray, axes: Sequence[str]) -> None:
     seen = [name_of(up[placement == p][0]) for p in np.unique(placement)]
     wanted = [a for k, a in enumerate(axes) if k == 0 or a != axes[k - 1]]
@@ -210,7 +205,14 @@ def _matched(
     """Give every step the commanded rate nearest to what the gyros say."""
     if not len(seen):
         return seen
-    _right_unit(seen, rates)
+    ratio = float(np.abs(rates).max() / max(np.abs(seen).max(), 1e-12))
+    one = np.degrees(1.0)
+    for factor, is_unit, says in ((one, "deg/s", "rad/s"), (1 / one, "rad/s", "deg/s")):
+        if abs(np.log(ratio / factor)) < np.log(1 + OTHER_RATE):
+            raise error(
+                "rate_table.unit", told=_degrees(np.abs(rates).max()),
+                seen=_degrees(np.abs(seen).max()), likely=is_unit, given=says,
+            )  # fmt: skip
     near = rates[np.abs(seen[:, None] - rates).argmin(axis=1)]
     for p in np.unique(placement):
         _not_reversed(seen[placement == p], rates, near[placement == p], up[placement == p][0])
@@ -222,17 +224,6 @@ def _matched(
             nearest=_degrees(near[k]),
         )  # fmt: skip
     return np.asarray(near)
-
-
-def _right_unit(seen: FloatArray, rates: FloatArray) -> None:
-    ratio = float(np.abs(rates).max() / max(np.abs(seen).max(), 1e-12))
-    one = np.degrees(1.0)
-    for factor, is_unit, says in ((one, "deg/s", "rad/s"), (1 / one, "rad/s", "deg/s")):
-        if abs(np.log(ratio / factor)) < np.log(1 + OTHER_RATE):
-            raise error(
-                "rate_table.unit", told=_degrees(np.abs(rates).max()),
-                seen=_degrees(np.abs(seen).max()), likely=is_unit, given=says,
-            )  # fmt: skip
 
 
 def _not_reversed(seen: FloatArray, rates: FloatArray, near: FloatArray, up: FloatArray) -> None:

@@ -22,15 +22,9 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.diagnose.allan_fit import covariance_of_differences
 
-BLOCKS = 64
-"""Parts of a record whose means are compared [1]."""
-
-LIMIT = 24.0
-"""Of noise alone that much is gained in one of 500 records or fewer [1]."""
-
-MOST = 3
-"""Events that are taken off one channel, at most [1]."""
-
+BLOCKS = 64  # Parts of a record whose means are compared [1].
+LIMIT = 24.0  # Of noise alone that much is gained in one of 500 records or fewer [1].
+MOST = 3  # Events that are taken off one channel, at most [1].
 _TIMES = np.geomspace(1 / 64, 1 / 2, 16)  # of decays, over the length of the record
 _SHARES = np.concatenate([[0.0], 10.0 ** np.arange(-3, 2.1, 0.5)])  # of a noise beside white
 

@@ -137,12 +137,16 @@ class Study:
         if len(self.nees) == 0:
             return (check("no trial", "trials", 0.0, 1.0),)
         per = self.rows()
+        total = sum(self.status.values())
+        bad = total - self.status.get("converged", 0)
+        parts = ", ".join(f"{count} {kind}" for kind, count in sorted(self.status.items()))
+        given = {"total": total, "parts": parts}
         return (
             consistency_check("NEES", self.nees, len(self.names), EACH),
             _counted("bias", per, "unbiased", "mean error", "zero"),
             _counted("spread", per, "consistent", "scatter", "its predicted uncertainty"),
             *(self._coverage(p, share) for p, share in ((68, 0.68), (95, 0.95))),
-            self._failures(),
+            check("failures", "failures", bad / total, None, 0.01, given),
         )
 
     def _coverage(self, percent: int, share: float) -> Check:
@@ -163,13 +167,6 @@ class Study:
         width = float(stdtrit(n - 1, 1 - EACH / 2) * scatter / np.sqrt(n))
         return check("coverage", f"coverage of {percent} %", 100 * value, 100 * (share - width),
                      100 * (share + width), {"percent": percent})  # fmt: skip
-
-    def _failures(self) -> Check:
-        total = sum(self.status.values())
-        bad = total - self.status.get("converged", 0)
-        parts = ", ".join(f"{count} {kind}" for kind, count in sorted(self.status.items()))
-        given = {"total": total, "parts": parts}
-        return check("failures", "failures", bad / total, None, 0.01, given)
 
 
 def _counted(name: str, per: list[dict[str, Any]], key: str, what: str, against: str) -> Check:

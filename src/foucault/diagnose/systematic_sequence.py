@@ -65,7 +65,7 @@ class Matched:
             np.concatenate([part.angle_err for part in parts]),
             np.concatenate([part.axis_err for part in parts]),
             tuple(f for part in parts for f in part.findings),
-        )  # fmt: skip
+        )
 
 
 def match_sequence(found: FoundSequence, sequence: CalibrationSequence) -> Matched:
@@ -74,7 +74,13 @@ def match_sequence(found: FoundSequence, sequence: CalibrationSequence) -> Match
     Raises the start, the number of turns, their axes or their angles are not those of the
     sequence.
     """
-    _check_start(found, sequence)
+    up, declared = found.accel[0] / np.linalg.norm(found.accel[0]), sequence.start[2]
+    angle = float(np.arccos(np.clip(up @ declared, -1.0, 1.0)))
+    if angle > START:
+        raise error(
+            "systematic.start", name=sequence.name, declared=", ".join(pointing(sequence.start)),
+            up=_along(declared), measured=_along(up), angle=f"{np.degrees(angle):.0f}",
+        )  # fmt: skip
     _check_moves(found, sequence)
     axis_err, angle_err = _misses(found.moves, *_told(sequence))
     positions, rests, notes = _rests(found, sequence)
@@ -87,16 +93,6 @@ def recognised(found: FoundSequence) -> str | None:
         if _fits(found.moves, make()):
             return name
     return None
-
-
-def _check_start(found: FoundSequence, sequence: CalibrationSequence) -> None:
-    up, declared = found.accel[0] / np.linalg.norm(found.accel[0]), sequence.start[2]
-    angle = float(np.arccos(np.clip(up @ declared, -1.0, 1.0)))
-    if angle > START:
-        raise error(
-            "systematic.start", name=sequence.name, declared=", ".join(pointing(sequence.start)),
-            up=_along(declared), measured=_along(up), angle=f"{np.degrees(angle):.0f}",
-        )  # fmt: skip
 
 
 def _check_moves(found: FoundSequence, sequence: CalibrationSequence) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import fit_checks
+from foucault.diagnose import fit_checks, references
 from foucault.diagnose.checks import (
     check,
     left_out_check,
@@ -20,15 +20,6 @@ from foucault.diagnose.checks import (
 )
 from foucault.diagnose.fit_checks import Judged, Limit
 from foucault.diagnose.left_out import common_g_sensitivity
-from foucault.diagnose.references import (
-    BEYOND_THE_SESSION,
-    believed,
-    common_scale,
-    norm_with_cov,
-    rate_norm_sd,
-    triad_columns,
-    wrong_gravity,
-)
 from foucault.errors import Finding, finding
 from foucault.estimate.table import ALONG, AT_REST, ENOUGH, FORCES, FOUND_IN, IN_SPINS, TableFit
 from foucault.infer import mixed
@@ -321,7 +312,7 @@ def hints(e: TableFit, checks: Iterable[Check]) -> list[Finding]:
     codes = {"accel": "session.common_scale"}
     if not e.model.readings.rate_logged:
         codes["gyro"] = "readings.common_rate"
-    out += common_scale(e.estimate.coefficients, e.model.site.gravity, codes)
+    out += references.common_scale(e.estimate.coefficients, e.model.site.gravity, codes)
     return out + _g_sensitivity_found(e) + (_quadratic_found(e) if left_out else [])
 
 
@@ -440,19 +431,19 @@ def _columns(
     out: dict[str, Any] = {
         "start": r.start, "end": r.start + r.time, "time": r.time, "rate": r.rate, "turns": r.turns,
         **{name: r.angles[:, k] for k, name in enumerate(("outer", "middle", "inner"))},
-        **triad_columns("up", up),
+        **references.triad_columns("up", up),
     }  # fmt: skip
     if r.accel is not None:
         # In spins the centripetal part is taken away, so that every norm must be local gravity.
         pushed = turntable.mean_force(up, np.where(r.spin, h, 0.0), 0.0, lever_arm)
         still = r.accel - pushed @ model.accel_matrix.T
-        norm, joint = norm_with_cov(model, coefficients, still, cov[0])
-        out |= triad_columns("accel", r.accel) | {
+        norm, joint = references.norm_with_cov(model, coefficients, still, cov[0])
+        out |= references.triad_columns("accel", r.accel) | {
             "norm_before": np.linalg.norm(r.accel, axis=1), "norm_after": norm,
             "norm_sd": np.sqrt(np.diag(joint)),
         }  # fmt: skip
     if r.gyro is not None:
-        out |= triad_columns("gyro", r.gyro)
+        out |= references.triad_columns("gyro", r.gyro)
     if r.gyro is not None and r.spin.any():
         w = model.compensate(r.accel, r.gyro)[1]
         assert w is not None
@@ -461,7 +452,7 @@ def _columns(
             "rate_before": np.linalg.norm(r.gyro, axis=1) * spin,
             "rate_after": np.linalg.norm(w, axis=1) * spin,
             "rate_true": np.abs(h) * spin,
-            "rate_sd": rate_norm_sd(model, coefficients, w, r.accel, cov[1]) * spin,
+            "rate_sd": references.rate_norm_sd(model, coefficients, w, r.accel, cov[1]) * spin,
         }
     return out
 
@@ -610,12 +601,12 @@ def unseen(
     accelerometers are estimated.
     """
     out = [
-        wrong_gravity(site.gravity_sd),
+        references.wrong_gravity(site.gravity_sd),
         "How the body axes lie in the case: they are those of the accelerometers (see gauge).",
-        *BEYOND_THE_SESSION,
+        *references.BEYOND_THE_SESSION,
     ]
     if readings.gyro is not None and readings.spin.any():
-        rate = believed(table_rate_sd, 1e-6, "ppm")
+        rate = references.believed(table_rate_sd, 1e-6, "ppm")
         out.insert(1, f"A wrong rate of the table: 1 ppm is 1 ppm in all gyro scales; {rate}.")
         spins = readings.rate[readings.spin]
         if np.all(spins > 0) or np.all(spins < 0):

@@ -241,9 +241,7 @@ def facts(seen: Seen, model: TemperatureModel) -> dict[str, Any]:
             "needed": _said(needed.get(f), seen),
             "missing": _said(missing.get(f), seen),
         })  # fmt: skip
-    tests = [
-        {"family": seen.families[f], "F": F, "p": p} for f, F, p in seen.hysteresis
-    ]  # fmt: skip
+    tests = [{"family": seen.families[f], "F": F, "p": p} for f, F, p in seen.hysteresis]
     fit = choice.fit
     return {"families": rows, "hysteresis": tests, "chi_square": fit.chi_square, "dof": fit.dof}
 

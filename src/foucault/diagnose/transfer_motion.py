@@ -17,17 +17,7 @@ import numpy as np
 from foucault import units
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose.transfer import (
-    EACH,
-    NEAR,
-    Evidence,
-    bracket,
-    fits,
-    hardly,
-    hidden,
-    spreads,
-    whiteness,
-)
+from foucault.diagnose import transfer as judge
 from foucault.errors import Finding, Status, finding, listed
 from foucault.estimate.delay import SEEN, UNLIKE, Delay
 from foucault.estimate.transfer import likeliest_flexure
@@ -223,7 +213,7 @@ class LeverArm:
         return float(d @ np.linalg.solve(self.cov, d))
 
 
-def lever_arm(e: Evidence) -> LeverArm | None:
+def lever_arm(e: judge.Evidence) -> LeverArm | None:
     """Find the lever arm beside all that was estimated; None where velocities are not used."""
     if not np.isfinite(e.model.matching.velocity_sd):
         return None
@@ -234,7 +224,7 @@ def lever_arm(e: Evidence) -> LeverArm | None:
     if not (np.isfinite(d).all() and np.isfinite(cov).all()):
         return None
     gain = 0.5 * float(d @ np.linalg.solve(cov, d))
-    scatter = component(run.white[:, e.model.kinds["velocity"]], EACH)
+    scatter = component(run.white[:, e.model.kinds["velocity"]], judge.EACH)
     if scatter is None:
         return None
     cov = cov * max(1.0, scatter.ratio * scatter.count / scatter.redundancy)
@@ -242,19 +232,19 @@ def lever_arm(e: Evidence) -> LeverArm | None:
     return LeverArm(e.model.mount.lever_m + d, cov, gain, rms, high)
 
 
-def leverage(e: Evidence) -> FloatArray:
+def leverage(e: judge.Evidence) -> FloatArray:
     """Return ``C_nm [w x]`` at messages, (m, 6, 3): velocity per lever arm [1/s]."""
     system, C_ms = e.fit.system, e.model.mount.C_ms @ exp(e.fit.point.installation)
     turning = e.model.master.C_nm[system.used] @ cross_matrix(system.w_ib_b @ C_ms.T)
     return np.concatenate([turning, np.zeros_like(turning)], axis=1)
 
 
-def of_lever(e: Evidence) -> list[Finding]:
+def of_lever(e: judge.Evidence) -> list[Finding]:
     """Say so where the velocities show another lever arm than was given."""
     found, given = lever_arm(e), e.model.mount.lever_m
     if found is None or found.off(given) < chi_square_limits(3, 2 * SURELY)[1]:
         return []
-    now = spreads(e)["velocity"]
+    now = judge.spreads(e)["velocity"]
     little = now.chi_square > now.high and found.ratio**2 - 1.0 > LEFT * (now.ratio - 1.0)
     if little or found.ratio > NEARLY * found.high:
         return []  # something else is wrong, of which an arm takes a part
@@ -293,25 +283,25 @@ def _named(found: LeverArm, given: FloatArray) -> str:
     return f": what shows is {best}" if clear else ""
 
 
-def narrow(e: Evidence) -> list[tuple[str, CoefficientVector]]:
+def narrow(e: judge.Evidence) -> list[tuple[str, CoefficientVector]]:
     """Return the priors that what is found contradicts, where the innovations fit without them.
 
     Returns group, and what the messages alone say of its coefficients; none where all is as it
     was said to be, or where innovations are too large without priors too [SI].
     """
     suspects = contradicted(e)
-    if not suspects and fits(e):
+    if not suspects and judge.fits(e):
         return []
     # What priors hide of each other cannot be told: each that would do is named.
     named = [one for group in suspects for one in _freed(e, [group])]
     return named or _freed(e, _groups(e))
 
 
-def _groups(e: Evidence) -> list[str]:
+def _groups(e: judge.Evidence) -> list[str]:
     return list(dict.fromkeys(n.rpartition(".")[0] for n in e.states.names if n != "master.delay"))
 
 
-def contradicted(e: Evidence) -> list[str]:
+def contradicted(e: judge.Evidence) -> list[str]:
     """Return the groups whose prior the messages contradict, those that explain it best.
 
     With u the estimate less its prior mean in units of its sd, and ``V = I - P`` with P its
@@ -346,7 +336,7 @@ def contradicted(e: Evidence) -> list[str]:
     return [g for g in sorted(gains, key=lambda g: -gains[g]) if gains[g] > max(best - ALIKE, 0.0)]
 
 
-def _freed(e: Evidence, groups: Sequence[str]) -> list[tuple[str, CoefficientVector]]:
+def _freed(e: judge.Evidence, groups: Sequence[str]) -> list[tuple[str, CoefficientVector]]:
     """Return what the messages say of groups whose priors are wide, those that were wrong."""
     loose = [i for group in groups for i in e.model.layout.group(group)]
     if "installation" in groups:
@@ -355,7 +345,7 @@ def _freed(e: Evidence, groups: Sequence[str]) -> list[tuple[str, CoefficientVec
     wide[loose] *= LOOSE
     found = filtered.fit(replace(e.model, sd=wide), passes=4, settled=1.0)
     freed = replace(e, fit=found)
-    if not np.isfinite(found.run.white).any() or not fits(freed):
+    if not np.isfinite(found.run.white).any() or not judge.fits(freed):
         return []
     alone, mean = freed.states, e.prior.values
     limit = np.sqrt(chi_square_limits(1, FALSE_ALARM, len(alone))[1])
@@ -364,7 +354,7 @@ def _freed(e: Evidence, groups: Sequence[str]) -> list[tuple[str, CoefficientVec
     return [(group, alone[group]) for group in groups if group in wrong]
 
 
-def of_priors(e: Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> list[Finding]:
+def of_priors(e: judge.Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> list[Finding]:
     """Name the priors without which the innovations would fit."""
     out = []
     for group, alone in priors:
@@ -385,15 +375,15 @@ def of_priors(e: Evidence, priors: Sequence[tuple[str, CoefficientVector]]) -> l
     return out
 
 
-def of_flexure(e: Evidence) -> list[Finding]:
+def of_flexure(e: judge.Evidence) -> list[Finding]:
     """Offer the bending of the mount that makes the innovations likeliest, where one is seen."""
     if not e.fit.nominal or not np.isfinite(e.model.matching.attitude_sd):
         return []
     fit = likeliest_flexure(e.model, e.fit.point, e.fit.run.log_likelihood)
     if fit.gain < BENDS:
         return []
-    worst, limit = whiteness(fit.run)
-    good = worst <= limit and fits(replace(e, fit=replace(e.fit, run=fit.run)))
+    worst, limit = judge.whiteness(fit.run)
+    good = worst <= limit and judge.fits(replace(e, fit=replace(e.fit, run=fit.run)))
     left = "innovations are then as they should be" if good else "something else is left"
     arcmin = np.radians(1 / 60)
     return [finding(
@@ -402,7 +392,7 @@ def of_flexure(e: Evidence) -> list[Finding]:
     )]  # fmt: skip
 
 
-def of_outliers(e: Evidence) -> list[Finding]:
+def of_outliers(e: judge.Evidence) -> list[Finding]:
     """Name the few messages that are off, where the others fit."""
     u, system = e.fit.run.white, e.fit.system
     with np.errstate(invalid="ignore"):
@@ -410,7 +400,7 @@ def of_outliers(e: Evidence) -> list[Finding]:
     if not 0 < np.sum(off) <= FEW * len(u):
         return []
     without = replace(system, R=np.where(off[:, None], np.inf, system.R))
-    if not fits(replace(e, fit=replace(e.fit, run=kalman(without)))):
+    if not judge.fits(replace(e, fit=replace(e.fit, run=kalman(without)))):
         return []
     times = system.time[off] + e.fit.point.delay
     shown = listed([plain(round(float(t), 2), 13) for t in times], MOST)
@@ -442,7 +432,7 @@ EXPLAINS = {"delay.scale", "transfer.delay_differs", "transfer.force_axes", "tra
 
 
 def findings(
-    e: Evidence, before: Sequence[Finding] = (), passes: Sequence[Finding] = ()
+    e: judge.Evidence, before: Sequence[Finding] = (), passes: Sequence[Finding] = ()
 ) -> list[Finding]:
     """Return all that was noticed: of delay, motion, innovations and what would explain them.
 
@@ -458,40 +448,43 @@ def findings(
     told = [*before, *passes, *_of_edge(e), *_of_delay(e), *_straight(e)]
     # What was said to be known too well is not hidden by the motion.
     known = [group for group, _ in priors]
-    told += [*unseen([n for n in hardly(e) if n.rpartition(".")[0] not in known]), *_hidden(e)]
-    dependent, allowed = whiteness(e.fit.run)
+    told += [
+        *unseen([n for n in judge.hardly(e) if n.rpartition(".")[0] not in known]),
+        *_hidden(e),
+    ]
+    dependent, allowed = judge.whiteness(e.fit.run)
     if not causes and dependent > allowed:
         causes = of_flexure(e)
     return [*told, *(causes or _of_spread(e))]
 
 
-def _of_edge(e: Evidence) -> list[Finding]:
+def _of_edge(e: judge.Evidence) -> list[Finding]:
     if e.likeliest is None or not e.likeliest.at_edge:
         return []
     return [finding("transfer.edge", delay=_in_ms(e.likeliest.delay), longest=_in_ms(e.longest))]
 
 
-def _of_delay(e: Evidence) -> list[Finding]:
+def _of_delay(e: judge.Evidence) -> list[Finding]:
     out: list[Finding] = []
-    limits = bracket(e)
+    limits = judge.bracket(e)
     if limits is None:
         return out
     found = e.states["master.delay"]
     tau, sd = float(found.values[0]), float(found.sd[0])
     if not limits[0] <= tau <= limits[1]:
         out.append(finding("transfer.outside", delay=_in_ms(tau), longest=_in_ms(e.longest)))
-    if abs(tau) < 3 * sd + NEAR and sd < NEAR:
+    if abs(tau) < 3 * sd + judge.NEAR and sd < judge.NEAR:
         out.append(finding("transfer.at_validity", delay=_in_ms(tau), sd=plain(sd * 1e3, 2)))
     return [*out, *_two_delays(e, tau, sd)]
 
 
-def _two_delays(e: Evidence, tau: float, sd: float) -> list[Finding]:
+def _two_delays(e: judge.Evidence, tau: float, sd: float) -> list[Finding]:
     """Say so where rate matching and the filter disagree on the delay."""
     if e.delay is None or not e.delay.seen:
         return []
     later = float(np.mean(e.model.master.time)) - e.delay.middle
     other, other_sd = e.delay.delay + e.delay.drift * later, e.delay.delay_sd
-    if abs(other - tau) < max(CONTRADICT * float(np.hypot(sd, other_sd)), NEAR):
+    if abs(other - tau) < max(CONTRADICT * float(np.hypot(sd, other_sd)), judge.NEAR):
         return []
     return [finding("transfer.delays", matched=_in_ms(other), matched_sd=plain(other_sd * 1e3, 2),
                     found=_in_ms(tau), sd=plain(sd * 1e3, 2))]  # fmt: skip
@@ -501,7 +494,7 @@ def _in_ms(seconds: float) -> str:
     return f"{seconds * 1e3:.1f}"
 
 
-def _straight(e: Evidence) -> list[Finding]:
+def _straight(e: judge.Evidence) -> list[Finding]:
     C, v = e.model.master.C_nm, e.model.master.velocity_n
     turn = float(np.max(np.linalg.norm(rotation_vector(C[0].T @ C), axis=1)))
     speed = float(np.ptp(np.linalg.norm(v, axis=1)))
@@ -519,17 +512,17 @@ def unseen(names: Sequence[str]) -> list[Finding]:
     return [finding("transfer.unseen", names=", ".join(names), wanted=wanted)]
 
 
-def _hidden(e: Evidence) -> list[Finding]:
-    names = hidden(e)
+def _hidden(e: judge.Evidence) -> list[Finding]:
+    names = judge.hidden(e)
     if not names:
         return []
     return [finding("transfer.hidden", names=", ".join(names))]
 
 
-def _of_spread(e: Evidence) -> list[Finding]:
+def _of_spread(e: judge.Evidence) -> list[Finding]:
     out = []
     units = {"velocity": (1.0, "m/s"), "attitude": (np.radians(1 / 60), "arcmin")}
-    for name, s in spreads(e).items():
+    for name, s in judge.spreads(e).items():
         if s.inside or (s.chi_square < s.low and not e.fit.nominal):
             continue
         size, unit = units[name]
@@ -543,6 +536,5 @@ def _of_spread(e: Evidence) -> list[Finding]:
             continue
         value = f"{plain(np.sqrt(left) / size, 2)} {unit}"
         code = "transfer.spread" if s.ratio > 1.0 else "transfer.narrow"
-        out.append(finding(code, what=name, ratio=f"{s.rms[0]:.2f}",
-                           key=f"{name}_sd", value=value))  # fmt: skip
+        out.append(finding(code, what=name, ratio=f"{s.rms[0]:.2f}", key=f"{name}_sd", value=value))
     return out

@@ -67,7 +67,9 @@ def plan_findings(
     since, command = since[inside], command[inside]
     wanted = told.command[np.searchsorted(told.time, since + 1e-9, side="right") - 1]
     miss = np.linalg.norm(command - wanted, axis=1)
-    miss[_between(since, plan, max(step, _hold(log)))] = 0.0
+    hold = max(step, _hold(log))
+    last = np.searchsorted(plan.ends, since + hold, side="right") - 1
+    miss[np.asarray(since < plan.ends[last] + plan.ramp + hold)] = 0.0
     fastest = float(np.abs(told.command).max())
     rms = float(np.sqrt(np.mean(miss**2)))
     if rms > 0.02 * fastest:
@@ -88,12 +90,6 @@ def _hold(log: Log) -> float:
     assert log.gyro is not None
     changes = log.time[1:][np.any(np.diff(log.gyro, axis=0) != 0, axis=1)]
     return float(np.median(np.diff(changes))) if len(changes) > 1 else log.interval
-
-
-def _between(since: FloatArray, plan: TorquingPlan, hold: float) -> BoolArray:
-    """Return where the rate of a plan changes: commands held otherwise are others there."""
-    last = np.searchsorted(plan.ends, since + hold, side="right") - 1
-    return np.asarray(since < plan.ends[last] + plan.ramp + hold)
 
 
 def _shift(command: FloatArray, wanted: FloatArray) -> int:
@@ -484,6 +480,8 @@ def observability_json(e: Solution) -> dict[str, Any]:
     prior_sd = e.prior.sd[: len(STATE)]
     motion, until = motion_seen(e)
     whole = information.with_prior(prior_sd)
+    newly = [gain.alone for gain in motion.gains]
+    seen: set[str] = set()  # one that rounding hides for a while counts once
     return {
         "rank": motion.rank,
         "states": len(STATE),
@@ -492,7 +490,7 @@ def observability_json(e: Solution) -> dict[str, Any]:
         "growth": {
             "until": until,
             "rank": [gain.rank for gain in motion.gains],
-            "alone": _alone([gain.alone for gain in motion.gains]),
+            "alone": [len(seen := seen | set(names)) for names in newly],
         },
         "unseen": [c.words for c in motion.unseen],
         "remaining": [r.words for r in information.remaining(prior_sd, WEAKEST)],
@@ -503,12 +501,6 @@ def observability_json(e: Solution) -> dict[str, Any]:
             for name, sd, before in zip(STATE.names, whole.sd, prior_sd, strict=True)
         },
     }
-
-
-def _alone(newly: Sequence[Sequence[str]]) -> list[int]:
-    """Count the states seen each by itself; one that rounding hides for a while counts once."""
-    seen: set[str] = set()
-    return [len(seen := seen | set(names)) for names in newly]
 
 
 def motion_seen(e: Solution) -> tuple[Observability, list[float]]:
@@ -569,9 +561,10 @@ def _time(t: Tumble) -> FloatArray:
 
 def tables(e: Solution) -> dict[str, TableData]:
     """Return the tables of the report."""
+    white = e.white.residuals
     return {
         "course": _course(e),
-        "residuals": _residuals(e),
+        "residuals": {"time": e.fit.time} | {a: white[:, k] for k, a in enumerate(AXES)},
         "sensitivity": _sensitivity(e),
         "path": _path(e),
     }
@@ -593,11 +586,6 @@ def _course(e: Solution) -> TableData:
         out[f"attitude.{axis}"] = history.step[:, k]
         out[f"attitude.{axis}.sd"] = history.sd[:, k]
     return out
-
-
-def _residuals(e: Solution) -> TableData:
-    white = e.white.residuals
-    return {"time": e.fit.time} | {a: white[:, k] for k, a in enumerate(AXES)}
 
 
 def _sensitivity(e: Solution) -> TableData:

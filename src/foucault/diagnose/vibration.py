@@ -19,7 +19,6 @@ from math import comb
 
 import numpy as np
 
-from foucault.arrays import FloatArray
 from foucault.errors import Finding, finding
 from foucault.tables import AXES, Log
 from foucault.units import convert, display_unit, plain
@@ -64,7 +63,8 @@ def vibration(log: Log, start: float, end: float) -> tuple[Vibration, ...]:
     for triad in ("gyro", "accel"):
         for k in log.logged(triad):
             x = getattr(log, triad)[: count * size, k].reshape(count, size)
-            density = _density(x, log.interval)
+            power = np.mean(np.diff(x, n=ORDER, axis=1) ** 2, axis=1)
+            density = np.asarray(power * log.interval / comb(2 * ORDER, ORDER))
             rest = float(density[inside & whole].mean())
             moving = density[outside & whole]
             middle = float(np.median(moving))
@@ -74,11 +74,6 @@ def vibration(log: Log, start: float, end: float) -> tuple[Vibration, ...]:
                 float(np.mean(moving > LOUD * rest)),
             ))  # fmt: skip
     return tuple(out)
-
-
-def _density(x: FloatArray, interval: float) -> FloatArray:
-    power = np.mean(np.diff(x, n=ORDER, axis=1) ** 2, axis=1)
-    return np.asarray(power * interval / comb(2 * ORDER, ORDER))
 
 
 def findings(seen: tuple[Vibration, ...]) -> tuple[Finding, ...]:

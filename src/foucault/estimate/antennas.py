@@ -112,8 +112,7 @@ def not_exchanged(at: Point, known: Mapping[str, tuple[float, float]]) -> None:
     given = np.array([(said[k] or (0.0,))[0] for k in axes])
     there = float(np.linalg.norm(given))
     if there > size / 2 and np.linalg.norm(at.base_b[axes] + given) < there / 2:
-        found, wanted = (", ".join(plain(float(x), 3) for x in v)
-                         for v in (at.base_b[axes], given))  # fmt: skip
+        found, wanted = (", ".join(plain(float(x), 3) for x in v) for v in (at.base_b[axes], given))
         raise error("pose.swapped", found=found, given=wanted)
 
 

@@ -354,7 +354,9 @@ def _refined(
     """Leave out what is wild, weigh, and follow a drift of the clocks."""
     wild = ~usable & (turns.dt < LONG * turns.interval) | _wild(start)
     usable = usable & ~wild
-    middle = _centre(start, turns)
+    # In the middle the delay is known best, whatever it does before and after.
+    weight = np.sum(start.slope[:, :, TAU] ** 2 / np.mean(start.residual**2, axis=0), axis=1)
+    middle = float(np.average((turns.start + turns.end) / 2, weights=weight + 1e-300))
     now, drift, cov = _followed(slave, turns, start, usable, middle, HELD)
     if not _unlike(now):
         now, drift, cov = _followed(slave, turns, start, usable, middle, ALIKE)
@@ -398,12 +400,6 @@ def _unlike(found: Match) -> bool:
     if not found.converged or np.any(np.abs(k) > SOUND * GAINS):  # as where one is reversed
         return False
     return bool(k @ np.linalg.pinv(P, hermitian=True) @ k > DIFFER)
-
-
-def _centre(found: Match, turns: Turns) -> float:
-    """Return the time at which the delay is known best, whatever it does before and after [s]."""
-    weight = np.sum(found.slope[:, :, TAU] ** 2 / np.mean(found.residual**2, axis=0), axis=1)
-    return float(np.average((turns.start + turns.end) / 2, weights=weight + 1e-300))
 
 
 def _wild(found: Match) -> BoolArray:

@@ -387,8 +387,7 @@ def _look(
     more = np.r_[BIAS, GAIN]
     residual[used] = phi_s - turned + slopes[used][:, :, more] @ x[more]
     phi[used] = phi_s
-    return Match(x, np.zeros((10, 10)), C_ms, used, residual, slopes, weighted, phi, False,
-                 held)  # fmt: skip
+    return Match(x, np.zeros((10, 10)), C_ms, used, residual, slopes, weighted, phi, False, held)
 
 
 def _by_master(turns: Turns, turned: FloatArray) -> FloatArray:

@@ -20,10 +20,9 @@ the gyros add up when the angle is known::
     gyro mean      w_j = A_g C_bk w_ie_k + b_g + G C_bk f_k
     gyro integral  W_t = A_g C_bk (angle axis_k + int w_ie_k dt) + b_g T + G C_bk int f_k dt
 
-with L lower triangular (`Gauge.LOWER`) and C_bk the small rotation from case to body axes. In case
-axes everything is linear, ``A = L C_bk``: least squares gives the exact start, for errors of any
-size, and the iteration from there weighs the readings and carries their covariance through the
-change of gauge.
+with L lower triangular (`Gauge.LOWER`) and C_bk the small rotation from case to body axes. All but
+that rotation is linear: a few steps of least squares give the exact start, for errors of any size,
+and the iteration from there weighs the readings.
 
 No instrument lies on a face as it should. Up differs from the case axis by a small random vector
 d across it, another one in each placement; turning the instrument on the spot keeps it. The axis
@@ -59,7 +58,7 @@ from foucault.result import Estimate
 from foucault.tables import Log
 
 
-def turn_spread(log: Log, turns: TurnReadings, model_k: ImuModel) -> FloatArray:
+def turn_spread(log: Log, turns: TurnReadings, state: State) -> FloatArray:
     """Integrate the attitude over each turn: what a vector fixed in space adds up to.
 
     `turns`: the turns [SI]. Returns (m, 3, 3): ``int C_k(t)k(0) dt``: times a vector in case axes
@@ -69,9 +68,10 @@ def turn_spread(log: Log, turns: TurnReadings, model_k: ImuModel) -> FloatArray:
     out = np.empty((len(turns), 3, 3))
     for j, (a, b) in enumerate(zip(turns.first, turns.last, strict=True)):
         time = log.time[a:b]
-        _, rate = model_k.compensate(None if log.accel is None else log.accel[a:b], log.gyro[a:b])
+        force = None if log.accel is None else log.accel[a:b]
+        _, rate = state.model.compensate(force, log.gyro[a:b])
         assert rate is not None
-        rate = np.ascontiguousarray(rate)
+        rate = np.ascontiguousarray(rate @ state.C_bk)
         ends = np.array([0]), np.array([b - a - 1])
         _, constant, *_ = integrate_turns(
             time, rate, np.zeros_like(rate), np.zeros((3, 3)), *ends, log.sampled == "increment"
@@ -129,6 +129,7 @@ def scale_and_rotation(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     return K, matrix / K[:, None]
 
 
+STEPS = 8  # Of the least squares: each leaves the square of what the rotation was off by [1].
 PASSES = 2  # Times that the attitude in the turns is found; each is 1e-4 of the last, or less [1].
 QUIETEST = 1e-10  # Least sd of a mean, [m/s^2] and [rad/s]: far below what any instrument has.
 
@@ -137,9 +138,6 @@ SCATTER = {"accel": "scatter of specific force at rest", "gyro": "scatter of ang
 
 BEYOND = "placement beyond placement_sd"
 """Source of what placements are off by beyond what was declared."""
-
-FOUND = Source("", sd=None, type=UNEXPLAINED_BASIS[0], basis=UNEXPLAINED_BASIS[1])
-"""A source whose size the residuals tell."""
 
 TILTS = (
     ("placement", "placement_sd"), ("level of the turns", "level_sd"),
@@ -200,14 +198,14 @@ class Scene:
         )
 
 
-def closed_form(
+def scene_of(
     rests: FaceReadings,
     turns: TurnReadings | None,
     site: Site,
     names: Sequence[str],
     log: Log | None = None,
 ) -> tuple[Scene, State]:
-    """Solve by linear least squares in case axes, and change to the body axes.
+    """Return what was observed and the least squares of it, all readings being alike.
 
     `rests`: the rests, on six faces [SI]; `log` or None: the log, for the attitude during the
     turns.
@@ -219,72 +217,63 @@ def closed_form(
         rests, turns, site, force, vertical * rests.up_k,
         np.zeros((m, 3)), np.zeros((m, 3)), np.zeros((m, 3, 3)),
     )  # fmt: skip
-    model = _accel(scene, names)
-    if rests.gyro is None:
-        return _in_body(scene, model)
-    if turns is not None:
-        assert log is not None
-        mean, _ = model.compensate(turns.accel / turns.time[:, None], None)
-        assert mean is not None
-        about = turns.angle[:, None] * turns.axis_k
-        scene = replace(scene, turn_k=about, turn_force_k=mean * turns.time[:, None])
-        # What the Earth adds depends on the attitude, and the attitude on what it adds.
-        for _ in range(PASSES):
-            spread = turn_spread(log, turns, _gyro(scene, model, names))
-            known = vertical * np.einsum("mij,mj->mi", spread, turns.up_k)
-            scene = replace(scene, turn_k=about + known, spread=spread)
-    return _in_body(scene, _gyro(scene, model, names))
-
-
-def _accel(scene: Scene, names: Sequence[str]) -> ImuModel:
-    model, f = ImuModel(), scene.force_k
-    for i, axis in enumerate("xyz"):
-        columns = [f, np.ones((len(f), 1))]
-        if f"accel.quadratic.{axis}" in names:
-            columns.append(f[:, i : i + 1] ** 2)
-        x = np.linalg.lstsq(np.hstack(columns), scene.rests.accel[:, i], rcond=None)[0]
-        model.accel_matrix[i], model.accel_bias[i] = x[:3], x[3]
-        if len(x) > 4:
-            model.accel_quadratic[i, i] = x[4]
-    return model
-
-
-def _gyro(scene: Scene, model: ImuModel, names: Sequence[str]) -> ImuModel:
-    rests, turns = scene.rests, scene.turns
-    assert rests.gyro is not None
-    rates, right = scene.rate_k, rests.gyro
-    ones, force = np.ones((len(rests), 1)), scene.force_k
-    if turns is not None:
-        # Per unit of time, so that rests and turns have equations of like size.
-        time = turns.time[:, None]
-        rates = np.concatenate([rates, scene.turn_k / time])
-        right = np.concatenate([right, turns.gyro / time])
-        ones = np.ones((len(right), 1))
-        force = np.concatenate([force, scene.turn_force_k / time])
-    columns = [ones]
-    if "gyro.g_sensitivity.xx" in names:
-        columns.append(force)
     if turns is None:
-        right = right - rates
-    else:
-        columns.append(rates)
-    rows = np.hstack(columns)
-    size = np.linalg.norm(rows, axis=0)
-    x = (np.linalg.lstsq(rows / size, right, rcond=None)[0].T / size).astype(float)
-    out = replace(model, gyro_bias=x[:, 0])
-    if "gyro.g_sensitivity.xx" in names:
-        out = replace(out, g_sensitivity=x[:, 1:4])
-    return out if turns is None else replace(out, gyro_matrix=x[:, -3:])
+        return scene, _least_squares(scene, names)
+    assert log is not None
+    about = turns.angle[:, None] * turns.axis_k
+    state = _least_squares(replace(scene, turns=None), [n for n in names if n.startswith("accel")])
+    mean, _ = state.model.compensate(turns.accel / turns.time[:, None], None)
+    assert mean is not None
+    scene = replace(scene, turn_k=about, turn_force_k=mean @ state.C_bk * turns.time[:, None])
+    # What the Earth adds depends on the attitude, and the attitude on what it adds.
+    for _ in range(PASSES):
+        spread = turn_spread(log, turns, _least_squares(scene, names))
+        known = vertical * np.einsum("mij,mj->mi", spread, turns.up_k)
+        scene = replace(scene, turn_k=about + known, spread=spread)
+    return scene, _least_squares(scene, names)
 
 
-def _in_body(scene: Scene, model_k: ImuModel) -> tuple[Scene, State]:
-    model, C_bk = model_k.in_gauge(Gauge.LOWER)
-    if scene.turns is None:
-        model = replace(model, gyro_matrix=np.eye(3))
-    # Only the terms that are estimated: a rotation makes small products of the squares.
-    own = np.zeros((3, 6))
-    own[:, :3] = np.diag(np.diag(model.accel_quadratic[:, :3]))
-    return scene, State(replace(model, accel_quadratic=own), C_bk)
+def _least_squares(scene: Scene, names: Sequence[str]) -> State:
+    """Return model and mounting by all readings alike: linear, but for the change of axes."""
+    state, p = State(ImuModel(), np.eye(3)), len(names)
+    # Of turns per unit of time, so that rests and turns have equations of like size.
+    time = np.ones((sum(scene.sizes), 1))
+    if scene.turns is not None:
+        time[-len(scene.turns) :, 0] = scene.turns.time
+    for _ in range(STEPS):
+        miss, J = predict(scene, names, state)
+        rows = (J / time[:, :, None]).reshape(-1, p + 3)
+        size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+        step = np.linalg.lstsq(rows / size, (miss / time).ravel(), rcond=1e-12)[0] / size
+        state = State(state.model.moved(names, step[:p]), exp(step[p:]) @ state.C_bk)
+    return state
+
+
+def predict(scene: Scene, names: Sequence[str], state: State) -> tuple[FloatArray, FloatArray]:
+    """Return readings less what a state says, (k, 3), and its derivative, (k, 3, p + 3) [SI]."""
+    model, C, p = state.model, state.C_bk, len(names)
+    n, rated, m = scene.sizes
+    J = np.zeros((n + rated + m, 3, p + 3))
+    f, w = scene.force_k @ C.T, scene.rate_k @ C.T
+    accel, gyro = model.measure(f, w)
+    out = [accel]
+    slopes = model.slopes(f, w, names)
+    J[:n, :, :p], J[:n, :, p:] = slopes.accel, -slopes.accel_by_force @ cross_matrix(f)
+    if rated:
+        out.append(gyro)
+        J[n : 2 * n, :, :p] = slopes.gyro
+        J[n : 2 * n, :, p:] = -slopes.gyro_by_force @ cross_matrix(f)
+        if m:  # without turns the gyros' axes are unknown: they say nothing of the mounting
+            J[n : 2 * n, :, p:] -= slopes.gyro_by_rate @ cross_matrix(w)
+    if m and scene.turns is not None:
+        v, F, T = scene.turn_k @ C.T, scene.turn_force_k @ C.T, scene.turns.time
+        G = model.g_sensitivity
+        out.append(v @ model.gyro_matrix.T + T[:, None] * model.gyro_bias + F @ G.T)
+        J[2 * n :, :, p:] = -model.gyro_matrix @ cross_matrix(v) - G @ cross_matrix(F)
+        # Linear: what holds of rates holds of their integrals; a bias adds up with time.
+        summed = np.where([name.startswith("gyro.bias.") for name in names], T[:, None], 1.0)
+        J[2 * n :, :, :p] = model.slopes(F, v, names).gyro * summed[:, None]
+    return scene.readings - np.concatenate(out), J
 
 
 @dataclass(frozen=True)
@@ -386,31 +375,8 @@ class OnFaces:
 
     def linearise(self, state: State) -> Linearisation:
         """Compare the readings with the model at a state."""
-        scene, names, model, C = self.scene, self.layout.names, state.model, state.C_bk
-        n, rated, m = scene.sizes
-        p = len(names)
-        J = np.zeros((n + rated + m, 3, p + 3))
-        f, w = scene.force_k @ C.T, scene.rate_k @ C.T
-        accel, gyro = model.measure(f, w)
-        out = [accel]
-        slopes = model.slopes(f, w, names)
-        J[:n, :, :p], J[:n, :, p:] = slopes.accel, -slopes.accel_by_force @ cross_matrix(f)
-        if rated:
-            out.append(gyro)
-            J[n : 2 * n, :, :p] = slopes.gyro
-            J[n : 2 * n, :, p:] = -slopes.gyro_by_force @ cross_matrix(f)
-            if m:  # without turns the gyros' axes are unknown: they say nothing of the mounting
-                J[n : 2 * n, :, p:] -= slopes.gyro_by_rate @ cross_matrix(w)
-        if m and scene.turns is not None:
-            v, F, T = scene.turn_k @ C.T, scene.turn_force_k @ C.T, scene.turns.time
-            G = model.g_sensitivity
-            out.append(v @ model.gyro_matrix.T + T[:, None] * model.gyro_bias + F @ G.T)
-            J[2 * n :, :, p:] = -model.gyro_matrix @ cross_matrix(v) - G @ cross_matrix(F)
-            # Linear: what holds of rates holds of their integrals; a bias adds up with time.
-            summed = np.where([name.startswith("gyro.bias.") for name in names], T[:, None], 1.0)
-            J[2 * n :, :, :p] = model.slopes(F, v, names).gyro * summed[:, None]
-        sources = (*self._noise, *self._earth(state), *self._tilts(state))
-        return Linearisation(scene.readings - np.concatenate(out), J, sources)
+        miss, J = predict(self.scene, self.layout.names, state)
+        return Linearisation(miss, J, (*self._noise, *self._earth(state), *self._tilts(state)))
 
     def _rows(self, first: int, blocks: FloatArray) -> FloatArray:
         """Put blocks (r, 3, c) at the readings from `first` on, nothing at the others."""
@@ -448,13 +414,11 @@ class OnFaces:
             each = self._rows(mine.start, effect[mine])
             out.append(Source("least noise", each, sd=QUIETEST, noise=True))
             if noise.known:
-                out.append(replace(FOUND, name=scatter, each=each, unexplained=True))
+                out.append(mixed.scatter(scatter, each))
             if wander.bias_instability or wander.random_walk:
                 cov = window_covariance(start[mine], start[mine] + time[mine], wander)
-                squares, axes = np.linalg.eigh(cov)
-                root = axes * np.sqrt(np.maximum(squares, 0.0))
-                blocks = np.einsum("nij,nk->nikj", effect[mine], root).reshape(len(cov), 3, -1)
-                out.append(replace(sensor, shared=self._rows(mine.start, blocks)))
+                shared = self._rows(mine.start, mixed.tied(effect[mine], mixed.root(cov)))
+                out.append(replace(sensor, shared=shared))
         if rated and noise.session.gyro_rounding.any():  # the same in all rests
             blocks = np.broadcast_to(np.diag(noise.session.gyro_rounding), (n, 3, 3))
             out.append(replace(sensor, shared=self._rows(n, blocks)))
@@ -529,8 +493,7 @@ class OnFaces:
         if self.given[0] is not None and self.noise.known:
             # What a tilt explains as well as scatter does is taken for a tilt: it costs less.
             price = 0.9 * mixed.SIGNIFICANT
-            beyond = replace(FOUND, name=BEYOND, shared=first, price=price, unexplained=True)
-            out.append(beyond)
+            out.append(mixed.scatter(BEYOND, None, first, price))
         return out
 
     def tilt(self, which: int) -> Source:
@@ -538,7 +501,8 @@ class OnFaces:
         like = 0 if self.given[which] is None else which
         (name, setting), sd = TILTS[like], self.given[like]
         if sd is None:
-            return replace(FOUND, name=name, price=0.0)
+            kind, basis = UNEXPLAINED_BASIS
+            return Source(name, sd=None, price=0.0, type=kind, basis=basis)
         return Source(name, sd=sd, basis=f"{setting} as given in the campaign")
 
 
@@ -556,7 +520,7 @@ def on_faces(
 ) -> OnFaces:
     """State the model; the squares of tilts of unknown size are as large as they seem at first.
 
-    `scene`, `start`: as `closed_form` returns them; `given`: placement, level and angle as
+    `scene`, `start`: as `scene_of` returns them; `given`: placement, level and angle as
     declared, None: to be found, the last two are then like the placement [rad].
     """
     if given[0] is None and not noise.known:  # it is part of the noise that is found

@@ -35,12 +35,12 @@ from functools import cached_property
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.coefficients import CoefficientVector, Layout
+from foucault.coefficients import Layout
 from foucault.detect.stretches import Rests, runs
 from foucault.estimate import norm_observation
 from foucault.infer import gauss_newton
 from foucault.infer.left_out import With
-from foucault.infer.mixed import Fit, Linearisation, Source
+from foucault.infer.mixed import Fit, Linearisation, Source, root, scatter, tied
 from foucault.kernels.rotation import integrate_turns, integrate_turns_rk4
 from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import LAYOUT, ImuModel
@@ -115,10 +115,9 @@ def fit_norms(readings: FloatArray, gravity: float, start: ImuModel) -> Estimate
         assert f_b is not None
         norm = np.linalg.norm(f_b, axis=1)
         lever = -(f_b / norm[:, None]) @ np.linalg.inv(model.accel_matrix)
-        columns = [lever[:, i] for i in range(3)]
-        columns += [lever[:, i] * f_b[:, i] for i in range(3)]
-        columns += [lever[:, o] * f_b[:, i] for o, i in ((1, 0), (2, 0), (2, 1))]
-        return Linearised(gravity - norm, np.stack(columns, axis=1), np.arange(len(norm)))
+        slopes = model.slopes(f_b, np.zeros(f_b.shape), ACCEL_NAMES).accel
+        columns = np.einsum("ni,nij->nj", lever, slopes)
+        return Linearised(gravity - norm, columns, np.arange(len(norm)))
 
     problem = _problem(ACCEL_NAMES, start, linearise, len(readings))
     return _with_own_scatter(gauss_newton.solve(problem, tolerance=1e-12))
@@ -176,10 +175,9 @@ def _with_own_scatter(estimate: Estimate) -> Estimate:
     variance = estimate.chi_square / max(estimate.dof, 1)
     c = estimate.coefficients
     assert c.cov is not None
-    scaled = CoefficientVector(c.layout, c.values, c.cov * variance, c.free, c.prior_sd)
     return replace(
         estimate,
-        coefficients=scaled,
+        coefficients=replace(c, cov=c.cov * variance),
         state_cov=estimate.state_cov * variance,
         information=estimate.information / max(variance, 1e-300),
     )
@@ -272,9 +270,9 @@ class RestsAndTurns:
         ]  # fmt: skip
         slow = "slow noise as given in the campaign"
         if _wanders(noise.slow.accel):
-            tied = rows(0, np.asarray(np.kron(self._slow[0], np.eye(3))).reshape(n, 3, -1))
+            shared = rows(0, tied(np.broadcast_to(np.eye(3), (n, 3, 3)), self._slow[0]))
             name = "slow noise of accelerometers"
-            out.append(Source(name, shared=tied, noise=True, basis=slow))
+            out.append(Source(name, shared=shared, noise=True, basis=slow))
         if s.gyro_mean is not None:
             rest = _roots(noise.gyro_psd / T + 2 * noise.gyro_carried / T**2)
             turn = np.linalg.cholesky(at.turn_noise + 2 * np.diag(noise.gyro_carried))
@@ -286,9 +284,8 @@ class RestsAndTurns:
                                   basis="lines over as long a time in the turns"))  # fmt: skip
             if _wanders(noise.slow.gyro):
                 effect = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), at.turn_bias])
-                tied = np.einsum("iac,ij->iajc", effect, self._slow[1]).reshape(2 * n - 1, 3, -1)
-                name = "slow noise of gyros"
-                out.append(Source(name, shared=rows(n, tied), noise=True, basis=slow))
+                shared = rows(n, tied(effect, self._slow[1]))
+                out.append(Source("slow noise of gyros", shared=shared, noise=True, basis=slow))
             if s.site.latitude is None:
                 # One vector for the whole session, for the turns tie the headings together. It has
                 # its full size over all directions: a third of its square per axis.
@@ -296,12 +293,8 @@ class RestsAndTurns:
                                   EARTH_RATE / np.sqrt(3.0), type="B",
                                   basis="latitude not given: any direction"))  # fmt: skip
         if self.price is not None:
-            out += [
-                Source(SCATTER[name], mine[:, :, None] * np.eye(3), None, None, price=self.price,
-                       unexplained=True, type="A",
-                       basis="scatter of the residuals beyond the noise")
-                for name, mine in self.kinds.items()
-            ]  # fmt: skip
+            out += [scatter(SCATTER[name], mine[:, :, None] * np.eye(3), price=self.price)
+                    for name, mine in self.kinds.items()]  # fmt: skip
         return out
 
     def _rounding(self, at: Prediction) -> FloatArray | None:
@@ -327,7 +320,7 @@ class RestsAndTurns:
         start, end = time[s.first], time[s.last - 1]
         accel = window_covariance(start, end, self.noise.slow.accel)
         start, end = np.append(start, end[:-1]), np.append(end, start[1:])
-        return _root(accel), _root(window_covariance(start, end, self.noise.slow.gyro))
+        return root(accel), root(window_covariance(start, end, self.noise.slow.gyro))
 
 
 def session_of(fit: Fit) -> RestsAndTurns:
@@ -339,12 +332,6 @@ def session_of(fit: Fit) -> RestsAndTurns:
 
 def _wanders(triad: TriadNoise) -> bool:
     return bool(triad.bias_instability or triad.random_walk)
-
-
-def _root(cov: FloatArray) -> FloatArray:
-    """A root of a covariance that may be singular: a bias that hardly changes is one number."""
-    size, axes = np.linalg.eigh(cov)
-    return np.asarray(axes * np.sqrt(np.maximum(size, 0.0)))
 
 
 def _roots(variance: FloatArray) -> FloatArray:
@@ -362,22 +349,17 @@ def middle(session: Session) -> FloatArray:
     return np.concatenate([rests, rests, turns])
 
 
-def first_guess(session: Session, fixed: ImuModel | None = None) -> Attitudes | None:
+def first_guess(session: Session) -> Attitudes | None:
     """Return a state to start from, or None where the rests do not determine the norm.
 
     Linear norm observation for the accelerometers, the mean of the rests for the gyro bias, the
     published cost for the gyro matrix, dead reckoning between rests for heading, and a linear
     fit of the Earth's rotation for the heading of the first.
-
-    `fixed` or None: start from these accelerometer errors instead (for instance a prior).
     """
-    if fixed is None:
-        solved = norm_observation.solve(session.accel_mean, session.site.gravity)
-        if solved is None:
-            return None
-        model = ImuModel(accel_matrix=solved[0], accel_bias=solved[1])
-    else:
-        model = fixed
+    solved = norm_observation.solve(session.accel_mean, session.site.gravity)
+    if solved is None:
+        return None
+    model = ImuModel(accel_matrix=solved[0], accel_bias=solved[1])
     f_b, _ = model.compensate(session.accel_mean, None)
     assert f_b is not None
     up_b = f_b / np.linalg.norm(f_b, axis=1)[:, None]

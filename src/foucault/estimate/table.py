@@ -33,7 +33,7 @@ from foucault.estimate.norm_observation import unify, wahba
 from foucault.infer import gauss_newton, left_out, mixed
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.infer.left_out import Columns, Judgement, With
-from foucault.infer.mixed import NOISE_BASIS, SIGNIFICANT, UNEXPLAINED_BASIS, Linearisation, Source
+from foucault.infer.mixed import NOISE_BASIS, SIGNIFICANT, Linearisation, Source
 from foucault.infer.snooping import Snooping, snoop, snoop_fit
 from foucault.models import turntable
 from foucault.models.earth import EARTH_RATE, Site
@@ -192,7 +192,7 @@ class TableModel:
         accel, spin = self.kind < 2, self.kind == 3
         kind, basis = NOISE_BASIS[r.noise_from]
         noise = [
-            Source(f"{name} noise", self._own(mine, _root(cov)[j]), noise=True,
+            Source(f"{name} noise", self._own(mine, mixed.root(cov)[j]), noise=True,
                    type=kind, basis=basis)
             for name, mine, cov in (
                 ("accelerometer", accel, quick.accel_cov), ("gyro", ~accel, quick.gyro_cov)
@@ -207,23 +207,19 @@ class TableModel:
             )
         if self.earth_unknown:
             out.append(self._earth())
-        kind, basis = UNEXPLAINED_BASIS
-        scatter = {
+        beyond = {
             FORCES: self._own(accel, eye), AT_REST: self._own(self.kind == 2, eye),
             IN_SPINS: self._own(spin, eye), ALONG: turning,
         }  # fmt: skip
         # Noise that was measured within readings is a lower limit of what differs between them:
         # what is more is always added, where enough of them tell it. A noise that nobody knows is
         # all scatter.
-        tested = {"declared": set(scatter), "measured": self.tested, "unknown": set()}
+        tested = {"declared": set(beyond), "measured": self.tested, "unknown": set()}
         out += [
-            Source(
-                name, each, sd=None, unexplained=True, type=kind, basis=basis,
-                price=SIGNIFICANT if name in tested[r.noise_from] else 0.0,
-            )
-            for name, each in scatter.items()
+            mixed.scatter(name, each, price=SIGNIFICANT if name in tested[r.noise_from] else 0.0)
+            for name, each in beyond.items()
             if o.repeatability and each.any()
-        ]  # fmt: skip
+        ]
         return tuple(replace(s, sd=self.sizes.get(s.name, s.sd)) for s in (*out, *self.more))
 
     @property
@@ -250,11 +246,9 @@ class TableModel:
             ("accelerometer", "gyro"), mine, self.readings.wander(), strict=True
         ):
             if cov is not None:
-                shared = np.einsum("kij,kl->kilj", self._own(own, np.eye(3)), _root(cov)[j])
-                out.append(Source(
-                    f"wandering {name} bias", shared=shared.reshape(len(j), 3, -1), noise=True,
-                    basis="bias instability and random walk as given",
-                ))  # fmt: skip
+                shared = mixed.tied(self._own(own, np.eye(3)), mixed.root(cov)[j])
+                out.append(Source(f"wandering {name} bias", shared=shared, noise=True,
+                                  basis="bias instability and random walk as given"))  # fmt: skip
         return out
 
     def _earth(self) -> Source:
@@ -285,12 +279,6 @@ class TableModel:
     def values(self, state: State) -> FloatArray:
         """Return the coefficients of a state, shape (p,) [SI]."""
         return state.model.coefficients(self.options.names).values
-
-
-def _root(cov: FloatArray) -> FloatArray:
-    """Return a root of covariances, also of what a correlation time of days makes nearly alike."""
-    size, axes = np.linalg.eigh(cov)
-    return np.asarray(axes * np.sqrt(np.maximum(size, 0.0))[..., None, :])
 
 
 # -- starts --------------------------------------------------------------------------------

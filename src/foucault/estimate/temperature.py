@@ -151,7 +151,13 @@ def scatter(
     """
     if not wanted.any():
         return known
-    size, stacks = _typical(evidence, len(known)), _stacks(evidence, design)
+    # The mean variance of each group [unit^2].
+    groups = len(known)
+    total, count = np.zeros(groups), np.zeros(groups)
+    for one in evidence:
+        np.add.at(total, one.group, np.diag(one.cov))
+        np.add.at(count, one.group, 1.0)
+    size, stacks = total / np.maximum(count, 1.0), _stacks(evidence, design)
 
     def cost(root: FloatArray) -> tuple[float, FloatArray]:
         variance = known.copy()
@@ -225,15 +231,6 @@ def _restricted(stacks: Sequence[_Stack], variance: FloatArray) -> tuple[float, 
         P = np.einsum("mrr->mr", W) - np.einsum("mrq,qp,mrp->mr", WX, cov, WX, optimize=True)
         np.add.at(slope, stack.group, 0.5 * (P - Pr**2))
     return 0.5 * value, slope
-
-
-def _typical(evidence: Sequence[Evidence], groups: int) -> FloatArray:
-    """Return the mean variance of each group [unit^2]."""
-    total, count = np.zeros(groups), np.zeros(groups)
-    for one in evidence:
-        np.add.at(total, one.group, np.diag(one.cov))
-        np.add.at(count, one.group, 1.0)
-    return total / np.maximum(count, 1.0)
 
 
 def _misfit(evidence: Sequence[Evidence], design: Design, variance: FloatArray) -> FloatArray:

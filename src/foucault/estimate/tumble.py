@@ -37,11 +37,8 @@ from foucault.kernels.cluster_information import COLUMNS, RESIDUAL, information_
 from foucault.models.rotation import aligning, exp, log, right_jacobian_inverse
 from foucault.tables import gaps
 
-STATES = 46
-"""Attitude at the start 3, constants 42, delay 1."""
-
-DELAY_UNIT = 0.01
-"""A delay that is not estimated is tested in units of this [s]."""
+STATES = 46  # Attitude at the start 3, constants 42, delay 1.
+DELAY_UNIT = 0.01  # A delay that is not estimated is tested in units of this [s].
 
 
 @dataclass(frozen=True)
@@ -117,8 +114,7 @@ class Prior:
 POOR = 1e13
 """Condition, of the information scaled to a unit diagonal, beyond which it is not summed [1]."""
 
-NO_MOMENTS: IntArray = np.zeros(0, np.int64)
-"""No history is kept."""
+NO_MOMENTS: IntArray = np.zeros(0, np.int64)  # No history is kept.
 
 
 @dataclass(frozen=True)
@@ -307,8 +303,7 @@ def sensitivities(tumble: Tumble, at: State, scale: FloatArray) -> tuple[FloatAr
     return out[9], rows[:, :, :STATES] / white[:, None, None]
 
 
-SETTLED = 0.05
-"""A step shorter than this, in units of its standard deviation, is the last [1]."""
+SETTLED = 0.05  # A step shorter than this, in units of its standard deviation, is the last [1].
 
 ROUGH = 100.0
 """Passes over long averages end with a step shorter than this, in units of its sd [1]."""
@@ -316,8 +311,7 @@ ROUGH = 100.0
 ABSURD = 1e3
 """Where a run that did not settle came so far from the prior, in its sd, nothing was learnt [1]."""
 
-FAR = np.radians(3.0)
-"""Most that the cluster may turn in one of these averages [rad]."""
+FAR = np.radians(3.0)  # Most that the cluster may turn in one of these averages [rad].
 
 
 @dataclass(frozen=True)
@@ -515,7 +509,8 @@ def _fit(t: Tumble, prior: Prior, best: Pass, status: Status, used: int) -> Fit:
     square = best.gram[RESIDUAL, RESIDUAL] - 2 * best.gram[:STATES, RESIDUAL] @ best.x
     square += best.x @ best.gram[:STATES, :STATES] @ best.x
     start = best.at.moved(_stepped(prior, best.x))
-    _, slope = prior.rows(start)
+    slopes = best.rows[..., :STATES]
+    left = best.rows[..., RESIDUAL] - slopes @ best.x
     return Fit(
         start=start,
         C_np=C_np,
@@ -527,21 +522,14 @@ def _fit(t: Tumble, prior: Prior, best: Pass, status: Status, used: int) -> Fit:
         residuals=3 * len(best.out[9]),
         information=best.gram[:STATES, :STATES],
         orthogonal=best.orthogonal,
-        late=_late(best, slope) if prior.sd[-1] == 0 else (0.0, 0.0),
+        late=_late(best) if prior.sd[-1] == 0 else (0.0, 0.0),
         history=_history(t, prior, best) if len(best.out[4]) else None,
-        rows=_at_solution(best),
+        rows=np.concatenate([slopes, left[..., None]], axis=-1),
         time=best.out[9],
     )
 
 
-def _at_solution(best: Pass) -> FloatArray:
-    """Return the white rows with the residuals that the last step leaves."""
-    slopes = best.rows[..., :STATES]
-    left = best.rows[..., RESIDUAL] - slopes @ best.x
-    return np.concatenate([slopes, left[..., None]], axis=-1)
-
-
-def _late(best: Pass, slope: FloatArray) -> tuple[float, float]:
+def _late(best: Pass) -> tuple[float, float]:
     """Test a delay that is held: its estimate, were it free, and sd (a score test)."""
     row = best.gram[STATES - 1, : STATES - 1]
     left = best.gram[STATES - 1, RESIDUAL] - row @ best.x[:-1]

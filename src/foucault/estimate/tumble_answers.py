@@ -23,8 +23,7 @@ from foucault.arrays import FloatArray
 from foucault.estimate.tumble import STATES, Prior, State, Tumble, apart, look
 from foucault.kernels.cluster_information import RESIDUAL, answer
 
-SCALE = slice(21, 24)
-"""Torquer scale factors among the packed constants."""
+SCALE = slice(21, 24)  # Torquer scale factors among the packed constants.
 
 
 @dataclass(frozen=True)

@@ -132,11 +132,8 @@ class Options:
         return np.repeat(now[:, None] ** 2, 3, axis=1)
 
 
-ANNEALED = Options()
-"""Noise that fades and five linearisations of the first readings."""
-
-LITERAL = Options(full_rate=False, extra_sd=0.0, iterations=1)
-"""As printed: it diverges."""
+ANNEALED = Options()  # Noise that fades and five linearisations of the first readings.
+LITERAL = Options(full_rate=False, extra_sd=0.0, iterations=1)  # As printed: it diverges.
 
 CONSTANT = Options(extra_sd=0.0, iterations=1)
 """With the noise of the readings from the first one on, and the full rate."""
@@ -289,14 +286,9 @@ def history(tumble: Tumble, found: Filtered, start: State) -> History:
     return History(course.time, step, sd, C_np)
 
 
-NODES = 400
-"""At so many times the covariance of a slow noise is taken [1]."""
-
-BATCH, MOST = 8, 200
-"""Modes are added so many at a time, and so many at most [1]."""
-
-SMALL = 0.01
-"""Modes are added until a batch adds less than this share to every variance [1]."""
+NODES = 400  # At so many times the covariance of a slow noise is taken [1].
+BATCH, MOST = 8, 200  # Modes are added so many at a time, and so many at most [1].
+SMALL = 0.01  # Modes are added until a batch adds less than this share to every variance [1].
 
 
 @dataclass(frozen=True)

@@ -242,12 +242,6 @@ def of_a_unit(ratio: float) -> bool:
     return bool(1 / OTHER_UNIT < ratio < OTHER_UNIT)
 
 
-def wahba(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the rotation C, shape (3, 3), with ``a = C b`` best; `a`, `b` (n, 3) [any unit]."""
-    U, _, V = np.linalg.svd(a.T @ b)
-    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V)
-
-
 def one_axis(rates: FloatArray) -> FloatArray | None:
     """Return the axis about which all turns are, (3,) [1], None where there is none.
 

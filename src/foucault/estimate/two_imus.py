@@ -38,8 +38,7 @@ USUAL = {
 }  # fmt: skip
 """Standard deviations where nothing else is said, of offset and rotation about the start [SI]."""
 
-GROWN = 0.02
-"""Logarithm of a variance by which it grows no more [1]."""
+GROWN = 0.02  # Logarithm of a variance by which it grows no more [1].
 
 NOISY = 4
 """Pass in which what the motion shows is told from what its noise does, before all settles."""
@@ -48,8 +47,7 @@ QUIET, ABOUT = 2, 0.3
 """Passes in which noise grows by no more than that of differences of readings may be off, in its
 logarithm: what a start leaves is none, and looks like one in which nothing is seen [1]."""
 
-NEAR = 0.1
-"""Steps since that was told that do not change it, together [sd]."""
+NEAR = 0.1  # Steps since that was told that do not change it, together [sd].
 
 FEWEST = 1e-9
 """Information of a knot that no reading tells of, as a part of that of the others [1]."""
@@ -274,7 +272,9 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
     var = np.array([_quiet(r) ** 2 if g is None else np.square(g)
                     for r, g in zip(problem.readings, problem.given, strict=True)])  # fmt: skip
     spline = np.zeros((problem.knots, 6))
-    spline += normal(_master(problem), (), spline, var, still=True).moved(np.zeros(0))
+    spline += normal(
+        replace(problem, readings=problem.readings[:1]), (), spline, var, still=True
+    ).moved(np.zeros(0))
     made, converged, passes = np.zeros((p, p)), False, 0
     growth, since = np.zeros_like(var), np.inf
     for passes in range(1, most + 1):
@@ -300,7 +300,10 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
         spline = spline + at.moved(delta) / size
         parts = (delta / size).reshape(len(slaves), -1)
         slaves = tuple(s.moved(d) for s, d in zip(slaves, parts, strict=True))
-        before, growth = growth, _growth(problem, at, var)
+        # The logarithm by which variances have to grow that nobody declared.
+        asked = np.log(np.maximum(_ratio(problem, at.left, var), 1e-12))
+        asked[[g is not None for g in problem.given]] = 0.0
+        before, growth = growth, np.asarray(asked)
         if passes <= QUIET:
             growth = np.minimum(growth, ABOUT)
         # Every other pass as far as two of them tell of all that follow [Aitken]: of equal
@@ -319,10 +322,6 @@ def _is_offset(p: int) -> BoolArray:
     return out
 
 
-def _master(problem: Problem) -> Problem:
-    return replace(problem, readings=problem.readings[:1])
-
-
 def _quiet(r: Readings) -> FloatArray:
     """Return the noise of a reading of gyros and accelerometers, by its fourth differences [SI].
 
@@ -331,13 +330,6 @@ def _quiet(r: Readings) -> FloatArray:
     bend = np.diff(r.read, 4, axis=0)
     square = np.median(bend.reshape(-1, 2, 3) ** 2, axis=(0, 2)) / 0.4549 / 70
     return np.asarray(np.sqrt(square + 1e-18))
-
-
-def _growth(problem: Problem, at: Normal, var: FloatArray) -> FloatArray:
-    """Return the logarithm by which variances have to grow that nobody declared, (i, 2) [1]."""
-    asked = np.log(np.maximum(_ratio(problem, at.left, var), 1e-12))
-    asked[[g is not None for g in problem.given]] = 0.0
-    return np.asarray(asked)
 
 
 def _ratio(problem: Problem, left: Sequence[FloatArray], var: FloatArray) -> FloatArray:
@@ -491,9 +483,9 @@ def _widened(
     own = np.flatnonzero(told)
     halves = 1.0
     if len(own):
-        halves = float(np.sqrt(
-            off[own] @ np.linalg.solve(formal[np.ix_(own, own)], off[own]) / len(own)
-        ))  # fmt: skip
+        halves = float(
+            np.sqrt(off[own] @ np.linalg.solve(formal[np.ix_(own, own)], off[own]) / len(own))
+        )
     wide *= halves if halves > MOVED else 1.0
     scaled = formal * np.outer(wide, wide)
     held = np.minimum(1.0, prior_sd / np.sqrt(np.diag(scaled)))  # no more than was known before

@@ -29,17 +29,10 @@ from foucault.infer.gauss_newton import TOLD, student
 from foucault.infer.mixed import Covariance, Fit, Source
 from foucault.kernels import trials
 
-Solver = Callable[..., None]
-"""Solves many trials: `solve_batch` of `kernels.trials`."""
-
-STEP = 1e-3
-"""Half the distance over which the Jacobian is differenced, of every unknown [SI]."""
-
-MOST, SMALL = 40, 1e-5
-"""Iterations at most, and the step that ends them, in units of the sd [1]."""
-
-AT_ONCE = 2**21
-"""Numbers in the Jacobians of the trials that are solved at once [1]."""
+Solver = Callable[..., None]  # Solves many trials: `solve_batch` of `kernels.trials`.
+STEP = 1e-3  # Half the distance over which the Jacobian is differenced, of every unknown [SI].
+MOST, SMALL = 40, 1e-5  # Iterations at most, and the step that ends them, in units of the sd [1].
+AT_ONCE = 2**21  # Numbers in the Jacobians of the trials that are solved at once [1].
 
 TRIED = np.geomspace(1e-3, 1e6, 61)
 """Sizes of a source that are tried, in units of what its largest contrast shows [1]."""
@@ -47,8 +40,7 @@ TRIED = np.geomspace(1e-3, 1e6, 61)
 SURE = 3.0
 """How much less than its price a source may gain by its slope alone to be looked at in full [1]."""
 
-HALVED = 24
-"""Times that the distance between two sizes that were tried is halved [1]."""
+HALVED = 24  # Times that the distance between two sizes that were tried is halved [1].
 
 
 class Jet(NamedTuple):

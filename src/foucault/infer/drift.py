@@ -32,14 +32,9 @@ from foucault.infer.gauss_newton import FALSE_ALARM
 from foucault.result import Linearised
 from foucault.tables import AXES
 
-SHOWN = 1e-4
-"""A drift of which less than this share shows in the residuals is not tested [1]."""
-
-LITTLE = 0.01
-"""A kind of observation with less than this share in a drift does not count [1]."""
-
-ENOUGH = 3.0
-"""With fewer degrees of freedom besides it a drift is not told from chance [1]."""
+SHOWN = 1e-4  # A drift of which less than this share shows in the residuals is not tested [1].
+LITTLE = 0.01  # A kind of observation with less than this share in a drift does not count [1].
+ENOUGH = 3.0  # With fewer degrees of freedom besides it a drift is not told from chance [1].
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 
-SPREAD = 1.5
-"""An ellipsoid of more unequal axes is an accident of the coverage [1]."""
+SPREAD = 1.5  # An ellipsoid of more unequal axes is an accident of the coverage [1].
 
 
 def ellipsoid(read: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -30,8 +30,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.errors import Status
 from foucault.result import Estimate, Linearised, Problem
 
-FALSE_ALARM = 0.01
-"""Family-wise probability of rejecting a result that is right [1]."""
+FALSE_ALARM = 0.01  # Family-wise probability of rejecting a result that is right [1].
 
 
 TOLD = 4.0
@@ -113,8 +112,7 @@ def least_squares(norms: FloatArray) -> FloatArray:
 ROBUST_LIMIT = 3.0
 """Observations whose standardized residuals exceed this, rms, count as outliers [1]."""
 
-PATIENCE = 8
-"""After this many steps a gain below the tolerance is none [1]."""
+PATIENCE = 8  # After this many steps a gain below the tolerance is none [1].
 
 SETTLED = 0.05
 """A last step shorter than this is of no account, in units of its standard deviation [1]."""
@@ -173,7 +171,9 @@ def solve(
         cost = float(at.residuals @ at.residuals)
         state, at, moved = _descend(problem, state, weights, at, part.step)
         gained = cost - float(at.residuals @ at.residuals)
-        weights, reweighted = _reweight(problem, at, weights, loss)
+        norms = block_norms(at.residuals, at.blocks, weights)
+        new = loss(norms)
+        weights, reweighted = new, float(np.max(np.abs(new - weights), initial=0.0))
         if reweighted > 1e-3:
             at = with_prior(problem, state, problem.linearise(state, weights))
         # `moved` is the step in units of its own standard deviation: sqrt(dx' J'J dx).
@@ -295,14 +295,6 @@ def block_norms(
     square = np.bincount(blocks[used], residuals[used] ** 2, len(weights))
     count = np.bincount(blocks[used], minlength=len(weights))
     return np.sqrt(square / np.maximum(count, 1) / np.maximum(weights, 1e-12))
-
-
-def _reweight(
-    problem: Problem, at: Linearised, weights: FloatArray, loss: Loss
-) -> tuple[FloatArray, float]:
-    norms = block_norms(at.residuals, at.blocks, weights)
-    new = loss(norms)
-    return new, float(np.max(np.abs(new - weights), initial=0.0))
 
 
 def _estimate(

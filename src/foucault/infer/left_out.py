@@ -41,14 +41,12 @@ VISIBLE = 1e-4
 ALIKE = 6.0
 """Twice the log-likelihood within which readings do not tell one cause from another [1]."""
 
-ROUNDS = 8
-"""Times that something is enlarged at most [1]."""
+ROUNDS = 8  # Times that something is enlarged at most [1].
 
 UNSEEN = 10.0
 """Sizes that a group would need to be named from which on this plan cannot show it [1]."""
 
-MATTERS = 0.01
-"""Share of a variance from which on a group that cannot be shown is told [1]."""
+MATTERS = 0.01  # Share of a variance from which on a group that cannot be shown is told [1].
 
 
 @dataclass(frozen=True)
@@ -105,9 +103,7 @@ def scatters(model: Model) -> tuple[Source, ...]:
         seen = [s.each[rows.any(axis=1)] for s in free if s.each is not None]
         if rows.any() and not any(each.any() for each in seen):
             each = np.eye(d) * rows[:, :, None]
-            told, basis = mixed.UNEXPLAINED_BASIS
-            out.append(Source(f"scatter of {kind}", each, sd=None, price=ALIKE, unexplained=True,
-                              type=told, basis=basis))  # fmt: skip
+            out.append(mixed.scatter(f"scatter of {kind}", each, price=ALIKE))
     return tuple(out)
 
 
@@ -280,8 +276,7 @@ class Judgement:
         }  # fmt: skip
 
 
-Columns = Callable[[Any], tuple[Source, ...]]
-"""State -> a source for every group that is left out."""
+Columns = Callable[[Any], tuple[Source, ...]]  # State -> a source for every group that is left out.
 
 
 def fit(
@@ -322,7 +317,9 @@ def fit(
         for name, s in causes.items():
             if s.kind == "prior":
                 assert prior is not None
-                prior = _wider(prior, name, s.k)
+                sd = prior.prior_sd.copy()
+                sd[_known(prior.layout, prior)[name.removeprefix("prior of ")]] *= s.k
+                prior = replace(prior, prior_sd=sd)
             else:
                 sizes[name] = s.k * (every[name] or 0.0)
         order = sorted(causes, key=lambda name: -causes[name].gain)
@@ -377,13 +374,6 @@ def _as_free(at: Fit, held: set[str]) -> Fit:
     """Let the test know what is a scatter, though it was held at nothing."""
     sources = tuple(replace(s, sd=None) if s.name in held else s for s in at.at.sources)
     return replace(at, at=replace(at.at, sources=sources))
-
-
-def _wider(prior: CoefficientVector, name: str, k: float) -> CoefficientVector:
-    """Enlarge a group of a prior, its mean kept."""
-    sd = prior.prior_sd.copy()
-    sd[_known(prior.layout, prior)[name.removeprefix("prior of ")]] *= k
-    return replace(prior, prior_sd=sd)
 
 
 def joined(named: list[dict[str, float]]) -> tuple[Mapping[str, float], ...]:

@@ -122,8 +122,7 @@ def _judged(
     return Judgement(seen, joined(named), needed, share, out, sized, worst, terms)
 
 
-OF = "left out "
-"""What the name of a state begins with that is nothing but such a term."""
+OF = "left out "  # What the name of a state begins with that is nothing but such a term.
 
 
 def tested(at: Posterior, groups: Mapping[str, Group], scatter: float = 1.0) -> dict[str, Seen]:
@@ -206,8 +205,7 @@ def budget(
     }
 
 
-NOISE = "noise"
-"""Source of what no group makes."""
+NOISE = "noise"  # Source of what no group makes.
 
 
 def widened(

@@ -51,14 +51,9 @@ cannot be negative, so that half of them find none at all [1]."""
 FEW = 0.25
 """Outliers up to this share of a kind are single mishaps; more of them are repeatability [1]."""
 
-SETTLED = 1e-3
-"""A variance that changes by less than this share has settled [1]."""
-
-NEARLY = 2.0
-"""A mean square of residuals that is not far from that of the noise [1]."""
-
-LEAST = 1e-13
-"""Least variance of a reading for itself, as a part of its whole variance [1]."""
+SETTLED = 1e-3  # A variance that changes by less than this share has settled [1].
+NEARLY = 2.0  # A mean square of residuals that is not far from that of the noise [1].
+LEAST = 1e-13  # Least variance of a reading for itself, as a part of its whole variance [1].
 
 MANY = 8
 """Numbers read for each cause that they share, above which rows are whitened cause by cause [1]."""
@@ -94,6 +89,33 @@ class Source:
     unexplained: bool = False
     type: str = "B"  # evaluated from the scatter of these data, A, or from other knowledge, B
     basis: str = ""  # what it was evaluated from, for people
+
+
+def scatter(
+    name: str, each: FloatArray | None, shared: FloatArray | None = None,
+    price: float = SIGNIFICANT,
+) -> Source:  # fmt: skip
+    """Return what differs beyond the noise, of a size that the residuals tell.
+
+    `each`, `shared`, `price`: as of `Source` [SI], [1].
+    """
+    kind, basis = UNEXPLAINED_BASIS
+    return Source(name, each, shared, None, price=price, unexplained=True, type=kind, basis=basis)
+
+
+def root(cov: FloatArray) -> FloatArray:
+    """Return a root of `cov` (..., n, n) [SI]; what hardly changes is nearly one number."""
+    size, axes = np.linalg.eigh(cov)
+    return np.asarray(axes * np.sqrt(np.maximum(size, 0.0))[..., None, :])
+
+
+def tied(effect: FloatArray, by: FloatArray) -> FloatArray:
+    """Return what causes do that readings share, shape (n, d, k c) [SI].
+
+    `effect` (n, d, c): of a cause on each reading [SI]; `by` (n, k): root of their covariance.
+    """
+    every = np.einsum("ndc,nk->ndkc", effect, by)
+    return np.asarray(every.reshape(*effect.shape[:2], -1))
 
 
 @dataclass(frozen=True)
@@ -942,8 +964,7 @@ def planned(
     return replace(_fit_of(once, problem, estimate, wide), model=model, dof=dof)
 
 
-DRAWS = 40
-"""Sessions without scatter that are drawn, to see how much of it is found by chance [1]."""
+DRAWS = 40  # Sessions without scatter that are drawn, to see how much of it is found by chance [1].
 
 
 def by_chance(model: Model) -> dict[str, float]:

@@ -26,8 +26,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 
-BEYOND = 10.0
-"""What is shown has so many times the information that noise makes by itself [1]."""
+BEYOND = 10.0  # What is shown has so many times the information that noise makes by itself [1].
 
 LITTLE = 0.01
 """Information that is lost without regret, as a part of what was known beforehand [1]."""

@@ -30,8 +30,7 @@ POWER = 4.13
 """An error of this many sd, over the root of its redundancy, is found in 80 % of all cases by a
 test that is wrong in 0.1 % [1]; ref. [1]."""
 
-ALIKE = 0.95
-"""Two observations whose tests are correlated more than this cannot be told apart [1]."""
+ALIKE = 0.95  # Two observations whose tests are correlated more than this cannot be told apart [1].
 
 
 @dataclass(frozen=True)

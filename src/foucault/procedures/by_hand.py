@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -12,13 +12,16 @@ from pydantic import Field
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import left_out
+from foucault.diagnose.checks import check, given_check, plausible_scales, status_check
 from foucault.diagnose.foresight import Foresight
-from foucault.errors import finding
+from foucault.errors import Finding, Status, finding
 from foucault.estimate.two_bodies import UNSURE_DELAY
-from foucault.infer.left_out import Judgement
-from foucault.models.imu import ImuModel
+from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
+from foucault.procedures.counted import Counted
 from foucault.procedures.record import Beforehand, Given, SampleRate
+from foucault.result import Check, Result, TableData, Verdict
 from foucault.strict import Strict
+from foucault.tables import Log, ranges
 from foucault.units import Seconds
 
 
@@ -47,27 +50,83 @@ MOTION = {
 
 S = TypeVar("S", bound=Strict)
 T = TypeVar("T", bound=HandSession)
+R = TypeVar("R")
 
 
 @dataclass(frozen=True)
-class Found:
-    """What a session without errors tells."""
+class Found(Generic[R]):
+    """What a session tells, beside what is not estimated where that has a size."""
 
+    solution: R
     coefficients: CoefficientVector  # with all of their covariance [SI]
     bound: FloatArray  # (p,) their sd by noise alone [SI]
-    budget: dict[str, FloatArray]  # source -> variance (p,) [SI]
     unseen: list[str]  # names of what the motion does not show
-    left_out: Judgement | None
+    parts: Callable[[], dict[str, FloatArray]]  # source -> variance, terms apart (p,) [SI]
+    by_clock: Callable[[], FloatArray]  # derivative by the log of the rate of all clocks (p,) [SI]
+    beside: Counted[R] | None
+
+    @property
+    def budget(self) -> dict[str, FloatArray]:
+        """Source -> variance of what is reported (p,) [SI]."""
+        known = self.parts()
+        return known if self.beside is None else self.beside.beside(known, self.coefficients)
+
+
+GIVES_WAY = (
+    "A mount that gives way slowly: both bodies are taken for one that is rigid, and what turns "
+    "between them in the length of the session looks like a bias."
+)
+
+BY_CLOCK = "by_clock"  # Diagnostic: see `Found`.
+
+
+def clock_slope(_log: Log, _given: Given[Any], result: Result) -> FloatArray:
+    """Return how a `result` changes with the rate of a clock of all that was logged, (p,) [SI]."""
+    return np.array(result.diagnostics[BY_CLOCK])
+
+
+def result_of(
+    procedure: str, frame: str, log: Log, given: Given[Any], at: Found[Any],
+    *, checks: Sequence[Check], findings: Sequence[Finding], diagnostics: Mapping[str, Any],
+    tables: Mapping[str, TableData],
+) -> Result:  # fmt: skip
+    """Make the result of a session; `checks`, `diagnostics`, `tables`: those that are its own."""
+    s, c, beside, names = at.solution, at.coefficients, at.beside, ", ".join(at.unseen)
+    status = Status.CONVERGED if s.converged else Status.NOT_CONVERGED
+    every = (
+        status_check(status, ()), *plausible_scales(c),
+        check("seen in the motion", "seen", float(len(at.unseen)), None, 0.5, {"names": names}),
+        *checks, *given_check(c, given.prior), *(() if beside is None else beside.checks),
+    )  # fmt: skip
+    said = {
+        "gravity": given.site.gravity, "bound": at.bound.tolist(),
+        "unseen": [*at.unseen, GIVES_WAY], "iterations": s.passes, **diagnostics,
+    }  # fmt: skip
+    shown = dict[str, TableData]()
+    if beside is not None:
+        said |= left_out.judgement_json(beside.judged)
+        shown["left_out"] = left_out.table(beside.judged)
+    if given.shown:
+        given.progress(0.8, "looking at what it rests on")
+        said["budget"] = {n: v.tolist() for n, v in at.budget.items()}
+        said[BY_CLOCK] = at.by_clock().tolist()
+        shown |= tables
+    return Result(
+        procedure, c, SIZE_EQUATION, frame, Gauge.LOWER.value, Verdict.of(every), every,
+        (*log.findings, *findings), status, site=given.site.as_dict(), validity=ranges(log),
+        diagnostics=said, tables=shown,
+    )  # fmt: skip
 
 
 def foreseen(
-    b: Beforehand[S, T], simulated: Callable[..., Any], found: Callable[[Any, Given[S]], Found]
+    b: Beforehand[S, T], simulated: Callable[..., Any], found: Callable[..., tuple[Found[Any], Any]]
 ) -> Foresight:
     """Foresee a session by one that is simulated without errors, and what is `found` in its log."""
     noise = b.noise or b.typical
     assert noise is not None
     made = simulated(b.session, b.settings, ImuModel(), noise, b.site, b.seed)
-    at = found(made.log, Given(b.site, b.settings, noise, b.prior, sizes=b.sizes))
+    given = Given(b.site, b.settings, noise, b.prior, sizes=b.sizes)
+    at, _ = found(made.log, given, planned=True)
     c, lost = at.coefficients, at.unseen
     words = dict.fromkeys(w for n in lost for k, w in MOTION.items() if k in n)
     delays = [n for n in c.names if n.endswith(".delay") and n != "accel.delay"]
@@ -80,5 +139,5 @@ def foreseen(
         coefficients=replace(c, values=np.zeros(len(c))), linearised_at="no errors",
         plan=b.session.motion, duration=b.session.time, states=len(c), rank=len(c) - len(lost),
         hardly=tuple(lost), bound=at.bound, budget=at.budget, findings=tuple(told),
-        left_out=None if at.left_out is None else left_out.foretold(at.left_out),
+        left_out=None if at.beside is None else left_out.foretold(at.beside.judged),
     )  # fmt: skip

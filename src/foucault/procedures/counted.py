@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -31,15 +31,14 @@ from foucault.estimate.two_bodies import Answers
 from foucault.infer.filtered import exchanged
 from foucault.infer.gauss_newton import Component
 from foucault.infer.left_out import Judgement
-from foucault.infer.left_out_states import OF, Group, Posterior, fit, parts, widened
+from foucault.infer.left_out_states import OF, Group, Posterior, fit, of_priors, parts, widened
 from foucault.infer.left_out_states import planned as foreseen
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.left_out import Motion, Sizes, changes, terms
 from foucault.result import Check
 
-ONE = "scale factor error"
-"""Kind of terms that are states: a plain number."""
+ONE = "scale factor error"  # Kind of terms that are states: a plain number.
 
 ROUNDS, FORETOLD = 10, 0.1
 """At most so many times; how near to what was foretold there is no other time [sd]."""
@@ -49,14 +48,6 @@ INSIDE, SMALL = 20, np.repeat([1e-3, 1e-2], 3)
 
 GYROS, FORCES = slice(0, 3), slice(3, 6)
 """What is read: rates [rad/s], then specific forces [m/s^2]."""
-
-BY_CLOCK = "by_clock"
-"""Diagnostic: derivatives of what is reported by the logarithm of the rate of all clocks."""
-
-GIVES_WAY = (
-    "A mount that gives way slowly: both bodies are taken for one that is rigid, and what turns "
-    "between them in the length of the session looks like a bias."
-)
 
 S = TypeVar("S")
 
@@ -176,13 +167,14 @@ class Stages:
 
     @classmethod
     def of(
-        cls, c: CoefficientVector, some: Sequence[Term], sizes: Sizes,
-        answers: Answers, out: FloatArray,
+        cls, c: CoefficientVector, some: Sequence[Any], sizes: Sizes,
+        answers: Answers, out: FloatArray, mean: FloatArray | None = None,
     ) -> Stages:  # fmt: skip
         """Join what was found, `c` is reported of it, with what the log says of `some` terms.
 
-        `answers`: what one size of each changes; `sizes`: of groups [SI]; `out`: so many times each
-        term was taken out of readings before, (c,) or (1,) [1].
+        `some`: with `name` and `group`; `answers`: what one size of each changes; `sizes`: of
+        groups [SI]; `out`: so many times each term was taken out of readings before, (c,) or (1,)
+        [1]; `mean` (p,) or None: what was known of `c`, where its priors are judged too [SI].
         """
         (square, pull, gram, A, _), count, p = answers, len(some), len(c)
         out = np.broadcast_to(out, count)
@@ -201,9 +193,12 @@ class Stages:
             layout, np.append(values - A @ found, found), cov,
             prior_sd=np.append(c.prior_sd, np.ones(count)),
         )  # fmt: skip
-        groups = {g: Group("source", tuple(f"{OF}{x.name}" for x in some if x.group == g),
-                           *sizes[g]) for g in dict.fromkeys(x.group for x in some)}  # fmt: skip
-        return cls(there, states, np.append(values, np.zeros(count)), groups)
+        groups = {} if mean is None else of_priors(states, c.names)
+        for group in dict.fromkeys(one.group for one in some):
+            mine = tuple(f"{OF}{one.name}" for one in some if one.group == group)
+            groups[group] = Group("source", mine, *sizes[group])
+        known = values if mean is None else mean
+        return cls(there, states, np.append(known, np.zeros(count)), groups)
 
     def solved(self, times: Mapping[str, float]) -> CoefficientVector:
         """Return the states with groups so many `times` as large [1]."""

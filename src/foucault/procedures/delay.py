@@ -65,23 +65,10 @@ def find_delay(
 ) -> FoundDelay:
     """Find the offset of two logs: what the master stamps t was true at t - delay for the slave.
 
-    Parameters
-    ----------
-    slave : Log
-        Rates or increments of the slave's gyros [SI].
-    master : MasterTable or Log
-        Messages of a master, or a log of gyros on the same body [SI].
-    C_ms : ndarray, shape (3, 3), or None
-        How the slave is mounted on the master, to within some 10 deg; None where nobody knows [1].
-    bracket : (float, float) or None
-        Where the offset lies [s]; None for as far as the logs overlap.
-    names : (str, str)
-        What texts call the two.
-
-    Raises
-    ------
-    FoucaultError
-        ``delay.apart``: too little in common; ``delay.no_gyro``.
+    `slave`: its gyros; `master`: messages, or a log of gyros on the same body [SI]; `C_ms` (3, 3)
+    or None: how the slave is mounted on the master, to within some 10 deg, where that is known [1];
+    `bracket` or None: where the offset lies, else as far as the logs overlap [s]; `names`: what
+    texts call the two. Raises ``delay.apart``: too little in common; ``delay.no_gyro``.
     """
     increments = _increments(slave, names[0])
     messages = isinstance(master, MasterTable)

@@ -15,7 +15,6 @@ References
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -26,23 +25,14 @@ from foucault.detect.faces import BUMP, find_turns, is_whole
 from foucault.detect.noise import without_spikes
 from foucault.diagnose.faces import FaceEvidence
 from foucault.errors import error
-from foucault.estimate.faces import (
-    TILTS,
-    OnFaces,
-    Scene,
-    State,
-    published,
-    scale_and_rotation,
-)
+from foucault.estimate import faces as engine
 from foucault.guard.rest import between_rests
 from foucault.models.imu import LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.plans.directions import RestPlan, face_plan
-from foucault.procedures import faces_search as search
 from foucault.procedures import on_faces
 from foucault.procedures.on_faces import FaceSession, FaceSettings, Observed
-from foucault.procedures.record import Given, Procedure
+from foucault.procedures.record import Given
 from foucault.result import Result
-from foucault.simulate.hand_rotated import simulate_drawn
 from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Seconds
 
@@ -116,7 +106,7 @@ class Session(FaceSession):
         """What is wrong with how it lies and turns, as `estimate.faces.TILTS` names it [rad]."""
         sds = (self.placement_sd, self.level_sd, self.angle_sd)
         each = (self.placement_sd if sd is None else sd for sd in sds)
-        return {name: sd for (name, _), sd in zip(TILTS, each, strict=True)}
+        return {name: sd for (name, _), sd in zip(engine.TILTS, each, strict=True)}
 
 
 def names_of(settings: Settings) -> tuple[str, ...]:
@@ -159,7 +149,7 @@ def _published(e: FaceEvidence) -> tuple[FaceEvidence, dict[str, Any]]:
         assert scene.turns is not None
         rests = replace(scene.rests, accel=readings[:n], gyro=readings[n : 2 * n])
         turns = replace(scene.turns, gyro=readings[2 * n :])
-        return published(rests, turns, scene.site, scene.spread)
+        return engine.published(rests, turns, scene.site, scene.spread)
 
     model_k = solved(scene.readings)
     model, C_bk = model_k.in_gauge(Gauge.LOWER)
@@ -167,9 +157,9 @@ def _published(e: FaceEvidence) -> tuple[FaceEvidence, dict[str, Any]]:
     cov = gain @ e.fit.covariance.whole @ gain.T
     vector = replace(model.coefficients(names), cov=cov)
     # The residuals and the redundancy stay those of the likelihood: this solution has none.
-    estimate = replace(e.fit.estimate, coefficients=vector, state=State(model, C_bk))
-    K_a, R_a = scale_and_rotation(model_k.accel_matrix)
-    K_g, R_g = scale_and_rotation(model_k.gyro_matrix)
+    estimate = replace(e.fit.estimate, coefficients=vector, state=engine.State(model, C_bk))
+    K_a, R_a = engine.scale_and_rotation(model_k.accel_matrix)
+    K_g, R_g = engine.scale_and_rotation(model_k.gyro_matrix)
     terms = {
         "K_a": K_a, "R_a": R_a, "b_a": model_k.accel_bias, "K_g": K_g, "R_g": R_g,
         "b_g": model_k.gyro_bias, "K_ga": model_k.g_sensitivity,
@@ -178,7 +168,7 @@ def _published(e: FaceEvidence) -> tuple[FaceEvidence, dict[str, Any]]:
     return replace(e, fit=replace(e.fit, estimate=estimate), gain=gain), extra
 
 
-def _slope(values: Any, scene: Scene) -> FloatArray:
+def _slope(values: Any, scene: engine.Scene) -> FloatArray:
     """Derivative of the solution with respect to every reading, by central differences."""
     at = scene.readings
     n, _, _ = scene.sizes
@@ -191,7 +181,7 @@ def _slope(values: Any, scene: Scene) -> FloatArray:
     return np.stack(out, axis=1)
 
 
-def _stated(log: Log, given: Given[Settings]) -> OnFaces | None:
+def _stated(log: Log, given: Given[Settings]) -> engine.OnFaces | None:
     likelihood = given.settings.solution == "likelihood"
     return _observed(log, given).model(given) if likelihood else None
 
@@ -202,21 +192,14 @@ def _additions(settings: Settings, session: Session) -> list[tuple[str, Settings
     return on_faces.additions(settings, session) + (turned if session.back_time is None else [])
 
 
-PROCEDURE = Procedure(
-    name="ferraris",
-    doc=__doc__,
-    by_rests=True,
+PROCEDURE = on_faces.face_procedure(
+    "ferraris",
+    __doc__,
     Settings=Settings,
     Session=Session,
     solve=_solve,
-    plan=lambda settings, session, _: session.perfect.plan(settings, 0),
-    simulation=simulate_drawn,
     observe=_stated,
-    again=lambda model, log, _: on_faces.again(model, log),
     additions=_additions,
-    space=partial(search.space, "ferraris"),
-    Wanted=search.Wanted,
-    evaluations=search.EVALUATIONS,
     sizes=lambda session, _: session.sizes,
     names=lambda settings, _: names_of(settings),
 )

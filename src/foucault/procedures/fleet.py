@@ -120,7 +120,6 @@ class Batch:
     common: FloatArray  # (2,) factor of the variances that the fleet shows [1]
     # (N, 2) another factor for an instrument whose residuals are larger than those of the fleet [1]
     own: FloatArray
-    solves: int  # batches that were needed [1]
     # (p, p) covariance that what is not estimated adds; None where it is taken for nothing [SI]
     beside: FloatArray | None = None
 
@@ -303,7 +302,7 @@ def solve(
     ]
     estimate = _joined(again, groups)
     beside = _beside(readings[0], stacks[0], settings, site, sizes)
-    return Batch(readings, settings, site, estimate, chi_square, common, own, len(groups), beside)
+    return Batch(readings, settings, site, estimate, chi_square, common, own, beside)
 
 
 def _beside(

@@ -78,8 +78,7 @@ from foucault.units import (
 
 Tesla = Annotated[float, Quantity("magnetic field")]
 
-EARTH = (22e-6, 67e-6)
-"""Intensity of the field anywhere on the Earth [T]."""
+EARTH = (22e-6, 67e-6)  # Intensity of the field anywhere on the Earth [T].
 
 TURN, WAIT = 0.5, 2.0
 """A cell ends after so much turning [rad], or so much time [s], or a part of each."""
@@ -87,20 +86,14 @@ TURN, WAIT = 0.5, 2.0
 MOST = 160
 """Cells that are used, evenly chosen where there are more: the work grows with their cube [1]."""
 
-STILL = 0.05
-"""At rest nothing turns faster, bias apart [rad/s]."""
-
-LATEST, FAR = 0.06, 0.5
-"""Delays are sought up to this, either way, and to name one up to that [s]."""
+STILL = 0.05  # At rest nothing turns faster, bias apart [rad/s].
+LATEST, FAR = 0.06, 0.5  # Delays are sought up to this, either way, and to name one up to that [s].
 
 WANDERS = {"field wander, 0.3 s": 0.3, "field wander, 3 s": 3.0}
 """Parts of the field that change from place to place, and for how long they stay [s]."""
 
-HAND = 1.0
-"""What a hand changes the velocity by from the beginning to the end of a log [m/s]."""
-
-UNKNOWN = 0.05
-"""Relative sd of an intensity that only the readings themselves say [1]."""
+HAND = 1.0  # What a hand changes the velocity by from the beginning to the end of a log [m/s].
+UNKNOWN = 0.05  # Relative sd of an intensity that only the readings themselves say [1].
 
 
 class Settings(record.Robust):
@@ -220,11 +213,8 @@ def _rests(log: Log, w: FloatArray) -> Cells:
     return cells.chosen(cells.count * log.interval > BRIEF)
 
 
-BRIEF = 0.3
-"""The shortest rest [s]."""
-
-CLIPPED = 0.02
-"""Readings equal to the largest one, of all, that are no chance [1]."""
+BRIEF = 0.3  # The shortest rest [s].
+CLIPPED = 0.02  # Readings equal to the largest one, of all, that are no chance [1].
 
 SHORT, LITTLE = 5.0, 2 * np.pi
 """The shortest log [s] and the least turning [rad] that show anything."""
@@ -369,8 +359,7 @@ def mean_up(o: Observed, chain: Chain) -> FloatArray:
 UNEXPLAINED = 0.2
 """Share of the changes of the field that gyros may leave: one that is dead leaves more [1]."""
 
-BIAS = np.radians(5.0)
-"""No bias of the gyros is believed to be larger at the start [rad/s]."""
+BIAS = np.radians(5.0)  # No bias of the gyros is believed to be larger at the start [rad/s].
 
 
 # -- the model -------------------------------------------------------------------------------------
@@ -527,17 +516,15 @@ class FieldModel:
         first, last = np.zeros((2, n + k, 3, 3))
         first[:n], last[n:] = each[:n], each[n:]
         how = NOISE_BASIS["declared" if self.sizes.declared else "measured"]
-        drift = (tilting[:, :, None] * walk[:, None, :, None]).reshape(n + k, 3, -1)
+        drift = mixed.tied(tilting, walk)
         out = [
             Source("magnetometer noise", first, noise=True, type=how[0], basis=how[1]),
             Source("gyro noise", shared=drift, noise=True, basis="noise of the gyros"),
         ]
         for name in wander if self.settings.wander else ():
             some = np.zeros((n + k, 3, 3 * n))
-            some[:n] = (moved[:, :, None] * wander[name][:, None, :, None]).reshape(n, 3, -1)
-            out.append(
-                Source(name, shared=some, sd=None, type="A", basis=mixed.UNEXPLAINED_BASIS[1])
-            )
+            some[:n] = mixed.tied(moved, wander[name])
+            out.append(replace(mixed.scatter(name, None, some), unexplained=False))
         if "mag.scale.x" not in self.names:
             held = self.settings.matrix_sd * every[:, :, :9]
             out.append(Source("matrix taken for one", shared=held, basis="matrix_sd as given"))
@@ -548,17 +535,13 @@ class FieldModel:
             out += [
                 Source("accelerometer noise", last, noise=True, basis="their noise"),
                 Source("accelerometer bias", shared=bias, basis="accel_bias_sd as given"),
-                Source(SHAKEN, own, sd=None, unexplained=True, type="A",
-                       basis=mixed.UNEXPLAINED_BASIS[1]),
-            ]  # fmt: skip
+                mixed.scatter(SHAKEN, own),
+            ]
         return tuple(out)
 
 
-SOON = 1e-7
-"""A chain so much later says what the delay does [s]."""
-
-KNOTS = 60
-"""Steps of the random walk of the attitude [1]."""
+SOON = 1e-7  # A chain so much later says what the delay does [s].
+KNOTS = 60  # Steps of the random walk of the attitude [1].
 
 SHAKEN = "scatter of specific force at rest"
 
@@ -744,11 +727,8 @@ def _curved(fit: Fit, model: FieldModel) -> list[Check]:
                           "Choose a wider range, or take away the iron that does it.")  # fmt: skip
 
 
-PARTS = 8
-"""Parts of a log that are held out in turn [1]."""
-
-UNEVEN = 0.03
-"""A field that changes by more of itself is no place to calibrate in [1]."""
+PARTS = 8  # Parts of a log that are held out in turn [1].
+UNEVEN = 0.03  # A field that changes by more of itself is no place to calibrate in [1].
 
 
 @dataclass(frozen=True)
@@ -933,24 +913,19 @@ def _along(R: FloatArray) -> str:
                      for k, a in enumerate(AXES))  # fmt: skip
 
 
-USUAL_DIP = np.radians(60.0)
-"""Where neither accelerometers nor a world model say it [rad]."""
-
-GAIN = 4 * UNKNOWN
-"""Logarithm of a gain of all axes that is no sensor's [1]."""
+USUAL_DIP = np.radians(60.0)  # Where neither accelerometers nor a world model say it [rad].
+GAIN = 4 * UNKNOWN  # Logarithm of a gain of all axes that is no sensor's [1].
 
 TURNED = 30.0
 """Axes turned by more are not a sensor that sits askew, but one with other axes [deg]."""
 
-HEADING = 1.0
-"""A level heading that is known worse is hardly worth a calibration [deg]."""
+HEADING = 1.0  # A level heading that is known worse is hardly worth a calibration [deg].
 
 EVEN = 0.03
 """Spread of the field along its least covered direction, of that over a whole sphere, below which
 hard iron and field are hardly told apart there [1]."""
 
-RATIO = 1.3
-"""Soft iron does not stretch the field by more; saturation or a wrong scale does [1]."""
+RATIO = 1.3  # Soft iron does not stretch the field by more; saturation or a wrong scale does [1].
 
 
 # -- a simulated session ---------------------------------------------------------------------------

@@ -40,7 +40,10 @@ def solve_poses(log: Log, given: Given[Any]) -> Result:
     `log`: means, one row per pose [SI]; `given`: noise that is None is taken from the residuals.
     Raises too few poses, poses all in a plane, wrong units: see `foucault.symptoms`.
     """
-    site, settings, n = given.site, _for_poses(given.settings), len(log)
+    shared = given.settings.model_dump(
+        include={*TableSettings.model_fields} - {"shortest", "g_sensitivity"}
+    )
+    site, settings, n = given.site, TableSettings(**shared), len(log)
     if log.accel is None:
         raise error("session.no_accel")
     still = TableColumns(np.full((n, 3), np.nan), np.zeros(n), None)
@@ -62,10 +65,3 @@ def solve_poses(log: Log, given: Given[Any]) -> Result:
         findings=(*log.findings, *found, *result.findings),
         validity=table_report.validity(readings, log, site),
     )
-
-
-def _for_poses(settings: Any) -> TableSettings:
-    shared = settings.model_dump(
-        include={*TableSettings.model_fields} - {"shortest", "g_sensitivity"}
-    )
-    return TableSettings(**shared)

@@ -311,38 +311,15 @@ class Procedure(Generic[S, N]):
         instrument: Mapping[str, Any] | None = None,
         progress: Progress = silent,
     ) -> Result:
-        """Calibrate an instrument from a log.
+        """Calibrate an instrument from a log; raises what is missing in it or wrong with it.
 
-        Parameters
-        ----------
-        log : Log, or what the procedure has instead
-            Readings, or means over poses where the procedure takes them [SI].
-        site : Site
-            Local gravity, and the latitude where the Earth's rotation is to be modelled.
-        settings : pydantic model or None
-            `Settings` of the procedure: what can be chosen; None takes the defaults.
-        noise : ImuNoise or None
-            Noise of the instrument [SI]; None measures it where the log shows it, and takes what
-            is usual where it does not.
-        prior : mapping of str to (float, float) or None
-            Mean and standard deviation of coefficients or groups of coefficients [SI].
-        sizes : mapping of str to (float, str) or None
-            Typical size of every group of terms that is not estimated, and what it rests on, as
-            `foucault.models.left_out.sizes_of` returns them [SI]; None takes them for nothing.
-        instrument : mapping or None
-            Name, serial and so on, kept in the result.
-        progress : callable
-            Called with the fraction done and what is being done.
-
-        Returns
-        -------
-        Result
-            Coefficients with covariance, checks and a verdict [SI].
-
-        Raises
-        ------
-        FoucaultError
-            What is missing in the log or wrong with it: see `foucault.symptoms`.
+        `log`: readings, or means over poses where the procedure takes them [SI]; `site`: local
+        gravity, and the latitude where the Earth's rotation is to be modelled; `settings` or None:
+        what can be chosen, else the defaults; `noise` or None: of the instrument, else measured
+        where the log shows it, and usual where it does not [SI]; `prior` or None: mean and sd of
+        coefficients or groups of them [SI]; `sizes` or None: of every group of terms that is not
+        estimated, and what each rests on, as `models.left_out.sizes_of` returns them, else they
+        are taken for nothing [SI]; `instrument` or None: name, serial and so on, to be kept.
         """
         started = clock.monotonic()
         said = getattr(log, "description", log)  # of a log that stays on the disk

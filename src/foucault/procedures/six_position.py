@@ -13,16 +13,12 @@ References
 
 from __future__ import annotations
 
-from functools import partial
-
 from foucault.detect.noise import without_spikes
 from foucault.guard import rest as turns
-from foucault.procedures import faces_search as search
 from foucault.procedures import on_faces
 from foucault.procedures.on_faces import FaceSession, FaceSettings, Observed
-from foucault.procedures.record import Given, Procedure
+from foucault.procedures.record import Given
 from foucault.result import Result
-from foucault.simulate.hand_rotated import simulate_drawn
 from foucault.tables import Log
 
 
@@ -50,21 +46,14 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     return on_faces.result_of("six_position", observed.log, observed.solve(given))
 
 
-PROCEDURE = Procedure(
-    name="six_position",
-    doc=__doc__,
-    by_rests=True,
+PROCEDURE = on_faces.face_procedure(
+    "six_position",
+    __doc__,
     Settings=Settings,
     Session=Session,
     solve=_solve,
-    plan=lambda settings, session, _: session.perfect.plan(settings, 0),
-    simulation=simulate_drawn,
     observe=lambda log, given: _observed(log, given).model(given),
-    again=lambda model, log, _: on_faces.again(model, log),
     additions=on_faces.additions,
-    space=partial(search.space, "six_position"),
-    Wanted=search.Wanted,
-    evaluations=search.EVALUATIONS,
     sizes=lambda session, _: {"placement": session.placement_sd},
     names=lambda settings, _: settings.estimated(turns=False),
 )

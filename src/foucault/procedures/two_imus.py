@@ -25,32 +25,32 @@ from pydantic import Field
 from foucault import logs
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
-from foucault.diagnose import left_out
-from foucault.diagnose.checks import check, given_check, plausible_scales, status_check
-from foucault.errors import Finding, Status, error, finding
+from foucault.diagnose.checks import check
+from foucault.errors import Finding, error, finding
 from foucault.estimate import two_bodies as bodies
 from foucault.estimate import two_imus as engine
-from foucault.estimate.two_bodies import SMOOTH, Clocks, clocks, even, one_axis, smooth, wahba
+from foucault.estimate.norm_observation import wahba
+from foucault.estimate.two_bodies import SMOOTH, Clocks, clocks, even, one_axis, smooth
 from foucault.estimate.two_imus import Readings, Slave, Solution
 from foucault.guard.mistakes import exchange_words, exchanges, rate_hint
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.infer.shown import shares
 from foucault.logs.checks import on_a_shared_clock
 from foucault.logs.description import OWN_LOG, LogDescription, log_head
-from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
+from foucault.models.imu import Gauge, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.two_imus import LAYOUT, ORDINALS, SENSORS, layout_of
 from foucault.plans.directions import Free
-from foucault.procedures.by_hand import Found, HandSession, foreseen
+from foucault.procedures.by_hand import Found, HandSession, clock_slope, foreseen, result_of
 from foucault.procedures.chosen import Chosen
-from foucault.procedures.counted import BY_CLOCK, GIVES_WAY, Again, Counted, Stages, Unit, counted
+from foucault.procedures.counted import Again, Counted, Stages, Unit, counted
 from foucault.procedures.left_out import told_beside
 from foucault.procedures.record import Given, Procedure
-from foucault.result import Check, Result, TableData, Verdict
+from foucault.result import Check, Result
 from foucault.simulate.hand_motion import HandMotion
 from foucault.simulate.noise import sampled_log
-from foucault.tables import AXES, Log, ranges, whole_samples
+from foucault.tables import AXES, Log, whole_samples
 from foucault.units import Seconds, parse, plain
 
 FRAME = "body axes of the IMU that is calibrated, as its accelerometers define them (see gauge)"
@@ -178,8 +178,7 @@ class Start:
     jumps: float  # of the stamps against a line, in samples (rms) [1]
 
 
-FORCES = 800
-"""Samples by which lever arm and forces are judged, evenly chosen [1]."""
+FORCES = 800  # Samples by which lever arm and forces are judged, evenly chosen [1].
 
 
 def start_of(master: Log, log: Log, who: str) -> Start:
@@ -352,13 +351,14 @@ def _counted(
     return counted(s, c, stages, planned=planned)
 
 
-def _by_clock(s: Solution, c: CoefficientVector, logs: ImuLogs) -> FloatArray:
+def _by_clock(s: Solution, c: CoefficientVector, log: Log) -> FloatArray:
     """Return how what is reported changes with the rate of a clock of all logs, (p,) [SI].
 
     Where it is fast by e, increments are read too small by e, and rates seem to change more slowly:
     forces along a lever arm, ``alpha x l``, are not what they were. Delays are longer.
     """
-    summed, *own = (1.0 * (log.sampled == "increment") for log in logs.all)
+    assert isinstance(log, ImuLogs)
+    summed, *own = (1.0 * (one.sampled == "increment") for one in log.all)
     made = []
     for at, r, by in zip(s.slaves, s.problem.readings[1:], own, strict=True):
         lever, unbiased = at.C_cb @ at.lever_b, r.read - np.append(at.gyro[0], at.accel[0])
@@ -373,26 +373,15 @@ def _by_clock(s: Solution, c: CoefficientVector, logs: ImuLogs) -> FloatArray:
     return np.asarray(moved[[layout.index(n) for n in c.names]])
 
 
-def _unseen(s: Solution) -> list[str]:
-    return [n for n, lost in zip(layout_of(len(s.slaves)).names, s.unseen, strict=True) if lost]
-
-
-def _checks(s: Solution, c: CoefficientVector) -> tuple[Check, ...]:
-    status = Status.CONVERGED if s.converged else Status.NOT_CONVERGED
-    names = _unseen(s)
-    out = [
-        status_check(status, ()), *plausible_scales(c),
-        check("seen in the motion", "seen", float(len(names)), None, 0.5,
-              {"names": ", ".join(names)}),
-        check("imus halves", "halves of the log", s.halves, None, bodies.HALVES),
-    ]  # fmt: skip
+def _checks(s: Solution) -> list[Check]:
+    out = [check("imus halves", "halves of the log", s.halves, None, bodies.HALVES)]
     if s.problem.given[1] is not None:
         dof = 3.0 * len(s.problem.readings[1].time)
         low, high = np.sqrt(np.array(chi_square_limits(dof, tests=2)) / dof)
         for name, square in zip(("gyros", "accelerometers"), s.ratio[1], strict=True):
             out.append(check("imus noise", f"noise of the {name}", float(np.sqrt(square)),
                              float(low), float(high), {"name": name}))  # fmt: skip
-    return tuple(out)
+    return out
 
 
 def _told(s: Solution, starts: Sequence[Start], clock_sd: float) -> list[Finding]:
@@ -413,9 +402,7 @@ def _told(s: Solution, starts: Sequence[Start], clock_sd: float) -> list[Finding
     return told
 
 
-def _budget(
-    s: Solution, c: CoefficientVector, beside: Counted[Solution] | None, kept: list[int]
-) -> dict[str, FloatArray]:
+def _budget(s: Solution, kept: list[int]) -> dict[str, FloatArray]:
     """Return the variance of what is reported by source, (p,) each [SI]; they add up to `cov`."""
     names = [f"{sensor} of the {who} IMU" for who in ("first", *ORDINALS[: len(s.slaves)])
              for sensor in ("gyros", "accelerometers")]  # fmt: skip
@@ -426,28 +413,33 @@ def _budget(
         var.flat[k] *= 1 + STEP
         parts[name] = np.maximum(np.diag(engine.formal(s, var)) - formal, 0.0) / STEP
     known = shares(parts, formal, np.diag(s.cov), "colour of what is left")
-    known = {name: v[kept] for name, v in known.items()}
-    return known if beside is None else beside.beside(known, c)
+    return {name: v[kept] for name, v in known.items()}
 
 
-STEP = 0.02
-"""Part of a variance by which it is changed to see what hangs on it [1]."""
+STEP = 0.02  # Part of a variance by which it is changed to see what hangs on it [1].
+
+
+def _found(
+    log: Log, given: Given[Settings], *, planned: bool = False
+) -> tuple[Found[Solution], list[Start]]:
+    """Return what logs tell; `planned`: they are of a session that was not made."""
+    s, starts = _solved(log, given)
+    c, kept = _estimate(s)
+    beside = _counted(s, c, log, given, planned=planned)
+    if beside is not None:
+        s, c = beside.solution, beside.coefficients
+    names = zip(layout_of(len(s.slaves)).names, s.unseen, strict=True)
+    bound, unseen = np.sqrt(np.diag(s.formal))[kept], [n for n, lost in names if lost]
+    return Found(
+        s, c, bound, unseen, lambda: _budget(s, kept), lambda: _by_clock(s, c, log), beside
+    ), starts
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:
-    s, starts = _solved(log, given)
-    c, kept = _estimate(s)
-    beside = _counted(s, c, log, given)
-    if beside is not None:
-        s, c = beside.solution, beside.coefficients
-    checks = (*_checks(s, c), *given_check(c, given.prior))
-    if beside is not None:
-        checks = (*checks, *beside.checks)
+    at, starts = _found(log, given)
+    s = at.solution
+    noise = np.sqrt(s.var[1] * log.interval).tolist()
     diagnostics: dict[str, Any] = {
-        "gravity": given.site.gravity,
-        "bound": np.sqrt(np.diag(s.formal))[kept].tolist(),
-        "unseen": [*_unseen(s), GIVES_WAY],
-        "iterations": s.passes,
         "imus": {
             "colour": s.spread, "halves": s.halves, "lag_one": s.lag_one.tolist(),
             "noise": np.sqrt(s.var).tolist(), "peak": [x.clocks.peak for x in starts],
@@ -457,28 +449,14 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
             "lever_b": [x.lever_b.tolist() for x in s.slaves],
             "tau": [x.tau for x in s.slaves],
         },
-        "noise": dict(zip(("gyro", "accel"),
-                          (np.sqrt(s.var[1] * log.interval)).tolist(), strict=True)),
+        "noise": dict(zip(("gyro", "accel"), noise, strict=True)),
     }  # fmt: skip
-    tables: dict[str, TableData] = {}
-    if beside is not None:
-        diagnostics |= left_out.judgement_json(beside.judged)
-        tables["left_out"] = left_out.table(beside.judged)
-    if given.shown:
-        given.progress(0.8, "looking at what it rests on")
-        diagnostics["budget"] = {n: v.tolist() for n, v in _budget(s, c, beside, kept).items()}
-        assert isinstance(log, ImuLogs)
-        diagnostics[BY_CLOCK] = _by_clock(s, c, log).tolist()
-        columns = [f"{what}_{a}" for what in ("gyro", "accel") for a in AXES]
-        tables["left"] = {"time": s.slaves[0].at(s.problem.readings[1]),
-                          **{n: s.left[1][:, k] for k, n in enumerate(columns)}}  # fmt: skip
-    return Result(
-        procedure="two_imus", coefficients=c, equation=SIZE_EQUATION, frame=FRAME,
-        gauge=Gauge.LOWER.value, verdict=Verdict.of(checks), checks=checks,
-        findings=(*log.findings, *_told(s, starts, log.clock.sd)),
-        status=Status.CONVERGED if s.converged else Status.NOT_CONVERGED,
-        site=given.site.as_dict(), validity=ranges(log),
-        diagnostics=diagnostics, tables=tables,
+    columns = [f"{what}_{a}" for what in ("gyro", "accel") for a in AXES]
+    left = {"time": s.slaves[0].at(s.problem.readings[1]),
+            **{n: s.left[1][:, k] for k, n in enumerate(columns)}}  # fmt: skip
+    return result_of(
+        "two_imus", FRAME, log, given, at, checks=_checks(s),
+        findings=_told(s, starts, log.clock.sd), diagnostics=diagnostics, tables={"left": left},
     )  # fmt: skip
 
 
@@ -515,8 +493,7 @@ def _better(noise: ImuNoise, times: float) -> ImuNoise:
     return ImuNoise(a, g)
 
 
-TINY = 1e-4
-"""Half of a difference that tells an angular acceleration [s]."""
+TINY = 1e-4  # Half of a difference that tells an angular acceleration [s].
 
 
 def _simulated(
@@ -554,15 +531,6 @@ def _simulated(
     return ImuSession(ImuLogs.of(made[1], made[0], made[2:]), model, tuple(ties))
 
 
-def _found(log: Log, given: Given[Settings]) -> Found:
-    s, _ = _solved(log, given)
-    c, kept = _estimate(s)
-    beside = _counted(s, c, log, given, planned=True)
-    c = c if beside is None else beside.coefficients
-    return Found(c, np.sqrt(np.diag(s.formal))[kept], _budget(s, c, beside, kept), _unseen(s),
-                 None if beside is None else beside.judged)  # fmt: skip
-
-
 PROCEDURE = Procedure(
     name="two_imus",
     doc=__doc__,
@@ -581,7 +549,7 @@ PROCEDURE = Procedure(
     assumes_noise=True,
     counts=True,
     counts_by_noise=True,
-    clock_slope=lambda _log, _given, result: np.array(result.diagnostics[BY_CLOCK]),
+    clock_slope=clock_slope,
     Master=MasterDescription,
     with_master=_with_master,
     write=_write,

@@ -15,7 +15,8 @@ from foucault.coefficients import Layout
 from foucault.detect.steady import Spin
 from foucault.errors import error
 from foucault.estimate.spin import Solved, floor, solve
-from foucault.infer.mixed import NOISE_BASIS, UNEXPLAINED_BASIS, Linearisation, Source
+from foucault.infer import mixed
+from foucault.infer.mixed import NOISE_BASIS, Linearisation, Source
 from foucault.models.imu import LAYOUT
 from foucault.models.left_out import NONE, Change
 from foucault.models.noise import ImuNoise, wander
@@ -228,11 +229,8 @@ class SpinModel:
             out.append(Source("unknown Earth rate", shared=self.changed(ANYWHERE)[:, :, None],
                               basis="any latitude is as likely"))  # fmt: skip
         if self.repeatability:
-            out += [
-                Source(name, np.sqrt(share)[:, None, None], sd=None, unexplained=True,
-                       type=UNEXPLAINED_BASIS[0], basis=UNEXPLAINED_BASIS[1])
-                for name, share in zip(SCATTER, (accel, gyro), strict=True)
-            ]  # fmt: skip
+            out += [mixed.scatter(name, np.sqrt(share)[:, None, None])
+                    for name, share in zip(SCATTER, (accel, gyro), strict=True)]  # fmt: skip
         return (*out, *self._slow(J))
 
     def _slow(self, J: FloatArray) -> tuple[Source, ...]:
@@ -246,13 +244,11 @@ class SpinModel:
                                     ("gyro", "gyro", self.noise.gyro)):  # fmt: skip
             if not (triad.bias_instability or triad.random_walk):
                 continue
-            root = np.linalg.cholesky(
-                (C := wander(triad, middle, length)) + 1e-12 * np.trace(C) * np.eye(len(C))
-            )
+            root = mixed.root(wander(triad, middle, length))
             bias = [LAYOUT.subset(self.solved.names).index(f"{family}.bias.{a}") for a in "xyz"]
-            shared = np.einsum("nk,na->nak", root[self.spin], J[:, 0, bias])
-            out.append(Source(f"{what} bias instability", shared=shared.reshape(len(J), 1, -1),
-                              noise=True, basis="noise as declared in the campaign"))  # fmt: skip
+            shared = mixed.tied(J[:, :, bias], root[self.spin])
+            out.append(Source(f"{what} bias instability", shared=shared, noise=True,
+                              basis="noise as declared in the campaign"))  # fmt: skip
         return tuple(out)
 
 

@@ -25,10 +25,9 @@ from pydantic import Field
 from foucault import logs
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.diagnose import left_out
-from foucault.diagnose.checks import check, given_check, plausible_scales, status_check
+from foucault.diagnose.checks import check
 from foucault.diagnose.comparable import of_site
-from foucault.errors import Finding, Status, error, finding
+from foucault.errors import Finding, error, finding
 from foucault.estimate import imu_pose as engine
 from foucault.estimate import two_bodies as bodies
 from foucault.estimate.antennas import antennas, not_exchanged
@@ -41,7 +40,7 @@ from foucault.logs import pose as poses
 from foucault.logs.checks import on_a_shared_clock
 from foucault.logs.pose import PoseDescription
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
+from foucault.models.imu import Gauge, ImuModel
 from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.pose import BASE as OF_BASE
@@ -50,24 +49,14 @@ from foucault.models.pose import PoseTable
 from foucault.models.rotation import log as vector_of
 from foucault.models.size_effect import SizeEffect
 from foucault.plans.directions import Free
-from foucault.procedures.by_hand import Found, HandSession, foreseen
-from foucault.procedures.counted import (
-    BY_CLOCK,
-    GIVES_WAY,
-    GYROS,
-    Again,
-    Counted,
-    Stages,
-    Term,
-    Unit,
-    counted,
-)
+from foucault.procedures.by_hand import Found, HandSession, clock_slope, foreseen, result_of
+from foucault.procedures.counted import GYROS, Again, Counted, Stages, Term, Unit, counted
 from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
 from foucault.procedures.left_out import told_beside
 from foucault.procedures.record import Given, Procedure, Robust
-from foucault.result import Check, Result, TableData, Verdict
+from foucault.result import Check, Result
 from foucault.simulate.hand_motion import HandMotion, Tracker, simulate_hand
-from foucault.tables import AXES, Log, evened, ranges
+from foucault.tables import AXES, Log, evened
 from foucault.units import AngleSd, Quantity, Seconds, parse, plain
 
 FRAME = "body axes, right-forward-up, as the accelerometers define them (see gauge)"
@@ -75,11 +64,8 @@ MIRRORED, LEFT_OUT = 1.5, 10.0
 """By so many times less must be left over for axes of positions, whose second derivatives are
 noisy [1]; limit of poses that are left out [%]."""
 
-APART = 0.3
-"""Stamps of positions and attitudes are tried so far apart [s]."""
-
-QUIET = 0.05
-"""Part of the stretches of half a second that are the stillest [1]."""
+APART = 0.3  # Stamps of positions and attitudes are tried so far apart [s].
+QUIET = 0.05  # Part of the stretches of half a second that are the stillest [1].
 
 Length = Annotated[float, Quantity("length")]
 
@@ -328,7 +314,7 @@ def _counted(
             left = replace(unit, c=foretold).without(_rates(r), times) * r.dt[:, None]
             dtheta, dvel = np.hsplit(left, 2)
             found = _smoothed(replace(r, dtheta=dtheta, dvel=dvel), at.point, given)
-            return found, _estimate(found, given)
+            return found, _estimate(found)
 
         return both, again
 
@@ -422,7 +408,7 @@ def _apart(s: Start) -> tuple[float, float]:
     return float(tried[left.argmin()] * step), float(left.min())
 
 
-def _estimate(s: Solution, given: Given[Settings]) -> CoefficientVector:
+def _estimate(s: Solution) -> CoefficientVector:
     """Return what was found, without what was held; the whole of an IMU before its ties."""
     kept = [i for i in _order(s.readings.names) if i not in s.hold]
     layout = LAYOUT.subset(s.readings.names[i] for i in kept)
@@ -434,15 +420,13 @@ def _order(names: tuple[str, ...]) -> list[int]:
     return sorted(range(len(names)), key=lambda i: LAYOUT.index(names[i]))
 
 
-def _checks(s: Solution, c: CoefficientVector, settings: Settings) -> tuple[Check, ...]:
-    status = Status.CONVERGED if s.converged else Status.NOT_CONVERGED
+def _checks(s: Solution, settings: Settings) -> list[Check]:
     told = s.readings.measured[:, [1, 4]]
     left = 100 * float(np.mean(s.noise.weights[told] < 0.5))
     out = [
-        status_check(status, ()), *plausible_scales(c), _seen(s),
         check("pose halves", "halves of the log", s.halves, None, bodies.HALVES),
         check("pose outliers", "outliers", left, None, LEFT_OUT),
-    ]  # fmt: skip
+    ]
     declared = {"attitude": settings.attitude_sd, "position": settings.position_sd}
     if s.readings.second is not None:
         declared = {"second antenna": settings.second_sd, "position": settings.position_sd}
@@ -454,17 +438,7 @@ def _checks(s: Solution, c: CoefficientVector, settings: Settings) -> tuple[Chec
         if found is not None:
             rms, low, high = found.rms
             out.append(check("pose noise", f"noise of the {name}", rms, low, high, {"name": name}))
-    return tuple(out)
-
-
-def _unseen(s: Solution) -> list[str]:
-    return [n for i, n in enumerate(s.readings.names) if s.unseen[i] and i not in s.hold]
-
-
-def _seen(s: Solution) -> Check:
-    names = _unseen(s)
-    return check("seen in the motion", "seen", float(len(names)), None, 0.5,
-                 {"names": ", ".join(names)})  # fmt: skip
+    return out
 
 
 def _told(s: Solution, start: Start, log: Log) -> list[Finding]:
@@ -493,23 +467,32 @@ def _told(s: Solution, start: Start, log: Log) -> list[Finding]:
     return told
 
 
-def _solve(log: Log, given: Given[Settings]) -> Result:
+def _found(
+    log: Log, given: Given[Settings], *, planned: bool = False
+) -> tuple[Found[Solution], Start]:
+    """Return what a log tells; `planned`: it is of a session that was not made."""
     s, start = _solved(log, given)
-    c = _estimate(s, given)
-    beside = _counted(s, c, given)
+    c = _estimate(s)
+    beside = _counted(s, c, given, planned=planned)
     if beside is not None:
         s, c = beside.solution, beside.coefficients
-    checks = (*_checks(s, c, given.settings), *given_check(c, given.prior))
-    if beside is not None:
-        checks = (*checks, *beside.checks)
-    kept = [s.readings.names.index(n) for n in c.names]
+    names = s.readings.names
+    kept = [names.index(n) for n in c.names]
+    bound = np.sqrt(np.diag(s.formal) + s.of_gravity**2)[kept]
+    unseen = [n for i, n in enumerate(names) if s.unseen[i] and i not in s.hold]
+
+    def parts() -> dict[str, FloatArray]:
+        return {name: v[kept] for name, v in engine.budget(s).items()}
+
+    return Found(s, c, bound, unseen, parts, lambda: _by_clock(s, c, given.site), beside), start
+
+
+def _solve(log: Log, given: Given[Settings]) -> Result:
+    at, start = _found(log, given)
+    s, c = at.solution, at.coefficients
     second, ok = s.readings.second, s.readings.measured
-    site = given.site
+    gravity = s.of_gravity[[s.readings.names.index(n) for n in c.names]]
     diagnostics: dict[str, Any] = {
-        "gravity": site.gravity,
-        "bound": np.sqrt(np.diag(s.formal) + s.of_gravity**2)[kept].tolist(),
-        "unseen": [*_unseen(s), GIVES_WAY],
-        "iterations": s.passes,
         "pose": {
             "used": int((s.noise.weights[ok[:, 4], 1] > 0.5).sum()), "read": len(ok),
             "attitude_sd": None if s.readings.C_vm is None else s.noise.attitude,
@@ -521,36 +504,16 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
             "C_bm": s.point.C_bm.tolist() if s.readings.C_vm is not None else None,
         } | ({"second_sd": s.noise.attitude, "second": second.told} if second else {}),
         "noise": {"gyro": s.readings.white[0], "accel": s.readings.white[1]},
-    } | of_site(site.as_dict(), c.names, s.of_gravity[kept])  # fmt: skip
-    tables: dict[str, TableData] = {}
-    if beside is not None:
-        diagnostics |= left_out.judgement_json(beside.judged)
-        tables["left_out"] = left_out.table(beside.judged)
-    if given.shown:
-        given.progress(0.8, "looking at what it rests on")
-        diagnostics["budget"] = {n: v.tolist() for n, v in _budget(s, c, beside, kept).items()}
-        diagnostics[BY_CLOCK] = _by_clock(s, c, site).tolist()
-        z = np.where((np.repeat(s.noise.weights, 3, axis=1) > 0.5) & ok, s.residuals, np.nan)
-        first = "second" if second else "attitude"
-        names = [f"{what}_{a}" for what in (first, "position") for a in "xyz"]
-        some = np.flatnonzero(ok.any(axis=0))
-        tables["poses"] = {"time": s.readings.at(s.point.tau, s.point.kappa),
-                           **{names[k]: z[:, k] for k in some}}  # fmt: skip
-    return Result(
-        procedure="imu_pose", coefficients=c, equation=SIZE_EQUATION, frame=FRAME,
-        gauge=Gauge.LOWER.value, verdict=Verdict.of(checks), checks=checks,
-        findings=(*log.findings, *_told(s, start, log)),
-        status=Status.CONVERGED if s.converged else Status.NOT_CONVERGED, site=site.as_dict(),
-        validity=ranges(log), diagnostics=diagnostics, tables=tables,
+    } | of_site(given.site.as_dict(), c.names, gravity)  # fmt: skip
+    z = np.where((np.repeat(s.noise.weights, 3, axis=1) > 0.5) & ok, s.residuals, np.nan)
+    first = "second" if second else "attitude"
+    names = [f"{what}_{a}" for what in (first, "position") for a in "xyz"]
+    some = np.flatnonzero(ok.any(axis=0))
+    poses = {"time": s.readings.at(s.point.tau, s.point.kappa), **{names[k]: z[:, k] for k in some}}
+    return result_of(
+        "imu_pose", FRAME, log, given, at, checks=_checks(s, given.settings),
+        findings=_told(s, start, log), diagnostics=diagnostics, tables={"poses": poses},
     )  # fmt: skip
-
-
-def _budget(
-    s: Solution, c: CoefficientVector, beside: Counted[Solution] | None, kept: list[int]
-) -> dict[str, FloatArray]:
-    """Return the variance of what is reported by source, (p,) each [SI]."""
-    known = {name: v[kept] for name, v in engine.budget(s).items()}
-    return known if beside is None else beside.beside(known, c)
 
 
 # -- sessions --------------------------------------------------------------------------------------
@@ -564,7 +527,6 @@ class PoseSession:
     model: ImuModel  # errors of the IMU
     tracker: Tracker
     late: float  # of the accelerometers [s]
-    sampled_middle: float  # by how much the middle of the poses moved the offset [s]
 
     @property
     def size_effect(self) -> SizeEffect:
@@ -607,18 +569,7 @@ def _simulated(
         motion, tracker, duration=session.time, rate=session.rate, model=model, noise=noise,
         late=session.accelerometers_late, gravity=site.gravity, rng=rng,
     )  # fmt: skip
-    return PoseSession(PoseLog.of(log, table), model, tracker, session.accelerometers_late, 0.0)
-
-
-def _found(log: Log, given: Given[Settings]) -> Found:
-    s, _ = _solved(log, given)
-    c = _estimate(s, given)
-    kept = [s.readings.names.index(n) for n in c.names]
-    beside = _counted(s, c, given, planned=True)
-    c = c if beside is None else beside.coefficients
-    bound = np.sqrt(np.diag(s.formal) + s.of_gravity**2)[kept]
-    return Found(c, bound, _budget(s, c, beside, kept), _unseen(s),
-                 None if beside is None else beside.judged)  # fmt: skip
+    return PoseSession(PoseLog.of(log, table), model, tracker, session.accelerometers_late)
 
 
 def _names(settings: Settings, session: Session) -> tuple[str, ...]:
@@ -641,7 +592,7 @@ PROCEDURE = Procedure(
     assumes_noise=True,
     counts=True,
     counts_by_noise=True,
-    clock_slope=lambda _log, _given, result: np.array(result.diagnostics[BY_CLOCK]),
+    clock_slope=clock_slope,
     Master=PoseDescription,
     with_master=_with_poses,
     write=_write,

@@ -21,22 +21,12 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
 from foucault.errors import FoucaultError, error
+from foucault.estimate import two_bodies as bodies
 from foucault.estimate.antennas import LEFT, SUSPECT, TURNED, least, of_base
 from foucault.estimate.delay_matching import SlaveAttitude
 from foucault.estimate.imu_pose import Point, Readings, corrected, misses, solve
-from foucault.estimate.two_bodies import (
-    CLEARLY,
-    SMOOTH,
-    Clocks,
-    clocks,
-    even,
-    gaps,
-    of_a_unit,
-    one_axis,
-    smooth,
-    smoothed_alike,
-    wahba,
-)
+from foucault.estimate.norm_observation import wahba
+from foucault.estimate.two_bodies import clocks
 from foucault.guard.mistakes import exchanges
 from foucault.logs.pose import FEWEST
 from foucault.models.pose import READINGS, PoseTable
@@ -124,7 +114,7 @@ class Start:
 
     point: Point
     reading: str | None  # of the quaternion, a key of `READINGS`
-    clocks: Clocks  # NaN of positions alone
+    clocks: bodies.Clocks  # NaN of positions alone
     singular: FloatArray  # (3,) of the matrix from the rates of the IMU to those of the body [1]
     sign: float  # of its determinant [1]
     free_misfit: float  # what that matrix leaves of the rates, as a part of them [1]
@@ -153,15 +143,17 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
     assert log.gyro is not None
     assert log.accel is not None
     step, usual = (float(np.median(np.diff(t))) for t in (log.time, q.time))
-    w_imu, f_imu = (smoothed_alike(x, step, k, usual) for k, x in ((1, log.gyro), (2, log.accel)))
+    w_imu, f_imu = (
+        bodies.smoothed_alike(x, step, k, usual) for k, x in ((1, log.gyro), (2, log.accel))
+    )
     own = np.arange(q.time[0], q.time[-1], usual)
     assert q.quaternion is not None
     numbers = q.quaternion / np.linalg.norm(q.quaternion, axis=1)[:, None]
     flips = np.cumprod(np.where(np.sum(numbers[1:] * numbers[:-1], axis=1) < 0, -1.0, 1.0))
-    numbers = even(q.time, _without_jumps(numbers * np.append(1.0, flips)[:, None]), own)
-    bad = gaps(q.time, own, max(4 * usual, SMOOTH))
+    numbers = bodies.even(q.time, _without_jumps(numbers * np.append(1.0, flips)[:, None]), own)
+    bad = bodies.gaps(q.time, own, max(4 * usual, bodies.SMOOTH))
     found: list[Start] = []
-    known: dict[tuple[int, ...], Clocks] = {}
+    known: dict[tuple[int, ...], bodies.Clocks] = {}
     for reading, (order, sign) in READINGS.items():
         if q.reading not in (None, reading):
             continue
@@ -192,25 +184,25 @@ def _same_time(w_imu: FloatArray, w: FloatArray, lasted: float, poses: float) ->
 
 def _body_rate(q: FloatArray, step: float) -> FloatArray:
     """Return the rate in body axes, (n, 3) [rad/s], of quaternions (n, 4), scalar first."""
-    s, d = smooth(q, step), smooth(q, step, 1)
+    s, d = bodies.smooth(q, step), bodies.smooth(q, step, 1)
     v, dv = s[:, 1:], d[:, 1:]
     square = np.sum(s**2, axis=1)[:, None]
     return np.asarray(2 * (s[:, :1] * dv - d[:, :1] * v - np.cross(v, dv)) / square)
 
 
 def _with_rates(
-    log: Log, r: Readings, q: PoseTable, reading: str, c: Clocks,
+    log: Log, r: Readings, q: PoseTable, reading: str, c: bodies.Clocks,
     body: tuple[FloatArray, FloatArray, BoolArray], sensed: tuple[FloatArray, FloatArray],
 ) -> Start:  # fmt: skip
     (own, w_m, bad), (w_imu, f_imu) = body, sensed
     usual = float(own[1] - own[0])
     tau, kappa = c.tau, c.kappa
     t = own + tau + kappa * (own - r.middle)
-    inside = ~bad & (t > log.time[0] + SMOOTH) & (t < log.time[-1] - SMOOTH)
+    inside = ~bad & (t > log.time[0] + bodies.SMOOTH) & (t < log.time[-1] - bodies.SMOOTH)
     inside[:5] = inside[-5:] = False
     if inside.sum() < FEWEST:
         raise error("pose.few", file="The time of the log", count=int(inside.sum()), least=FEWEST)
-    w_b = even(log.time, w_imu, t[inside])
+    w_b = bodies.even(log.time, w_imu, t[inside])
     w = w_m[inside]
     # Hardly turned, rates are noise: what is centred is what the turning says.
     x, y = w_b - w_b.mean(axis=0), w - w.mean(axis=0)
@@ -221,13 +213,13 @@ def _with_rates(
     bias = w_b.mean(axis=0) - C_bm @ w.mean(axis=0)
     C_mv = np.swapaxes(_attitudes(q.time, q.attitude(reading), own)[inside], 1, 2)
     # Forces: accel = C_bv p'' - Om l - C_bv g_v + b_a, all smoothed alike.
-    position = even(q.time, _without_jumps(q.position), own)
-    pull = smooth(position, usual, 2)[inside]
+    position = bodies.even(q.time, _without_jumps(q.position), own)
+    pull = bodies.smooth(position, usual, 2)[inside]
     wb = w_b - bias
-    alpha = np.gradient(even(log.time, w_imu, t), t, axis=0)[inside]
+    alpha = np.gradient(bodies.even(log.time, w_imu, t), t, axis=0)[inside]
     Om = cross_matrix(alpha) + cross_matrix(wb) @ cross_matrix(wb)
-    forces = Forces(even(log.time, f_imu, t[inside]), C_bm @ C_mv, pull, Om)
-    if (axis := one_axis(x)) is not None:
+    forces = Forces(bodies.even(log.time, f_imu, t[inside]), C_bm @ C_mv, pull, Om)
+    if (axis := bodies.one_axis(x)) is not None:
         # Turns about one axis leave the angle about it to the forces.
         some = forces.some(700)
         angles = np.arange(-18, 18) * np.pi / 18
@@ -265,8 +257,7 @@ def _motion(
 
 # -- of positions alone --------------------------------------------------------------------------
 
-SPAN = 15.0
-"""So long gyros can be integrated before their biases are known [s]."""
+SPAN = 15.0  # So long gyros can be integrated before their biases are known [s].
 
 FREE_AT_FIRST = np.r_[3:7, 8:16]
 """Parameters that a few seconds tell: lever arm, offset, level and biases."""
@@ -288,7 +279,7 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
     found, start, off = _of_places(log, r, longest)
     size = np.inf if start.base_b is None else float(np.linalg.norm(start.base_b))
     upright = start.up_v[2] > 0.9 and off < SUSPECT * size
-    if r.second is None or upright or not of_a_unit(found.gravity / r.gravity[0]):
+    if r.second is None or upright or not bodies.of_a_unit(found.gravity / r.gravity[0]):
         return found, start
     assert log.accel is not None
     other = replace(log, accel=-log.accel)
@@ -300,7 +291,7 @@ def start_of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point
         with suppress(FoucaultError, np.linalg.LinAlgError):
             left[words] = _of_places(*case, longest)[2]
     best = min(left, key=lambda words: left[words])
-    if left[best] < min(off / CLEARLY, LEFT * size):
+    if left[best] < min(off / bodies.CLEARLY, LEFT * size):
         code = "pose.world_mirrored" if best == MIRRORED else "pose.base_axes"
         more = {} if best == MIRRORED else {"words": best}
         raise error(code, factor=plain(off / left[best], 2), **more)
@@ -315,15 +306,17 @@ def _of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point, flo
     assert log.accel is not None
     step = float(np.median(np.diff(log.time)))
     usual = float(np.median(np.diff(r.stamp)))
-    w, f = (smoothed_alike(x, step, k, usual) for k, x in ((1, log.gyro), (2, log.accel)))
+    w, f = (bodies.smoothed_alike(x, step, k, usual) for k, x in ((1, log.gyro), (2, log.accel)))
     own = np.arange(r.stamp[0], r.stamp[-1], usual)
-    pull = smooth(even(r.stamp, _without_jumps(r.place), own), usual, 2)
-    bad = gaps(r.stamp, own, max(4 * usual, SMOOTH))
+    pull = bodies.smooth(bodies.even(r.stamp, _without_jumps(r.place), own), usual, 2)
+    bad = bodies.gaps(r.stamp, own, max(4 * usual, bodies.SMOOTH))
     bad[:5] = bad[-5:] = True
     lively, base_b = pull, None
     if r.second is not None:  # its positions may be too noisy to be differentiated twice
         there = np.isfinite(r.second.base(r.position)[:, 0])
-        lively = smooth(even(r.stamp[there], r.second.base(r.position)[there], own), usual, 1)
+        lively = bodies.smooth(
+            bodies.even(r.stamp[there], r.second.base(r.position)[there], own), usual, 1
+        )
     first = _liveliest(own, lively * ~bad[:, None], SPAN)
     rows = slice(first, first + round(SPAN / usual))
     own, pull, bad = own[rows], pull[rows], bad[rows]
@@ -337,9 +330,9 @@ def _of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point, flo
             return np.inf, np.zeros(15), Forces(*np.zeros((4, 1, 3, 3)))
         t = t[inside]
         C = turns.at(t)[0]
-        wb = cross_matrix(even(log.time, w, t))
-        Om = cross_matrix(even(log.time, alpha, t)) + wb @ wb
-        force = even(log.time, f, t)
+        wb = cross_matrix(bodies.even(log.time, w, t))
+        Om = cross_matrix(bodies.even(log.time, alpha, t)) + wb @ wb
+        force = bodies.even(log.time, f, t)
         y = np.einsum("kij,kj->ki", C, force)
         one = np.eye(3)
         X = np.einsum("ij,kl->kijl", one, pull[inside]).reshape(-1, 3, 9)
@@ -357,7 +350,7 @@ def _of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point, flo
         C_0v = U @ np.diag([1.0, 1.0, sign]) @ V
         lever, g_v = x[12:], -C_0v.T @ x[9:12]
     else:
-        base = even(r.stamp[there], r.second.base(r.position)[there], own)
+        base = bodies.even(r.stamp[there], r.second.base(r.position)[there], own)
         within = float(log.time[0]), float(log.time[-1])
         tau, C_0v, base_b, off = of_base(turns, own[~bad], base[~bad], longest, within)
         _overlap(off, own, log)
@@ -390,9 +383,8 @@ def _of_places(log: Log, r: Readings, longest: float) -> tuple[Start, Point, flo
     known = turns.at(few.at(at.tau, at.kappa))[0]
     C_v0 = at.C[middle] @ known[middle].T
     start = at_places(r, C_v0 @ turns.at(r.at(at.tau, at.kappa))[0], at)
-    none = Clocks(tau, 0.0, np.nan, np.nan, 0.0, 0.0)
-    found = Start(start, None, none, size, sign, np.nan, np.nan, left, gravity, forces,
-                  usual)  # fmt: skip
+    none = bodies.Clocks(tau, 0.0, np.nan, np.nan, 0.0, 0.0)
+    found = Start(start, None, none, size, sign, np.nan, np.nan, left, gravity, forces, usual)
     z, ok = np.abs(misses(few, short.point)), few.measured
     off = max(float(np.median(x[o])) for x, o in ((z[:, :3], ok[:, :3]), (z[:, 3:], ok[:, 3:]))
               if o.any())  # fmt: skip

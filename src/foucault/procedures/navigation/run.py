@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose import schuler
 from foucault.diagnose.alignment import POOR
@@ -335,7 +335,12 @@ def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budge
 
     `vector` or None: the coefficients that were corrected.
     """
-    rows = _rows(made)
+    # Rows spread evenly from the start to the last epoch that is compared.
+    last = len(made.increments) - 1
+    if made.errors is not None:
+        last = made.increments.row_at(float(made.errors.time[-1]))
+    wanted = np.linspace(made.first, last, EPOCHS + 1)[1:]
+    rows = np.unique(np.round(wanted).astype(np.int64))
     names = () if vector is None else vector.names
     sensors = with_size_effect(
         Sensors.of(name for name in names if name not in SIZE_EFFECT),
@@ -343,7 +348,9 @@ def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budge
     )  # fmt: skip
     if vector is None:
         vector = CoefficientVector.zeros(sensors.layout)
-    vector = _ordered(vector, sensors)
+    keep = [vector.layout.index(name) for name in sensors.layout.names]
+    cov = None if vector.cov is None else vector.cov[np.ix_(keep, keep)]
+    vector = CoefficientVector(sensors.layout, vector.values[keep], cov)
     sense = free_run.sensitivity(
         made.increments, made.state, sensors, rows, first=made.first,
         gravity_offset=task.site.anomaly, held=task.held,
@@ -357,22 +364,6 @@ def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budge
         (vector.names, vector.values, vector.cov), made.start.phi_cov, noise,
         made.start.velocity_sd, made.start.position_sd,
     )  # fmt: skip
-
-
-def _rows(made: Made) -> IntArray:
-    """Return rows spread evenly from the start to the last epoch that is compared."""
-    last = len(made.increments) - 1
-    if made.errors is not None:
-        last = made.increments.row_at(float(made.errors.time[-1]))
-    wanted = np.linspace(made.first, last, EPOCHS + 1)[1:]
-    return np.unique(np.round(wanted).astype(np.int64))
-
-
-def _ordered(vector: CoefficientVector, sensors: Sensors) -> CoefficientVector:
-    """Return coefficients in the order of the error model."""
-    keep = [vector.layout.index(name) for name in sensors.layout.names]
-    cov = None if vector.cov is None else vector.cov[np.ix_(keep, keep)]
-    return CoefficientVector(sensors.layout, vector.values[keep], cov)
 
 
 def _aligned(task: Task, made: Made, vector: CoefficientVector) -> FloatArray:

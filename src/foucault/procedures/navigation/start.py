@@ -76,7 +76,9 @@ def opening(log: Log, settings: Settings, declared: ImuNoise | None = None) -> O
     log = without_spikes(log, most=KNOCKS)
     rests = find_rests(log, How(window=max(0.5, 51 * log.interval)))
     longest = int(np.max(rests.last - rests.first, initial=0))
-    still = longest + rests.window >= WHOLE * len(log) or _constant(log)
+    still = longest + rests.window >= WHOLE * len(log) or all(
+        x is not None and np.ptp(x, axis=0).max() < CONSTANT for x in (log.accel, log.gyro)
+    )
     first = float(log.time[0])
     if settings.align is not None:
         return _said(log, first, before(log, settings.align), still, rests, declared)
@@ -107,11 +109,6 @@ def before(log: Log, length: float) -> float:
     # Samples of a moment are integrated by the one after too.
     last -= log.sampled != "increment"
     return float(log.time[max(last, 1)]) if end <= log.time[-1] + log.interval else end
-
-
-def _constant(log: Log) -> bool:
-    """Tell whether the readings do not change at all, as those of a perfect instrument at rest."""
-    return all(x is not None and np.ptp(x, axis=0).max() < CONSTANT for x in (log.accel, log.gyro))
 
 
 def _said(

@@ -383,7 +383,13 @@ def space(task: Task, beforehand: Beforehand[Any, Any]) -> PositionSpace:
     if wanted.criterion == "det" and len({*weights.tolist(), 0.0}) > 2:
         raise error("optimise.det")
     allowed = reach.words or "any angles"
-    unseen = require_seen(layout.names, weights, _unseen(b, reach), allowed)
+    # Tell which coefficients no allowed positions show, shape (p,).
+    rng = np.random.default_rng(TRIED)
+    tried = np.array([
+        reach.pointing(rng.standard_normal(3), float(rng.uniform(*reach.outer)))
+        for _ in range(TRIED)
+    ])  # fmt: skip
+    unseen = require_seen(layout.names, weights, ~np.isfinite(b.bound(b.plan(tried)).sd), allowed)
     free = task.trust is None
     degree = 6 if free and task.settings.accel_quadratic else 4
     table = Periodic.of(b.parts, (0 if free else 2, degree, degree))
@@ -456,16 +462,6 @@ def _within_cable(b: Bench, reach: Reach, count: int) -> Reach:
     # Within a quarter turn of zero the shorter way from one to another never passes 180 deg.
     most = min(pi / 2 - NEARLY, travel - needed)
     return replace(reach, outer=(-most, most))
-
-
-def _unseen(b: Bench, reach: Reach) -> BoolArray:
-    """Tell which coefficients no allowed positions show, shape (p,)."""
-    rng = np.random.default_rng(TRIED)
-    tried = np.array([
-        reach.pointing(rng.standard_normal(3), float(rng.uniform(*reach.outer)))
-        for _ in range(TRIED)
-    ])  # fmt: skip
-    return ~np.isfinite(b.bound(b.plan(tried)).sd)
 
 
 # -- what the plan will show ---------------------------------------------------------------

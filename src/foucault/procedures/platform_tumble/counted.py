@@ -1,47 +1,30 @@
-"""What a tumble does not estimate and counts with: the two stages of a filter.
+"""What a tumble does not estimate and counts with: two stages of a filter, `procedures.counted`.
 
-One size of a term put into the log changes the white residuals by E and the solution by A, both
-linear near it. With residuals e, and terms of the sizes k, the second stage is [1]_::
-
-    C = (E'E + diag(1 / k^2))^-1      t = C E'e      x - A t,      P + A C A'
-
-References
-----------
-.. [1] B. Friedland, "Treatment of bias in recursive filtering", IEEE Trans. Automatic Control
-   14(4), 1969.
+One size of a term put into the log changes the white residuals and the solution, linearly near it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from foucault.arrays import FloatArray
-from foucault.coefficients import Coefficient, CoefficientVector, Layout
+from foucault.coefficients import CoefficientVector
 from foucault.diagnose.foresight import Extra
 from foucault.errors import Status
 from foucault.estimate import tumble as estimation
 from foucault.estimate.tumble import STATES, Tumble
 from foucault.estimate.tumble_answers import Change, Linear
 from foucault.estimate.tumble_solution import Solution
-from foucault.infer.filtered import exchanged
-from foucault.infer.gauss_newton import Component
+from foucault.estimate.two_bodies import Answers
 from foucault.infer.left_out import Judgement
-from foucault.infer.left_out_states import (
-    OF,
-    Group,
-    Posterior,
-    fit,
-    noted,
-    of_priors,
-    planned,
-    widened,
-)
+from foucault.infer.left_out_states import Group, fit, noted, planned
 from foucault.models.cluster import CONSTANTS, normalised
 from foucault.models.imu import ImuModel
 from foucault.models.left_out import GRAVITY, LATITUDE, Motion, Sizes, changes, terms
+from foucault.procedures.counted import Stages
 from foucault.procedures.left_out import declared_states
 from foucault.procedures.platform_tumble.settings import OTHERWISE, SIZE_EFFECT
 from foucault.tables import AXES
@@ -80,58 +63,24 @@ def terms_of(t: Tumble, s: Solution, sizes: Sizes) -> Iterator[Term]:
         yield Term(late=sizes[DELAY][0], name=DELAY, group=DELAY)
 
 
-@dataclass(frozen=True)
-class Stages:
-    """Constants of the cluster and terms together, before anything was enlarged."""
+def stages_of(s: Solution, sizes: Sizes) -> tuple[Stages, FloatArray, FloatArray]:
+    """Join what was found with what the log says of all that was not sought; return E and A too.
 
-    residuals: FloatArray  # (r,) white, without the terms [1]
-    E: FloatArray  # (r, c) what one size of each adds to them [1]
-    A: FloatArray  # (46, c) and to the solution, in the order of `Fit.cov`
-    states: CoefficientVector  # constants [SI], then terms in sizes, with covariance
-    mean: FloatArray  # (n,) what was known of them beforehand [SI]
-    groups: Mapping[str, Group]  # what is judged
-
-    @classmethod
-    def of(cls, s: Solution, sizes: Sizes) -> Stages:
-        """Join what was found with what the log says of all that was not sought."""
-        t = s.tumble  # over longer averages slopes are too rough for what is left of a term
-        some = list(terms_of(t, s, sizes))
-        linear = Linear(t, s.prior, s.fit.start)
-        e, (E, A) = linear.residuals, linear.answers(some)
-        count, p, units = len(some), len(CONSTANTS), 1 / normalised(s.site.gravity)
-        C = np.linalg.inv(E.T @ E + np.eye(count))
-        G, found = A[3:45] * units[:, None], C @ (E.T @ e)
-        cov = np.zeros((p + count,) * 2)
-        cov[:p, :p] = s.fit.cov[3:45, 3:45] * np.outer(units, units) + G @ C @ G.T
-        cov[:p, p:], cov[p:, :p], cov[p:, p:] = -G @ C, -C @ G.T, C
-        names = [f"{OF}{one.name}" for one in some]
-        layout = Layout((*CONSTANTS.coefficients, *(Coefficient(n, "t", ONE, n) for n in names)))
-        sd = np.concatenate([s.prior.sd[3:45] * units, np.ones(count)])
-        values = np.concatenate([s.fit.start.constants * units - G @ found, found])
-        mean = np.concatenate([s.prior.mean.constants * units, np.zeros(count)])
-        states = CoefficientVector(layout, values, cov, prior_sd=sd)
-        groups = of_priors(states, CONSTANTS.names)
-        for group in dict.fromkeys(one.group for one in some):
-            mine = tuple(f"{OF}{one.name}" for one in some if one.group == group)
-            groups[group] = Group("source", mine, *sizes[group])
-        return cls(e, E, A, states, mean, groups)
-
-    def solved(self, times: Mapping[str, float]) -> CoefficientVector:
-        """Return the states with groups so many `times` as large [1]."""
-        known = widened(self.states, self.groups, times)
-        return exchanged(
-            self.states, (self.mean, self.states.prior_sd), replace(known, values=self.mean)
-        )
-
-    def posterior(self, c: CoefficientVector) -> Posterior:
-        """Return what is judged of a solution."""
-        left = self.residuals - self.E @ c.values[len(CONSTANTS) :]
-        n = len(left)
-        one = Component(float(left @ left), n - len(CONSTANTS), 0.0, np.inf, n)
-        return Posterior(c, self.mean, {"readings": one})
-
-
-ONE = "scale factor error"  # Kind of terms that are states: a plain number.
+    One size of each term adds E (r, c) to the white residuals [1] and A (46, c) to the solution,
+    in the order of `Fit.cov`.
+    """
+    t = s.tumble  # over longer averages slopes are too rough for what is left of a term
+    some = list(terms_of(t, s, sizes))
+    linear = Linear(t, s.prior, s.fit.start)
+    e, (E, A) = linear.residuals, linear.answers(some)
+    units = 1 / normalised(s.site.gravity)
+    found = CoefficientVector(
+        CONSTANTS, s.fit.start.constants * units,
+        s.fit.cov[3:45, 3:45] * np.outer(units, units), prior_sd=s.prior.sd[3:45] * units,
+    )  # fmt: skip
+    told = Answers(float(e @ e), E.T @ e, E.T @ E, A[3:45] * units[:, None], len(e))
+    mean = s.prior.mean.constants * units
+    return Stages.of(found, some, sizes, told, np.zeros(1), mean), E, A
 
 
 def counted(
@@ -147,7 +96,7 @@ def counted(
     if s.fit.status is not Status.CONVERGED or s.least is not None:
         return None
     sizes, p = {**SIZE_EFFECT, **sizes}, len(CONSTANTS)
-    both = Stages.of(s, sizes)
+    both, E, A = stages_of(s, sizes)
     last, judged = fit(both.solved, both.posterior, both.groups, CONSTANTS.names)
     assert last.cov is not None
     tumble, sd = s.tumble, s.prior.sd.copy()
@@ -160,13 +109,13 @@ def counted(
     # What of the readings the terms took up, they leave less of.
     C = last.cov[p:, p:]
     size, axes = np.linalg.eigh(C)
-    absorbed = both.E[:-STATES] @ (axes * np.sqrt(np.maximum(size, 0.0)))
+    absorbed = E[:-STATES] @ (axes * np.sqrt(np.maximum(size, 0.0)))
     if measured and found.status is Status.CONVERGED:
         scale = found.chi_square / max(found.residuals - p - float(np.sum(absorbed**2)), 1.0)
         absorbed = absorbed / np.sqrt(scale)
         tumble = replace(tumble, accel_variance=tumble.accel_variance * scale)
     found = estimation.linearised(tumble, prior, found, moments=moments)
-    beside = both.A @ C @ both.A.T
+    beside = A @ C @ A.T
     blocks, width = found.rows.shape[:2]
     alike = blocks * width == len(absorbed)  # else the rows were averaged otherwise
     out = replace(
@@ -182,13 +131,13 @@ def beforehand(s: Solution, sizes: Sizes) -> tuple[Solution, Judgement, tuple[Ex
     Returns the solution with it, what is made of it, and what it would buy to know it better.
     """
     sizes = {**SIZE_EFFECT, **sizes}
-    both = Stages.of(s, sizes)
+    both, _, A = stages_of(s, sizes)
     at = both.posterior(both.states)
     judged = planned(at, both.groups, CONSTANTS.names)
     bought = declared_states(at, both.groups, judged, CONSTANTS.names)
     assert both.states.cov is not None
     C = both.states.cov[len(CONSTANTS) :, len(CONSTANTS) :]
-    out = replace(s, more={NOT_ESTIMATED: both.A @ C @ both.A.T})
+    out = replace(s, more={NOT_ESTIMATED: A @ C @ A.T})
     return out, _with_references(judged, out), bought
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -149,7 +149,15 @@ def seen(p: Planned, extras: tuple[Extra, ...] = ()) -> Foresight:
     names = hardly(found)
     if names:
         told.insert(0, finding("preflight.unseen", count=len(names), names=", ".join(names)))
-    plan, legs = p.simulation.plan, _legs(shown)
+    # The legs with what is seen at the end of each.
+    grown = shown["growth"]
+    out = []
+    for leg in shown["legs"]:
+        last = int(np.searchsorted(grown["until"], leg["end"] + 1e-6, side="right")) - 1
+        x, y, z = leg["rate"]
+        rank, alone = grown["rank"][last], grown["alone"][last]
+        out.append(Leg(leg["start"], leg["end"], (x, y, z), rank, alone))
+    plan, legs = p.simulation.plan, tuple(out)
     return Foresight(
         coefficients=found,
         linearised_at=p.at,
@@ -212,18 +220,6 @@ def with_plan(settings: Settings, plan: TorquingPlan) -> Settings:
     )
     none = {"plan": None, "rate": None, "segment": None, "rate_limit": None}
     return settings.model_copy(update={**none, "steps": steps})
-
-
-def _legs(shown: Mapping[str, Any]) -> tuple[Leg, ...]:
-    """Return the legs with what is seen at the end of each."""
-    grown = shown["growth"]
-    out = []
-    for leg in shown["legs"]:
-        last = int(np.searchsorted(grown["until"], leg["end"] + 1e-6, side="right")) - 1
-        x, y, z = leg["rate"]
-        rank, alone = grown["rank"][last], grown["alone"][last]
-        out.append(Leg(leg["start"], leg["end"], (x, y, z), rank, alone))
-    return tuple(out)
 
 
 LATITUDES = ("0 deg", "28 deg", "40 deg", "60 deg")

@@ -42,7 +42,6 @@ from foucault.infer.information import BLURRED
 from foucault.infer.left_out import Judgement
 from foucault.infer.mixed import (
     NOISE_BASIS,
-    UNEXPLAINED_BASIS,
     Covariance,
     Fit,
     Linearisation,
@@ -198,15 +197,10 @@ class RateTable:
             out.append(Source("slow noise of gyros", shared=self._slow, noise=True,
                               basis="slow noise as given in the campaign"))  # fmt: skip
         if self.looks_for_scatter:
-            kind, basis = UNEXPLAINED_BASIS
-            each, shared = self._bias
-            out += [
-                Source("rate scatter", jitter, sd=None, price=PRICE["rate scatter"],
-                       unexplained=True, type=kind, basis=basis),
-                # Another bias in every step is not told from noise that is larger than was said.
-                Source("bias drift", each, shared, sd=None, price=PRICE["bias drift"],
-                       unexplained=self.bias_time == 0.0, type=kind, basis=basis),
-            ]  # fmt: skip
+            moved = mixed.scatter("bias drift", *self._bias, PRICE["bias drift"])
+            # Another bias in every step is not told from noise that is larger than was said.
+            moved = replace(moved, unexplained=self.bias_time == 0.0)
+            out += [mixed.scatter("rate scatter", jitter, price=PRICE["rate scatter"]), moved]
         return tuple(out)
 
     def _of_placements(self, each: FloatArray) -> FloatArray:
@@ -220,7 +214,7 @@ class RateTable:
     def _slow(self) -> FloatArray:
         """What wander of the bias that was declared does, white causes, shape (n, 3, 3 n)."""
         assert self.steps.slow is not None
-        return _alike(wander(self.steps.slow, self.steps.middle, self.steps.time))
+        return self._alike(wander(self.steps.slow, self.steps.middle, self.steps.time))
 
     @cached_property
     def _bias(self) -> tuple[FloatArray | None, FloatArray | None]:
@@ -236,14 +230,11 @@ class RateTable:
             line = s.middle - s.half_time
             line /= max(float(np.sqrt(np.mean(line**2))), 1e-12)
             return None, line[:, None, None] * np.eye(3)
-        return None, _alike(np.exp(-np.abs(s.middle[:, None] - s.middle) / self.bias_time))
+        return None, self._alike(np.exp(-np.abs(s.middle[:, None] - s.middle) / self.bias_time))
 
-
-def _alike(cov: FloatArray) -> FloatArray:
-    """Return white causes of what three axes do, each with the covariance `cov` over the steps."""
-    least = max(1e-9 * float(np.diag(cov).max()), 1e-40)
-    root = np.linalg.cholesky(cov + least * np.eye(len(cov)))
-    return np.asarray(np.einsum("nk,ij->nikj", root, np.eye(3)).reshape(len(cov), 3, -1))
+    def _alike(self, cov: FloatArray) -> FloatArray:
+        """Return white causes of what three axes do, each with the covariance `cov` over steps."""
+        return mixed.tied(np.broadcast_to(np.eye(3), self.steps.cov.shape), mixed.root(cov))
 
 
 LOG_LINES = """\

@@ -127,8 +127,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     if judged is not None:
         checks = (*checks, *not_estimated.checks(judged),
                   judge.followed(heading_sd(sizes or {}, site, found.names), FOLLOWED))  # fmt: skip
-    findings = [*log.findings, *problem.findings, *decision.findings, *crowded,
-                *judge.findings(e)]  # fmt: skip
+    findings = [*log.findings, *problem.findings, *decision.findings, *crowded, *judge.findings(e)]
     findings += [recordings.told(apart)] if apart else []
     diagnostics = _diagnostics(problem, solution, settings) | of_site(
         site.as_dict(), found.names, gravity_error(found, site))  # fmt: skip

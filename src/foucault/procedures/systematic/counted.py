@@ -137,7 +137,10 @@ def counted(
     if beside is None:
         return None
     try:
-        return _counted(decision, beside)
+        found, judged = fit(beside.solve, beside.posterior, beside.groups, beside.names)
+        states, judged = beside.placed(found, judged)
+        now = replace(decision, problem=found[0], solution=found[1])
+        return now, states, judged, beside.budget(found, states)
     except FoucaultError as problem:
         far = heading_sd(sizes, decision.problem.site, beside.names)
         if problem.code != "strapdown.not_finite" or not far > FOLLOWED:
@@ -162,15 +165,6 @@ def heading_sd(sizes: Sizes, site: Site, names: Sequence[str]) -> float:
     return float(np.hypot(bends * site.gravity, drifts / 2) / max(north, 1e-9))
 
 
-def _counted(
-    decision: Decided, beside: Beside
-) -> tuple[Decided, CoefficientVector, Judgement, dict[str, dict[str, Any]]]:
-    found, judged = fit(beside.solve, beside.posterior, beside.groups, beside.names)
-    states, judged = beside.placed(found, judged)
-    now = replace(decision, problem=found[0], solution=found[1])
-    return now, states, judged, beside.budget(found, states)
-
-
 def _of(prior: CoefficientVector, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     at = [prior.names.index(n) for n in names]
     return prior.values[at], prior.prior_sd[at]
@@ -185,9 +179,11 @@ def _widened(
     every = {g: s for g, s in every.items() if s[0] > 0 and g != LATITUDE}
     bends = settings.model is not None
     coefficients = [
-        n for g in every if g in GROUPS and not (bends and g == "gyro.deflection")
-        for n in _members(g)
-    ]  # fmt: skip
+        LAYOUT.names[i]
+        for g in every
+        if g in GROUPS and not (bends and g == "gyro.deflection")
+        for i in LAYOUT.group(g)
+    ]
     mine = [n for n in names if n in LAYOUT]
     sensors = Sensors.of([*mine, *coefficients])
     if settings.model is not None:
@@ -213,7 +209,3 @@ def _widened(
 
 GROUPS = frozenset(n.rpartition(".")[0] for n in LAYOUT.names)
 """Groups of coefficients of `models.imu`."""
-
-
-def _members(group: str) -> tuple[str, ...]:
-    return tuple(LAYOUT.names[i] for i in LAYOUT.group(group))

@@ -35,18 +35,12 @@ from foucault.models.layouts import with_references
 from foucault.models.noise import ImuNoise, grade
 from foucault.navigate.increments import increments_of
 from foucault.navigate.ins_filter import start_cov
+from foucault.plans import sequence_search as sequences
 from foucault.plans.limit import Limit
 from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.plans.optimise import weights_of
 from foucault.plans.sequence import RATE, SPIN_RATE, CalibrationSequence, built_in
 from foucault.plans.sequence_file import ActionTable, plain_action, plain_start, turns_of
-from foucault.plans.sequence_search import (
-    Accuracy,
-    Allowed,
-    SystematicSpace,
-    sd_limits,
-    table_needs,
-)
 from foucault.procedures.left_out import told_beside
 from foucault.procedures.record import Beforehand, Shortest, Stated, checked
 from foucault.procedures.systematic.choice import Decided, foreseen_of
@@ -267,7 +261,7 @@ def accuracy_of(name: str, text: str) -> float:
     return sd
 
 
-def members(layout: Layout, wanted: Wanted) -> Accuracy:
+def members(layout: Layout, wanted: Wanted) -> sequences.Accuracy:
     """Return which coefficients each wanted accuracy is of, and how large it is [SI]."""
     out = {}
     for name, text in wanted.accuracy.items():
@@ -311,7 +305,7 @@ def _stated(b: Plan, sequence: CalibrationSequence, case: str) -> FloatArray:
     return found.states.sd if beside is None else beside.beforehand()[0].sd
 
 
-def space(b: Plan) -> SystematicSpace:
+def space(b: Plan) -> sequences.SystematicSpace:
     """Return the sequences that are allowed; the plan to beat is the campaign's."""
     if b.settings.steps == "published":
         raise error("systematic.search_published")
@@ -321,7 +315,7 @@ def space(b: Plan) -> SystematicSpace:
     p = steady(found.problem)
     beside = _beside(found, b, reference.duration)
     quick = partial(_quick_sd, quick_of(found, beside), layout.names)
-    return SystematicSpace(
+    return sequences.SystematicSpace(
         allowed=_allowed(settings, wanted, reference),
         names=layout.names,
         kinds=tuple(c.kind for c in layout.coefficients),
@@ -359,13 +353,15 @@ def _beside(found: Foreseen, b: Plan, span: float) -> Beside | None:
     return Beside.of(Decided(p, b.settings, found.solution, None, []), sizes, b.prior)
 
 
-def _allowed(settings: Settings, wanted: Wanted, reference: CalibrationSequence) -> Allowed:
+def _allowed(
+    settings: Settings, wanted: Wanted, reference: CalibrationSequence
+) -> sequences.Allowed:
     turns = [a for a in reference.actions if isinstance(a, Rotate)]
     rate = settings.rate_limit or max([SPIN_RATE, *(t.rate for t in turns)])
     quarters = [name for name in settings.sequence if "positions" in name]
     usual = SPINS if settings.model is not None else 0
     poses = usual if wanted.poses is None else wanted.poses
-    return Allowed(
+    return sequences.Allowed(
         first=wanted.first or (quarters[0] if quarters and not settings.actions else FIRST_PART),
         total=wanted.total or (inf if wanted.accuracy else reference.duration),
         poses=poses,
@@ -396,7 +392,7 @@ def wanted_limits(
         return ()
     time = [Limit("time", "time", duration, wanted.total)] if wanted.total is not None else []
     kinds = [c.kind for c in states.layout.coefficients]
-    return (*time, *sd_limits(members(states.layout, wanted), kinds, states.sd))
+    return (*time, *sequences.sd_limits(members(states.layout, wanted), kinds, states.sd))
 
 
 LONGER = 300.0  # How much longer a session is made to see what that would buy [s].
@@ -431,7 +427,7 @@ def foresee(b: Plan) -> Foresight:
         remaining=tuple(r.words for r in alone.remaining(states.prior_sd)),
         correlated=alone.with_prior(states.prior_sd).correlated(),
         limits=(
-            *table_needs(sequence, settings.rate_limit, settings.angle_step),
+            *sequences.table_needs(sequence, settings.rate_limit, settings.angle_step),
             *wanted_limits(b.wanted, states, sequence.duration),
         ),
         more=(*bought, *_more(sequence, found, beside)),

@@ -154,7 +154,11 @@ def problem_of(
     found, matched, told = _found(log, site, settings)
     numbers = np.flatnonzero(found.still)
     rests = tuple((int(found.rests.first[k]), int(found.rests.last[k]) - 1) for k in numbers)
-    _require_updates(rests, settings, log)
+    # Refuse rests in which less than two measurements are made.
+    lasts = np.array([(b - a) * log.interval for a, b in rests])
+    if lasts.min() < 2 * settings.interval:
+        raise error("systematic.interval", interval=f"{settings.interval:g}",
+                    rest=f"{lasts.min():.0f}", number=int(np.argmin(lasts)) + 1)  # fmt: skip
     increments = Increments.chained([increments_of(part) for _, part in log.recordings()])
     seen = noise_at_rest(log, [(a, b + 1) for a, b in rests], noise)
     used = _measured(log, found) if noise is None else seen.noise
@@ -223,14 +227,6 @@ def sensors_of(settings: Settings, noise: ImuNoise, recordings: int) -> Sensors:
     """
     sensors = settings.sensors.with_wander(noise)
     return sensors.with_turn_on(recordings) if recordings > 1 else sensors
-
-
-def _require_updates(rests: tuple[tuple[int, int], ...], settings: Settings, log: Log) -> None:
-    """Refuse rests in which less than two measurements are made."""
-    lasts = np.array([(b - a) * log.interval for a, b in rests])
-    if lasts.min() < 2 * settings.interval:
-        raise error("systematic.interval", interval=f"{settings.interval:g}",
-                    rest=f"{lasts.min():.0f}", number=int(np.argmin(lasts)) + 1)  # fmt: skip
 
 
 def steady(p: SystematicProblem) -> SystematicProblem:
@@ -321,8 +317,7 @@ def _aligned(
     a, b = rest
     begin, end = float(increments.time[a]), float(increments.time[b])
     if end - begin < FIRST_REST:
-        raise error("systematic.first_rest", time=f"{end - begin:.1f}",
-                    least=f"{FIRST_REST:.0f}")  # fmt: skip
+        raise error("systematic.first_rest", time=f"{end - begin:.1f}", least=f"{FIRST_REST:.0f}")
 
     def sd(group: str) -> float:
         return float(np.max(prior.prior_sd[prior.layout.group(group)]))

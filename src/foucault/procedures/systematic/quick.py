@@ -121,7 +121,12 @@ class Quick:
     def _rested(
         self, P: FloatArray, rest: Rest, C_nb: FloatArray, ramp: float, *, first: bool
     ) -> FloatArray:
-        still = self._still(rest.time, 9 if first else 3 if self.at_rest.decorrelate else 6)
+        anew = 9 if first else 3 if self.at_rest.decorrelate else 6
+        kept, each = self.rests.setdefault(anew, []), self.at_rest.interval
+        number = max(1, round(rest.time / each))
+        if len(kept) < number:
+            self.rests[anew] = kept = self._stills(2 * number, anew)
+        still = kept[number - 1]
         B = np.zeros((15, len(P)))
         B[:9, :9] = np.eye(9)
         key = C_nb.tobytes()
@@ -155,13 +160,6 @@ class Quick:
         layout = s.layout.subset([s.layout.names[i] for i in numbers])
         renumbered = np.searchsorted(numbers, s.coefficient[felt])
         return numbers, Sensors(layout, renumbered, s.axis[felt], s.entry[felt], s.weight[felt])
-
-    def _still(self, time: float, anew: int) -> Still:
-        kept, each = self.rests.setdefault(anew, []), self.at_rest.interval
-        number = max(1, round(time / each))
-        if len(kept) < number:
-            self.rests[anew] = kept = self._stills(2 * number, anew)
-        return kept[number - 1]
 
     def _stills(self, most: int, anew: int) -> list[Still]:
         """Return what rests of 1 to `most` updates do."""

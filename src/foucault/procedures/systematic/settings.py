@@ -75,10 +75,10 @@ SIZE_EFFECT: Sizes = {"accel.lever": (0.02, "judgement"), "accel.delay": (1e-3, 
 is not estimated."""
 
 AS_PARAMETERS = Layout(
-    tuple({
-        c.name: c for name in MODELS for c in deflection_model(name).layout.coefficients
-    }.values())
-)  # fmt: skip
+    tuple(
+        {c.name: c for name in MODELS for c in deflection_model(name).layout.coefficients}.values()
+    )
+)
 """Parameters of all models of deflection."""
 
 LAYOUT = Layout(

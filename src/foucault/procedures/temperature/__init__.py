@@ -65,24 +65,18 @@ def calibrate(
 ) -> Result:
     """Fit functions of temperature to calibrations.
 
-    Parameters
-    ----------
-    sessions : sequence of Session
-        Calibrations of one instrument; in the order they were made in, with `visited`.
-    settings : Settings or None
-        How.
-    ramps : sequence of Ramp
-        Logs at rest while the temperature changes.
-
-    Returns
-    -------
-    Result
-        Coefficients at the reference temperature, and the functions.
+    `sessions`: calibrations of one instrument, in the order they were made in, with `visited`;
+    `ramps`: logs at rest while the temperature changes. Returns the coefficients at the reference
+    temperature, and the functions.
     """
     begun = time.perf_counter()
     settings = settings or Settings()
     _one_instrument(sessions)
-    _independent(sessions)
+    # Refuse sessions that count a log twice: by itself, merged, or in a prior.
+    logs = [logs_of(s.result) for s in sessions]
+    for i, j in combinations(range(len(sessions)), 2):
+        if logs[i] & logs[j]:
+            raise error("temperature.same_log", one=sessions[i].name, other=sessions[j].name)
     alone, common = evidence.taken_out(sessions)
     task = task_of(alone, settings, ramps)
     choice = solved(task, settings)
@@ -140,14 +134,6 @@ def _one_instrument(sessions: Sequence[Session]) -> None:
         if None not in scales and scales[0] != scales[1]:
             raise error("temperature.unlike", what="count scale", one=first.name, other=other.name,
                         first=scales[0], second=scales[1])  # fmt: skip
-
-
-def _independent(sessions: Sequence[Session]) -> None:
-    """Refuse sessions that count a log twice: by itself, merged, or in a prior."""
-    logs = [logs_of(s.result) for s in sessions]
-    for i, j in combinations(range(len(sessions)), 2):
-        if logs[i] & logs[j]:
-            raise error("temperature.same_log", one=sessions[i].name, other=sessions[j].name)
 
 
 def _description(result: Result) -> Mapping[str, Any] | None:

@@ -40,14 +40,9 @@ from foucault.result import Level, Result
 from foucault.tables import Log
 from foucault.units import ZERO_CELSIUS
 
-PART = 60.0
-"""Means of a ramp are over about this long [s]."""
-
-PARTS = (12, 80)
-"""No fewer and no more means than this in a ramp [1]."""
-
-SPAN = 2.0
-"""A log whose temperature changes by less is no ramp [K]."""
+PART = 60.0  # Means of a ramp are over about this long [s].
+PARTS = (12, 80)  # No fewer and no more means than this in a ramp [1].
+SPAN = 2.0  # A log whose temperature changes by less is no ramp [K].
 
 TILTED = 0.5
 """Means of accelerometers that change by more are those of an instrument that was turned [m/s^2].
@@ -61,23 +56,12 @@ SENSORS = ("gyro", "accel")
 
 @dataclass(frozen=True)
 class Session:
-    """One calibration and its temperature.
+    """One calibration and its temperature."""
 
-    Attributes
-    ----------
-    name : str
-        How to call it.
-    result : Result
-        The calibration [SI].
-    temperature : float
-        Mean over the session [K].
-    low, high : float
-        Lowest and highest in the session [K].
-    """
-
-    name: str
-    result: Result
-    temperature: float
+    name: str  # how to call it
+    result: Result  # the calibration [SI]
+    temperature: float  # mean over the session [K]
+    # low, high: lowest and highest in the session [K]
     low: float
     high: float
 
@@ -85,14 +69,7 @@ class Session:
     def of(cls, name: str, result: Result, declared: float | None = None) -> Session:
         """Take the temperature from the log of the session, or as declared.
 
-        Parameters
-        ----------
-        name : str
-            How to call it.
-        result : Result
-            The calibration [SI].
-        declared : float or None
-            Temperature of the session, where its log has none or says it wrongly [K].
+        `declared` or None: where the log has none or says it wrongly [K].
         """
         _suits(name, result)
         if declared is not None:
@@ -332,11 +309,8 @@ def put_back(model: TemperatureModel, common: Common) -> TemperatureModel:
     return replace(model, cov=cov)
 
 
-HIGHEST = 3
-"""Highest power that is tried unless more is asked for [1]."""
-
-SAME = 1.0
-"""Sessions whose means are closer than this are at one temperature [K]."""
+HIGHEST = 3  # Highest power that is tried unless more is asked for [1].
+SAME = 1.0  # Sessions whose means are closer than this are at one temperature [K].
 
 BY_RAMP = ("gyro.bias", "accel.bias")
 """Families whose change with temperature a ramp alone can tell."""
@@ -404,8 +378,7 @@ def task_of(sessions: Sequence[Session], settings: Settings, ramps: Sequence[Ram
     ]
     found = of_sessions(sessions, layout, unit, each, family, spaces.constants)
     found += of_ramps(ramps, layout, unit, parts, len(families))
-    return Task(layout, held, order, families, family, unit, spaces, tuple(found), template,
-                counts)  # fmt: skip
+    return Task(layout, held, order, families, family, unit, spaces, tuple(found), template, counts)
 
 
 def solved(task: Task, settings: Settings) -> Choice:

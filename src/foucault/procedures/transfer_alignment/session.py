@@ -24,7 +24,7 @@ from foucault.diagnose.foresight import Extra, Foresight
 from foucault.diagnose.left_out import foretold
 from foucault.diagnose.transfer import HARDLY, unknown
 from foucault.diagnose.transfer_motion import unseen
-from foucault.errors import Finding, error
+from foucault.errors import error
 from foucault.estimate.transfer import after_outage
 from foucault.infer import filtered
 from foucault.infer.information import Remaining, correlated, largest_shares
@@ -35,15 +35,9 @@ from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.layouts import BESIDE
 from foucault.models.noise import ImuNoise, grade
 from foucault.models.transfer import MasterTable
+from foucault.plans import transfer as plans
 from foucault.plans.manoeuvres import Accelerate, ManoeuvreTable, Segment, Straight, STurn, Turn
 from foucault.plans.optimise import weights_of
-from foucault.plans.transfer import (
-    POSITION,
-    Flyable,
-    TransferProfile,
-    TransferSpace,
-    transfer_profile,
-)
 from foucault.procedures.left_out import declared_states
 from foucault.procedures.record import Beforehand, SampleRate, Stated
 from foucault.procedures.transfer_alignment.problem import (
@@ -60,17 +54,7 @@ from foucault.procedures.transfer_alignment.settings import (
     SlaveLog,
     sized,
 )
-from foucault.simulate.transfer import (
-    INSTALLATION,
-    Flexure,
-    Link,
-    MasterNoise,
-    Slave,
-    TransferSimulation,
-    Vibration,
-    simulate_transfer,
-    turn_on_grade,
-)
+from foucault.simulate import transfer as simulation
 from foucault.strict import Strict
 from foucault.tables import Log
 from foucault.units import Angle, AngleSd, Force, Length, Quantity, Seconds, Velocity
@@ -122,7 +106,7 @@ class Session(Strict):
     """Noise of the master's velocity, each component."""
     master_attitude_sd: AngleSd = Field(default=float(np.radians(1 / 60)), ge=0)
     """Noise of its heading, pitch and roll."""
-    installation_sd: AngleSd = Field(default=INSTALLATION, ge=0)
+    installation_sd: AngleSd = Field(default=simulation.INSTALLATION, ge=0)
     """Sd of the installation about each axis."""
     compliance_sd: AngleSd = Field(default=0.0, ge=0)
     """Sd of the compliance of the mount, per g, about each axis."""
@@ -136,9 +120,9 @@ class Session(Strict):
     """Simulate the outage after the hand-over too."""
 
     @property
-    def motion(self) -> TransferProfile:
+    def motion(self) -> plans.TransferProfile:
         """What the vehicle does."""
-        found = transfer_profile(self.profile)
+        found = plans.transfer_profile(self.profile)
         begun = {"heading": self.heading, "speed": self.speed}
         start = replace(found.start, **{k: v for k, v in begun.items() if v is not None})
         if self.manoeuvres:
@@ -151,7 +135,7 @@ class Session(Strict):
 class TransferSession:
     """A simulated session."""
 
-    made: TransferSimulation  # everything that was simulated, the outage included [SI]
+    made: simulation.TransferSimulation  # everything that was simulated, the outage included [SI]
 
     @property
     def model(self) -> ImuModel:
@@ -242,7 +226,7 @@ def draw_errors(grade_name: str, seed: int) -> ImuModel:
     `grade_name`: one of `models.noise.GRADES`, "tactical" is the slave of the publication;
     `seed`: seed [1].
     """
-    published = turn_on_grade().spread
+    published = simulation.turn_on_grade().spread
     spread = published if grade_name == GRADE else grade(grade_name).spread
     rng, layout = np.random.default_rng([seed, 21]), LAYOUT
     vector = ImuModel().coefficients()
@@ -289,7 +273,7 @@ def simulated(
 
 
 def simulate_motion(
-    motion: TransferProfile, session: Session, settings: Settings, model: ImuModel,
+    motion: plans.TransferProfile, session: Session, settings: Settings, model: ImuModel,
     noise: ImuNoise, seed: int, gravity_offset: float = 0.0,
 ) -> TransferSession:  # fmt: skip
     """Simulate a session of any motion.
@@ -301,30 +285,30 @@ def simulate_motion(
     rng = np.random.default_rng([seed, 22])
     mu, give = rng.standard_normal((2, 3))
     bend, shake = session.flexure, session.vibration
-    slave = Slave(
+    slave = simulation.Slave(
         C_0=mount.C_ms,
         mu=_three(session.installation_sd * mu),
         lever_m=_three(mount.lever_m),
         compliance=_three(session.compliance_sd * give),
-        flexure=Flexure((bend, bend, bend), session.flexure_memory) if bend else None,
-        vibration=Vibration(accel=shake) if shake else None,
+        flexure=simulation.Flexure((bend, bend, bend), session.flexure_memory) if bend else None,
+        vibration=simulation.Vibration(accel=shake) if shake else None,
         model=model,
         noise=noise,
     )
-    link = Link(
+    link = simulation.Link(
         session.message_rate, session.message_delay, session.jitter, session.lost,
         repeated=session.repeated, stamped=session.stamped, drift=session.clock_drift,
     )  # fmt: skip
     angle = session.master_attitude_sd
-    says = MasterNoise(session.master_velocity_sd, (angle, angle, angle))
-    made = simulate_transfer(
+    says = simulation.MasterNoise(session.master_velocity_sd, (angle, angle, angle))
+    made = simulation.simulate_transfer(
         motion, rate=session.rate, slave=slave, link=link, noise=says, seed=seed,
         gravity_offset=gravity_offset,
     )  # fmt: skip
     return TransferSession(made)
 
 
-def moved(profile: TransferProfile, site: Site) -> TransferProfile:
+def moved(profile: plans.TransferProfile, site: Site) -> plans.TransferProfile:
     """Return a motion that begins at latitude and height of a site."""
     if site.latitude is None:
         raise error("transfer.place")
@@ -391,11 +375,40 @@ def foresee(b: Beforehand[Settings, Session]) -> Foresight:
                              then.vector.sd / now.vector.sd))  # fmt: skip
     # What a motion does not show is a matter of the motion, whatever else may hide it.
     alone = now if not now.groups else foreseen(plan, replace(b, sizes=None), gravity=True)
-    return _judged(now, alone, tuple(more), [] if b.noise else [assumed_noise()])
+    vector, shown = now.vector, alone.vector
+    assert vector.cov is not None
+    assert shown.cov is not None
+    # Combinations of the coefficients, their priors as units.
+    left, ways = np.linalg.eigh(shown.cov / np.outer(shown.prior_sd, shown.prior_sd))
+    left = np.sqrt(np.maximum(left, 0.0))
+    words = [Remaining(a, largest_shares(vector.layout, w)).words
+             for a, w in zip(left[::-1].tolist(), ways.T[::-1], strict=True)]  # fmt: skip
+    lost = int(np.sum(left > HARDLY))
+    rho = vector.cov / np.outer(vector.sd, vector.sd)
+    judged, bought = None, tuple[Extra, ...]()
+    if now.groups:
+        judged = planned(now.posterior, now.groups, vector.names)
+        bought = declared_states(now.posterior, now.groups, judged, vector.names)
+    return Foresight(
+        coefficients=vector,
+        linearised_at="a slave without errors",
+        plan=now.name,
+        duration=now.time,
+        states=len(vector),
+        rank=len(vector) - lost,
+        smallest=float(left.min()),
+        hardly=alone.hardly,
+        unseen=tuple(words[:lost]),
+        remaining=tuple(words[lost : lost + MOST]),
+        correlated=correlated(vector.names, rho, TIED)[:MOST],
+        more=(*bought, *tuple(more)),
+        left_out=None if judged is None else foretold(judged),
+        findings=(*([] if b.noise else [assumed_noise()]), *unseen(alone.hardly)),
+    )
 
 
 def _at_hand_over(
-    plan: TransferProfile, hand_over: float | None
+    plan: plans.TransferProfile, hand_over: float | None
 ) -> tuple[tuple[Segment, ...], tuple[Segment, ...]]:
     """Return what is flown before a manoeuvre more, and after it: the one it is handed over in."""
     begun, ends = plan.calibration, np.cumsum([s.time for s in plan.calibration])
@@ -405,13 +418,13 @@ def _at_hand_over(
     return begun[:k], begun[k:]
 
 
-def _speed_after(plan: TransferProfile, flown: tuple[Segment, ...]) -> float:
+def _speed_after(plan: plans.TransferProfile, flown: tuple[Segment, ...]) -> float:
     speeds = [s.speed for s in flown if isinstance(s, Accelerate)]
     return float(speeds[-1] if speeds else plan.start.speed)
 
 
 def problem_on(
-    plan: TransferProfile, b: Beforehand[Settings, Session], *, rate: float = RATE
+    plan: plans.TransferProfile, b: Beforehand[Settings, Session], *, rate: float = RATE
 ) -> TransferProblem:
     """Return what a slave without errors beside a master without noise shows of a motion.
 
@@ -430,7 +443,7 @@ def problem_on(
 
 
 def foreseen(
-    plan: TransferProfile, b: Beforehand[Settings, Session], *, rate: float = RATE,
+    plan: plans.TransferProfile, b: Beforehand[Settings, Session], *, rate: float = RATE,
     gravity: bool = False,
 ) -> Foreseen:  # fmt: skip
     """Return the covariance that a motion leaves.
@@ -459,42 +472,6 @@ def foreseen(
     return Foreseen(plan.name, plan.hand_over, zero, unknown(states, LEFT_OUT, motion=True),
                     float(np.sqrt(squares.mean())), Posterior(states, p.prior.values, {}),
                     p.groups if p.counted.judged else {})  # fmt: skip
-
-
-def _judged(
-    now: Foreseen, alone: Foreseen, more: tuple[Extra, ...], told: list[Finding]
-) -> Foresight:
-    """Say what a motion shows; `alone`: where what is not estimated is nothing."""
-    vector, shown = now.vector, alone.vector
-    assert vector.cov is not None
-    assert shown.cov is not None
-    # Combinations of the coefficients, their priors as units.
-    left, ways = np.linalg.eigh(shown.cov / np.outer(shown.prior_sd, shown.prior_sd))
-    left = np.sqrt(np.maximum(left, 0.0))
-    words = [Remaining(a, largest_shares(vector.layout, w)).words
-             for a, w in zip(left[::-1].tolist(), ways.T[::-1], strict=True)]  # fmt: skip
-    lost = int(np.sum(left > HARDLY))
-    rho = vector.cov / np.outer(vector.sd, vector.sd)
-    judged, bought = None, tuple[Extra, ...]()
-    if now.groups:
-        judged = planned(now.posterior, now.groups, vector.names)
-        bought = declared_states(now.posterior, now.groups, judged, vector.names)
-    return Foresight(
-        coefficients=vector,
-        linearised_at="a slave without errors",
-        plan=now.name,
-        duration=now.time,
-        states=len(vector),
-        rank=len(vector) - lost,
-        smallest=float(left.min()),
-        hardly=alone.hardly,
-        unseen=tuple(words[:lost]),
-        remaining=tuple(words[lost : lost + MOST]),
-        correlated=correlated(vector.names, rho, TIED)[:MOST],
-        more=(*bought, *more),
-        left_out=None if judged is None else foretold(judged),
-        findings=(*told, *unseen(alone.hardly)),
-    )
 
 
 EVALUATIONS = 200  # Plans that a restart judges: each is a run of the filter [1].
@@ -540,7 +517,9 @@ class Wanted(Strict):
     """How much coefficients or groups of them count; 1 if left out."""
 
 
-def _stated(b: Beforehand[Settings, Session], motion: TransferProfile, case: str) -> FloatArray:
+def _stated(
+    b: Beforehand[Settings, Session], motion: plans.TransferProfile, case: str
+) -> FloatArray:
     """Return the sd of every coefficient and of the position, shape (p,) [SI]."""
     if case == OTHERS[0]:
         start = replace(motion.start, heading=motion.start.heading + np.pi / 2)
@@ -550,7 +529,7 @@ def _stated(b: Beforehand[Settings, Session], motion: TransferProfile, case: str
     return _all(foreseen(motion, b))
 
 
-def _quick(b: Beforehand[Settings, Session], motion: TransferProfile) -> FloatArray:
+def _quick(b: Beforehand[Settings, Session], motion: plans.TransferProfile) -> FloatArray:
     """Return the same by fewer messages, each as good as those that it stands for."""
     few = b.session.message_rate / MESSAGES
     settings = b.settings.model_copy(update={
@@ -565,16 +544,16 @@ def _all(found: Foreseen) -> FloatArray:
     return np.append(found.vector.sd, found.position)
 
 
-def space(b: Beforehand[Settings, Session]) -> TransferSpace:
+def space(b: Beforehand[Settings, Session]) -> plans.TransferSpace:
     """Return the motions that are allowed; the one to beat is the campaign's."""
     wanted = b.wanted
     reference = moved(replace(b.session.motion, outage=()), b.site)
     vector = foreseen(reference, b).vector
     weights = weights_of(vector.layout, wanted.weights)
     aims = wanted.aim == "position"
-    return TransferSpace(
+    return plans.TransferSpace(
         allowed=_allowed(wanted, reference),
-        names=(*vector.names, POSITION),
+        names=(*vector.names, plans.POSITION),
         kinds=(*(c.kind for c in vector.layout.coefficients), "length"),
         weights=np.append(0.0 * weights if aims else weights, float(aims)),
         prior_sd=np.append(vector.prior_sd, np.inf),
@@ -587,9 +566,9 @@ def space(b: Beforehand[Settings, Session]) -> TransferSpace:
     )
 
 
-def _allowed(wanted: Wanted, reference: TransferProfile) -> Flyable:
+def _allowed(wanted: Wanted, reference: plans.TransferProfile) -> plans.Flyable:
     begun, total = float(reference.start.speed), wanted.total or reference.hand_over
-    out = Flyable(
+    out = plans.Flyable(
         start=replace(reference, calibration=()),
         total=int(total),
         most=wanted.most,

@@ -381,8 +381,7 @@ def usable(log: SlaveLog) -> SlaveLog:
             raise error("transfer.dead", triad=triad)
     back = np.flatnonzero(np.diff(log.time) <= 0)
     if len(back):
-        raise error("transfer.backwards", count=len(back),
-                    time=stamp(float(log.time[back[0] + 1])))  # fmt: skip
+        raise error("transfer.backwards", count=len(back), time=stamp(float(log.time[back[0] + 1])))
     said = log.messages.cleaned("error")
     log = without_spikes(log, most=KNOCKS)
     known = {f.code for f in log.findings}
@@ -450,8 +449,7 @@ def common(
     end = settings.hand_over
     if end is not None and not (np.sum(inside) and time[inside][0] < end <= last):
         begin = float(time[inside][0]) if inside.any() else np.nan
-        raise error("transfer.hand_over", given=stamp(end), begin=stamp(begin),
-                    last=stamp(last))  # fmt: skip
+        raise error("transfer.hand_over", given=stamp(end), begin=stamp(begin), last=stamp(last))
     if end is not None:
         inside &= time <= end
     if np.sum(inside) < LEAST:
