@@ -68,13 +68,16 @@ def test_a_solution_of_changed_readings_is_what_was_answered():
     known = [(1e-3, 1e-2), (2.3e-3, 2.8e-2)]
     problem = engine.problem_of(readings, [start], {}, known, 0.02, ("gyro.g_sensitivity",))
     s = engine.solve(problem, [start], 20)
-    f = readings[1].read[:, 3:]
-    added = np.zeros((len(f), 6, 2))
-    added[:, 0, 0], added[:, 4, 1] = 2e-4 * f[:, 2], 2e-4 * f[:, 0] ** 2
-    found = engine.answers(s, [added])
-    for k in range(2):
-        more = replace(readings[1], read=readings[1].read + added[:, :, k])
-        again = engine.solve(replace(problem, readings=(readings[0], more)), s.slaves, 20)
+    each = []
+    for f in (r.read[:, 3:] for r in readings):
+        added = np.zeros((len(f), 6, 2))
+        added[:, 0, 0], added[:, 4, 1] = 2e-4 * f[:, 2], 2e-4 * f[:, 0] ** 2
+        each.append(added)
+    found = engine.answers(s, each)
+    for k, (one, column) in enumerate(np.ndindex(2, 2)):
+        more = list(readings)
+        more[one] = replace(more[one], read=more[one].read + each[one][:, :, column])
+        again = engine.solve(replace(problem, readings=tuple(more)), s.slaves, 20)
         sd, moved = np.sqrt(np.diag(s.cov)), again.values - s.values
         kept = np.setdiff1d(np.arange(len(sd)), problem.hold)
         assert np.abs(moved[kept] / sd[kept]).max() > 1.0

@@ -109,6 +109,22 @@ def test_terms_that_are_not_estimated_are_counted(slaves):
     assert nees[1] < chi_square_limits(len(e), 0.01)[1] < nees[0] / 2
 
 
+@pytest.mark.thorough
+def test_terms_of_the_first_are_counted():
+    """As those of the others: it has them too, of the class that its own noise tells."""
+    log, truths = session(2, duration=30.0, rate=100.0, vigour=0.6, master=(1.6e-4, 2e-3))
+    none = {"M_g": np.zeros((3, 3)), "M_a": np.zeros((3, 3)), "G": np.zeros((3, 3)),
+            "b_g": np.zeros(3), "b_a": np.zeros(3)}  # fmt: skip
+    one = make_pose.with_terms(log, truths[0], 42)
+    first = make_pose.with_terms(log.master, none, 92)
+    log = replace(log, gyro=one.gyro, accel=one.accel, master=first)
+    result = two_imus.calibrate(log, site=SITE, sizes=ByNoise())
+    assert result.verdict.level is Level.PASS
+    e, cov = off(result, truths)
+    low, high = chi_square_limits(len(e), 0.01)
+    assert low < e @ np.linalg.solve(cov, e) < high
+
+
 def test_any_of_them_may_be_the_first():
     """Where none has errors: those of the first are taken for none."""
     log, _ = session(5, errors=0.0)

@@ -393,7 +393,7 @@ def formal(s: Solution, var: FloatArray) -> FloatArray:
 def answers(s: Solution, added: Sequence[FloatArray]) -> Answers:
     """Return what changes of a solution with what is `added` to readings.
 
-    `added`: c times in all, to what each slave read (n, 6, its own) [SI].
+    `added`: c times in all, to what each IMU read (n, 6, its own) [SI].
     """
     from scipy.linalg import block_diag
 
@@ -403,7 +403,7 @@ def answers(s: Solution, added: Sequence[FloatArray]) -> Answers:
     gain = np.linalg.inv(seen.information + np.diag(sd**-2.0)) @ seen.onto
     gain[problem.hold] = gain[:, problem.hold] = 0.0
     scaled, borders, says = [], [], []
-    for k, (left, more) in enumerate(zip(at.left[1:], added, strict=True), 1):
+    for k, (left, more) in enumerate(zip(at.left, added, strict=True)):
         D = np.where(np.isfinite(left)[:, :, None], more, 0.0)
         border, say = np.zeros((6 * problem.knots, D.shape[2])), np.zeros((p, D.shape[2]))
         _pulled(problem, s.slaves, s.spline, s.var, k, slice(None), D, border, say)
@@ -419,7 +419,7 @@ def answers(s: Solution, added: Sequence[FloatArray]) -> Answers:
     both = score.T @ delta
     # The motion and the parameters found again: E = D - J delta, less what the spline makes of it.
     gram = block_diag(*(D.T @ D for D in scaled)) - y.T @ y - both - both.T
-    pull = np.concatenate([D.T @ e for D, e in zip(scaled, rows[1:], strict=True)])
+    pull = np.concatenate([D.T @ e for D, e in zip(scaled, rows, strict=True)])
     return Answers(
         float(sum(e @ e for e in rows)), pull - y.T @ at.W[:, -1] - delta.T @ at.score,
         gram + delta.T @ at.information @ delta, _of_values(s.slaves) @ delta,

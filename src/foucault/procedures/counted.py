@@ -73,6 +73,7 @@ class Unit:
     own: str = ""  # what its names begin with
     late: FloatArray | float = 0.0  # (n, 3) that its forces are too small, moving [m/s^2]
     more: tuple[Term, ...] = ()  # beside those of the instrument
+    relative: tuple[str, ...] = ()  # errors that others are estimated with, and relative to which
 
     @property
     def names(self) -> list[str]:
@@ -105,7 +106,7 @@ class Unit:
         motion, out = Motion(self.time, f, w, float(self.time[0]), float(self.time[-1])), []
         for group, size in self.sizes.items():
             of_imu = group in LAYOUT_GROUPS or group.endswith(" drift")
-            some = terms(self.names, self.site, {group: size}) if of_imu else []
+            some = terms([*self.names, *self.relative], self.site, {group: size}) if of_imu else []
             made = changes(some, ImuModel(), motion) if some else ()
             for term, by in zip(some, made, strict=True):
                 triad, own = (GYROS, by.gyro) if by.accel is None else (FORCES, by.accel)
@@ -153,7 +154,7 @@ class Unit:
         slopes = model.slopes(f, w, self.names)
         m = np.concatenate([slopes.gyro, slopes.accel], axis=1)
         columns = np.linalg.inv(np.eye(6) + h) @ np.concatenate([G, -h @ m], axis=2)
-        return columns, np.append(np.full(G.shape[2], -1), self.rows)
+        return columns, np.append(np.full(G.shape[2], -1), np.array(self.rows, dtype=int))
 
 
 @dataclass(frozen=True)

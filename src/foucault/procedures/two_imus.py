@@ -38,6 +38,7 @@ from foucault.infer.shown import shares
 from foucault.logs.checks import on_a_shared_clock
 from foucault.logs.description import OWN_LOG, LogDescription, log_head
 from foucault.models.imu import Gauge, ImuModel
+from foucault.models.left_out import ByNoise
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.two_imus import LAYOUT, ORDINALS, SENSORS, layout_of
@@ -312,23 +313,35 @@ def _counted(
 
     `c`: what is reported of it [SI]; `planned`: it is of a session that was not made.
     """
-    gyro, accel = (TriadNoise(white=float(x)) for x in np.sqrt(s.var[1] * log.interval))
-    sizes = told_beside(given.sizes, given.noise or ImuNoise(accel, gyro), log.duration)
+
+    def noise(k: int) -> ImuNoise:
+        gyro, accel = (TriadNoise(white=float(x)) for x in np.sqrt(s.var[k] * log.interval))
+        return ImuNoise(accel, gyro)
+
+    sizes = told_beside(given.sizes, given.noise or noise(1), log.duration)
     if sizes is None:
         return None
+    # What is declared is of the IMU; the first, whose errors all others are relative to, has terms
+    # of the class that its own noise tells.
+    usual = told_beside(ByNoise(), noise(0), log.duration) or {}
+    firsts = {group: usual[group] for group in sizes if group in usual}
 
     def stages(
         at: Solution, c: CoefficientVector, out: FloatArray
     ) -> tuple[Stages, Again[Solution]]:
         def units(c: CoefficientVector) -> list[Unit]:
-            return [Unit(c, r.time, given.site, sizes, own=f"{who}." if k else "") for k, (who, r)
-                    in enumerate(zip(ORDINALS, at.problem.readings[1:], strict=False))]  # fmt: skip
+            first, *others = at.problem.readings
+            slaves = [Unit(c, r.time, given.site, sizes, own=f"{who}." if k else "") for k, (who, r)
+                      in enumerate(zip(ORDINALS, others, strict=False))]  # fmt: skip
+            relative = tuple(slaves[0].names)
+            return [Unit(c, first.time, given.site, firsts, "first.", relative=relative), *slaves]
 
         def split(times: FloatArray) -> list[FloatArray]:
-            return np.array_split(times, len(at.slaves))  # all of them have the same terms
+            return np.split(times, np.cumsum(counts)[:-1])
 
-        read = [r.read for r in at.problem.readings[1:]]
-        some = [x for unit, y in zip(units(c), read, strict=True) for x in unit.terms(y)]
+        read = [r.read for r in at.problem.readings]
+        each = [unit.terms(y) for unit, y in zip(units(c), read, strict=True)]
+        counts, some = [len(x) for x in each], [x for own in each for x in own]
         own = split(np.broadcast_to(out, len(some)))
         made = [unit.added(y, x) for unit, y, x in zip(units(c), read, own, strict=True)]
         found = engine.answers(at, [columns for columns, _ in made])
@@ -339,10 +352,13 @@ def _counted(
         def again(
             times: FloatArray, foretold: CoefficientVector
         ) -> tuple[Solution, CoefficientVector]:
-            first, *others = s.problem.readings
-            left = [replace(r, read=unit.without(r.read, x)) for unit, r, x
-                    in zip(units(foretold), others, split(times), strict=True)]  # fmt: skip
-            problem = replace(s.problem, readings=(first, *left))
+            left = tuple(
+                replace(r, read=unit.without(r.read, x))
+                for unit, r, x in zip(
+                    units(foretold), s.problem.readings, split(times), strict=True
+                )
+            )
+            problem = replace(s.problem, readings=left)
             found = engine.solve(problem, at.slaves, given.settings.passes)
             return found, _estimate(found)[0]
 
@@ -358,18 +374,17 @@ def _by_clock(s: Solution, c: CoefficientVector, log: Log) -> FloatArray:
     forces along a lever arm, ``alpha x l``, are not what they were. Delays are longer.
     """
     assert isinstance(log, ImuLogs)
-    summed, *own = (1.0 * (one.sampled == "increment") for one in log.all)
-    made = []
-    for at, r, by in zip(s.slaves, s.problem.readings[1:], own, strict=True):
-        lever, unbiased = at.C_cb @ at.lever_b, r.read - np.append(at.gyro[0], at.accel[0])
-        w = unbiased[:, :3] @ np.linalg.inv(at.gyro[1]).T
+    made = [-(one.sampled == "increment") * r.read for one, r in
+            zip(log.all, s.problem.readings, strict=True)]  # fmt: skip
+    for at, r, added in zip(s.slaves, s.problem.readings[1:], made[1:], strict=True):
+        w = (r.read[:, :3] - at.gyro[0]) @ np.linalg.inv(at.gyro[1]).T
         alpha = smooth(w, float(np.median(np.diff(r.time))), 1)
-        added = summed * unbiased - by * r.read
-        added[:, 3:] += np.cross(alpha, lever) + summed * np.cross(w, np.cross(w, lever))
-        made.append(added[:, :, None])
+        added[:, 3:] += np.cross(alpha, at.C_cb @ at.lever_b)
     layout = layout_of(len(s.slaves))
     delays = [name.endswith(".delay") for name in layout.names]
-    moved = engine.answers(s, made).A.sum(axis=1) + np.where(delays, s.values, 0.0)
+    moved = engine.answers(s, [x[:, :, None] for x in made]).A.sum(axis=1) + np.where(
+        delays, s.values, 0.0
+    )
     return np.asarray(moved[[layout.index(n) for n in c.names]])
 
 
