@@ -13,7 +13,7 @@ from fastapi.security import HTTPBearer
 
 from foucault.errors import error
 from foucault.workbench import actions
-from foucault.workbench.bench import Bench, bench_of
+from foucault.workbench.bench import At, Bench, bench_of
 from foucault.workbench.people import Person, user
 from foucault.workbench.store import Job, Number
 from foucault.workbench.uploads import take_in
@@ -35,7 +35,6 @@ def caller(request: Request, given: Annotated[Any, Depends(_bearer)]) -> Person:
 
 
 Who = Annotated[Person, Depends(caller)]
-At = Annotated[Bench, Depends(bench_of)]
 
 
 def told(bench: Bench, job: Job) -> dict[str, Any]:

@@ -27,12 +27,12 @@ from foucault import run_folder
 from foucault.certificate import content, issue, said
 from foucault.errors import FoucaultError, error
 from foucault.files import make_folder, sha256, write_text
-from foucault.workbench.bench import Bench, Form, bench_of, needs, page, person, to
+from foucault.workbench.bench import KNOWN, At, Bench, Form, Operator, Reviewer, bench_of, page, to
 from foucault.workbench.people import Person
 from foucault.workbench.store import Job, Number
 from foucault.workbench.uploads import take_in
 
-router = APIRouter()
+router = APIRouter(dependencies=[KNOWN])
 
 HOME = "certificates"
 LABORATORY, KEY, TRUST = "laboratory.toml", "laboratory.p12", "laboratory.pem"
@@ -228,9 +228,8 @@ def issued(bench: Bench, number: Number) -> tuple[int, str, dict[str, Any]]:
 
 
 @router.get("/certify/{number}")
-def form(request: Request, number: Number, replaces: int = 0) -> Response:
+def form(request: Request, who: Reviewer, number: Number, replaces: int = 0) -> Response:
     """What a certificate of a run lacks, by its name; `replaces`: job that issued another [1]."""
-    needs(request, "reviewer")
     return _form(request, number, {}, replaces)
 
 
@@ -271,10 +270,8 @@ def _each() -> Iterator[Item]:
 
 
 @router.post("/certify/{number}")
-async def ask(request: Request, said: Form, number: Number) -> Response:
+async def ask(request: Request, said: Form, who: Reviewer, bench: At, number: Number) -> Response:
     """Issue it, or say once more what lacks; nothing that was written is lost."""
-    who = needs(request, "reviewer")
-    bench = bench_of(request)
     flat: dict[str, Any] = {i.key: str(said.get(i.key, "")).strip() for i in _each()}
     flat["used"] = [str(v) for v in said.getlist("used")]
     text = str(said.get("replaces", ""))
@@ -300,18 +297,15 @@ async def ask(request: Request, said: Form, number: Number) -> Response:
 
 
 @router.get("/verify")
-def verify_page(request: Request) -> Response:
+def verify_page(request: Request, bench: At) -> Response:
     """Send a certificate in to have it looked at."""
-    person(request)
-    trust = (bench_of(request).folder / HOME / TRUST).is_file()
+    trust = (bench.folder / HOME / TRUST).is_file()
     return page(request, "verify.html", trust=trust)
 
 
 @router.post("/verify")
-async def verify(request: Request, said: Form) -> Response:
+async def verify(said: Form, who: Operator, bench: At) -> Response:
     """Ask for a look at a certificate that somebody has got."""
-    who = needs(request, "operator")
-    bench = bench_of(request)
     sent = [one for one in said.getlist("file") if not isinstance(one, str)]
     job = await aside(look_at, bench, who, sent)
     return to(f"/jobs/{job.number}")
