@@ -7,6 +7,7 @@ ratio and a count are ``\one``, an angle is ``\radian``.
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -359,8 +360,6 @@ def schema() -> Any:
 
 def faults(data: bytes) -> list[str]:
     """Return what of a DCC does not keep to the schema, each in words."""
-    import io
-
     found = (f"{f.path}: {f.reason}" for f in schema().iter_errors(io.BytesIO(data)))
     return [re.sub(r"\{https?://[^}]*\}", "", one) for one in found]
 
