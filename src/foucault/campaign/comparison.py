@@ -91,7 +91,10 @@ def entries(paths: Sequence[str | Path], dates: str = "", *, same: bool = False)
     labels = _labels(named)
     read = [named_entry(n, label) for n, label in zip(named, labels, strict=True)]
     read = _of_one(read) if same else read
-    _refuse_unclear(read)
+    unsaid = [e for e in read if not e.instrument]
+    said = list(dict.fromkeys(e.instrument for e in read if e.instrument))
+    if unsaid and said:
+        raise error("compare.which", name=unsaid[0].label, others=", ".join(said))
     return _sorted([replace(e, instrument=e.instrument or ONE) for e in read])
 
 
@@ -190,13 +193,6 @@ def _recorded(path: Path, result: Result) -> float:
 def _of_one(read: list[Entry]) -> list[Entry]:
     name = next((e.instrument for e in read if e.instrument), "")
     return [replace(e, instrument=name) for e in read]
-
-
-def _refuse_unclear(read: Sequence[Entry]) -> None:
-    unsaid = [e for e in read if not e.instrument]
-    said = list(dict.fromkeys(e.instrument for e in read if e.instrument))
-    if unsaid and said:
-        raise error("compare.which", name=unsaid[0].label, others=", ".join(said))
 
 
 def _sorted(read: list[Entry]) -> list[Entry]:

@@ -197,7 +197,10 @@ def found(
     if log.accel is not None and not {"latitude", "gravity"} & where.keys():
         lines.append(Line("place", "unknown", "g is 9.807 +- 0.03 m/s^2, and so is the scale of "
                           "the accelerometers: --latitude, --height", TAKEN))  # fmt: skip
-    return Found(known, held, tuple(_shortened(lines)), where, log,
+    while len(lines) > MOST:
+        sure = [i for i, line in enumerate(lines) if line.sure == SURE]
+        lines.pop(sure[-1] if sure else -1)
+    return Found(known, held, tuple(lines), where, log,
                  master=None if beside is None else master.log)  # fmt: skip
 
 
@@ -241,11 +244,3 @@ def _beside(path: Path) -> str | None:
         if len(near) == 1:
             return near[0]
     return None
-
-
-def _shortened(lines: list[Line]) -> list[Line]:
-    """Return at most `MOST` lines: of what is sure the last go first."""
-    while len(lines) > MOST:
-        sure = [i for i, line in enumerate(lines) if line.sure == SURE]
-        lines.pop(sure[-1] if sure else -1)
-    return lines

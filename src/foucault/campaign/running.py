@@ -64,18 +64,13 @@ def read_log(campaign: Campaign, progress: Progress = silent, known: Log | None 
 
 def _told(campaign: Campaign) -> tuple[Finding, ...]:
     """What was noticed in the campaign file."""
-    unedited = _unedited(campaign)
-    if unedited and not (campaign.folder / TRUTH_FILE).exists():
-        return (*campaign.findings, finding("campaign.template", what=unedited))
-    return campaign.findings
-
-
-def _unedited(campaign: Campaign) -> str:
-    """Return what of the campaign is still as in the template; a wrong place is a wrong g."""
     said, example = campaign.tables.site, SiteTable.model_validate(EXAMPLE_SITE)
     place = (said.gravity, said.latitude, said.height) == (None, example.latitude, example.height)
     name = campaign.instrument.get("name") == EXAMPLE
-    return " and ".join(["[site]"] * place + ["the name in [instrument]"] * name)
+    unedited = " and ".join(["[site]"] * place + ["the name in [instrument]"] * name)
+    if unedited and not (campaign.folder / TRUTH_FILE).exists():
+        return (*campaign.findings, finding("campaign.template", what=unedited))
+    return campaign.findings
 
 
 def calibrate(

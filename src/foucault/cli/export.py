@@ -191,18 +191,13 @@ def _described(
     description = LogDescription.model_validate({"file": log.name})
     before = _log_description(calibrated, result)
     if before is not None and len(before.files()) == 1 and not describes_itself(log):
-        description = _for_file(before, log.name)
+        blocks = {
+            key: block.model_copy(update={"file": None})
+            for key in ("gyro", "accel", "temperature")
+            if (block := getattr(before, key)) is not None
+        }
+        description = before.model_copy(update={"file": log.name, **blocks})
     return description, log.parent, {}
-
-
-def _for_file(before: LogDescription, name: str) -> LogDescription:
-    """Return the description with every block read from file `name`."""
-    blocks = {
-        key: block.model_copy(update={"file": None})
-        for key in ("gyro", "accel", "temperature")
-        if (block := getattr(before, key)) is not None
-    }
-    return before.model_copy(update={"file": name, **blocks})
 
 
 def _log_description(calibrated: Result, result: Path) -> LogDescription | None:
