@@ -42,10 +42,6 @@ def _gravity(result: Result) -> float | None:
     return result.diagnostics.get("gravity", result.site.get("gravity"))
 
 
-def _items(some: list[tuple[str, str]]) -> page.Items | None:
-    return page.Items(some) if some else None
-
-
 # -- rests and turns by hand -----------------------------------------------------------------
 
 
@@ -54,9 +50,9 @@ def norms(result: Result) -> page.Section | None:
     rests, gravity = result.tables["rests"], _gravity(result)
     if gravity is None:
         return None
-    group = Group("rest", [f"{v:.0f} s" for v in rests["start"]])
-    whole = [Kind(group, np.arange(len(group.where)))]
-    none = np.zeros(len(group.where), bool)
+    where = [f"{v:.0f} s" for v in rests["start"]]
+    whole = [Kind("rest", np.arange(len(where)), where)]
+    none = np.zeros(len(where), bool)
     before, after = rests["norm_before"] - gravity, rests["norm_after"] - gravity
     figure = _before_after(whole, "specific force", before, after, rests["norm_sd"], none)
     return page.section("evidence.norms", figure)
@@ -88,7 +84,7 @@ def residuals(result: Result) -> page.Section | None:
     chi = result.diagnostics.get("chi_square", {})
     found = [page.chi_square(OBSERVED[k], chi[k]) for k in ("accel", "gyro", "turns") if chi.get(k)]
     dashed = "limit" if limits else f"{RESIDUAL_LIMIT:.0f} sd"
-    return page.section("evidence.residuals", blocks, _items(found), limit=dashed)
+    return page.section("evidence.residuals", blocks, page.Items(found), limit=dashed)
 
 
 def _against_up(rests: Any, y: FloatArray) -> page.Figure:
@@ -170,7 +166,7 @@ def orientations(result: Result) -> page.Section | None:
     name, names, also, seen = "rest", ("visited", ""), None, np.arange(len(up))
     keys = ["evidence.orientations.lead"]
     if readings is not None:
-        parts = {k.group.what: k.rows for k in kinds(readings)}
+        parts = {k.what: k.rows for k in kinds(readings)}
         rests = parts.pop("rest", np.empty(0, np.int64))
         word, spins = next(iter(parts.items()), ("spin", np.empty(0, np.int64)))
         seen, name = (rests, "rest") if len(rests) else (spins, word)
@@ -187,7 +183,7 @@ def orientations(result: Result) -> page.Section | None:
         gap=np.degrees(coverage.get("largest_gap") or 0.0),
     )
     drawn = orientation.directions(up[seen], missing, words, also, names)
-    items = _items([("warning", f"Missing: {w}.") for w in words])
+    items = page.Items([("warning", f"Missing: {w}.") for w in words])
     return page.section("evidence.orientations", drawn, items, lead=lead)
 
 
@@ -195,19 +191,12 @@ def orientations(result: Result) -> page.Section | None:
 
 
 @dataclass(frozen=True)
-class Group:
-    """Readings of one kind, and what the table said in each, for the pointer."""
+class Kind:
+    """The rests, or the spins, of a session, and how to speak of them."""
 
     what: str  # "rest", "spin" or "turn"
-    where: Sequence[str]
-
-
-@dataclass(frozen=True)
-class Kind:
-    """The rests, or the spins, of a session: their rows in the table, and how to speak of them."""
-
-    group: Group
-    rows: IntArray
+    rows: IntArray  # in the table
+    where: Sequence[str]  # what the table said in each, for the pointer
 
 
 def kinds(some: Any) -> list[Kind]:
@@ -216,7 +205,7 @@ def kinds(some: Any) -> list[Kind]:
     word = "spin" if "middle" in some else "turn"
     parts = [(what, np.flatnonzero(pick)) for what, pick in (("rest", ~spin), (word, spin))]
     return [
-        Kind(Group(what, [_where(some, int(j)) for j in rows]), rows)
+        Kind(what, rows, [_where(some, j) for j in rows.tolist()])
         for what, rows in parts
         if rows.size
     ]
@@ -255,7 +244,7 @@ def norms_of_readings(result: Result) -> page.Section | None:
     rate = None if true is None else _norms(some, "rate", true, "gyro")
     if force is None and rate is None:
         return None
-    spins = any(kind.group.what == "spin" for kind in kinds(some))
+    spins = any(kind.what == "spin" for kind in kinds(some))
     determined = rate is not None and _residual_figure(some, "gyro") is None
     key = "evidence.norms_of_readings"
     leads = [f"{key}.lead"]
@@ -299,11 +288,11 @@ def _before_after(
     span = 1.2 * float(np.max(every[np.isfinite(every)], initial=0.0)) or 1.0
     data: list[chart.Trace] = []
     for k, part in enumerate(parts):
-        rows, group = part.rows, part.group
+        rows = part.rows
         kept = np.flatnonzero(~left[rows])
-        hover = f"{group.what} %{{x}}, %{{text}}: %{{customdata:.4g}} "
+        hover = f"{part.what} %{{x}}, %{{text}}: %{{customdata:.4g}} "
         on: chart.Trace = {"xaxis": chart.ref("x", k), "showlegend": k == 0}
-        where = [group.where[j] for j in kept.tolist()]
+        where = [part.where[j] for j in kept.tolist()]
         for name, y, unit, ref, colour, symbol in (
             ("before", before, unit_before, "y2", chart.SECOND, "diamond"),
             ("after", after, unit_after, "y", chart.FIRST, "circle"),
@@ -340,7 +329,7 @@ def _before_after(
         ):
             true = true[part.rows[out]]
             words = [
-                f"{part.group.what} {j + 1}" + (f": {_told(v)} {unit}" if b else "")
+                f"{part.what} {j + 1}" + (f": {_told(v)} {unit}" if b else "")
                 for j, v, b in zip(out, true, beyond, strict=True)
             ]
             side = [f"middle {'right' if 2 * j < n else 'left'}" for j in out]
@@ -365,7 +354,7 @@ def _before_after(
                 )
             )
         first = False
-    groups = " and ".join(part.group.what for part in parts)
+    groups = " and ".join(part.what for part in parts)
     look = chart.axis(f"after [{unit_after}]", domain=[0, 0.46], range=[-span, span])
     return chart.draw(
         "evidence.before_after",
@@ -395,7 +384,7 @@ def _count_axes(parts: Sequence[Kind], ticks: float = 14) -> dict[str, Any]:
     narrow: dict[str, Any] = {}
     for k, (part, domain) in enumerate(zip(parts, chart.parts(share, GAP), strict=True)):
         n, key = len(part.rows), chart.ref("xaxis", k)
-        look = chart.count_axis(part.group.what, n, max(2, round(ticks * share[k])))
+        look = chart.count_axis(part.what, n, max(2, round(ticks * share[k])))
         out[key] = look | {"domain": domain, "tickangle": 0, "showgrid": False}
         narrow[key] = {"dtick": max(1, round(n / max(2.0, 6 * share[k])))}
     return out | {"meta": {"narrow": narrow}}
@@ -415,7 +404,7 @@ def residuals_of_readings(result: Result) -> page.Section | None:
     chi = result.diagnostics.get("chi_square") or {}
     found = [page.chi_square(OBSERVED.get(k, k), row) for k, row in chi.items() if row]
     limit = f"{RESIDUAL_LIMIT:.0f} sd"
-    return page.section("evidence.residuals_of_readings", blocks, _items(found), limit=limit)
+    return page.section("evidence.residuals_of_readings", blocks, page.Items(found), limit=limit)
 
 
 def _residual_figure(some: Any, triad: str) -> page.Figure | None:
@@ -474,9 +463,9 @@ def _bars(
                     at + 1,
                     drawn,
                     colour,
-                    f"{part.group.what} %{{x}}, %{{hovertext}}|{name}",
+                    f"{part.what} %{{x}}, %{{hovertext}}|{name}",
                     hovertext=[
-                        f"{part.group.where[j]}: {_told(v)} {unit}"
+                        f"{part.where[j]}: {_told(v)} {unit}"
                         for j, v in zip(at.tolist(), values, strict=True)
                     ],
                     text=[_told(v) if v != d else "" for v, d in zip(values, drawn, strict=True)],
@@ -532,7 +521,7 @@ def control(result: Result) -> page.Section | None:
     )
     state = "warning" if blind.any() else "plain"
     told = [(state, c.sentence) for c in result.checks if c.name.startswith("control")]
-    return page.section("evidence.control", figure, _items(told))
+    return page.section("evidence.control", figure, page.Items(told))
 
 
 RIG = {"lever_arm": "Lever arm", "mounting": "Mounting", "table": "Table"}
@@ -579,7 +568,7 @@ def rig(result: Result) -> page.Section | None:
     lead = " ".join(w[0].upper() + w[1:] if alone else f"{n}: {w}" for n, w in told)
     weak = np.isfinite(before) & (sd > NOTHING_ADDED * before)
     nothing = ", ".join(f"`{name}`" for name, w in zip(names, weak, strict=True) if w)
-    items = _items([("plain", f"Known hardly better than before: {nothing}.")] if nothing else [])
+    items = page.Items([("plain", f"Known hardly better than before: {nothing}.")] * bool(nothing))
     title = told[0][0] if alone else None
     return page.section(key, page.Table(heading, rows), items, lead=lead, title=title)
 

@@ -650,24 +650,19 @@ def motion(seen: Seen) -> page.Section | None:
     }
     if vertical != "held":
         panels["height [m]"] = {"height": path["height"]}
-    alone: chart.Trace = {"showlegend": False}
+    alone: dict[str, Any] = {"showlegend": False}
     drawn = [
         chart.Panel(
             title,
-            [
-                chart.line(
-                    name,
-                    x,
-                    np.asarray(y)[rows],
-                    colour,
-                    f"%{{y:.5g}}|{name}",
-                    width=1.6,
-                    **alone if len(lines) == 1 else {},
-                )
-                for (name, y), colour in zip(lines.items(), chart.SERIES, strict=False)
-            ],
+            chart.lines(
+                x,
+                {name: np.asarray(y)[rows] for name, y in some.items()},
+                "%{y:.5g}",
+                width=1.6,
+                **(alone if len(some) == 1 else {}),
+            ),
         )
-        for title, lines in panels.items()
+        for title, some in panels.items()
     ]
     figure = chart.stacked(
         "navigation.motion", drawn, height=70 + 150 * len(drawn), x=f"since the start [{t_unit}]"

@@ -343,7 +343,7 @@ def _pairs(bounds: Mapping[str, Pair | None]) -> page.Section | None:
     heads = page.columns(
         " | N: number | K: number | bounds from: number aside | times measured: number"
     )
-    return page.section("noise.pairs", page.Table(heads, rows)) if rows else None
+    return page.section("noise.pairs", page.Table(heads, rows))
 
 
 def _in_unit(x: float, kind: str) -> str:

@@ -63,6 +63,7 @@ UNSEEN = 0.01  # A part whose delay is less certain than this shows none [s].
 
 MINUTE = float(np.radians(1 / 60))
 TIME = chart.axis("time [s]", showgrid=False)
+COURSE = "%{x:.1f} s: %{y:.4g}"  # What the pointer says of a line against time.
 
 
 def started(result: Result) -> float:
@@ -183,10 +184,7 @@ def motion(result: Result) -> page.Section | None:
     }
     known = chart.draw(
         "transfer.motion",
-        [
-            _course(name, course["time"], y, colour)
-            for (name, y), colour in zip(left.items(), chart.SERIES, strict=False)
-        ],
+        chart.lines(course["time"], left, COURSE),
         x=TIME,
         shapes=chart.marked(times),
         share=62 if mapped else 100,
@@ -200,7 +198,7 @@ def motion(result: Result) -> page.Section | None:
 def _course(
     name: str, time: FloatArray, y: FloatArray, colour: str = chart.FIRST, **more: Any
 ) -> chart.Trace:
-    return chart.line(name, time, y, colour, f"%{{x:.1f}} s: %{{y:.4g}}|{name}", **more)
+    return chart.line(name, time, y, colour, f"{COURSE}|{name}", **more)
 
 
 def _panel(title: str, name: str, time: FloatArray, y: FloatArray) -> chart.Panel:
@@ -587,19 +585,13 @@ def attitude(result: Result) -> page.Section | None:
     time = np.asarray(some["time"], float)
     heading = np.degrees(np.unwrap(np.asarray(some["heading"], float)))
     heading -= 360 * np.floor(heading[0] / 360)
-    level_ = [
-        _course(n, time, np.degrees(some[n]), c)
-        for n, c in (("pitch", chart.FIRST), ("roll", chart.SECOND))
-    ]
+    level_ = chart.lines(time, {n: np.degrees(some[n]) for n in ("pitch", "roll")}, COURSE)
     angles = [
         _panel("heading [°]", "heading", time, heading),
         chart.Panel("pitch, roll [°]", level_),
     ]
     sds = [np.asarray(some[f"phi_{way}_sd"], float) / MINUTE for way in WAYS]
-    about = [
-        _course(f"about {w}", time, sd, c)
-        for w, sd, c in zip(WAYS, sds, chart.SERIES, strict=False)
-    ]
+    about = chart.lines(time, {f"about {w}": sd for w, sd in zip(WAYS, sds, strict=True)}, COURSE)
     middle = [float(np.median(sd)) for sd in sds]
     return page.section(
         "transfer.attitude",

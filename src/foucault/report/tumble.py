@@ -129,17 +129,10 @@ def leg_numbers(legs: Legs) -> list[chart.Trace]:
 def motion(result: Result) -> page.Section | None:
     """The way of the cluster axes, and the legs of the motion."""
     some, legs = result.tables["path"], _legs(result)
-    data = [
-        chart.line(
-            word,
-            some["time"],
-            np.degrees(some[word]),
-            colour,
-            f"%{{x:.0f}} s: %{{y:.2f}}°|{word}",
-            width=2,
-        )
-        for word, colour in zip(ANGLES, chart.OF_AXES.values(), strict=True)
-    ]
+    turned = {word: np.degrees(some[word]) for word in ANGLES}
+    data = chart.lines(
+        some["time"], turned, "%{x:.0f} s: %{y:.2f}°", chart.OF_AXES.values(), width=2
+    )
     angles = chart.draw("tumble.motion", data, shapes=changes(legs), notes=leg_numbers(legs))
     listed = _leg_table(result, legs) if 0 < len(legs) <= MOST_LEGS else None
     return page.section("tumble.motion", orientation.ways(some), angles, listed)

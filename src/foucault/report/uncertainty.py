@@ -83,7 +83,7 @@ def _bound(result: Result) -> FloatArray | None:
     values = result.diagnostics.get("bound")
     if values is None or len(values) != len(result.coefficients):
         return None
-    return np.array([np.nan if v is None else v for v in values], float)
+    return np.array(values, float)
 
 
 def _coefficient_rows(
@@ -127,7 +127,7 @@ def unseen(result: Result) -> page.Section | None:
     if held:
         items.append(("plain", f"Held at their values, not estimated: {held}."))
     items += [("plain", str(words)) for words in facts.get("unseen") or []]
-    return page.section("uncertainty.unseen", page.Items(items) if items else None)
+    return page.section("uncertainty.unseen", page.Items(items))
 
 
 def budget(result: Result) -> page.Section | None:
@@ -135,7 +135,7 @@ def budget(result: Result) -> page.Section | None:
     vector = result.coefficients
     given: Mapping[str, Any] = result.diagnostics.get("budget") or {}
     parts = {
-        source: np.array([np.nan if v is None else v for v in variance], float)
+        source: np.array(variance, float)
         for source, variance in given.items()
         if len(variance) == len(vector)
     }
