@@ -40,63 +40,26 @@ NOWHERE = earth.Site(STANDARD_GRAVITY, gravity_source="none", gravity_sd=0.03)
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign file as read: everything in SI.
+    """A campaign file as read: everything in SI."""
 
-    Attributes
-    ----------
-    path : Path
-        The file; relative paths in it start from its folder.
-    text : str
-        The file as it was, kept in the run folder.
-    instrument : dict
-        Name, serial number, operator, note.
-    site : Site
-        Where it was calibrated [SI].
-    log : LogDescription, or what the procedure has instead
-        How to read the log.
-    master : MasterDescription or None
-        How to read the table of a master, where the procedure has one.
-    procedure : str
-        Name of the procedure.
-    settings : pydantic model
-        Settings of the procedure [SI].
-    noise : ImuNoise or None
-        Noise [SI]; None where the procedure estimates it.
-    prior : dict of str to (float, float)
-        Mean and standard deviation of coefficients or groups [SI].
-    simulate : SimulateTable
-        Which instrument to simulate.
-    session : pydantic model
-        What to do with it in a simulation, as the procedure defines it [SI].
-    wanted : pydantic model or None
-        What a better plan may do, where the procedure has a plan to improve [SI].
-    tables : CampaignFile
-        The common tables as written, with defaults.
-    earlier : EarlierTable or None
-        An earlier result that is its prior.
-    sizes : mapping of str to (float, str) or None
-        Size of what is not estimated, and what it rests on [SI]; None where nothing is said of it.
-    findings : tuple of Finding
-        What was noticed in the file.
-    """
-
-    path: Path
-    text: str
-    instrument: dict[str, Any]
-    site: earth.Site
-    log: Any
-    master: Any
-    procedure: str
-    settings: Any
-    noise: noise.ImuNoise | None
-    prior: dict[str, tuple[float, float]]
-    simulate: SimulateTable
-    session: Any
-    wanted: Any
-    tables: CampaignFile
-    earlier: earlier.EarlierTable | None = None
+    path: Path  # the file; relative paths in it start from its folder
+    text: str  # the file as it was, kept in the run folder
+    instrument: dict[str, Any]  # name, serial number, operator, note
+    site: earth.Site  # where it was calibrated [SI]
+    log: Any  # how to read the log: a LogDescription, or what the procedure has instead
+    master: Any  # how to read the table of a master, where the procedure has one
+    procedure: str  # its name
+    settings: Any  # of the procedure [SI]
+    noise: noise.ImuNoise | None  # [SI]; None where the procedure estimates it
+    prior: dict[str, tuple[float, float]]  # mean and sd of coefficients or groups [SI]
+    simulate: SimulateTable  # which instrument to simulate
+    session: Any  # what to do with it in a simulation, as the procedure defines it [SI]
+    wanted: Any  # what a better plan may do, where the procedure has a plan to improve [SI]
+    tables: CampaignFile  # the common tables as written, with defaults
+    earlier: earlier.EarlierTable | None = None  # an earlier result that is its prior
+    # of what is not estimated, and what that rests on [SI]; None where nothing is said of it
     sizes: Sizes | None = None
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # what was noticed in the file
 
     @property
     def imu_log(self) -> LogDescription:

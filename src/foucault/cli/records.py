@@ -151,8 +151,6 @@ def show(
         if output is not None:
             read = compared(records, found)
             if read is None:
-                from foucault.errors import error
-
                 raise error("records.one", name=found.instrument, count=len(found.counted))
             page = kept(comparison.record(read), output)
             written(output, "comparison", *page.held)

@@ -52,8 +52,6 @@ def watch(
         _follow(session, display, until_complete, timeout)
     seen = session.finish()
     if seen is None and session.follower.tail.ended:
-        from foucault.errors import error
-
         raise error("log.empty", file=session.follower.tail.name)
     display.end(seen)
     raise typer.Exit(ENOUGH if seen is not None and seen.complete else TOO_FEW)

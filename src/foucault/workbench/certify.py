@@ -137,8 +137,6 @@ class Asked:
 
 def asked(bench: Bench, number: Number, flat: Mapping[str, Any]) -> Asked:
     """Return what is said and lacks of a certificate of a run; raises ``workbench.not_kept``."""
-    from foucault.records.entries import Limits
-
     job, folder = bench.run_of(number)
     if job.command != "calibrate":
         raise error("workbench.no_job", number=number)
@@ -153,9 +151,9 @@ def asked(bench: Bench, number: Number, flat: Mapping[str, Any]) -> Asked:
             raise error("workbench.not_kept", number=number)
         more = issue.from_records(records, folder)
         instrument = records.run(str(folder)).instrument
-        texts = [b.text for _, b in records.said(Limits) if b.instrument == instrument]
+        limits = records.limits_text(instrument)
     if flat.get("conformity.specification"):
-        if not texts:
+        if not limits:
             raise error("workbench.no_limits")
         flat["conformity.tolerance"] = "limits.toml"  # written where it is issued
     known = {k: more[k] for k in ("known", "used", "performed") if k in more}
@@ -165,7 +163,7 @@ def asked(bench: Bench, number: Number, flat: Mapping[str, Any]) -> Asked:
     items = [i.key for i in _each()]
     flat_own = frozenset(k for k in items if at(own, k))
     return Asked(whole, tuple(lacks), {k: at(whole, k) for k in items}, release,
-                 texts[-1] if texts else "", flat_own)  # fmt: skip
+                 limits, flat_own)  # fmt: skip
 
 
 def certify(bench: Bench, who: Person, number: Number, flat: Mapping[str, Any], *,
