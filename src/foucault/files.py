@@ -309,6 +309,15 @@ def _not_too_deep(value: Any) -> None:
     raise RecursionError(TOO_DEEP)
 
 
+def flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Return the values of a table and of those in it, by their dotted keys."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        whole = before + key
+        out |= flat(value, f"{whole}.") if isinstance(value, Mapping) else {whole: value}
+    return out
+
+
 def plain_json(value: Any) -> Any:
     """Return what JSON can hold of a value; None for what is not finite."""
     kind = type(value)  # millions of these: to ask each of them what it is a kind of takes longer
