@@ -285,6 +285,14 @@ def parse_toml(text: str) -> dict[str, Any]:
     return said
 
 
+def said_in(text: str | Path, code: str, **about: object) -> dict[str, Any]:
+    """Return what a TOML text says, or a file; raises `code` for whatever cannot be read."""
+    try:
+        return parse_toml(text if isinstance(text, str) else read_text(text))
+    except (OSError, tomllib.TOMLDecodeError) as problem:
+        raise error(code, **about, reason=problem) from None
+
+
 def parse_json(text: str, **options: Any) -> Any:
     """Return what a JSON text says; `ValueError` for whatever cannot be read."""
     try:

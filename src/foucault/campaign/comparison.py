@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import datetime
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import groupby
@@ -49,7 +48,7 @@ from foucault.diagnose.comparable import (
 from foucault.diagnose.compare import Between, History, between, history
 from foucault.diagnose.mounted import Tie
 from foucault.errors import Finding, FoucaultError, error, finding, listed, suggestion
-from foucault.files import parse_toml, read_text, sha256
+from foucault.files import said_in, sha256
 from foucault.models.layouts import EVERY
 from foucault.result import Result, provenance
 from foucault.run_folder import RESULT_FILE, Record, load_result, result_file
@@ -103,10 +102,7 @@ def entries(paths: Sequence[str | Path], dates: str = "", *, same: bool = False)
 def _named(path: Path) -> list[Named]:
     if path.suffix.lower() != ".toml":
         return [Named(path)]
-    try:
-        said = parse_toml(read_text(path))
-    except (OSError, tomllib.TOMLDecodeError) as problem:
-        raise error("compare.list", path=path, reason=str(problem)) from None
+    said = said_in(path, "compare.list", path=path)
     rows = said.get("result")
     if set(said) != {"result"} or not isinstance(rows, list) or not rows:
         raise error("compare.list", path=path, reason="it holds no [[result]], or something else")

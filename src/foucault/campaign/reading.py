@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,7 +25,7 @@ from foucault.campaign.tables import (
 )
 from foucault.coefficients import Layout
 from foucault.errors import Finding, error, suggestion
-from foucault.files import parse_toml, read_text
+from foucault.files import read_text, said_in
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import earth, noise
@@ -84,34 +83,30 @@ def load(path: str | Path, *, calibrates: bool = True) -> Campaign:
     calibrates : bool
         Whether it must name a procedure and a site; what reads only its log and noise needs none.
     """
-    path = Path(path)
+    return parse(text_of(Path(path), "campaign"), path, calibrates=calibrates)
+
+
+def text_of(path: Path, kind: str) -> str:
+    """Return the text of a campaign or a tolerance, or say which files there are instead."""
     try:
-        text = read_text(path)
+        return read_text(path)
     except OSError as problem:
         if path.is_file():
-            raise error("campaign.syntax", path=path, reason=problem) from None
-        raise error("campaign.missing", path=path, hint=_beside(path)) from None
-    return parse(text, path, calibrates=calibrates)
-
-
-def _beside(path: Path) -> str:
-    """Say which campaign files there are instead."""
+            raise error(f"{kind}.syntax", path=path, reason=problem) from None
     if path.is_dir():
         names = ", ".join(sorted(p.name for p in path.glob("*.toml"))[:3])
-        return " It is a folder" + (f"; in it is {names}." if names else ".")
-    near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-    return suggestion(path.name, near)
+        hint = " It is a folder" + (f"; in it is {names}." if names else ".")
+    else:
+        near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+        hint = suggestion(path.name, near)
+    raise error(f"{kind}.missing", path=path, hint=hint)
 
 
 def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = True) -> Campaign:
     """Read a campaign from `text`; `path` is where it would lie, the others as for `load`."""
     path = Path(path)
-    try:
-        raw = parse_toml(text)
-    except tomllib.TOMLDecodeError as problem:
-        if path.suffix.lower() != ".toml":
-            raise error("campaign.other_file", path=path, name=path.name) from None
-        raise error("campaign.syntax", path=path, reason=problem) from None
+    code = "campaign.syntax" if path.suffix.lower() == ".toml" else "campaign.other_file"
+    raw = said_in(text, code, path=path, name=path.name)
     if not raw:
         raise error("campaign.empty", path=path)
     if not calibrates:  # what a log is like does not hang on which procedure it is read for

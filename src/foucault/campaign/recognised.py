@@ -17,7 +17,7 @@ from foucault.campaign.reading import NOWHERE, Campaign, parse
 from foucault.campaign.writing import changed, relocate, table_text
 from foucault.errors import FoucaultError, error
 from foucault.escape import commented
-from foucault.files import parse_toml
+from foucault.files import said_in
 from foucault.logs import pose
 from foucault.procedures import Progress, silent
 from foucault.recognise.reading import (
@@ -115,10 +115,7 @@ class Found:
 def said_of(texts: Sequence[str]) -> dict[str, Any]:
     """Return keys of [log] as ``--set`` has them: TOML lines, several apart by ";"."""
     lines = "\n".join(part for text in texts for part in _parts(text))
-    try:
-        return parse_toml(lines)
-    except tomllib.TOMLDecodeError as problem:
-        raise error("recognise.set", given="; ".join(texts), reason=problem) from None
+    return said_in(lines, "recognise.set", given="; ".join(texts))
 
 
 def with_keys(campaign: Campaign, texts: Sequence[str]) -> Campaign:

@@ -9,13 +9,12 @@ language of its own has to have them all::
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from foucault.errors import error, listed
-from foucault.files import flat, parse_toml, read_text
+from foucault.files import flat, parse_toml, said_in
 
 KNOWN = tuple(sorted(p.stem for p in (Path(__file__).parent / "labels").glob("*.toml")))
 """Languages whose words are here."""
@@ -26,7 +25,7 @@ class Labels:
 
     def __init__(self, languages: Sequence[str], own: str = "") -> None:
         """Read them; `own`: a file of the laboratory, empty for none. Raises `certificate.*`."""
-        more = _own(own) if own else {}
+        more = said_in(Path(own), "certificate.file", path=own) if own else {}
         wanted = flat(_shipped("en"))
         self.languages = tuple(languages)
         self.words: list[dict[str, str]] = []
@@ -65,10 +64,3 @@ class Labels:
 def _shipped(language: str) -> dict[str, Any]:
     file = Path(__file__).parent / "labels" / f"{language}.toml"
     return parse_toml(file.read_text(encoding="utf-8"))
-
-
-def _own(file: str) -> dict[str, Any]:
-    try:
-        return parse_toml(read_text(file))
-    except (OSError, tomllib.TOMLDecodeError) as problem:
-        raise error("certificate.file", path=file, reason=problem) from None
