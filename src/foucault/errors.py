@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import PurePath
@@ -106,6 +107,15 @@ def some(names: Sequence[str]) -> str:
 def error(code: str, **values: object) -> FoucaultError:
     """Build the exception for symptom `code` with its words filled in from `values`."""
     return FoucaultError(code, *_filled(code, values))
+
+
+@contextmanager
+def library(code: str, **values: object) -> Iterator[None]:
+    """Raise the error of `code` where a library that is imported inside is not installed."""
+    try:
+        yield
+    except ImportError as problem:
+        raise error(code, **{"reason": problem} | values) from None
 
 
 def finding(code: str, **values: object) -> Finding:

@@ -15,7 +15,7 @@ import typer
 from foucault.cli import screen as screens
 from foucault.cli.options import command
 from foucault.cli.screen import Screen
-from foucault.errors import error
+from foucault.errors import library
 
 if TYPE_CHECKING:
     from foucault.workbench.asked import Option
@@ -46,10 +46,8 @@ def serve(
 ) -> None:
     """Open a workbench: drop a log, see its verdict, keep it."""
     program = ctx.find_root().command
-    try:
+    with library("workbench.library"):
         from foucault.workbench import serving
-    except ImportError:
-        raise error("workbench.library") from None
     where = serving.made(folder)
     if os.environ.get(WORKER):
         from foucault.workbench.look import look
