@@ -16,7 +16,6 @@ from foucault import display, logs, procedures, run_folder
 from foucault.campaign import earlier
 from foucault.campaign.holding import held
 from foucault.campaign.reading import Campaign, load
-from foucault.campaign.reading import load as load_campaign
 from foucault.campaign.tables import Said, SiteTable, parse_at
 from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector, Layout
@@ -389,7 +388,7 @@ def read_any(
         folder = paths[0].parent
         log = logs.read(description, folder, lambda part: progress(part, "reading the log"))
         return replace(log, findings=told + log.findings), None
-    campaign = load_campaign(paths[0], calibrates=False)
+    campaign = load(paths[0], calibrates=False)
     if one:
         refuse_more(campaign, "what reads a log by itself")
     if whole and isinstance(campaign.log, LogDescription):
