@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter, Request
-from fastapi.concurrency import run_in_threadpool as aside
 from fastapi.responses import Response
 
 from foucault import run_folder
@@ -268,30 +267,26 @@ def _each() -> Iterator[Item]:
 
 
 @router.post("/certify/{number}")
-async def ask(request: Request, said: Form, who: Reviewer, bench: At, number: Number) -> Response:
+def ask(request: Request, said: Form, who: Reviewer, bench: At, number: Number) -> Response:
     """Issue it, or say once more what lacks; nothing that was written is lost."""
     flat: dict[str, Any] = {i.key: str(said.get(i.key, "")).strip() for i in _each()}
     flat["used"] = [str(v) for v in said.getlist("used")]
     text = str(said.get("replaces", ""))
     replaces = int(text) if text.isdigit() and len(text) < 10 else 0
-
-    def go() -> Response:
-        change = str(said.get("change", "")).strip()
-        try:
-            at_number, file = number, ""
-            if replaces:
-                at_number, file, _ = issued(bench, replaces)
-                if not change:
-                    raise error("workbench.change")
-            job = certify(bench, who, at_number, flat, replaces=file, change=change,
-                          reason=str(said.get("reason", "")).strip())  # fmt: skip
-        except FoucaultError as problem:
-            if problem.code in ("workbench.not_kept", "workbench.no_job", "workbench.no_name"):
-                raise
-            return _form(request, number, flat | {"change": change}, replaces, problem, 400)
-        return to(f"/jobs/{job.number}")
-
-    return await aside(go)
+    change = str(said.get("change", "")).strip()
+    try:
+        at_number, file = number, ""
+        if replaces:
+            at_number, file, _ = issued(bench, replaces)
+            if not change:
+                raise error("workbench.change")
+        job = certify(bench, who, at_number, flat, replaces=file, change=change,
+                      reason=str(said.get("reason", "")).strip())  # fmt: skip
+    except FoucaultError as problem:
+        if problem.code in ("workbench.not_kept", "workbench.no_job", "workbench.no_name"):
+            raise
+        return _form(request, number, flat | {"change": change}, replaces, problem, 400)
+    return to(f"/jobs/{job.number}")
 
 
 @router.get("/verify")
@@ -302,10 +297,10 @@ def verify_page(request: Request, bench: At) -> Response:
 
 
 @router.post("/verify")
-async def verify(said: Form, who: Operator, bench: At) -> Response:
+def verify(said: Form, who: Operator, bench: At) -> Response:
     """Ask for a look at a certificate that somebody has got."""
     sent = [one for one in said.getlist("file") if not isinstance(one, str)]
-    job = await aside(look_at, bench, who, sent)
+    job = look_at(bench, who, sent)
     return to(f"/jobs/{job.number}")
 
 

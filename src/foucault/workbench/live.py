@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter, Request
-from fastapi.concurrency import run_in_threadpool as aside
 from fastapi.responses import JSONResponse, Response
 
 from foucault.errors import FoucaultError, error
@@ -120,10 +119,10 @@ def begin(request: Request, bench: At) -> Response:
 
 
 @router.post("/live")
-async def go(said: Form, who: Operator, bench: At) -> Response:
+def go(said: Form, who: Operator, bench: At) -> Response:
     """Begin a session."""
-    words = await aside(words_of, bench, who, said)
-    job = await aside(bench.store.ask, who.name, "calibrate", words)
+    words = words_of(bench, who, said)
+    job = bench.store.ask(who.name, "calibrate", words)
     return to(f"/live/{job.number}")
 
 
@@ -172,13 +171,11 @@ def state(bench: At, number: Number) -> Response:
 
 
 @router.post("/live/{number}/enough")
-async def enough(
-    request: Request, said: Form, who: Operator, bench: At, number: Number
-) -> Response:
+def enough(request: Request, said: Form, who: Operator, bench: At, number: Number) -> Response:
     """End a session and calibrate what was recorded; that of somebody else is a reviewer's."""
-    job = await aside(_session, bench, number)
+    job = _session(bench, number)
     needs(request, "operator" if job.who == who.name else "reviewer")
     folder = bench.folder / "runs" / str(number)
     if not job.over and folder.is_dir():
-        await aside((folder / ENOUGH_FILE).touch)
+        (folder / ENOUGH_FILE).touch()
     return to(f"/live/{number}")

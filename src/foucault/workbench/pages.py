@@ -367,14 +367,11 @@ def accounts(request: Request, who: Known, bench: At) -> Response:
 
 
 @router.post("/tokens")
-async def token(request: Request, said: Form, who: Operator, bench: At) -> Response:
+def token(request: Request, said: Form, who: Operator, bench: At) -> Response:
     """Make a token, which is shown this once."""
-    from fastapi.concurrency import run_in_threadpool as aside
-
     people = bench.people
     if not people.any():
         raise error("workbench.token")
-    made = await aside(people.token, who.name, str(said.get("label", "")), 365.0,
-                       bench.told(who.name))  # fmt: skip
+    made = people.token(who.name, str(said.get("label", "")), 365.0, bench.told(who.name))
     every = people.all() if who.may("administrator") else []
     return page(request, "accounts.html", every=every, tokens=people.tokens(who.name), token=made)

@@ -6,7 +6,6 @@ import json
 from dataclasses import dataclass
 
 from fastapi import APIRouter, Request
-from fastapi.concurrency import run_in_threadpool as aside
 from fastapi.responses import FileResponse, Response
 from pydantic import BaseModel
 
@@ -101,7 +100,7 @@ def planned(request: Request, name: str) -> Response:
 
 
 @router.post("/plan/{name}")
-async def foresee(said: Form, who: Operator, bench: At, name: str) -> Response:
+def foresee(said: Form, who: Operator, bench: At, name: str) -> Response:
     """Ask what a session will show, or search for one that shows more."""
     told = [f"{key} = {str(value).strip()}" for key, value in said.multi_items()
             if "." in key and isinstance(value, str) and value.strip()]  # fmt: skip
@@ -110,15 +109,15 @@ async def foresee(said: Form, who: Operator, bench: At, name: str) -> Response:
     if said.get("search"):
         command = "optimise"
         given |= {f"--{k}": [str(said.get(k, ""))] for k in ("restarts", "time-limit")}
-    job = await aside(ask, bench, who, command, given, "", [], name)
+    job = ask(bench, who, command, given, "", [], name)
     return to(f"/jobs/{job.number}")
 
 
 @router.post("/jobs/{number}/foresee")
-async def foresee_found(said: Form, who: Operator, bench: At, number: Number) -> Response:
+def foresee_found(said: Form, who: Operator, bench: At, number: Number) -> Response:
     """Ask what a plan that was found will show, with its list for the operator."""
     name = f"runs/{number}/{CAMPAIGN_FILE}"
-    job = await aside(ask, bench, who, "preflight", {}, "", [], name)
+    job = ask(bench, who, "preflight", {}, "", [], name)
     return to(f"/jobs/{job.number}")
 
 
