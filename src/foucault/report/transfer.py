@@ -177,10 +177,7 @@ def motion(result: Result) -> page.Section | None:
     path = table_of(result, "smoothed")
     mapped = _map(path) if path is not None and len(path["time"]) > 1 else None
     left = {
-        f.name: np.max(
-            [np.asarray(course[f"{m}_sd"], float) / before[m] for m in f.members], axis=0
-        )
-        for f in groups
+        f.name: np.max([course[f"{m}_sd"] / before[m] for m in f.members], axis=0) for f in groups
     }
     known = chart.draw(
         "transfer.motion",
@@ -233,9 +230,8 @@ def _did(some: Mapping[str, Any], k: int) -> str:
 
 
 def _map(path: Mapping[str, FloatArray]) -> page.Figure:
-    lat, lon = (np.asarray(path[k], float) for k in ("latitude", "longitude"))
+    lat, lon, time = path["latitude"], path["longitude"], path["time"]
     east, north, _ = displacement(lat[0], lon[0], 0.0, lat, lon, np.zeros_like(lat)).T
-    time = np.asarray(path["time"], float)
     at = [int(np.searchsorted(time, t)) for t in np.linspace(time[0], time[-1], 5)[1:-1]]
     marks = [(f"{time[i]:.0f} s", float(east[i]), float(north[i])) for i in at]
     way = ("slave", east, north, chart.FIRST, "solid")
@@ -265,10 +261,7 @@ def _estimates(
     panels = []
     for member, label in zip(family.members, family.labels, strict=True):
         courses = [
-            [
-                np.asarray(some[k], float) / size
-                for k, size in (("time", 1), (member, family.size), (f"{member}_sd", family.size))
-            ]
+            (some["time"], some[member] / family.size, some[f"{member}_sd"] / family.size)
             for _, some, _, _ in runs
         ]
         reach = np.array([_reach(y, sd) for _, y, sd in courses])
@@ -423,7 +416,7 @@ def _drift(known: Mapping[str, Any]) -> str:
 
 def _likelihood(tried: Mapping[str, Any], fit: Mapping[str, float]) -> page.Figure:
     """Draw by how much the likelihood of other delays is less than that of the best."""
-    at, log_l = (np.asarray(tried[k], float) for k in ("delay", "log_likelihood"))
+    at, log_l = tried["delay"], tried["log_likelihood"]
     less, best, sd = log_l.max() - log_l, fit["value"], fit["sd"]
     away = np.geomspace(0.3 * sd, max(float(np.max(np.abs(at - best))), 3 * sd), 60)
     x = np.concatenate([best - away[::-1], best + away])
@@ -500,7 +493,7 @@ def _channels(result: Result, some: Mapping[str, Any]) -> list[chart.Family]:
 
 def _innovations(some: Mapping[str, Any], family: chart.Family, times: Times) -> page.Figure:
     """Draw innovations of one kind in their band of +-2 sd, one panel for each component."""
-    time, panels = np.asarray(some["time"], float), []
+    time, panels = some["time"], []
     both = zip(family.of(some), family.of(some, "_sd"), family.labels, strict=True)
     for y, sd, label in both:
         pick = chosen(np.abs(y) > 3 * sd)
@@ -537,8 +530,8 @@ def grouped_nis(some: Mapping[str, Any]) -> tuple[FloatArray, FloatArray, tuple[
     `some` (m,): the innovations.
     """
     used = [k for k in some if f"{k}_sd" in some]
-    count = np.sum([np.isfinite(np.asarray(some[k], float)) for k in used], axis=0)
-    nis, time = np.asarray(some["nis"], float), np.asarray(some["time"], float)
+    count = np.sum([np.isfinite(some[k]) for k in used], axis=0)
+    nis, time = some["nis"], some["time"]
     seen = (count > 0) & np.isfinite(nis)
     nis, time, count = nis[seen], time[seen], count[seen]
     each = max(1, -(-len(nis) // GROUPED))
@@ -557,7 +550,7 @@ def bound(result: Result) -> page.Section | None:
     some = table_of(result, "gamma")
     if some is None:
         return None
-    used, time = 1 - np.asarray(some["margin"], float), np.asarray(some["time"], float)
+    used, time = 1 - some["margin"], some["time"]
     worst = int(np.nanargmax(used))
     least = float(np.log10(max(1e-9, float(np.nanmin(used)))))
     figure = chart.draw(
@@ -582,15 +575,14 @@ def attitude(result: Result) -> page.Section | None:
     some, times = table_of(result, "smoothed"), changes(result)
     if some is None:
         return None
-    time = np.asarray(some["time"], float)
-    heading = np.degrees(np.unwrap(np.asarray(some["heading"], float)))
+    time, heading = some["time"], np.degrees(np.unwrap(some["heading"]))
     heading -= 360 * np.floor(heading[0] / 360)
     level_ = chart.lines(time, {n: np.degrees(some[n]) for n in ("pitch", "roll")}, COURSE)
     angles = [
         _panel("heading [°]", "heading", time, heading),
         chart.Panel("pitch, roll [°]", level_),
     ]
-    sds = [np.asarray(some[f"phi_{way}_sd"], float) / MINUTE for way in WAYS]
+    sds = [some[f"phi_{way}_sd"] / MINUTE for way in WAYS]
     about = chart.lines(time, {f"about {w}": sd for w, sd in zip(WAYS, sds, strict=True)}, COURSE)
     middle = [float(np.median(sd)) for sd in sds]
     return page.section(
