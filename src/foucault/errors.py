@@ -128,12 +128,9 @@ def _filled(code: str, values: Mapping[str, object]) -> tuple[str, str]:
     row = SYMPTOMS[code]
     said = {k: str(v) if isinstance(v, PurePath | Exception) else v for k, v in values.items()}
     short = {k: _LONG.sub(r"\1 ... \2", v) if isinstance(v, str) else v for k, v in said.items()}
-    message, cure = (_LARGE.sub(_plain, t.format(**short)) for t in (row.message, row.cure))
+    texts = (t.format(**short) for t in (row.message, row.cure))
+    message, cure = (_LARGE.sub(lambda large: f"{float(large[0]):.0f}", t) for t in texts)
     return message, cure
-
-
-def _plain(found: re.Match[str]) -> str:
-    return f"{float(found[0]):.0f}"
 
 
 def suggestion(word: str, allowed: Iterable[str]) -> str:

@@ -333,9 +333,9 @@ def schema(
     result: Annotated[bool, typer.Option("--result")] = False,
 ) -> None:
     """Print the JSON schema of campaign files, or of result.json."""
-    from foucault import campaign, run_folder
+    from foucault import campaign, result_document
 
-    print(json.dumps(run_folder.result_schema() if result else campaign.schema(), indent=1))
+    print(json.dumps(result_document.result_schema() if result else campaign.schema(), indent=1))
 
 
 @command("foucault messages > messages.md")
