@@ -15,6 +15,7 @@ from urllib.parse import quote
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
+from foucault.campaign.recognised import said_of
 from foucault.errors import error
 from foucault.logs.description import LogDescription
 from foucault.records.entries import Account
@@ -41,8 +42,6 @@ router = APIRouter()
 
 def ask_look(bench: Bench, who: Person, log: str, said: list[str]) -> Job:
     """Ask for a first look at a log; `said`: what `--set` is given."""
-    from foucault.campaign.recognised import said_of
-
     texts = [t.strip() for t in said if t.strip()]
     if texts:
         stays(files_of(bench.folder, log)[0].parent, said_of(texts))

@@ -15,11 +15,15 @@ from typing import Any
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, Response
 
+from foucault.campaign import template
+from foucault.capture import frame, ways
+from foucault.capture.said import Words, shipped
 from foucault.errors import FoucaultError, error
 from foucault.files import make_folder, write_text
 from foucault.run_folder import ENOUGH_FILE, STATE_FILE
 from foucault.workbench.asked import LONG, given_log
 from foucault.workbench.bench import KNOWN, At, Bench, Form, Operator, needs, page, to
+from foucault.workbench.pages import logs_of
 from foucault.workbench.people import Person
 from foucault.workbench.store import Job, Number
 
@@ -61,8 +65,6 @@ def source_of(who: Person, given: str) -> str:
 
 def words_of(bench: Bench, who: Person, said: Any) -> list[str]:
     """Return the words of the job that a form asks for."""
-    from foucault.capture import frame, ways
-    from foucault.capture.said import Words
 
     def text(key: str) -> str:
         return str(said.get(key, "")).strip()
@@ -74,8 +76,6 @@ def words_of(bench: Bench, who: Person, said: Any) -> list[str]:
         log = how.partition("/")[2]
         words.insert(1, given_log(bench.folder, log)[0])
     elif how in ways.GUIDED:
-        from foucault.campaign import template
-
         write_text(home / f"{how}.toml", template(how))
         words.insert(1, f"guides/{how}.toml")
     else:
@@ -107,14 +107,11 @@ def words_of(bench: Bench, who: Person, said: Any) -> list[str]:
 @router.get("/live")
 def begin(request: Request, bench: At) -> Response:
     """What to record, how, and what is under way."""
-    from foucault.capture import frame, said, ways
-    from foucault.workbench.pages import logs_of
-
     under_way = [job for job in bench.store.jobs(RECENT) if not job.over and is_live(job)]
     campaigns = [(name, files) for name, files in logs_of(bench)
                  if any(f.endswith(".toml") for f in files)]  # fmt: skip
     return page(request, "live.html", ports=ports(), frames=frame.shipped(), ways=ways.GUIDED,
-                languages=said.shipped(), under_way=under_way, campaigns=campaigns,
+                languages=shipped(), under_way=under_way, campaigns=campaigns,
                 own=OWN)  # fmt: skip
 
 
@@ -142,8 +139,6 @@ def _session(bench: Bench, number: Number) -> Job:
 def guide(request: Request, bench: At, number: Number) -> Response:
     """The guide: what to do, how the instrument is held, what is known by now."""
     job = _session(bench, number)
-    from foucault.capture.said import Words
-
     name = next((w.partition("=")[2] for w in job.words if w.startswith("--words=")), "en")
     try:
         words = Words.of(name)

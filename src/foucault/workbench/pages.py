@@ -12,8 +12,15 @@ from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse, Response
 
 from foucault import run_folder
+from foucault.campaign import comparison
+from foucault.coefficients import format_value
 from foucault.errors import FoucaultError, error
 from foucault.files import sha256
+from foucault.procedures import PROCEDURES
+from foucault.records import shown as words
+from foucault.records.history import compared, fleet, past
+from foucault.report import compare, render
+from foucault.units import convert
 from foucault.workbench.asked import OFFERS, PLACE, files_of, given_log, shown
 from foucault.workbench.bench import KNOWN, At, Bench, Form, Known, Operator, Reviewer, page, to
 from foucault.workbench.look import FILE as LOOK_FILE
@@ -102,8 +109,6 @@ def form(
     options.sort(key=lambda o: order.get(o.name, 99))
     looks = [j for j in bench.store.jobs(MANY, log) if j.command == "look"] if log else []
     said = [w[6:] for w in looks[0].words if w.startswith("--set=")] if looks else []
-    from foucault.procedures import PROCEDURES
-
     return page(
         request, "form.html", command=command, offer=offer, log=log, run=run, name=name, said=said,
         first=[o for o in options if o.name in order or o.needed],
@@ -184,9 +189,6 @@ def _left(bench: Bench, job: Job) -> dict[str, Any]:
 
 def _row(row: dict[str, Any], last: dict[str, float]) -> tuple[str, ...]:
     """Return the cells of a coefficient beside the last one."""
-    from foucault.coefficients import format_value
-    from foucault.units import convert
-
     value, sd = row["display_value"], row["display_sd"]
     cells = (row["name"], format_value(value, sd), "" if sd is None else format_value(sd, sd),
              row["display_unit"])  # fmt: skip
@@ -258,9 +260,6 @@ def _framed() -> dict[str, str]:
 @router.get("/instruments")
 def instruments(request: Request, bench: At, find: str = "", page_of: int = 1) -> Response:
     """All instruments: runs, the last one, when it is due; `page_of`: from 1 [1]."""
-    from foucault.records.history import fleet
-    from foucault.records.shown import day
-
     rows: list[dict[str, Any]] = []
     with bench.records() as records:
         for name, runs, counted, due in [] if records is None else fleet(records):
@@ -271,7 +270,7 @@ def instruments(request: Request, bench: At, find: str = "", page_of: int = 1) -
                     "name": name, "runs": len(runs), "last": last.holds[:10],
                     "verdict": last.verdict if counted else "unusable",
                     "procedure": last.procedure,
-                    "due": "" if math.isnan(due) else day(due),
+                    "due": "" if math.isnan(due) else words.day(due),
                 })  # fmt: skip
     first = max(page_of - 1, 0) * MANY
     return page(request, "instruments.html", rows=rows[first : first + MANY], count=len(rows),
@@ -281,9 +280,6 @@ def instruments(request: Request, bench: At, find: str = "", page_of: int = 1) -
 @router.get("/instrument")
 def instrument(request: Request, bench: At, name: str) -> Response:
     """An instrument: what it was, is, and will be when it is due."""
-    from foucault.records import shown as words
-    from foucault.records.history import past
-
     with bench.records() as records:
         if records is None:
             raise error("records.no_instrument", given=name[:80], hint="", count=0)
@@ -313,10 +309,6 @@ def _job_of(folder: str) -> int | None:
 @router.get("/history")
 def history(bench: At, name: str) -> Response:
     """Coefficients over time, for a frame that reaches nothing."""
-    from foucault.campaign import comparison
-    from foucault.records.history import compared, past
-    from foucault.report import compare, render
-
     with bench.records() as records:
         found = None if records is None else past(records, name)
         read = None if records is None or found is None else compared(records, found)
@@ -330,9 +322,6 @@ def history(bench: At, name: str) -> Response:
 def due(request: Request, bench: At) -> Response:
     """What is due, soonest first, and the references that calibrations rest on."""
 
-    from foucault.records.history import fleet
-    from foucault.records.shown import day
-
     rows, references = [], []
     with bench.records() as records:
         if records is not None:
@@ -340,7 +329,7 @@ def due(request: Request, bench: At) -> Response:
             references = sorted(records.references().values(), key=lambda r: r.due or "9")
     rows.sort()
     today = datetime.datetime.now(datetime.UTC).date().isoformat()
-    return page(request, "due.html", rows=[(day(at), name) for at, name in rows], today=today,
+    return page(request, "due.html", rows=[(words.day(at), name) for at, name in rows], today=today,
                 references=references)  # fmt: skip
 
 

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from typing import Literal, get_args, get_origin
 
 from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse, Response
 from pydantic import BaseModel
 
+from foucault.campaign.reading import improvable
+from foucault.campaign.tables import SiteTable
+from foucault.campaign.writing import default_text, sample
+from foucault.models.noise import GRADES
+from foucault.procedures import PROCEDURES, load
 from foucault.run_folder import CAMPAIGN_FILE
+from foucault.strict import description_of
 from foucault.workbench.actions import ask
 from foucault.workbench.asked import shown
 from foucault.workbench.bench import KNOWN, At, Form, Operator, page, to
@@ -43,10 +50,6 @@ class Choice:
 
 def choices_of(model: type[BaseModel], table: str) -> list[Choice]:
     """Return the keys of a table."""
-    from typing import Literal, get_args, get_origin
-
-    from foucault.campaign.writing import default_text, sample
-    from foucault.strict import description_of
 
     def plain(text: str) -> str:
         return str(json.loads(text)) if text.startswith('"') else text
@@ -66,8 +69,6 @@ def choices_of(model: type[BaseModel], table: str) -> list[Choice]:
 @router.get("/plan")
 def plan(request: Request) -> Response:
     """Which procedures there are."""
-    from foucault.procedures import PROCEDURES, load
-
     told = {name: load(name).summary for name in PROCEDURES}
     return page(request, "plan.html", procedures=told)
 
@@ -75,10 +76,6 @@ def plan(request: Request) -> Response:
 @router.get("/plan/{name}")
 def planned(request: Request, name: str) -> Response:
     """What can be chosen of a session and of the rig."""
-    from foucault.campaign.tables import SiteTable
-    from foucault.models.noise import GRADES
-    from foucault.procedures import load
-
     procedure = load(name)
     settings = choices_of(procedure.Settings, "procedure")
     session = choices_of(procedure.Session, "simulate")
@@ -88,8 +85,6 @@ def planned(request: Request, name: str) -> Response:
                     procedure.grade, tuple(GRADES))  # fmt: skip
     done = [c for c in session if not c.key.endswith("_sd")]
     rest = [c for c in (*settings, *session) if c not in rig and c not in done]
-    from foucault.campaign.reading import improvable
-
     return page(
         request, "planned.html", name=name, what=procedure.summary, more=rest,
         searched=name in improvable(),
