@@ -27,7 +27,7 @@ from generators import (
 )
 
 from foucault import campaign
-from foucault.run_folder import result_schema
+from foucault.result_document import result_schema
 
 HERE = Path(__file__).parent
 KEPT = (".md", ".png", ".txt")

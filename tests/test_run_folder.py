@@ -22,7 +22,8 @@ from foucault.arrays import Names
 from foucault.coefficients import CoefficientVector
 from foucault.errors import FoucaultError
 from foucault.result import Check
-from foucault.run_folder import load_result, parquet_writer, result_schema, save
+from foucault.result_document import result_schema
+from foucault.run_folder import load_result, parquet_writer, save
 from make_result import make_result
 from refusals import refuses
 

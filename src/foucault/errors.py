@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import PurePath
@@ -108,6 +109,15 @@ def error(code: str, **values: object) -> FoucaultError:
     return FoucaultError(code, *_filled(code, values))
 
 
+@contextmanager
+def library(code: str, **values: object) -> Iterator[None]:
+    """Raise the error of `code` where a library that is imported inside is not installed."""
+    try:
+        yield
+    except ImportError as problem:
+        raise error(code, **{"reason": problem} | values) from None
+
+
 def finding(code: str, **values: object) -> Finding:
     """Build the finding for symptom `code` with its words filled in from `values`."""
     return Finding(code, SYMPTOMS[code].severity, *_filled(code, values))
@@ -118,12 +128,9 @@ def _filled(code: str, values: Mapping[str, object]) -> tuple[str, str]:
     row = SYMPTOMS[code]
     said = {k: str(v) if isinstance(v, PurePath | Exception) else v for k, v in values.items()}
     short = {k: _LONG.sub(r"\1 ... \2", v) if isinstance(v, str) else v for k, v in said.items()}
-    message, cure = (_LARGE.sub(_plain, t.format(**short)) for t in (row.message, row.cure))
+    texts = (t.format(**short) for t in (row.message, row.cure))
+    message, cure = (_LARGE.sub(lambda large: f"{float(large[0]):.0f}", t) for t in texts)
     return message, cure
-
-
-def _plain(found: re.Match[str]) -> str:
-    return f"{float(found[0]):.0f}"
 
 
 def suggestion(word: str, allowed: Iterable[str]) -> str:

@@ -53,17 +53,18 @@ def atomic(path: str | Path) -> Iterator[Path]:
         if mode is not None:
             temporary.chmod(mode)
         temporary.replace(target)
+        made = False
     except OSError as problem:
-        _remove(temporary, made)
-        if problem.filename is not None and _elsewhere(str(problem.filename), target):
+        named = problem.filename
+        if named is not None and Path(str(named)).absolute().parent != target.absolute().parent:
             raise  # some other file failed inside the block; not ours to explain
         raise unwritable(target, problem) from problem
     except UnicodeEncodeError:
-        _remove(temporary, made)
         raise unwritable(target, OSError("a name in it is not Unicode")) from None
-    except BaseException:
-        _remove(temporary, made)
-        raise
+    finally:
+        if made:
+            with suppress(OSError):  # where the folder itself is out of reach by now
+                temporary.unlink(missing_ok=True)
 
 
 def _mode(target: Path) -> int | None:
@@ -137,16 +138,6 @@ def sha256(path: str | Path) -> str:
         return hashlib.sha256("".join(lines).encode()).hexdigest()
     with Path(path).open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def _elsewhere(name: str, target: Path) -> bool:
-    return Path(name).absolute().parent != target.absolute().parent
-
-
-def _remove(temporary: Path, made: bool) -> None:
-    if made:
-        with suppress(OSError):  # where the folder itself is out of reach by now
-            temporary.unlink(missing_ok=True)
 
 
 LOCK = ".foucault.lock"
@@ -276,13 +267,19 @@ def parse_toml(text: str) -> dict[str, Any]:
     try:
         said = tomllib.loads(text)
         _not_too_deep(said)
-    except tomllib.TOMLDecodeError:
-        raise
     except RecursionError:
         raise tomllib.TOMLDecodeError(TOO_DEEP) from None
     except ValueError as problem:  # a whole number of thousands of digits
         raise tomllib.TOMLDecodeError(str(problem)) from None
     return said
+
+
+def said_in(text: str | Path, code: str, **about: object) -> dict[str, Any]:
+    """Return what a TOML text says, or a file; raises `code` for whatever cannot be read."""
+    try:
+        return parse_toml(text if isinstance(text, str) else read_text(text))
+    except (OSError, tomllib.TOMLDecodeError) as problem:
+        raise error(code, **about, reason=problem) from None
 
 
 def parse_json(text: str, **options: Any) -> Any:
@@ -298,15 +295,20 @@ def parse_json(text: str, **options: Any) -> Any:
 def _not_too_deep(value: Any) -> None:
     level = [value]
     for _ in range(DEEPEST):
-        level = [
-            inner
-            for outer in level
-            if isinstance(outer, dict | list)
-            for inner in (outer.values() if isinstance(outer, dict) else outer)
-        ]
+        tables = (x for x in level if isinstance(x, dict | list))
+        level = [inner for x in tables for inner in (x.values() if isinstance(x, dict) else x)]
         if not level:
             return
     raise RecursionError(TOO_DEEP)
+
+
+def flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Return the values of a table and of those in it, by their dotted keys."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        whole = before + key
+        out |= flat(value, f"{whole}.") if isinstance(value, Mapping) else {whole: value}
+    return out
 
 
 def plain_json(value: Any) -> Any:

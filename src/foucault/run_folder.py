@@ -296,13 +296,6 @@ def result_of_hash(folder: Path, digest: str) -> Result:
     return load_result(folder, with_tables=False)
 
 
-def result_schema() -> dict[str, Any]:
-    """Return the JSON schema of result.json."""
-    from foucault.result_document import result_schema as schema
-
-    return schema()
-
-
 # -- writing -------------------------------------------------------------------------------
 
 
@@ -334,7 +327,8 @@ def _written(
             document.write_text(text, encoding="utf-8")
     except BaseException as problem:
         with suppress(OSError):
-            if not _says(folder / name, text):
+            there = folder / name
+            if not (there.is_file() and there.read_text(encoding="utf-8") == text):
                 for made in new:  # what was there before has no use for them
                     made.unlink(missing_ok=True)
         if isinstance(problem, OSError):
@@ -343,10 +337,6 @@ def _written(
     with suppress(OSError):
         (folder / REPORT_FILE).unlink(missing_ok=True)
     return doc
-
-
-def _says(file: Path, text: str) -> bool:
-    return file.is_file() and file.read_text(encoding="utf-8") == text
 
 
 GROUP = 1 << 17

@@ -100,7 +100,7 @@ def test_what_the_system_cannot_do(
     def fails(*_: Any, **__: Any) -> None:
         raise problem
 
-    monkeypatch.setattr("foucault.campaign.running.load_campaign", fails)
+    monkeypatch.setattr("foucault.campaign.running.load", fails)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     done = run("inspect", tmp_path / "campaign.toml", code=code)
     assert words in done.stderr

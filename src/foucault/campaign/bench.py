@@ -56,7 +56,10 @@ def arranged(many: ManyLogs, alone: Alone) -> Arranged:
             out.readings[i] = found
             if tried < PATTERNS and (order := _order(many, i, found)) is not None:
                 like = _like(many, i, waiting, found, order)
-                _take(many, like, found, order, out)
+                for k in like.tolist():
+                    rows = many.first[k] + order
+                    time, accel, gyro = (many.data[n][rows] for n in ("time", "accel", "gyro"))
+                    out.readings[k] = replace(found, start=time, accel=accel, gyro=gyro)
                 tried += 1
         waiting = waiting[~np.isin(waiting, np.append(like, i))]
     return out
@@ -109,15 +112,3 @@ def _near(x: FloatArray, like: FloatArray, angle: float) -> BoolArray:
         cosine = np.einsum("kni,ni->kn", x, like) / (size * wanted)
         good = (cosine > np.cos(angle)) & (np.abs(size / wanted - 1.0) < LIKE)
     return np.asarray(good.all(axis=1))
-
-
-def _take(
-    many: ManyLogs, like: IndexArray, found: Readings, order: IntArray, out: Arranged
-) -> None:
-    """Put down the readings of those that are like one whose were `found`."""
-    for k in like.tolist():
-        rows = many.first[k] + order
-        out.readings[k] = replace(
-            found, start=many.data["time"][rows], accel=many.data["accel"][rows],
-            gyro=many.data["gyro"][rows],
-        )  # fmt: skip

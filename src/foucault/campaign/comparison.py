@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import datetime
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import groupby
@@ -49,7 +48,7 @@ from foucault.diagnose.comparable import (
 from foucault.diagnose.compare import Between, History, between, history
 from foucault.diagnose.mounted import Tie
 from foucault.errors import Finding, FoucaultError, error, finding, listed, suggestion
-from foucault.files import parse_toml, read_text, sha256
+from foucault.files import said_in, sha256
 from foucault.models.layouts import EVERY
 from foucault.result import Result, provenance
 from foucault.run_folder import RESULT_FILE, Record, load_result, result_file
@@ -90,18 +89,20 @@ def entries(paths: Sequence[str | Path], dates: str = "", *, same: bool = False)
         raise error("compare.one", count=len(named))
     labels = _labels(named)
     read = [named_entry(n, label) for n, label in zip(named, labels, strict=True)]
-    read = _of_one(read) if same else read
-    _refuse_unclear(read)
+    if same:
+        name = next((e.instrument for e in read if e.instrument), "")
+        read = [replace(e, instrument=name) for e in read]
+    unsaid = [e for e in read if not e.instrument]
+    said = list(dict.fromkeys(e.instrument for e in read if e.instrument))
+    if unsaid and said:
+        raise error("compare.which", name=unsaid[0].label, others=", ".join(said))
     return _sorted([replace(e, instrument=e.instrument or ONE) for e in read])
 
 
 def _named(path: Path) -> list[Named]:
     if path.suffix.lower() != ".toml":
         return [Named(path)]
-    try:
-        said = parse_toml(read_text(path))
-    except (OSError, tomllib.TOMLDecodeError) as problem:
-        raise error("compare.list", path=path, reason=str(problem)) from None
+    said = said_in(path, "compare.list", path=path)
     rows = said.get("result")
     if set(said) != {"result"} or not isinstance(rows, list) or not rows:
         raise error("compare.list", path=path, reason="it holds no [[result]], or something else")
@@ -187,18 +188,6 @@ def _recorded(path: Path, result: Result) -> float:
     return min((s for s in starts if s > DATED), default=math.nan)
 
 
-def _of_one(read: list[Entry]) -> list[Entry]:
-    name = next((e.instrument for e in read if e.instrument), "")
-    return [replace(e, instrument=name) for e in read]
-
-
-def _refuse_unclear(read: Sequence[Entry]) -> None:
-    unsaid = [e for e in read if not e.instrument]
-    said = list(dict.fromkeys(e.instrument for e in read if e.instrument))
-    if unsaid and said:
-        raise error("compare.which", name=unsaid[0].label, others=", ".join(said))
-
-
 def _sorted(read: list[Entry]) -> list[Entry]:
     """Sort by instrument and time; a date that is missing leaves all of that instrument as is."""
     out = []
@@ -255,7 +244,9 @@ def of(read: Sequence[Entry], tolerance: Tolerance | None = None) -> Comparison:
         together = comparable(mine) if len(mine) > 1 else None
         past = None if together is None else history(together.series)
         found += [] if together is None else together.findings
-        found += [] if past is None else _too_alike(name, past)
+        if past is not None and past.chi_square < past.low:
+            given = plain(past.chi_square, 3)
+            found.append(finding("compare.too_alike", name=name, given=given, dof=past.dof))
         instruments.append(Judged(name, tuple(mine), together, past))
     shared = comparable([mine[-1] for _, mine in groups]) if len(groups) > 1 else None
     side = None if shared is None else between(shared.series)
@@ -281,13 +272,6 @@ def _dates(read: Sequence[Entry]) -> list[Finding]:
     return found
 
 
-def _too_alike(name: str, past: History) -> list[Finding]:
-    if past.chi_square >= past.low:
-        return []
-    given = plain(past.chi_square, 3)
-    return [finding("compare.too_alike", name=name, given=given, dof=past.dof)]
-
-
 def record(
     comparison: Comparison, seconds: float = 0.0, ties: Sequence[tuple[int, int, Tie]] = ()
 ) -> Record:
@@ -296,7 +280,7 @@ def record(
     `seconds`: how long it took [s]; `ties` (k,): numbers of two results [1], and how the instrument
     of the second lies in the axes of the first.
     """
-    c = comparison
+    c, side = comparison, comparison.between
     number = {id(e): i for i, e in enumerate(c.entries)}
     about = {
         "verdict": {"level": c.verdict.level, "reasons": list(c.verdict.reasons)},
@@ -306,14 +290,22 @@ def record(
             {"name": j.name, "results": [number[id(e)] for e in j.entries]} | _history(j)
             for j in c.instruments
         ],
-        "between": _between(c.between, c.shared),
+        "between": None if side is None else {
+            "names": side.series.names, "values": side.series.values, "sd": side.series.sd,
+            "limit": side.limit, "spreads": [asdict(s) for s in side.spreads],
+            "outlying": [asdict(o) for o in side.outlying],
+        },
         "differences": _differences(c),
-        "ties": [_tie(*one) for one in ties],
+        "ties": [
+            {"first": a, "second": b}
+            | {k: getattr(t, k) for k in ("rests", "C_ab", "rotation", "sd", "cov")}
+            for a, b, t in ties
+        ],
         "tolerance": None if c.tolerance is None else c.tolerance.as_json(),
         "decisions": [asdict(d) for d in c.decisions],
         "findings": [f.as_dict() for f in c.findings],
         "provenance": {k: v for k, v in provenance({}, seconds).items() if k != "input"},
-    }
+    }  # fmt: skip
     return run_folder.record("comparison", about)
 
 
@@ -329,13 +321,6 @@ def _differences(c: Comparison) -> list[dict[str, Any]]:
         {"first": 0, "second": k, "names": x.names, "change": change[k], "sd": np.sqrt(var[k])}
         for k in range(1, len(x))
     ]
-
-
-def _tie(first: int, second: int, tied: Tie) -> dict[str, Any]:
-    return {
-        "first": first, "second": second, "rests": tied.rests, "C_ab": tied.C_ab,
-        "rotation": tied.rotation, "sd": tied.sd, "cov": tied.cov,
-    }  # fmt: skip
 
 
 def _result(e: Entry) -> dict[str, Any]:
@@ -405,16 +390,3 @@ def _history(judged: Judged) -> dict[str, Any]:
             ],
         }
     }  # fmt: skip
-
-
-def _between(between: Between | None, shared: Comparable | None) -> dict[str, Any] | None:
-    if between is None or shared is None:
-        return None
-    return {
-        "names": between.series.names,
-        "values": between.series.values,
-        "sd": between.series.sd,
-        "limit": between.limit,
-        "spreads": [asdict(s) for s in between.spreads],
-        "outlying": [asdict(o) for o in between.outlying],
-    }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from foucault.campaign.running import opened, read_whole
 from foucault.campaign.tables import Said, validate
 from foucault.errors import error
 from foucault.estimate.delay import BRACKET
-from foucault.files import parse_toml, read_text
+from foucault.files import said_in
 from foucault.logs import master as masters
 from foucault.logs.checks import beside_another, on_a_shared_clock
 from foucault.logs.description import description_of
@@ -72,10 +71,7 @@ def run(
 def _second(path: Path, progress: Progress) -> Log | MasterTable:
     """Read a master, or a second log."""
     if path.suffix == ".toml" and path.is_file():
-        try:
-            said = parse_toml(read_text(path))
-        except tomllib.TOMLDecodeError as problem:
-            raise error("campaign.syntax", path=path, reason=problem) from None
+        said = said_in(path, "campaign.syntax", path=path)
         if isinstance(said.get("master"), dict):
             described = validate(MasterDescription, said["master"], ("master",))
             return masters.read(described, path.parent)

@@ -6,6 +6,7 @@ much less is known by now. What is done with it is in `procedures.merged`.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -77,8 +78,6 @@ def written(table: EarlierTable, old: Path, new: Path) -> dict[str, Any]:
 
     `old`, `new`: folders of the campaign and of the copy.
     """
-    import os
-
     run = Path(os.path.relpath(old / table.run, new)).as_posix()
     grown = {"growth": dict(table.growth)} if table.growth else {}
     return {"from": run, **grown, "inflate": table.inflate}

@@ -23,7 +23,7 @@ from foucault.campaign.reading import Campaign
 from foucault.campaign.running import given_errors
 from foucault.campaign.study import Columns, Progress, silent
 from foucault.diagnose.study import Study, nees
-from foucault.errors import Status, error
+from foucault.errors import Status, error, library
 from foucault.infer.batched import Plan, Solver
 from foucault.kernels import trials
 from foucault.models.noise import grade
@@ -71,10 +71,8 @@ def solver(gpu: bool) -> Solver:
     """Return what solves trials: on the processor, or on a device of CUDA."""
     if not gpu:
         return cast("Solver", trials.solve_batch)
-    try:
+    with library("study.no_gpu"):  # a Numba may have left it to numba-cuda
         from foucault.kernels import cuda
-    except ImportError as problem:  # of a Numba that has left it to numba-cuda
-        raise error("study.no_gpu", reason=problem) from None
     if reason := cuda.missing():
         raise error("study.no_gpu", reason=reason)
     return cuda.solve_batch

@@ -13,7 +13,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -69,7 +68,11 @@ def run(
     truth: Reference | None = None if reference is None else references.read(reference)
     case = opened(log, said or Said(), calibration, progress)
     if settings.position_sd is not None:
-        _whole_place(case.site)
+        missing = [
+            f"--{k}" for k in ("latitude", "longitude", "height") if case.site.get(k) is None
+        ]
+        if missing:
+            raise error("navigate.position", missing=" and ".join(missing))
     found = navigate_log(
         case.log, site=case.place, longitude=float(case.site.get("longitude") or 0.0),
         settings=settings, noise=case.noise, calibration=case.calibration, reference=truth,
@@ -80,13 +83,6 @@ def run(
         "reference": {} if truth is None else truth.source,
     }
     return replace(found, provenance=made)
-
-
-def _whole_place(where: Mapping[str, Any]) -> None:
-    """Refuse a position of the start that is not whole."""
-    missing = [f"--{k}" for k in ("latitude", "longitude", "height") if where.get(k) is None]
-    if missing:
-        raise error("navigate.position", missing=" and ".join(missing))
 
 
 def document(test: NavigationTest) -> dict[str, Any]:

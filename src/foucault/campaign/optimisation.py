@@ -129,6 +129,7 @@ class Found:
         """
         c = compare(space, plan)
         total = int(rows["evaluations"].sum())
+        kept = ("restart", "cost", "evaluations", "continued")
         found = cls(
             procedure=procedure,
             aim=getattr(space, "aim", "sd"),
@@ -143,7 +144,11 @@ class Found:
             reference_needs=_said(space, "needs", space.reference),
             unseen=space.unseen,
             **_compared(c),
-            restarts=_restarts(rows),
+            restarts=tuple(
+                {name: rows[name][i].item() for name in kept}
+                | {"trace": _frozen(json.loads(trace))}
+                for i, trace in enumerate(rows["trace"])
+            ),
             evaluations=total,
             seed=seed,
             version=importlib.metadata.version("foucault"),
@@ -155,15 +160,6 @@ class Found:
     def save(self, folder: str | Path) -> None:
         """Write it into the folder of the search."""
         write_text(Path(folder) / FOUND_FILE, json.dumps(asdict(self), indent=1) + "\n")
-
-
-def _restarts(rows: Mapping[str, npt.NDArray[Any]]) -> tuple[dict[str, Any], ...]:
-    """Return what the report says of each restart."""
-    kept = ("restart", "cost", "evaluations", "continued")
-    return tuple(
-        {name: rows[name][i].item() for name in kept} | {"trace": _frozen(json.loads(trace))}
-        for i, trace in enumerate(rows["trace"])
-    )
 
 
 def _compared(c: Comparison) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,7 +25,7 @@ from foucault.campaign.tables import (
 )
 from foucault.coefficients import Layout
 from foucault.errors import Finding, error, suggestion
-from foucault.files import parse_toml, read_text
+from foucault.files import read_text, said_in
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
 from foucault.models import earth, noise
@@ -40,63 +39,26 @@ NOWHERE = earth.Site(STANDARD_GRAVITY, gravity_source="none", gravity_sd=0.03)
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign file as read: everything in SI.
+    """A campaign file as read: everything in SI."""
 
-    Attributes
-    ----------
-    path : Path
-        The file; relative paths in it start from its folder.
-    text : str
-        The file as it was, kept in the run folder.
-    instrument : dict
-        Name, serial number, operator, note.
-    site : Site
-        Where it was calibrated [SI].
-    log : LogDescription, or what the procedure has instead
-        How to read the log.
-    master : MasterDescription or None
-        How to read the table of a master, where the procedure has one.
-    procedure : str
-        Name of the procedure.
-    settings : pydantic model
-        Settings of the procedure [SI].
-    noise : ImuNoise or None
-        Noise [SI]; None where the procedure estimates it.
-    prior : dict of str to (float, float)
-        Mean and standard deviation of coefficients or groups [SI].
-    simulate : SimulateTable
-        Which instrument to simulate.
-    session : pydantic model
-        What to do with it in a simulation, as the procedure defines it [SI].
-    wanted : pydantic model or None
-        What a better plan may do, where the procedure has a plan to improve [SI].
-    tables : CampaignFile
-        The common tables as written, with defaults.
-    earlier : EarlierTable or None
-        An earlier result that is its prior.
-    sizes : mapping of str to (float, str) or None
-        Size of what is not estimated, and what it rests on [SI]; None where nothing is said of it.
-    findings : tuple of Finding
-        What was noticed in the file.
-    """
-
-    path: Path
-    text: str
-    instrument: dict[str, Any]
-    site: earth.Site
-    log: Any
-    master: Any
-    procedure: str
-    settings: Any
-    noise: noise.ImuNoise | None
-    prior: dict[str, tuple[float, float]]
-    simulate: SimulateTable
-    session: Any
-    wanted: Any
-    tables: CampaignFile
-    earlier: earlier.EarlierTable | None = None
+    path: Path  # the file; relative paths in it start from its folder
+    text: str  # the file as it was, kept in the run folder
+    instrument: dict[str, Any]  # name, serial number, operator, note
+    site: earth.Site  # where it was calibrated [SI]
+    log: Any  # how to read the log: a LogDescription, or what the procedure has instead
+    master: Any  # how to read the table of a master, where the procedure has one
+    procedure: str  # its name
+    settings: Any  # of the procedure [SI]
+    noise: noise.ImuNoise | None  # [SI]; None where the procedure estimates it
+    prior: dict[str, tuple[float, float]]  # mean and sd of coefficients or groups [SI]
+    simulate: SimulateTable  # which instrument to simulate
+    session: Any  # what to do with it in a simulation, as the procedure defines it [SI]
+    wanted: Any  # what a better plan may do, where the procedure has a plan to improve [SI]
+    tables: CampaignFile  # the common tables as written, with defaults
+    earlier: earlier.EarlierTable | None = None  # an earlier result that is its prior
+    # of what is not estimated, and what that rests on [SI]; None where nothing is said of it
     sizes: Sizes | None = None
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # what was noticed in the file
 
     @property
     def imu_log(self) -> LogDescription:
@@ -121,34 +83,30 @@ def load(path: str | Path, *, calibrates: bool = True) -> Campaign:
     calibrates : bool
         Whether it must name a procedure and a site; what reads only its log and noise needs none.
     """
-    path = Path(path)
+    return parse(text_of(Path(path), "campaign"), path, calibrates=calibrates)
+
+
+def text_of(path: Path, kind: str) -> str:
+    """Return the text of a campaign or a tolerance, or say which files there are instead."""
     try:
-        text = read_text(path)
+        return read_text(path)
     except OSError as problem:
         if path.is_file():
-            raise error("campaign.syntax", path=path, reason=problem) from None
-        raise error("campaign.missing", path=path, hint=_beside(path)) from None
-    return parse(text, path, calibrates=calibrates)
-
-
-def _beside(path: Path) -> str:
-    """Say which campaign files there are instead."""
+            raise error(f"{kind}.syntax", path=path, reason=problem) from None
     if path.is_dir():
         names = ", ".join(sorted(p.name for p in path.glob("*.toml"))[:3])
-        return " It is a folder" + (f"; in it is {names}." if names else ".")
-    near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-    return suggestion(path.name, near)
+        hint = " It is a folder" + (f"; in it is {names}." if names else ".")
+    else:
+        near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+        hint = suggestion(path.name, near)
+    raise error(f"{kind}.missing", path=path, hint=hint)
 
 
 def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = True) -> Campaign:
     """Read a campaign from `text`; `path` is where it would lie, the others as for `load`."""
     path = Path(path)
-    try:
-        raw = parse_toml(text)
-    except tomllib.TOMLDecodeError as problem:
-        if path.suffix.lower() != ".toml":
-            raise error("campaign.other_file", path=path, name=path.name) from None
-        raise error("campaign.syntax", path=path, reason=problem) from None
+    code = "campaign.syntax" if path.suffix.lower() == ".toml" else "campaign.other_file"
+    raw = said_in(text, code, path=path, name=path.name)
     if not raw:
         raise error("campaign.empty", path=path)
     if not calibrates:  # what a log is like does not hang on which procedure it is read for

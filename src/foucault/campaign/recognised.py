@@ -17,7 +17,7 @@ from foucault.campaign.reading import NOWHERE, Campaign, parse
 from foucault.campaign.writing import changed, relocate, table_text
 from foucault.errors import FoucaultError, error
 from foucault.escape import commented
-from foucault.files import parse_toml
+from foucault.files import said_in
 from foucault.logs import pose
 from foucault.procedures import Progress, silent
 from foucault.recognise.reading import (
@@ -115,10 +115,7 @@ class Found:
 def said_of(texts: Sequence[str]) -> dict[str, Any]:
     """Return keys of [log] as ``--set`` has them: TOML lines, several apart by ";"."""
     lines = "\n".join(part for text in texts for part in _parts(text))
-    try:
-        return parse_toml(lines)
-    except tomllib.TOMLDecodeError as problem:
-        raise error("recognise.set", given="; ".join(texts), reason=problem) from None
+    return said_in(lines, "recognise.set", given="; ".join(texts))
 
 
 def with_keys(campaign: Campaign, texts: Sequence[str]) -> Campaign:
@@ -197,7 +194,10 @@ def found(
     if log.accel is not None and not {"latitude", "gravity"} & where.keys():
         lines.append(Line("place", "unknown", "g is 9.807 +- 0.03 m/s^2, and so is the scale of "
                           "the accelerometers: --latitude, --height", TAKEN))  # fmt: skip
-    return Found(known, held, tuple(_shortened(lines)), where, log,
+    while len(lines) > MOST:
+        sure = [i for i, line in enumerate(lines) if line.sure == SURE]
+        lines.pop(sure[-1] if sure else -1)
+    return Found(known, held, tuple(lines), where, log,
                  master=None if beside is None else master.log)  # fmt: skip
 
 
@@ -241,11 +241,3 @@ def _beside(path: Path) -> str | None:
         if len(near) == 1:
             return near[0]
     return None
-
-
-def _shortened(lines: list[Line]) -> list[Line]:
-    """Return at most `MOST` lines: of what is sure the last go first."""
-    while len(lines) > MOST:
-        sure = [i for i, line in enumerate(lines) if line.sure == SURE]
-        lines.pop(sure[-1] if sure else -1)
-    return lines

@@ -16,7 +16,6 @@ from foucault import display, logs, procedures, run_folder
 from foucault.campaign import earlier
 from foucault.campaign.holding import held
 from foucault.campaign.reading import Campaign, load
-from foucault.campaign.reading import load as load_campaign
 from foucault.campaign.tables import Said, SiteTable, parse_at
 from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector, Layout
@@ -64,18 +63,13 @@ def read_log(campaign: Campaign, progress: Progress = silent, known: Log | None 
 
 def _told(campaign: Campaign) -> tuple[Finding, ...]:
     """What was noticed in the campaign file."""
-    unedited = _unedited(campaign)
-    if unedited and not (campaign.folder / TRUTH_FILE).exists():
-        return (*campaign.findings, finding("campaign.template", what=unedited))
-    return campaign.findings
-
-
-def _unedited(campaign: Campaign) -> str:
-    """Return what of the campaign is still as in the template; a wrong place is a wrong g."""
     said, example = campaign.tables.site, SiteTable.model_validate(EXAMPLE_SITE)
     place = (said.gravity, said.latitude, said.height) == (None, example.latitude, example.height)
     name = campaign.instrument.get("name") == EXAMPLE
-    return " and ".join(["[site]"] * place + ["the name in [instrument]"] * name)
+    unedited = " and ".join(["[site]"] * place + ["the name in [instrument]"] * name)
+    if unedited and not (campaign.folder / TRUTH_FILE).exists():
+        return (*campaign.findings, finding("campaign.template", what=unedited))
+    return campaign.findings
 
 
 def calibrate(
@@ -394,7 +388,7 @@ def read_any(
         folder = paths[0].parent
         log = logs.read(description, folder, lambda part: progress(part, "reading the log"))
         return replace(log, findings=told + log.findings), None
-    campaign = load_campaign(paths[0], calibrates=False)
+    campaign = load(paths[0], calibrates=False)
     if one:
         refuse_more(campaign, "what reads a log by itself")
     if whole and isinstance(campaign.log, LogDescription):

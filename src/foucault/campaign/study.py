@@ -45,10 +45,7 @@ FOLDER = "parts"
 
 
 def silent(done: int, total: int) -> None:
-    """Tell nobody.
-
-    `done`, `total`: trials done and wanted [1].
-    """
+    """Tell nobody of trials `done` and wanted in `total` [1]."""
 
 
 @dataclass(frozen=True)
@@ -59,17 +56,11 @@ class Parts:
     size: int  # trials in one part: what a kill can cost beside those that are being computed [1]
 
     def of(self, n: int) -> tuple[range, ...]:
-        """Return the numbers of the trials in each part.
-
-        `n`: number of trials [1].
-        """
+        """Return the numbers of the trials in each part, `n` trials in all [1]."""
         return tuple(range(a, min(a + self.size, n)) for a in range(0, n, self.size))
 
     def missing(self, n: int) -> tuple[range, ...]:
-        """Return the parts that are still to be computed.
-
-        `n`: number of trials [1].
-        """
+        """Return the parts that are still to be computed, of `n` trials [1]."""
         there = {path.name for path in (self.folder / FOLDER).iterdir() if _whole(path)}
         return tuple(part for part in self.of(n) if _name(part) not in there)
 
@@ -86,10 +77,7 @@ class Parts:
         write_table(self.folder / FOLDER / _name(part), rows)
 
     def merge(self, n: int) -> Columns:
-        """Return the columns of the trials that are finished, in order.
-
-        `n`: number of trials [1].
-        """
+        """Return the columns of the trials that are finished, of `n` [1], in order."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -160,10 +148,7 @@ class Parts:
             getattr(found, "close", lambda: None)()
 
     def join(self, path: Path, n: int) -> None:
-        """Write the trials of all parts as one table, part by part: it is never held as a whole.
-
-        `n`: number of trials [1].
-        """
+        """Write all `n` trials [1] as one table, part by part: it is never held as a whole."""
         import pyarrow.parquet as pq
 
         parts = [self.folder / FOLDER / _name(part) for part in self.of(n)]

@@ -19,8 +19,7 @@ References
 from __future__ import annotations
 
 import math
-import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,13 +28,14 @@ import numpy as np
 
 from foucault import units
 from foucault.arrays import FloatArray, IntArray
+from foucault.campaign.reading import text_of
 from foucault.campaign.tables import kind_of_group, parse_at
 from foucault.coefficients import format_value
 from foucault.diagnose.comparable import Comparable
 from foucault.diagnose.comparable import Entry as Compared
 from foucault.diagnose.compare import FEWEST, Between, Course, History
 from foucault.errors import Finding, error, suggestion
-from foucault.files import parse_toml, read_text
+from foucault.files import said_in
 from foucault.models.layouts import EVERY
 
 PASS, UNDECIDED, FAIL = 0, 1, 2
@@ -72,7 +72,7 @@ class Tolerance:
 
         Both are infinite where the file says nothing. `names` are the coefficients, shape (p,).
         """
-        value, sd = np.full(len(names), np.inf), np.full(len(names), np.inf)
+        value, sd = np.full((2, len(names)), np.inf)
         for k, entry in self._matching(names):
             if np.isfinite(entry.limit):
                 value[k], sd[k] = entry.limit, entry.sd
@@ -83,7 +83,7 @@ class Tolerance:
 
         Both are infinite where the file says nothing. `names` are the coefficients, shape (p,).
         """
-        change, drift = np.full(len(names), np.inf), np.full(len(names), np.inf)
+        change, drift = np.full((2, len(names)), np.inf)
         for k, entry in self._matching(names):
             change[k] = entry.change if np.isfinite(entry.change) else change[k]
             drift[k] = entry.drift_per_year if np.isfinite(entry.drift_per_year) else drift[k]
@@ -158,24 +158,12 @@ def conformity(value: float, sd: float, limit: float) -> float:
 
 def load(path: str | Path) -> Tolerance:
     """Read a tolerance file; the first mistake in it is raised with its name."""
-    path = Path(path)
-    try:
-        text = read_text(path)
-    except OSError as problem:
-        if path.is_file():
-            raise error("tolerance.syntax", path=path, reason=problem) from None
-        near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-        raise error("tolerance.missing", path=path, hint=suggestion(path.name, near)) from None
-    return parse(text, path)
+    return parse(text_of(Path(path), "tolerance"), path)
 
 
 def parse(text: str, path: str | Path = "tolerance.toml") -> Tolerance:
     """Read a tolerance from `text`; `path` is where it would lie."""
-    try:
-        raw = parse_toml(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise error("tolerance.syntax", path=path, reason=problem) from None
-    lines = _joined(raw)
+    lines = _joined(said_in(text, "tolerance.syntax", path=path))
     if not lines:
         raise error("tolerance.empty", path=path)
     return Tolerance(tuple(_entry(name, said) for name, said in lines.items()), Path(path).name)
@@ -295,53 +283,35 @@ def decisions_on(
         return ()
     out: list[Decision] = []
     for one in instruments:
-        out += _values(one, tolerance)
-        if one.history is not None:
-            out += [*_changes(one, one.history, tolerance), *_drifts(one, one.history, tolerance)]
+        last = one.entries[-1]
+        vector = last.result.coefficients
+        limit, largest = tolerance.limits(vector.names)
+        sd = np.where(vector.free, vector.sd, np.nan)  # what was held was not measured
+        latest = [(vector.values, sd, "", last.label)]
+        out += _decided(one, "value", vector.names, latest, limit, largest)
+        if (past := one.history) is not None:
+            names, of = past.series.names, [e.label for e in one.entries]
+            of_change, of_drift = tolerance.changes(names)
+            changes = [(p.change, p.sd, of[p.first], of[p.second]) for p in past.pairs]
+            drift, drift_sd = np.array([(c.drift, c.drift_sd) for c in past.courses]).T
+            out += _decided(one, "change", names, changes, of_change)
+            out += _decided(one, "drift", names, [(drift, drift_sd, "", "")], of_drift)
     return tuple(out)
 
 
-def _values(one: Judged, tolerance: Tolerance) -> Iterable[Decision]:
-    last = one.entries[-1]
-    vector = last.result.coefficients
-    limit, largest = tolerance.limits(vector.names)
-    sd = np.where(vector.free, vector.sd, np.nan)  # what was held was not measured
-    found = decided(vector.values, sd, limit, largest)
-    for k in np.flatnonzero(np.isfinite(limit)):
+def _decided(
+    one: Judged, what: str, names: Sequence[str],
+    rows: Sequence[tuple[FloatArray, FloatArray, str, str]], limit: FloatArray,
+    largest_sd: FloatArray | float = np.inf,
+) -> Iterator[Decision]:  # fmt: skip
+    """Decide on the worst of each coefficient in `rows`: values, sd, and results it is between."""
+    found = [decided(value, sd, limit, largest_sd) for value, sd, *_ in rows]
+    for k in np.flatnonzero(np.isfinite(limit)).tolist():
+        worst = max(range(len(rows)), key=lambda i: (found[i][k], abs(rows[i][0][k])))
+        value, sd, first, second = rows[worst]
         yield Decision(
-            one.name, vector.names[k], "value", float(vector.values[k]), float(sd[k]),
-            float(limit[k]), DECISIONS[found[k]], vector.layout.coefficients[k].kind,
-            second=last.label,
-        )  # fmt: skip
-
-
-def _changes(one: Judged, past: History, tolerance: Tolerance) -> Iterable[Decision]:
-    """Decide on the worst change of each coefficient; that of any two results counts."""
-    names = past.series.names
-    limit = tolerance.changes(names)[0]
-    change = np.array([p.change for p in past.pairs])
-    sd = np.array([p.sd for p in past.pairs])
-    found = decided(change, sd, limit)
-    for k in np.flatnonzero(np.isfinite(limit)):
-        worst = max(range(len(change)), key=lambda i: (found[i, k], abs(change[i, k])))
-        p = past.pairs[worst]
-        yield Decision(
-            one.name, names[k], "change", float(change[worst, k]), float(sd[worst, k]),
-            float(limit[k]), DECISIONS[found[worst, k]], one.kind(names[k]),
-            one.entries[p.first].label, one.entries[p.second].label,
-        )  # fmt: skip
-
-
-def _drifts(one: Judged, past: History, tolerance: Tolerance) -> Iterable[Decision]:
-    names = past.series.names
-    limit = tolerance.changes(names)[1]
-    value = np.array([c.drift for c in past.courses])
-    sd = np.array([c.drift_sd for c in past.courses])
-    found = decided(value, sd, limit)
-    for k in np.flatnonzero(np.isfinite(limit)):
-        yield Decision(
-            one.name, names[k], "drift", float(value[k]), float(sd[k]), float(limit[k]),
-            DECISIONS[found[k]], one.kind(names[k]),
+            one.name, names[k], what, float(value[k]), float(sd[k]), float(limit[k]),
+            DECISIONS[found[worst][k]], one.kind(names[k]), first, second,
         )  # fmt: skip
 
 

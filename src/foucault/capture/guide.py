@@ -13,13 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
-from foucault.capture.step import Reached, Step, Wanted
+from foucault.capture.step import Reached, Step, Way
 from foucault.detect.live import LiveRests
 from foucault.detect.stretches import HAND, How
 from foucault.diagnose.live import Watchman
@@ -66,47 +65,6 @@ PATIENCE = 6
 """Rests after enough of them that a verdict may still take to become a pass [1]."""
 
 Phase = Literal["learn", "move", "rest", "next", "done"]
-
-
-class Way(Protocol):
-    """What of a guide depends on the procedure."""
-
-    wanted: Wanted
-    gyro: bool
-    spins: bool  # whether quiet times that turn are looked at, too
-    unlisted: bool  # whether the last was none of a list
-
-    @property
-    def done(self) -> tuple[int, int] | None:
-        """How much of a list is done, and how much it has; None where there is no list [1]."""
-        ...
-
-    def first_step(self) -> Step:
-        """Return what to begin with."""
-        ...
-
-    def reached(self, log: Log, first: IntArray, last: IntArray) -> Reached | None:
-        """Return how well everything is known.
-
-        `first`, `last` (n,): first sample of each rest and the sample after its last.
-        """
-        ...
-
-    def candidates(self, reached: Reached) -> list[Step]:
-        """Return what could be done next."""
-        ...
-
-    def after(self, reached: Reached, steps: list[Step]) -> FloatArray:
-        """Return the sd of every coefficient after each of `steps`, shape (k, p) [SI]."""
-        ...
-
-    def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
-        """Return what would be known after everything possible; `first`, `last` (n,): rests."""
-        ...
-
-    def leave(self, folder: Path) -> Path | None:
-        """Write what is calibrated beside the log; return its campaign, None: that of the log."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -50,15 +50,9 @@ class ByHand(Begun):
     """What a session by hand has shown, and what it could show next."""
 
     def first_step(self) -> Step:
-        """Return the rest to begin with."""
         return Step("rest", UP, 2 * self.hold)
 
     def reached(self, log: Log, first: IntArray, last: IntArray) -> Reached:
-        """Return how well everything is known.
-
-        `log`: readings [SI]; `first`, `last` (n,): first sample of each rest and the sample after
-        its last.
-        """
         site, declared = self.given.site, self.given.noise is not None
         data, rests = Session.reduce(log, first, last, site), Rests(first, last)
         start = first_guess(data) if len(first) >= ENOUGH else None
@@ -92,7 +86,6 @@ class ByHand(Begun):
         return reckoned(data, model, up_b)
 
     def candidates(self, reached: Reached) -> list[Step]:
-        """Return what could be done next."""
         C_nb = reached.C_nb
         away = C_nb[0] @ np.array([0.0, 1.0, 0.0])  # the front of the first rest
         heading = float(np.arctan2(-away[0], away[1]))
@@ -199,11 +192,7 @@ class ByHand(Begun):
         return np.array(out)
 
     def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
-        """Return what would be known after one more rest in every orientation there is.
-
-        What is left out counts: what this does not lower, no rest does. `log`: readings [SI];
-        `first`, `last` (n,): first sample of each rest and the sample after its last.
-        """
+        # One more rest in every orientation: what is left out and this does not lower, none does.
         C = reached.C_nb[-1]
         turned = (
             (up, C_n := _upright(up), rotation_vector(C.T @ C_n)) for up in named_directions()

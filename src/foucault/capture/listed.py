@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.capture.step import UP, Reached, Step, Wanted
+from foucault.capture.step import UP, Reached, Step, Wanted, Way
 from foucault.coefficients import CoefficientVector
 from foucault.models.rotation import aligning
 from foucault.models.turntable import TablePlan, chain
@@ -36,7 +35,7 @@ AS_FAST = 0.5
 
 
 @dataclass
-class OnTable:
+class OnTable(Way):
     """What positions of a table have shown, and which of the list is next."""
 
     bench: Bench
@@ -45,7 +44,6 @@ class OnTable:
     hold: float | None = None  # time to rest, None: of the plan [s]
     gyro: bool = True
     spins: bool = True  # quiet times that turn are looked at, too
-    unlisted: bool = False  # whether the last was none of the list
     ticked: BoolArray = field(init=False)  # (n,)
 
     def __post_init__(self) -> None:
@@ -79,7 +77,6 @@ class OnTable:
 
     @property
     def done(self) -> tuple[int, int]:
-        """How much of the list is done, and how much it has [1]."""
         return int(self.ticked.sum()), len(self.ticked)
 
     def step(self, k: int) -> Step:
@@ -89,15 +86,9 @@ class OnTable:
         return Step(kind, self.up[k], self.seconds(k), name=f"{k + 1} ({angles} deg)")
 
     def first_step(self) -> Step:
-        """Return the first of the list."""
         return self.step(0)
 
     def reached(self, log: Log, first: IntArray, last: IntArray) -> Reached:
-        """Tick what is done, and return how well everything is known by it.
-
-        `log`: readings [SI]; `first`, `last` (n,): first sample of each rest or spin and the sample
-        after its last.
-        """
         assert log.accel is not None
         self.ticked[:] = False
         C_nb = np.empty((len(first), 3, 3))
@@ -143,20 +134,13 @@ class OnTable:
         return np.array([sd.get(name, np.inf) for name in self.wanted.names])
 
     def candidates(self, reached: Reached) -> list[Step]:
-        """Return what is next of the list, nothing where all is done."""
         left = np.flatnonzero(~self.ticked)
         return [self.step(int(left[0]))] if len(left) else []
 
     def after(self, reached: Reached, steps: list[Step]) -> FloatArray:
-        """Return the sd of every coefficient after the next of the list, shape (1, p) [SI]."""
         done = self.ticked.copy()
         done[np.flatnonzero(~done)[: len(steps)]] = True
         return self._sd(done)[None]
 
     def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
-        """Return what will be known after all of the list; `first`, `last` (n,): rests."""
         return self._known(np.ones(len(self.ticked), bool), reached.C_nb)
-
-    def leave(self, folder: Path) -> Path | None:
-        """Leave nothing but the log."""
-        return None

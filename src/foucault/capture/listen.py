@@ -23,7 +23,7 @@ from foucault.capture import prints
 from foucault.capture.frame import Frame, Heard, decoder_of
 from foucault.capture.recording import FRAME, SECONDS, Recording
 from foucault.capture.source import Growing, Serial, Source, opened
-from foucault.errors import FoucaultError, error
+from foucault.errors import FoucaultError, library
 from foucault.files import write_text
 from foucault.recognise.reading import FEWEST, Line, Question, recognise
 
@@ -360,8 +360,6 @@ def kept(fit: Fit, data: bytes, when: FloatArray, folder: Path) -> None:
 
 def ports() -> list[str]:
     """Return the serial ports of this computer, as commands take them."""
-    try:
+    with library("capture.no_serial"):
         from serial.tools import list_ports
-    except ImportError:
-        raise error("capture.no_serial") from None
     return [f"serial:{one.device}" for one in sorted(list_ports.comports())]

@@ -33,7 +33,7 @@ from foucault.capture.clock import HOST_SD, STOOD, Clocks, compared
 from foucault.capture.frame import Frame, Heard, decoder_of, parsed
 from foucault.capture.source import Source, together
 from foucault.errors import error
-from foucault.files import atomic, make_folder, write_text
+from foucault.files import atomic, make_folder, unwritable, write_text
 from foucault.logs.layout import scaled_unit
 
 RAW, ARRIVALS, LOG, FRAME = "raw.bin", "arrivals.bin", "log.bin", "frame.toml"
@@ -84,8 +84,7 @@ class Recording:
         try:
             return (self.folder / name).open("xb", buffering=0)
         except OSError as problem:
-            reason = problem.strerror or str(problem)
-            raise error("output.unwritable", path=self.folder / name, reason=reason) from None
+            raise unwritable(self.folder / name, problem) from None
 
     def take(self, data: bytes, now: float) -> FloatArray:
         """Take bytes that were heard at `now` [s]; return the rows that they complete, (n, k)."""
@@ -146,8 +145,7 @@ class Recording:
             while view:
                 view = view[self._files[name].write(view) :]
         except OSError as problem:
-            reason = problem.strerror or str(problem)
-            raise error("output.unwritable", path=self.folder / name, reason=reason) from None
+            raise unwritable(self.folder / name, problem) from None
 
     def close(self, text: str | None = None) -> dict[str, Any]:
         """End it, and return what there is to say of it; `text`: as of `campaign_of`."""

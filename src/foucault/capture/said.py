@@ -16,6 +16,7 @@ from foucault.arrays import FloatArray
 from foucault.capture.guide import Guide, Mistake
 from foucault.capture.step import Step
 from foucault.errors import error
+from foucault.files import flat
 
 AXES = ("x", "y", "z")
 
@@ -27,20 +28,8 @@ def shipped() -> dict[str, str]:
     """Return the languages that come with the program: name -> language."""
     folder = resources.files("foucault.capture") / "words"
     files = sorted(f.name for f in folder.iterdir() if f.name.endswith(".toml"))
-    return {name.removesuffix(".toml"): _read((folder / name).read_text("utf-8"))["language"]
-            for name in files}  # fmt: skip
-
-
-def _read(text: str) -> dict[str, Any]:
-    return tomllib.loads(text)
-
-
-def keys(table: Mapping[str, Any], before: str = "") -> set[str]:
-    """Return the keys of a table and of those in it."""
-    out = set[str]()
-    for key, value in table.items():
-        out |= keys(value, f"{before}{key}.") if isinstance(value, Mapping) else {before + key}
-    return out
+    tables = {name: tomllib.loads((folder / name).read_text("utf-8")) for name in files}
+    return {name.removesuffix(".toml"): table["language"] for name, table in tables.items()}
 
 
 @dataclass(frozen=True)
@@ -54,15 +43,15 @@ class Words:
         """Return the words of a language that is shipped, or of a file like those."""
         if name in shipped():
             folder = resources.files("foucault.capture") / "words"
-            return cls(_read((folder / f"{name}.toml").read_text("utf-8")))
+            return cls(tomllib.loads((folder / f"{name}.toml").read_text("utf-8")))
         path = Path(name)
         if not path.is_file():
             raise error("guide.words", name=name, allowed=", ".join(shipped()))
         try:
-            table = _read(path.read_text("utf-8"))
+            table = tomllib.loads(path.read_text("utf-8"))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
             raise error("guide.language", name=name, reason=str(problem)) from None
-        if missing := keys(cls.of().table) - keys(table):
+        if missing := flat(cls.of().table).keys() - flat(table):
             reason = f"it has no {', '.join(sorted(missing)[:3])}"
             raise error("guide.language", name=name, reason=reason)
         return cls(table)

@@ -29,15 +29,9 @@ class OnSix(Begun):
     """What a session on six faces has shown, and what it could show next."""
 
     def first_step(self) -> Step:
-        """Return the rest to begin with."""
         return Step("rest", EYE[2], self.hold, EYE)
 
     def reached(self, log: Log, first: IntArray, last: IntArray) -> Reached | None:
-        """Return how well everything is known, None before there is a rest on a face.
-
-        `log`: readings [SI]; `first`, `last` (n,): first sample of each rest and the sample after
-        its last.
-        """
         site = self.given.site
         readings, tilt = face_readings(log, first, last, site.gravity)
         on = np.flatnonzero(tilt <= OFF_FACE)
@@ -73,7 +67,6 @@ class OnSix(Begun):
                      none, np.zeros((0, 3, 3)))  # fmt: skip
 
     def candidates(self, reached: Reached) -> list[Step]:
-        """Return what could be done next."""
         # Two opposite faces show what neither shows alone: what is best by one step is not enough.
         r = reached.model.scene.rests
         seen = {(int(a), int(s)) for a, s in zip(r.axis, r.sign, strict=True)}
@@ -82,7 +75,6 @@ class OnSix(Begun):
         return [Step("rest", up, self.hold) for up in faces]
 
     def after(self, reached: Reached, steps: list[Step]) -> FloatArray:
-        """Return the sd of every coefficient after each of `steps`, shape (k, p) [SI]."""
         # What is left out is as large after one more rest: only `everything` counts it.
         model, prior, sds = reached.model, reached.prior, reached.sds
         every = [model, *(self._with(model, [s]) for s in steps)]
@@ -107,11 +99,7 @@ class OnSix(Begun):
         return replace(model, scene=scene, noise=noise)
 
     def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
-        """Return what would be known after four more rests on every face.
-
-        `log`: readings [SI]; `first`, `last` (n,): first sample of each rest and the sample after
-        its last.
-        """
+        # Four more rests on every face.
         more = [Step("rest", sign * EYE[axis], 2 * self.hold) for axis, sign in SIX] * 4
         model = self._with(reached.model, more)
         site, own = self.given.site, reached.prior

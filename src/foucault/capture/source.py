@@ -19,7 +19,7 @@ from queue import Empty, SimpleQueue
 from threading import Event, Thread
 from typing import Any, Protocol
 
-from foucault.errors import error
+from foucault.errors import error, library
 
 MOST = 1 << 16
 """Bytes taken at once [bytes]."""
@@ -193,12 +193,15 @@ class Growing:
 class _Reopened:
     """A source that is opened again when it is lost."""
 
-    name: str
     ended = False
     lost = 0  # times that it was lost [1]
 
-    def __init__(self) -> None:
-        self._held: Any = self._open()
+    def __init__(self, name: str, port: str = "") -> None:
+        self.name = name
+        try:
+            self._held: Any = self._open()
+        except OSError as problem:
+            raise error("capture.port", port=port or name, reason=str(problem)) from None
 
     def _open(self) -> Any:
         raise NotImplementedError
@@ -235,31 +238,17 @@ class Serial(_Reopened):
         """Open `port` at `baud` [Hz], None where nobody says at which."""
         self.chosen = baud is None  # whether this program chose the rate
         self.port, self.baud = port, baud or USUAL
-        self.name = f"{port} at {self.baud} baud"
-        try:
-            super().__init__()
-        except OSError as problem:
-            raise error("capture.port", port=port, reason=str(problem)) from None
+        super().__init__(f"{port} at {self.baud} baud", port)
 
     def _open(self) -> Any:
-        try:
+        with library("capture.no_serial"):
             import serial
-        except ImportError:
-            raise error("capture.no_serial") from None
-        try:
-            return serial.Serial(self.port, self.baud, timeout=WAIT, exclusive=True)
-        except serial.SerialException as problem:
-            raise OSError(str(problem)) from None
+        return serial.Serial(self.port, self.baud, timeout=WAIT, exclusive=True)
 
     def _take(self, wait: float) -> bytes:
-        import serial
-
-        try:
-            # To set another time to wait would set up the port anew.
-            first = self._held.read(1)
-            return bytes(first + self._held.read(self._held.in_waiting)) if first else b""
-        except serial.SerialException as problem:
-            raise OSError(str(problem)) from None
+        # To set another time to wait would set up the port anew.
+        first = self._held.read(1)
+        return bytes(first + self._held.read(self._held.in_waiting)) if first else b""
 
 
 class Udp(_Reopened):
@@ -267,11 +256,8 @@ class Udp(_Reopened):
 
     def __init__(self, port: int) -> None:
         """Listen at `port`."""
-        self.port, self.name = port, f"UDP port {port}"
-        try:
-            super().__init__()
-        except OSError as problem:
-            raise error("capture.port", port=self.name, reason=str(problem)) from None
+        self.port = port
+        super().__init__(f"UDP port {port}")
 
     def _open(self) -> socket.socket:
         held = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -293,11 +279,8 @@ class Tcp(_Reopened):
 
     def __init__(self, host: str, port: int) -> None:
         """Connect to `port` of `host`."""
-        self.host, self.port, self.name = host, port, f"{host}:{port}"
-        try:
-            super().__init__()
-        except OSError as problem:
-            raise error("capture.port", port=self.name, reason=str(problem)) from None
+        self.host, self.port = host, port
+        super().__init__(f"{host}:{port}")
 
     def _open(self) -> socket.socket:
         return socket.create_connection((self.host, self.port), timeout=5)

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from foucault import units
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.campaign.tables import kind_of_group
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error, suggestion
@@ -21,6 +21,7 @@ from foucault.infer.mixed import Fit, Linearisation, Model, budget
 from foucault.models.noise import grade
 from foucault.models.rotation import aligning
 from foucault.procedures.record import Given, Prior
+from foucault.tables import Log
 
 
 @dataclass(frozen=True)
@@ -176,23 +177,61 @@ def widely(wanted: Wanted, prior: Prior) -> CoefficientVector:
     return replace(known, prior_sd=sd)
 
 
+class Way(Protocol):
+    """What of a guide depends on the procedure."""
+
+    wanted: Wanted
+    gyro: bool
+    spins: bool = False  # whether quiet times that turn are looked at, too
+    unlisted: bool = False  # whether the last was none of a list
+
+    @property
+    def done(self) -> tuple[int, int] | None:
+        """How much of a list is done, and how much it has; None where there is no list [1]."""
+        return None
+
+    def first_step(self) -> Step:
+        """Return what to begin with."""
+        ...
+
+    def reached(self, log: Log, first: IntArray, last: IntArray) -> Reached | None:
+        """Return how well everything is known, None before anything is.
+
+        `log`: readings [SI]; `first`, `last` (n,): first sample of each rest, or spin, and the
+        sample after its last.
+        """
+        ...
+
+    def candidates(self, reached: Reached) -> list[Step]:
+        """Return what could be done next: of a list what is next, nothing where all is done."""
+        ...
+
+    def after(self, reached: Reached, steps: list[Step]) -> FloatArray:
+        """Return the sd of every coefficient after each of `steps`, shape (k, p) [SI]."""
+        ...
+
+    def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
+        """Return what would be known after everything possible; the others as of `reached`.
+
+        `first`, `last` (n,): first sample of each rest, and the sample after its last.
+        """
+        ...
+
+    def leave(self, folder: Path) -> Path | None:
+        """Write what is calibrated beside the log; return its campaign, None: that of the log."""
+        return None
+
+
 @dataclass
-class Begun:
+class Begun(Way):
     """A session that has begun: what is asked of it, by whichever way it is recorded."""
 
     given: Given[Any]
     wanted: Wanted
     hold: float  # time to rest [s]
     gyro: bool = True
-    spins = False
-    unlisted = False
-    done: tuple[int, int] | None = None  # of a list, which there is not [1]
 
     @cached_property
     def prior(self) -> CoefficientVector:
         """What is known beforehand, as wide as instruments differ where nothing is."""
         return widely(self.wanted, self.given.prior)
-
-    def leave(self, folder: Path) -> Path | None:
-        """Leave nothing but the log."""
-        return None

@@ -17,7 +17,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.campaign import running
-from foucault.capture.step import UP, Reached, Step, Wanted
+from foucault.capture.step import UP, Reached, Step, Wanted, Way
 from foucault.coefficients import CoefficientVector
 from foucault.detect.stretches import means_of
 from foucault.errors import FoucaultError
@@ -58,7 +58,7 @@ ACCEL = {
 
 
 @dataclass
-class AtStops:
+class AtStops(Way):
     """What stops have shown, and which of the list is next."""
 
     plan: NorthPlan
@@ -69,8 +69,6 @@ class AtStops:
     text: str  # of the campaign
     hold: float | None = None  # time at a stop, None: of the plan [s]
     gyro: bool = True
-    spins = False
-    unlisted: bool = False  # whether the last rest was none of the list
     # first sample of each stop that is done, and the sample after its last [1]
     at: list[tuple[int, int]] = field(default_factory=list)
     _log: IndexedLog | None = None
@@ -87,7 +85,6 @@ class AtStops:
 
     @property
     def done(self) -> tuple[int, int]:
-        """How much of the list is done, and how much it has [1]."""
         return len(self.at), len(self._list)
 
     def step(self, k: int) -> Step:
@@ -99,15 +96,9 @@ class AtStops:
         return Step("stop", UP, dwell if self.hold is None else self.hold, name=name, angle=index)
 
     def first_step(self) -> Step:
-        """Return the first stop."""
         return self.step(0)
 
     def reached(self, log: Log, first: IntArray, last: IntArray) -> Reached:
-        """Tick the stops that are done, and return how well everything is known by them.
-
-        `log`: readings [SI]; `first`, `last` (n,): first sample of each rest and the sample after
-        its last.
-        """
         assert log.accel is not None
         self.at, self.unlisted, before = [], False, -1
         for k, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
@@ -176,7 +167,6 @@ class AtStops:
         return Reached(sd_now, none, none, {}, prior, C_nb, none, solved=False)
 
     def candidates(self, reached: Reached) -> list[Step]:
-        """Return what is next of the list, nothing where all is done."""
         k = len(self.at)
         return [self.step(k)] if k < len(self._list) else []
 
@@ -185,7 +175,6 @@ class AtStops:
         return np.tile(reached.sd, (len(steps), 1))
 
     def everything(self, log: Log, first: IntArray, last: IntArray, reached: Reached) -> Reached:
-        """Return what is known by now; `first`, `last` (n,): rests."""
         return reached
 
     def leave(self, folder: Path) -> Path | None:

@@ -11,11 +11,11 @@ import numpy as np
 
 from foucault import procedures
 from foucault.campaign import Campaign
-from foucault.capture.guide import Guide, Way
+from foucault.capture.guide import Guide
 from foucault.capture.hand import ByHand
 from foucault.capture.listed import OnTable
 from foucault.capture.six import PLACED, OnSix
-from foucault.capture.step import Wanted
+from foucault.capture.step import Wanted, Way
 from foucault.capture.stops import AtStops
 from foucault.detect.stretches import How
 from foucault.errors import error

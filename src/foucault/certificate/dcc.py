@@ -7,6 +7,7 @@ ratio and a count are ``\one``, an angle is ``\radian``.
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,7 +18,7 @@ from typing import Any
 from foucault.certificate.content import COVERAGE, Certificate, K, Row
 from foucault.certificate.labels import Labels
 from foucault.certificate.said import Party
-from foucault.errors import error
+from foucault.errors import error, library
 from foucault.units import KINDS, powers
 
 VERSION = "3.2.1"
@@ -71,10 +72,8 @@ def unit(*kinds: str) -> str:
 
 def made(of: Certificate) -> bytes:
     """Return the DCC of a certificate, unsigned; raises ``certificate.library``."""
-    try:
+    with library("certificate.library", name="lxml"):
         from lxml import etree
-    except ImportError:
-        raise error("certificate.library", name="lxml") from None
     root = _Writer(of).root()
     etree.indent(root, space=" ")
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8")) + b"\n"
@@ -346,10 +345,8 @@ def _joint(n: int) -> float:
 @cache
 def schema() -> Any:
     """Return the schema, read without a network."""
-    try:
+    with library("certificate.library", name="xmlschema"):
         import xmlschema
-    except ImportError:
-        raise error("certificate.library", name="xmlschema") from None
     signature = Path(xmlschema.__file__).parent / "schemas" / "DSIG" / "xmldsig-core-schema.xsd"
     return xmlschema.XMLSchema(
         str(SCHEMAS / f"dcc-{VERSION}.xsd"), allow="local",
@@ -359,8 +356,6 @@ def schema() -> Any:
 
 def faults(data: bytes) -> list[str]:
     """Return what of a DCC does not keep to the schema, each in words."""
-    import io
-
     found = (f"{f.path}: {f.reason}" for f in schema().iter_errors(io.BytesIO(data)))
     return [re.sub(r"\{https?://[^}]*\}", "", one) for one in found]
 

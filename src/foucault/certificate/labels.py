@@ -9,13 +9,12 @@ language of its own has to have them all::
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from foucault.errors import error, listed
-from foucault.files import parse_toml, read_text
+from foucault.files import flat, parse_toml, said_in
 
 KNOWN = tuple(sorted(p.stem for p in (Path(__file__).parent / "labels").glob("*.toml")))
 """Languages whose words are here."""
@@ -26,19 +25,20 @@ class Labels:
 
     def __init__(self, languages: Sequence[str], own: str = "") -> None:
         """Read them; `own`: a file of the laboratory, empty for none. Raises `certificate.*`."""
-        more = _own(own) if own else {}
-        wanted = _flat(_shipped("en"))
+        more = said_in(Path(own), "certificate.file", path=own) if own else {}
+        wanted = flat(_shipped("en"))
         self.languages = tuple(languages)
         self.words: list[dict[str, str]] = []
         for language in languages:
-            here = _flat(_shipped(language)) if language in KNOWN else {}
-            words = here | _flat(more.get(language, {}))
+            here = flat(_shipped(language)) if language in KNOWN else {}
+            its = more.get(language)
+            words = here | flat(its if isinstance(its, Mapping) else {})
             lacking = [k for k in wanted if k not in words and not k.startswith("meaning.")]
             if not words:
                 raise error("certificate.language", given=language, allowed=", ".join(KNOWN))
             if lacking:
                 raise error("certificate.labels", language=language, names=listed(lacking, 6))
-            self.words.append(words)
+            self.words.append({key: str(text) for key, text in words.items()})
 
     def said(self, key: str, **values: Any) -> list[str]:
         """Return a text in each language, those that differ from the ones before."""
@@ -64,21 +64,3 @@ class Labels:
 def _shipped(language: str) -> dict[str, Any]:
     file = Path(__file__).parent / "labels" / f"{language}.toml"
     return parse_toml(file.read_text(encoding="utf-8"))
-
-
-def _own(file: str) -> dict[str, Any]:
-    try:
-        return parse_toml(read_text(file))
-    except (OSError, tomllib.TOMLDecodeError) as problem:
-        raise error("certificate.file", path=file, reason=problem) from None
-
-
-def _flat(table: Any, before: str = "") -> dict[str, str]:
-    """Return a table of tables as dotted key -> text."""
-    out: dict[str, str] = {}
-    for key, value in table.items() if isinstance(table, Mapping) else ():
-        if isinstance(value, Mapping):
-            out |= _flat(value, f"{before}{key}.")
-        else:
-            out[before + key] = str(value)
-    return out

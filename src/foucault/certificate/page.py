@@ -21,7 +21,7 @@ from foucault.certificate.content import Certificate
 from foucault.certificate.labels import Labels
 from foucault.certificate.said import WHATS, Party
 from foucault.coefficients import format_value
-from foucault.errors import error
+from foucault.errors import error, library
 from foucault.report.page import shown
 
 DCC_FILE = "dcc.xml"
@@ -34,10 +34,8 @@ Block = dict[str, Any]
 
 def made(of: Certificate, dcc: bytes, *, signed: bool) -> bytes:
     """Return the PDF, with the DCC in it; `signed`: whether it will be."""
-    try:
+    with library("certificate.library", name="Typst"):
         import typst
-    except ImportError:
-        raise error("certificate.library", name="Typst") from None
     labels = Labels(of.languages, of.labels)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)

@@ -7,7 +7,6 @@ Every key that ISO/IEC 17025:2017 asks for has no default, and its clause stands
 from __future__ import annotations
 
 import datetime
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, StringConstraints
 
 from foucault.errors import error
-from foucault.files import parse_toml, read_text
+from foucault.files import said_in
 from foucault.strict import Strict
 
 Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=2000)]
@@ -185,10 +184,7 @@ def read(files: Iterable[str | Path]) -> dict[str, Any]:
     """Return what files say, the later over the earlier, with whole paths."""
     out: dict[str, Any] = {}
     for file in map(Path, files):
-        try:
-            raw = parse_toml(read_text(file))
-        except (OSError, tomllib.TOMLDecodeError) as problem:
-            raise error("certificate.file", path=file, reason=problem) from None
+        raw = said_in(file, "certificate.file", path=file)
         if set(raw) != {"certificate"} or not isinstance(raw["certificate"], dict):
             raise error("certificate.file", path=file,
                         reason="it should hold [certificate] and nothing else")  # fmt: skip

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from foucault.certificate import dcc
-from foucault.errors import error
+from foucault.errors import error, library
 
 ROOM = 16384
 """Bytes of the PDF that are kept for a signature with its certificates."""
@@ -47,11 +47,9 @@ def name_of(certificate: Any) -> str:
 
 def load(path: str | Path, password: str, now: datetime.datetime | None = None) -> Key:
     """Read a PKCS#12 file; raises ``certificate.key_*``: none, other password, not valid now."""
-    try:
+    with library("certificate.library", name="cryptography"):
         from cryptography.hazmat.primitives.asymmetric import ec, rsa
         from cryptography.hazmat.primitives.serialization import pkcs12
-    except ImportError:
-        raise error("certificate.library", name="cryptography") from None
     try:
         data = Path(path).read_bytes()
     except OSError as problem:
@@ -75,11 +73,9 @@ def load(path: str | Path, password: str, now: datetime.datetime | None = None) 
 
 def sign_dcc(data: bytes, key: Key) -> bytes:
     """Return a DCC with a signature at its end (XAdES, enveloped)."""
-    try:
+    with library("certificate.library", name="signxml"):
         from signxml import methods
         from signxml.xades import XAdESDataObjectFormat, XAdESSigner
-    except ImportError:
-        raise error("certificate.library", name="signxml") from None
     from cryptography.hazmat.primitives.asymmetric import ec
     from lxml import etree
 
@@ -97,12 +93,10 @@ def sign_dcc(data: bytes, key: Key) -> bytes:
 
 def sign_page(data: bytes, key: Key, *, reason: str, place: str) -> bytes:
     """Return a PDF with a signature over all of it (PAdES), which leaves it PDF/A."""
-    try:
+    with library("certificate.library", name="pyHanko"):
         from pyhanko.pdf_utils.incremental_writer import IncrementalPdfFileWriter
         from pyhanko.sign import fields, signers
         from pyhanko_certvalidator.registry import SimpleCertificateStore
-    except ImportError:
-        raise error("certificate.library", name="pyHanko") from None
     from asn1crypto import keys, x509
     from cryptography.hazmat.primitives.serialization import (
         Encoding,

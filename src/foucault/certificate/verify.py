@@ -20,7 +20,7 @@ from typing import Any
 from foucault.certificate import dcc
 from foucault.certificate.page import DCC_FILE
 from foucault.certificate.signature import name_of
-from foucault.errors import FoucaultError, error
+from foucault.errors import FoucaultError, error, library
 from foucault.result import Level
 
 LARGEST = 64 << 20
@@ -137,10 +137,8 @@ def _doubts(seals: list[Seal], now: datetime.datetime) -> list[str]:
 
 def _roots(path: str | Path) -> list[Any]:
     """Return the certificates in a file."""
-    try:
+    with library("certificate.library", name="cryptography"):
         from cryptography import x509
-    except ImportError:
-        raise error("certificate.library", name="cryptography") from None
     try:
         data = Path(path).read_bytes()
         if b"-----BEGIN" in data:
@@ -200,11 +198,9 @@ def _vouched(
 
 def _dcc(root: Any, roots: list[Any] | None) -> tuple[list[Seal], list[str]]:
     """Return the signature of a DCC, and what is wrong with it."""
-    try:
+    with library("certificate.library", name="signxml"):
         from signxml import SignatureConfiguration
         from signxml.xades import XAdESVerifier
-    except ImportError:
-        raise error("certificate.library", name="signxml") from None
     import base64
 
     from cryptography import x509
@@ -271,10 +267,8 @@ def _quiet(name: str) -> Iterator[None]:
 
 def _page(data: bytes, roots: list[Any] | None) -> tuple[bytes | None, list[Seal], list[str]]:
     """Return the DCC in a PDF, the signature of the page, and what is wrong with it."""
-    try:
+    with library("certificate.library", name="pyHanko"):
         from pyhanko.pdf_utils.reader import PdfFileReader
-    except ImportError:
-        raise error("certificate.library", name="pyHanko") from None
     from cryptography import x509
 
     faults: list[str] = []

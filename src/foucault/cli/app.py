@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import tempfile
 import traceback
 from io import TextIOWrapper
 from pathlib import Path
@@ -104,8 +105,6 @@ def _of_the_system(problem: BaseException) -> FoucaultError | None:
 
 def _fault(problem: BaseException) -> FoucaultError:
     """Return what is needed to find a fault, and keep the whole of it in a file."""
-    import tempfile
-
     calls = [f for f in traceback.extract_tb(problem.__traceback__) if "foucault" in f.filename]
     where = f"{Path(calls[-1].filename).name}, line {calls[-1].lineno}" if calls else "nowhere"
     try:

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foucault.cli import options
-from foucault.cli.options import Amount, command, quantity
+from foucault.cli.options import command
 from foucault.cli.screen import Screen
+from foucault.errors import error
 
 if TYPE_CHECKING:
     from foucault.capture.recording import Recording
@@ -30,7 +31,7 @@ OFTEN = 0.25  # What is heard is told so often [s].
     exits={0: "frames were heard", 3: "none was"},
 )
 def capture(
-    ctx: typer.Context,
+    screen: Screen,
     sources: Annotated[list[str] | None, typer.Argument(metavar="SOURCE...")] = None,
     output: options.FolderIfWanted = None,
     frames: Annotated[
@@ -41,20 +42,15 @@ def capture(
     ] = None,
     serial: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
     baud: Annotated[int | None, typer.Option(min=300)] = None,
-    for_: Annotated[Amount | None, quantity("time", "", "--for", least="above 0")] = None,
-    silence: Annotated[
-        Amount | None,
-        quantity("time", options.SILENCE, least="above 0"),
-    ] = None,
+    for_: options.For = None,
+    silence: options.Silence = None,
     again: Annotated[Path | None, typer.Option(metavar="SESSION")] = None,
     known: Annotated[bool, typer.Option("--list")] = False,
 ) -> None:
     """Record an instrument: from its port to a log."""
     from foucault.capture import frame, recording, several
     from foucault.capture.source import opened
-    from foucault.errors import error
 
-    screen: Screen = ctx.obj
     if known:
         rows = [*frame.shipped().items()]
         screen.table("frames that are known", ("name", "of"), rows)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -42,7 +43,7 @@ Kept = Annotated[
     notes="The password of the key is asked for, or taken from FOUCAULT_KEY_PASSWORD.",
 )
 def certify(
-    ctx: typer.Context,
+    screen: Screen,
     result: options.ResultFile,
     files: list[Path],
     output: Annotated[Path, typer.Option("-o", "--output")],
@@ -61,7 +62,6 @@ def certify(
     """
     from foucault.certificate import issue
 
-    screen: Screen = ctx.obj
     for given, other, both in (
         ("--reviewer", "--reason", (reviewer, reason)),
         ("--replaces", "--change", (replaces, change)),
@@ -85,7 +85,6 @@ def _opened(where: str | None, who: str) -> Any:
     """Return the records, closed at the end of a block; None without any."""
     if where is None:
         return nullcontext()
-    from contextlib import closing
 
     from foucault.records import Records
 
@@ -104,17 +103,13 @@ def _key(path: Path) -> Key:
 
 
 def _told(screen: Screen, done: Issued) -> None:
-    from dataclasses import asdict
-
-    from foucault.files import plain_json
-
     screen.say(f"Certificate {done.number}: {done.page} and {done.dcc}")
     if done.replaces:
         screen.say(f"It replaces {done.replaces}.")
     screen.say(f"Signed by {done.signer}." if done.signer else "Not signed: give a key with --key.")
     if done.entry:
         screen.say(f"Kept in the records as entry {done.entry}.")
-    screen.data(plain_json(asdict(done)))
+    screen.data(asdict(done))
 
 
 @command(
@@ -127,18 +122,14 @@ def _told(screen: Screen, done: Issued) -> None:
     },
 )
 def verify(
-    ctx: typer.Context,
+    screen: Screen,
     file: Path,
     trust: Path | None = None,
     records: Kept = None,
 ) -> None:  # fmt: skip
     """Check that a certificate is as it was signed, and by whom."""
-    from dataclasses import asdict
-
     from foucault.certificate.verify import verify as look
-    from foucault.files import plain_json
 
-    screen: Screen = ctx.obj
     with _opened(records, "") as kept:
         found = look(file, trust)
         known, wrong = ("", []) if kept is None else _kept(kept, found)
@@ -153,8 +144,7 @@ def verify(
     for line in (*faults, *found.doubts, *filter(None, (known,))):
         screen.say(f"  {line}")
     screen.say(f"verdict: {word}")
-    said = plain_json(asdict(found))
-    screen.data(said | {"level": level, "faults": faults, "records": known})
+    screen.data(asdict(found) | {"level": level, "faults": faults, "records": known})
     raise typer.Exit(EXIT_CODES[level])
 
 

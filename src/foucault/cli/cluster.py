@@ -82,17 +82,6 @@ def spread(
 
         yield monte_carlo.threads(workers or os.cpu_count() or 1)
         return
-    _require_dask(given[0])
-    with ExitStack() as stack:
-        address = _local(stack, local_cluster or 1) if scheduler is None else scheduler
-        client = _connected(stack, address)
-        screen.say(f"Dashboard: {client.dashboard_link}")
-        map_ = _Over(client, address)
-        map_.refuse_unlike(screen)
-        yield map_
-
-
-def _require_dask(option: str) -> None:
     try:
         import dask
 
@@ -100,7 +89,14 @@ def _require_dask(option: str) -> None:
         dask.config.set({"logging": {"distributed": "critical", "distributed.client": "critical"}})
         import distributed  # noqa: F401
     except ImportError:
-        raise error("cluster.missing", option=option) from None
+        raise error("cluster.missing", option=given[0]) from None
+    with ExitStack() as stack:
+        address = _local(stack, local_cluster or 1) if scheduler is None else scheduler
+        client = _connected(stack, address)
+        screen.say(f"Dashboard: {client.dashboard_link}")
+        map_ = _Over(client, address)
+        map_.refuse_unlike(screen)
+        yield map_
 
 
 def _local(stack: ExitStack, processes: int) -> str:

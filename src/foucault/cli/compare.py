@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -24,7 +25,7 @@ from foucault.cli.screen import Screen, kept, written
     },
 )
 def compare(
-    ctx: typer.Context,
+    screen: Screen,
     results: list[Path],
     output: options.FolderIfWanted = None,
     tolerance: options.Tolerance = None,
@@ -35,12 +36,9 @@ def compare(
 
     Has an instrument changed, in which coefficient, by drift or step, and is it within tolerance?
     """
-    import time
-
     from foucault.campaign import comparison
     from foucault.campaign import tolerance as tolerances
 
-    screen: Screen = ctx.obj
     started = time.monotonic()
     limits = None if tolerance is None else tolerances.load(tolerance)
     with screen.work(output, "comparison"):
@@ -64,7 +62,7 @@ MOST = 12  # Broken instruments that are named on the screen, with what to do.
     exits={0: "all passed", 3: "some did not", 4: "none has a usable result"},
 )
 def fleet(
-    ctx: typer.Context,
+    screen: Screen,
     campaign: options.CampaignFile,
     output: options.RunFolder,
     tolerance: options.Tolerance = None,
@@ -82,7 +80,6 @@ def fleet(
     from foucault.campaign import tolerance as tolerances
     from foucault.report import write
 
-    screen: Screen = ctx.obj
     limits = None if tolerance is None else tolerances.load(tolerance)
     with screen.work(output, "fleet") as tell:
         table = fleets.run(

@@ -10,6 +10,8 @@ import typer
 from foucault.cli import options
 from foucault.cli.options import Amount, command, quantity
 from foucault.cli.screen import COLOURS, Screen
+from foucault.errors import error
+from foucault.files import keep_others, read_text, sha256
 
 if TYPE_CHECKING:
     from foucault.export.densities import Densities
@@ -38,7 +40,7 @@ BAGS = (".bag", ".mcap", ".db3")  # How the name of a bag ends, where it is no f
     "foucault apply run --stream",
 )
 def apply(
-    ctx: typer.Context,
+    screen: Screen,
     result: options.ResultFile,
     log: Annotated[Path | None, typer.Argument()] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output")] = None,
@@ -51,13 +53,10 @@ def apply(
 
     Logs of any size are corrected in parts. The log must be of the instrument that was calibrated.
     """
-    from foucault.errors import error
     from foucault.export import calibrate_log
     from foucault.export.stream import calibrate_bag
-    from foucault.files import sha256
     from foucault.run_folder import load_result, result_file
 
-    screen: Screen = ctx.obj
     if outside not in ("error", "hold"):
         raise error("temperature.outside_choice", given=outside)
     if stream:
@@ -106,7 +105,7 @@ def apply(
     "foucault export static --to kalibr -o imu.yaml",
 )
 def export(
-    ctx: typer.Context,
+    screen: Screen,
     result: options.ResultFile,
     to: Annotated[str, typer.Option("--to")],
     output: Annotated[Path, typer.Option("-o", "--output")],
@@ -124,7 +123,6 @@ def export(
     """
     from foucault.export import write
 
-    screen: Screen = ctx.obj
     _not_an_input(output, result)
     calibrated, known, log = _to_export(result, noise)
     if at is not None:
@@ -142,9 +140,7 @@ def _stream(
     """Correct standard input to standard output; what was noticed goes beside."""
     import sys
 
-    from foucault.errors import error
     from foucault.export.stream import calibrate_stream
-    from foucault.files import sha256
     from foucault.run_folder import load_result, result_file
 
     for option, given in (("-o", output), ("--topic", topic)):
@@ -163,7 +159,6 @@ def _stream(
 
 def _not_an_input(output: Path, result: Path, log: Path | None = None) -> None:
     """Refuse to write over what is read, even where anything else may be replaced."""
-    from foucault.files import keep_others
     from foucault.run_folder import CAMPAIGN_FILE, RESULT_FILE
 
     folder = result if result.is_dir() else result.parent
@@ -196,18 +191,13 @@ def _described(
     description = LogDescription.model_validate({"file": log.name})
     before = _log_description(calibrated, result)
     if before is not None and len(before.files()) == 1 and not describes_itself(log):
-        description = _for_file(before, log.name)
+        blocks = {
+            key: block.model_copy(update={"file": None})
+            for key in ("gyro", "accel", "temperature")
+            if (block := getattr(before, key)) is not None
+        }
+        description = before.model_copy(update={"file": log.name, **blocks})
     return description, log.parent, {}
-
-
-def _for_file(before: LogDescription, name: str) -> LogDescription:
-    """Return the description with every block read from file `name`."""
-    blocks = {
-        key: block.model_copy(update={"file": None})
-        for key in ("gyro", "accel", "temperature")
-        if (block := getattr(before, key)) is not None
-    }
-    return before.model_copy(update={"file": name, **blocks})
 
 
 def _log_description(calibrated: Result, result: Path) -> LogDescription | None:
@@ -247,8 +237,6 @@ def _to_export(
 
 
 def _of_an_imu(result: Result) -> Result:
-    from foucault.errors import error
-
     if result.procedure == "north_seeking":
         raise error("north.not_applied")
     return result
@@ -259,7 +247,7 @@ def _of_an_imu(result: Result) -> Result:
     "foucault check fast_lio_imu.yaml --run run --noise static",
 )
 def check(
-    ctx: typer.Context,
+    screen: Screen,
     file: Path,
     run: Path | None = None,
     to: Annotated[str | None, typer.Option("--to")] = None,
@@ -274,9 +262,7 @@ def check(
     """
     from foucault.export.check import checked, mistakes
     from foucault.export.densities import of_allan_run
-    from foucault.files import read_text
 
-    screen: Screen = ctx.obj
     result: Result | None = None
     known: ImuNoise | Densities | None = None if noise is None else of_allan_run(noise)
     if run is not None:

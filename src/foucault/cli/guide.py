@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import time
 from contextlib import suppress
@@ -12,6 +13,7 @@ from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Any
 
 from foucault.cli.screen import Drawn, Screen, Shown, Told, shown_by
+from foucault.errors import error
 from foucault.run_folder import ENOUGH_FILE, SESSION_FOLDER, STATE_FILE
 
 if TYPE_CHECKING:
@@ -34,7 +36,6 @@ def guided(
     from foucault.capture.said import Words
     from foucault.capture.source import opened
     from foucault.capture.ways import Asked, wants
-    from foucault.errors import error
 
     if frames is None:
         raise error("guide.frames")
@@ -225,8 +226,6 @@ def bar(ratio: float) -> str:
 
     Its length is logarithmic, ten times what is wanted fill it.
     """
-    import math
-
     at = BAR // 2
     if not math.isfinite(ratio):
         return "█" * BAR

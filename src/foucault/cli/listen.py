@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foucault.cli import options
-from foucault.cli.options import Amount, command, quantity
+from foucault.cli.options import command
 from foucault.cli.screen import Screen
+from foucault.errors import error
 
 if TYPE_CHECKING:
     from foucault.capture.listen import Fit, Listened
@@ -28,22 +29,17 @@ KNOWN, UNKNOWN = 0, 3  # Exit codes.
     exits={0: "all that was heard is known", 3: "something is not"},
 )
 def listen(
-    ctx: typer.Context,
+    screen: Screen,
     port: Annotated[list[str] | None, typer.Argument()] = None,
     output: options.FolderIfWanted = None,
-    frames: Annotated[
-        list[str] | None,
-        typer.Option(help=options.FRAMES),
-    ] = None,
-    for_: Annotated[Amount | None, quantity("time", "", "--for", least="above 0")] = None,
+    frames: Annotated[list[str] | None, typer.Option(help=options.FRAMES)] = None,
+    for_: options.For = None,
     taken: options.Taken = None,
 ) -> None:
     """Listen at ports: baud rate, frames or text, units and axes."""
     from foucault.campaign.recognised import said_of
     from foucault.capture import listen as ears
-    from foucault.errors import error
 
-    screen: Screen = ctx.obj
     ports = port or ears.ports()
     if not ports:
         raise error("capture.no_port")

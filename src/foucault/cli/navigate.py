@@ -46,7 +46,7 @@ _SETTINGS = Of(
     },
 )
 def navigate(
-    ctx: typer.Context,
+    screen: Screen,
     log: options.LogFile,
     calibration: options.Calibration = None,
     output: options.FolderIfWanted = None,
@@ -68,7 +68,6 @@ def navigate(
     from foucault.campaign.tables import Said
     from foucault.procedures.navigation.start import Settings
 
-    screen: Screen = ctx.obj
     chosen = Settings(velocity=velocity, **settings)
     with screen.work(output, "navigation") as tell:
         test = navigation.run(
@@ -97,7 +96,7 @@ _WINDOW = Of(
     exits={0: "north is seen", 3: "something is doubtful"},
 )
 def align(
-    ctx: typer.Context,
+    screen: Screen,
     log: options.LogFile,
     calibration: options.Calibration = None,
     said: Annotated[Any, _STILL] = None,
@@ -121,7 +120,6 @@ def align(
     from foucault.models.norths import norths
     from foucault.report import alignment as report
 
-    screen: Screen = ctx.obj
     chosen = Window(
         methods=tuple(method or ()), rests=tuple(rest or ()), **window
     )  # fmt: skip
@@ -145,12 +143,10 @@ def _document(path: Path, found: Comparison, asked: Sequence[North]) -> dict[str
                 "method": one.method,
                 "start": one.start,
                 "end": one.end,
-                **dict(zip(("heading", "pitch", "roll"), one.angles.tolist(), strict=True)),
-                **dict(
-                    zip(("heading_sd", "pitch_sd", "roll_sd"), one.angles_sd.tolist(), strict=True)
-                ),
-                "C_nb": one.C_nb.tolist(),
-                "phi_cov": one.cov.tolist(),
+                **dict(zip(("heading", "pitch", "roll"), one.angles, strict=True)),
+                **dict(zip(("heading_sd", "pitch_sd", "roll_sd"), one.angles_sd, strict=True)),
+                "C_nb": one.C_nb,
+                "phi_cov": one.cov,
                 "azimuth_bias_sd": one.azimuth_bias_sd,
                 **_headings(one, asked),
             }
@@ -184,7 +180,7 @@ _BRACKET = Several("time", "between which offsets to look, or any", "-0.5 s to 0
     exits={0: "passed", 3: "something is doubtful", 4: "no offset is seen"},
 )
 def delay(
-    ctx: typer.Context,
+    screen: Screen,
     slave: options.LogFile,
     master: Annotated[Path | None, typer.Argument()] = None,
     mounting: Annotated[
@@ -204,7 +200,6 @@ def delay(
     from foucault.campaign import delay as campaign
     from foucault.report import alignment as report
 
-    screen: Screen = ctx.obj
     where = _bracket(bracket)
     with screen.progress() as tell:
         found = campaign.run(slave, master, mounting=mounting, bracket=where, progress=tell)
@@ -222,44 +217,38 @@ def _bracket(text: str) -> tuple[float, float] | None:
 
 def document(slave: Path, master: Path | None, found: FoundDelay) -> dict[str, Any]:
     """Return what was found, in SI."""
-    import numpy as np
-
-    one = found.delay
-
-    def number(x: float) -> float | None:
-        return float(x) if np.isfinite(x) else None
-
+    one, transport = found.delay, found.transport
+    parts = zip(
+        one.part_start, one.part_end, one.part_delay, one.part_cov.diagonal() ** 0.5, strict=True
+    )
     return {
         "slave": str(slave),
         "master": None if master is None else str(master),
         "messages": found.messages,
-        "delay": number(one.delay),
-        "delay_sd": number(one.delay_sd),
+        "delay": one.delay,
+        "delay_sd": one.delay_sd,
         "seen": one.seen,
         "time": one.middle,
         "drift": one.drift,
-        "drift_sd": number(one.drift_sd),
+        "drift_sd": one.drift_sd,
         "parts": [
-            {"start": a, "end": b, "delay": number(x), "delay_sd": number(v**0.5)}
-            for a, b, x, v in zip(one.part_start.tolist(), one.part_end.tolist(),
-                                  one.part_delay.tolist(), np.diag(one.part_cov).tolist(),
-                                  strict=True)
+            {"start": a, "end": b, "delay": x, "delay_sd": sd} for a, b, x, sd in parts
         ],
-        "bracket": list(one.bracket),
-        "rivals": one.rivals.tolist(),
+        "bracket": one.bracket,
+        "rivals": one.rivals,
         "likeness": one.likeness,
         "scale": one.scale,
-        "scale_sd": number(one.scale_sd),
-        "C_ms": one.C_ms.tolist(),
-        "mounting_cov": [[number(x) for x in row] for row in one.mu_cov.tolist()],
-        "gyro_bias": one.bias.tolist(),
-        "gyro_bias_cov": [[number(x) for x in row] for row in one.bias_cov.tolist()],
-        "intervals": int(np.sum(one.match.used)),
-        "transport": None if found.transport is None else {
-            "mean": float(np.mean(found.transport)), "sd": float(np.std(found.transport)),
-            "min": float(np.min(found.transport)), "max": float(np.max(found.transport)),
+        "scale_sd": one.scale_sd,
+        "C_ms": one.C_ms,
+        "mounting_cov": one.mu_cov,
+        "gyro_bias": one.bias,
+        "gyro_bias_cov": one.bias_cov,
+        "intervals": one.match.used.sum(),
+        "transport": None if transport is None else {
+            "mean": transport.mean(), "sd": transport.std(),
+            "min": transport.min(), "max": transport.max(),
         },
         "verdict": str(found.verdict.level),
-        "reasons": list(found.verdict.reasons),
+        "reasons": found.verdict.reasons,
         "findings": [item.as_dict() for item in found.findings],
     }  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 from foucault.cli import options
 from foucault.cli.options import Of, add, command
 from foucault.cli.screen import EXIT_CODES, Screen, kept
+from foucault.errors import error
 
 if TYPE_CHECKING:
     from foucault.errors import Finding
@@ -78,7 +80,7 @@ def add_to(app: typer.Typer) -> None:
     exits={0: "all set-ups passed", 3: "some did not", 4: "none is usable"},
 )
 def find(
-    ctx: typer.Context,
+    screen: Screen,
     readings: Path,
     calibration: options.Calibration = None,
     output: options.FolderIfWanted = None,
@@ -91,10 +93,8 @@ def find(
     """
     from foucault.campaign import north
     from foucault.campaign.tables import Said
-    from foucault.errors import error
     from foucault.models.norths import refuse_unknown
 
-    screen: Screen = ctx.obj
     given_both = [f"--{k.replace('_', '-')}" for k in ("latitude", "latitude_sd")
                   if k in said | settings]  # fmt: skip
     refuse_unknown(said.get("date"), said.get("grid"))
@@ -149,7 +149,7 @@ DRIFT = "0.1 deg/h/h"  # Drift to show the effect of where it is not given.
     'foucault north plan --latitude "-33 deg" --gyro-noise navigation --time "10 min" -o stops.csv',
 )
 def plan(
-    ctx: typer.Context,
+    screen: Screen,
     gyro_noise: str | None = None,
     noise: Path | None = None,
     planned: Annotated[Any, _PLANNED] = None,
@@ -161,14 +161,12 @@ def plan(
 ) -> None:
     """Say how long north seeking takes, and in which order to stop."""
     from foucault import units
-    from foucault.errors import error
     from foucault.plans.north_orders import NAMES, Task, compare, write_stops
     from foucault.plans.north_stops import Conditions
     from foucault.procedures.north_seeking.fix import require_latitude
     from foucault.procedures.north_seeking.settings import Planning
     from foucault.report import planned as report
 
-    screen: Screen = ctx.obj
     asked = Planning(**planned)
     accuracy, level_sd = chosen.get("accuracy"), chosen.get("level_sd")
     if accuracy is None and asked.time is None:
@@ -208,18 +206,13 @@ def plan(
 
 
 def _refuse(option: str, fine: bool, allowed: str) -> None:
-    from foucault.errors import error
-
     if not fine:
         raise error("north_plan.range", option=option, given="given", allowed=allowed)
 
 
 def _noise(gyro: str | None, file: Path | None, asked: Planning) -> ImuNoise:
     """Return the noise of a grade, of a campaign, or of what was given of it."""
-    from dataclasses import replace
-
     from foucault import campaign, units
-    from foucault.errors import error
     from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade
 
     if (gyro is None) == (file is None):
@@ -259,7 +252,6 @@ def _noise(gyro: str | None, file: Path | None, asked: Planning) -> ImuNoise:
 
 
 def _compensation(path: Path | None) -> Compensation:
-    from foucault.errors import error
     from foucault.models.north_seeker import Compensation
     from foucault.run_folder import load_result
 

@@ -22,6 +22,9 @@ import typer
 from typer.core import TyperCommand
 from typer.main import get_command
 
+from foucault.errors import error
+from foucault.files import unwritable
+
 if TYPE_CHECKING:
     from foucault.errors import FoucaultError
 
@@ -30,6 +33,8 @@ else:
     Amount = str
 """A quantity: text on the command line, a number in the command."""
 
+KEYWORD_ONLY = inspect.Parameter.KEYWORD_ONLY
+
 Command = TypeVar("Command", bound=Callable[..., Any])
 Least = Literal["", "greater than 0", "0 or more"]
 
@@ -37,7 +42,6 @@ Least = Literal["", "greater than 0", "0 or more"]
 def read(option: str, text: str, kind: str, least: Least = "") -> float:
     """Return the number that an option says [SI]; a mistake names the option."""
     from foucault.campaign.tables import parse_at
-    from foucault.errors import error
     from foucault.units import SMALLEST
 
     value = parse_at(option, text, kind)
@@ -80,8 +84,6 @@ class Several:
 
     def refused(self, option: str, text: str) -> FoucaultError:
         """Return the error of an option that does not say what it should."""
-        from foucault.errors import error
-
         words = {"what": self.what, "example": self.example}
         return error("program.parts", option=option, given=text, **words)
 
@@ -145,7 +147,7 @@ class Of:
                 kept = (kept[0] | None, None)
             out.append(
                 inspect.Parameter(
-                    key, inspect.Parameter.KEYWORD_ONLY, default=kept[1],
+                    key, KEYWORD_ONLY, default=kept[1],
                     annotation=Annotated[kept[0], option],
                 )
             )  # fmt: skip
@@ -182,19 +184,23 @@ def with_example(said: str, info: Any, kind: str | None) -> str:
 
 
 def plain(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a command with an option for each field in place of its settings."""
+    """Return a command with its screen, and an option for each field in place of its settings."""
     groups: dict[str, Of] = {}
-    parameters: list[inspect.Parameter] = []
-    for parameter in inspect.signature(function, eval_str=True).parameters.values():
+    parameters = [inspect.Parameter("ctx", KEYWORD_ONLY, annotation=typer.Context)]
+    known = inspect.signature(function, eval_str=True).parameters
+    for parameter in known.values():
         marks = getattr(parameter.annotation, "__metadata__", ())
         of = next((mark for mark in marks if isinstance(mark, Of)), None)
         if of is not None:
             groups[parameter.name] = of
-        parameters += [parameter.replace(kind=parameter.KEYWORD_ONLY)] if of is None \
-            else of.parameters()  # fmt: skip
+            parameters += of.parameters()
+        elif parameter.name not in ("ctx", "screen"):
+            parameters.append(parameter.replace(kind=KEYWORD_ONLY))
 
-    def called(**given: Any) -> Any:
-        return function(**{name: of.taken(given) for name, of in groups.items()}, **given)
+    def called(ctx: typer.Context, **given: Any) -> Any:
+        of_all = {"ctx": ctx, "screen": ctx.obj}
+        given |= {name: of.taken(given) for name, of in groups.items()}
+        return function(**given, **{name: of_all[name] for name in of_all if name in known})
 
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return called
@@ -269,7 +275,11 @@ VERDICT = {0: "pass", 3: "doubtful", 4: "unusable"}
 """Exit codes of a command that ends with a verdict."""
 
 FRAMES = "Frames: a name of `foucault capture --list`, or a file that describes them."
-SILENCE = 'End when nothing comes for so long, such as "5 s".'
+For = Annotated[Amount | None, quantity("time", "", "--for", least="greater than 0")]
+Silence = Annotated[
+    Amount | None,
+    quantity("time", 'End when nothing comes for so long, such as "5 s".', least="greater than 0"),
+]
 
 # -- what is given -------------------------------------------------------------------------
 
@@ -358,8 +368,6 @@ def bare(paths: Sequence[Path]) -> bool:
 
 def refuse_beside(place: Mapping[str, Any], taken: Sequence[str] | None) -> None:
     """Refuse to say beside a campaign what it says itself."""
-    from foucault.errors import error
-
     if place or taken:
         given = [f"--{key}" for key in place] + ["--set"] * bool(taken)
         raise error("recognise.beside", given=", ".join(given))
@@ -378,8 +386,6 @@ Seed = Annotated[int, typer.Option(help="Seed of the random numbers.", min=0)]
 
 def _folder(path: Path | None) -> Path | None:
     """Refuse a folder that cannot be made, before the work and not after it."""
-    from foucault.files import unwritable
-
     if path is None:
         return None
     try:
@@ -394,8 +400,6 @@ def _folder(path: Path | None) -> Path | None:
 
 def _file(path: Path | None) -> Path | None:
     """Refuse a file whose folder is not there, before the work and not after it."""
-    from foucault.files import unwritable
-
     if path is not None and not path.absolute().parent.is_dir():
         raise unwritable(path, FileNotFoundError("its folder is not there"))
     return path

@@ -12,11 +12,10 @@ from foucault.cli.screen import Screen
 
 @command("foucault parts", "foucault parts ICM-20948")
 def parts(
-    ctx: typer.Context,
+    screen: Screen,
     name: Annotated[str | None, typer.Argument()] = None,
 ) -> None:
     """List instruments known by data sheet, or what one sheet says."""
-    screen: Screen = ctx.obj
     if name is None:
         _all(screen)
     else:

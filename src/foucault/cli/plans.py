@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import reduce
+from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -11,6 +12,8 @@ import typer
 
 from foucault.cli.options import command
 from foucault.cli.screen import Screen
+from foucault.errors import error
+from foucault.files import parse_toml, read_text
 
 if TYPE_CHECKING:
     from foucault.arrays import FloatArray
@@ -45,7 +48,7 @@ class Told(NamedTuple):
     "foucault plans --model systematic campaign.toml -o actions.csv",
 )
 def plans(
-    ctx: typer.Context,
+    screen: Screen,
     name: Annotated[str | None, typer.Argument()] = None,
     model: str = "accel",
     angles: Annotated[bool, typer.Option("--angles/--no-angles")] = True,
@@ -55,9 +58,6 @@ def plans(
 
     A plan is printed with its table angles or its actions, and what it cannot tell apart.
     """
-    from foucault.errors import error
-
-    screen: Screen = ctx.obj
     if name is None and output is not None:
         raise error("plan.which", path=output)
     makers = {DEFLECTION: _poses, MODEL: _sequences}
@@ -84,7 +84,7 @@ def _directions(model: str, name: str | None, angles: bool) -> Told:
     found = refuse_singular(called, up_k(at), known)
     return Told(
         report.one(called, found, at if angles else None),
-        _document(called, found) | {"angles": at.tolist()},
+        _document(called, found) | {"angles": at},
         lambda file: write_positions(at, file),
     )
 
@@ -99,8 +99,8 @@ def _poses(_: str, name: str | None, angles: bool) -> Told:
     found = [quality(at) for _, at in sets]
     at = sets[0][1]
     listed = [
-        {"name": n, "angles": each.tolist(), "condition": q.condition, "rms_sd": q.spread,
-         "sd": dict(zip(COEFFICIENTS, q.sd.tolist(), strict=True))}
+        {"name": n, "angles": each, "condition": q.condition, "rms_sd": q.spread,
+         "sd": dict(zip(COEFFICIENTS, q.sd, strict=True))}
         for (n, each), q in zip(sets, found, strict=True)
     ]  # fmt: skip
     return Told(
@@ -112,8 +112,6 @@ def _poses(_: str, name: str | None, angles: bool) -> Told:
 
 def _sequences(_: str, name: str | None, steps: bool) -> Told:
     """List the built-in sequences and what they show, or one for the one who turns the table."""
-    from math import radians
-
     from foucault.models.earth import Site
     from foucault.models.noise import grade
     from foucault.plans.sequence import BUILT_IN
@@ -144,7 +142,6 @@ def _sequences(_: str, name: str | None, steps: bool) -> Told:
 def sequence_of(name: str) -> CalibrationSequence:
     """Return the sequence that `name` stands for."""
     from foucault import campaign
-    from foucault.errors import error
     from foucault.plans.sequence import CalibrationSequence, built_in
     from foucault.plans.sequence_file import read_sequence
     from foucault.procedures.systematic.settings import planned
@@ -163,8 +160,6 @@ def sequence_of(name: str) -> CalibrationSequence:
 
 
 def _is_campaign(path: Path) -> bool:
-    from foucault.files import parse_toml, read_text
-
     try:
         return "procedure" in parse_toml(read_text(path))
     except (OSError, ValueError):
@@ -181,10 +176,6 @@ def _positions(name: str) -> tuple[str, FloatArray]:
 
 def _document(name: str, found: Efficiency) -> dict[str, Any]:
     """What is known of a plan, as JSON."""
-    import math
-
-    def finite(value: float) -> float | None:
-        return float(value) if math.isfinite(value) else None
 
     return {
         "name": name,
@@ -195,12 +186,12 @@ def _document(name: str, found: Efficiency) -> dict[str, Any]:
         "reason": found.reason,
         "d_efficiency": found.d_efficiency,
         "a_efficiency": found.a_efficiency,
-        "log10_det": finite(found.log10_det),
+        "log10_det": found.log10_det,
         "redundant": found.redundant,
         "noticed": found.noticed,
         "named": found.named,
         "likeness": found.likeness,
-        "hidden_shift": finite(found.hidden_shift),
-        "sd": {n: finite(s) for n, s in zip(found.names, found.sd.tolist(), strict=True)},
+        "hidden_shift": found.hidden_shift,
+        "sd": dict(zip(found.names, found.sd, strict=True)),
         "verdict": found.verdict,
     }

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -12,10 +13,6 @@ from foucault.cli.options import Amount, command, quantity
 from foucault.cli.screen import Screen, written
 from foucault.cli.sessions import load_or_template
 from foucault.errors import error
-
-if TYPE_CHECKING:
-    pass
-
 
 INCOMPLETE = 3  # Exit code where something is hardly seen, that of a doubtful result.
 
@@ -29,7 +26,7 @@ INCOMPLETE = 3  # Exit code where something is hardly seen, that of a doubtful r
     exits={0: "all is seen", 3: "something is hardly seen, or a limit is broken"},
 )
 def preflight(
-    ctx: typer.Context,
+    screen: Screen,
     what: options.CampaignOrName,
     plan: str | None = None,
     rate: str | None = None,
@@ -47,7 +44,6 @@ def preflight(
     from foucault.campaign import optimisation
     from foucault.report import operator, planned
 
-    screen: Screen = ctx.obj
     given = {"plan": plan, "rate": rate, "segment": segment, "terms": terms}
     with screen.progress() as tell:
         campaign = load_or_template(what, said or ())
@@ -84,7 +80,7 @@ def preflight(
     },
 )
 def optimise(
-    ctx: typer.Context,
+    screen: Screen,
     what: options.SearchedOrName,
     output: options.ContinuedFolder,
     restarts: Annotated[int, typer.Option(min=1, max=1000000)] = 32,
@@ -98,13 +94,9 @@ def optimise(
     local_cluster: cluster.LocalCluster = None,
 ) -> None:  # fmt: skip
     """Search for a plan that sees more, within limits of the rig."""
-    from dataclasses import asdict
-
     from foucault.campaign import optimisation
-    from foucault.files import plain_json
     from foucault.run_folder import CAMPAIGN_FILE
 
-    screen: Screen = ctx.obj
     campaign = load_or_template(what, said or ())
     there = optimisation.finished(output)
     with (
@@ -120,7 +112,7 @@ def optimise(
     unseen = f"No allowed plan shows: {', '.join(found.unseen)}."
     raise written(output, "search", found).tell(
         screen,
-        plain_json(asdict(found) | {"complete": found.complete}),
+        asdict(found) | {"complete": found.complete},
         *[unseen] * bool(found.unseen),
         *[went_on] * bool(there),
         f"Plan: {output / CAMPAIGN_FILE}",
@@ -140,7 +132,7 @@ def optimise(
     exits={0: "every check passed", 3: "one did not"},
 )
 def montecarlo(
-    ctx: typer.Context,
+    screen: Screen,
     what: options.CampaignOrName,
     output: options.ContinuedFolder,
     trials: Annotated[int, typer.Option("-n", "--trials", min=2, max=1000000)] = 500,
@@ -157,7 +149,6 @@ def montecarlo(
     """
     from foucault.campaign import many, study
 
-    screen: Screen = ctx.obj
     if gpu and not (batched and scheduler is None and local_cluster is None):
         raise error("study.gpu_options")
     described = load_or_template(what)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -14,6 +15,8 @@ from foucault.cli import options
 from foucault.cli.options import add as add_command
 from foucault.cli.options import command
 from foucault.cli.screen import EXIT_CODES, Screen, kept, written
+from foucault.errors import FoucaultError, error
+from foucault.files import keep_others, write_text
 
 if TYPE_CHECKING:
     from foucault.records import Records
@@ -64,7 +67,7 @@ def _open(where: str | None, who: str = "", *, make: bool = False) -> Iterator[R
     exits={0: "all are in", 3: "some could not be taken in"},
 )
 def add(
-    ctx: typer.Context,
+    screen: Screen,
     runs: Annotated[list[Path] | None, typer.Argument()] = None,
     below: Path | None = None,
     date: str = "",
@@ -77,12 +80,8 @@ def add(
 
     A run folder stays where it lies and is only read. Interrupted, the same command goes on.
     """
-    from dataclasses import asdict
-
-    from foucault.errors import error
     from foucault.run_folder import RESULT_FILE
 
-    screen: Screen = ctx.obj
     folders = list(runs or [])
     if below is not None:
         folders += sorted(file.parent for file in below.rglob(RESULT_FILE))
@@ -109,14 +108,11 @@ def add(
 
 @command("foucault records list", 'foucault records list "IMU 7"')
 def list_(
-    ctx: typer.Context,
+    screen: Screen,
     instrument: Annotated[str | None, typer.Argument()] = None,
     database: Where = None,
 ) -> None:
     """List instruments, or the runs of one."""
-    from dataclasses import asdict
-
-    screen: Screen = ctx.obj
     with _open(database) as records:
         name = None if instrument is None else records.instrument(instrument)
         runs = records.runs(name or "")
@@ -136,7 +132,7 @@ def list_(
            4: "out of its limits, out of service, or no run counts"},
 )  # fmt: skip
 def show(
-    ctx: typer.Context,
+    screen: Screen,
     instrument: InstrumentName,
     output: options.FolderIfWanted = None,
     at: AsOf = "",
@@ -149,15 +145,12 @@ def show(
     from foucault.campaign import comparison
     from foucault.records.history import compared, past
 
-    screen: Screen = ctx.obj
     with _open(database) as records, screen.work(output, "comparison"):
         found = past(records, instrument, comparison.moment(at) if at else None)
         issued = [c for run in found.runs for c in records.certificates(run)]
         if output is not None:
             read = compared(records, found)
             if read is None:
-                from foucault.errors import error
-
                 raise error("records.one", name=found.instrument, count=len(found.counted))
             page = kept(comparison.record(read), output)
             written(output, "comparison", *page.held)
@@ -206,12 +199,8 @@ def _day(time: float) -> str:
 
 def _plain(found: Past) -> dict[str, Any]:
     """Return an instrument as JSON has it [SI]."""
-    from dataclasses import asdict
-
-    from foucault.files import plain_json
-
     first = found.first_reached
-    said: dict[str, Any] = plain_json({
+    return {
         "instrument": found.instrument,
         "level": str(found.level),
         "due": "" if math.isnan(found.due) else _day(found.due),
@@ -221,14 +210,13 @@ def _plain(found: Past) -> dict[str, Any]:
         "counted": [r.number for r in found.counted],
         "events": [e.model_dump() for e in found.events],
         "coefficients": [asdict(o) for o in found.outlooks],
-    })  # fmt: skip
-    return said
+    }
 
 
 @command("foucault records due", "foucault records due --within 90",
          exits={3: "something is due"})  # fmt: skip
 def due(
-    ctx: typer.Context,
+    screen: Screen,
     within: Annotated[float, typer.Option(min=0)] = 30.0,
     at: AsOf = "",
     database: Where = None,
@@ -240,7 +228,6 @@ def due(
     from foucault.campaign import comparison
     from foucault.records.history import pasts
 
-    screen: Screen = ctx.obj
     with _open(database) as records:
         found = pasts(records, comparison.moment(at) if at else None)
         references = records.references()
@@ -270,7 +257,7 @@ def due(
 
 @command('foucault records review 12 accepted --reason "the log of the chamber explains it"')
 def review(
-    ctx: typer.Context,
+    screen: Screen,
     run: OneRun,
     decision: Literal["accepted", "rejected"],
     reason: Annotated[str, typer.Option()],
@@ -282,12 +269,12 @@ def review(
     What is rejected no longer counts for its instrument.
     """
     with _open(database, who) as records:
-        _added(ctx.obj, records.review(run, decision, reason))
+        _added(screen, records.review(run, decision, reason))
 
 
 @command('foucault records tolerance "IMU 7" tolerance.toml')
 def tolerance(
-    ctx: typer.Context,
+    screen: Screen,
     instrument: InstrumentName,
     file: Path,
     database: Where = None,
@@ -295,25 +282,25 @@ def tolerance(
 ) -> None:
     """Set the limits of an instrument; the file is kept whole."""
     with _open(database, who) as records:
-        _added(ctx.obj, records.tolerate(instrument, file))
+        _added(screen, records.tolerate(instrument, file))
 
 
 @command('foucault records interval "IMU 7" 12')
 def interval(
-    ctx: typer.Context,
+    screen: Screen,
     instrument: InstrumentName,
     months: Annotated[float, typer.Argument(min=0.1, max=600)],
     database: Where = None,
     who: Who = "",
-) -> None:  # fmt: skip
+) -> None:
     """Set how long a calibration of an instrument holds."""
     with _open(database, who) as records:
-        _added(ctx.obj, records.recalibrate_every(instrument, months))
+        _added(screen, records.recalibrate_every(instrument, months))
 
 
 @command('foucault records event "IMU 7" repaired --on 2026-04-01 --words "new z gyro"')
 def event(
-    ctx: typer.Context,
+    screen: Screen,
     instrument: InstrumentName,
     what: Literal["repaired", "adjusted", "out of service", "in service", "note"],
     on: Annotated[str, typer.Option()],
@@ -326,12 +313,12 @@ def event(
     After a repair or an adjustment earlier runs no longer count.
     """
     with _open(database, who) as records:
-        _added(ctx.obj, records.event(instrument, what, on, words))
+        _added(screen, records.event(instrument, what, on, words))
 
 
 @command('foucault records reference "table 3" table --certificate "No. 12345" --renew 2027-01-31')
 def reference(
-    ctx: typer.Context,
+    screen: Screen,
     name: str,
     what: Literal["gravity", "table", "clock", "thermometer", "other"],
     certificate: str = "",
@@ -342,18 +329,17 @@ def reference(
 ) -> None:
     """Name what calibrations rest on, or renew its certificate."""
     with _open(database, who, make=True) as records:
-        _added(ctx.obj, records.reference(name, what, certificate, renew, words))
+        _added(screen, records.reference(name, what, certificate, renew, words))
 
 
 @command("foucault records moved archive/2025/run")
 def moved(
-    ctx: typer.Context,
+    screen: Screen,
     folder: Path,
     database: Where = None,
     who: Who = "",
 ) -> None:
     """Say that a run folder lies elsewhere now."""
-    screen: Screen = ctx.obj
     with _open(database, who) as records:
         run = records.moved(folder)
     screen.say(f"Run {run.number} of {run.instrument} lies in {run.folder}.")
@@ -363,7 +349,7 @@ def moved(
 @command("foucault records rerun 12", "foucault records rerun --older",
          exits={3: "some could not be"})  # fmt: skip
 def rerun(
-    ctx: typer.Context,
+    screen: Screen,
     run: Annotated[list[str] | None, typer.Argument()] = None,
     older: Annotated[bool, typer.Option("--older")] = False,
     database: Where = None,
@@ -374,10 +360,8 @@ def rerun(
     What the program does otherwise is then not taken for a change of the instrument.
     """
     from foucault import __version__
-    from foucault.errors import FoucaultError
     from foucault.records.again import rerun as again
 
-    screen: Screen = ctx.obj
     done, failed = [], []
     with _open(database, who) as records:
         every = records.runs()
@@ -405,12 +389,11 @@ def rerun(
 @command("foucault records audit", "foucault records audit --since 3f2a...",
          exits={4: "something is not as it was"})  # fmt: skip
 def audit(
-    ctx: typer.Context,
+    screen: Screen,
     since: str = "",
     database: Where = None,
 ) -> None:
     """Look for what was changed: entries, run folders, the index."""
-    screen: Screen = ctx.obj
     with _open(database) as records, screen.progress() as tell:
         faults = records.audit(tell)
         number, head = records.head
@@ -429,12 +412,11 @@ def audit(
 
 @command("foucault records rebuild", "foucault records rebuild --journal journal.jsonl")
 def rebuild(
-    ctx: typer.Context,
+    screen: Screen,
     journal: Path | None = None,
     database: Where = None,
 ) -> None:
     """Make the index again, of the entries and the run folders."""
-    screen: Screen = ctx.obj
     with _open(database, make=journal is not None) as records:
         count = records.rebuild(journal)
     screen.say(f"The index holds {count} runs.")
@@ -443,14 +425,11 @@ def rebuild(
 
 @command("foucault records export -o journal.jsonl")
 def export(
-    ctx: typer.Context,
+    screen: Screen,
     output: Annotated[Path | None, typer.Option("-o", "--output")] = None,
     database: Where = None,
 ) -> None:
     """Write all entries, a line of JSON for each."""
-    from foucault.files import keep_others, write_text
-
-    screen: Screen = ctx.obj
     with _open(database) as records:
         text = records.export()
     if output is None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +14,9 @@ import typer
 from foucault.cli import options
 from foucault.cli.options import Amount, command, quantity
 from foucault.cli.screen import Found, Screen, found_in, kept, written
+from foucault.errors import error
+from foucault.files import write_text
+from foucault.symptoms import SYMPTOMS, markdown
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
@@ -31,24 +36,18 @@ if TYPE_CHECKING:
     exits=options.VERDICT,
 )
 def calibrate(
-    ctx: typer.Context,
+    screen: Screen,
     output: options.RunFolder,
     place: options.Place,
     campaign: options.CampaignOrLogs = None,
     taken: options.Taken = None,
     terms: options.TermsChosen = None,
     live: Annotated[str | None, typer.Option(metavar="SOURCE")] = None,
-    frames: Annotated[
-        str | None,
-        typer.Option(help=options.FRAMES),
-    ] = None,
-    hold: Annotated[Amount | None, quantity("time", "", least="above 0")] = None,
+    frames: Annotated[str | None, typer.Option(help=options.FRAMES)] = None,
+    hold: Annotated[Amount | None, quantity("time", "", least="greater than 0")] = None,
     want: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
     words: str | None = None,
-    silence: Annotated[
-        Amount | None,
-        quantity("time", options.SILENCE, least="above 0"),
-    ] = None,
+    silence: options.Silence = None,
 ) -> None:
     """Calibrate an instrument from its log, and write the report.
 
@@ -60,9 +59,7 @@ def calibrate(
     from foucault.campaign import recognised as bare
     from foucault.campaign import vehicle
     from foucault.diagnose.references import in_words
-    from foucault.errors import error
 
-    screen: Screen = ctx.obj
     more: dict[str, Any] = {} if terms is None else {"terms": terms}
     if live is not None:
         from foucault.cli import guide
@@ -74,8 +71,8 @@ def calibrate(
         if recorded is None:
             raise error("guide.nothing", source=live)
         campaign = [recorded.path]
-    elif lone := [f"--{n}" for n in ("frames", "hold", "want", "words", "silence")
-                  if ctx.params.get(n)]:  # fmt: skip
+    guiding = {"frames": frames, "hold": hold, "want": want, "words": words, "silence": silence}
+    if live is None and (lone := [f"--{name}" for name, given in guiding.items() if given]):
         raise error("guide.alone", options=", ".join(lone))
     if not campaign:
         raise error("guide.no_log")
@@ -173,8 +170,6 @@ def _run(
 
 def _saved(folder: Path, **more: Any) -> dict[str, Any]:
     """Return what result.json in a folder holds."""
-    import json
-
     from foucault.run_folder import RESULT_FILE
 
     return {**more, "result": json.loads((folder / RESULT_FILE).read_text(encoding="utf-8"))}
@@ -182,13 +177,10 @@ def _saved(folder: Path, **more: Any) -> dict[str, Any]:
 
 @command("foucault report run")
 def report(
-    ctx: typer.Context,
+    screen: Screen,
     folder: Path,
 ) -> None:
     """Write the report again from what the folder holds."""
-    from foucault.errors import error
-
-    screen: Screen = ctx.obj
     try:
         found = found_in(folder)
         file = found.page()
@@ -202,7 +194,7 @@ def report(
 
 @command("foucault demo", "foucault demo -o demo", exits=options.VERDICT)
 def demo(
-    ctx: typer.Context,
+    screen: Screen,
     output: options.Folder = Path("demo"),
     seed: options.Seed = 1,
 ) -> None:
@@ -212,7 +204,6 @@ def demo(
     """
     from foucault import campaign as campaigns
 
-    screen: Screen = ctx.obj
     with screen.progress() as tell:
         tell(0.1, "simulating")
         described = campaigns.parse(campaigns.template("hand_rotated", grade="consumer MEMS"))
@@ -253,7 +244,7 @@ def _beside_truth(session: Session, result: Result) -> list[dict[str, Any]]:
 
 @command("foucault merge monday tuesday -o merged", exits=options.VERDICT)
 def merge(
-    ctx: typer.Context,
+    screen: Screen,
     results: options.ResultFiles,
     output: options.RunFolder,
 ) -> None:
@@ -264,7 +255,6 @@ def merge(
     from foucault import run_folder
     from foucault.campaign import earlier
 
-    screen: Screen = ctx.obj
     with screen.work(output):
         result = earlier.merge(results)
         run_folder.save(result, output)
@@ -288,7 +278,7 @@ def merge(
     "foucault init --log session.csv -o campaign.toml",
 )
 def init(
-    ctx: typer.Context,
+    screen: Screen,
     place: options.Place,
     procedure: Annotated[str | None, typer.Argument()] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output")] = None,
@@ -299,10 +289,7 @@ def init(
 ) -> None:
     """Write a campaign file to start from, or the campaign of a log."""
     from foucault import campaign
-    from foucault.errors import error
-    from foucault.files import write_text
 
-    screen: Screen = ctx.obj
     if (procedure is None) == (log is None) or (log and (part or grade)):
         raise error("recognise.init")
     if output is not None and output.exists():
@@ -346,21 +333,14 @@ def schema(
     result: Annotated[bool, typer.Option("--result")] = False,
 ) -> None:
     """Print the JSON schema of campaign files, or of result.json."""
-    import json
+    from foucault import campaign, result_document
 
-    from foucault import campaign, run_folder
-
-    print(json.dumps(run_folder.result_schema() if result else campaign.schema(), indent=1))
+    print(json.dumps(result_document.result_schema() if result else campaign.schema(), indent=1))
 
 
 @command("foucault messages > messages.md")
-def messages(ctx: typer.Context) -> None:
+def messages(screen: Screen) -> None:
     """Print every error and warning with its cure, as Markdown."""
-    from dataclasses import asdict
-
-    from foucault.symptoms import SYMPTOMS, markdown
-
-    screen: Screen = ctx.obj
     if screen.json:
         screen.data([asdict(row) for row in SYMPTOMS.values()])
     else:
@@ -379,7 +359,7 @@ def messages(ctx: typer.Context) -> None:
     exits=options.VERDICT,
 )
 def temperature(
-    ctx: typer.Context,
+    screen: Screen,
     results: options.ResultFiles,
     output: options.RunFolder,
     at: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
@@ -398,7 +378,6 @@ def temperature(
     from foucault import run_folder
     from foucault.procedures import temperature as procedure
 
-    screen: Screen = ctx.obj
     settings = procedure.Settings(
         orders=_orders(order or []),
         knots=_knots(knots),
@@ -421,7 +400,6 @@ def temperature(
 def _sessions(results: Sequence[Path], at: Sequence[str]) -> list[AtTemperature]:
     """Read the results with their temperatures."""
     from foucault.campaign.tables import parse_at
-    from foucault.errors import error
     from foucault.procedures.temperature import Session
     from foucault.run_folder import load_result
 
@@ -451,8 +429,6 @@ def _ramp(path: Path, tell: Any) -> Ramp:
 
 
 def _orders(given: Sequence[str]) -> dict[str, int]:
-    from foucault.errors import error
-
     out = {}
     for text in given:
         family, _, power = text.rpartition("=")
@@ -473,7 +449,6 @@ def _knots(given: str | None) -> tuple[float, ...]:
 
 def _scatters(given: Sequence[str]) -> dict[str, float]:
     from foucault.campaign.tables import parse_at
-    from foucault.errors import error
     from foucault.models.layouts import EVERY
 
     out = {}

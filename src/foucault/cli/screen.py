@@ -18,6 +18,7 @@ import typer
 
 from foucault.errors import Finding, FoucaultError
 from foucault.escape import screen
+from foucault.files import alone, beside, plain_json
 
 if TYPE_CHECKING:
     from foucault.report.page import Document, Section, Table
@@ -179,9 +180,9 @@ class Screen:
             self.say(f"  {item.cure}")
 
     def data(self, value: Any) -> None:
-        """Print `value` as JSON, with --json only."""
-        if self.json:
-            print(json.dumps(value, indent=1))  # in ASCII: whoever reads it need know no encoding
+        """Print `value` as JSON, with --json only; what is not finite is null."""
+        if self.json:  # in ASCII: whoever reads it need know no encoding
+            print(json.dumps(plain_json(value), indent=1))
 
     def error(self, problem: FoucaultError) -> None:
         """Print what was wrong and what to do; both in JSON too with --json."""
@@ -195,7 +196,6 @@ class Screen:
     @contextmanager
     def work(self, folder: Path | None, kind: str = "result") -> Iterator[Tell]:
         """Yield `progress`, with the folder to write held alone; one of another kind is refused."""
-        from foucault.files import alone
         from foucault.run_folder import refuse_others
 
         if folder is not None:
@@ -418,8 +418,6 @@ def found_in(folder: Path) -> Found:
 
 def written(folder: Path, kind: str, *held: Any) -> Found:
     """Write the page of a folder, which is whole without it, from what was found."""
-    from foucault.files import beside
-
     with beside(folder):
         found = Found(kind, held, folder) if held else found_in(folder)
         found.page()

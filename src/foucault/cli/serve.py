@@ -15,6 +15,7 @@ import typer
 from foucault.cli import screen as screens
 from foucault.cli.options import command
 from foucault.cli.screen import Screen
+from foucault.errors import library
 
 if TYPE_CHECKING:
     from foucault.workbench.asked import Option
@@ -33,6 +34,7 @@ WORKER = "FOUCAULT_WORKER"
 )
 def serve(
     ctx: typer.Context,
+    screen: Screen,
     folder: Annotated[Path, typer.Argument()] = Path("workbench"),
     port: Annotated[int, typer.Option(min=0, max=65535)] = 8400,
     host: str = "127.0.0.1",
@@ -43,14 +45,9 @@ def serve(
     role: Literal["operator", "reviewer", "administrator"] = "operator",
 ) -> None:
     """Open a workbench: drop a log, see its verdict, keep it."""
-    from foucault.errors import error
-
-    screen: Screen = ctx.obj
     program = ctx.find_root().command
-    try:
+    with library("workbench.library"):
         from foucault.workbench import serving
-    except ImportError:
-        raise error("workbench.library") from None
     where = serving.made(folder)
     if os.environ.get(WORKER):
         from foucault.workbench.look import look

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +13,9 @@ import typer
 from foucault.cli import options
 from foucault.cli.options import Amount, command
 from foucault.cli.screen import Screen
+from foucault.errors import FoucaultError, error
+from foucault.escape import commented
+from foucault.files import make_folder, plain_json, write_text
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
@@ -40,7 +45,7 @@ def load_or_template(name: str, said: Sequence[str] = ()) -> Campaign:
     "foucault simulate norm_observation -o bench --instruments 60",
 )
 def simulate(
-    ctx: typer.Context,
+    screen: Screen,
     what: options.CampaignOrName,
     output: options.Folder,
     seed: Annotated[int | None, typer.Option(min=0)] = None,
@@ -49,7 +54,6 @@ def simulate(
     """Simulate a session: the log, and the truth beside it."""
     from foucault import campaign
 
-    screen: Screen = ctx.obj
     if instruments is not None:
         _simulate_fleet(screen, load_or_template(what), output, seed, instruments)
         return
@@ -89,7 +93,7 @@ def _simulate_fleet(
 
 @command("foucault inspect campaign.toml --plots quick.html", "foucault inspect session/log.csv")
 def inspect(
-    ctx: typer.Context,
+    screen: Screen,
     log: options.LogFiles,
     plots: Path | None = None,
     everything: Annotated[bool, typer.Option("--all")] = False,
@@ -103,7 +107,6 @@ def inspect(
     from foucault.diagnose import live
     from foucault.report import noise, save
 
-    screen: Screen = ctx.obj
     held = _taken(screen, log, known := _known(log, taken))
     with screen.progress() as tell:
         table = read_any(log, tell, said=known)[0] if held is None else held.log
@@ -135,7 +138,6 @@ def _taken(screen: Screen, log: Sequence[Path], known: dict[str, Any]) -> Bare |
     """Say what a bare log was taken for; nothing of one that says itself what it holds."""
     from foucault.campaign.recognised import found
     from foucault.cli.results import say_taken
-    from foucault.errors import FoucaultError
 
     if not options.bare(log):
         return None
@@ -155,7 +157,7 @@ def _document(path: Path, seen: Inspection, start: float) -> dict[str, Any]:
     samples = log.averaged is None
     keep = ("mean", "sd", "lowest", "highest", *(["noise"] if samples else []))
     triads = {
-        name: {key: _numbers(getattr(axes, key)) for key in keep}
+        name: {key: getattr(axes, key) for key in keep}
         for name, axes in (("accel", seen.accel), ("gyro", seen.gyro))
         if axes is not None
     }
@@ -164,26 +166,23 @@ def _document(path: Path, seen: Inspection, start: float) -> dict[str, Any]:
         "samples": len(log),
         "start": start,
         "duration": log.duration,
-        **({"rate": log.rate} if log.averaged is None else {"averaged": log.averaged.tolist()}),
+        **({"rate": log.rate} if log.averaged is None else {"averaged": log.averaged}),
         **({"interval": [seen.shortest, seen.longest], "gaps": seen.gaps} if samples else {}),
         "sampled": log.sampled,
         **triads,
         **({"threshold": seen.rests.threshold} if samples else {}),
-        "rests": {name: _numbers(column) for name, column in seen.rest_rows.items()}
-        | {"turning": seen.turning.tolist()},
+        "rests": seen.rest_rows | {"turning": seen.turning},
         "findings": [item.as_dict() for item in seen.findings],
     }
-
-
-def _numbers(column: Any) -> list[Any]:
-    """Return a column as JSON has it: null where there is no number, as of an axis not logged."""
-    return [None if x != x else x for x in column.tolist()]
 
 
 # -- The command about noise: allan --------------------------------------------------------------
 
 REPORT_FILE, NOISE_FILE, TABLE_FILE, DATA_FILE = (
     "report.html", "noise.toml", "allan.csv", "allan.json")  # fmt: skip
+OF_CHANNEL = (
+    "kind", "samples", "interval", "excess", "tau", "deviation", "low", "high", "dof", "curve",
+)  # fmt: skip
 
 
 @command(
@@ -192,7 +191,7 @@ REPORT_FILE, NOISE_FILE, TABLE_FILE, DATA_FILE = (
     "foucault allan static.parquet --axis gyro --kind hadamard",
 )
 def allan(
-    ctx: typer.Context,
+    screen: Screen,
     log: options.LogFiles,
     axis: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
     kind: str = "overlapping",
@@ -215,19 +214,14 @@ def allan(
     Random walks, bias instability and ramp by Allan deviations, with a [noise] table to use. Any
     columns: --column gx --column gy --unit "deg/s" --rate "100 Hz".
     """
-    import json
-
     from foucault import logs
     from foucault.campaign.running import read_any
     from foucault.diagnose import vibration
     from foucault.diagnose.allan import check_kind, deviation_table, measure_log
-    from foucault.errors import error
-    from foucault.files import make_folder, write_text
     from foucault.logs.columns import columns_alone
     from foucault.report import noise as report
     from foucault.report import save
 
-    screen: Screen = ctx.obj
     for option, given in (("--unit", unit), ("--rate", rate)):
         if given and not column:
             raise error("allan.alone", option=option)
@@ -252,7 +246,7 @@ def allan(
             make_folder(output)
             write_text(output / NOISE_FILE, block)
             write_text(output / TABLE_FILE, deviation_table(seen))
-            write_text(output / DATA_FILE, json.dumps(data, allow_nan=False) + "\n")
+            write_text(output / DATA_FILE, json.dumps(plain_json(data)) + "\n")
             save(said, output / REPORT_FILE)
     where = [] if output is None else [f"Plot: {output / REPORT_FILE}"]
     raise screen.tell(said, data, *where, keys=("noise.axes", "findings"))
@@ -261,8 +255,6 @@ def allan(
 def _block(seen: LogAllan) -> str:
     """Return the noise block of a campaign, or why there is none as a remark."""
     from foucault.diagnose.allan import noise_block
-    from foucault.errors import FoucaultError
-    from foucault.escape import commented
 
     try:
         return noise_block(seen)
@@ -272,32 +264,15 @@ def _block(seen: LogAllan) -> str:
 
 def _channels_said(path: Path, seen: LogAllan, findings: list[dict[str, str]]) -> dict[str, Any]:
     """What `allan` found, in SI."""
-    import math
-    from dataclasses import asdict
-
     from foucault.diagnose.bounding_pair import pairs
-
-    def finite(value: float) -> float | None:
-        return value if math.isfinite(value) else None
 
     channels = {
         name: {
-            "kind": channel.kind,
-            "samples": channel.samples,
-            "interval": channel.interval,
+            **{key: getattr(channel, key) for key in OF_CHANNEL},
             "longest_useful_tau": channel.longest,
-            "excess": channel.excess,
-            **{
-                key: getattr(channel, key).tolist()
-                for key in ("tau", "deviation", "low", "high", "dof", "curve")
-            },
             "noises": {
                 noise.name: {
-                    "value": noise.value,
-                    "sd": finite(noise.sd),
-                    "seen": noise.seen,
-                    "low": noise.low,
-                    "high": finite(noise.high),
+                    key: getattr(noise, key) for key in ("value", "sd", "seen", "low", "high")
                 }
                 for noise in channel.noises
             },

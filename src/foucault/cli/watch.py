@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from foucault.cli.options import Amount, command, quantity
-from foucault.cli.screen import INTERRUPTED, Drawn, Shown, Told, shown_by
+from foucault.cli.screen import INTERRUPTED, Drawn, Screen, Shown, Told, shown_by
+from foucault.errors import FoucaultError, error
 
 if TYPE_CHECKING:
     from foucault.campaign import Campaign
@@ -36,7 +37,7 @@ ENOUGH, TOO_FEW = 0, 3  # Exit codes.
     exits={0: "enough rests on all sides", 3: "not enough"},
 )
 def watch(
-    ctx: typer.Context,
+    screen: Screen,
     log: Annotated[Path | None, typer.Argument()] = None,
     stdin: Annotated[bool, typer.Option("--stdin")] = False,
     until_complete: Annotated[bool, typer.Option("--until-complete")] = False,
@@ -46,13 +47,11 @@ def watch(
     """Follow a growing log: rests found, orientations missing."""
     session = _open(log, stdin, hold)
     name = session.follower.tail.name
-    display = shown_by(ctx.obj, name, Display, JsonLines, Picture, Lines)
+    display = shown_by(screen, name, Display, JsonLines, Picture, Lines)
     with suppress(KeyboardInterrupt), display:
         _follow(session, display, until_complete, timeout)
     seen = session.finish()
     if seen is None and session.follower.tail.ended:
-        from foucault.errors import error
-
         raise error("log.empty", file=session.follower.tail.name)
     display.end(seen)
     raise typer.Exit(ENOUGH if seen is not None and seen.complete else TOO_FEW)
@@ -60,7 +59,6 @@ def watch(
 
 def _open(path: Path | None, stdin: bool, hold: float) -> Session:
     from foucault import campaign as campaigns
-    from foucault.errors import error
     from foucault.logs.description import LogDescription
     from foucault.logs.follow import Follower, StreamTail, open_tail
 
@@ -81,7 +79,6 @@ def _open(path: Path | None, stdin: bool, hold: float) -> Session:
 
 def _described(path: Path) -> LogDescription:
     """Describe a log that says itself what it holds, or by what it holds already."""
-    from foucault.errors import FoucaultError
     from foucault.logs.description import LogDescription, describes_itself
     from foucault.recognise.reading import question, recognise
 
@@ -158,8 +155,6 @@ class Session:
 def _follow(
     session: Session, display: Display, until_complete: bool, timeout: float | None
 ) -> None:
-    from foucault.errors import error
-
     tail, last = session.follower.tail, clock.monotonic()
     while not INTERRUPTED.is_set():
         if session.step():

@@ -89,7 +89,14 @@ def corrected(
     `logs`: its blocks [SI]; `sha256`, `force`, `hold`: as for `calibrate_log`.
     """
     seen = _Seen(result)
-    remarks = {own.CALIBRATED_KEY: _made_by(result, sha256)}
+    keep = {
+        "sha256": sha256,
+        "procedure": result.procedure,
+        "verdict": result.verdict.level.value,
+        "created": result.provenance.get("created"),
+        "instrument": {key: result.instrument.get(key) for key in ("name", "serial")},
+    }
+    remarks = {own.CALIBRATED_KEY: json_remark(keep)}
     return _calibrated(result, logs, seen, force, hold), remarks, seen.findings
 
 
@@ -128,17 +135,6 @@ def check_fits(result: Result, description: LogDescription, instrument: Mapping[
 
 def _listed(scale: Any) -> list[str]:
     return [scale] * 3 if isinstance(scale, str) else [str(s) for s in scale]
-
-
-def _made_by(result: Result, sha256: str) -> str:
-    keep = {
-        "sha256": sha256,
-        "procedure": result.procedure,
-        "verdict": result.verdict.level.value,
-        "created": result.provenance.get("created"),
-        "instrument": {key: result.instrument.get(key) for key in ("name", "serial")},
-    }
-    return json_remark(keep)
 
 
 def _calibrated(

@@ -198,7 +198,7 @@ def _read(
     own: Receiver, found: Found, about: Known | None, rate: float | None
 ) -> tuple[list[Line], list[Finding]]:
     """Return what the keys of one sensor say, and what is wrong with them."""
-    rate = rate or _rate_in(own, found) or (about.rate if about else None)
+    rate = rate or _single(own, found, "rate") or (about.rate if about else None)
     reading = Known(ImuModel(), rate=rate, correlation=_single(own, found, "correlation"))
     if about is not None:
         about = replace(about, rate=rate, correlation=reading.correlation or about.correlation)
@@ -262,10 +262,6 @@ def _single(own: Receiver, found: Found, of: str) -> float | None:
             value = float(numbers[0] * row.one)
             return value if 0 < value < np.inf else None
     return None
-
-
-def _rate_in(own: Receiver, found: Found) -> float | None:
-    return _single(own, found, "rate")
 
 
 # -- Beside the run ------------------------------------------------------------------------------

@@ -57,6 +57,9 @@ def _number(value: float) -> str:
 
 
 FORMAT = "foucault.export/1"  # Name and version of the document.
+MATRICES = ("accel_matrix", "accel_bias", "accel_quadratic", "gyro_matrix", "gyro_bias",
+            "g_sensitivity", "gyro_asymmetry", "gyro_cubic", "accel_asymmetry",
+            "deflection")  # fmt: skip
 
 
 def json_text(wanted: Request) -> str:
@@ -74,16 +77,7 @@ def json_text(wanted: Request) -> str:
             "gyro = r + gyro_asymmetry |r| + gyro_cubic r^3 + gyro_bias + g_sensitivity f, axis "
             "by axis; r = (gyro_matrix + D) w; D_ij = sum over k of deflection_ijk f_k; "
             "q(f) = (fx^2, fy^2, fz^2, fx fy, fx fz, fy fz)",
-            "accel_matrix": model.accel_matrix.tolist(),
-            "accel_bias": model.accel_bias.tolist(),
-            "accel_quadratic": model.accel_quadratic.tolist(),
-            "gyro_matrix": model.gyro_matrix.tolist(),
-            "gyro_bias": model.gyro_bias.tolist(),
-            "g_sensitivity": model.g_sensitivity.tolist(),
-            "gyro_asymmetry": model.gyro_asymmetry.tolist(),
-            "gyro_cubic": model.gyro_cubic.tolist(),
-            "accel_asymmetry": model.accel_asymmetry.tolist(),
-            "deflection": model.deflection.tolist(),
+            **{name: getattr(model, name).tolist() for name in MATRICES},
         },
         "inverse": {
             "equation": "f = accel_inverse p; p = (accel - accel_bias - accel_quadratic q(f)) / "

@@ -209,20 +209,9 @@ def in_axes(model: ImuModel, C_sb: FloatArray) -> ImuModel:
     Asymmetry and the cubic term of a gyro are those of one output, so that only axes along the old
     ones can have them; where the sense of an axis changes, so does that of its asymmetry.
     """
-    turned = model.rotated(C_sb)
-    return replace(
-        turned,
-        accel_matrix=C_sb @ turned.accel_matrix,
-        accel_bias=C_sb @ turned.accel_bias,
-        accel_quadratic=C_sb @ turned.accel_quadratic,
-        gyro_matrix=C_sb @ turned.gyro_matrix,
-        gyro_bias=C_sb @ turned.gyro_bias,
-        g_sensitivity=C_sb @ turned.g_sensitivity,
-        gyro_asymmetry=C_sb @ turned.gyro_asymmetry,
-        gyro_cubic=np.abs(C_sb) @ turned.gyro_cubic,
-        accel_asymmetry=C_sb @ turned.accel_asymmetry,
-        deflection=np.tensordot(C_sb, turned.deflection, 1),
-    )
+    turned = vars(model.rotated(C_sb))
+    senses = {"gyro_cubic": np.abs(C_sb)}  # an odd term: the sense of an axis is in it twice
+    return ImuModel(**{n: np.tensordot(senses.get(n, C_sb), x, 1) for n, x in turned.items()})
 
 
 def _dropped(vector: CoefficientVector, drop: Iterable[str]) -> CoefficientVector:

@@ -41,15 +41,16 @@ PATIENCE = 30.0
 
 meta = sa.MetaData()
 
+
+def _texts(names: str, **more: Any) -> list[sa.Column[str]]:
+    """Return columns of text, none of them ever null."""
+    return [sa.Column(name, sa.Text, nullable=False, **more) for name in names.split()]
+
+
 entry = sa.Table(
     "entry", meta,
     sa.Column("number", sa.Integer, primary_key=True, autoincrement=False),
-    sa.Column("made", sa.Text, nullable=False),
-    sa.Column("who", sa.Text, nullable=False),
-    sa.Column("kind", sa.Text, nullable=False),
-    sa.Column("body", sa.Text, nullable=False),
-    sa.Column("hash", sa.Text, nullable=False),
-    sa.Column("version", sa.Text, nullable=False),
+    *_texts("made who kind body hash version"),
 )  # fmt: skip
 
 run = sa.Table(
@@ -57,21 +58,11 @@ run = sa.Table(
     # the number of its entry
     sa.Column("number", sa.Integer, sa.ForeignKey("entry.number"), primary_key=True,
               autoincrement=False),
-    sa.Column("sha256", sa.Text, nullable=False, unique=True),
-    sa.Column("folder", sa.Text, nullable=False),
-    sa.Column("instrument", sa.Text, nullable=False, index=True),
-    sa.Column("procedure", sa.Text, nullable=False),
-    sa.Column("verdict", sa.Text, nullable=False),
-    sa.Column("reasons", sa.Text, nullable=False),
-    sa.Column("operator", sa.Text, nullable=False),
-    sa.Column("version", sa.Text, nullable=False),  # of the program that calibrated
-    sa.Column("equation", sa.Text, nullable=False),
-    sa.Column("gauge", sa.Text, nullable=False),
-    sa.Column("computed", sa.Text, nullable=False),
-    sa.Column("holds", sa.Text, nullable=False, index=True),
-    sa.Column("dated", sa.Text, nullable=False),
-    sa.Column("again", sa.Text, nullable=False),
-    sa.Column("decision", sa.Text, nullable=False),  # of the last review; empty: none
+    *_texts("sha256", unique=True), *_texts("folder"), *_texts("instrument", index=True),
+    # of the program that calibrated: version
+    *_texts("procedure verdict reasons operator version equation gauge computed"),
+    *_texts("holds", index=True),
+    *_texts("dated again decision"),  # of the last review: decision; empty: none
     sa.Column("covariance", sa.LargeBinary),  # of its coefficients in order, little-endian doubles
 )  # fmt: skip
 

@@ -95,7 +95,7 @@ class Records:
                  who: str = "") -> None:  # fmt: skip
         """Open them; `where` and `make` as for `Database`, `who` adds entries: the user if left."""
         self.database = Database(where, make=make)
-        self.who = who or _user()
+        self.who = who or user()
 
     def close(self) -> None:
         """Let go of the database."""
@@ -489,7 +489,8 @@ def _body(kind: type[Said], **said: Any) -> Said:
                     given=str(first["input"])[:80], reason=first["msg"]) from None  # fmt: skip
 
 
-def _user() -> str:
+def user() -> str:
+    """Return the name of the user of this computer."""
     try:
         return getpass.getuser()
     except (KeyError, OSError):  # a container without names

@@ -14,17 +14,6 @@ from foucault.procedures.alignment import Comparison
 from foucault.procedures.delay import FoundDelay
 from foucault.report import page
 from foucault.report.headings import from_each_north
-from foucault.report.page import (
-    STATES,
-    WORDS,
-    Document,
-    Heading,
-    Section,
-    Table,
-    columns,
-    said,
-    section,
-)
 from foucault.units import convert, parse, plain
 
 METHODS = {
@@ -35,19 +24,19 @@ METHODS = {
 }
 
 
-def document(found: Comparison, name: str, norths: Sequence[North] = ()) -> Document:
+def document(found: Comparison, name: str, norths: Sequence[North] = ()) -> page.Document:
     """Return the attitude by every method, side by side, and what limits it.
 
     `norths`: those that headings are given from, beside true north.
     """
     doubtful = any(item.severity == "warning" for item in found.findings)
     state, word = ("warning", "Something is doubtful") if doubtful else ("good", "North is seen")
-    head = Heading(f"Alignment of {name}", [], state, word, [])
-    limits = section("alignment.limits", _seen(found), _bias(found), _undeclared(found),
+    head = page.Heading(f"Alignment of {name}", [], state, word, [])
+    limits = page.section("alignment.limits", _seen(found), _bias(found), _undeclared(found),
                      _sway(found))  # fmt: skip
     each = [(METHODS[one.method], float(one.angles[0]), float(one.angles_sd[0]))
             for one in found.found]  # fmt: skip
-    return Document.of(
+    return page.Document.of(
         head,
         _methods(found),
         from_each_north("method", each, norths),
@@ -56,19 +45,19 @@ def document(found: Comparison, name: str, norths: Sequence[North] = ()) -> Docu
     )
 
 
-def _methods(found: Comparison) -> Section | None:
+def _methods(found: Comparison) -> page.Section | None:
     rows = []
     for one in found.found:
         both = zip(np.degrees(one.angles), np.degrees(one.angles_sd), strict=True)
         cells = [text for x, sd in both for text in (format_value(x, sd), f"{sd:.2g}")]
         rows.append([METHODS[one.method], *cells, f"{one.start:.1f} to {one.end:.1f}"])
     angles = [f"{angle} (deg): number | sd: number" for angle in ("heading", "pitch", "roll")]
-    heads = columns("method", *angles, "window (s): number")
-    return section("alignment.methods", Table(heads, rows))
+    heads = page.columns("method", *angles, "window (s): number")
+    return page.section("alignment.methods", page.Table(heads, rows))
 
 
 def _seen(found: Comparison) -> str:
-    return said(
+    return page.said(
         "alignment.limits.seen", rate=convert(found.rate_seen, "angular rate", "deg/h"),
         seen=np.degrees(found.latitude_seen), given=np.degrees(found.site.latitude or 0.0),
     )  # fmt: skip
@@ -79,14 +68,14 @@ def _bias(found: Comparison) -> str:
         return ""
     bias = convert(found.gyro_bias_sd, "angular rate", "deg/h")
     limit = float(np.degrees(found.found[0].azimuth_bias_sd))
-    return said("alignment.limits.bias", bias=plain(bias, 2), limit=plain(limit, 2))
+    return page.said("alignment.limits.bias", bias=plain(bias, 2), limit=plain(limit, 2))
 
 
 def _sway(found: Comparison) -> str:
     sway = found.found[0].disturbance_sd
     if sway is None:
         return ""
-    return said("alignment.limits.sway", sway=plain(1000 * float(np.mean(sway)), 2))
+    return page.said("alignment.limits.sway", sway=plain(1000 * float(np.mean(sway)), 2))
 
 
 def _undeclared(found: Comparison) -> str:
@@ -106,7 +95,7 @@ def _undeclared(found: Comparison) -> str:
         return ""
     which, options, adds = zip(*missing, strict=True)
     bias = "bias" if len(missing) == 2 else which[0]
-    return said(
+    return page.said(
         "alignment.limits.undeclared", bias=bias, options=", ".join(options), adds="; ".join(adds)
     )
 
@@ -114,35 +103,35 @@ def _undeclared(found: Comparison) -> str:
 # -- the time offset of two logs -------------------------------------------------------------
 
 
-def offset(found: FoundDelay) -> Document:
+def offset(found: FoundDelay) -> page.Document:
     """Return the time offset of two logs, its drift, and how one lies in the axes of the other."""
     one = found.delay
     about = "" if not one.drift else f" at {one.middle - found.start:.1f} s"
     text = f"{format_value(1e3 * one.delay, 1e3 * one.delay_sd)} ± {1e3 * one.delay_sd:.2g} ms"
     level = found.verdict.level
-    head = Heading(
+    head = page.Heading(
         f"Delay: {text}{about}", [f"{100 * one.likeness:.3g} % of the turning is in both"],
-        STATES[level], WORDS[level], list(found.verdict.reasons),
+        page.STATES[level], page.WORDS[level], list(found.verdict.reasons),
     )  # fmt: skip
     noticed = page.findings(found.findings, "logs")
     if one.delay_sd > 0 and not one.seen:
-        return Document.of(head, noticed)
-    return Document.of(head, _parts(found), _beside(found), noticed)
+        return page.Document.of(head, noticed)
+    return page.Document.of(head, _parts(found), _beside(found), noticed)
 
 
-def _parts(found: FoundDelay) -> Section | None:
+def _parts(found: FoundDelay) -> page.Section | None:
     one, start = found.delay, found.start
     rows = [
         [f"{a - start:.1f} to {b - start:.1f}", format_value(1e3 * x, 1e3 * sd), f"{1e3 * sd:.2g}"]
         for a, b, x, sd in zip(one.part_start, one.part_end, one.part_delay,
                                np.sqrt(np.diag(one.part_cov)), strict=True)
     ]  # fmt: skip
-    clock = said("delay.parts.start", start=plain(start, 13)) if start else ""
-    heads = columns("part (s) | delay (ms): number | sd: number")
-    return section("delay.parts", clock, Table(heads, rows))
+    clock = page.said("delay.parts.start", start=plain(start, 13)) if start else ""
+    heads = page.columns("part (s) | delay (ms): number | sd: number")
+    return page.section("delay.parts", clock, page.Table(heads, rows))
 
 
-def _beside(found: FoundDelay) -> Section | None:
+def _beside(found: FoundDelay) -> page.Section | None:
     one = found.delay
     heading, pitch, roll = np.degrees(turned(angles_of(one.C_ms)))
     sd = ", ".join(f"{x:.2g}" for x in np.degrees(np.sqrt(np.diag(one.mu_cov))))
@@ -154,6 +143,6 @@ def _beside(found: FoundDelay) -> Section | None:
     late = ""
     if found.transport is not None:
         ms = 1e3 * np.asarray(found.transport)
-        late = said("delay.beside.transport", mean=ms.mean(), least=ms.min(), most=ms.max())
-    turn = said("delay.beside.mounting", heading=heading, pitch=pitch, roll=roll, sd=sd)
-    return section("delay.beside", turn, said("delay.beside.bias", bias=bias), late)
+        late = page.said("delay.beside.transport", mean=ms.mean(), least=ms.min(), most=ms.max())
+    turn = page.said("delay.beside.mounting", heading=heading, pitch=pitch, roll=roll, sd=sd)
+    return page.section("delay.beside", turn, page.said("delay.beside.bias", bias=bias), late)

@@ -18,28 +18,6 @@ from foucault.models.imu import INVERSES, ImuModel
 from foucault.models.layouts import of_one_sample
 from foucault.models.north_seeker import EQUATION as NORTH_EQUATION
 from foucault.report import page
-from foucault.report.page import (
-    STATES,
-    WORDS,
-    Code,
-    Document,
-    Equation,
-    Facts,
-    Heading,
-    Section,
-    counted,
-    date,
-    gravity,
-    known_to,
-    minus,
-    place,
-    said,
-    section,
-    shown,
-    table,
-    told,
-    words,
-)
 from foucault.result import Result
 from foucault.units import ZERO_CELSIUS, factor, plain
 
@@ -95,12 +73,12 @@ SECTIONS = {
 columns, diagnostics. What a result does not have is not loaded."""
 
 
-def document(result: Result) -> Document:
+def document(result: Result) -> page.Document:
     """Return what there is to say of a calibration."""
-    return Document.of(heading(result), sections(result))
+    return page.Document.of(heading(result), sections(result))
 
 
-def heading(result: Result) -> Heading:
+def heading(result: Result) -> page.Heading:
     """Return the top of the page."""
     names = [str(result.instrument[k]) for k in ("name", "serial") if result.instrument.get(k)]
     reasons = list(result.verdict.reasons)
@@ -117,13 +95,15 @@ def heading(result: Result) -> Heading:
     line = [
         result.procedure,
         f"{count} results merged" if count else "",
-        place(result.site),
-        date(str(created)) if created else "",
+        page.place(result.site),
+        page.date(str(created)) if created else "",
     ]
-    return Heading(title, [part for part in line if part], STATES[level], WORDS[level], reasons)
+    return page.Heading(
+        title, [part for part in line if part], page.STATES[level], page.WORDS[level], reasons
+    )
 
 
-def sections(result: Result) -> list[Section]:
+def sections(result: Result) -> list[page.Section]:
     """Return the sections that `result` has something to show in."""
     has = {"", result.procedure, *result.tables, *(f"table:{t}" for t in result.tables)}
     has |= {k for k, v in result.diagnostics.items() if v}
@@ -145,7 +125,7 @@ KNOWN = ("name", "serial", "operator", "due", "note")
 """Keys of the instrument that the certificate shows."""
 
 
-def certificate(result: Result) -> Section | None:
+def certificate(result: Result) -> page.Section | None:
     """Who and what; lines to fill in by hand where the campaign does not say."""
     made = result.provenance
     if not (result.instrument or made or result.site):
@@ -158,13 +138,13 @@ def certificate(result: Result) -> Section | None:
         ("instrument", of["name"]),
         ("serial number", of["serial"]),
         ("operator", of["operator"]),
-        ("date", date(str(made["created"])) if made.get("created") else ""),
+        ("date", page.date(str(made["created"])) if made.get("created") else ""),
         ("temperature", _temperature(result.validity)),
         ("next calibration due", of["due"]),
     ]
     known = [
-        ("place", place(result.site)),
-        ("local gravity", gravity(result.site)),
+        ("place", page.place(result.site)),
+        ("local gravity", page.gravity(result.site)),
         ("time base", _clock(result)),
         *_covered(result),
         ("procedure", result.procedure),
@@ -174,20 +154,20 @@ def certificate(result: Result) -> Section | None:
         ("note", of["note"]),
     ]
     pairs = [*wanted, *(pair for pair in known if pair[1]), ("signature", "")]
-    return section("calibration.certificate", Facts(pairs), *_type_b(result))
+    return page.section("calibration.certificate", page.Facts(pairs), *_type_b(result))
 
 
 def _type_b(result: Result) -> list[Any]:
     """What is not estimated, as contributions of type B; in words where it is taken for nothing."""
     some, key = result.tables.get("left_out"), "calibration.certificate"
     if some is None:
-        return [said(f"{key}.nothing")] if result.coefficients.free.any() else []
+        return [page.said(f"{key}.nothing")] if result.coefficients.free.any() else []
     order = np.argsort(-np.asarray(some["share"], float), kind="stable")
     what, sizes, basis = ([str(some[k][i]) for i in order] for k in ("what", "size", "basis"))
     share, times = ([float(some[k][i]) for i in order] for k in ("share", "times"))
     return [
-        said(f"{key}.left_out"),
-        table(
+        page.said(f"{key}.left_out"),
+        page.table(
             ("not estimated", what),
             ("size (1 sd): number", sizes),
             ("type: short", ["B"] * len(what)),
@@ -215,7 +195,7 @@ def _temperature(validity: dict[str, Any]) -> str:
     low, high = (v - ZERO_CELSIUS for v in span)
     mean = validity.get("temperature_mean")
     also = "" if mean is None else f", mean {mean - ZERO_CELSIUS:.1f} °C"
-    return minus(f"{low:.1f} to {high:.1f} °C{also}")
+    return page.minus(f"{low:.1f} to {high:.1f} °C{also}")
 
 
 def _covered(result: Result) -> list[tuple[str, str]]:
@@ -230,7 +210,7 @@ def _covered(result: Result) -> list[tuple[str, str]]:
         if span and None not in span:
             if key == "gyro" and max(map(abs, span)) < SLOW:
                 size, unit = size / 3600, "°/h"
-            low, high = (minus(f"{v / size:.3g}") for v in span)
+            low, high = (page.minus(f"{v / size:.3g}") for v in span)
             rows.append((what, f"{low} to {high} {unit}"))
     return rows
 
@@ -242,13 +222,13 @@ def _positions(result: Result) -> list[tuple[str, str]]:
         return []
     rate, turns = np.asarray(some["rate"], float), np.asarray(some["turns"], float)
     spin = rate != 0.0
-    said = [counted(int(np.sum(~spin)), "rest")] if not spin.all() else []
+    said = [page.counted(int(np.sum(~spin)), "rest")] if not spin.all() else []
     if spin.any():
         each = " to ".join(f"{v:.0f}" for v in np.unique([turns[spin].min(), turns[spin].max()]))
         sizes = np.unique(np.round(np.degrees(rate[spin]), 3)).tolist()
-        rates = minus(", ".join(f"{v:.4g}" for v in sizes))
+        rates = page.minus(", ".join(f"{v:.4g}" for v in sizes))
         whole = f"{each} turn{'' if each == '1' else 's'}"
-        said.append(f"{counted(int(spin.sum()), 'spin')} of {whole} at {rates} °/s")
+        said.append(f"{page.counted(int(spin.sum()), 'spin')} of {whole} at {rates} °/s")
     plan = str(result.diagnostics.get("plan") or "")
     return [("positions", plan), ("readings", ", ".join(said))]
 
@@ -256,7 +236,7 @@ def _positions(result: Result) -> list[tuple[str, str]]:
 # -- results merged --------------------------------------------------------------------------
 
 
-def merged(result: Result) -> Section | None:
+def merged(result: Result) -> page.Section | None:
     """One row per coefficient, one column per result, the merged one last."""
     some = result.tables["merged"]
     keys = ("coefficient", "result", "value", "sd")
@@ -267,15 +247,15 @@ def merged(result: Result) -> Section | None:
         if (row["name"], name) not in found:
             return ""
         value, sd = (v / factor(row["display_unit"], row["kind"]) for v in found[row["name"], name])
-        return f"{known_to(value, sd)} ± {plain(sd, 2)}"
+        return f"{page.known_to(value, sd)} ± {plain(sd, 2)}"
 
     names = dict.fromkeys(some["result"].tolist())
-    return section(
+    return page.section(
         "calibration.merged",
-        table(
+        page.table(
             ("coefficient: name", [row["name"] for row in rows]),
             *((f"{name}: number", [cell(row, name) for row in rows]) for name in names),
-            ("unit: short", [shown(row["display_unit"]) for row in rows]),
+            ("unit: short", [page.shown(row["display_unit"]) for row in rows]),
         ),
     )
 
@@ -283,27 +263,27 @@ def merged(result: Result) -> Section | None:
 # -- findings, checks, provenance ------------------------------------------------------------
 
 
-def findings(result: Result) -> Section | None:
+def findings(result: Result) -> page.Section | None:
     """What was noticed in the data."""
     return page.findings(result.findings)
 
 
-def checks(result: Result) -> Section | None:
+def checks(result: Result) -> page.Section | None:
     """Every test that the verdict rests on."""
     return page.checks(result.checks)
 
 
-def provenance(result: Result) -> Section | None:
+def provenance(result: Result) -> page.Section | None:
     """What the result was made from and with; what the certificate says is not said again."""
     made = result.provenance
     inputs = [*made.get("inputs", []), *([made["input"]] if made.get("input") else [])]
     rest = {k: v for k, v in made.items() if k not in ("inputs", "input", "versions", "created")}
     return page.provenance(
         [
-            *[(k, words(v)) for k, v in result.instrument.items() if k not in KNOWN],
-            *[(f"input {k}", words(v)) for one in inputs for k, v in one.items()],
-            *[(k, words(v)) for k, v in rest.items()],
-            ("versions", words(made.get("versions") or {})),
+            *[(k, page.words(v)) for k, v in result.instrument.items() if k not in KNOWN],
+            *[(f"input {k}", page.words(v)) for one in inputs for k, v in one.items()],
+            *[(k, page.words(v)) for k, v in rest.items()],
+            ("versions", page.words(made.get("versions") or {})),
             ("status", result.status.value),
         ]
     )
@@ -312,18 +292,20 @@ def provenance(result: Result) -> Section | None:
 # -- how to apply it -------------------------------------------------------------------------
 
 
-def how_to_apply(result: Result) -> Section | None:
+def how_to_apply(result: Result) -> page.Section | None:
     """Equation, command, a few lines of Python, and the matrices."""
     key = "calibration.how_to_apply"
 
-    def code(what: str) -> Code:
-        return Code(told(f"{key}.{what}").lstrip("\n"))
+    def code(what: str) -> page.Code:
+        return page.Code(page.told(f"{key}.{what}").lstrip("\n"))
 
     equations, meant = _split(result.equation)
-    blocks: list[Any] = [Equation(equations) if equations else None]
+    blocks: list[Any] = [page.Equation(equations) if equations else None]
     blocks += [f"Here {line}." for line in meant]
     if result.equation == NORTH_EQUATION:
-        return section(key, blocks, "In the field, from the run folder:", code("commands_north"))
+        return page.section(
+            key, blocks, "In the field, from the run folder:", code("commands_north")
+        )
     inverse, kind, lead = INVERSES.get(result.equation), "", None
     imu = inverse is not None
     if result.size_effect:
@@ -331,18 +313,18 @@ def how_to_apply(result: Result) -> Section | None:
     if result.temperature is not None:
         kind, imu = "_temperature", False
     if result.equation == cluster.EQUATION:
-        inverse, kind, lead = cluster.INVERSE, "_cluster", told(f"{key}.cluster")
+        inverse, kind, lead = cluster.INVERSE, "_cluster", page.told(f"{key}.cluster")
     if result.equation == magnetometer.EQUATION:
         inverse, kind = magnetometer.INVERSE, "_mag"
     finite = bool(np.isfinite(result.coefficients.values).all())
     if finite and inverse is not None:
-        blocks += ["Solved for what is true:", Equation(_split(inverse)[0])]
+        blocks += ["Solved for what is true:", page.Equation(_split(inverse)[0])]
     commands = "commands_temperature" if kind == "_temperature" else "commands"
     blocks += ["On the command line, from the run folder:", code(commands)]
     blocks += ["In Python:", code(f"python{kind}")]
     if finite and imu:
-        blocks += ["The numbers alone, in SI units:", Code(numbers(result))]
-    return section(key, blocks, lead=lead)
+        blocks += ["The numbers alone, in SI units:", page.Code(numbers(result))]
+    return page.section(key, blocks, lead=lead)
 
 
 def _split(equation: str) -> tuple[list[str], list[str]]:

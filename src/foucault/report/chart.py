@@ -129,6 +129,14 @@ def line(
     return _trace("scatter", name, x, y, hover, {"mode": "lines", "line": look} | more)
 
 
+def lines(
+    x: Any, some: Mapping[str, Any], hover: str, colours: Iterable[str] = SERIES, **more: Any
+) -> list[Trace]:
+    """Return a line for each of `some`, name -> y, each in a colour; the pointer says its name."""
+    each = zip(some.items(), colours, strict=False)
+    return [line(name, x, y, colour, f"{hover}|{name}", **more) for (name, y), colour in each]
+
+
 def band(name: str, x: FloatArray, low: FloatArray, high: FloatArray, **more: Any) -> Trace:
     """Return a shaded band between two lines, where both are known."""
     known = np.isfinite(low) & np.isfinite(high)

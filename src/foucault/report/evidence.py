@@ -15,41 +15,7 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import format_value
-from foucault.report import chart, orientation
-from foucault.report.chart import (
-    BAD,
-    FIRST,
-    FULL,
-    OF_AXES,
-    SECOND,
-    Panel,
-    Trace,
-    axis,
-    bars,
-    count_axis,
-    dots,
-    draw,
-    level,
-    numbers,
-    whiskers,
-)
-from foucault.report.page import (
-    Block,
-    Figure,
-    Items,
-    Section,
-    Table,
-    Text,
-    chi_square,
-    columns,
-    known_to,
-    minus,
-    said,
-    section,
-    size,
-    table,
-    unit_of,
-)
+from foucault.report import chart, orientation, page
 from foucault.result import Result
 
 RESIDUAL_LIMIT = 3.0  # guide line; one normal residual in 370 lies outside
@@ -76,27 +42,23 @@ def _gravity(result: Result) -> float | None:
     return result.diagnostics.get("gravity", result.site.get("gravity"))
 
 
-def _items(some: list[tuple[str, str]]) -> Items | None:
-    return Items(some) if some else None
-
-
 # -- rests and turns by hand -----------------------------------------------------------------
 
 
-def norms(result: Result) -> Section | None:
+def norms(result: Result) -> page.Section | None:
     """Specific force of every rest against local gravity, before and after."""
     rests, gravity = result.tables["rests"], _gravity(result)
     if gravity is None:
         return None
-    group = Group("rest", [f"{v:.0f} s" for v in rests["start"]])
-    whole = [Kind(group, np.arange(len(group.where)))]
-    none = np.zeros(len(group.where), bool)
+    where = [f"{v:.0f} s" for v in rests["start"]]
+    whole = [Kind("rest", np.arange(len(where)), where)]
+    none = np.zeros(len(where), bool)
     before, after = rests["norm_before"] - gravity, rests["norm_after"] - gravity
     figure = _before_after(whole, "specific force", before, after, rests["norm_sd"], none)
-    return section("evidence.norms", figure)
+    return page.section("evidence.norms", figure)
 
 
-def residuals(result: Result) -> Section | None:
+def residuals(result: Result) -> page.Section | None:
     """Standardized residuals against time and against orientation."""
     limits = result.diagnostics.get("residual_limit") or {}
     blocks: list[Any] = []
@@ -117,42 +79,42 @@ def residuals(result: Result) -> Section | None:
         span, lines = chart.within(turns["residual"], RESIDUAL_LIMIT)
         angle, left = np.rad2deg(turns["angle"]), turns["residual"]
         data = chart.weighed(angle, left, turns["weight"], "turn", "%{x:.0f}°")
-        look = axis("turn: residual / sd", range=span)
-        blocks.append(draw("evidence.residuals", data, y=look, lines=lines))
+        look = chart.axis("turn: residual / sd", range=span)
+        blocks.append(chart.draw("evidence.residuals", data, y=look, lines=lines))
     chi = result.diagnostics.get("chi_square", {})
-    found = [chi_square(OBSERVED[k], chi[k]) for k in ("accel", "gyro", "turns") if chi.get(k)]
+    found = [page.chi_square(OBSERVED[k], chi[k]) for k in ("accel", "gyro", "turns") if chi.get(k)]
     dashed = "limit" if limits else f"{RESIDUAL_LIMIT:.0f} sd"
-    return section("evidence.residuals", blocks, _items(found), limit=dashed)
+    return page.section("evidence.residuals", blocks, page.Items(found), limit=dashed)
 
 
-def _against_up(rests: Any, y: FloatArray) -> Figure:
+def _against_up(rests: Any, y: FloatArray) -> page.Figure:
     """Draw the error of the norm over its sd against each component of up."""
-    data: list[Trace] = []
+    data: list[chart.Trace] = []
     axes: dict[str, Any] = {}
     span, lines = chart.within(y, RESIDUAL_LIMIT)
     for k, name in enumerate("xyz"):
         where = f"up · {name} = %{{x:.2f}}"
         traces = chart.weighed(rests[f"up_{name}"].astype(float), y, rests["weight"], "rest", where)
         data += [t | {"xaxis": chart.ref("x", k), "showlegend": k == 0} for t in traces]
-        axes[chart.ref("xaxis", k)] = axis(
+        axes[chart.ref("xaxis", k)] = chart.axis(
             f"up · {name}",
             domain=[k * 0.345, k * 0.345 + 0.31],
             range=[-1.12, 1.12],
             tickvals=[-1, 0, 1],
             tickangle=0,
         )
-    light = bool((np.asarray(rests["weight"]) <= FULL).any())
-    return draw(
+    light = bool((np.asarray(rests["weight"]) <= chart.FULL).any())
+    return chart.draw(
         "evidence.against_up",
         data,
-        y=axis("norm error / sd", range=span),
+        y=chart.axis("norm error / sd", range=span),
         lines=lines,
         legend=light,
         **axes,
     )
 
 
-def detection(result: Result) -> Section | None:
+def detection(result: Result) -> page.Section | None:
     """Where the log was at rest."""
     facts = result.diagnostics.get("detection", {})
     rests = result.tables.get("rests", {})
@@ -162,35 +124,35 @@ def detection(result: Result) -> Section | None:
     keys = ["evidence.detection.lead", *["evidence.detection.threshold"] * ("threshold" in known)]
     keys += ["evidence.detection.rests"] * (known.keys() >= {"rests", "rest_time"})
     figure = chart.detection(result.tables["detection"], facts.get("threshold"), spans)
-    return section("evidence.detection", figure, lead=said(*keys, **known))
+    return page.section("evidence.detection", figure, lead=page.said(*keys, **known))
 
 
-def held_out(result: Result) -> Section | None:
+def held_out(result: Result) -> page.Section | None:
     """How well rests are predicted that were not used."""
     rests = result.tables["rests"]
     known = np.isfinite(rests.get("held_out", np.array([np.nan])))
     if not known.any():
         return None
     error, sd = rests["held_out"][known], rests["held_out_sd"][known]
-    unit, one = unit_of("specific force", error, sd)
+    unit, one = page.unit_of("specific force", error, sd)
     n = np.flatnonzero(known) + 1
-    data = dots(
+    data = chart.dots(
         "",
         n,
         error / one,
-        FIRST,
+        chart.FIRST,
         f"rest %{{x}}: %{{y:.4g}} {unit}|",
-        error_y=whiskers(2 * sd / one, FIRST, 4, 1.4),
+        error_y=chart.whiskers(2 * sd / one, chart.FIRST, 4, 1.4),
     )
-    look = count_axis("rest", int(n.max()), 12)
-    figure = draw("evidence.held_out", [data], x=look, y=f"predicted error [{unit}]")
-    return section("evidence.held_out", figure)
+    look = chart.count_axis("rest", int(n.max()), 12)
+    figure = chart.draw("evidence.held_out", [data], x=look, y=f"predicted error [{unit}]")
+    return page.section("evidence.held_out", figure)
 
 
 # -- orientations ----------------------------------------------------------------------------
 
 
-def orientations(result: Result) -> Section | None:
+def orientations(result: Result) -> page.Section | None:
     """Where up pointed at the rests and the outer axis in the spins, and what is missing."""
     readings = result.tables.get("readings")
     some = result.tables.get("rests") if readings is None else readings
@@ -204,7 +166,7 @@ def orientations(result: Result) -> Section | None:
     name, names, also, seen = "rest", ("visited", ""), None, np.arange(len(up))
     keys = ["evidence.orientations.lead"]
     if readings is not None:
-        parts = {k.group.what: k.rows for k in kinds(readings)}
+        parts = {k.what: k.rows for k in kinds(readings)}
         rests = parts.pop("rest", np.empty(0, np.int64))
         word, spins = next(iter(parts.items()), ("spin", np.empty(0, np.int64)))
         seen, name = (rests, "rest") if len(rests) else (spins, word)
@@ -213,7 +175,7 @@ def orientations(result: Result) -> Section | None:
             also, keys = up[spins], [*keys, "evidence.orientations.rings"]
     if coverage.get("largest_gap") is not None:
         keys.append("evidence.orientations.gap")
-    lead = said(
+    lead = page.said(
         *keys,
         name=name,
         also=names[1],
@@ -221,27 +183,20 @@ def orientations(result: Result) -> Section | None:
         gap=np.degrees(coverage.get("largest_gap") or 0.0),
     )
     drawn = orientation.directions(up[seen], missing, words, also, names)
-    items = _items([("warning", f"Missing: {w}.") for w in words])
-    return section("evidence.orientations", drawn, items, lead=lead)
+    items = page.Items([("warning", f"Missing: {w}.") for w in words])
+    return page.section("evidence.orientations", drawn, items, lead=lead)
 
 
 # -- readings on a table ---------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Group:
-    """Readings of one kind, and what the table said in each, for the pointer."""
+class Kind:
+    """The rests, or the spins, of a session, and how to speak of them."""
 
     what: str  # "rest", "spin" or "turn"
-    where: Sequence[str]
-
-
-@dataclass(frozen=True)
-class Kind:
-    """The rests, or the spins, of a session: their rows in the table, and how to speak of them."""
-
-    group: Group
-    rows: IntArray
+    rows: IntArray  # in the table
+    where: Sequence[str]  # what the table said in each, for the pointer
 
 
 def kinds(some: Any) -> list[Kind]:
@@ -250,7 +205,7 @@ def kinds(some: Any) -> list[Kind]:
     word = "spin" if "middle" in some else "turn"
     parts = [(what, np.flatnonzero(pick)) for what, pick in (("rest", ~spin), (word, spin))]
     return [
-        Kind(Group(what, [_where(some, int(j)) for j in rows]), rows)
+        Kind(what, rows, [_where(some, j) for j in rows.tolist()])
         for what, rows in parts
         if rows.size
     ]
@@ -263,7 +218,7 @@ def _where(some: Any, j: int) -> str:
     words += [f"{name} {np.degrees(a):.1f}°" for name, a in angles.items() if np.isfinite(a)]
     if some["rate"][j]:
         words.append(f"{np.degrees(float(some['rate'][j])):.3g} °/s")
-    return minus(", ".join(words))
+    return page.minus(", ".join(words))
 
 
 def _column(some: Any, name: str) -> FloatArray | None:
@@ -281,7 +236,7 @@ def _left_out(some: Any, triad: str) -> BoolArray:
     return np.zeros(len(some["rate"]), bool) if weight is None else weight < USED
 
 
-def norms_of_readings(result: Result) -> Section | None:
+def norms_of_readings(result: Result) -> page.Section | None:
     """Error of the norm of every reading, before and after."""
     some, gravity = result.tables["readings"], _gravity(result)
     force = None if gravity is None else _norms(some, "norm", gravity, "accel")
@@ -289,7 +244,7 @@ def norms_of_readings(result: Result) -> Section | None:
     rate = None if true is None else _norms(some, "rate", true, "gyro")
     if force is None and rate is None:
         return None
-    spins = any(kind.group.what == "spin" for kind in kinds(some))
+    spins = any(kind.what == "spin" for kind in kinds(some))
     determined = rate is not None and _residual_figure(some, "gyro") is None
     key = "evidence.norms_of_readings"
     leads = [f"{key}.lead"]
@@ -297,13 +252,13 @@ def norms_of_readings(result: Result) -> Section | None:
         leads.append(f"{key}.force_spins" if spins and rate is not None else f"{key}.force")
     if rate is not None:
         leads.append(f"{key}.rate_spins" if spins else f"{key}.rate")
-    blocks: list[Any] = [said(f"{key}.of_accel"), force] if force is not None else []
+    blocks: list[Any] = [page.said(f"{key}.of_accel"), force] if force is not None else []
     if rate is not None:
-        blocks += [said(f"{key}.of_gyro", f"{key}.just_enough" * determined), rate]
-    return section(key, blocks, lead=said(*leads, f"{key}.shaded"))
+        blocks += [page.said(f"{key}.of_gyro", f"{key}.just_enough" * determined), rate]
+    return page.section(key, blocks, lead=page.said(*leads, f"{key}.shaded"))
 
 
-def _norms(some: Any, column: str, true: float | FloatArray, triad: str) -> Figure | None:
+def _norms(some: Any, column: str, true: float | FloatArray, triad: str) -> page.Figure | None:
     """Draw |f| - g, or |w| minus the true rate, of all groups that have it."""
     before, after = _column(some, f"{column}_before"), _column(some, f"{column}_after")
     if before is None or after is None:
@@ -322,29 +277,29 @@ def _before_after(
     after: FloatArray,
     sd: FloatArray,
     left: BoolArray,
-) -> Figure:
+) -> page.Figure:
     """Draw errors of the norm [SI]: before above, after below with the +-2 sd it may have."""
-    unit_before, one_before = unit_of(quantity, before)
-    unit_after, one_after = unit_of(quantity, after[~left], sd[~left])
+    unit_before, one_before = page.unit_of(quantity, before)
+    unit_after, one_after = page.unit_of(quantity, after[~left], sd[~left])
     before, after, sd = before / one_before, after / one_after, sd / one_after
     # Half the range that shows what was used, and its band; left out readings may lie beyond.
     every = np.concatenate([np.abs(after[~left]), 2 * sd[~left]])
     every = every if every.size else np.abs(after)
     span = 1.2 * float(np.max(every[np.isfinite(every)], initial=0.0)) or 1.0
-    data: list[Trace] = []
+    data: list[chart.Trace] = []
     for k, part in enumerate(parts):
-        rows, group = part.rows, part.group
+        rows = part.rows
         kept = np.flatnonzero(~left[rows])
-        hover = f"{group.what} %{{x}}, %{{text}}: %{{customdata:.4g}} "
-        on: Trace = {"xaxis": chart.ref("x", k), "showlegend": k == 0}
-        where = [group.where[j] for j in kept.tolist()]
+        hover = f"{part.what} %{{x}}, %{{text}}: %{{customdata:.4g}} "
+        on: chart.Trace = {"xaxis": chart.ref("x", k), "showlegend": k == 0}
+        where = [part.where[j] for j in kept.tolist()]
         for name, y, unit, ref, colour, symbol in (
-            ("before", before, unit_before, "y2", SECOND, "diamond"),
-            ("after", after, unit_after, "y", FIRST, "circle"),
+            ("before", before, unit_before, "y2", chart.SECOND, "diamond"),
+            ("after", after, unit_after, "y", chart.FIRST, "circle"),
         ):
             value = y[rows[kept]]
             data.append(
-                dots(
+                chart.dots(
                     name,
                     kept + 1,
                     value,
@@ -352,7 +307,7 @@ def _before_after(
                     f"{hover}{unit}|{name}",
                     symbol=symbol,
                     text=where,
-                    customdata=numbers(value),
+                    customdata=chart.numbers(value),
                     yaxis=ref,
                     **on,
                 )
@@ -374,45 +329,45 @@ def _before_after(
         ):
             true = true[part.rows[out]]
             words = [
-                f"{part.group.what} {j + 1}" + (f": {_told(v)} {unit}" if b else "")
+                f"{part.what} {j + 1}" + (f": {_told(v)} {unit}" if b else "")
                 for j, v, b in zip(out, true, beyond, strict=True)
             ]
             side = [f"middle {'right' if 2 * j < n else 'left'}" for j in out]
             data.append(
-                dots(
+                chart.dots(
                     "left out",
                     out + 1,
                     y,
-                    BAD,
+                    chart.BAD,
                     f"%{{text}}: %{{customdata:.4g}} {unit}|{name}, left out",
                     size=9,
                     symbol=np.where(beyond, arrows, "x").tolist(),
                     text=words,
                     mode="markers+text",
                     textposition=side,
-                    textfont={"color": BAD},
+                    textfont={"color": chart.BAD},
                     cliponaxis=False,
-                    customdata=numbers(true),
+                    customdata=chart.numbers(true),
                     yaxis=ref,
                     xaxis=chart.ref("x", k),
                     showlegend=first and ref == "y2",
                 )
             )
         first = False
-    groups = " and ".join(part.group.what for part in parts)
-    look = axis(f"after [{unit_after}]", domain=[0, 0.46], range=[-span, span])
-    return draw(
+    groups = " and ".join(part.what for part in parts)
+    look = chart.axis(f"after [{unit_after}]", domain=[0, 0.46], range=[-span, span])
+    return chart.draw(
         "evidence.before_after",
         data,
         y=look | {"exponentformat": "none"},
-        yaxis2=axis(f"before [{unit_before}]", domain=[0.56, 1]),
-        shapes=[level(0), level(0, "y2")],
+        yaxis2=chart.axis(f"before [{unit_before}]", domain=[0.56, 1]),
+        shapes=[chart.level(0), chart.level(0, "y2")],
         **_count_axes(parts),
         alt=f"Error of the norm of {quantity} per {groups}, before and after calibration",
     )
 
 
-def _steps(reach: FloatArray) -> Trace:
+def _steps(reach: FloatArray) -> chart.Trace:
     """A band of +-`reach` around zero as steps, one per reading."""
     x, y = [], []
     for j in np.flatnonzero(np.isfinite(reach)):
@@ -429,13 +384,13 @@ def _count_axes(parts: Sequence[Kind], ticks: float = 14) -> dict[str, Any]:
     narrow: dict[str, Any] = {}
     for k, (part, domain) in enumerate(zip(parts, chart.parts(share, GAP), strict=True)):
         n, key = len(part.rows), chart.ref("xaxis", k)
-        look = count_axis(part.group.what, n, max(2, round(ticks * share[k])))
+        look = chart.count_axis(part.what, n, max(2, round(ticks * share[k])))
         out[key] = look | {"domain": domain, "tickangle": 0, "showgrid": False}
         narrow[key] = {"dtick": max(1, round(n / max(2.0, 6 * share[k])))}
     return out | {"meta": {"narrow": narrow}}
 
 
-def residuals_of_readings(result: Result) -> Section | None:
+def residuals_of_readings(result: Result) -> page.Section | None:
     """Standardized residual of every reading, and how each kind fits as a whole."""
     some = result.tables["readings"]
     if _column(some, "residual") is None:
@@ -447,12 +402,12 @@ def residuals_of_readings(result: Result) -> Section | None:
     if not blocks:
         return None
     chi = result.diagnostics.get("chi_square") or {}
-    found = [chi_square(OBSERVED.get(k, k), row) for k, row in chi.items() if row]
+    found = [page.chi_square(OBSERVED.get(k, k), row) for k, row in chi.items() if row]
     limit = f"{RESIDUAL_LIMIT:.0f} sd"
-    return section("evidence.residuals_of_readings", blocks, _items(found), limit=limit)
+    return page.section("evidence.residuals_of_readings", blocks, page.Items(found), limit=limit)
 
 
-def _residual_figure(some: Any, triad: str) -> Figure | None:
+def _residual_figure(some: Any, triad: str) -> page.Figure | None:
     """Draw the residuals of one triad, where anything tests them."""
     own = _column(some, f"{triad}_residual")
     if own is None:
@@ -479,7 +434,7 @@ def _bars(
     names: tuple[str, str],
     alt: str,
     limit: float | None = None,
-) -> Figure:
+) -> page.Figure:
     """Draw one bar per reading; marked ones stand out, and beyond the scale end at its edge."""
     rows = np.concatenate([p.rows for p in parts])
     known = np.zeros(len(y), bool)
@@ -493,8 +448,8 @@ def _bars(
     if odd.size:
         top = min(1.6 * top, max(top, float(odd.max())))
     low = -top if (y[known] < 0).any() else 0.0
-    data: list[Trace] = []
-    for odd_ones, colour, name in ((False, FIRST, names[0]), (True, BAD, names[1])):
+    data: list[chart.Trace] = []
+    for odd_ones, colour, name in ((False, chart.FIRST, names[0]), (True, chart.BAD, names[1])):
         first = True
         for k, part in enumerate(parts):
             at = np.flatnonzero((marked[part.rows] == odd_ones) & known[part.rows])
@@ -503,14 +458,14 @@ def _bars(
             values = y[part.rows[at]]
             drawn = np.clip(values, low, top)
             data.append(
-                bars(
+                chart.bars(
                     name,
                     at + 1,
                     drawn,
                     colour,
-                    f"{part.group.what} %{{x}}, %{{hovertext}}|{name}",
+                    f"{part.what} %{{x}}, %{{hovertext}}|{name}",
                     hovertext=[
-                        f"{part.group.where[j]}: {_told(v)} {unit}"
+                        f"{part.where[j]}: {_told(v)} {unit}"
                         for j, v in zip(at.tolist(), values, strict=True)
                     ],
                     text=[_told(v) if v != d else "" for v, d in zip(values, drawn, strict=True)],
@@ -527,10 +482,10 @@ def _bars(
             first = False
     lines = [] if limit is None else [limit, *([-limit] if low < 0 else [])]
     odd_one = bool(np.any(marked & known))
-    return draw(
+    return chart.draw(
         "evidence.bars",
         data,
-        y=axis(title, range=[1.14 * low, 1.14 * top]),
+        y=chart.axis(title, range=[1.14 * low, 1.14 * top]),
         lines=[0, *lines],
         legend=odd_one,
         top=None if odd_one else 12,
@@ -542,17 +497,17 @@ def _bars(
 def _told(value: float) -> str:
     if not np.isfinite(value):
         return "∞"
-    return minus(f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}")
+    return page.minus(f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}")
 
 
-def control(result: Result) -> Section | None:
+def control(result: Result) -> page.Section | None:
     """What a wrong position would have had to be to be noticed."""
     some = result.tables["readings"]
     smallest = _column(some, "detectable")
     if smallest is None:
         return None
     parts = [k for k in kinds(some) if (~np.isnan(smallest[k.rows])).any()]
-    unit, one = unit_of("specific force", smallest)
+    unit, one = page.unit_of("specific force", smallest)
     blind = np.isinf(smallest)
     alt = "Smallest error of the specific force of each reading that would have been noticed"
     figure = _bars(
@@ -566,14 +521,14 @@ def control(result: Result) -> Section | None:
     )
     state = "warning" if blind.any() else "plain"
     told = [(state, c.sentence) for c in result.checks if c.name.startswith("control")]
-    return section("evidence.control", figure, _items(told))
+    return page.section("evidence.control", figure, page.Items(told))
 
 
 RIG = {"lever_arm": "Lever arm", "mounting": "Mounting", "table": "Table"}
 """First word of the name -> heading."""
 
 
-def rig(result: Result) -> Section | None:
+def rig(result: Result) -> page.Section | None:
     """Lever arm, mounting and errors of the table, beside what was believed of them."""
     some = result.tables["rig"]
     names = [str(name) for name in some["name"]]
@@ -590,22 +545,22 @@ def rig(result: Result) -> Section | None:
         for i in [i for i, name in enumerate(names) if name.partition(".")[0] == head]:
             mine = families == families[i]  # those of a family share a unit
             kind = some["kind"][i]
-            unit, one = unit_of(kind, value[mine], sd[mine])
+            unit, one = page.unit_of(kind, value[mine], sd[mine])
             if kind == "length":
                 unit, one = "mm", 1e-3
-            cells = [names[i], known_to(value[i] / one, sd[i] / one), size(sd[i] / one)]
+            cells = [names[i], page.known_to(value[i] / one, sd[i] / one), page.size(sd[i] / one)]
             if believed:
                 known = np.isfinite(before[i])
-                cells.append(f"± {size(before[i] / one)}" if known else "nothing")
+                cells.append(f"± {page.size(before[i] / one)}" if known else "nothing")
             rows.append([*cells, unit, str(some["meaning"][i])])
-    heading = columns(
+    heading = page.columns(
         "quantity: name | value: number | ± sd: number",
         "known before: number" * believed,
         "unit: short | meaning: meaning",
     )
     key = "evidence.rig"
     told = [
-        (RIG[h], said(f"{key}.table_alone" if h == "table" and not believed else f"{key}.{h}"))
+        (RIG[h], page.said(f"{key}.table_alone" if h == "table" and not believed else f"{key}.{h}"))
         for h in heads
         if h in RIG
     ]
@@ -613,9 +568,9 @@ def rig(result: Result) -> Section | None:
     lead = " ".join(w[0].upper() + w[1:] if alone else f"{n}: {w}" for n, w in told)
     weak = np.isfinite(before) & (sd > NOTHING_ADDED * before)
     nothing = ", ".join(f"`{name}`" for name, w in zip(names, weak, strict=True) if w)
-    items = _items([("plain", f"Known hardly better than before: {nothing}.")] if nothing else [])
+    items = page.Items([("plain", f"Known hardly better than before: {nothing}.")] * bool(nothing))
     title = told[0][0] if alone else None
-    return section(key, Table(heading, rows), items, lead=lead, title=title)
+    return page.section(key, page.Table(heading, rows), items, lead=lead, title=title)
 
 
 # -- a rate table ----------------------------------------------------------------------------
@@ -626,7 +581,7 @@ STEPS = {"before": "before", "line": "off the line", "after": "after"}
 SPREAD = 0.012  # How far apart the axes stand at the same rate, as a part of the fastest [1].
 
 
-def rate_steps(result: Result) -> Section | None:
+def rate_steps(result: Result) -> page.Section | None:
     """Error of every step against the rate, and the figures that the standards ask for."""
     some = result.tables["rate_steps"]
     facts: Mapping[str, Mapping[str, float]] = result.diagnostics.get("rate_table") or {}
@@ -639,28 +594,31 @@ def rate_steps(result: Result) -> Section | None:
             "asymmetry": [1e6 * r["asymmetry"] for r in rows],
         }
         blocks.append(
-            table(
+            page.table(
                 ("axis: short", facts),
-                *((f"{k} [ppm]: number", [minus(f"{x:.4g}") for x in v]) for k, v in ppm.items()),
+                *(
+                    (f"{k} [ppm]: number", [page.minus(f"{x:.4g}") for x in v])
+                    for k, v in ppm.items()
+                ),
                 (
                     "fastest rate [°/s]: number",
                     [f"{np.degrees(r['full_scale']):.4g}" for r in rows],
                 ),
             )
         )
-        blocks.append(said("evidence.rate_steps.meaning"))
+        blocks.append(page.said("evidence.rate_steps.meaning"))
     chi = (result.diagnostics.get("chi_square") or {}).get("steps")
     if chi and result.diagnostics.get("noise", {}).get("source") != "measured by the residuals":
-        blocks.append(Items([chi_square("Residuals of all steps", chi)]))
-    return section("evidence.rate_steps", blocks)
+        blocks.append(page.Items([page.chi_square("Residuals of all steps", chi)]))
+    return page.section("evidence.rate_steps", blocks)
 
 
-def field(result: Result) -> Section | None:
+def field(result: Result) -> page.Section | None:
     """What the calibration makes of headings, and the norm of the field before and after."""
     key, facts, cells = "evidence.field", result.diagnostics["field"], result.tables["cells"]
     raw = np.linalg.norm([cells[f"raw_{a}"] for a in "xyz"], axis=0)
-    names = (("as read", raw, SECOND), ("corrected", cells["norm"], FIRST))
-    data = [dots(name, cells["time"], x * 1e6, colour, "%{x:.1f} s: %{y:.2f} uT|" + name)
+    names = (("as read", raw, chart.SECOND), ("corrected", cells["norm"], chart.FIRST))
+    data = [chart.dots(name, cells["time"], x * 1e6, colour, "%{x:.1f} s: %{y:.2f} uT|" + name)
             for name, x, colour in names]  # fmt: skip
     degrees = {k: np.degrees(facts[k]) for k in ("dip", "dip_sd") if k in facts}
     if "heading_spread" in facts:
@@ -672,13 +630,13 @@ def field(result: Result) -> Section | None:
         *[f"{key}.spread"] * ("sd" in degrees),
     ]
     budget = result.tables["heading"]
-    rows = table(
+    rows = page.table(
         ("cause: short", budget["cause"].tolist()),
         ("level heading [°]: number", [f"{np.degrees(x):.3g}" for x in budget["heading_sd"]]),
     )
-    blocks: list[Block] = [rows]
+    blocks: list[page.Block] = [rows]
     if other := result.tables.get("norths"):
-        blocks += [Text(said(f"{key}.norths")), table(
+        blocks += [page.Text(page.said(f"{key}.norths")), page.table(
             ("heading from: short", other["north"].tolist()),
             ("add [°]: number", [format_value(*np.degrees([x, s]))
                                  for x, s in zip(other["added"], other["sd"], strict=True)]),
@@ -686,11 +644,11 @@ def field(result: Result) -> Section | None:
             ("by", other["by"].tolist()),
         )]  # fmt: skip
     size = facts["intensity"] * 1e6
-    lead = said(*keys, intensity=size, basis=facts["intensity_basis"], **degrees)
-    return section(key, *blocks, draw(key, data, lines=[size]), lead=lead)
+    lead = page.said(*keys, intensity=size, basis=facts["intensity_basis"], **degrees)
+    return page.section(key, *blocks, chart.draw(key, data, lines=[size]), lead=lead)
 
 
-def spins(result: Result) -> Section | None:
+def spins(result: Result) -> page.Section | None:
     """What the tool did in every spin, and how the instrument sat in each mounting."""
     some, grips = result.tables["spins"], result.tables["mountings"]
 
@@ -698,7 +656,7 @@ def spins(result: Result) -> Section | None:
         return [f"{x / unit:.{digits}g}" for x in np.asarray(values, float)]
 
     degree = np.radians(1.0)
-    each = table(
+    each = page.table(
         ("start [s]: number", [f"{x:.1f}" for x in some["time"]]),
         ("length [s]: number", [f"{x:.1f}" for x in some["length"]]),
         ("mounting: number", shown(some["mounting"])),
@@ -710,48 +668,50 @@ def spins(result: Result) -> Section | None:
         ("and of a gyro [°/s]: number", shown(some["gyro_sd"], degree, 2)),
         ("shift [mm]: number", shown(some["slip"], 1e-3, 2)),
     )
-    sat = table(
+    sat = page.table(
         ("mounting: number", shown(grips["mounting"])),
         *((f"axis {a}: number", [f"{x:.4f}" for x in grips[f"axis_{a}"]]) for a in "xyz"),
         ("tilt [°]: number", shown(grips["tilt"], degree)),
         ("lever arm [mm]: number", shown(grips["arm"], 1e-3)),
     )
-    return section("evidence.spins", each, sat, lead=said("evidence.spins.lead"))
+    return page.section("evidence.spins", each, sat, lead=page.said("evidence.spins.lead"))
 
 
-def _steps_figure(some: Any) -> Figure:
+def _steps_figure(some: Any) -> page.Figure:
     """One panel per column, one trace per axis of the instrument."""
     speed, up = (np.asarray(some[k], float) for k in ("rate_true", "up"))
     fastest = float(np.abs(speed).max())
     panels = []
     for column, title in STEPS.items():
         values, sd = (np.asarray(some[k], float) / (fastest or 1.0) for k in (column, "after_sd"))
-        unit, one = unit_of("scale factor error", values)
+        unit, one = page.unit_of("scale factor error", values)
         data = []
-        for k, (name, colour) in enumerate(OF_AXES.items()):
+        for k, (name, colour) in enumerate(chart.OF_AXES.items()):
             mine = np.asarray(some["axis"]) == name
             if not mine.any():
                 continue
             symbols = [
-                f"triangle-{'up' if u > 0 else 'down'}{'' if w > FULL else '-open'}"
+                f"triangle-{'up' if u > 0 else 'down'}{'' if w > chart.FULL else '-open'}"
                 for u, w in zip(up[mine], np.asarray(some["weight"], float)[mine], strict=True)
             ]
             beside = (SPREAD * (k - 1) + SPREAD / 3 * up[mine]) * fastest
             hover = f"{name}, %{{customdata:.4g}}°/s: %{{y:.4g}} {unit}|"
-            bar: Trace = {"error_y": whiskers(2 * sd[mine] / one, colour, thickness=1.1)}
+            bar: chart.Trace = {
+                "error_y": chart.whiskers(2 * sd[mine] / one, colour, thickness=1.1)
+            }
             data.append(
-                dots(
+                chart.dots(
                     name,
                     np.degrees(speed[mine] + beside),
                     values[mine] / one,
                     colour,
                     hover,
                     symbol=symbols,
-                    customdata=numbers(np.degrees(speed[mine])),
+                    customdata=chart.numbers(np.degrees(speed[mine])),
                     **bar if column == "after" else {},
                 )
             )
-        panels.append(Panel(f"{title} [{unit}]", data, lines=[0]))
+        panels.append(chart.Panel(f"{title} [{unit}]", data, lines=[0]))
     alt = (
         "Error of every step against the rate about its axis: as read, off the straight line, and "
     )
@@ -769,46 +729,48 @@ FIGURES = {
 }
 
 
-def headings(result: Result) -> Section | None:
+def headings(result: Result) -> page.Section | None:
     """Heading error of every set-up before and after, and what the readings leave."""
     some = result.tables["headings"]
     x = np.degrees(np.asarray(some["heading"], float)) % 360
-    circle = axis("reference heading [°]", tick0=0, dtick=30, range=[-8, 368])
+    circle = chart.axis("reference heading [°]", tick0=0, dtick=30, range=[-8, 368])
     order = np.argsort(x, kind="stable")
     of = {
         k: np.degrees(np.asarray(some[f"heading_{k}"], float))[order]
         for k in ("before", "after", "sd")
     }
     panels = []
-    for name, colour in (("before", SECOND), ("after", FIRST)):
+    for name, colour in (("before", chart.SECOND), ("after", chart.FIRST)):
         hover = f"%{{x:.1f}}°: %{{y:.4f}}°|{name}"
-        bar: Trace = {"error_y": whiskers(2 * of["sd"], FIRST)} if name == "after" else {}
-        data = [dots(name, x[order], of[name], colour, hover, **bar)]
-        panels.append(Panel(f"{name} [°]", data, lines=[0]))
+        bar: chart.Trace = (
+            {"error_y": chart.whiskers(2 * of["sd"], chart.FIRST)} if name == "after" else {}
+        )
+        data = [chart.dots(name, x[order], of[name], colour, hover, **bar)]
+        panels.append(chart.Panel(f"{name} [°]", data, lines=[0]))
     alt = "Heading error of every set-up against the reference heading, before and after"
-    blocks: list[Block] = [chart.stacked("evidence.headings", panels, x=circle, alt=alt)]
+    blocks: list[page.Block] = [chart.stacked("evidence.headings", panels, x=circle, alt=alt)]
     facts = result.diagnostics.get("circle_accuracy") or {}
     if facts:
         cells = {
-            w: [minus(f"{np.degrees(row[key]):.4f}°") for key in FIGURES]
+            w: [page.minus(f"{np.degrees(row[key]):.4f}°") for key in FIGURES]
             for w, row in facts.items()
         }
         blocks.append(
-            table(
+            page.table(
                 ("circle accuracy", FIGURES.values()),
                 *((f"{w}: number", some) for w, some in cells.items()),
             )
         )
     left = [
-        dots(
+        chart.dots(
             f"gyro {a}",
             x,
             np.asarray(some[f"residual_{a}"], float),
             colour,
             f"%{{x:.1f}}°: %{{y:.2f}} sd|gyro {a}",
         )
-        for a, colour in (("x", FIRST), ("y", SECOND))
+        for a, colour in (("x", chart.FIRST), ("y", chart.SECOND))
     ]
     alt = "Standardized residual of the two rates against the reference heading"
-    blocks.append(draw("evidence.headings_2", left, x=circle, alt=alt))
-    return section("evidence.headings", blocks)
+    blocks.append(chart.draw("evidence.headings_2", left, x=circle, alt=alt))
+    return page.section("evidence.headings", blocks)

@@ -15,37 +15,7 @@ from foucault.coefficients import format_value
 from foucault.diagnose.compare import FEWEST, middle_and_spread
 from foucault.errors import listed
 from foucault.models.imu import LAYOUT
-from foucault.report import page
-from foucault.report.chart import (
-    BAD,
-    FIRST,
-    INK,
-    WARNING,
-    Trace,
-    axis,
-    bars,
-    draw,
-    noted,
-    ref,
-    upright,
-)
-from foucault.report.page import (
-    STATES,
-    Document,
-    Figure,
-    Heading,
-    Items,
-    Link,
-    Section,
-    Table,
-    minus,
-    said,
-    section,
-    table,
-    told,
-    unit_of,
-    words,
-)
+from foucault.report import chart, page
 from foucault.result import Level
 from foucault.units import plain
 
@@ -74,11 +44,11 @@ TITLES = {"bias": "Biases", "scale": "Scale factor errors", "misalignment": "Mis
 TRIADS = {"accel": "accelerometers", "gyro": "gyros"}
 
 
-def document(some: FleetTable, about: Mapping[str, Any]) -> Document:
+def document(some: FleetTable, about: Mapping[str, Any]) -> page.Document:
     """Return what there is to say of a fleet."""
     odd = some.outlying()
     order = _worst_first(some, odd)
-    return Document.of(
+    return page.Document.of(
         _heading(some, odd, about),
         _outcomes(some),
         _attention(some, odd, order),
@@ -92,7 +62,7 @@ def document(some: FleetTable, about: Mapping[str, Any]) -> Document:
     )
 
 
-def _heading(some: FleetTable, odd: list[Outlying], about: Mapping[str, Any]) -> Heading:
+def _heading(some: FleetTable, odd: list[Outlying], about: Mapping[str, Any]) -> page.Heading:
     counts = some.counts()
     bad, open_ = (
         sum(n for word, n in counts.items() if LOOKS[word] == look) for look in ("bad", "warning")
@@ -110,34 +80,37 @@ def _heading(some: FleetTable, odd: list[Outlying], about: Mapping[str, Any]) ->
     created = str((about.get("provenance") or {}).get("created", ""))
     line += [created[:10]] if created else []
     word = "All pass" if level is Level.PASS else f"{counts['pass']} of {len(some)} pass"
-    return Heading("Calibration of a fleet", line, STATES[level], word, reasons)
+    return page.Heading("Calibration of a fleet", line, page.STATES[level], word, reasons)
 
 
-def _outcomes(some: FleetTable) -> Section | None:
+def _outcomes(some: FleetTable) -> page.Section | None:
     counts, total, key = some.counts(), max(len(some), 1), "fleet.outcomes"
     bare = some.decisions is None
-    return section(
+    return page.section(
         key,
-        table(
+        page.table(
             (": state", [LOOKS[word] for word in counts]),
             ("outcome", counts),
             ("instruments: number", [f"{n}" for n in counts.values()]),
             ("share: number aside", [f"{100 * n / total:.1f} %" for n in counts.values()]),
             (
                 "what it means",
-                [told(f"{key}.{word}{'_bare' * (bare and word == 'pass')}") for word in counts],
+                [
+                    page.told(f"{key}.{word}{'_bare' * (bare and word == 'pass')}")
+                    for word in counts
+                ],
             ),
         ),
-        lead=told(f"{key}.bare") if bare else None,
+        lead=page.told(f"{key}.bare") if bare else None,
     )
 
 
-def _outlying(some: FleetTable, odd: list[Outlying]) -> Section | None:
+def _outlying(some: FleetTable, odd: list[Outlying]) -> page.Section | None:
     key = "fleet.outlying"
     if not odd:
         few = int(some.good.sum()) < FEWEST
-        lead = said(f"{key}.few" if few else f"{key}.none", fewest=FEWEST)
-        return Section(told(f"{key}.title"), lead, [])
+        lead = page.said(f"{key}.few" if few else f"{key}.none", fewest=FEWEST)
+        return page.Section(page.told(f"{key}.title"), lead, [])
     spread = {d.name: d for d in some.distributions()}
     items = []
     for o in odd[:NAMED]:
@@ -151,12 +124,12 @@ def _outlying(some: FleetTable, odd: list[Outlying]) -> Section | None:
             f"fleet has {plain(d.median / one, 3)} ± {plain(d.spread / one, 2)} {unit}."
         )
         items.append(("warning", text.replace(" -", " −")))
-    more = said(f"{key}.more", count=len(odd) - NAMED) if len(odd) > NAMED else ""
-    return section(key, Items(items), more)
+    more = page.said(f"{key}.more", count=len(odd) - NAMED) if len(odd) > NAMED else ""
+    return page.section(key, page.Items(items), more)
 
 
 def _unit(name: str, *values: Any) -> tuple[str, float]:
-    return unit_of(LAYOUT.coefficients[LAYOUT.index(name)].kind, *values)
+    return page.unit_of(LAYOUT.coefficients[LAYOUT.index(name)].kind, *values)
 
 
 # -- the instruments -------------------------------------------------------------------------
@@ -186,19 +159,19 @@ def _worst_first(some: FleetTable, odd: list[Outlying]) -> list[int]:
     return sorted(range(len(some)), key=rank)
 
 
-def _attention(some: FleetTable, odd: list[Outlying], order: list[int]) -> Section | None:
+def _attention(some: FleetTable, odd: list[Outlying], order: list[int]) -> page.Section | None:
     """List those that did not pass, so that nobody has to look for them."""
     bad, key = [i for i in order if some.outcomes[i] != "pass"], "fleet.attention"
     if not bad:
         return None
     more = f"{key}.some" if len(bad) > FEW else ""
-    lead = said(f"{key}.lead", more, few=FEW, count=len(bad))
-    return section(key, _listed(some, bad[:FEW], odd), lead=lead)
+    lead = page.said(f"{key}.lead", more, few=FEW, count=len(bad))
+    return page.section(key, _listed(some, bad[:FEW], odd), lead=lead)
 
 
-def _instruments(some: FleetTable, odd: list[Outlying], order: list[int]) -> Section | None:
+def _instruments(some: FleetTable, odd: list[Outlying], order: list[int]) -> page.Section | None:
     key = "fleet.instruments"
-    lead = said(
+    lead = page.said(
         f"{key}.lead",
         f"{key}.limit" if some.decisions is not None else "",
         f"{key}.residual" if np.isfinite(some.ratio).any() else "",
@@ -206,10 +179,10 @@ def _instruments(some: FleetTable, odd: list[Outlying], order: list[int]) -> Sec
         listed=LISTED,
         count=len(some),
     )
-    return section(key, _listed(some, order[:LISTED], None), lead=lead)
+    return page.section(key, _listed(some, order[:LISTED], None), lead=lead)
 
 
-def _listed(some: FleetTable, rows: list[int], odd: list[Outlying] | None) -> Table:
+def _listed(some: FleetTable, rows: list[int], odd: list[Outlying] | None) -> page.Table:
     """Return some instruments, with `odd` why they did not pass; else what is nearest to its limit.
 
     A folder without reports has nothing to link to.
@@ -226,9 +199,12 @@ def _listed(some: FleetTable, rows: list[int], odd: list[Outlying] | None) -> Ta
     def sized(values: FloatArray, text: str) -> list[str]:
         return [text.format(float(values[i])) if np.isfinite(values[i]) else "" for i in rows]
 
-    return table(
+    return page.table(
         (": state", [LOOKS[some.outcomes[i]] for i in rows]),
-        ("instrument: link", [Link.to(some.rows[i].report, some.rows[i].serial) for i in rows]),
+        (
+            "instrument: link",
+            [page.Link.to(some.rows[i].report, some.rows[i].serial) for i in rows],
+        ),
         ("outcome: short", [some.outcomes[i] for i in rows]),
         ("of limit: number", sized(100 * use.max(axis=1), "{:.0f} %") if limited else None),
         *(
@@ -258,7 +234,7 @@ def _why(some: FleetTable, i: int, odd: list[Outlying], most: int = 3) -> str:
 # -- the coefficients ------------------------------------------------------------------------
 
 
-def _summary(some: FleetTable) -> Section | None:
+def _summary(some: FleetTable) -> page.Section | None:
     found = some.distributions()
     if not found:
         return None
@@ -270,13 +246,14 @@ def _summary(some: FleetTable) -> Section | None:
     def of(key: str) -> list[str]:
         pairs = zip(found, unit, strict=True)
         return [
-            minus(format_value(getattr(d, key) / one, d.spread / one / 10)) for d, (_, one) in pairs
+            page.minus(format_value(getattr(d, key) / one, d.spread / one / 10))
+            for d, (_, one) in pairs
         ]
 
     sd = [d.sd / one for d, (_, one) in zip(found, unit, strict=True)]
-    return section(
+    return page.section(
         "fleet.summary",
-        table(
+        page.table(
             ("coefficient: name", [d.name for d in found]),
             ("median: number", of("median")),
             ("spread: number", of("spread")),
@@ -288,7 +265,7 @@ def _summary(some: FleetTable) -> Section | None:
     )
 
 
-def _tolerance(some: FleetTable) -> Section | None:
+def _tolerance(some: FleetTable) -> page.Section | None:
     if some.tolerance is None:
         return None
     limit, largest = some.tolerance.limits(some.names)
@@ -301,9 +278,9 @@ def _tolerance(some: FleetTable) -> Section | None:
         if some.decisions is not None
     }
     sd = {k: largest[k] / unit[k][1] for k in kept}
-    return section(
+    return page.section(
         "fleet.tolerance",
-        table(
+        page.table(
             (
                 ": state",
                 ["bad" if n[1] else "warning" if n[2] else "good" for n in counts.values()],
@@ -323,7 +300,7 @@ def _tolerance(some: FleetTable) -> Section | None:
     )
 
 
-def _about(about: Mapping[str, Any]) -> Section:
+def _about(about: Mapping[str, Any]) -> page.Section:
     made = about.get("provenance") or {}
     return page.provenance(
         [
@@ -333,7 +310,7 @@ def _about(about: Mapping[str, Any]) -> Section:
             ("created", str(made.get("created", ""))),
             ("seconds", str(made.get("seconds", ""))),
             ("SHA-256 of the campaign", str((about.get("campaign") or {}).get("sha256", ""))),
-            ("versions", words(made.get("versions") or {})),
+            ("versions", page.words(made.get("versions") or {})),
         ]
     )
 
@@ -341,7 +318,7 @@ def _about(about: Mapping[str, Any]) -> Section:
 # -- histograms ------------------------------------------------------------------------------
 
 
-def _families(some: FleetTable) -> list[Section]:
+def _families(some: FleetTable) -> list[page.Section]:
     """Return one section per family of coefficients: a histogram for each of them."""
     groups: dict[str, list[int]] = {}
     for k, name in enumerate(some.names):
@@ -358,11 +335,11 @@ def _families(some: FleetTable) -> list[Section]:
         if some.tolerance is not None:
             limit = some.tolerance.limits([some.names[k] for k in members])[0]
             lead += " Dashed: tolerance." if np.isfinite(limit).any() else " No tolerance."
-        out.append(Section(title, lead, drawn))
+        out.append(page.Section(title, lead, drawn))
     return out
 
 
-def _row(some: FleetTable, members: list[int]) -> Figure | None:
+def _row(some: FleetTable, members: list[int]) -> page.Figure | None:
     """Draw the histograms of up to three coefficients."""
     block, names = some.values[:, members], [some.names[k] for k in members]
     known = block[np.isfinite(block)]
@@ -387,12 +364,12 @@ def _histograms(
     alt: str,
     about: float | None = None,
     least: float = 0.0,
-) -> Figure | None:
+) -> page.Figure | None:
     """Draw values side by side; a row is a name, the title of its axis, values and their limit.
 
     `about` is the value that a solid line marks; the median where there is none.
     """
-    data: list[Trace] = []
+    data: list[chart.Trace] = []
     axes: dict[str, Any] = {}
     shapes, notes = [], []
     for k, (name, title, x, limit) in enumerate(rows):
@@ -402,26 +379,28 @@ def _histograms(
         if about is not None:
             low, high = min(low, 0.9 * about), max(high, 1.1 * about)
         place = places[len(data) if about is not None else k]
-        on = {letter: ref(letter, k) for letter in "xy"} if data else {"x": "x", "y": "y"}
+        on = {letter: chart.ref(letter, k) for letter in "xy"} if data else {"x": "x", "y": "y"}
         data.append(drawn | {"xaxis": on["x"], "yaxis": on["y"]})
         middle = middle_and_spread(x)[0] if about is None else about
         along = {"xref": on["x"], "yref": f"{on['y']} domain"}
-        shapes.append(upright(middle, "solid", INK, **along))
+        shapes.append(chart.upright(middle, "solid", chart.INK, **along))
         shapes += [
-            upright(s * limit, "dash", BAD, **along) for s in (-1, 1) if low < s * limit < high
+            chart.upright(s * limit, "dash", chart.BAD, **along)
+            for s in (-1, 1)
+            if low < s * limit < high
         ]
-        axes[on["x"].replace("x", "xaxis")] = axis(
+        axes[on["x"].replace("x", "xaxis")] = chart.axis(
             title, domain=place, range=[low, high], anchor=on["y"], nticks=5, showgrid=False
         )
-        axes[on["y"].replace("y", "yaxis")] = axis(
+        axes[on["y"].replace("y", "yaxis")] = chart.axis(
             "" if len(data) > 1 else "instruments", anchor=on["x"], rangemode="tozero", nticks=4
         )
         if outside:
-            font = {"font": {"color": WARNING, "size": 12}}
-            notes.append(noted(f"{outside} beyond", place[1], "right", **font))
+            font = {"font": {"color": chart.WARNING, "size": 12}}
+            notes.append(chart.noted(f"{outside} beyond", place[1], "right", **font))
     narrow = {k: {"showticklabels": False} for k in axes if k[:5] == "yaxis"}
     return (
-        draw(
+        chart.draw(
             "fleet.histograms",
             data,
             height=height,
@@ -436,7 +415,9 @@ def _histograms(
     )
 
 
-def _bars(name: str, x: FloatArray, limit: float, least: float) -> tuple[Trace, float, float, int]:
+def _bars(
+    name: str, x: FloatArray, limit: float, least: float
+) -> tuple[chart.Trace, float, float, int]:
     """Count values in bins; return bars, the range of the axis, and how many lie outside it.
 
     Values that lie closer together than `least` are one bar, wide enough to be seen.
@@ -452,11 +433,11 @@ def _bars(name: str, x: FloatArray, limit: float, least: float) -> tuple[Trace, 
         low, high, bins = middle - half, middle + half, 5
     counts, edges = np.histogram(x, bins=bins, range=(low, high))
     width = float(f"{edges[1] - edges[0]:.6g}")
-    drawn = bars(
+    drawn = chart.bars(
         name,
         (edges[:-1] + edges[1:]) / 2,
         counts.tolist(),
-        FIRST,
+        chart.FIRST,
         "%{x:.4g}: %{y}|",
         width=width,
         marker={"opacity": 0.75},
@@ -469,7 +450,7 @@ def _bars(name: str, x: FloatArray, limit: float, least: float) -> tuple[Trace, 
     return drawn, left, right, len(x) - n
 
 
-def ratios(some: FleetTable) -> Section | None:
+def ratios(some: FleetTable) -> page.Section | None:
     """Return the section on residuals: their size over what the noise says."""
     ratio, key = some.ratio, "fleet.residuals"
     rows = [
@@ -481,5 +462,5 @@ def ratios(some: FleetTable) -> Section | None:
     d = some.redundancy[np.isfinite(some.redundancy).all(axis=1)]
     few = len(d) and float(np.median(d)) < MANY
     accel, gyro = np.median(d, axis=0) if few else (0.0, 0.0)
-    lead = said(f"{key}.lead", f"{key}.few" if few else "", accel=accel, gyro=gyro)
-    return section(key, figure, lead=lead)
+    lead = page.said(f"{key}.lead", f"{key}.few" if few else "", accel=accel, gyro=gyro)
+    return page.section(key, figure, lead=lead)

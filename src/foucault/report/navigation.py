@@ -14,50 +14,6 @@ from foucault.arrays import FloatArray
 from foucault.diagnose.navigation import circular_error
 from foucault.diagnose.schuler import TERMS
 from foucault.report import chart, page
-from foucault.report.chart import (
-    FIRST,
-    INK,
-    SECOND,
-    SERIES,
-    SOFT,
-    THIRD,
-    Panel,
-    Trace,
-    axis,
-    band,
-    bars,
-    dots,
-    draw,
-    length_unit,
-    line,
-    log_axis,
-    thinned,
-    time_unit,
-)
-from foucault.report.page import (
-    STATES,
-    WORDS,
-    Document,
-    Facts,
-    Figure,
-    Heading,
-    Items,
-    Section,
-    Table,
-    angle,
-    facts,
-    grouped,
-    known_to,
-    made_from,
-    minus,
-    quantity,
-    said,
-    section,
-    shown,
-    size,
-    table,
-    unit_of,
-)
 from foucault.result import Level
 from foucault.units import plain
 
@@ -106,7 +62,7 @@ SOURCES = {
 NOISES = {"gyro": "angle random walk", "accel": "velocity random walk"}
 """Kind of the white noise of each sensor."""
 
-LOOKS = ((FIRST, ""), (SECOND, "without_"))
+LOOKS = ((chart.FIRST, ""), (chart.SECOND, "without_"))
 """Colour of each run, and how the columns of its errors begin."""
 
 
@@ -172,21 +128,21 @@ class Seen:
         ][::-1]
 
 
-def document(record: Record) -> Document:
+def document(record: Record) -> page.Document:
     """Return what there is to say of a navigation."""
     seen = Seen(record)
     about = record.about
-    return Document.of(
+    return page.Document.of(
         _heading(seen),
         [make(seen) for make in (where, growth, terms, worth, sources, motion, start)],
-        page.findings(grouped(about["findings"])),
+        page.findings(page.grouped(about["findings"])),
         page.checks(about["checks"]),
         known(seen),
-        made_from(about, {"input": "log", "calibration": "", "reference": ""}),
+        page.made_from(about, {"input": "log", "calibration": "", "reference": ""}),
     )
 
 
-def _heading(seen: Seen) -> Heading:
+def _heading(seen: Seen) -> page.Heading:
     about = seen.about
     title = f"Navigated for {minutes(about['duration'])}"
     if end := seen.end(0):
@@ -195,7 +151,7 @@ def _heading(seen: Seen) -> Heading:
             title += f", {metres(other['horizontal'])} without calibration"
     level = Level(about["verdict"])
     reasons = list(about["reasons"]) or in_words(seen)
-    return Heading(title, page.origin(about), STATES[level], WORDS[level], reasons)
+    return page.Heading(title, page.origin(about), page.STATES[level], page.WORDS[level], reasons)
 
 
 def in_words(seen: Seen) -> list[str]:
@@ -218,13 +174,13 @@ def in_words(seen: Seen) -> list[str]:
 
 def metres(value: float) -> str:
     """Write a distance [m] for people."""
-    unit, one = length_unit(abs(value))
+    unit, one = chart.length_unit(abs(value))
     return f"{plain(value / one, 3)} {unit}"
 
 
 def minutes(seconds: float) -> str:
     """Write a time [s] for people."""
-    unit, one = time_unit(seconds * (1 + 1e-6) if seconds >= 60 else 0.0)
+    unit, one = chart.time_unit(seconds * (1 + 1e-6) if seconds >= 60 else 0.0)
     if 60 <= seconds <= 300:
         unit, one = "min", 60.0
     return f"{plain(seconds / one, 3)} {unit}"
@@ -234,24 +190,24 @@ def number(value: float | None) -> str:
     """Write a number to three digits, empty where there is none."""
     if value is None or not math.isfinite(value):
         return ""
-    return f"< {TINY}" if 0 < abs(value) < TINY else minus(plain(value, 3))
+    return f"< {TINY}" if 0 < abs(value) < TINY else page.minus(plain(value, 3))
 
 
 # -- where it went ---------------------------------------------------------------------------
 
 
-def where(seen: Seen) -> Section | None:
+def where(seen: Seen) -> page.Section | None:
     """Paths east and north of the start, with the error ellipse at some times."""
     lines: list[tuple[str, FloatArray, FloatArray, str, str]] = []
     moved, e = not seen.still, seen.errors
     if moved and e is not None and "reference_east" in e:
-        lines.append(("reference", e["reference_east"], e["reference_north"], THIRD, "solid"))
+        lines.append(("reference", e["reference_east"], e["reference_north"], chart.THIRD, "solid"))
     for k in reversed(range(len(seen.names))):
         path = seen.path(k)
         dash = "dot" if moved and e is not None else "solid"
         lines.append((seen.names[k], path["east"], path["north"], LOOKS[k][0], dash))
     key = "navigation.where"
-    caption = said(f"{key}.moved" if moved else f"{key}.still", by_what=seen.by_what)
+    caption = page.said(f"{key}.moved" if moved else f"{key}.still", by_what=seen.by_what)
     centres = _spread(seen, ELLIPSES) if moved else _spread(seen, 1, about_path=False)
     marks = _marks(seen.path(0)) if moved else []  # else time stands beside it
     beside = []
@@ -259,14 +215,14 @@ def where(seen: Seen) -> Section | None:
         beside = [_error_map(seen, e) if moved else _over_time(seen, e)]
     share = 50 if beside else 100
     map_ = chart.paths(lines, centres, marks, caption, share, predicted=seen.predicted)
-    lead = said(f"{key}.beside" if moved and e is not None else f"{key}.lead")
-    return section(key, map_, beside, Facts(_numbers(seen)), lead=lead)
+    lead = page.said(f"{key}.beside" if moved and e is not None else f"{key}.lead")
+    return page.section(key, map_, beside, page.Facts(_numbers(seen)), lead=lead)
 
 
-def _error_map(seen: Seen, e: Mapping[str, Any]) -> Figure:
+def _error_map(seen: Seen, e: Mapping[str, Any]) -> page.Figure:
     """Error east and north, with the ellipses that were predicted."""
     lines = [(*run, "solid") for run in seen.of_runs(e)]
-    caption = said("navigation.where.error", by_what=seen.by_what)
+    caption = page.said("navigation.where.error", by_what=seen.by_what)
     centres = _spread(seen, 1, about_path=False)
     return chart.paths(lines, centres, [], caption, 50, "error ", seen.predicted)
 
@@ -316,7 +272,7 @@ def _numbers(seen: Seen) -> list[tuple[str, str]]:
         if last := seen.end(k):
             east, north = metres(run["end"]["east"]), metres(run["end"]["north"])
             text = f"{metres(last['horizontal'])} ({east} east, {north} north)"
-            out.append((f"at the end, {run['name']}", minus(text)))
+            out.append((f"at the end, {run['name']}", page.minus(text)))
     for run in about["runs"]:
         rate = run.get("radial_rate")
         if rate and rate["nmi/h"] is not None:
@@ -339,7 +295,7 @@ def half_at(seen: Seen, age: float) -> float | None:
     return None if e is None else float(np.interp(age, e["age"], circular_error(_covariance(e))))
 
 
-def growth(seen: Seen) -> Section | None:
+def growth(seen: Seen) -> page.Section | None:
     """The error against time, with and without the calibration, beside what was predicted."""
     e = seen.errors
     if e is None:
@@ -348,49 +304,53 @@ def growth(seen: Seen) -> Section | None:
     if np.isfinite(e["east"]).any() and not seen.still:  # else it stands beside the map
         drawn = [_over_time(seen, e), _logarithmic(seen, e)]
     key = "navigation.growth"
-    lead = said(f"{key}.lead" if seen.calibrated else f"{key}.bare")
-    return section(key, drawn, _panels(seen, e), _growth_table(seen), lead=lead)
+    lead = page.said(f"{key}.lead" if seen.calibrated else f"{key}.bare")
+    return page.section(key, drawn, _panels(seen, e), _growth_table(seen), lead=lead)
 
 
-def _over_time(seen: Seen, e: Mapping[str, Any]) -> Figure:
+def _over_time(seen: Seen, e: Mapping[str, Any]) -> page.Figure:
     """Horizontal error against time, with the radius that holds half of it."""
-    t_unit, t = time_unit(float(e["age"][-1]))
+    t_unit, t = chart.time_unit(float(e["age"][-1]))
     half, runs = circular_error(_covariance(e)), seen.of_runs(e)
     sizes = [np.hypot(east, north) for _, east, north, _ in runs]
-    unit, one = length_unit(max(float(np.nanmax(y, initial=0.0)) for y in (*sizes, half)))
+    unit, one = chart.length_unit(max(float(np.nanmax(y, initial=0.0)) for y in (*sizes, half)))
     hover = f"%{{x:.3g}} {t_unit}: %{{y:.4g}} {unit}|"
     data = [
-        line(
+        chart.line(
             f"{seen.predicted}, half of all runs",
             e["age"] / t,
             half / one,
-            SOFT,
+            chart.SOFT,
             f"{hover}{seen.predicted}",
             width=1.6,
             dash="dash",
         )
     ]
     data += [
-        line(name, e["age"] / t, y / one, colour, f"{hover}{name}", width=2.2)
+        chart.line(name, e["age"] / t, y / one, colour, f"{hover}{name}", width=2.2)
         for (name, _, _, colour), y in zip(runs, sizes, strict=True)
     ]
-    return draw(
+    return chart.draw(
         "navigation.over_time",
         data,
         x=f"since the start [{t_unit}]",
-        y=axis(f"horizontal error [{unit}]", rangemode="tozero"),
+        y=chart.axis(f"horizontal error [{unit}]", rangemode="tozero"),
     )
 
 
-def _logarithmic(seen: Seen, e: Mapping[str, Any]) -> Figure:
+def _logarithmic(seen: Seen, e: Mapping[str, Any]) -> page.Figure:
     """The same on logarithmic axes; a slope of 1 is a drift, 2 a tilt, 3 a gyro bias."""
     late = e["age"] > 0.005 * e["age"][-1]
     age, half = e["age"][late], circular_error(_covariance(e))[late]
-    t_unit, t = time_unit(float(e["age"][-1]))
+    t_unit, t = chart.time_unit(float(e["age"][-1]))
     sizes = [(run, np.hypot(run[1], run[2])[late]) for run in seen.of_runs(e)]
-    data = [line(seen.predicted, age / t, half, SOFT, width=1.6, dash="dash", showlegend=False)]
+    data = [
+        chart.line(
+            seen.predicted, age / t, half, chart.SOFT, width=1.6, dash="dash", showlegend=False
+        )
+    ]
     data += [
-        line(
+        chart.line(
             run[0],
             age / t,
             np.maximum(y, 1e-9),
@@ -405,43 +365,51 @@ def _logarithmic(seen: Seen, e: Mapping[str, Any]) -> Figure:
     low = float(np.nanmin([np.nanpercentile(y, 1) for _, y in sizes] or [top]))
     low = max(low, 1e-5 * top)
     span = [float(np.log10(v / t)) for v in (age[0], age[-1])]
-    return draw(
+    return chart.draw(
         "navigation.logarithmic",
         data,
-        x=axis(f"since the start [{t_unit}]", type="log", tickvals=list(ROUND), range=span),
-        y=log_axis(
+        x=chart.axis(f"since the start [{t_unit}]", type="log", tickvals=list(ROUND), range=span),
+        y=chart.log_axis(
             "horizontal error [m]", range=[float(np.log10(low)) - 0.1, float(np.log10(top)) + 0.2]
         ),
     )
 
 
-def _panels(seen: Seen, e: Mapping[str, Any]) -> Figure | None:
+def _panels(seen: Seen, e: Mapping[str, Any]) -> page.Figure | None:
     """East, north, up, velocity and heading errors with the bands of one and two sd."""
     position = {"east": "east_east", "north": "north_north"}
     position |= {"up": "up_up"} if seen.about["settings"]["vertical"] == "free" else {}
     largest = max(float(np.nanmax(np.abs(e[a]), initial=0.0)) for a in position)
-    unit, one = length_unit(max(largest, 2 * float(np.sqrt(e["cov_east_east"][-1]))))
+    unit, one = chart.length_unit(max(largest, 2 * float(np.sqrt(e["cov_east_east"][-1]))))
     rows = [(f"{a} [{unit}]", a, c, one) for a, c in position.items()]
     rows += [(f"v {a} [m/s]", f"velocity_{a}", f"velocity_{a}", 1.0) for a in ("east", "north")]
     rows += [("heading [°]", "heading", "phi_up", float(np.radians(1.0)))]
-    t_unit, t = time_unit(float(e["age"][-1]))
+    t_unit, t = chart.time_unit(float(e["age"][-1]))
     x = e["age"] / t
     panels = []
     for title, name, variance, size_ in rows:
         if not np.isfinite(e[name]).any():
             continue
         sd = np.sqrt(e[f"cov_{variance}"]) / size_
-        data = [band(f"±2 sd, {seen.predicted}", x, -2 * sd, 2 * sd), band("±1 sd", x, -sd, sd)]
+        data = [
+            chart.band(f"±2 sd, {seen.predicted}", x, -2 * sd, 2 * sd),
+            chart.band("±1 sd", x, -sd, sd),
+        ]
         if f"without_{name}" in e:
             other = "without calibration"
             data.append(
-                line(
-                    other, x, e[f"without_{name}"] / size_, SECOND, f"%{{y:.4g}}|{other}", width=1.6
+                chart.line(
+                    other,
+                    x,
+                    e[f"without_{name}"] / size_,
+                    chart.SECOND,
+                    f"%{{y:.4g}}|{other}",
+                    width=1.6,
                 )
             )
         hover = f"%{{y:.4g}}|{title}"
-        data.append(line(seen.names[0], x, e[name] / size_, FIRST, hover, width=2.2))
-        panels.append(Panel(title, data, lines=[0]))
+        data.append(chart.line(seen.names[0], x, e[name] / size_, chart.FIRST, hover, width=2.2))
+        panels.append(chart.Panel(title, data, lines=[0]))
     if not panels:
         return None
     return chart.stacked(
@@ -449,7 +417,7 @@ def _panels(seen: Seen, e: Mapping[str, Any]) -> Figure | None:
     )
 
 
-def _growth_table(seen: Seen) -> Table:
+def _growth_table(seen: Seen) -> page.Table:
     """Errors at some ages; a column of what is not known is left out."""
     ages = [row["age"] for row in seen.growth(0)]
 
@@ -471,54 +439,60 @@ def _growth_table(seen: Seen) -> Table:
         ("velocity [m/s]: number", cells(0, "velocity")),
         ("heading [arcmin]: number aside", cells(0, "heading", 60 * float(np.degrees(1.0)))),
     ]
-    return table(*((heading, some) for heading, some in columns if any(some)))
+    return page.table(*((heading, some) for heading, some in columns if any(some)))
 
 
 # -- what the error is made of ---------------------------------------------------------------
 
 
-def terms(seen: Seen) -> Section | None:
+def terms(seen: Seen) -> page.Section | None:
     """Terms of free inertial drift that the error shows."""
     run, key = seen.about["runs"][0], "navigation.terms"
     if "terms" not in run:
         if seen.errors is None or not seen.still:
             return None
-        why = said(f"{key}.not_fitted", why=seen.about["stationary"])
-        return Section(said(f"{key}.title"), why, [])
+        why = page.said(f"{key}.not_fitted", why=seen.about["stationary"])
+        return page.Section(page.said(f"{key}.title"), why, [])
     some, told = seen.tables["terms"], run["terms"]
-    alike = Items([("plain", minus(text)) for text in told["alike"]]) if told["alike"] else None
+    alike = (
+        page.Items([("plain", page.minus(text)) for text in told["alike"]])
+        if told["alike"]
+        else None
+    )
     times = plain(told["chi_square"] / told["dof"], 3)
-    more = said(f"{key}.more", times=times) if told["chi_square"] > told["limits"][1] else ""
+    more = page.said(f"{key}.more", times=times) if told["chi_square"] > told["limits"][1] else ""
     period, age = told["schuler_period"], float(some["age"][-1])
-    short = said(f"{key}.short", age=minutes(age)) if age < 0.5 * period else ""
+    short = page.said(f"{key}.short", age=minutes(age)) if age < 0.5 * period else ""
     drawn = [_terms(some, way) for way in ("east", "north")]
-    return section(
+    return page.section(
         key, drawn, _term_table(seen), alike, more, period=plain(period / 60, 3), short=short
     )
 
 
-def _terms(some: Mapping[str, Any], way: str) -> Figure:
+def _terms(some: Mapping[str, Any], way: str) -> page.Figure:
     """Draw the error along one axis, the terms of at least a fiftieth of it, and their sum."""
     parts = {term: some[f"{term}.{way}"] for term in TERMS}
-    t_unit, t = time_unit(float(some["age"][-1]))
+    t_unit, t = chart.time_unit(float(some["age"][-1]))
     largest = max(float(np.max(np.abs(v))) for v in (some[way], *parts.values()))
-    unit, one = length_unit(largest)
+    unit, one = chart.length_unit(largest)
     x, y, total = some["age"] / t, some[way] / one, np.sum(list(parts.values()), axis=0) / one
     reach = 2 * some[f"noise.{way}"] / one
     hover = f"%{{x:.3g}} {t_unit}: %{{y:.4g}} {unit}|error"
-    data: list[Trace] = [
-        band("sensor noise, ±2 sd", x, total - reach, total + reach),
-        dots("error", x, y, FIRST, hover, size=5),
-        line("all terms", x, total, INK, width=1.4),
+    data: list[chart.Trace] = [
+        chart.band("sensor noise, ±2 sd", x, total - reach, total + reach),
+        chart.dots("error", x, y, chart.FIRST, hover, size=5),
+        chart.line("all terms", x, total, chart.INK, width=1.4),
     ]
-    for (name, part), colour in zip(parts.items(), (*SERIES[1:], *SERIES[1:3]), strict=True):
+    for (name, part), colour in zip(
+        parts.items(), (*chart.SERIES[1:], *chart.SERIES[1:3]), strict=True
+    ):
         if np.max(np.abs(part)) >= 0.02 * largest:
             data.append(
-                line(
+                chart.line(
                     name, x, part / one, colour, f"%{{y:.4g}} {unit}|{name}", width=1.6, dash="dot"
                 )
             )
-    return draw(
+    return chart.draw(
         "navigation.terms",
         data,
         x=f"since the start [{t_unit}]",
@@ -527,7 +501,7 @@ def _terms(some: Mapping[str, Any], way: str) -> Figure:
     )
 
 
-def _term_table(seen: Seen) -> Table:
+def _term_table(seen: Seen) -> page.Table:
     both = [run["terms"]["rows"] for run in seen.about["runs"] if "terms" in run]
     rows = both[0]
     unit = [UNIT[r["kind"]] for r in rows]
@@ -537,24 +511,24 @@ def _term_table(seen: Seen) -> Table:
 
     def like(row: Mapping[str, Any]) -> str:
         if abs(row["value"]) > 2 * row["sd"] and row["same_as"]:
-            return minus(row["same_as"])
+            return page.minus(row["same_as"])
         return next(words for begin, words in ACTS.items() if row["name"].startswith(begin))
 
     sd = of(rows, "sd")
-    values = [[known_to(*v) for v in zip(of(some, "value"), sd, strict=True)] for some in both]
-    return table(
+    values = [[page.known_to(*v) for v in zip(of(some, "value"), sd, strict=True)] for some in both]
+    return page.table(
         ("term", [r["name"] for r in rows]),
         ("value: number", values[0]),
-        ("± sd: number", [known_to(v, v) for v in sd]),
+        ("± sd: number", [page.known_to(v, v) for v in sd]),
         ("without calibration: number", values[1] if len(both) > 1 else None),
-        ("unit: short", map(shown, unit)),
+        ("unit: short", map(page.shown, unit)),
         ("east at the end [m]: number aside", [number(r["east"]) for r in rows]),
         ("north [m]: number aside", [number(r["north"]) for r in rows]),
         ("looks like", map(like, rows)),
     )
 
 
-def worth(seen: Seen) -> Section | None:
+def worth(seen: Seen) -> page.Section | None:
     """What each coefficient was worth, and what is left of it."""
     rows = seen.about["contributions"]
     if not rows:
@@ -564,27 +538,34 @@ def worth(seen: Seen) -> Section | None:
         parts = [sum(r["worth"][a] for r in rows) for a in ("east", "north")]
         miss = math.hypot(parts[0] - total[0], parts[1] - total[1])
         apart = "navigation.worth.apart" if miss > 0.1 * math.hypot(*total) else ""
-        together = minus(
-            said(
+        together = page.minus(
+            page.said(
                 "navigation.worth.together",
                 apart,
                 parts=[*map(metres, parts)],
                 total=[*map(metres, total)],
             )
         )
-    return section("navigation.worth", _contributions(rows[:DRAWN]), _worth_table(rows), together)
+    return page.section(
+        "navigation.worth", _contributions(rows[:DRAWN]), _worth_table(rows), together
+    )
 
 
-def _contributions(rows: Sequence[Mapping[str, Any]]) -> Figure:
+def _contributions(rows: Sequence[Mapping[str, Any]]) -> page.Figure:
     """Draw metres at the end by coefficient: before it was corrected, and what is left (sd)."""
     names = [r["name"] for r in rows]
     before, left = (
         np.array([r[k]["horizontal"] or 0.0 for r in rows], float) for k in ("worth", "left")
     )
-    unit, one = length_unit(float(np.max(before, initial=0.0)))
+    unit, one = chart.length_unit(float(np.max(before, initial=0.0)))
     data = [
-        bars(name, some / one, names, colour, f"%{{y}}: %{{x:.3g}} {unit}|{name}", orientation="h")
-        for name, some, colour in (("before correction", before, SECOND), ("left, sd", left, FIRST))
+        chart.bars(
+            name, some / one, names, colour, f"%{{y}}: %{{x:.3g}} {unit}|{name}", orientation="h"
+        )
+        for name, some, colour in (
+            ("before correction", before, chart.SECOND),
+            ("left, sd", left, chart.FIRST),
+        )
     ]
     values = np.concatenate([before, left]) / one
     values = values[np.isfinite(values) & (values > 0)]
@@ -592,17 +573,17 @@ def _contributions(rows: Sequence[Mapping[str, Any]]) -> Figure:
     low = max(float(values.min(initial=np.inf)), high * 1e-4)
     span = [float(np.log10(low)) - 0.2, float(np.log10(high)) + 0.2]
     look = {"type": "category", "autorange": "reversed", "tickmode": "linear", "ticks": ""}
-    return draw(
+    return chart.draw(
         "navigation.contributions",
         data,
         height=96 + 30 * len(names),
-        x=log_axis(f"horizontal position at the end [{unit}]", range=span),
+        x=chart.log_axis(f"horizontal position at the end [{unit}]", range=span),
         y=look,
     )
 
 
-def _worth_table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    unit = [unit_of(r["kind"], abs(r["value"])) for r in rows]
+def _worth_table(rows: Sequence[Mapping[str, Any]]) -> page.Table:
+    unit = [page.unit_of(r["kind"], abs(r["value"])) for r in rows]
     value = [r["value"] / one for r, (_, one) in zip(rows, unit, strict=True)]
     sd = [(r["sd"] or 0.0) / one for r, (_, one) in zip(rows, unit, strict=True)]
     both = zip(value, sd, strict=True)
@@ -610,10 +591,10 @@ def _worth_table(rows: Sequence[Mapping[str, Any]]) -> Table:
         None if r["worth"]["heading"] is None else 3600 * np.degrees(r["worth"]["heading"])
         for r in rows
     ]
-    return table(
+    return page.table(
         ("coefficient: name", [r["name"] for r in rows]),
-        ("value: number", [known_to(v, s) if s else minus(f"{v:.4g}") for v, s in both]),
-        ("± sd: number", map(size, sd)),
+        ("value: number", [page.known_to(v, s) if s else page.minus(f"{v:.4g}") for v, s in both]),
+        ("± sd: number", map(page.size, sd)),
         ("unit: short", [name for name, _ in unit]),
         ("east [m]: number aside", [number(r["worth"]["east"]) for r in rows]),
         ("north [m]: number aside", [number(r["worth"]["north"]) for r in rows]),
@@ -626,7 +607,7 @@ def _worth_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     )
 
 
-def sources(seen: Seen) -> Section | None:
+def sources(seen: Seen) -> page.Section | None:
     """Where the predicted error comes from."""
     end, key = seen.about["predicted"], "navigation.sources"
 
@@ -636,7 +617,7 @@ def sources(seen: Seen) -> Section | None:
     used = [k for k in SOURCES if k != "coefficients" or seen.calibrated]
     whole = variance("all")
     parts = [variance(k) / whole if whole else 0.0 for k in used]
-    listed = table(
+    listed = page.table(
         ("source", [SOURCES[k][0] for k in used]),
         ("east sd [m]: number", [number(end[k]["east_sd"]) for k in used]),
         ("north sd [m]: number", [number(end[k]["north_sd"]) for k in used]),
@@ -648,18 +629,18 @@ def sources(seen: Seen) -> Section | None:
         ),
         ("what it is: aside", [SOURCES[k][1] for k in used]),
     )
-    lead = said(f"{key}.lead" if seen.calibrated else f"{key}.bare", age=minutes(end["age"]))
-    return section(key, listed, lead=lead)
+    lead = page.said(f"{key}.lead" if seen.calibrated else f"{key}.bare", age=minutes(end["age"]))
+    return page.section(key, listed, lead=lead)
 
 
 # -- motion, start, and what it was made from ------------------------------------------------
 
 
-def motion(seen: Seen) -> Section | None:
+def motion(seen: Seen) -> page.Section | None:
     """Velocity, attitude and height of the path."""
     path, vertical = seen.path(0), seen.about["settings"]["vertical"]
-    rows = thinned(len(path["time"]))
-    t_unit, t = time_unit(float(path["time"][-1] - path["time"][0]))
+    rows = chart.thinned(len(path["time"]))
+    t_unit, t = chart.time_unit(float(path["time"][-1] - path["time"][0]))
     x = (path["time"] - path["time"][0])[rows] / t
     ways = ("east", "north", "up")[: 3 if vertical == "free" else 2]
     panels = {
@@ -669,67 +650,62 @@ def motion(seen: Seen) -> Section | None:
     }
     if vertical != "held":
         panels["height [m]"] = {"height": path["height"]}
-    alone: Trace = {"showlegend": False}
+    alone: dict[str, Any] = {"showlegend": False}
     drawn = [
-        Panel(
+        chart.Panel(
             title,
-            [
-                line(
-                    name,
-                    x,
-                    np.asarray(y)[rows],
-                    colour,
-                    f"%{{y:.5g}}|{name}",
-                    width=1.6,
-                    **alone if len(lines) == 1 else {},
-                )
-                for (name, y), colour in zip(lines.items(), SERIES, strict=False)
-            ],
+            chart.lines(
+                x,
+                {name: np.asarray(y)[rows] for name, y in some.items()},
+                "%{y:.5g}",
+                width=1.6,
+                **(alone if len(some) == 1 else {}),
+            ),
         )
-        for title, lines in panels.items()
+        for title, some in panels.items()
     ]
     figure = chart.stacked(
         "navigation.motion", drawn, height=70 + 150 * len(drawn), x=f"since the start [{t_unit}]"
     )
-    return section("navigation.motion", figure, name=seen.names[0])
+    return page.section("navigation.motion", figure, name=seen.names[0])
 
 
-def start(seen: Seen) -> Section | None:
+def start(seen: Seen) -> page.Section | None:
     """How each run was aligned."""
     runs = [run["start"] for run in seen.about["runs"]]
     sd = [np.degrees(np.sqrt(np.diag(np.array(s["covariance"], float)))) for s in runs]
 
     def degrees(name: str) -> list[str]:
-        return [minus(f"{np.degrees(s[name]):.4f}") for s in runs]
+        return [page.minus(f"{np.degrees(s[name]):.4f}") for s in runs]
 
-    listed = table(
+    listed = page.table(
         ("run", [run["name"] for run in seen.about["runs"]]),
         ("heading [°]: number", degrees("heading")),
-        ("± sd: number", [angle(s[2]) for s in sd]),
+        ("± sd: number", [page.angle(s[2]) for s in sd]),
         ("pitch [°]: number", degrees("pitch")),
         ("roll [°]: number", degrees("roll")),
-        ("± sd: number", [angle(float(np.hypot(s[0], s[1]) / math.sqrt(2))) for s in sd]),
+        ("± sd: number", [page.angle(float(np.hypot(s[0], s[1]) / math.sqrt(2))) for s in sd]),
         ("found by: aside", [METHODS.get(s["method"], s["method"]) for s in runs]),
     )
     opening, key = seen.about["opening"], "navigation.start"
     time = opening["end"] - opening["start"]
-    calibrated = said(f"{key}.calibrated") if seen.calibrated else ""
-    lead = said(
+    calibrated = page.said(f"{key}.calibrated") if seen.calibrated else ""
+    lead = page.said(
         f"{key}.at_rest" if time > 0 else "",
         f"{key}.lead",
         calibrated=calibrated,
         time=minutes(time) if time > 0 else "",
     )
-    return section(key, listed, lead=lead)
+    return page.section(key, listed, lead=lead)
 
 
-def known(seen: Seen) -> Section | None:
+def known(seen: Seen) -> page.Section | None:
     """Noise, place, reference and calibration."""
     about = seen.about
     noise, site, reference = about["noise"], about["site"], about["reference"]
     pairs = [("noise", str(noise["source"]))]
     pairs += [
-        (f"white noise, {k}", quantity(noise[k]["white"], kind)) for k, kind in NOISES.items()
+        (f"white noise, {k}", page.quantity(noise[k]["white"], kind)) for k, kind in NOISES.items()
     ]
     pairs += [("place", page.place(site)), ("local gravity", page.gravity(site))]
     what = "nothing"
@@ -744,4 +720,4 @@ def known(seen: Seen) -> Section | None:
             ("of instrument", page.instrument(used.get("instrument") or {})),
             ("made", page.date(str(used.get("created") or ""))),
         ]
-    return section("navigation.known", facts(*pairs))
+    return page.section("navigation.known", page.facts(*pairs))

@@ -24,32 +24,6 @@ from foucault.diagnose.live import Inspection
 from foucault.errors import Finding
 from foucault.models.transfer import MasterTable
 from foucault.report import chart, page
-from foucault.report.chart import (
-    INK,
-    SERIES,
-    SOFT,
-    Trace,
-    area,
-    dots,
-    draw,
-    line,
-    log_axis,
-    numbers,
-)
-from foucault.report.page import (
-    Code,
-    Column,
-    Document,
-    Figure,
-    Heading,
-    Section,
-    Table,
-    columns,
-    said,
-    section,
-    told,
-    unit_of,
-)
 from foucault.tables import AXES
 from foucault.units import convert, display_unit, plain, span
 
@@ -68,12 +42,12 @@ KINDS = {
 }
 
 
-def inspected(inspection: Inspection, start: float = 0.0) -> Document:
+def inspected(inspection: Inspection, start: float = 0.0) -> page.Document:
     """Return readings, rests and how they were found; times count from `start` [s]."""
     log, rests = inspection.log, inspection.rests
     master: MasterTable | None = getattr(log, "master", None)
-    made: list[Section | None] = [
-        Section(TRIADS[triad][1], "", [_readings(log.time, x, TRIADS[triad][3])])
+    made: list[page.Section | None] = [
+        page.Section(TRIADS[triad][1], "", [_readings(log.time, x, TRIADS[triad][3])])
         for triad, x in (
             ("accel", log.accel),
             ("gyro", None if log.gyro is None else np.degrees(log.gyro)),
@@ -85,10 +59,10 @@ def inspected(inspection: Inspection, start: float = 0.0) -> Document:
     found = page.counted(len(rests) - int(inspection.turning.sum()), "rest") + " found"
     if log.averaged is not None:
         line_, found = [f"{len(log)} means", f"{log.duration:.0f} s"], f"{len(log)} means"
-        made.append(section("log.means", _rests(inspection, "mean")))
+        made.append(page.section("log.means", _rests(inspection, "mean")))
     elif master is not None:  # it is calibrated as it moves: rests are nothing to look for
         found = f"{len(master.messages.time)} messages of a master"
-        made.append(section("log.master", _facts("", _messages(master, start))))
+        made.append(page.section("log.master", _facts("", _messages(master, start))))
     else:
         keep = _extremes(rests.level)
         level = {"time": log.time[keep]}
@@ -98,36 +72,38 @@ def inspected(inspection: Inspection, start: float = 0.0) -> Document:
                 level[name] = column[keep]
         ends = zip(rests.first, rests.last, strict=True)
         spans = [(log.time[a], log.time[b - 1]) for a, b in ends]
-        shaded = said("log.rests.shaded", count=len(rests))
+        shaded = page.said("log.rests.shaded", count=len(rests))
         drawn = replace(chart.detection(level, rests.threshold, spans), caption=shaded)
-        made.append(section("log.rests", drawn, _rests(inspection, "rest")))
-    head = Heading(f"Log {file}", line_, "plain", found, [])
-    about = section(
+        made.append(page.section("log.rests", drawn, _rests(inspection, "rest")))
+    head = page.Heading(f"Log {file}", line_, "plain", found, [])
+    about = page.section(
         "log.overview", _facts(file, _overview(inspection, start, moves=master is not None))
     )
     # Of what moves, findings about rests say nothing.
     noticed = inspection.findings if master is None else log.findings
-    readings = section("log.readings", _axes(inspection, noise=master is None))
-    return Document.of(head, about, readings, made, page.findings(noticed))
+    readings = page.section("log.readings", _axes(inspection, noise=master is None))
+    return page.Document.of(head, about, readings, made, page.findings(noticed))
 
 
-def glance(inspection: Inspection, start: float = 0.0) -> Document:
+def glance(inspection: Inspection, start: float = 0.0) -> page.Document:
     """Return what fits on one screen: axes, a bar of the rests, each kind of finding once."""
     whole = inspected(inspection, start)
     log, master = inspection.log, getattr(inspection.log, "master", None)
     kept = [one for one in whole.sections if one.key in ("log.readings", "log.master")]
-    first = said("log.overview.starts", start=plain(start, 13)) if start else ""
+    first = page.said("log.overview.starts", start=plain(start, 13)) if start else ""
     rows = dict(_overview(inspection, start, moves=master is not None))
     told_ = [f"{rows[k]} {k}" for k in ("interval", "gaps") if k in rows]
     kinds = [rows[k] for k in ("readings", "means") if k in rows]
     seen = [f"{k}: {rows[k]}" for k in ("rests found", "steady turns", "|f| at rest") if k in rows]
-    bar = [] if log.averaged is not None or master is not None else [Code(_timeline(inspection))]
+    bar = (
+        [] if log.averaged is not None or master is not None else [page.Code(_timeline(inspection))]
+    )
     line_ = [*whole.heading.line, *told_, *kinds]
     noticed = inspection.findings if master is None else log.findings
-    return Document.of(
+    return page.Document.of(
         replace(whole.heading, line=line_),
         kept,
-        section("log.glance", first, "\n".join(seen), bar),
+        page.section("log.glance", first, "\n".join(seen), bar),
         page.findings(page.counted_once(noticed)),
     )
 
@@ -146,22 +122,24 @@ def _timeline(seen: Inspection) -> str:
     some = np.stack([1 - share["#"] - share["="], share["#"], share["="]])
     bar = "".join(np.array(list(".#="))[some.argmax(axis=0)])
     ends = f"{time[0]:.0f} s".ljust(BAR + 2 - len(f"{time[-1]:.0f} s")) + f"{time[-1]:.0f} s"
-    return f"[{bar}]\n{ends}\n{told('log.glance.signs')}"
+    return f"[{bar}]\n{ends}\n{page.told('log.glance.signs')}"
 
 
-def _facts(title: str, pairs: Sequence[tuple[str, str]]) -> Table:
-    return Table([Column(""), Column(title)], pairs)
+def _facts(title: str, pairs: Sequence[tuple[str, str]]) -> page.Table:
+    return page.Table([page.Column(""), page.Column(title)], pairs)
 
 
-def _readings(time: FloatArray, x: FloatArray, unit: str) -> Figure:
+def _readings(time: FloatArray, x: FloatArray, unit: str) -> page.Figure:
     data = []
     for i, axis in enumerate(AXES):
         if not np.isnan(x[:, i]).all():  # logged
             keep = _extremes(x[:, i])
             data.append(
-                line(axis, time[keep], x[keep, i], SERIES[i], "(%{x}, %{y})|" + axis, width=1.1)
+                chart.line(
+                    axis, time[keep], x[keep, i], chart.SERIES[i], "(%{x}, %{y})|" + axis, width=1.1
+                )
             )
-    return draw("noise.readings", data, y=f"[{unit}]")
+    return chart.draw("noise.readings", data, y=f"[{unit}]")
 
 
 def _extremes(x: FloatArray) -> IndexArray:
@@ -226,7 +204,7 @@ def _messages(master: MasterTable, start: float) -> list[tuple[str, str]]:
     ]
 
 
-def _axes(seen: Inspection, noise: bool) -> Table:
+def _axes(seen: Inspection, noise: bool) -> page.Table:
     rows = []
     noise = noise and seen.log.averaged is None
     for name, axes, kind, unit, noise_kind, noise_unit in (
@@ -240,10 +218,12 @@ def _axes(seen: Inspection, noise: bool) -> Table:
             cells = [f"{convert(float(c[i]), kind, unit):.4g}" for c in numbers_]
             white = f"{convert(float(axes.noise[i]), noise_kind, noise_unit):.3g} {noise_unit}"
             rows.append([f"{name} {AXES[i]} ({unit})", *cells, *[white] * noise])
-    return Table(_columns("axis", "mean", "sd", "min", "max", *["noise at rest"] * noise), rows)
+    return page.Table(
+        _columns("axis", "mean", "sd", "min", "max", *["noise at rest"] * noise), rows
+    )
 
 
-def _rests(seen: Inspection, kind: str) -> Table:
+def _rests(seen: Inspection, kind: str) -> page.Table:
     f, w = _means(seen, "accel"), _means(seen, "gyro")
     turned = _table_columns(seen)
     rows: list[list[str]] = []
@@ -263,14 +243,17 @@ def _rests(seen: Inspection, kind: str) -> Table:
         more = (f"{x[k]:.3f}" for x in turned.values())
         rows.append([str(k + 1), start, end, up, size, turning, state, *more])
     heads = (kind, "start", "end", "up", "|f| (m/s^2)", "|w| (deg/s)", "state", *turned)
-    return Table(_columns(*heads), rows)
+    return page.Table(_columns(*heads), rows)
 
 
 ASIDE = ("min", "max", "end", "|w| (deg/s)")  # Columns for which a narrow page has no room.
 
 
-def _columns(first: str, *others: str) -> list[Column]:
-    return [Column(first), *(Column(other, "number", aside=other in ASIDE) for other in others)]
+def _columns(first: str, *others: str) -> list[page.Column]:
+    return [
+        page.Column(first),
+        *(page.Column(other, "number", aside=other in ASIDE) for other in others),
+    ]
 
 
 def _table_columns(seen: Inspection) -> dict[str, FloatArray]:
@@ -297,12 +280,12 @@ def _means(seen: Inspection, triad: str) -> FloatArray | None:
 
 def document(
     measured: LogAllan, name: str, block: str, noticed: Iterable[Finding] = ()
-) -> Document:
+) -> page.Document:
     """Return the noises seen, the curves, and the noise block to copy."""
     first, bounds = next(iter(measured.channels.values())), pairs(measured)
     names = list(dict.fromkeys(word for word, noise, _ in _each(measured) if noise.seen))
     count = f"{len(names)} kinds" if len(names) != 1 else "1 kind"
-    head = Heading(
+    head = page.Heading(
         f"Noise of {name}",
         [
             f"At rest, {measured.start:.2f} s to {measured.end:.2f} s",
@@ -315,15 +298,15 @@ def document(
     )
     used = f"{measured.start:.6g} s to {measured.end:.6g} s, {first.samples} samples"
     made = [("log", name), ("part used", used), ("versions", f"foucault {__version__}")]
-    return Document.of(
+    return page.Document.of(
         head,
         [_plot(measured, triad, bounds.get(triad)) for triad in ("gyro", "accel")],
         _each_axis(measured),
         page.findings(f for f in noticed if f.code != "allan.hidden"),  # the line above says it
-        section("noise.block", Code(block)),
+        page.section("noise.block", page.Code(block)),
         _pairs(bounds),
         _noises(measured),
-        section("noise.method", told("noise.method.text")),
+        page.section("noise.method", page.told("noise.method.text")),
         page.provenance(made),
     )
 
@@ -334,18 +317,18 @@ def _each(measured: LogAllan) -> Iterator[tuple[str, Noise, str]]:
             yield word, noise, name
 
 
-def _noises(measured: LogAllan) -> Section | None:
+def _noises(measured: LogAllan) -> page.Section | None:
     rows: list[list[str]] = []
     for word, noise, name in _each(measured):
         if [name] not in rows:
             rows.append([name])
         told_ = described(noise, name.split(".")[0], measured.channels[name].longest)
         rows.append(["good" if noise.seen else "plain", word, *told_])
-    heads = columns(": state | noise | value: number | ± sd: number aside | 95 % interval")
-    return section("noise.noises", Table(heads, rows))
+    heads = page.columns(": state | noise | value: number | ± sd: number aside | 95 % interval")
+    return page.section("noise.noises", page.Table(heads, rows))
 
 
-def _pairs(bounds: Mapping[str, Pair | None]) -> Section | None:
+def _pairs(bounds: Mapping[str, Pair | None]) -> page.Section | None:
     """White noise and random walk for estimators, of each axis and of all of a triad."""
     rows = []
     for name, pair in bounds.items():
@@ -357,8 +340,10 @@ def _pairs(bounds: Mapping[str, Pair | None]) -> Section | None:
             name if "." in name else f"{name}, all axes", *cells,
             f"{span(pair.first)} to {span(pair.last)}", f"{pair.least:.2f} to {pair.most:.2f}",
         ])  # fmt: skip
-    heads = columns(" | N: number | K: number | bounds from: number aside | times measured: number")
-    return section("noise.pairs", Table(heads, rows)) if rows else None
+    heads = page.columns(
+        " | N: number | K: number | bounds from: number aside | times measured: number"
+    )
+    return page.section("noise.pairs", page.Table(heads, rows))
 
 
 def _in_unit(x: float, kind: str) -> str:
@@ -366,7 +351,7 @@ def _in_unit(x: float, kind: str) -> str:
     return f"{plain(convert(x, kind, unit), 4)} {unit}"
 
 
-def _each_axis(measured: LogAllan) -> Section | None:
+def _each_axis(measured: LogAllan) -> page.Section | None:
     """N, B and K of every axis, and in one line what was not seen."""
     seen = {NOISES[k] for c in measured.channels.values() for k in range(len(c.noises))
             if c.noises[k].seen}  # fmt: skip
@@ -381,41 +366,45 @@ def _each_axis(measured: LogAllan) -> Section | None:
             if not noise.seen:
                 unseen.setdefault(word, []).append(name)
         rows.append([name, *(cells[k] for k in shown)])
-    heads = columns("axis", *(f"{LETTERS[NOISES[k]]}: number" for k in shown))
+    heads = page.columns("axis", *(f"{LETTERS[NOISES[k]]}: number" for k in shown))
     of_all = [w for name in measured.channels for w in WORDS[name.split(".")[0]]]
     missed = [
         word if len(axes) == of_all.count(word) else f"{word} ({', '.join(axes)})"
         for word, axes in unseen.items()
     ]
     longest = f"{min(c.longest for c in measured.channels.values()):.3g}"
-    line_ = said("noise.axes.unseen", terms=", ".join(missed), longest=longest) if missed else ""
-    return section("noise.axes", Table(heads, rows), line_)
+    line_ = (
+        page.said("noise.axes.unseen", terms=", ".join(missed), longest=longest) if missed else ""
+    )
+    return page.section("noise.axes", page.Table(heads, rows), line_)
 
 
 MAIN = ("white", "bias_instability", "random_walk")  # The coefficients that a data sheet has.
 LETTERS = dict(zip(NOISES, "QNBKR", strict=True))  # The letters of IEEE Std 952.
 
 
-def _plot(measured: LogAllan, triad: str, pair: Pair | None) -> Section | None:
+def _plot(measured: LogAllan, triad: str, pair: Pair | None) -> page.Section | None:
     channels = {n: c for n, c in measured.channels.items() if n.startswith(triad)}
     if not channels:
         return None
     kind = KINDS[next(iter(channels.values())).kind]
-    return section("noise.plots", _figure(channels, triad, pair), title=TRIADS[triad][0], kind=kind)
+    return page.section(
+        "noise.plots", _figure(channels, triad, pair), title=TRIADS[triad][0], kind=kind
+    )
 
 
-def _figure(channels: Mapping[str, Channel], triad: str, pair: Pair | None) -> Figure:
+def _figure(channels: Mapping[str, Channel], triad: str, pair: Pair | None) -> page.Figure:
     middle = float(np.median([np.median(c.deviation) for c in channels.values()]))
-    unit, one = unit_of(TRIADS[triad][2], middle)
-    data: list[Trace] = []
-    for (name, c), colour in zip(channels.items(), SERIES, strict=False):
-        tau = numbers(c.tau)
+    unit, one = page.unit_of(TRIADS[triad][2], middle)
+    data: list[chart.Trace] = []
+    for (name, c), colour in zip(channels.items(), chart.SERIES, strict=False):
+        tau = chart.numbers(c.tau)
         edge = np.concatenate([c.high, c.low[::-1]]) / one
-        of_axis: Trace = {"legendgroup": name}
+        of_axis: chart.Trace = {"legendgroup": name}
         data += [
-            area("", tau + tau[::-1], edge, opacity=0.16, **of_axis | {"fillcolor": colour}),
-            line("", tau, c.curve / one, colour, width=1.2, **of_axis),
-            dots(
+            chart.area("", tau + tau[::-1], edge, opacity=0.16, **of_axis | {"fillcolor": colour}),
+            chart.line("", tau, c.curve / one, colour, width=1.2, **of_axis),
+            chart.dots(
                 name,
                 tau,
                 c.deviation / one,
@@ -431,18 +420,22 @@ def _figure(channels: Mapping[str, Channel], triad: str, pair: Pair | None) -> F
         every = next(iter(channels.values())).tau
         inside = every[(every >= pair.first) & (every <= pair.last)]
         name = "N and K for estimators"
-        data.append(line(name, inside, pair.deviation(inside) / one, INK, width=1.6, dash="dash"))
+        data.append(
+            chart.line(
+                name, inside, pair.deviation(inside) / one, chart.INK, width=1.6, dash="dash"
+            )
+        )
     low = min(float(c.low.min()) for c in channels.values()) / one
     high = max(float(c.high[c.dof > 1].max()) for c in channels.values()) / one
     span = [math.log10(low) - 0.1, math.log10(high) + 0.1]
-    look = log_axis(f"deviation [{unit}]", range=span)
-    return draw("noise.figure", data, y=look)
+    look = chart.log_axis(f"deviation [{unit}]", range=span)
+    return chart.draw("noise.figure", data, y=look)
 
 
-def _single_noises(c: Channel, triad: str, one: float) -> list[Trace]:
+def _single_noises(c: Channel, triad: str, one: float) -> list[chart.Trace]:
     dashes = dict(zip(NOISES, ("dot", "dash", "dashdot", "longdash", "longdashdot"), strict=True))
     return [
-        line(word, c.tau, part / one, SOFT, width=1.1, dash=dashes[noise.name])
+        chart.line(word, c.tau, part / one, chart.SOFT, width=1.1, dash=dashes[noise.name])
         for word, noise, part in zip(WORDS[triad], c.noises, c.parts, strict=True)
         if noise.seen and part.min() > 0
     ]

@@ -6,6 +6,7 @@ above. Every picture stands in the page as it is; a script only turns the large 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -163,8 +164,6 @@ def _motion(stages: Sequence[Stage]) -> dict[str, Any]:
 
 @cache
 def _template() -> Any:
-    import json
-
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     made = Environment(

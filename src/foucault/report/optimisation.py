@@ -17,44 +17,6 @@ from foucault.errors import listed
 from foucault.plans.limit import Limit
 from foucault.plans.limit import said as quantity
 from foucault.report import chart, page
-from foucault.report.chart import (
-    BAD,
-    FAINT,
-    FIRST,
-    INK,
-    OF_AXES,
-    SECOND,
-    SOFT,
-    WARNING,
-    Panel,
-    Trace,
-    axis,
-    bars,
-    dots,
-    draw,
-    line,
-    names_axis,
-    numbers,
-    titled,
-    upright,
-)
-from foucault.report.page import (
-    Code,
-    Column,
-    Document,
-    Figure,
-    Heading,
-    Items,
-    Section,
-    Table,
-    counted,
-    minus,
-    said,
-    section,
-    shown,
-    table,
-    told,
-)
 from foucault.report.tumble import changes, leg_numbers
 
 if TYPE_CHECKING:
@@ -74,16 +36,16 @@ WIDE = 0.04  # Part of the time from which a step has room for its number [1].
 PLAN = "campaign.toml"
 
 LOOKS = {
-    "no worse in any case": (FIRST, "circle", "good", ""),
-    "worse in some case": (WARNING, "diamond", "warning", "worse_somewhere"),
-    "worse": (BAD, "diamond", "bad", "worse"),
-    "not counted": (SOFT, "circle-open", "plain", "not_counted"),
+    "no worse in any case": (chart.FIRST, "circle", "good", ""),
+    "worse in some case": (chart.WARNING, "diamond", "warning", "worse_somewhere"),
+    "worse": (chart.BAD, "diamond", "bad", "worse"),
+    "not counted": (chart.SOFT, "circle-open", "plain", "not_counted"),
 }
 """Colour, symbol and state of a ratio, and the sentence that says what its sign means."""
 
 SENSES = {
-    False: ("random beginning", FIRST, "circle"),
-    True: ("continues an earlier plan", SECOND, "diamond"),
+    False: ("random beginning", chart.FIRST, "circle"),
+    True: ("continues an earlier plan", chart.SECOND, "diamond"),
 }
 """Whether a restart continued an earlier plan -> what it is called, its colour and symbol."""
 
@@ -118,9 +80,9 @@ def _ratios(found: Found) -> list[Ratio]:
     ]
 
 
-def document(found: Found, folder: Path) -> Document:
+def document(found: Found, folder: Path) -> page.Document:
     """Return what there is to say of a search, kept in `folder`."""
-    return Document.of(
+    return page.Document.of(
         _heading(found),
         _coefficients(found) if len(found.names) > 1 else None,
         _cases(found),
@@ -135,9 +97,9 @@ def document(found: Found, folder: Path) -> Document:
 # -- the verdict -----------------------------------------------------------------------------
 
 
-def _heading(found: Found) -> Heading:
+def _heading(found: Found) -> page.Heading:
     kind = "shorter" if found.aim == "time" else "better"
-    line_ = [f"{found.evaluations} plans", counted(len(found.restarts), "restart")]
+    line_ = [f"{found.evaluations} plans", page.counted(len(found.restarts), "restart")]
     line_ += [f"seed {found.seed}"]
     worse = [r for r in _ratios(found) if r.counts and r.high > AS_GOOD]
     if not found.gained and found.possible_instead:
@@ -151,7 +113,7 @@ def _heading(found: Found) -> Heading:
     else:
         state, word = "good", "Better"
     sentences = [_gain(found), *_possible(found), *_exceptions(found), _time(found)]
-    return Heading(f"A {kind} plan for {found.procedure}?", line_, state, word, sentences)
+    return page.Heading(f"A {kind} plan for {found.procedure}?", line_, state, word, sentences)
 
 
 def _gain(found: Found) -> str:
@@ -218,29 +180,29 @@ def _code(names: Sequence[str]) -> str:
 # -- coefficients and cases ------------------------------------------------------------------
 
 
-def _coefficients(found: Found) -> Section | None:
+def _coefficients(found: Found) -> page.Section | None:
     rows, key = _ratios(found), "optimisation.coefficients"
     looks = {r.look for r in rows}
     keys = [
         f"{key}.{LOOKS[k][3]}" for k in ("worse", "worse in some case", "not counted") if k in looks
     ]
-    lead = said(
+    lead = page.said(
         f"{key}.lead", *keys, reference=found.reference, here=found.cases[0], count=len(found.cases)
     )
     parts = _halves(rows)
     drawn = [_ratio_figure(part, rows, 100 // len(parts)) for part in parts]
     weights = [f"{w:g}" for w in found.weights]
-    listed = table(
+    listed = page.table(
         (": state", [LOOKS[r.look][2] for r in rows]),
         ("coefficient: name", [r.name for r in rows]),
         ("ratio: number", [_ratio(r.here) for r in rows]),
         ("over the cases: number aside", [_range(r.low, r.high) for r in rows]),
         (f"{found.reference}: number", map(_size, found.reference_sd[0])),
         ("found: number", map(_size, found.sd[0])),
-        ("unit: short", map(shown, found.units)),
+        ("unit: short", map(page.shown, found.units)),
         ("weight: number aside", weights if len({w for w in found.weights if w > 0}) > 1 else None),
     )
-    return section(key, drawn, listed, lead=lead)
+    return page.section(key, drawn, listed, lead=lead)
 
 
 def _halves(rows: list[Ratio]) -> list[list[Ratio]]:
@@ -253,28 +215,28 @@ def _halves(rows: list[Ratio]) -> list[list[Ratio]]:
     return [rows[:cut], rows[cut:]]
 
 
-def _cases(found: Found) -> Section | None:
+def _cases(found: Found) -> page.Section | None:
     key = "optimisation.cases"
     if len(found.names) == 1:
-        return section(
+        return page.section(
             key,
-            table(
+            page.table(
                 ("case", found.cases),
                 (f"{found.reference}: number", [_size(sd[0]) for sd in found.reference_sd]),
                 ("found: number", [_size(sd[0]) for sd in found.sd]),
-                ("unit: short", [shown(found.units[0])] * len(found.cases)),
+                ("unit: short", [page.shown(found.units[0])] * len(found.cases)),
                 ("ratio: number", [_ratio(ratio[0]) for ratio in found.ratio]),
             ),
-            title=said(f"{key}.title_one", name=found.names[0]),
+            title=page.said(f"{key}.title_one", name=found.names[0]),
         )
     counts = np.array(found.weights) > 0
     ratio = np.where(counts, np.array(found.ratio, float), np.nan)
     worse = np.sum(ratio > AS_GOOD, axis=1).tolist()
     names = [found.names[int(np.nanargmax(r))] if np.isfinite(r).any() else "" for r in ratio]
     fine = [m < 1 and not w for m, w in zip(found.geometric_mean, worse, strict=True)]
-    return section(
+    return page.section(
         key,
-        table(
+        page.table(
             (": state", ["good" if f else "warning" for f in fine]),
             ("case", found.cases),
             ("geometric mean: number", [f"{v:.3f}" for v in found.geometric_mean]),
@@ -282,7 +244,7 @@ def _cases(found: Found) -> Section | None:
             ("of: name", names),
             ("worse than before: number aside", [f"{w} of {int(counts.sum())}" for w in worse]),
         ),
-        lead=said(f"{key}.lead", f"{key}.ratios"),
+        lead=page.said(f"{key}.lead", f"{key}.ratios"),
     )
 
 
@@ -302,7 +264,7 @@ def _range(low: float, high: float) -> str:
     return f"{low:.3f} to {high:.3f}"
 
 
-def _about(found: Found) -> Section:
+def _about(found: Found) -> page.Section:
     weights = [f"{n} {w:g}" for n, w in zip(found.names, found.weights, strict=True) if w != 1]
     return page.provenance(
         [
@@ -321,7 +283,7 @@ def _about(found: Found) -> Section:
 # -- the plan --------------------------------------------------------------------------------
 
 
-def plan(found: Found) -> Section | None:
+def plan(found: Found) -> page.Section | None:
     """Both plans: what they need of the rig, how they move, and their steps."""
     drawn: list[Any] = []
     if found.motion and found.reference_motion:
@@ -330,13 +292,13 @@ def plan(found: Found) -> Section | None:
         longest = max(end for _, end, _ in both)
         plans = ((found.reference, found.reference_motion), ("found", found.motion))
         drawn = [_motion(name, steps, fastest, longest) for name, steps in plans]
-        drawn.append(told("optimisation.plan.scale"))
-    return section(
+        drawn.append(page.told("optimisation.plan.scale"))
+    return page.section(
         "optimisation.plan", _demands(found), drawn, _steps(found), allowed=found.allowed
     )
 
 
-def _demands(found: Found) -> Table:
+def _demands(found: Found) -> page.Table:
     rows = [
         ["duration", units.span(found.reference_duration), units.span(found.duration), ""],
         ["steps", str(len(found.reference_steps) - 1), str(len(found.steps) - 1), ""],
@@ -353,7 +315,7 @@ def _demands(found: Found) -> Table:
         allowed = "not said" if n.allowed is None else _signed(n.said_allowed)
         rows.append([n.name, _needed(b), _needed(n), allowed])
     heads = page.columns(f" | {found.reference}: number | found: number | allowed: number")
-    return Table([Column(""), *heads[-3:]], rows)
+    return page.Table([page.Column(""), *heads[-3:]], rows)
 
 
 def _needed(need: Limit) -> str:
@@ -361,23 +323,25 @@ def _needed(need: Limit) -> str:
 
 
 def _signed(words: str) -> str:
-    return shown(words).replace(" °", "°")
+    return page.shown(words).replace(" °", "°")
 
 
-def _steps(found: Found) -> Table:
+def _steps(found: Found) -> page.Table:
     """Both plans as one table, steps counted where the plans do not count them themselves."""
-    headings = [shown(re.sub(r"\((.*)\)", r"[\1]", text)) for text in found.steps[0]]
+    headings = [page.shown(re.sub(r"\((.*)\)", r"[\1]", text)) for text in found.steps[0]]
     counts = [row[0] for row in found.steps[1:]] != [str(k) for k in range(1, len(found.steps))]
     headings = ["step", *headings] if counts else headings
     rows: list[list[str]] = []
     for name, steps in (("found", found.steps), (found.reference, found.reference_steps)):
         rows.append([name])
         for k, row in enumerate(steps[1:], 1):
-            rows.append([*([str(k)] if counts else []), *map(minus, row)])
-    return Table([Column(t, "number" if k else "short") for k, t in enumerate(headings)], rows)
+            rows.append([*([str(k)] if counts else []), *map(page.minus, row)])
+    return page.Table(
+        [page.Column(t, "number" if k else "short") for k, t in enumerate(headings)], rows
+    )
 
 
-def _motion(title: str, steps: Motion, fastest: float, longest: float) -> Figure:
+def _motion(title: str, steps: Motion, fastest: float, longest: float) -> page.Figure:
     """Draw the rates about the three axes against time, on scales that both plans share.
 
     `steps`: beginning, end [s] and rates [rad/s] of each step; `fastest`: largest rate of both
@@ -388,56 +352,58 @@ def _motion(title: str, steps: Motion, fastest: float, longest: float) -> Figure
     top = float(np.degrees(fastest))
     look = {
         "range": [-1.3 * top, 1.3 * top],
-        "tickvals": numbers([-top, 0, top]),
+        "tickvals": chart.numbers([-top, 0, top]),
         "zeroline": True,
-        "zerolinecolor": FAINT,
+        "zerolinecolor": chart.FAINT,
     }
     panels = []
-    for (name, colour), rate in zip(OF_AXES.items(), rates.T, strict=True):
+    for (name, colour), rate in zip(chart.OF_AXES.items(), rates.T, strict=True):
         on = rate != 0
-        ends = [numbers(p) for p in zip(start[on], end[on], strict=True)]
+        ends = [chart.numbers(p) for p in zip(start[on], end[on], strict=True)]
         hover = f"about {name}: %{{y:.4g}} °/s, %{{customdata[0]}} s to %{{customdata[1]}} s|"
-        data = bars(
+        data = chart.bars(
             "",
             (start + end)[on] / 2,
             rate[on],
             colour,
             hover,
             customdata=ends,
-            width=numbers((end - start)[on]),
+            width=chart.numbers((end - start)[on]),
             marker={"line": {"width": 0}},
         )
-        panels.append(Panel(f"{name} [°/s]", [data], look))
+        panels.append(chart.Panel(f"{name} [°/s]", [data], look))
     legs = [{"start": a, "end": b} for a, b in zip(start.tolist(), end.tolist(), strict=True)]
     wide = zip(leg_numbers(legs), legs, strict=False)
     room = [n for n, leg in wide if leg["end"] - leg["start"] >= WIDE * longest]
     return chart.stacked(
         "optimisation.motion",
         panels,
-        x=axis("time [s]", range=[0, longest], showgrid=False),
+        x=chart.axis("time [s]", range=[0, longest], showgrid=False),
         shapes=changes(legs),
-        notes=[titled(f"<b>{title}</b>", 20), *room],
+        notes=[chart.titled(f"<b>{title}</b>", 20), *room],
         alt=f"Rates about x, y and z against time: {title}",
     )
 
 
-def use(folder: Path) -> Section | None:
+def use(folder: Path) -> page.Section | None:
     """Commands that go on from the plan in `folder`."""
     files = {"plan": PLAN, "trial": "session", "study": "study", "run": "run"}
     quoted = {k: shlex.quote(str(folder / name)) for k, name in files.items()}
-    return section("optimisation.use", Code(said("optimisation.use.commands", **quoted).strip()))
+    return page.section(
+        "optimisation.use", page.Code(page.said("optimisation.use.commands", **quoted).strip())
+    )
 
 
 # -- the search ------------------------------------------------------------------------------
 
 
-def search(found: Found, folder: Path) -> Section | None:
+def search(found: Found, folder: Path) -> page.Section | None:
     """How the restarts went, and how far that can be trusted."""
     done = [r for r in found.restarts if math.isfinite(r["cost"])]
     if not done:
         return None
     drawn = [_courses(done), _endings(done) if len(done) > 1 else None]
-    return section("optimisation.search", drawn, Items(_sure(found, done, folder)))
+    return page.section("optimisation.search", drawn, page.Items(_sure(found, done, folder)))
 
 
 def _sure(found: Found, done: Sequence[Mapping[str, Any]], folder: Path) -> list[tuple[str, str]]:
@@ -445,10 +411,10 @@ def _sure(found: Found, done: Sequence[Mapping[str, Any]], folder: Path) -> list
     fresh = np.array([not r["continued"] for r in done])
     best = float(costs.min())
     near = int(np.sum(costs[fresh] <= best + math.log(NEAR)))
-    words = said(
+    words = page.said(
         f"{key}.near",
         near=near,
-        fresh=counted(int(fresh.sum()), "restart"),
+        fresh=page.counted(int(fresh.sum()), "restart"),
         percent=100 * (NEAR - 1),
         best=math.exp(best),
     )
@@ -457,14 +423,14 @@ def _sure(found: Found, done: Sequence[Mapping[str, Any]], folder: Path) -> list
         half = len(done) // 2
         first = math.exp(float(costs[:half].min()))
         gain = first / math.exp(best)
-        words = said(
+        words = page.said(
             f"{key}.half", half=half, first=first, other=len(done) - half, gain=100 * (1 - 1 / gain)
         )
         out.append(("good" if gain < SETTLED else "warning", words))
     if lost := len(found.restarts) - len(done):
-        out.append(("warning", said(f"{key}.lost", lost=counted(lost, "restart"))))
+        out.append(("warning", page.said(f"{key}.lost", lost=page.counted(lost, "restart"))))
     where = shlex.quote(str(folder))
-    return [*out, ("plain", said(f"{key}.open", more=2 * len(found.restarts), where=where))]
+    return [*out, ("plain", page.said(f"{key}.open", more=2 * len(found.restarts), where=where))]
 
 
 def ratio_axis(values: Iterable[float], title: str, edge: float = 1.1) -> dict[str, Any]:
@@ -473,7 +439,7 @@ def ratio_axis(values: Iterable[float], title: str, edge: float = 1.1) -> dict[s
     low, high = min(finite) / edge, max(finite) * edge
     marks = _marks(low, high)
     words = {"tickvals": marks, "ticktext": [f"{v:.6g}" for v in marks]}
-    return axis(title, type="log", range=[math.log10(low), math.log10(high)], **words)
+    return chart.axis(title, type="log", range=[math.log10(low), math.log10(high)], **words)
 
 
 def _marks(low: float, high: float) -> list[float]:
@@ -487,39 +453,41 @@ def _marks(low: float, high: float) -> list[float]:
     return [step * k for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
 
 
-def _ratio_figure(rows: Sequence[Ratio], every: Sequence[Ratio], share: int) -> Figure:
+def _ratio_figure(rows: Sequence[Ratio], every: Sequence[Ratio], share: int) -> page.Figure:
     """Draw the ratio of some coefficients on the scale of all, with its range over the cases."""
-    x = [v for r in rows for v in (*numbers([r.low, r.high]), None)]
-    data = [line("", x, [v for r in rows for v in (r.name, r.name, None)], FAINT, width=3)]
+    x = [v for r in rows for v in (*chart.numbers([r.low, r.high]), None)]
+    data = [
+        chart.line("", x, [v for r in rows for v in (r.name, r.name, None)], chart.FAINT, width=3)
+    ]
     for kind in dict.fromkeys(r.look for r in rows):
         some = [r for r in rows if r.look == kind]
         colour, symbol, _, _ = LOOKS[kind]
         data.append(
-            dots(
+            chart.dots(
                 kind,
-                numbers([r.here for r in some]),
+                chart.numbers([r.here for r in some]),
                 [r.name for r in some],
                 colour,
                 "%{y}: %{x:.3f} (%{customdata[0]:.3f} to %{customdata[1]:.3f})|",
                 symbol=symbol,
-                customdata=[numbers([r.low, r.high]) for r in some],
+                customdata=[chart.numbers([r.low, r.high]) for r in some],
                 marker={"line": {"width": 1.5, "color": colour}},
             )
         )
     span = [1.0, *(v for r in every for v in (r.here, r.low, r.high))]
-    return draw(
+    return chart.draw(
         "optimisation.ratio_figure",
         data,
         height=72 + 19 * len(rows),
         x=ratio_axis(span, "sd / sd before"),
-        y=names_axis([r.name for r in rows], room=0.6),
-        shapes=[upright(1.0)],
+        y=chart.names_axis([r.name for r in rows], room=0.6),
+        shapes=[chart.upright(1.0)],
         share=share,
         alt=f"Standard deviation over that of the plan to beat, {rows[0].name} to {rows[-1].name}",
     )
 
 
-def _courses(restarts: Sequence[dict[str, Any]]) -> Figure:
+def _courses(restarts: Sequence[dict[str, Any]]) -> page.Figure:
     """Draw the cost of every restart, as a ratio, against the plans that it had judged."""
     drawn = sorted(restarts, key=lambda r: r["cost"])[:MOST_LINES]
     best, data = drawn[0], []
@@ -529,16 +497,16 @@ def _courses(restarts: Sequence[dict[str, Any]]) -> Figure:
     ]
     for some, name, colour, width in [
         *groups,
-        ([best], f"best: restart {best['restart']}", INK, 2.6),
+        ([best], f"best: restart {best['restart']}", chart.INK, 2.6),
     ]:
         if not some:
             continue
         x, y = [], []
         for r in some:
             x += [*(float(max(at, 1)) for at, _ in r["trace"]), None]
-            y += [*numbers([math.exp(cost) for _, cost in r["trace"]]), None]
+            y += [*chart.numbers([math.exp(cost) for _, cost in r["trace"]]), None]
         data.append(
-            line(
+            chart.line(
                 name,
                 x,
                 y,
@@ -552,7 +520,7 @@ def _courses(restarts: Sequence[dict[str, Any]]) -> Figure:
     every = [math.exp(c) for r in drawn for _, c in r["trace"] if math.isfinite(c)]
     first = min(max(r["trace"][0][0], 1) for r in drawn)
     most = 1.05 * max(*(r["evaluations"] for r in drawn), first + 1)
-    return draw(
+    return chart.draw(
         "optimisation.courses",
         data,
         x=chart.log_axis("plans judged", range=[math.log10(first), math.log10(most)]),
@@ -560,12 +528,12 @@ def _courses(restarts: Sequence[dict[str, Any]]) -> Figure:
     )
 
 
-def _endings(restarts: Sequence[dict[str, Any]]) -> Figure:
+def _endings(restarts: Sequence[dict[str, Any]]) -> page.Figure:
     """Draw where each restart ended, and the best of all so far."""
     n, costs = [r["restart"] for r in restarts], np.exp([r["cost"] for r in restarts])
     continued = np.array([r["continued"] for r in restarts], bool)
-    data: list[Trace] = [
-        dots(
+    data: list[chart.Trace] = [
+        chart.dots(
             name,
             np.array(n)[continued == sense],
             costs[continued == sense],
@@ -576,10 +544,10 @@ def _endings(restarts: Sequence[dict[str, Any]]) -> Figure:
         for sense, (name, colour, symbol) in SENSES.items()
         if (continued == sense).any()
     ]
-    data.append(line("best so far", n, np.minimum.accumulate(costs), INK, shape="hv"))
-    return draw(
+    data.append(chart.line("best so far", n, np.minimum.accumulate(costs), chart.INK, shape="hv"))
+    return chart.draw(
         "optimisation.endings",
         data,
-        x=axis("restart", range=[-0.5, n[-1] + 0.5]),
+        x=chart.axis("restart", range=[-0.5, n[-1] + 0.5]),
         y=ratio_axis(costs.tolist(), "cost at the end, as a ratio", edge=1.02),
     )

@@ -13,19 +13,7 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
-from foucault.report.chart import (
-    BAD,
-    FIRST,
-    INK,
-    OF_AXES,
-    SECOND,
-    SOFT,
-    Trace,
-    dots,
-    draw,
-    line,
-    numbers,
-)
+from foucault.report import chart
 from foucault.report.page import Figure
 
 HEIGHT = 330  # of both pictures, which stand side by side [px]
@@ -45,12 +33,14 @@ def directions(
     `also` are directions of another kind, shape (k, 3), as rings; `names` says what both kinds are.
     """
     one = "rest" if names[0] == "visited" else names[0]
-    kinds = [(up, names[0], FIRST, "circle", 5, 9, [f"{one} {k + 1}" for k in range(len(up))])]
+    kinds = [
+        (up, names[0], chart.FIRST, "circle", 5, 9, [f"{one} {k + 1}" for k in range(len(up))])
+    ]
     if also is not None:
         rings = [f"{names[1]} {k + 1}" for k in range(len(also))]
-        kinds.insert(0, (also, names[1], SECOND, "circle-open", 10, 15, rings))
+        kinds.insert(0, (also, names[1], chart.SECOND, "circle-open", 10, 15, rings))
     if len(missing):
-        kinds.append((missing, "missing", BAD, "diamond-open", 7, 9, list(words)))
+        kinds.append((missing, "missing", chart.BAD, "diamond-open", 7, 9, list(words)))
     order = {"traceorder": "reversed" if also is not None else "normal"}
     ball = [
         _in_space(
@@ -65,7 +55,7 @@ def directions(
         if len(points)
     ]
 
-    def half(sign: int, on: Trace) -> list[Trace]:
+    def half(sign: int, on: chart.Trace) -> list[chart.Trace]:
         out = []
         for points, name, colour, symbol, _, size, said in kinds:
             pick = _of_half(points, sign)
@@ -73,7 +63,7 @@ def directions(
             text = [w for w, p in zip(said, pick, strict=True) if p]
             edge = {"line": {"width": 2 if symbol.endswith("open") else 0}}
             out.append(
-                dots(
+                chart.dots(
                     name,
                     x,
                     y,
@@ -104,10 +94,12 @@ def directions(
 
 def ways(table: Mapping[str, FloatArray]) -> list[Figure]:
     """Draw the ways of the cluster axes in the course of time, East-North-Up."""
-    tips = {a: np.column_stack([table[f"{a}.{w}"] for w in WAYS]).astype(float) for a in OF_AXES}
-    time = numbers(np.round(table["time"]))
-    ball: list[Trace] = []
-    for a, colour in OF_AXES.items():
+    tips = {
+        a: np.column_stack([table[f"{a}.{w}"] for w in WAYS]).astype(float) for a in chart.OF_AXES
+    }
+    time = chart.numbers(np.round(table["time"]))
+    ball: list[chart.Trace] = []
+    for a, colour in chart.OF_AXES.items():
         same = {"legendgroup": a, "name": a}
         said = f"{a} axis, %{{customdata}} s<extra></extra>"
         ball.append(
@@ -128,14 +120,14 @@ def ways(table: Mapping[str, FloatArray]) -> list[Figure]:
         }
         ball.append(_quiet(tips[a][[0, -1]], mode="markers", marker=marks, **same))
 
-    def half(sign: int, on: Trace) -> list[Trace]:
-        out: list[Trace] = []
-        for a, colour in OF_AXES.items():
+    def half(sign: int, on: chart.Trace) -> list[chart.Trace]:
+        out: list[chart.Trace] = []
+        for a, colour in chart.OF_AXES.items():
             flat = np.full((len(time), 2), np.nan)  # a line that breaks where it leaves this half
             seen = sign * tips[a][:, 2] >= 0
             flat[seen] = flattened(tips[a][seen], sign * tips[a][seen, 2])
             out.append(
-                line(
+                chart.line(
                     a,
                     flat[:, 0],
                     flat[:, 1],
@@ -156,7 +148,7 @@ def ways(table: Mapping[str, FloatArray]) -> list[Figure]:
                 "line": {"color": colour, "width": 2},
             }
             out.append(
-                dots(
+                chart.dots(
                     "",
                     x,
                     y,
@@ -196,18 +188,22 @@ def flattened(points: FloatArray, z: FloatArray) -> FloatArray:
     return np.asarray(points[:, :2] / np.sqrt(1 + z)[:, None])  # radius sqrt(1 - |z|)
 
 
-def _in_space(points: FloatArray, **more: Any) -> Trace:
-    x, y, z = (numbers(c) for c in np.asarray(points, float).reshape(-1, 3).T)
+def _in_space(points: FloatArray, **more: Any) -> chart.Trace:
+    x, y, z = (chart.numbers(c) for c in np.asarray(points, float).reshape(-1, 3).T)
     return {"type": "scatter3d", "x": x, "y": y, "z": z, **more}
 
 
-def _quiet(points: FloatArray, **more: Any) -> Trace:
+def _quiet(points: FloatArray, **more: Any) -> chart.Trace:
     """A trace in space that says nothing under the pointer."""
     return _in_space(points, hoverinfo="skip", showlegend=False, **more)
 
 
 def _ball(
-    data: Sequence[Trace], names: str, alt: str, caption: str, legend: Trace | None = None
+    data: Sequence[chart.Trace],
+    names: str,
+    alt: str,
+    caption: str,
+    legend: chart.Trace | None = None,
 ) -> Figure:
     """A ball of wires with three axes, in a cube to turn."""
     t = np.linspace(0, 2 * np.pi, 61)
@@ -223,8 +219,8 @@ def _ball(
                 np.array([0 * tip, tip]),
                 mode="lines+text",
                 text=["", name],
-                line={"color": SOFT, "width": 3},
-                textfont={"color": INK, "size": 14},
+                line={"color": chart.SOFT, "width": 3},
+                textfont={"color": chart.INK, "size": 14},
             )
         )
     hidden = {"visible": False, "range": [-1.35, 1.35]}
@@ -236,7 +232,7 @@ def _ball(
         "dragmode": "orbit",
         "camera": {"eye": {"x": 0.88, "y": -0.96, "z": 0.6}},
     }
-    return draw(
+    return chart.draw(
         "orientation.ball",
         [*behind, *data],
         height=HEIGHT,
@@ -249,16 +245,16 @@ def _ball(
 
 
 def _map(
-    half: Callable[[int, Trace], list[Trace]],
+    half: Callable[[int, chart.Trace], list[chart.Trace]],
     names: tuple[str, str, str, str],
     alt: str,
     caption: str,
-    legend: Trace | None = None,
+    legend: chart.Trace | None = None,
 ) -> Figure:
     """Two discs side by side, each with the traces that `half` makes of its sign and its axes."""
-    data: list[Trace] = []
-    shapes: list[Trace] = []
-    notes: list[Trace] = []
+    data: list[chart.Trace] = []
+    shapes: list[chart.Trace] = []
+    notes: list[chart.Trace] = []
     for sign, ref, title in ((1, "", names[2]), (-1, "2", names[3])):
         data += half(sign, {"xaxis": f"x{ref}", "yaxis": f"y{ref}", "showlegend": sign > 0})
         place = {"xref": f"x{ref}", "yref": f"y{ref}"}
@@ -272,7 +268,7 @@ def _map(
         for text, x, y in ((names[0], 1.13, 0), (names[1], 0, 1.13), (f"<b>{title}</b>", 0, -1.2)):
             notes.append(place | {"text": text, "x": x, "y": y, "showarrow": False})
     bare = {"visible": False, "range": [-1.27, 1.27]}
-    return draw(
+    return chart.draw(
         "orientation.map",
         data,
         height=HEIGHT,

@@ -24,6 +24,7 @@ from foucault.coefficients import format_value
 from foucault.display import Shown
 from foucault.errors import Finding
 from foucault.escape import address
+from foucault.files import flat
 from foucault.result import Check, Level
 
 GREEK = {
@@ -219,17 +220,7 @@ def data_file(name: str) -> dict[str, Any]:
 @cache
 def _words() -> dict[str, str]:
     """Every sentence of words.toml by its key, such as "tumble.residuals.lead"."""
-    out: dict[str, str] = {}
-
-    def read(path: str, some: Mapping[str, Any]) -> None:
-        for key, value in some.items():
-            if isinstance(value, str):
-                out[f"{path}{key}"] = value
-            else:
-                read(f"{path}{key}.", value)
-
-    read("", data_file("words.toml"))
-    return out
+    return flat(data_file("words.toml"))
 
 
 def said(*keys: str, **values: Any) -> str:
@@ -242,16 +233,20 @@ def told(key: str) -> str:
     return _words().get(key, "")
 
 
+FILLED = {"text": "text", "items": "items", "table": "rows"}
+"""Kind of a block -> without which of its parts there is nothing to show."""
+
+
 def section(
     key: str, /, *blocks: Any, lead: str | None = None, title: str | None = None, **values: Any
 ) -> Section | None:
     """Return a section with the title and the lead of `key`; None where no block is left.
 
-    `blocks` may hold None, lists, and text, which becomes a paragraph.
+    `blocks` may hold None, empty lists of items and tables without a row, which go, other lists,
+    and text, which becomes a paragraph.
     """
-    kept = [
-        Text(b) if isinstance(b, str) else b for b in _flat(blocks) if b is not None and b != ""
-    ]
+    told = [Text(b) if isinstance(b, str) else b for b in _flat(blocks) if b is not None]
+    kept = [b for b in told if getattr(b, FILLED.get(b.kind, "kind"))]
     if not kept:
         return None
     known = _words()

@@ -77,7 +77,7 @@ def _legs(found: Foresight) -> Section | None:
         rows.append([str(k), f"{leg.end:.0f}", rate, str(leg.rank), str(leg.alone)])
     heads = columns("leg | until (s): number | rate about x, y, z (deg/s): number",
                     "rank: number | seen alone: number")  # fmt: skip
-    return section("preflight.plan", Table(heads, rows) if rows else None)
+    return section("preflight.plan", Table(heads, rows))
 
 
 def _limits(found: Foresight) -> Section | None:
@@ -86,7 +86,7 @@ def _limits(found: Foresight) -> Section | None:
         for limit in found.limits
     ]
     heads = columns(": state | limit | needed: number | allowed: number")
-    return section("preflight.limits", Table(heads, rows) if rows else None)
+    return section("preflight.limits", Table(heads, rows))
 
 
 def _extras(found: Foresight) -> Section | None:
@@ -98,7 +98,7 @@ def _extras(found: Foresight) -> Section | None:
         for more in found.more
     ]  # fmt: skip
     heads = columns("what | longer (s): number | sd, of that without: number | largest gain")
-    return section("preflight.more", Table(heads, rows) if rows else None)
+    return section("preflight.more", Table(heads, rows))
 
 
 def _left_out(found: Foresight) -> Section | None:
@@ -112,7 +112,7 @@ def _listed(key: str, words: Iterable[str]) -> Section | None:
     more = len(every) - SHOWN
     rest = [("plain", f"and {more} more (--json names all)")] if more > 0 else []
     items = [("plain", word) for word in every[:SHOWN]] + rest
-    return section(key, Items(items) if items else None)
+    return section(key, Items(items))
 
 
 # -- how to seek north -----------------------------------------------------------------------

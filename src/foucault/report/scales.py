@@ -63,7 +63,7 @@ class Axis:
         if self.dates:
             days = np.array([str(v) for v in values], "datetime64[s]")
             return days.astype(np.int64).astype(float)
-        return np.array([np.nan if v is None else v for v in values], float)
+        return np.array(values, float)
 
     def at(self, values: Sequence[Any]) -> FloatArray:
         """Return the pixels of values."""

@@ -373,7 +373,7 @@ def _scatter(plot: _Plot, trace: Mapping[str, Any]) -> None:
     if "error_y" in trace:
         error = trace["error_y"]
         reach = np.array(error["array"], float)
-        y0 = np.array([np.nan if v is None else v for v in trace["y"]], float)
+        y0 = np.array(trace["y"], float)
         ends = [plot.axes[refs[1]].at((y0 + s * reach).tolist()) for s in (-1, 1)]
         rows = zip(x, *ends, strict=True)
         d = "".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in rows if math.isfinite(a + b + c))
@@ -424,7 +424,7 @@ def _extent(
         return (edges[1:] + edges[:-1]) / 2, size, np.full(size.size, (1 - gap) * np.ptp(edges[:2]))
     names, sizes = ("y", "x") if flat else ("x", "y")
     at = along.numbers(trace[names])
-    size = np.array([np.nan if v is None else v for v in trace[sizes]], float)
+    size = np.array(trace[sizes], float)
     if "width" in trace:
         return at, size, np.broadcast_to(np.asarray(trace["width"], float), at.shape)
     apart = np.diff(np.unique(at))
@@ -567,9 +567,7 @@ def _compass(data: Sequence[Any], look: Mapping[str, Any], wide: float, high: fl
         out.append(_path(f"M{cx:.1f} {cy:.1f}L{cx + r * s:.1f} {cy - r * c:.1f}", "var(--line)"))
         out.append(_text(cx + (r + 18) * s, cy - (r + 18) * c + 5, text, size=14))
     for trace in data:
-        radius, angle = (
-            np.array([np.nan if v is None else v for v in trace[k]], float) for k in ("r", "theta")
-        )
+        radius, angle = (np.array(trace[k], float) for k in ("r", "theta"))
         x = cx + r * radius * np.sin(np.deg2rad(angle))
         y = cy - r * radius * np.cos(np.deg2rad(angle))
         line = trace.get("line", {})

@@ -10,36 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from foucault.report import chart
-from foucault.report.chart import (
-    FIRST,
-    OF_AXES,
-    SERIES,
-    Panel,
-    axis,
-    bars,
-    count_axis,
-    draw,
-    line,
-    whiskers,
-)
+from foucault.report import chart, page
 from foucault.report.orientation import WAYS
-from foucault.report.page import (
-    Figure,
-    Section,
-    Table,
-    columns,
-    minus,
-    said,
-    section,
-    table,
-    unsigned,
-)
 from foucault.result import Result
 
 Columns = Mapping[str, Any]
 
-COLOURS = dict(zip(WAYS, SERIES, strict=False))
+COLOURS = dict(zip(WAYS, chart.SERIES, strict=False))
 
 COMPENSATED = {
     "none": ("as it is", "dot", "dotted"),
@@ -61,7 +38,7 @@ ROOM = 26  # Width of the name of an axis [px].
 LABELS = 40  # So many rests are named on the axis, more are numbered [1].
 
 
-def velocities(result: Result) -> Section | None:
+def velocities(result: Result) -> page.Section | None:
     """The velocity at the end of every rest, with the calibration and without it."""
     some, key = result.tables["velocities"], "systematic.velocities"
     worst = {
@@ -70,11 +47,11 @@ def velocities(result: Result) -> Section | None:
     }
     speeds = {k: f"{v:.3g} m/s" if v >= 1 else f"{1e3 * v:.3g} mm/s" for k, v in worst.items()}
     alone = result.diagnostics["filter"]["decorrelate"]
-    lead = said(f"{key}.decorrelated" if alone else f"{key}.lead", **speeds)
-    return section(key, velocity_figure(some), lead=lead)
+    lead = page.said(f"{key}.decorrelated" if alone else f"{key}.lead", **speeds)
+    return page.section(key, velocity_figure(some), lead=lead)
 
 
-def velocity_figure(some: Columns) -> Figure:
+def velocity_figure(some: Columns) -> page.Figure:
     """Draw the velocity at the end of every rest: before above, after below with +-2 sd."""
     rest = np.asarray(some["rest"], int) + 1
     panels = []
@@ -84,7 +61,7 @@ def velocity_figure(some: Columns) -> Figure:
         data = []
         for k, (way, colour) in enumerate(COLOURS.items()):
             bar: dict[str, Any] = {
-                "error_y": whiskers(2 * per * np.asarray(some[f"sd_{way}"], float), colour)
+                "error_y": chart.whiskers(2 * per * np.asarray(some[f"sd_{way}"], float), colour)
             }
             data.append(
                 chart.dots(
@@ -98,13 +75,13 @@ def velocity_figure(some: Columns) -> Figure:
                     **bar if name == "after" else {},
                 )
             )
-        panels.append(Panel(f"{name} [{unit}]", data, lines=[0]))
+        panels.append(chart.Panel(f"{name} [{unit}]", data, lines=[0]))
     return chart.stacked(
-        "systematic.velocity_figure", panels, x=count_axis("rest", int(rest.max()), 12)
+        "systematic.velocity_figure", panels, x=chart.count_axis("rest", int(rest.max()), 12)
     )
 
 
-def sequence(result: Result) -> Section | None:
+def sequence(result: Result) -> page.Section | None:
     """Where the axes of the body pointed in every rest, and how well each rest fits."""
     facts = result.diagnostics["sequence"]
     labels = list(facts["labels"])
@@ -113,10 +90,10 @@ def sequence(result: Result) -> Section | None:
         _innovations(result.tables["innovations"], labels),
     ]
     known = {k: facts[k] for k in ("name", "rests", "moves")}
-    return section("systematic.sequence", drawn, _passes(result), **known)
+    return page.section("systematic.sequence", drawn, _passes(result), **known)
 
 
-def _attitudes(some: Columns, labels: Sequence[str]) -> Figure:
+def _attitudes(some: Columns, labels: Sequence[str]) -> page.Figure:
     """Draw which axis of the body points east, north and up at every rest."""
     rest = np.asarray(some["rest"], int)
     groups: dict[str, list[tuple[int, str, str, str]]] = {a: [] for a in "xyz"}
@@ -143,28 +120,33 @@ def _attitudes(some: Columns, labels: Sequence[str]) -> Figure:
                 "hovertext": said_,
                 "hoverinfo": "text",
                 "showlegend": False,
-                "textfont": {"color": OF_AXES[a], "size": 13},
+                "textfont": {"color": chart.OF_AXES[a], "size": 13},
             }
         )
     n = int(rest.max()) + 1
-    ticks = count_axis("rest", n, 12)
+    ticks = chart.count_axis("rest", n, 12)
     if n <= LABELS:
         ticks |= {"tickvals": [*range(1, n + 1)], "ticktext": list(labels), "tickangle": -60}
         ticks["title"] = {"text": ""}
     look = {"categoryorder": "array", "categoryarray": list(WAYS), "range": [-0.6, 2.6]}
-    return draw("systematic.attitudes", data, x=ticks, y=look, meta={"least": 90 + ROOM * n})
+    return chart.draw("systematic.attitudes", data, x=ticks, y=look, meta={"least": 90 + ROOM * n})
 
 
-def _innovations(some: Columns, labels: Sequence[str]) -> Figure:
+def _innovations(some: Columns, labels: Sequence[str]) -> page.Figure:
     """Draw the scatter of what is seen in every rest over what is allowed for."""
     count = np.maximum(np.asarray(some["count"], float), 1.0)
     ratio = np.sqrt(np.asarray(some["square"], float) / count)
     n = len(ratio)
-    data = bars(
-        "", list(range(1, n + 1)), ratio, FIRST, "%{customdata}: %{y:.3f}|", customdata=list(labels)
+    data = chart.bars(
+        "",
+        list(range(1, n + 1)),
+        ratio,
+        chart.FIRST,
+        "%{customdata}: %{y:.3f}|",
+        customdata=list(labels),
     )
-    look = axis("innovation / sd", range=[0, max(1.15, 1.05 * float(ratio.max()))])
-    return draw("systematic.innovations", [data], x=count_axis("rest", n, 12), y=look)
+    look = chart.axis("innovation / sd", range=[0, max(1.15, 1.05 * float(ratio.max()))])
+    return chart.draw("systematic.innovations", [data], x=chart.count_axis("rest", n, 12), y=look)
 
 
 def _passes(result: Result) -> str:
@@ -177,19 +159,19 @@ def _passes(result: Result) -> str:
     sd = c.sd[[i for _, i in both]]
     steps = np.abs(np.diff(values[:, [k for k, _ in both]], axis=0)) / sd
     words = ", then ".join(f"{step.max():.2g}" for step in steps)
-    return said("systematic.sequence.passes", count=len(values), steps=words)
+    return page.said("systematic.sequence.passes", count=len(values), steps=words)
 
 
-def navigation(result: Result) -> Section | None:
+def navigation(result: Result) -> page.Section | None:
     """The navigation test about east and about north."""
     some, ends = result.tables["navigation"], result.diagnostics["navigation"]
     drawn = [_navigated(some, about, what) for what in QUANTITIES for about in ("east", "north")]
     used = {end["compensated"] for end in ends}
     key = "; ".join(f"{dash}: {w}" for way, (w, _, dash) in COMPENSATED.items() if way in used)
-    return section("systematic.navigation", drawn, _ends(ends), key=key.capitalize())
+    return page.section("systematic.navigation", drawn, _ends(ends), key=key.capitalize())
 
 
-def _navigated(some: Columns, about: str, what: str) -> Figure:
+def _navigated(some: Columns, about: str, what: str) -> page.Figure:
     """Draw tilt ("shift") or velocity of the navigation test against time."""
     mine = np.asarray(some["about"]).astype(str) == about
     ways = np.asarray(some["compensated"]).astype(str)
@@ -200,7 +182,7 @@ def _navigated(some: Columns, about: str, what: str) -> Figure:
         rows = mine & (ways == way)
         told, dash, _ = COMPENSATED[way]
         data += [
-            line(
+            chart.line(
                 part,
                 time[rows],
                 np.asarray(some[f"{what}_{part}"], float)[rows] / per,
@@ -212,7 +194,7 @@ def _navigated(some: Columns, about: str, what: str) -> Figure:
             )
             for part in WAYS[:2]
         ]
-    return draw(
+    return chart.draw(
         "systematic.navigated",
         data,
         y=title,
@@ -221,7 +203,7 @@ def _navigated(some: Columns, about: str, what: str) -> Figure:
     )
 
 
-def _ends(ends: Sequence[Mapping[str, Any]]) -> Table:
+def _ends(ends: Sequence[Mapping[str, Any]]) -> page.Table:
     asis = {end["about"]: end for end in ends if end["compensated"] == "none"}
 
     def less(what: str) -> list[str]:
@@ -230,13 +212,13 @@ def _ends(ends: Sequence[Mapping[str, Any]]) -> Table:
         for end in ends:
             left, before = (float(np.hypot(*r[what][:2])) for r in (end, asis[end["about"]]))
             same = end is asis[end["about"]] or not before
-            out.append("" if same else unsigned(f"{100 * (1 - left / before):.1f} %"))
+            out.append("" if same else page.unsigned(f"{100 * (1 - left / before):.1f} %"))
         return out
 
     def level(what: str, k: int, digits: int) -> list[str]:
-        return [unsigned(f"{end[what][k] / QUANTITIES[what][0]:.{digits}f}") for end in ends]
+        return [page.unsigned(f"{end[what][k] / QUANTITIES[what][0]:.{digits}f}") for end in ends]
 
-    return table(
+    return page.table(
         ("spin about", [str(end["about"]) for end in ends]),
         ("instrument", [COMPENSATED[end["compensated"]][0] for end in ends]),
         ("tilt by the spin about east [″]: number", level("shift", 0, 2)),
@@ -251,7 +233,7 @@ def _ends(ends: Sequence[Mapping[str, Any]]) -> Table:
 # -- which model of the deflection -----------------------------------------------------------
 
 
-def deflection(result: Result) -> Section | None:
+def deflection(result: Result) -> page.Section | None:
     """Every model of deflection, how well it explains the session, and what is used."""
     choice = result.diagnostics["choice"]
     used = next(m for m in choice["models"] if m["used"])
@@ -265,18 +247,20 @@ def deflection(result: Result) -> Section | None:
                 f"{m['rank']} of {m['parameters']}" if m["parameters"] else "",
                 f"{m['log_likelihood']:.1f}",
                 "" if chance is None else "< 1e-99" if chance < 1e-99 else f"{chance:.2g}",
-                minus(f"{odds:+.1f}"),
+                page.minus(f"{odds:+.1f}"),
                 "" if m["bound"] is None else f"{m['bound'] * 9.80665 / ARCSEC:.2g}",
                 _verdict(m, odds, choice),
             ]
         )
-    heads = columns(
+    heads = page.columns(
         ": state | model | seen: number | log-likelihood: number aside",
         "by chance: number aside | log odds: number | none above [″/g]: number aside",
         "verdict",
     )
-    notes = said("systematic.deflection.notes", limit=choice["limit"])
-    return section("systematic.deflection", Table(heads, rows), notes, lead=choice["verdict"])
+    notes = page.said("systematic.deflection.notes", limit=choice["limit"])
+    return page.section(
+        "systematic.deflection", page.Table(heads, rows), notes, lead=choice["verdict"]
+    )
 
 
 def _verdict(m: Mapping[str, Any], odds: float, choice: Mapping[str, Any]) -> str:

@@ -12,44 +12,8 @@ from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import format_value
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.models.earth import displacement
-from foucault.report import chart
-from foucault.report.chart import (
-    BAD,
-    FIRST,
-    SECOND,
-    SERIES,
-    SOFT,
-    Family,
-    Panel,
-    Trace,
-    axis,
-    band,
-    dots,
-    draw,
-    level,
-    line,
-    log_axis,
-    marked,
-    numbers,
-    titled,
-)
+from foucault.report import chart, page
 from foucault.report.orientation import WAYS
-from foucault.report.page import (
-    Code,
-    Facts,
-    Figure,
-    Section,
-    Table,
-    columns,
-    known_to,
-    quantity,
-    said,
-    section,
-    shown,
-    table,
-    told,
-    unsigned,
-)
 from foucault.result import Result
 from foucault.units import plain
 
@@ -98,7 +62,8 @@ RANGE = 6.0  # And at least so many final standard deviations [1].
 UNSEEN = 0.01  # A part whose delay is less certain than this shows none [s].
 
 MINUTE = float(np.radians(1 / 60))
-TIME = axis("time [s]", showgrid=False)
+TIME = chart.axis("time [s]", showgrid=False)
+COURSE = "%{x:.1f} s: %{y:.4g}"  # What the pointer says of a line against time.
 
 
 def started(result: Result) -> float:
@@ -115,7 +80,7 @@ def table_of(result: Result, name: str) -> dict[str, Any] | None:
     return {k: np.asarray(v, float) - started(result) if k in clock else v for k, v in some.items()}
 
 
-def done(result: Result) -> Section | None:
+def done(result: Result) -> page.Section | None:
     """What was matched, by which filter, and where the delay is from."""
     d, f = result.diagnostics, result.diagnostics["filter"]
     noise, n = d["noise"], len(d["passes"]["values"])
@@ -140,12 +105,12 @@ def done(result: Result) -> Section | None:
         *bounded,
         ("delay", _delay(d["delay"])),
         ("mount", _mount(f)),
-        ("noise of the gyros", quantity(noise["gyro"], "angle random walk")),
-        ("noise of the accelerometers", quantity(noise["accel"], "velocity random walk")),
+        ("noise of the gyros", page.quantity(noise["gyro"], "angle random walk")),
+        ("noise of the accelerometers", page.quantity(noise["accel"], "velocity random walk")),
         *([("time 0", start)] if started(result) else []),
     ]
-    lead = said("transfer.done.lead", "transfer.done.bounded" * bool(bounded))
-    return section("transfer.done", Facts(pairs), lead=lead)
+    lead = page.said("transfer.done.lead", "transfer.done.bounded" * bool(bounded))
+    return page.section("transfer.done", page.Facts(pairs), lead=lead)
 
 
 def _delay(delay: Mapping[str, Any]) -> str:
@@ -159,7 +124,7 @@ def _delay(delay: Mapping[str, Any]) -> str:
 
 def _milliseconds(seconds: float, sd: float) -> tuple[str, str]:
     value, spread = 1e3 * float(seconds), 1e3 * float(sd)
-    return unsigned(format_value(value, spread)), format_value(spread, spread)
+    return page.unsigned(format_value(value, spread)), format_value(spread, spread)
 
 
 def _mount(f: Mapping[str, Any]) -> str:
@@ -183,7 +148,7 @@ def changes(result: Result) -> Times:
     return [float(t) for t in some["start"][1:]]
 
 
-def families(result: Result) -> list[Family]:
+def families(result: Result) -> list[chart.Family]:
     """Return the coefficients in groups of one kind."""
     out = []
     for group, (words, unit) in GROUPS.items():
@@ -193,11 +158,15 @@ def families(result: Result) -> list[Family]:
         if some:
             names = tuple(c.name for c in some)
             labels = tuple(n.rpartition(".")[2] for n in names)
-            out.append(Family(words, names, labels, shown(unit), units.factor(unit, some[0].kind)))
+            out.append(
+                chart.Family(
+                    words, names, labels, page.shown(unit), units.factor(unit, some[0].kind)
+                )
+            )
     return out
 
 
-def motion(result: Result) -> Section | None:
+def motion(result: Result) -> page.Section | None:
     """What each manoeuvre has shown of every group of coefficients."""
     some, course = table_of(result, "stretches"), table_of(result, "estimates")
     if some is None or course is None:
@@ -208,45 +177,41 @@ def motion(result: Result) -> Section | None:
     path = table_of(result, "smoothed")
     mapped = _map(path) if path is not None and len(path["time"]) > 1 else None
     left = {
-        f.name: np.max(
-            [np.asarray(course[f"{m}_sd"], float) / before[m] for m in f.members], axis=0
-        )
-        for f in groups
+        f.name: np.max([course[f"{m}_sd"] / before[m] for m in f.members], axis=0) for f in groups
     }
-    known = draw(
+    known = chart.draw(
         "transfer.motion",
-        [
-            _course(name, course["time"], y, colour)
-            for (name, y), colour in zip(left.items(), SERIES, strict=False)
-        ],
+        chart.lines(course["time"], left, COURSE),
         x=TIME,
-        shapes=marked(times),
+        shapes=chart.marked(times),
         share=62 if mapped else 100,
     )
     key, n = "transfer.motion", len(some["start"])
-    lead = said(f"{key}.lead", f"{key}.dotted" if n <= MOST else f"{key}.many", count=n)
-    listed = [told(f"{key}.listed"), _stretches(some, groups, before)] if n <= MOST else None
-    return section(key, known, mapped, listed, lead=lead)
+    lead = page.said(f"{key}.lead", f"{key}.dotted" if n <= MOST else f"{key}.many", count=n)
+    listed = [page.told(f"{key}.listed"), _stretches(some, groups, before)] if n <= MOST else None
+    return page.section(key, known, mapped, listed, lead=lead)
 
 
-def _course(name: str, time: FloatArray, y: FloatArray, colour: str = FIRST, **more: Any) -> Trace:
-    return line(name, time, y, colour, f"%{{x:.1f}} s: %{{y:.4g}}|{name}", **more)
+def _course(
+    name: str, time: FloatArray, y: FloatArray, colour: str = chart.FIRST, **more: Any
+) -> chart.Trace:
+    return chart.line(name, time, y, colour, f"{COURSE}|{name}", **more)
 
 
-def _panel(title: str, name: str, time: FloatArray, y: FloatArray) -> Panel:
+def _panel(title: str, name: str, time: FloatArray, y: FloatArray) -> chart.Panel:
     """Return a panel with one line, which the title names."""
-    return Panel(title, [_course(name, time, y, showlegend=False)])
+    return chart.Panel(title, [_course(name, time, y, showlegend=False)])
 
 
 def _stretches(
-    some: Mapping[str, Any], groups: Sequence[Family], before: Mapping[str, float]
-) -> Table:
-    def left(group: Family) -> list[str]:
+    some: Mapping[str, Any], groups: Sequence[chart.Family], before: Mapping[str, float]
+) -> page.Table:
+    def left(group: chart.Family) -> list[str]:
         sd = np.array([[before[m], *some[f"{m}_sd"]] for m in group.members], float)
         parts = np.exp(np.mean(np.diff(np.log(sd), axis=1), axis=0))
         return [f"{part:.2f}" if part > 0.095 else plain(float(part), 1) for part in parts]
 
-    return table(
+    return page.table(
         ("manoeuvre", [_did(some, k) for k in range(len(some["start"]))]),
         ("from [s]: number", [f"{v:.0f}" for v in some["start"]]),
         ("to [s]: number aside", [f"{v:.0f}" for v in some["end"]]),
@@ -264,32 +229,31 @@ def _did(some: Mapping[str, Any], k: int) -> str:
     return "straight on"
 
 
-def _map(path: Mapping[str, FloatArray]) -> Figure:
-    lat, lon = (np.asarray(path[k], float) for k in ("latitude", "longitude"))
+def _map(path: Mapping[str, FloatArray]) -> page.Figure:
+    lat, lon, time = path["latitude"], path["longitude"], path["time"]
     east, north, _ = displacement(lat[0], lon[0], 0.0, lat, lon, np.zeros_like(lat)).T
-    time = np.asarray(path["time"], float)
     at = [int(np.searchsorted(time, t)) for t in np.linspace(time[0], time[-1], 5)[1:-1]]
     marks = [(f"{time[i]:.0f} s", float(east[i]), float(north[i])) for i in at]
-    way = ("slave", east, north, FIRST, "solid")
+    way = ("slave", east, north, chart.FIRST, "solid")
     return chart.paths([way], [], marks, "East and north of the start.", share=38)
 
 
 # -- estimates, with the delay and without ---------------------------------------------------
 
 
-def estimates(result: Result) -> Section | None:
+def estimates(result: Result) -> page.Section | None:
     """Estimates against time with two standard deviations."""
     some, times, key = table_of(result, "estimates"), changes(result), "transfer.estimates"
     if some is None:
         return None
-    lead = said(f"{key}.lead", "transfer.motion.dotted" * bool(times))
-    drawn = [_estimates([("", some, FIRST, chart.BAND)], f, times) for f in families(result)]
-    return section(key, drawn, lead=lead)
+    lead = page.said(f"{key}.lead", "transfer.motion.dotted" * bool(times))
+    drawn = [_estimates([("", some, chart.FIRST, chart.BAND)], f, times) for f in families(result)]
+    return page.section(key, drawn, lead=lead)
 
 
 def _estimates(
-    runs: Sequence[tuple[str, Mapping[str, Any], str, str]], family: Family, times: Times
-) -> Figure:
+    runs: Sequence[tuple[str, Mapping[str, Any], str, str]], family: chart.Family, times: Times
+) -> page.Figure:
     """Draw coefficients of one kind along each run, with +-2 sd, one panel each.
 
     A run is its name, its table, its colour and that of its band.
@@ -297,22 +261,23 @@ def _estimates(
     panels = []
     for member, label in zip(family.members, family.labels, strict=True):
         courses = [
-            [
-                np.asarray(some[k], float) / size
-                for k, size in (("time", 1), (member, family.size), (f"{member}_sd", family.size))
-            ]
+            (some["time"], some[member] / family.size, some[f"{member}_sd"] / family.size)
             for _, some, _, _ in runs
         ]
         reach = np.array([_reach(y, sd) for _, y, sd in courses])
         low, high = float(reach[:, 0].min()), float(reach[:, 1].max())
-        data: list[Trace] = []
+        data: list[chart.Trace] = []
         for (name, _, colour, shade), (x, y, sd) in zip(runs, courses, strict=True):
             edges = [np.clip(y + s * sd, low, high) for s in (-GUIDE, GUIDE)]
-            data.append(band("±2 sd", x, *edges, fillcolor=shade, showlegend=False))
+            data.append(chart.band("±2 sd", x, *edges, fillcolor=shade, showlegend=False))
             hover = f"%{{x:.1f}} s: %{{y:.4g}} ± %{{customdata:.2g}} {family.unit}|{name}"
-            named: Trace = {} if name else {"showlegend": False}
-            data.append(line(name or label, x, y, colour, hover, customdata=numbers(sd), **named))
-        panels.append(Panel(label, data, {"range": [low, high], "nticks": 5}))
+            named: chart.Trace = {} if name else {"showlegend": False}
+            data.append(
+                chart.line(
+                    name or label, x, y, colour, hover, customdata=chart.numbers(sd), **named
+                )
+            )
+        panels.append(chart.Panel(label, data, {"range": [low, high], "nticks": 5}))
     n, more = len(panels), 20 if len(runs) > 1 else 0
     with_ = "" if not more else " with the delay and without it"
     alt = f"{family.name} along the run{with_ or ' with two standard deviations'}"
@@ -322,18 +287,18 @@ def _estimates(
         times,
         alt,
         up=more,
-        notes=[titled(f"<b>{family.name}</b> [{family.unit}]", 4 + more)],
+        notes=[chart.titled(f"<b>{family.name}</b> [{family.unit}]", 4 + more)],
         legend=True if more else None,
     )
 
 
 def _panels(
-    some: Sequence[Panel], height: float, times: Times, alt: str, up: float = 0, **more: Any
-) -> Figure:
+    some: Sequence[chart.Panel], height: float, times: Times, alt: str, up: float = 0, **more: Any
+) -> page.Figure:
     """Draw panels against time [s] with the changes of the motion, half as wide as the page."""
     look = {"share": 50, "top": 34 + up} | more
     return chart.stacked(
-        "transfer.panels", some, height=height, x=TIME, shapes=marked(times), alt=alt, **look
+        "transfer.panels", some, height=height, x=TIME, shapes=chart.marked(times), alt=alt, **look
     )
 
 
@@ -345,14 +310,14 @@ def _reach(y: FloatArray, sd: FloatArray) -> tuple[float, float]:
     return low - 0.04 * (high - low), high + 0.04 * (high - low)
 
 
-def ignored(result: Result) -> Section | None:
+def ignored(result: Result) -> page.Section | None:
     """The estimates of the same run where messages are taken as if they held on arrival."""
     ours, other = table_of(result, "estimates"), table_of(result, "undelayed")
     if ours is None or other is None:
         return None
     runs = [
-        ("delay ignored", other, SECOND, "var(--second-band)"),
-        ("with the delay", ours, FIRST, chart.BAND),
+        ("delay ignored", other, chart.SECOND, "var(--second-band)"),
+        ("with the delay", ours, chart.FIRST, chart.BAND),
     ]
     some, times = families(result), changes(result)
     drawn = [_estimates(runs, f, times) for f in some if f.name in COMPARED]
@@ -362,19 +327,19 @@ def ignored(result: Result) -> Section | None:
         for run, end in ((ours, ""), (ours, "_sd"), (other, ""), (other, "_sd"))
     )
     off = [abs(y - x) / s for x, y, s in zip(a, b, claimed, strict=True)]
-    listed = table(
+    listed = page.table(
         ("coefficient: name", [n for n, _ in rows]),
         ("unit: short", [f.unit for _, f in rows]),
-        ("with the delay: number", [known_to(*v) for v in zip(a, sd, strict=True)]),
+        ("with the delay: number", [page.known_to(*v) for v in zip(a, sd, strict=True)]),
         ("± sd: number", [format_value(v, v) for v in sd]),
-        ("ignored: number", [known_to(*v) for v in zip(b, claimed, strict=True)]),
+        ("ignored: number", [page.known_to(*v) for v in zip(b, claimed, strict=True)]),
         ("± its sd: number aside", [format_value(v, v) for v in claimed]),
         ("off by, in its sds: number aside", [f"{v:.1f}" for v in off]),
     )
-    return section("transfer.ignored", drawn, listed)
+    return page.section("transfer.ignored", drawn, listed)
 
 
-def delay(result: Result) -> Section | None:
+def delay(result: Result) -> page.Section | None:
     """How late messages are by each method and in parts, and what that is worth in motion."""
     known, key, times = result.diagnostics["delay"], "transfer.delay", changes(result)
     ways = (
@@ -385,7 +350,7 @@ def delay(result: Result) -> Section | None:
             ways[words] = (known[name]["value"], known[name]["sd"])
     found = [_milliseconds(*v) for v in ways.values()]
     methods = (
-        table(
+        page.table(
             ("method", ways),
             ("delay [ms]: number", [v for v, _ in found]),
             ("± sd [ms]: number", [sd for _, sd in found]),
@@ -398,7 +363,7 @@ def delay(result: Result) -> Section | None:
     if gone is not None and known["used"] != 0:
         turned = np.degrees(gone["heading"])
         ways_ = {k: gone[f"velocity_{k}"] for k in ("east", "north")}
-        lead = said(
+        lead = page.said(
             f"{key}.lead",
             used=plain(1e3 * known["used"], 4),
             turn=plain(float(np.nanmax(np.abs(turned))), 2),
@@ -413,7 +378,7 @@ def delay(result: Result) -> Section | None:
                 370,
                 times,
                 alt,
-                caption=told(f"{key}.caption"),
+                caption=page.told(f"{key}.caption"),
                 share=50 if tried is not None and fit else 100,
             )
         )
@@ -427,15 +392,15 @@ def delay(result: Result) -> Section | None:
             for v, sd in zip(parts["delay"], parts["delay_sd"], strict=True)
         ]
         listed = [
-            told(f"{key}.parts"),
-            table(
+            page.told(f"{key}.parts"),
+            page.table(
                 ("from [s]: number", [f"{v:.0f}" for v in parts["start"]]),
                 ("to [s]: number", [f"{v:.0f}" for v in parts["end"]]),
                 ("delay [ms]: number", [v for v, _ in cells]),
                 ("± sd [ms]: number", [sd for _, sd in cells]),
             ),
         ]
-    return section(key, methods, _drift(known), drawn, listed, lead=lead)
+    return page.section(key, methods, _drift(known), drawn, listed, lead=lead)
 
 
 def _drift(known: Mapping[str, Any]) -> str:
@@ -443,40 +408,40 @@ def _drift(known: Mapping[str, Any]) -> str:
     if not match or not match["drift_sd"] > 0:
         return ""
     if match["drift"] == 0:
-        return said("transfer.delay.steady", sd=plain(2e6 * match["drift_sd"], 2))
+        return page.said("transfer.delay.steady", sd=plain(2e6 * match["drift_sd"], 2))
     sd = 1e6 * match["drift_sd"]
-    value = unsigned(format_value(1e6 * match["drift"], sd))
-    return said("transfer.delay.drifting", value=value, sd=format_value(sd, sd))
+    value = page.unsigned(format_value(1e6 * match["drift"], sd))
+    return page.said("transfer.delay.drifting", value=value, sd=format_value(sd, sd))
 
 
-def _likelihood(tried: Mapping[str, Any], fit: Mapping[str, float]) -> Figure:
+def _likelihood(tried: Mapping[str, Any], fit: Mapping[str, float]) -> page.Figure:
     """Draw by how much the likelihood of other delays is less than that of the best."""
-    at, log_l = (np.asarray(tried[k], float) for k in ("delay", "log_likelihood"))
+    at, log_l = tried["delay"], tried["log_likelihood"]
     less, best, sd = log_l.max() - log_l, fit["value"], fit["sd"]
     away = np.geomspace(0.3 * sd, max(float(np.max(np.abs(at - best))), 3 * sd), 60)
     x = np.concatenate([best - away[::-1], best + away])
     pick = less > 0
     data = [
-        line(
+        chart.line(
             "parabola of the sd",
             1e3 * x,
             0.5 * ((x - best) / sd) ** 2,
-            SOFT,
+            chart.SOFT,
             dash="dash",
             width=1.4,
         ),
-        dots("tried", 1e3 * at[pick], less[pick], hover="%{x:.3f} ms: %{y:.3g} less|"),
+        chart.dots("tried", 1e3 * at[pick], less[pick], hover="%{x:.3f} ms: %{y:.3g} less|"),
     ]
     low = float(np.log10(max(min(0.1, float(np.min(less[pick], initial=1.0))), 1e-3)))
     high = float(np.log10(np.max(less[pick], initial=10.0)))
-    look = log_axis("log-likelihood below the best", range=[low - 0.2, high + 0.3])
-    return draw("transfer.likelihood", data, y=look)
+    look = chart.log_axis("log-likelihood below the best", range=[low - 0.2, high + 0.3])
+    return chart.draw("transfer.likelihood", data, y=look)
 
 
 # -- the run ---------------------------------------------------------------------------------
 
 
-def innovations(result: Result) -> Section | None:
+def innovations(result: Result) -> page.Section | None:
     """What each message said beyond what was expected, and how it scatters."""
     some, times, key = table_of(result, "innovations"), changes(result), "transfer.innovations"
     if some is None or "nis" not in some:
@@ -485,15 +450,15 @@ def innovations(result: Result) -> Section | None:
     time, ratio, limits = grouped_nis(some)
     if len(time) > 1:
         top = 1.1 * max(limits[1], float(np.nanmax(ratio, initial=0.0)))
-        blocks.append(said(f"{key}.nis", span=time[1] - time[0]))
+        blocks.append(page.said(f"{key}.nis", span=time[1] - time[0]))
         blocks.append(
-            draw(
+            chart.draw(
                 "transfer.innovations",
-                [dots("", time, ratio, hover="%{x:.1f} s: %{y:.3f}|", size=6)],
+                [chart.dots("", time, ratio, hover="%{x:.1f} s: %{y:.3f}|", size=6)],
                 x=TIME,
-                y=axis("NIS / number", range=[0, top]),
+                y=chart.axis("NIS / number", range=[0, top]),
                 lines=limits,
-                shapes=marked(times),
+                shapes=chart.marked(times),
             )
         )
     scatter = "; ".join(
@@ -502,16 +467,16 @@ def innovations(result: Result) -> Section | None:
         for name, s in (result.diagnostics.get("innovations") or {}).items()
     )
     bounded = result.diagnostics["filter"]["gamma"] is not None
-    lead = said(
+    lead = page.said(
         f"{key}.lead",
         f"{key}.together" * bool(scatter),
         f"{key}.bounded" * bounded,
         scatter=scatter,
     )
-    return section(key, blocks, lead=lead)
+    return page.section(key, blocks, lead=lead)
 
 
-def _channels(result: Result, some: Mapping[str, Any]) -> list[Family]:
+def _channels(result: Result, some: Mapping[str, Any]) -> list[chart.Family]:
     vector = result.diagnostics["filter"]["attitude_form"] == "vector"
     names = WAYS if vector else ("heading", "pitch", "roll")
     about = "attitude, about" if vector else "attitude"
@@ -522,20 +487,20 @@ def _channels(result: Result, some: Mapping[str, Any]) -> list[Family]:
     ):
         used = {k: v for k, v in names_.items() if k in some}
         if used:
-            out.append(Family(words, tuple(used), tuple(used.values()), unit, size))
+            out.append(chart.Family(words, tuple(used), tuple(used.values()), unit, size))
     return out
 
 
-def _innovations(some: Mapping[str, Any], family: Family, times: Times) -> Figure:
+def _innovations(some: Mapping[str, Any], family: chart.Family, times: Times) -> page.Figure:
     """Draw innovations of one kind in their band of +-2 sd, one panel for each component."""
-    time, panels = np.asarray(some["time"], float), []
+    time, panels = some["time"], []
     both = zip(family.of(some), family.of(some, "_sd"), family.labels, strict=True)
     for y, sd, label in both:
         pick = chosen(np.abs(y) > 3 * sd)
         edge = GUIDE * sd[pick]
-        data = [band("±2 sd", time[pick], -edge, edge, showlegend=False)]
+        data = [chart.band("±2 sd", time[pick], -edge, edge, showlegend=False)]
         data.append(
-            dots(
+            chart.dots(
                 "",
                 time[pick],
                 y[pick],
@@ -545,9 +510,9 @@ def _innovations(some: Mapping[str, Any], family: Family, times: Times) -> Figur
         )
         # The first message finds what was known beforehand, and would hide all others.
         top = 1.1 * max(3 * float(np.nanmedian(sd)), float(np.nanquantile(np.abs(y), 0.998)))
-        panels.append(Panel(label, data, {"range": [-top, top], "nticks": 5}))
+        panels.append(chart.Panel(label, data, {"range": [-top, top], "nticks": 5}))
     alt = f"Innovations, {family.name}, with two standard deviations, against time"
-    notes = [titled(f"<b>{family.name}</b> [{family.unit}]")]
+    notes = [chart.titled(f"<b>{family.name}</b> [{family.unit}]")]
     return _panels(panels, 80 + 100 * len(panels), times, alt, notes=notes)
 
 
@@ -565,8 +530,8 @@ def grouped_nis(some: Mapping[str, Any]) -> tuple[FloatArray, FloatArray, tuple[
     `some` (m,): the innovations.
     """
     used = [k for k in some if f"{k}_sd" in some]
-    count = np.sum([np.isfinite(np.asarray(some[k], float)) for k in used], axis=0)
-    nis, time = np.asarray(some["nis"], float), np.asarray(some["time"], float)
+    count = np.sum([np.isfinite(some[k]) for k in used], axis=0)
+    nis, time = some["nis"], some["time"]
     seen = (count > 0) & np.isfinite(nis)
     nis, time, count = nis[seen], time[seen], count[seen]
     each = max(1, -(-len(nis) // GROUPED))
@@ -580,23 +545,23 @@ def grouped_nis(some: Mapping[str, Any]) -> tuple[FloatArray, FloatArray, tuple[
     return middle, square / number, (low / fewest, high / fewest)
 
 
-def bound(result: Result) -> Section | None:
+def bound(result: Result) -> page.Section | None:
     """How near the H-infinity filter comes to the end of its bound."""
     some = table_of(result, "gamma")
     if some is None:
         return None
-    used, time = 1 - np.asarray(some["margin"], float), np.asarray(some["time"], float)
+    used, time = 1 - some["margin"], some["time"]
     worst = int(np.nanargmax(used))
     least = float(np.log10(max(1e-9, float(np.nanmin(used)))))
-    figure = draw(
+    figure = chart.draw(
         "transfer.bound",
         [_course("part of γ²", time, used)],
         x=TIME,
-        y=log_axis("part of γ² used", range=[least - 0.2, 0.3]),
-        shapes=[level(1.0, colour=BAD), *marked(changes(result))],
+        y=chart.log_axis("part of γ² used", range=[least - 0.2, 0.3]),
+        shapes=[chart.level(1.0, colour=chart.BAD), *chart.marked(changes(result))],
     )
     gamma = plain(result.diagnostics["filter"]["gamma"], 4)
-    return section(
+    return page.section(
         "transfer.bound",
         figure,
         gamma=gamma,
@@ -605,28 +570,26 @@ def bound(result: Result) -> Section | None:
     )
 
 
-def attitude(result: Result) -> Section | None:
+def attitude(result: Result) -> page.Section | None:
     """Heading, pitch and roll of the slave as seen from the end, with sd."""
     some, times = table_of(result, "smoothed"), changes(result)
     if some is None:
         return None
-    time = np.asarray(some["time"], float)
-    heading = np.degrees(np.unwrap(np.asarray(some["heading"], float)))
+    time, heading = some["time"], np.degrees(np.unwrap(some["heading"]))
     heading -= 360 * np.floor(heading[0] / 360)
-    level_ = [
-        _course(n, time, np.degrees(some[n]), c) for n, c in (("pitch", FIRST), ("roll", SECOND))
+    level_ = chart.lines(time, {n: np.degrees(some[n]) for n in ("pitch", "roll")}, COURSE)
+    angles = [
+        _panel("heading [°]", "heading", time, heading),
+        chart.Panel("pitch, roll [°]", level_),
     ]
-    angles = [_panel("heading [°]", "heading", time, heading), Panel("pitch, roll [°]", level_)]
-    sds = [np.asarray(some[f"phi_{way}_sd"], float) / MINUTE for way in WAYS]
-    about = [
-        _course(f"about {w}", time, sd, c) for w, sd, c in zip(WAYS, sds, SERIES, strict=False)
-    ]
+    sds = [some[f"phi_{way}_sd"] / MINUTE for way in WAYS]
+    about = chart.lines(time, {f"about {w}": sd for w, sd in zip(WAYS, sds, strict=True)}, COURSE)
     middle = [float(np.median(sd)) for sd in sds]
-    return section(
+    return page.section(
         "transfer.attitude",
         _panels(angles, 330, times, "Heading, pitch and roll of the slave against time"),
         _panels(
-            [Panel("sd [arcmin]", about, {"rangemode": "tozero"})],
+            [chart.Panel("sd [arcmin]", about, {"rangemode": "tozero"})],
             330,
             times,
             "Standard deviations of the attitude against time",
@@ -636,11 +599,13 @@ def attitude(result: Result) -> Section | None:
     )
 
 
-def mounting(result: Result) -> Section | None:
+def mounting(result: Result) -> page.Section | None:
     """How the slave is turned on its master, and how that is used."""
     known = result.diagnostics["mounting"]
-    cells = [[unsigned(f"{np.degrees(x):.4f}") for x in known[k]] for k in ("nominal", "angles")]
-    angles = table(
+    cells = [
+        [page.unsigned(f"{np.degrees(x):.4f}") for x in known[k]] for k in ("nominal", "angles")
+    ]
+    angles = page.table(
         ("of the slave on its master", ("heading", "pitch", "roll")),
         ("nominal [°]: number", cells[0]),
         ("found [°]: number", cells[1]),
@@ -651,25 +616,28 @@ def mounting(result: Result) -> Section | None:
         "C_ns = C_nm @ C_ms    # attitude of the slave from that of its master, and\n"
         "C_nm = C_ns @ C_ms.T  # the other way: f_m = C_ms @ f_s, w_m = C_ms @ w_s"
     )
-    arm = ", ".join(unsigned(plain(x, 4)) for x in known["lever_arm"])
-    return section("transfer.mounting", angles, Code(code), arm=arm)
+    arm = ", ".join(page.unsigned(plain(x, 4)) for x in known["lever_arm"])
+    return page.section("transfer.mounting", angles, page.Code(code), arm=arm)
 
 
-def handed(result: Result) -> Section | None:
+def handed(result: Result) -> page.Section | None:
     """The state in which the slave goes on alone."""
     state = result.diagnostics["hand_over"]
     sd = np.sqrt(np.diag(np.array(state["covariance"], float)))
     level_, up = float(np.max(sd[:2])) / MINUTE, float(sd[2]) / MINUTE
     rows = [
-        [k, unsigned(f"{np.degrees(state[k]):.7f}"), "°", ""] for k in ("latitude", "longitude")
+        [k, page.unsigned(f"{np.degrees(state[k]):.7f}"), "°", ""]
+        for k in ("latitude", "longitude")
     ]
-    rows.append(["height", unsigned(f"{state['height']:.2f}"), "m", ""])
+    rows.append(["height", page.unsigned(f"{state['height']:.2f}"), "m", ""])
     for way, v, s in zip(WAYS, state["velocity"], sd[3:], strict=True):
-        rows.append([f"velocity {way}", unsigned(format_value(v, s)), "m/s", format_value(s, s)])
+        rows.append(
+            [f"velocity {way}", page.unsigned(format_value(v, s)), "m/s", format_value(s, s)]
+        )
     for name, s in (("heading", up), ("pitch", level_), ("roll", level_)):
-        degrees = unsigned(f"{np.degrees(state[name]):.4f}")
+        degrees = page.unsigned(f"{np.degrees(state[name]):.4f}")
         rows.append([name, degrees, "°", f"{format_value(s, s)} arcmin"])
-    heads = columns("quantity | value: number | unit: short | ± sd: number")
+    heads = page.columns("quantity | value: number | unit: short | ± sd: number")
     at, key = float(state["time"]) - started(result), "transfer.handed"
     speed = float(np.sqrt(np.mean(sd[3:6] ** 2)))
     angles = " ".join(
@@ -683,7 +651,12 @@ def handed(result: Result) -> Section | None:
         f"    --velocity '{', '.join(f'{v:.4f} m/s' for v in state['velocity'])}' "
         f"--velocity-sd '{format_value(speed, speed)} m/s' -o navigation"
     )
-    place = told(f"{key}.{state.get('place', 'master')}")
-    return section(
-        key, Table(heads, rows), told(f"{key}.more"), Code(code), at=plain(at, 6), place=place
+    place = page.told(f"{key}.{state.get('place', 'master')}")
+    return page.section(
+        key,
+        page.Table(heads, rows),
+        page.told(f"{key}.more"),
+        page.Code(code),
+        at=plain(at, 6),
+        place=place,
     )

@@ -11,38 +11,8 @@ from foucault import units
 from foucault.arrays import FloatArray
 from foucault.coefficients import Coefficient, CoefficientVector
 from foucault.models.two_imus import ORDINALS
-from foucault.report.chart import (
-    SERIES,
-    Trace,
-    axis,
-    band,
-    dots,
-    draw,
-    heat,
-    line,
-    lowered,
-    shares,
-    whiskers,
-)
+from foucault.report import chart, page
 from foucault.report.evidence import NOTHING_ADDED
-from foucault.report.page import (
-    Figure,
-    Items,
-    Section,
-    Table,
-    columns,
-    date,
-    known_to,
-    minus,
-    quantity,
-    said,
-    section,
-    shown,
-    size,
-    table,
-    told,
-    unit_of,
-)
 from foucault.result import Result, TableData
 from foucault.units import ZERO_CELSIUS
 
@@ -66,7 +36,7 @@ SMALL_SHARE = 0.05
 MANY = 36  # More coefficients than this need a larger matrix and smaller names [1].
 
 
-def coefficients(result: Result) -> Section | None:
+def coefficients(result: Result) -> page.Section | None:
     """Every coefficient with its uncertainty, beside the prior and the bound."""
     vector = result.coefficients
     if not len(vector):
@@ -76,7 +46,7 @@ def coefficients(result: Result) -> Section | None:
     seconds = result.in_seconds.sd if result.clock is not None else None
     if seconds is not None and np.array_equal(seconds, vector.sd, equal_nan=True):
         seconds = None  # nothing hangs on the clock
-    heads = columns(
+    heads = page.columns(
         "coefficient: name | symbol: symbol aside | value: number | ± sd: number",
         "± U (k=2): number optional",
         "± sd in seconds: number" * (seconds is not None),
@@ -94,8 +64,8 @@ def coefficients(result: Result) -> Section | None:
     key = "uncertainty.coefficients"
     at = ""
     if result.temperature is not None:
-        at = minus(f"{result.temperature.reference - ZERO_CELSIUS:.1f}")
-    lead = said(
+        at = page.minus(f"{result.temperature.reference - ZERO_CELSIUS:.1f}")
+    lead = page.said(
         f"{key}.at" if at else "",
         f"{key}.lead",
         f"{key}.seconds" * (seconds is not None),
@@ -105,7 +75,7 @@ def coefficients(result: Result) -> Section | None:
         frame=result.frame,
         gauge=result.gauge,
     )
-    return section(key, Table(heads, rows, said(f"{key}.option")), lead=lead)
+    return page.section(key, page.Table(heads, rows, page.said(f"{key}.option")), lead=lead)
 
 
 def _bound(result: Result) -> FloatArray | None:
@@ -113,7 +83,7 @@ def _bound(result: Result) -> FloatArray | None:
     values = result.diagnostics.get("bound")
     if values is None or len(values) != len(result.coefficients):
         return None
-    return np.array([np.nan if v is None else v for v in values], float)
+    return np.array(values, float)
 
 
 def _coefficient_rows(
@@ -125,13 +95,16 @@ def _coefficient_rows(
         value, sd, free = row["display_value"], row["display_sd"], row["free"]
         one = units.factor(row["display_unit"], row["kind"])
         cells = [row["name"], row["symbol"]]
-        cells.append(known_to(value, sd) if np.isfinite(value) else "unknown")
-        cells += [size(sd) if free else "held", size(COVERAGE * sd) if free and sd else ""]
+        cells.append(page.known_to(value, sd) if np.isfinite(value) else "unknown")
+        cells += [
+            page.size(sd) if free else "held",
+            page.size(COVERAGE * sd) if free and sd else "",
+        ]
         if seconds is not None:
-            cells.append(size(float(seconds[i]) / one) if free else "")
-        cells.append(shown(row["display_unit"]))
+            cells.append(page.size(float(seconds[i]) / one) if free else "")
+        cells.append(page.shown(row["display_unit"]))
         if prior:
-            cells.append(size((row["prior_sd"] or 0.0) / one))
+            cells.append(page.size((row["prior_sd"] or 0.0) / one))
         if bound is not None:
             seen = free and row["sd"] is not None and bound[i] > 0
             cells.append(f"{row['sd'] / bound[i]:.2f}" if seen else "")
@@ -139,7 +112,7 @@ def _coefficient_rows(
     return out
 
 
-def unseen(result: Result) -> Section | None:
+def unseen(result: Result) -> page.Section | None:
     """What the data could not tell, and what no data of this procedure can tell."""
     facts, vector = result.diagnostics, result.coefficients
     items = [("warning", f"Seen badly: {words}.") for words in facts.get("weakest") or []]
@@ -154,15 +127,15 @@ def unseen(result: Result) -> Section | None:
     if held:
         items.append(("plain", f"Held at their values, not estimated: {held}."))
     items += [("plain", str(words)) for words in facts.get("unseen") or []]
-    return section("uncertainty.unseen", Items(items) if items else None)
+    return page.section("uncertainty.unseen", page.Items(items))
 
 
-def budget(result: Result) -> Section | None:
+def budget(result: Result) -> page.Section | None:
     """The variance of every coefficient split by source, as the GUM asks."""
     vector = result.coefficients
     given: Mapping[str, Any] = result.diagnostics.get("budget") or {}
     parts = {
-        source: np.array([np.nan if v is None else v for v in variance], float)
+        source: np.array(variance, float)
         for source, variance in given.items()
         if len(variance) == len(vector)
     }
@@ -177,34 +150,34 @@ def budget(result: Result) -> Section | None:
     if not order:
         return None
     large = [s for s in order if float(np.nanmax(share[s])) >= SMALL_SHARE] or order
-    labels = [lowered(c.symbol) for c in vector.layout.coefficients]
+    labels = [chart.lowered(c.symbol) for c in vector.layout.coefficients]
     alt = "Share of every source in the variance of every coefficient"
     key = "uncertainty.budget"
-    return section(
+    return page.section(
         key,
-        shares(labels, {s: share[s] for s in large}, alt),
+        chart.shares(labels, {s: share[s] for s in large}, alt),
         _sources(result, {s: share[s] for s in order}),
         _contributions(vector, {s: parts[s] for s in large}, total),
-        lead=said(f"{key}.lead", f"{key}.clock" * (CLOCK in parts)),
+        lead=page.said(f"{key}.lead", f"{key}.clock" * (CLOCK in parts)),
     )
 
 
 NEVER = 1e3  # A term that would have to be so many times its size is never seen [1].
 
 
-def not_estimated(result: Result) -> Section | None:
+def not_estimated(result: Result) -> page.Section | None:
     """What is left out: what it costs, whether this log would see it, where its size is from."""
-    return section("uncertainty.not_estimated", left_out_table(result.tables["left_out"]))
+    return page.section("uncertainty.not_estimated", left_out_table(result.tables["left_out"]))
 
 
-def left_out_table(some: TableData) -> Table:
+def left_out_table(some: TableData) -> page.Table:
     """Return a row for each group of terms that are not estimated, the costliest first."""
     order = np.argsort(-np.asarray(some["share"], float), kind="stable")
     words, numbers = ["what", "size", "basis"], ("share", "seen", "needed")
     words += ["shown_by"] if "shown_by" in some else []
     what, sizes, basis, *by = ([str(some[k][i]) for i in order] for k in words)
     share, seen, needed = ([float(some[k][i]) for i in order] for k in numbers)
-    return table(
+    return page.table(
         ("left out", what),
         ("size (1 sd): number", sizes),
         ("largest share of a variance: number", [_percent(100 * v) for v in share]),
@@ -215,13 +188,13 @@ def left_out_table(some: TableData) -> Table:
     )
 
 
-def _sources(result: Result, share: Mapping[str, FloatArray]) -> Table:
+def _sources(result: Result, share: Mapping[str, FloatArray]) -> page.Table:
     """One row per source: type, basis, and its share of the variance."""
     names = result.coefficients.names
     kinds = [_basis(result, source) for source in share]
     worst = [int(np.nanargmax(v)) for v in share.values()]
     most = [float(v[k]) for v, k in zip(share.values(), worst, strict=True)]
-    return table(
+    return page.table(
         ("source", share),
         ("type: short", [kind for kind, _ in kinds]),
         ("evaluated from: aside", [basis for _, basis in kinds]),
@@ -241,7 +214,7 @@ def _basis(result: Result, source: str) -> tuple[str, str]:
         source = "noise, measured" if noise.startswith("measured") else "noise, declared"
         source = "noise, of the residuals" if noise.endswith("the residuals") else source
         source = "noise, unknown" if noise.startswith("unknown") else source
-    kind, _, basis = told(f"basis.{source}").partition("; ")
+    kind, _, basis = page.told(f"basis.{source}").partition("; ")
     return kind.rstrip(";"), basis
 
 
@@ -251,7 +224,7 @@ def _percent(value: float) -> str:
 
 def _contributions(
     vector: CoefficientVector, parts: Mapping[str, FloatArray], total: FloatArray
-) -> Table:
+) -> page.Table:
     """Standard uncertainty that each source alone contributes to each coefficient."""
     heads = ["u of: name", *(f"{source}: number" for source in parts), "combined: number"]
     rows = []
@@ -262,11 +235,11 @@ def _contributions(
         cells = [*(float(np.sqrt(max(v[i], 0.0))) / one for v in parts.values()), combined]
         texts = [f"{u:.{max(0, min(digits, 9))}f}" for u in cells]
         kept = [text if float(text) else "–" for text in texts]
-        rows.append([row["name"], *kept, shown(row["display_unit"])])
-    return Table(columns(*heads, "unit: short"), rows)
+        rows.append([row["name"], *kept, page.shown(row["display_unit"])])
+    return page.Table(page.columns(*heads, "unit: short"), rows)
 
 
-def correlation(result: Result) -> Section | None:
+def correlation(result: Result) -> page.Section | None:
     """Which coefficients the data could not tell apart well."""
     vector = result.coefficients
     keep = np.flatnonzero(np.isfinite(vector.sd) & (vector.sd > 0))
@@ -274,7 +247,7 @@ def correlation(result: Result) -> Section | None:
         return None
     sd = vector.sd[keep]
     matrix = np.round(vector.cov[np.ix_(keep, keep)] / np.outer(sd, sd), 3)
-    labels = [lowered(vector.layout.coefficients[i].symbol) for i in keep]
+    labels = [chart.lowered(vector.layout.coefficients[i].symbol) for i in keep]
     many = len(labels) > MANY
     ticks = {
         "type": "category",
@@ -283,13 +256,15 @@ def correlation(result: Result) -> Section | None:
         "showgrid": False,
         "tickmode": "linear",
     }
-    data = heat(labels, labels, matrix, "%{y}, %{x}: %{z:.2f}|", 1, tickvals=[-1, -0.5, 0, 0.5, 1])
+    data = chart.heat(
+        labels, labels, matrix, "%{y}, %{x}: %{z:.2f}|", 1, tickvals=[-1, -0.5, 0, 0.5, 1]
+    )
     # About square on a narrow screen, where the columns have no room for their names.
     narrow = {
         "xaxis": {"showticklabels": False},
         "yaxis": {"tickfont": {"size": 10}, "showticklabels": not many},
     }
-    figure = draw(
+    figure = chart.draw(
         "uncertainty.correlation",
         [data],
         height=760 if many else 520,
@@ -297,7 +272,7 @@ def correlation(result: Result) -> Section | None:
         y=ticks | {"autorange": "reversed"},
         meta={"ratio": 1.05, "narrow": narrow},
     )
-    return section("uncertainty.correlation", figure)
+    return page.section("uncertainty.correlation", figure)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -306,7 +281,7 @@ def correlation(result: Result) -> Section | None:
 LIMIT = 3.0  # Lines of the figures of residuals [sd].
 
 
-def functions(result: Result) -> Section | None:
+def functions(result: Result) -> page.Section | None:
     """Every family over temperature: the functions, their band, and what the sessions found."""
     curves, model = result.tables["temperature_curves"], result.temperature
     if model is None:
@@ -315,8 +290,8 @@ def functions(result: Result) -> Section | None:
     key = "temperature.functions"
     low, high, at = (_celsius(v) for v in (model.low, model.high, model.reference))
     knots = ", ".join(_celsius(k) for k in model.knots)
-    words = said(f"{key}.knots" if knots else f"{key}.powers", knots=knots, at=at)
-    return section(
+    words = page.said(f"{key}.knots" if knots else f"{key}.powers", knots=knots, at=at)
+    return page.section(
         key,
         _figure(result, curves, list(families)),
         _families(families.values()),
@@ -327,8 +302,8 @@ def functions(result: Result) -> Section | None:
     )
 
 
-def _figure(result: Result, curves: Mapping[str, Any], families: Sequence[str]) -> Figure:
-    data: list[Trace] = []
+def _figure(result: Result, curves: Mapping[str, Any], families: Sequence[str]) -> page.Figure:
+    data: list[chart.Trace] = []
     points = result.tables["temperature_points"]
     ramps = result.tables.get("temperature_ramps") or {}
     # Families that change come first: the list opens with what matters.
@@ -340,12 +315,16 @@ def _figure(result: Result, curves: Mapping[str, Any], families: Sequence[str]) 
         members = [c for c in every if (c.name.rpartition(".")[0] or c.name) == family]
         sizes = [np.ptp(_of(curves, c.name, "value")) for c in members]
         sds = [_of(curves, c.name, "sd").max() for c in members]
-        unit, scale = unit_of(members[0].kind, sizes, sds)
+        unit, scale = page.unit_of(members[0].kind, sizes, sds)
         choices.append(f"{family} [{unit}]")
         for k, c in enumerate(members):
             start = result.coefficients.value(c.name)
-            data += _traces(c, curves, points, ramps, start, scale, SERIES[k % 6], choices[-1])
-    return draw("temperature.figure", data, meta={"choices": choices, "choose": "coefficients"})
+            data += _traces(
+                c, curves, points, ramps, start, scale, chart.SERIES[k % 6], choices[-1]
+            )
+    return chart.draw(
+        "temperature.figure", data, meta={"choices": choices, "choose": "coefficients"}
+    )
 
 
 def _traces(
@@ -357,7 +336,7 @@ def _traces(
     scale: float,
     colour: str,
     label: str,
-) -> list[Trace]:
+) -> list[chart.Trace]:
     """Return band, curve and points of one coefficient."""
 
     def of(some: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
@@ -366,22 +345,24 @@ def _traces(
 
     x, y = of(curves)
     two_sd = 2 * _of(curves, c.name, "sd") / scale
-    of_group: Trace = {"meta": label, "legendgroup": c.name}
+    of_group: chart.Trace = {"meta": label, "legendgroup": c.name}
     hover = f"%{{x:.1f}} °C: %{{y:.4g}}|{c.name}"
     out = [
-        band("", x, y - two_sd, y + two_sd, **of_group),
-        line(lowered(c.symbol), x, y, colour, hover, **of_group),
+        chart.band("", x, y - two_sd, y + two_sd, **of_group),
+        chart.line(chart.lowered(c.symbol), x, y, colour, hover, **of_group),
     ]
     if ramps and (np.asarray(ramps["coefficient"]) == c.name).any():
         out.append(
-            dots("", *of(ramps), colour, f"{hover}, ramp", size=4, symbol="circle-open", **of_group)
+            chart.dots(
+                "", *of(ramps), colour, f"{hover}, ramp", size=4, symbol="circle-open", **of_group
+            )
         )
     seen = np.asarray(points["coefficient"]) == c.name
     if seen.any():
-        bars = whiskers(2 * _of(points, c.name, "sd") / scale, colour, thickness=1.3)
+        bars = chart.whiskers(2 * _of(points, c.name, "sd") / scale, colour, thickness=1.3)
         session = np.asarray(points["session"])[seen].tolist()
         out.append(
-            dots(
+            chart.dots(
                 "",
                 *of(points),
                 colour,
@@ -394,8 +375,8 @@ def _traces(
     return out
 
 
-def _families(rows: Any) -> Table:
-    return table(
+def _families(rows: Any) -> page.Table:
+    return page.table(
         ("coefficients: name", [row["family"] for row in rows]),
         ("function", [row["function"] for row in rows]),
         ("temperatures: number aside", [str(row["temperatures"]) for row in rows]),
@@ -411,7 +392,7 @@ def _scatter(row: Mapping[str, Any]) -> str:
     if sd is None or not np.isfinite(sd):
         return "cannot be told"
     kind = EVERY.coefficients[int(EVERY.group(row["family"])[0])].kind
-    size = quantity(sd, kind, 2) if sd else "none seen"
+    size = page.quantity(sd, kind, 2) if sd else "none seen"
     return size if row["scatter_found"] else f"{size if sd else 'none'} (declared)"
 
 
@@ -423,24 +404,26 @@ def _why(row: Mapping[str, Any]) -> str:
         if test is not None:
             lost = key == "missing" and test["p"] < 0.01
             text = "a {against} may fit better" if lost else text
-            p = "< 1e−6" if test["p"] < 1e-6 else minus(f"{test['p']:.2g}")
+            p = "< 1e−6" if test["p"] < 1e-6 else page.minus(f"{test['p']:.2g}")
             words.append(f"{text.format(**test)} (F {test['F']:.3g}, p {p})")
     return "; ".join(words)
 
 
-def left_out(result: Result) -> Section | None:
+def left_out(result: Result) -> page.Section | None:
     """Residuals, and every temperature as predicted by the others."""
     points, key = result.tables["temperature_points"], "temperature.left_out"
     figures = []
     if len(result.diagnostics.get("sessions") or []) > 1:  # one is met exactly
-        figures.append(_scattered(points, "residual", "residual / sd", told(f"{key}.residual")))
+        figures.append(
+            _scattered(points, "residual", "residual / sd", page.told(f"{key}.residual"))
+        )
     if np.isfinite(np.asarray(points["left_out"], float)).any():
         what = "left out: error / sd"
-        figures.append(_scattered(points, "left_out", what, told(f"{key}.left_out")))
-    return section(key, figures, _sessions(result))
+        figures.append(_scattered(points, "left_out", what, page.told(f"{key}.left_out")))
+    return page.section(key, figures, _sessions(result))
 
 
-def _scattered(points: Mapping[str, Any], column: str, what: str, caption: str) -> Figure:
+def _scattered(points: Mapping[str, Any], column: str, what: str, caption: str) -> page.Figure:
     y = np.asarray(points[column], float)
     x = np.asarray(points["temperature"], float) - ZERO_CELSIUS
     triads = np.array([str(n).partition(".")[0] for n in points["coefficient"]])
@@ -451,11 +434,11 @@ def _scattered(points: Mapping[str, Any], column: str, what: str, caption: str) 
         pick = (triads == triad) & np.isfinite(y)
         hover = "%{text}, %{x:.1f} °C: %{y:.2f} sd|"
         data.append(
-            dots(
+            chart.dots(
                 TRIADS.get(triad, triad),
                 x[pick],
                 y[pick],
-                SERIES[k % 6],
+                chart.SERIES[k % 6],
                 hover,
                 size=6,
                 text=labels[pick].tolist(),
@@ -463,28 +446,28 @@ def _scattered(points: Mapping[str, Any], column: str, what: str, caption: str) 
             )
         )
     top = 1.12 * max(LIMIT, float(np.nanmax(np.abs(y), initial=0.0)))
-    return draw(
+    return chart.draw(
         "temperature.scattered",
         data,
-        y=axis(what, range=[-top, top]),
+        y=chart.axis(what, range=[-top, top]),
         caption=caption,
         lines=[0, LIMIT, -LIMIT],
         alt=f"{what} of every coefficient of every session against its temperature",
     )
 
 
-def _sessions(result: Result) -> Table:
+def _sessions(result: Result) -> page.Table:
     rows = list(result.diagnostics.get("sessions") or [])
     ramps = result.diagnostics.get("ramps") or []
     rows += [{"name": r["name"], "range": r["range"], "procedure": "ramp"} for r in ramps]
     means = [_celsius(r["temperature"]) if r.get("temperature") else "" for r in rows]
-    return table(
+    return page.table(
         ("session", [r["name"] for r in rows]),
         ("mean [°C]: number", means),
         ("range [°C]: number aside", [" to ".join(map(_celsius, r["range"])) for r in rows]),
         ("procedure: aside", [r["procedure"] for r in rows]),
         ("verdict", [r.get("verdict", "") for r in rows]),
-        ("made: aside", [date(str(r["created"])) if r.get("created") else "" for r in rows]),
+        ("made: aside", [page.date(str(r["created"])) if r.get("created") else "" for r in rows]),
     )
 
 
@@ -494,4 +477,4 @@ def _of(some: Mapping[str, Any], name: str, column: str) -> FloatArray:
 
 
 def _celsius(kelvin: float) -> str:
-    return minus(f"{kelvin - ZERO_CELSIUS:.1f}")
+    return page.minus(f"{kelvin - ZERO_CELSIUS:.1f}")

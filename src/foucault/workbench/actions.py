@@ -13,14 +13,26 @@ from typing import Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Request
-from fastapi.concurrency import run_in_threadpool as aside
 from fastapi.responses import Response
 
+from foucault.campaign.recognised import said_of
 from foucault.errors import error
 from foucault.logs.description import LogDescription
 from foucault.records.entries import Account
 from foucault.workbench.asked import OFFERS, files_of, given_log, stays, words_of
-from foucault.workbench.bench import COOKIE, Bench, Form, bench_of, give_cookie, needs, to
+from foucault.workbench.bench import (
+    COOKIE,
+    Administrator,
+    At,
+    Bench,
+    Form,
+    Operator,
+    Reviewer,
+    give_cookie,
+    needs,
+    page,
+    to,
+)
 from foucault.workbench.people import Person
 from foucault.workbench.store import Job, Number
 from foucault.workbench.uploads import take_in
@@ -30,8 +42,6 @@ router = APIRouter()
 
 def ask_look(bench: Bench, who: Person, log: str, said: list[str]) -> Job:
     """Ask for a first look at a log; `said`: what `--set` is given."""
-    from foucault.campaign.recognised import said_of
-
     texts = [t.strip() for t in said if t.strip()]
     if texts:
         stays(files_of(bench.folder, log)[0].parent, said_of(texts))
@@ -50,13 +60,11 @@ def ask(
 
 
 @router.post("/logs")
-async def send_log(request: Request, said: Form) -> Response:
+def send_log(said: Form, who: Operator, bench: At) -> Response:
     """Take a log in, and look at it."""
-    who = needs(request, "operator")
     sent = [one for one in said.getlist("file") if not isinstance(one, str)]
-    bench = bench_of(request)
-    log = await aside(take_in, bench.folder, sent)
-    await aside(ask_look, bench, who, log, [])
+    log = take_in(bench.folder, sent)
+    ask_look(bench, who, log, [])
     return to(f"/logs/{log}")
 
 
@@ -73,23 +81,21 @@ def corrected(said: Any) -> list[str]:
 
 
 @router.post("/logs/{log}/look")
-async def look_again(request: Request, said: Form, log: str) -> Response:
+def look_again(said: Form, who: Operator, bench: At, log: str) -> Response:
     """Look at a log with other words."""
-    who = needs(request, "operator")
-    await aside(ask_look, bench_of(request), who, log, corrected(said))
+    ask_look(bench, who, log, corrected(said))
     return to(f"/logs/{log}")
 
 
 @router.post("/logs/{log}/rests")
-async def move_rests(request: Request, said: Form, log: str) -> Response:
+def move_rests(said: Form, who: Operator, bench: At, log: str) -> Response:
     """Take the rests as they stand in the form, or have them found again."""
-    who = needs(request, "operator")
     ends = [said.getlist("first"), said.getlist("last")]
     out = set(map(str, said.getlist("out")))
     rows = [(str(a).strip(), str(b).strip()) for a, b in zip(*ends, strict=False)]
     rests = [r for k, r in enumerate(rows) if all(r) and str(k) not in out]
     again = bool(said.get("again"))
-    name = await aside(with_rests, bench_of(request), who, log, None if again else rests)
+    name = with_rests(bench, who, log, None if again else rests)
     return to(f"/logs/{name}")
 
 
@@ -136,84 +142,70 @@ class Kept:
 
 
 @router.post("/do/{command}")
-async def do(request: Request, said: Form, command: str) -> Response:
+def do(said: Form, who: Operator, bench: At, command: str) -> Response:
     """Ask for a job."""
-    who = needs(request, "operator")
     given: dict[str, list[str]] = {}
     for key, value in said.multi_items():
         if key.startswith("--") and isinstance(value, str):
             given.setdefault(key, []).append(value)
     runs = [str(v) for v in said.getlist("run")]
-    job = await aside(ask, bench_of(request), who, command, given, str(said.get("log", "")), runs,
-                      str(said.get("name", "")))  # fmt: skip
+    job = ask(bench, who, command, given, str(said.get("log", "")), runs, str(said.get("name", "")))
     return to(f"/jobs/{job.number}")
 
 
 @router.post("/jobs/{number}/stop")
-async def stop(request: Request, said: Form, number: Number) -> Response:
+def stop(request: Request, said: Form, who: Operator, bench: At, number: Number) -> Response:
     """Stop a job; that of somebody else is a reviewer's to stop."""
-    bench = bench_of(request)
-    job = await aside(bench.store.job, number)
-    needs(request, "operator" if job.who == needs(request, "operator").name else "reviewer")
-    await aside(bench.store.stop, number)
+    job = bench.store.job(number)
+    needs(request, "operator" if job.who == who.name else "reviewer")
+    bench.store.stop(number)
     return to(f"/jobs/{number}")
 
 
 @router.post("/jobs/{number}/keep")
-async def keep(request: Request, said: Form, number: Number) -> Response:
+def keep(said: Form, who: Operator, bench: At, number: Number) -> Response:
     """Take a run into the records."""
-    who = needs(request, "operator")
-    bench = bench_of(request)
-
-    def kept() -> str:
-        _, folder = bench.run_of(number)
-        with bench.records(who.name, make=True) as records:
-            assert records is not None
-            taken, failed = records.add(
-                [folder], date=str(said.get("date", "")).strip(),
-                instrument=str(said.get("instrument", "")).strip(),
-                references=[str(v) for v in said.getlist("reference")],
-            )  # fmt: skip
-            for _, problem in failed:
-                raise problem
-            return (taken or [records.run(str(folder))])[0].instrument
-
-    return to(f"/instrument?name={quote(await aside(kept), safe='')}")
+    _, folder = bench.run_of(number)
+    with bench.records(who.name, make=True) as records:
+        assert records is not None
+        taken, failed = records.add(
+            [folder], date=str(said.get("date", "")).strip(),
+            instrument=str(said.get("instrument", "")).strip(),
+            references=[str(v) for v in said.getlist("reference")],
+        )  # fmt: skip
+        for _, problem in failed:
+            raise problem
+        name = (taken or [records.run(str(folder))])[0].instrument
+    return to(f"/instrument?name={quote(name, safe='')}")
 
 
 @router.post("/records/{what}")
-async def record(request: Request, said: Form, what: str) -> Response:
+def record(said: Form, who: Reviewer, bench: At, what: str) -> Response:
     """Add an entry to the records; that is a reviewer's work."""
-    who = needs(request, "reviewer")
-    bench = bench_of(request)
     name = str(said.get("instrument", ""))
 
     def text(key: str) -> str:
         return str(said.get(key, "")).strip()
 
-    def added() -> None:
-        with bench.records(who.name, make=True) as records:
-            assert records is not None
-            if what == "review":
-                records.review(text("run"), text("decision"), text("reason"))
-            elif what == "interval":
-                months = text("months")
-                records.recalibrate_every(name, float(months) if _number(months) else -1.0)
-            elif what == "event":
-                records.event(name, text("what"), text("on"), text("words"))
-            elif what == "reference":
-                records.reference(text("name"), text("what"), text("certificate"), text("due"),
-                                  text("words"))  # fmt: skip
-            elif what == "tolerance":
-                with tempfile.TemporaryDirectory() as folder:
-                    file = Path(folder) / "tolerance.toml"
-                    file.write_text(text("text").replace("\r\n", "\n"), encoding="utf-8")
-                    records.tolerate(name, file)
-            else:
-                raise error("workbench.offer", given=what[:40],
-                            allowed="review, interval, event, reference, tolerance")  # fmt: skip
-
-    await aside(added)
+    with bench.records(who.name, make=True) as records:
+        assert records is not None
+        if what == "review":
+            records.review(text("run"), text("decision"), text("reason"))
+        elif what == "interval":
+            months = text("months")
+            records.recalibrate_every(name, float(months) if _number(months) else -1.0)
+        elif what == "event":
+            records.event(name, *map(text, ("what", "on", "words")))
+        elif what == "reference":
+            records.reference(*map(text, ("name", "what", "certificate", "due", "words")))
+        elif what == "tolerance":
+            with tempfile.TemporaryDirectory() as folder:
+                file = Path(folder) / "tolerance.toml"
+                file.write_text(text("text").replace("\r\n", "\n"), encoding="utf-8")
+                records.tolerate(name, file)
+        else:
+            raise error("workbench.offer", given=what[:40],
+                        allowed="review, interval, event, reference, tolerance")  # fmt: skip
     return to(f"/instrument?name={quote(name, safe='')}" if name else "/due")
 
 
@@ -227,17 +219,22 @@ def _number(text: str) -> bool:
 # -- accounts ------------------------------------------------------------------------------
 
 
+@router.get("/login")
+def login(request: Request, to: str = "/") -> Response:
+    """Who are you?"""
+    return page(request, "login.html", to=to)
+
+
 @router.post("/login")
-async def log_in(request: Request, said: Form) -> Response:
+def log_in(request: Request, said: Form, bench: At) -> Response:
     """Begin a session."""
     address = request.client.host if request.client else ""
-    bench = bench_of(request)
 
     def told(body: Account) -> None:
         bench.told("nobody")(body)
 
-    token = await aside(bench.people.log_in, str(said.get("name", "")),
-                        str(said.get("password", "")), address, told)  # fmt: skip
+    name, password = (str(said.get(key, "")) for key in ("name", "password"))
+    token = bench.people.log_in(name, password, address, told)
     back = str(said.get("to", "/"))
     out = to(back if back.startswith("/") and not back.startswith(("//", "/\\")) else "/")
     give_cookie(request, out, token)
@@ -245,39 +242,31 @@ async def log_in(request: Request, said: Form) -> Response:
 
 
 @router.post("/logout")
-async def log_out(request: Request, said: Form) -> Response:
+def log_out(said: Form, who: Operator, bench: At) -> Response:
     """End the session."""
-    who = needs(request, "operator")
-    await aside(bench_of(request).people.log_out, who.session, who.name)
+    bench.people.log_out(who.session, who.name)
     out = to("/login")
     out.delete_cookie(COOKIE)
     return out
 
 
 @router.post("/accounts")
-async def account(request: Request, said: Form) -> Response:
+def account(said: Form, who: Administrator, bench: At) -> Response:
     """Make an account, or give one another role and password."""
-    who = needs(request, "administrator")
-    bench = bench_of(request)
-    await aside(bench.people.add, str(said.get("name", "")), str(said.get("role", "")),
-                str(said.get("password", "")), bench.told(who.name))  # fmt: skip
+    name, role, password = (str(said.get(key, "")) for key in ("name", "role", "password"))
+    bench.people.add(name, role, password, bench.told(who.name))
     return to("/accounts")
 
 
 @router.post("/accounts/close")
-async def close(request: Request, said: Form) -> Response:
+def close(said: Form, who: Administrator, bench: At) -> Response:
     """Close an account."""
-    who = needs(request, "administrator")
-    bench = bench_of(request)
-    await aside(bench.people.close, str(said.get("name", "")), bench.told(who.name))
+    bench.people.close(str(said.get("name", "")), bench.told(who.name))
     return to("/accounts")
 
 
 @router.post("/tokens/end")
-async def end_token(request: Request, said: Form) -> Response:
+def end_token(said: Form, who: Operator, bench: At) -> Response:
     """End a token of one's own."""
-    who = needs(request, "operator")
-    bench = bench_of(request)
-    await aside(bench.people.end_token, str(said.get("digest", "")), who.name,
-                bench.told(who.name))  # fmt: skip
+    bench.people.end_token(str(said.get("digest", "")), who.name, bench.told(who.name))
     return to("/accounts")

@@ -13,7 +13,9 @@ from fastapi.security import HTTPBearer
 
 from foucault.errors import error
 from foucault.workbench import actions
-from foucault.workbench.bench import Bench, bench_of
+from foucault.workbench.asked import shown
+from foucault.workbench.bench import At, Bench, bench_of
+from foucault.workbench.pages import file_left, files_left
 from foucault.workbench.people import Person, user
 from foucault.workbench.store import Job, Number
 from foucault.workbench.uploads import take_in
@@ -35,14 +37,10 @@ def caller(request: Request, given: Annotated[Any, Depends(_bearer)]) -> Person:
 
 
 Who = Annotated[Person, Depends(caller)]
-At = Annotated[Bench, Depends(bench_of)]
 
 
 def told(bench: Bench, job: Job) -> dict[str, Any]:
     """Return a job as JSON has it."""
-    from foucault.workbench.asked import shown
-    from foucault.workbench.pages import files_left
-
     return {
         "number": job.number, "command": job.command, "line": shown(job.words), "log": job.log,
         "who": job.who, "made": job.made, "state": job.state, "part": job.part,
@@ -87,8 +85,6 @@ def job(bench: At, who: Who, number: Number) -> dict[str, Any]:
 @router.get("/jobs/{number}/files/{name}")
 def file(bench: At, who: Who, number: Number, name: str) -> FileResponse:
     """Fetch what a job has left, such as result.json or report.html."""
-    from foucault.workbench.pages import file_left
-
     return FileResponse(file_left(bench, number, name), filename=name,
                         media_type="application/octet-stream")  # fmt: skip
 

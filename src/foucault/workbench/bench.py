@@ -142,6 +142,13 @@ def needs(request: Request, role: str) -> Person:
     return who
 
 
+def _who(role: str) -> Any:
+    def asking(request: Request) -> Person:
+        return needs(request, role)
+
+    return Depends(asking)
+
+
 async def form_of(request: Request) -> AsyncIterator[Any]:
     """Yield what a form says, which has to be one of our pages; raises ``workbench.form``."""
     if request.url.path != "/login":  # nothing is read of whoever is not known
@@ -157,6 +164,14 @@ async def form_of(request: Request) -> AsyncIterator[Any]:
 
 Form = Annotated[Any, Depends(form_of)]
 """What a form says."""
+
+At = Annotated[Bench, Depends(bench_of)]
+KNOWN = Depends(person)
+Known = Annotated[Person, KNOWN]
+Operator = Annotated[Person, _who("operator")]
+Reviewer = Annotated[Person, _who("reviewer")]
+Administrator = Annotated[Person, _who("administrator")]
+"""Whoever asks, who has to have a role."""
 
 
 def page(request: Request, template: str, status: int = 200, /, **said: Any) -> HTMLResponse:

@@ -20,19 +20,18 @@ from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter, Request
-from fastapi.concurrency import run_in_threadpool as aside
 from fastapi.responses import Response
 
 from foucault import run_folder
 from foucault.certificate import content, issue, said
 from foucault.errors import FoucaultError, error
 from foucault.files import make_folder, sha256, write_text
-from foucault.workbench.bench import Bench, Form, bench_of, needs, page, person, to
+from foucault.workbench.bench import KNOWN, At, Bench, Form, Operator, Reviewer, bench_of, page, to
 from foucault.workbench.people import Person
 from foucault.workbench.store import Job, Number
 from foucault.workbench.uploads import take_in
 
-router = APIRouter()
+router = APIRouter(dependencies=[KNOWN])
 
 HOME = "certificates"
 LABORATORY, KEY, TRUST = "laboratory.toml", "laboratory.p12", "laboratory.pem"
@@ -137,8 +136,6 @@ class Asked:
 
 def asked(bench: Bench, number: Number, flat: Mapping[str, Any]) -> Asked:
     """Return what is said and lacks of a certificate of a run; raises ``workbench.not_kept``."""
-    from foucault.records.entries import Limits
-
     job, folder = bench.run_of(number)
     if job.command != "calibrate":
         raise error("workbench.no_job", number=number)
@@ -153,9 +150,9 @@ def asked(bench: Bench, number: Number, flat: Mapping[str, Any]) -> Asked:
             raise error("workbench.not_kept", number=number)
         more = issue.from_records(records, folder)
         instrument = records.run(str(folder)).instrument
-        texts = [b.text for _, b in records.said(Limits) if b.instrument == instrument]
+        limits = records.limits_text(instrument)
     if flat.get("conformity.specification"):
-        if not texts:
+        if not limits:
             raise error("workbench.no_limits")
         flat["conformity.tolerance"] = "limits.toml"  # written where it is issued
     known = {k: more[k] for k in ("known", "used", "performed") if k in more}
@@ -165,7 +162,7 @@ def asked(bench: Bench, number: Number, flat: Mapping[str, Any]) -> Asked:
     items = [i.key for i in _each()]
     flat_own = frozenset(k for k in items if at(own, k))
     return Asked(whole, tuple(lacks), {k: at(whole, k) for k in items}, release,
-                 texts[-1] if texts else "", flat_own)  # fmt: skip
+                 limits, flat_own)  # fmt: skip
 
 
 def certify(bench: Bench, who: Person, number: Number, flat: Mapping[str, Any], *,
@@ -228,9 +225,8 @@ def issued(bench: Bench, number: Number) -> tuple[int, str, dict[str, Any]]:
 
 
 @router.get("/certify/{number}")
-def form(request: Request, number: Number, replaces: int = 0) -> Response:
+def form(request: Request, who: Reviewer, number: Number, replaces: int = 0) -> Response:
     """What a certificate of a run lacks, by its name; `replaces`: job that issued another [1]."""
-    needs(request, "reviewer")
     return _form(request, number, {}, replaces)
 
 
@@ -271,49 +267,40 @@ def _each() -> Iterator[Item]:
 
 
 @router.post("/certify/{number}")
-async def ask(request: Request, said: Form, number: Number) -> Response:
+def ask(request: Request, said: Form, who: Reviewer, bench: At, number: Number) -> Response:
     """Issue it, or say once more what lacks; nothing that was written is lost."""
-    who = needs(request, "reviewer")
-    bench = bench_of(request)
     flat: dict[str, Any] = {i.key: str(said.get(i.key, "")).strip() for i in _each()}
     flat["used"] = [str(v) for v in said.getlist("used")]
     text = str(said.get("replaces", ""))
     replaces = int(text) if text.isdigit() and len(text) < 10 else 0
-
-    def go() -> Response:
-        change = str(said.get("change", "")).strip()
-        try:
-            at_number, file = number, ""
-            if replaces:
-                at_number, file, _ = issued(bench, replaces)
-                if not change:
-                    raise error("workbench.change")
-            job = certify(bench, who, at_number, flat, replaces=file, change=change,
-                          reason=str(said.get("reason", "")).strip())  # fmt: skip
-        except FoucaultError as problem:
-            if problem.code in ("workbench.not_kept", "workbench.no_job", "workbench.no_name"):
-                raise
-            return _form(request, number, flat | {"change": change}, replaces, problem, 400)
-        return to(f"/jobs/{job.number}")
-
-    return await aside(go)
+    change = str(said.get("change", "")).strip()
+    try:
+        at_number, file = number, ""
+        if replaces:
+            at_number, file, _ = issued(bench, replaces)
+            if not change:
+                raise error("workbench.change")
+        job = certify(bench, who, at_number, flat, replaces=file, change=change,
+                      reason=str(said.get("reason", "")).strip())  # fmt: skip
+    except FoucaultError as problem:
+        if problem.code in ("workbench.not_kept", "workbench.no_job", "workbench.no_name"):
+            raise
+        return _form(request, number, flat | {"change": change}, replaces, problem, 400)
+    return to(f"/jobs/{job.number}")
 
 
 @router.get("/verify")
-def verify_page(request: Request) -> Response:
+def verify_page(request: Request, bench: At) -> Response:
     """Send a certificate in to have it looked at."""
-    person(request)
-    trust = (bench_of(request).folder / HOME / TRUST).is_file()
+    trust = (bench.folder / HOME / TRUST).is_file()
     return page(request, "verify.html", trust=trust)
 
 
 @router.post("/verify")
-async def verify(request: Request, said: Form) -> Response:
+def verify(said: Form, who: Operator, bench: At) -> Response:
     """Ask for a look at a certificate that somebody has got."""
-    who = needs(request, "operator")
-    bench = bench_of(request)
     sent = [one for one in said.getlist("file") if not isinstance(one, str)]
-    job = await aside(look_at, bench, who, sent)
+    job = look_at(bench, who, sent)
     return to(f"/jobs/{job.number}")
 
 

@@ -13,18 +13,21 @@ from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter, Request
-from fastapi.concurrency import run_in_threadpool as aside
 from fastapi.responses import JSONResponse, Response
 
+from foucault.campaign import template
+from foucault.capture import frame, ways
+from foucault.capture.said import Words, shipped
 from foucault.errors import FoucaultError, error
 from foucault.files import make_folder, write_text
 from foucault.run_folder import ENOUGH_FILE, STATE_FILE
 from foucault.workbench.asked import LONG, given_log
-from foucault.workbench.bench import Bench, Form, bench_of, needs, page, person, to
+from foucault.workbench.bench import KNOWN, At, Bench, Form, Operator, needs, page, to
+from foucault.workbench.pages import logs_of
 from foucault.workbench.people import Person
 from foucault.workbench.store import Job, Number
 
-router = APIRouter()
+router = APIRouter(dependencies=[KNOWN])
 
 OWN = "own"
 """Frames that are described in the form."""
@@ -62,8 +65,6 @@ def source_of(who: Person, given: str) -> str:
 
 def words_of(bench: Bench, who: Person, said: Any) -> list[str]:
     """Return the words of the job that a form asks for."""
-    from foucault.capture import frame, ways
-    from foucault.capture.said import Words
 
     def text(key: str) -> str:
         return str(said.get(key, "")).strip()
@@ -75,8 +76,6 @@ def words_of(bench: Bench, who: Person, said: Any) -> list[str]:
         log = how.partition("/")[2]
         words.insert(1, given_log(bench.folder, log)[0])
     elif how in ways.GUIDED:
-        from foucault.campaign import template
-
         write_text(home / f"{how}.toml", template(how))
         words.insert(1, f"guides/{how}.toml")
     else:
@@ -106,28 +105,21 @@ def words_of(bench: Bench, who: Person, said: Any) -> list[str]:
 
 
 @router.get("/live")
-def begin(request: Request) -> Response:
+def begin(request: Request, bench: At) -> Response:
     """What to record, how, and what is under way."""
-    person(request)
-    from foucault.capture import frame, said, ways
-    from foucault.workbench.pages import logs_of
-
-    bench = bench_of(request)
     under_way = [job for job in bench.store.jobs(RECENT) if not job.over and is_live(job)]
     campaigns = [(name, files) for name, files in logs_of(bench)
                  if any(f.endswith(".toml") for f in files)]  # fmt: skip
     return page(request, "live.html", ports=ports(), frames=frame.shipped(), ways=ways.GUIDED,
-                languages=said.shipped(), under_way=under_way, campaigns=campaigns,
+                languages=shipped(), under_way=under_way, campaigns=campaigns,
                 own=OWN)  # fmt: skip
 
 
 @router.post("/live")
-async def go(request: Request, said: Form) -> Response:
+def go(said: Form, who: Operator, bench: At) -> Response:
     """Begin a session."""
-    who = needs(request, "operator")
-    bench = bench_of(request)
-    words = await aside(words_of, bench, who, said)
-    job = await aside(bench.store.ask, who.name, "calibrate", words)
+    words = words_of(bench, who, said)
+    job = bench.store.ask(who.name, "calibrate", words)
     return to(f"/live/{job.number}")
 
 
@@ -144,12 +136,9 @@ def _session(bench: Bench, number: Number) -> Job:
 
 
 @router.get("/live/{number}")
-def guide(request: Request, number: Number) -> Response:
+def guide(request: Request, bench: At, number: Number) -> Response:
     """The guide: what to do, how the instrument is held, what is known by now."""
-    person(request)
-    job = _session(bench_of(request), number)
-    from foucault.capture.said import Words
-
+    job = _session(bench, number)
     name = next((w.partition("=")[2] for w in job.words if w.startswith("--words=")), "en")
     try:
         words = Words.of(name)
@@ -161,10 +150,8 @@ def guide(request: Request, number: Number) -> Response:
 
 
 @router.get("/live/{number}/state")
-def state(request: Request, number: Number) -> Response:
+def state(bench: At, number: Number) -> Response:
     """What the guide shows by now, as it keeps it, and the state of the job."""
-    person(request)
-    bench = bench_of(request)
     job = _session(bench, number)
     out: dict[str, Any] = {"job": job.state, "result": job.verdict}
     file: Path = bench.folder / "runs" / str(number) / STATE_FILE
@@ -179,13 +166,11 @@ def state(request: Request, number: Number) -> Response:
 
 
 @router.post("/live/{number}/enough")
-async def enough(request: Request, said: Form, number: Number) -> Response:
+def enough(request: Request, said: Form, who: Operator, bench: At, number: Number) -> Response:
     """End a session and calibrate what was recorded; that of somebody else is a reviewer's."""
-    bench = bench_of(request)
-    who = needs(request, "operator")
-    job = await aside(_session, bench, number)
+    job = _session(bench, number)
     needs(request, "operator" if job.who == who.name else "reviewer")
     folder = bench.folder / "runs" / str(number)
     if not job.over and folder.is_dir():
-        await aside((folder / ENOUGH_FILE).touch)
+        (folder / ENOUGH_FILE).touch()
     return to(f"/live/{number}")

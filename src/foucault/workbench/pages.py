@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import math
 from pathlib import Path
@@ -11,14 +12,21 @@ from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse, Response
 
 from foucault import run_folder
+from foucault.campaign import comparison
+from foucault.coefficients import format_value
 from foucault.errors import FoucaultError, error
 from foucault.files import sha256
+from foucault.procedures import PROCEDURES
+from foucault.records import shown as words
+from foucault.records.history import compared, fleet, past
+from foucault.report import compare, render
+from foucault.units import convert
 from foucault.workbench.asked import OFFERS, PLACE, files_of, given_log, shown
-from foucault.workbench.bench import Bench, Form, bench_of, needs, page, person, to
+from foucault.workbench.bench import KNOWN, At, Bench, Form, Known, Operator, Reviewer, page, to
 from foucault.workbench.look import FILE as LOOK_FILE
 from foucault.workbench.store import Job, Number
 
-router = APIRouter()
+router = APIRouter(dependencies=[KNOWN])
 
 FRAMED = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline' blob:; style-src "
@@ -31,17 +39,14 @@ MANY = 100
 
 
 @router.get("/")
-def start(request: Request) -> Response:
+def start(request: Request, bench: At) -> Response:
     """Drop a log; what was done lately."""
-    person(request)
-    return page(request, "start.html", jobs=bench_of(request).store.jobs(12))
+    return page(request, "start.html", jobs=bench.store.jobs(12))
 
 
 @router.get("/logs/{log}")
-def log_page(request: Request, log: str) -> Response:
+def log_page(request: Request, bench: At, log: str) -> Response:
     """What a log was taken for, and what can be done with it."""
-    person(request)
-    bench = bench_of(request)
     files = [p.name for p in files_of(bench.folder, log)]
     jobs = bench.store.jobs(MANY, log)
     looks = [job for job in jobs if job.command == "look"]
@@ -92,10 +97,10 @@ def _json(file: Path) -> dict[str, Any] | None:
 
 
 @router.get("/do/{command}")
-def form(request: Request, command: str, log: str = "", run: str = "", name: str = "") -> Response:
+def form(
+    request: Request, bench: At, command: str, log: str = "", run: str = "", name: str = ""
+) -> Response:
     """A form with the options of a command, in its own words."""
-    person(request)
-    bench = bench_of(request)
     offer = OFFERS.get(command)
     if offer is None:
         raise error("workbench.offer", given=command[:40], allowed=", ".join(OFFERS))
@@ -104,8 +109,6 @@ def form(request: Request, command: str, log: str = "", run: str = "", name: str
     options.sort(key=lambda o: order.get(o.name, 99))
     looks = [j for j in bench.store.jobs(MANY, log) if j.command == "look"] if log else []
     said = [w[6:] for w in looks[0].words if w.startswith("--set=")] if looks else []
-    from foucault.procedures import PROCEDURES
-
     return page(
         request, "form.html", command=command, offer=offer, log=log, run=run, name=name, said=said,
         first=[o for o in options if o.name in order or o.needed],
@@ -124,25 +127,21 @@ def logs_of(bench: Bench) -> list[tuple[str, list[str]]]:
 
 
 @router.get("/logs")
-def logs(request: Request) -> Response:
+def logs(request: Request, bench: At) -> Response:
     """The logs that were sent in."""
-    person(request)
-    return page(request, "logs.html", logs=logs_of(bench_of(request)))
+    return page(request, "logs.html", logs=logs_of(bench))
 
 
 @router.get("/jobs")
-def jobs(request: Request, before: int = 1 << 62) -> Response:
+def jobs(request: Request, bench: At, before: int = 1 << 62) -> Response:
     """What was asked for, newest first; `before`: number of a job [1]."""
-    person(request)
-    return page(request, "jobs.html", jobs=bench_of(request).store.jobs(MANY, before=before),
+    return page(request, "jobs.html", jobs=bench.store.jobs(MANY, before=before),
                 most=MANY)  # fmt: skip
 
 
 @router.get("/jobs/{number}")
-def job_page(request: Request, number: Number) -> Response:
+def job_page(request: Request, bench: At, number: Number) -> Response:
     """A job: how far it is; when it is done its verdict, its report, and what to do with it."""
-    person(request)
-    bench = bench_of(request)
     job = bench.store.job(number)
     if job.command == "look":
         return to(f"/logs/{job.log}")
@@ -190,9 +189,6 @@ def _left(bench: Bench, job: Job) -> dict[str, Any]:
 
 def _row(row: dict[str, Any], last: dict[str, float]) -> tuple[str, ...]:
     """Return the cells of a coefficient beside the last one."""
-    from foucault.coefficients import format_value
-    from foucault.units import convert
-
     value, sd = row["display_value"], row["display_sd"]
     cells = (row["name"], format_value(value, sd), "" if sd is None else format_value(sd, sd),
              row["display_unit"])  # fmt: skip
@@ -203,10 +199,9 @@ def _row(row: dict[str, Any], last: dict[str, float]) -> tuple[str, ...]:
 
 
 @router.get("/jobs/{number}/state")
-def state(request: Request, number: Number) -> Response:
+def state(request: Request, bench: At, number: Number) -> Response:
     """The part of a page that changes while a job runs; when it is over the page is loaded."""
-    person(request)
-    job = bench_of(request).store.job(number)
+    job = bench.store.job(number)
     out = page(request, "state.html", job=job)
     if job.over:
         out.headers["HX-Refresh"] = "true"
@@ -242,18 +237,16 @@ def file_left(bench: Bench, number: Number, name: str) -> Path:
 
 
 @router.get("/jobs/{number}/files/{name}")
-def download(request: Request, number: Number, name: str) -> Response:
+def download(bench: At, number: Number, name: str) -> Response:
     """A file to keep; no browser opens it."""
-    person(request)
-    return FileResponse(file_left(bench_of(request), number, name), filename=name,
+    return FileResponse(file_left(bench, number, name), filename=name,
                         media_type="application/octet-stream")  # fmt: skip
 
 
 @router.get("/jobs/{number}/report")
-def report(request: Request, number: Number) -> Response:
+def report(bench: At, number: Number) -> Response:
     """The report, for a frame that reaches nothing."""
-    person(request)
-    file = file_left(bench_of(request), number, run_folder.REPORT_FILE)
+    file = file_left(bench, number, run_folder.REPORT_FILE)
     return FileResponse(file, media_type="text/html", headers=_framed())
 
 
@@ -265,14 +258,10 @@ def _framed() -> dict[str, str]:
 
 
 @router.get("/instruments")
-def instruments(request: Request, find: str = "", page_of: int = 1) -> Response:
+def instruments(request: Request, bench: At, find: str = "", page_of: int = 1) -> Response:
     """All instruments: runs, the last one, when it is due; `page_of`: from 1 [1]."""
-    person(request)
-    from foucault.records.history import fleet
-    from foucault.records.shown import day
-
     rows: list[dict[str, Any]] = []
-    with bench_of(request).records() as records:
+    with bench.records() as records:
         for name, runs, counted, due in [] if records is None else fleet(records):
             serial = name.lower()
             if find.strip().lower() in serial:
@@ -281,7 +270,7 @@ def instruments(request: Request, find: str = "", page_of: int = 1) -> Response:
                     "name": name, "runs": len(runs), "last": last.holds[:10],
                     "verdict": last.verdict if counted else "unusable",
                     "procedure": last.procedure,
-                    "due": "" if math.isnan(due) else day(due),
+                    "due": "" if math.isnan(due) else words.day(due),
                 })  # fmt: skip
     first = max(page_of - 1, 0) * MANY
     return page(request, "instruments.html", rows=rows[first : first + MANY], count=len(rows),
@@ -289,13 +278,8 @@ def instruments(request: Request, find: str = "", page_of: int = 1) -> Response:
 
 
 @router.get("/instrument")
-def instrument(request: Request, name: str) -> Response:
+def instrument(request: Request, bench: At, name: str) -> Response:
     """An instrument: what it was, is, and will be when it is due."""
-    person(request)
-    from foucault.records import shown as words
-    from foucault.records.history import past
-
-    bench = bench_of(request)
     with bench.records() as records:
         if records is None:
             raise error("records.no_instrument", given=name[:80], hint="", count=0)
@@ -323,14 +307,9 @@ def _job_of(folder: str) -> int | None:
 
 
 @router.get("/history")
-def history(request: Request, name: str) -> Response:
+def history(bench: At, name: str) -> Response:
     """Coefficients over time, for a frame that reaches nothing."""
-    person(request)
-    from foucault.campaign import comparison
-    from foucault.records.history import compared, past
-    from foucault.report import compare, render
-
-    with bench_of(request).records() as records:
+    with bench.records() as records:
         found = None if records is None else past(records, name)
         read = None if records is None or found is None else compared(records, found)
     if found is None or read is None:
@@ -340,66 +319,48 @@ def history(request: Request, name: str) -> Response:
 
 
 @router.get("/due")
-def due(request: Request) -> Response:
+def due(request: Request, bench: At) -> Response:
     """What is due, soonest first, and the references that calibrations rest on."""
-    person(request)
-    import datetime
-
-    from foucault.records.history import fleet
-    from foucault.records.shown import day
 
     rows, references = [], []
-    with bench_of(request).records() as records:
+    with bench.records() as records:
         if records is not None:
             rows = [(due, name) for name, _, _, due in fleet(records) if not math.isnan(due)]
             references = sorted(records.references().values(), key=lambda r: r.due or "9")
     rows.sort()
     today = datetime.datetime.now(datetime.UTC).date().isoformat()
-    return page(request, "due.html", rows=[(day(at), name) for at, name in rows], today=today,
+    return page(request, "due.html", rows=[(words.day(at), name) for at, name in rows], today=today,
                 references=references)  # fmt: skip
 
 
 @router.get("/journal")
-def journal(request: Request) -> Response:
+def journal(request: Request, who: Reviewer, bench: At) -> Response:
     """Who said what when: the newest entries of the records."""
-    needs(request, "reviewer")
     entries: list[Any] = []
-    with bench_of(request).records() as records:
+    with bench.records() as records:
         if records is not None:
             entries = records.newest(MANY)
-    refused = bench_of(request).people.refused()
+    refused = bench.people.refused()
     return page(request, "journal.html", entries=entries, refused=refused)
 
 
 # -- accounts ------------------------------------------------------------------------------
 
 
-@router.get("/login")
-def login(request: Request, to: str = "/") -> Response:
-    """Who are you?"""
-    return page(request, "login.html", to=to)
-
-
 @router.get("/accounts")
-def accounts(request: Request) -> Response:
+def accounts(request: Request, who: Known, bench: At) -> Response:
     """One's own tokens; for an administrator all accounts."""
-    who = person(request)
-    people = bench_of(request).people
+    people = bench.people
     every = people.all() if who.may("administrator") else []
     return page(request, "accounts.html", every=every, tokens=people.tokens(who.name), token="")
 
 
 @router.post("/tokens")
-async def token(request: Request, said: Form) -> Response:
+def token(request: Request, said: Form, who: Operator, bench: At) -> Response:
     """Make a token, which is shown this once."""
-    from fastapi.concurrency import run_in_threadpool as aside
-
-    who = needs(request, "operator")
-    bench = bench_of(request)
     people = bench.people
     if not people.any():
         raise error("workbench.token")
-    made = await aside(people.token, who.name, str(said.get("label", "")), 365.0,
-                       bench.told(who.name))  # fmt: skip
+    made = people.token(who.name, str(said.get("label", "")), 365.0, bench.told(who.name))
     every = people.all() if who.may("administrator") else []
     return page(request, "accounts.html", every=every, tokens=people.tokens(who.name), token=made)

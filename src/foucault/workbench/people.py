@@ -6,10 +6,8 @@ there is an account everybody has to have one, wherever they come from.
 
 from __future__ import annotations
 
-import getpass
 import hashlib
 import hmac
-import os
 import re
 import secrets
 import time
@@ -20,6 +18,7 @@ from functools import cache
 from typing import Any
 
 from foucault.errors import FoucaultError, error
+from foucault.records import store as records
 from foucault.records.entries import Account
 from foucault.workbench.store import Store, now
 
@@ -65,11 +64,7 @@ class Person:
 
 def user() -> Person:
     """Return the user of this computer."""
-    try:
-        name = getpass.getuser()
-    except (KeyError, OSError):  # a container without names
-        name = f"user {os.getuid()}"
-    return Person(name, "administrator")
+    return Person(records.user(), "administrator")
 
 
 @cache

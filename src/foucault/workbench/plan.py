@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from typing import Literal, get_args, get_origin
 
 from fastapi import APIRouter, Request
-from fastapi.concurrency import run_in_threadpool as aside
 from fastapi.responses import FileResponse, Response
 from pydantic import BaseModel
 
+from foucault.campaign.reading import improvable
+from foucault.campaign.tables import SiteTable
+from foucault.campaign.writing import default_text, sample
+from foucault.models.noise import GRADES
+from foucault.procedures import PROCEDURES, load
 from foucault.run_folder import CAMPAIGN_FILE
+from foucault.strict import description_of
 from foucault.workbench.actions import ask
 from foucault.workbench.asked import shown
-from foucault.workbench.bench import Form, bench_of, needs, page, person, to
+from foucault.workbench.bench import KNOWN, At, Form, Operator, page, to
 from foucault.workbench.pages import FRAMED, file_left
 from foucault.workbench.store import Number
 
-router = APIRouter()
+router = APIRouter(dependencies=[KNOWN])
 
 LIST = "operator.html"
 
@@ -44,10 +50,6 @@ class Choice:
 
 def choices_of(model: type[BaseModel], table: str) -> list[Choice]:
     """Return the keys of a table."""
-    from typing import Literal, get_args, get_origin
-
-    from foucault.campaign.writing import default_text, sample
-    from foucault.strict import description_of
 
     def plain(text: str) -> str:
         return str(json.loads(text)) if text.startswith('"') else text
@@ -67,9 +69,6 @@ def choices_of(model: type[BaseModel], table: str) -> list[Choice]:
 @router.get("/plan")
 def plan(request: Request) -> Response:
     """Which procedures there are."""
-    person(request)
-    from foucault.procedures import PROCEDURES, load
-
     told = {name: load(name).summary for name in PROCEDURES}
     return page(request, "plan.html", procedures=told)
 
@@ -77,11 +76,6 @@ def plan(request: Request) -> Response:
 @router.get("/plan/{name}")
 def planned(request: Request, name: str) -> Response:
     """What can be chosen of a session and of the rig."""
-    person(request)
-    from foucault.campaign.tables import SiteTable
-    from foucault.models.noise import GRADES
-    from foucault.procedures import load
-
     procedure = load(name)
     settings = choices_of(procedure.Settings, "procedure")
     session = choices_of(procedure.Session, "simulate")
@@ -91,8 +85,6 @@ def planned(request: Request, name: str) -> Response:
                     procedure.grade, tuple(GRADES))  # fmt: skip
     done = [c for c in session if not c.key.endswith("_sd")]
     rest = [c for c in (*settings, *session) if c not in rig and c not in done]
-    from foucault.campaign.reading import improvable
-
     return page(
         request, "planned.html", name=name, what=procedure.summary, more=rest,
         searched=name in improvable(),
@@ -103,9 +95,8 @@ def planned(request: Request, name: str) -> Response:
 
 
 @router.post("/plan/{name}")
-async def foresee(request: Request, said: Form, name: str) -> Response:
+def foresee(said: Form, who: Operator, bench: At, name: str) -> Response:
     """Ask what a session will show, or search for one that shows more."""
-    who = needs(request, "operator")
     told = [f"{key} = {str(value).strip()}" for key, value in said.multi_items()
             if "." in key and isinstance(value, str) and value.strip()]  # fmt: skip
     given = {"--set": told}
@@ -113,22 +104,20 @@ async def foresee(request: Request, said: Form, name: str) -> Response:
     if said.get("search"):
         command = "optimise"
         given |= {f"--{k}": [str(said.get(k, ""))] for k in ("restarts", "time-limit")}
-    job = await aside(ask, bench_of(request), who, command, given, "", [], name)
+    job = ask(bench, who, command, given, "", [], name)
     return to(f"/jobs/{job.number}")
 
 
 @router.post("/jobs/{number}/foresee")
-async def foresee_found(request: Request, said: Form, number: Number) -> Response:
+def foresee_found(said: Form, who: Operator, bench: At, number: Number) -> Response:
     """Ask what a plan that was found will show, with its list for the operator."""
-    who = needs(request, "operator")
     name = f"runs/{number}/{CAMPAIGN_FILE}"
-    job = await aside(ask, bench_of(request), who, "preflight", {}, "", [], name)
+    job = ask(bench, who, "preflight", {}, "", [], name)
     return to(f"/jobs/{job.number}")
 
 
 @router.get("/jobs/{number}/list")
-def listed(request: Request, number: Number) -> Response:
+def listed(bench: At, number: Number) -> Response:
     """The list for the operator: a page to print, which reaches nothing."""
-    person(request)
-    file = file_left(bench_of(request), number, LIST)
+    file = file_left(bench, number, LIST)
     return FileResponse(file, media_type="text/html", headers={"content-security-policy": FRAMED})

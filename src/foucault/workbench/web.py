@@ -145,11 +145,8 @@ def application(bench: Bench) -> Any:
         description="Send a log, follow the job, fetch the result.",
     )  # fmt: skip
     app.state.bench = bench
-    app.include_router(pages.router, include_in_schema=False)
-    app.include_router(actions.router, include_in_schema=False)
-    app.include_router(certify.router, include_in_schema=False)
-    app.include_router(plan.router, include_in_schema=False)
-    app.include_router(live.router, include_in_schema=False)
+    for some in (pages, actions, certify, plan, live):
+        app.include_router(some.router, include_in_schema=False)
     app.include_router(api.router)
 
     @app.get("/static/{name}", include_in_schema=False)
