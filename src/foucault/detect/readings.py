@@ -89,24 +89,22 @@ def stream_readings(
     *,
     plan: TablePlan | None = None,
     noise: ImuNoise | None = None,
-    spin_rate: float | None = None,
     shortest: float = TABLE.shortest,
     progress: Progress | None = None,
 ) -> Readings:
     """Find the rests and spins of a log on disk without holding more than a part of it.
 
     `plan` or None: what the table was told to do, where known; `noise`: noise of the instrument,
-    None measures it in the log [SI]; `spin_rate` or None: size of the rate of all spins, where
-    there is no plan [rad/s]; `shortest`: shortest time that counts as a rest [s]; `progress` or
-    None: called with the fraction done, from 0 to 1. Returns as `find_readings` of the whole log
-    gives them; its findings begin with those of the log.
+    None measures it in the log [SI]; `shortest`: shortest time that counts as a rest [s];
+    `progress` or None: called with the fraction done, from 0 to 1. Returns as `find_readings` of
+    the whole log gives them; its findings begin with those of the log.
     """
     from foucault.logs import follow
     from foucault.logs.reading import read
 
     if next(follow.blocks(description, folder)).averaged is not None:
         log = read(description, folder, progress)
-        found = find_readings(log, plan=plan, noise=noise, spin_rate=spin_rate)
+        found = find_readings(log, plan=plan, noise=noise)
         return replace(found, findings=log.findings + found.findings)
     passes = count()
 
@@ -115,7 +113,7 @@ def stream_readings(
         told = progress and (lambda done: progress(min(1.0, (k + done) / 3)))
         return follow.blocks(description, folder, told)
 
-    return _found(source, plan, noise, spin_rate, shortest, tell=True)
+    return _found(source, plan, noise, None, shortest, tell=True)
 
 
 def _found(
