@@ -6,14 +6,13 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from commands import run
 from foucault import campaign
 from foucault.campaign import study, tolerance
 from foucault.campaign.running import read_log
 from foucault.campaign.tables import kind_of_group
 from foucault.campaign.writing import resolved, template
-from foucault.cli import app
 from foucault.errors import FoucaultError
 from foucault.export import calibrate_log, write
 from foucault.export.receivers import RECEIVERS
@@ -195,8 +194,7 @@ def test_a_study_of_a_cluster(tmp_path):
     page = save(study_page.document(again, asked), tmp_path / "report.html").read_text()
     assert "gyro.drift_input_output.x" in page
     assert "2 trials" in page
-    command = CliRunner().invoke(app, ["report", str(tmp_path / "study")])
-    assert command.exit_code == 0
+    run("report", tmp_path / "study", code=0)
     assert (tmp_path / "study" / "report.html").read_text() == page
 
 

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from typer.testing import CliRunner
 
+from commands import run
 from foucault import procedures
-from foucault.cli import app
 from foucault.diagnose.mounted import tie
 from foucault.errors import FoucaultError
 from foucault.export.table import found_in, receivers
@@ -29,10 +28,6 @@ PLACE = ["--latitude", "48.8462 deg", "--height", "60 m"]
 @cache
 def flown() -> Any:
     return imus(2, seed=1, rate=50.0)
-
-
-def run(*words: object) -> Any:
-    return CliRunner().invoke(app, [str(w) for w in words])
 
 
 def told(path: Path, folder: Path, topics: list[str]) -> str:

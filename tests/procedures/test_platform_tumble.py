@@ -20,7 +20,7 @@ from foucault.procedures import platform_tumble
 from foucault.procedures.platform_tumble.settings import PRIOR, Session
 from foucault.result import Level
 from make_cluster import ARCSEC, DEG_H, SIZES, UG, G, one_error
-from make_tumble import FAST, PUBLISHED, calibrate, campaign_of, tumble
+from make_tumble import FAST, PUBLISHED, calibrate, campaign_of, nees, tumble
 from sessions import failed
 
 SITE = Site(G, np.radians(40.0), gravity_sd=0.0)
@@ -35,11 +35,6 @@ def prior_sd():
     for name, (_, sd) in PRIOR.items():
         out[CONSTANTS.group(name)] = sd
     return out
-
-
-def nees(result, truth):
-    error = result.coefficients.values - truth.values
-    return float(error @ np.linalg.solve(result.coefficients.cov, error))
 
 
 # -- what was put in comes back --------------------------------------------------------------------

@@ -9,13 +9,12 @@ import pytest
 from scipy.stats import binom
 
 from foucault import campaign, procedures, report, run_folder
-from foucault.coefficients import CoefficientVector
 from foucault.diagnose.study import nees
 from foucault.errors import FoucaultError, Status
 from foucault.infer.drift import by_time
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.models.earth import Site
-from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION, ImuModel
+from foucault.models.imu import EQUATION, SCALE_EQUATION, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.procedures.rate_table import (
     Session,
@@ -29,6 +28,7 @@ from foucault.procedures.rate_table import (
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
 from make_rates import LATITUDE, make_readings, make_steps
+from make_session import model_of
 from refusals import refuses
 
 SITE = Site.at(LATITUDE)
@@ -37,10 +37,6 @@ ALL = names_of(Settings(g_sensitivity=True))
 
 MEANS = Session(rows="means")
 QUIET = {"repeatability": False, "loss": "squares"}
-
-
-def model_of(values):
-    return ImuModel.from_coefficients(CoefficientVector.zeros(LAYOUT).with_values(values))
 
 
 def solved(model, **settings):

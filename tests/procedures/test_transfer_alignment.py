@@ -22,13 +22,12 @@ from foucault.procedures.record import Beforehand
 from foucault.procedures.transfer_alignment.session import foreseen, manoeuvres, moved
 from foucault.procedures.transfer_alignment.settings import Settings, SlaveLog
 from foucault.result import Level
-from make_transfer_campaign import calibrated, made, missed, trial
+from make_transfer_campaign import LEVER, calibrated, made, missed, trial
 from make_transfer_campaign import faultless as described
 from refusals import refuses
 from sessions import SITE, SLAVE, Case, codes, failed, solved
 
 ARCMIN = np.pi / 10800
-LEVER = '["1 m", "2 m", "-0.5 m"]'
 
 
 @pytest.fixture(scope="module")
