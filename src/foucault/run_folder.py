@@ -334,7 +334,8 @@ def _written(
             document.write_text(text, encoding="utf-8")
     except BaseException as problem:
         with suppress(OSError):
-            if not _says(folder / name, text):
+            there = folder / name
+            if not there.is_file() or there.read_text(encoding="utf-8") != text:
                 for made in new:  # what was there before has no use for them
                     made.unlink(missing_ok=True)
         if isinstance(problem, OSError):
@@ -343,10 +344,6 @@ def _written(
     with suppress(OSError):
         (folder / REPORT_FILE).unlink(missing_ok=True)
     return doc
-
-
-def _says(file: Path, text: str) -> bool:
-    return file.is_file() and file.read_text(encoding="utf-8") == text
 
 
 GROUP = 1 << 17

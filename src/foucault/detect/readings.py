@@ -241,7 +241,8 @@ def moving(readings: Readings, change: dict[str, FloatArray], data: Reduced) -> 
     out = []
     for k, words in sorted(why.items()):
         start, end = readings.start[k] - zero, readings.start[k] + readings.time[k] - zero
-        label = _label(data, readings.start[k])
+        cell = int(np.searchsorted(data.cells.start, readings.start[k] + 1e-9, side="right")) - 1
+        label = int(data.cells.label[max(cell, 0)])
         # Rests are counted from 1, as the report does it.
         name = f"Position {label}" if label >= 0 else f"Rest {int(np.sum(rest <= k))}"
         out.append(
@@ -257,12 +258,6 @@ def _odd(size: FloatArray, time: FloatArray, least: float) -> FloatArray:
     # Short rests are noisier than long ones.
     alike = BEYOND_OTHERS * np.median(size * np.sqrt(time)) / np.sqrt(time)
     return np.asarray(np.flatnonzero(size > np.maximum(alike, least)))
-
-
-def _label(data: Reduced, start: float) -> int:
-    cells = data.cells
-    k = int(np.searchsorted(cells.start, start + 1e-9, side="right")) - 1
-    return int(cells.label[max(k, 0)])
 
 
 # -- rows that are means ---------------------------------------------------------------------------

@@ -10,8 +10,6 @@ more or less later::
     stamped at validity    time = c
     both                   time = c, arrival = t + delay + jitter
 
-Simulate transfer alignment: a master INS and a slave IMU on one vehicle.
-
 The vehicle moves by a plan (`plans.transfer`); the master says where it is and how it is
 turned; the slave sits elsewhere, is not quite fastened as it should be,
 and errs (`Slave`). After the hand-over the master is silent and the slave goes on
