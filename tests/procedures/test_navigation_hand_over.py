@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import commands
 from foucault import run_folder
 from foucault.errors import FoucaultError
 from foucault.infer.gauss_newton import chi_square_limits
@@ -132,7 +133,7 @@ def test_the_command_takes_a_hand_over(perfect, tmp_path) -> None:
                  *(x for k in ("heading", "pitch", "roll")
                    for x in (f"--{k}", f"{np.degrees(getattr(settings, k))} deg")),
                  "--latitude", f"{np.degrees(there['site'].latitude)} deg"]  # fmt: skip
-        return run(*given, "--json")
+        return commands.run(*given, "--json")
 
     log = tmp_path / "log.csv"
     v = ", ".join(f"{x} m/s" for x in settings.velocity)
