@@ -304,15 +304,6 @@ def test_messages_stamped_when_they_hold():
     assert re.match(r"The delay is -?0\.\d ± 0\.0\d+ ms: as far as can be told", said.message)
 
 
-def test_clocks_that_drift():
-    c = described(stamped='"validity"', clock_drift="100e-6")
-    session = made(c)
-    result = trial(c, session.simulation.log)
-    (said,) = [f for f in result.findings if f.code == "transfer.drift"]
-    rate = float(re.search(r"gains \+([\d.]+) (?:\+-|±)", said.message).group(1))
-    assert rate == pytest.approx(100.0, abs=40.0)
-
-
 @pytest.mark.thorough
 def test_a_delay_outside_its_bracket():
     c = described(message_delay='"260 ms"')
