@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +21,7 @@ from foucault.models.temperature import TemperatureModel
 from foucault.result import Result
 from foucault.run_folder import load_result, save
 from foucault.tables import Log
+from make_exported import load, run_c
 from make_terms import SIZES, Readings, Same, with_terms
 from refusals import refuses
 
@@ -128,25 +126,15 @@ int main(void)
 """
 
 
-def run_c(folder: Path, columns: list[np.ndarray], main: str = MAIN) -> np.ndarray:
-    compiler = shutil.which("gcc") or shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler on this machine")
-    (folder / "main.c").write_text(main)
-    flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-O2"]
-    subprocess.run([compiler, *flags, "main.c", "-o", "program"], cwd=folder, check=True)
-    lines = "\n".join(" ".join(map(repr, row)) for row in np.column_stack(columns).tolist())
-    out = subprocess.run([folder / "program"], input=lines, capture_output=True, text=True,
-                         check=True).stdout  # fmt: skip
-    return np.array([line.split() for line in out.splitlines()], float)
-
-
 def test_c(
     changing: Result, readings: Readings, warmth: np.ndarray, tmp_path: Path, same: Same
 ) -> None:
     header = write(changing, "c", tmp_path / "calibration.h").read_text()
     assert "Coefficients change with temperature" in header
-    got, want = run_c(tmp_path, [warmth, *readings]), applied(changing, readings, warmth)
+    got, want = (
+        run_c(tmp_path, MAIN, np.column_stack([warmth, *readings])),
+        applied(changing, readings, warmth),
+    )
     same(got[:, :3], want.accel)
     same(got[:, 3:6], want.gyro)
     assert not got[:, 6].any()
@@ -158,7 +146,10 @@ def test_c_of_a_plain_instrument(
     result = a_result(families=LINEAR)
     header = write(result, "c", tmp_path / "calibration.h").read_text()
     assert "foucault_solve_force" not in header
-    got, want = run_c(tmp_path, [warmth, *readings]), applied(result, readings, warmth)
+    got, want = (
+        run_c(tmp_path, MAIN, np.column_stack([warmth, *readings])),
+        applied(result, readings, warmth),
+    )
     same(got[:, :3], want.accel)
     same(got[:, 3:6], want.gyro)
 
@@ -167,7 +158,7 @@ def test_c_outside_is_told_and_held(readings: Readings, tmp_path: Path, same: Sa
     result = a_result()
     write(result, "c", tmp_path / "calibration.h")
     T = np.r_[LOW - 5.0, HIGH + 5.0, np.nan, np.full(47, 300.0)]
-    got = run_c(tmp_path, [T, *readings])
+    got = run_c(tmp_path, MAIN, np.column_stack([T, *readings]))
     held = np.nan_to_num(np.clip(T, LOW, HIGH), nan=LOW)
     np.testing.assert_array_equal(got[:, 6], [1.0, 1.0, 1.0] + [0.0] * 47)
     same(got[:, :3], applied(result, readings, held).accel)
@@ -196,7 +187,7 @@ def test_lever_arms_in_c_and_python(
 ) -> None:
     result = a_result(families=list(SIZES))
     write(result, "c", tmp_path / "calibration.h")
-    got = run_c(tmp_path, [warmth, *readings], NEXT)
+    got = run_c(tmp_path, NEXT, np.column_stack([warmth, *readings]))
     module = load(write(result, "python", tmp_path / "calibration.py"))
     before, rows = None, []
     for T, a, g in zip(warmth, *readings, strict=True):
@@ -216,13 +207,6 @@ def test_lever_arms_in_c_and_python(
 
 
 # -- Python, JSON -----------------------------------------------------------------------------
-
-
-def load(path: Path) -> Any:
-    spec = importlib.util.spec_from_file_location("calibration", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.mark.parametrize("axes", list(AXES))
