@@ -24,30 +24,17 @@ from foucault.tables import Log
 from make_exported import load, run_c
 from make_terms import SIZES, Readings, Same, with_terms
 from refusals import refuses
+from make_terms import HIGH, LOW, T0, a_model
 
-LOW, HIGH, T0 = 250.0, 340.0, 300.0
 KNOTS = {"polynomial": (), "piecewise": (245.0, 290.0, 310.0, 345.0)}
 EACH = [f for f in SIZES if f not in ("accel.lever", "accel.delay")]
 LINEAR = [f for f in SIZES if f.endswith(("bias", "scale", "misalignment"))]
 
 
 def a_result(knots: tuple[float, ...] = (), families: list[str] = EACH) -> Result:
-    result = with_terms(*families)
-    vector, rng = result.coefficients, np.random.default_rng(6)
-    if knots:
-        weights = vector.values[:, None] * rng.uniform(0.5, 1.5, (len(vector), len(knots)))
-    else:
-        size = np.array([1.0, 1 / 60, 1 / 60**2])
-        weights = vector.values[:, None] * size * rng.uniform(0.3, 0.8, (len(vector), 3))
-    for i, name in enumerate(vector.names):
-        if name.startswith(("accel.lever", "accel.delay")):
-            weights[i] = weights[i, 0] * (1.0 if knots else np.eye(3)[0])
-    root = rng.normal(size=(weights.size,) * 2) * np.abs(weights).ravel()[:, None] * 1e-3
-    cov = root @ root.T
-    model = TemperatureModel(vector.layout, weights, (cov + cov.T) / 2, T0, LOW, HIGH,
-                             np.array(knots))  # fmt: skip
-    return replace(result, temperature=model, coefficients=model.at(T0), procedure="temperature",
-                   validity={"temperature": [LOW, HIGH]})  # fmt: skip
+    model = a_model(*families, knots=knots, seed=6)
+    return replace(with_terms(*families), temperature=model, coefficients=model.at(T0),
+                   procedure="temperature", validity={"temperature": [LOW, HIGH]})  # fmt: skip
 
 
 @pytest.fixture(params=list(KNOTS))
