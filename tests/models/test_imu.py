@@ -155,8 +155,11 @@ def test_any_rotation_of_the_axes_leaves_the_readings_as_they_are() -> None:
     model = _everything()
     C_cb = exp(np.array([0.4, -1.1, 0.7]))  # nothing small
     turned = model.rotated(C_cb)
-    for got, want in zip(turned.measure(F @ C_cb.T, W @ C_cb.T), model.measure(F, W), strict=True):
+    true, said = (F @ C_cb.T, W @ C_cb.T), model.measure(F, W)
+    for got, want in zip(turned.measure(*true), said, strict=True):
         np.testing.assert_allclose(got, want, rtol=0, atol=5e-14)
+    for got, want in zip(turned.compensate(*said), true, strict=True):
+        np.testing.assert_allclose(got, want, rtol=0, atol=5e-13)
     # Bendings become scale factors that change with the force; between gauges they are nothing.
     assert np.abs(np.einsum("iik->ik", turned.deflection)).max() > 1e-5
     small, _ = model_of({"accel.misalignment.xy": 5e-4, "gyro.deflection.xyy": 1e-6}).in_gauge(
@@ -165,10 +168,12 @@ def test_any_rotation_of_the_axes_leaves_the_readings_as_they_are() -> None:
     assert 0 < np.abs(np.einsum("iik->ik", small.deflection)).max() < 1e-9
 
 
-def test_asymmetry_is_half_the_difference_of_the_scale_factors_over_their_mean() -> None:
-    model = model_of({"accel.scale.y": 0.01, "accel.asymmetry.y": 300e-6})
-    accel = model.measure(np.array([[0.0, 9.8, 0.0], [0.0, -9.8, 0.0]]), np.zeros((2, 3)))[0][:, 1]
-    plus, minus = accel[0] / 9.8, accel[1] / -9.8
+@pytest.mark.parametrize("triad", ["accel", "gyro"])
+def test_asymmetry_is_half_the_difference_of_the_scale_factors_over_their_mean(triad: str) -> None:
+    model = model_of({f"{triad}.scale.y": 0.01, f"{triad}.asymmetry.y": 300e-6})
+    true = np.array([[0.0, 9.8, 0.0], [0.0, -9.8, 0.0]])
+    said = dict(zip(("accel", "gyro"), model.measure(true, true), strict=True))[triad][:, 1]
+    plus, minus = said[0] / 9.8, said[1] / -9.8
     assert (plus - minus) / (plus + minus) == pytest.approx(300e-6, rel=1e-12)
     assert (plus + minus) / 2 == pytest.approx(1.01, abs=1e-15)
 
