@@ -47,14 +47,6 @@ def browser(bench: Bench) -> Iterator[Any]:
         yield made
 
 
-@pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    from argon2 import PasswordHasher
-
-    hasher = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1)
-    monkeypatch.setattr(people, "_hasher", lambda: hasher)
-
-
 # -- who changed an account ----------------------------------------------------------------
 
 
