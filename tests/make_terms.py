@@ -12,9 +12,9 @@ from foucault.coefficients import CoefficientVector
 from foucault.export.densities import Densities
 from foucault.export.request import ALL, family
 from foucault.models.imu import LINEAR_LOWER
+from foucault.models.temperature import TemperatureModel
 from foucault.result import Result
 from make_result import make_result
-from foucault.models.temperature import TemperatureModel
 
 Same = Callable[[Any, Any], None]
 Readings = tuple[np.ndarray, np.ndarray]

@@ -17,14 +17,12 @@ from foucault.logs import read
 from foucault.logs import write as write_log
 from foucault.logs.description import LogDescription
 from foucault.models.imu import ImuModel
-from foucault.models.temperature import TemperatureModel
 from foucault.result import Result
 from foucault.run_folder import load_result, save
 from foucault.tables import Log
 from make_exported import load, run_c
-from make_terms import SIZES, Readings, Same, with_terms
+from make_terms import HIGH, LOW, SIZES, T0, Readings, Same, a_model, with_terms
 from refusals import refuses
-from make_terms import HIGH, LOW, T0, a_model
 
 KNOTS = {"polynomial": (), "piecewise": (245.0, 290.0, 310.0, 345.0)}
 EACH = [f for f in SIZES if f not in ("accel.lever", "accel.delay")]

@@ -14,8 +14,8 @@ from foucault.models.layouts import of_one_sample
 from foucault.models.size_effect import SizeEffect
 from foucault.models.temperature import TemperatureModel, basis
 from foucault.tables import Log
-from make_terms import SIZES, with_terms
-from make_terms import HIGH, LOW, T0, a_model
+from make_terms import HIGH, LOW, SIZES, T0, a_model, with_terms
+
 
 def a_log(n: int = 400, seed: int = 2) -> Log:
     rng = np.random.default_rng(seed)
