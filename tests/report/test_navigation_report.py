@@ -66,7 +66,7 @@ def test_a_parked_log(parked):
         "What each coefficient is worth", *ALWAYS, "Findings", *END,
     ]  # fmt: skip
     assert "The Schuler period is 84.5 min; in 20 min of it some terms look alike" in page
-    assert "It stood still: what is figures is error" in page and "height held" in page
+    assert "It stood still: what is drawn is error" in page and "height held" in page
     assert "the two runs differ by" in page and "They do not agree" not in page
 
 
