@@ -16,7 +16,6 @@ from refusals import refuses
 from sessions import codes
 
 SITE = Site(9.81, LATITUDE)
-RATES = ("10 deg/s", "-10 deg/s", "40 deg/s", "-40 deg/s", "100 deg/s", "-100 deg/s")
 MODEL = ImuModel(
     np.eye(3), np.array([0.3, -0.2, 0.1]),
     gyro_matrix=np.eye(3) + 0.01 * np.array([[1, 0.5, -0.3], [0.2, -1, 0.4], [-0.6, 0.1, 0.8]]),

@@ -25,8 +25,6 @@ from foucault.workbench.store import Store, hold
 from make_records import edit, make_runs
 from make_workbench import PASSWORD, client, make_bench, post
 
-LOG = b"t,ax,ay,az\n0,0,0,9.8\n"
-
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Bench:
