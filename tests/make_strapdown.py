@@ -21,7 +21,7 @@ from foucault.models.earth import (
 from foucault.models.rotation import cross_matrix, exp, matrix_of
 from foucault.models.rotation import log as rotation_vector
 from foucault.navigate.increments import Increments
-from foucault.navigate.strapdown import State, Trajectory, navigate
+from foucault.navigate.strapdown import State, Trajectory, navigate, quaternion_of
 
 DEG = np.pi / 180
 Signal = Callable[[np.ndarray], np.ndarray]
@@ -295,3 +295,9 @@ def residual(x: np.ndarray | float, compensated: bool) -> np.ndarray | float:
     ``sin(x) sin(x/2)^2 / 3``: what is left is x^5 / 60 at first.
     """
     return (x - np.sin(x)) / 2 - compensated * np.sin(x) * np.sin(x / 2) ** 2 / 3
+
+
+def packed(state):
+    """Return attitude in l, velocity, C_el and height as the kernels take them, (12,) [SI]."""
+    C_lb, v, C_el, h = state
+    return np.concatenate([quaternion_of(C_lb), v, quaternion_of(C_el), [h]])

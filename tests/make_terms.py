@@ -12,6 +12,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.export.densities import Densities
 from foucault.export.request import ALL, family
 from foucault.models.imu import LINEAR_LOWER
+from foucault.models.temperature import TemperatureModel
 from foucault.result import Result
 from make_result import make_result
 
@@ -58,3 +59,24 @@ def with_terms(*families: str, seed: int = 5, **changes: Any) -> Result:
     cov = root @ root.T * np.outer(values, values) * 1e-4
     vector = CoefficientVector(ALL.subset(names), values, (cov + cov.T) / 2)
     return replace(make_result(**changes), coefficients=vector, tables={})
+
+
+LOW, HIGH, T0 = 250.0, 340.0, 300.0
+
+
+def a_model(*families: str, knots: tuple[float, ...] = (), seed: int = 4) -> TemperatureModel:
+    """Return a model of which every coefficient of these families changes by about its size."""
+    vector = with_terms(*(families or SIZES)).coefficients
+    rng = np.random.default_rng(seed)
+    if knots:
+        weights = vector.values[:, None] * rng.uniform(0.5, 1.5, (len(vector), len(knots)))
+    else:
+        size = np.array([1.0, 1 / 60, 1 / 60**2])
+        weights = vector.values[:, None] * size * rng.uniform(0.3, 0.8, (len(vector), 3))
+    for i, name in enumerate(vector.names):
+        if name.startswith(("accel.lever", "accel.delay")):
+            weights[i] = weights[i, 0] * (1.0 if knots else np.eye(3)[0])
+    root = rng.normal(size=(weights.size, weights.size)) * np.abs(weights).ravel()[:, None] * 1e-3
+    cov = root @ root.T
+    cov = (cov + cov.T) / 2
+    return TemperatureModel(vector.layout, weights, cov, T0, LOW, HIGH, np.array(knots))

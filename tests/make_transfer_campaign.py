@@ -9,6 +9,7 @@ from foucault.procedures import transfer_alignment
 
 QUICK = {"rate": '"100 Hz"', "message_rate": '"5 Hz"', "with_outage": "false"}
 """Of [simulate]: a sixth of the work."""
+LEVER = '["1 m", "2 m", "-0.5 m"]'
 
 
 def written(**keys) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
+import numpy as np
+
 from foucault import campaign
 from foucault.campaign.running import with_nothing_else
 from foucault.procedures import platform_tumble
@@ -53,3 +55,8 @@ def calibrate(made, log, trial=False, **words):
         "site": made.site, "settings": made.settings, "noise": made.noise, "prior": made.prior
     } | words  # fmt: skip
     return (platform_tumble.trial if trial else platform_tumble.calibrate)(log, **said)
+
+
+def nees(result, truth):
+    error = result.coefficients.values - truth.values
+    return float(error @ np.linalg.solve(result.coefficients.cov, error))

@@ -33,24 +33,12 @@ Prior = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One coefficient of a model.
+    """One coefficient of a model."""
 
-    Attributes
-    ----------
-    name : str
-        Dotted name, shape ().
-    symbol : str
-        Symbol in the equations, shape ().
-    kind : str
-        Key of `units.KINDS`, which fixes the SI unit, shape ().
-    meaning : str
-        One sentence for people, shape ().
-    """
-
-    name: str
-    symbol: str
-    kind: str
-    meaning: str
+    name: str  # dotted words
+    symbol: str  # in the equations
+    kind: str  # key of `units.KINDS`, which fixes the SI unit
+    meaning: str  # one sentence for people
 
     @property
     def unit(self) -> str:

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from commands import run
 from foucault import logs
 from foucault.campaign import calibrate
 from foucault.campaign.recognised import found, said_of
-from foucault.cli.app import app
 from foucault.errors import FoucaultError
 
 PLACE = {"latitude": "48.8462 deg", "height": "60 m"}
@@ -20,10 +19,9 @@ BARE = "time,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
 
 
 def session(procedure: str, folder: Path) -> Path:
-    run = CliRunner().invoke
     campaign, out = folder / f"{procedure}.toml", folder / procedure
-    assert run(app, ["init", procedure, "-o", str(campaign)]).exit_code == 0
-    assert run(app, ["simulate", str(campaign), "-o", str(out)]).exit_code == 0
+    run("init", procedure, "-o", campaign, code=0)
+    run("simulate", campaign, "-o", out, code=0)
     return out
 
 

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from commands import run
 from foucault import campaign, procedures, run_folder, units
 from foucault.campaign import earlier, optimisation
-from foucault.cli import app
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.comparable import comparable, gravity_errors
 from foucault.models.layouts import BESIDE, EVERY, gravity_slope
@@ -105,9 +104,7 @@ def runs(tmp_path):
 
 def test_the_command(runs):
     first, second, folder = runs
-    said = ["--json", "merge", str(folder / "a"), str(folder / "b"), "-o", str(folder / "m")]
-    done = CliRunner().invoke(app, said)
-    assert done.exit_code == 0, done.output
+    done = run("--json", "merge", folder / "a", folder / "b", "-o", folder / "m", code=0)
     assert json.loads(done.stdout)["verdict"] == "pass"
     result = run_folder.load_result(folder / "m")
     mean = 0.5 * (first.coefficients.values + second.coefficients.values)

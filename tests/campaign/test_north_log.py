@@ -8,13 +8,12 @@ import tomllib
 import jsonschema
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+import commands
 from foucault import campaign, procedures, run_folder
 from foucault.campaign import north, study
 from foucault.campaign.running import read_any
 from foucault.campaign.writing import resolved
-from foucault.cli.app import app
 from foucault.errors import FoucaultError
 from foucault.logs.indexed_own import IndexedDescription
 from foucault.models.noise import noise_of
@@ -96,12 +95,10 @@ def test_commands_for_an_imu_refuse_a_north_seeker(tmp_path, capsys):
     loaded = campaign.load(file)
     run = tmp_path / "run"
     run_folder.save(campaign.calibrate(loaded), run, loaded.text)
-    invoke = CliRunner().invoke
-    log, out = str(tmp_path / "session" / "log.csv"), str(tmp_path / "out")
-    done = invoke(app, ["apply", str(run), log, "-o", out + ".csv"])
-    assert done.exit_code == 1 and "belongs to a gyro on an indexing base" in done.output
-    done = invoke(app, ["fleet", str(file), "-o", out])
-    assert done.exit_code == 1 and "one gyro on an indexing base" in done.output
+    log, out = tmp_path / "session" / "log.csv", str(tmp_path / "out")
+    done = commands.run("apply", run, log, "-o", out + ".csv", code=1)
+    assert "belongs to a gyro on an indexing base" in done.output
+    assert "one gyro on an indexing base" in commands.run("fleet", file, "-o", out, code=1).output
 
 
 def test_what_a_fix_needs_of_a_calibration_survives_its_file(tmp_path):

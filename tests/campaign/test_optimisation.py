@@ -128,14 +128,6 @@ def test_what_the_plan_hardly_shows_is_said(searched, tmp_path):
     assert "optimise.hardly" not in {item.code for item in searched[1].findings}
 
 
-@pytest.mark.thorough
-def test_a_time_limit_keeps_what_is_finished(tmp_path):
-    found = optimisation.run(described(), tmp_path, time_limit=1e-9, workers=1, **SMALL)
-    assert 1 <= len(found.restarts) < 6
-    whole = optimisation.run(described(), tmp_path, **SMALL)
-    assert len(whole.restarts) == 6
-
-
 def test_the_plan_runs_unchanged(searched, tmp_path):
     folder, found = searched
     read = campaign.load(folder / "campaign.toml")
@@ -149,37 +141,8 @@ def test_the_plan_runs_unchanged(searched, tmp_path):
     np.testing.assert_allclose(result.coefficients.sd[:42], sd, rtol=0.03)
 
 
-def test_another_search_is_refused(searched):
-    folder, _ = searched
-    for other, more in (
-        (described(wanted='total = "5000 s"'), {}),
-        (described('rate_limit = "0.1 deg/s"'), {}),
-        (described(), {"seed": 6}),
-        (described(), {"evaluations": 61}),
-        (described(), {"size": 2}),
-    ):
-        with refuses("study.other") as caught:
-            optimisation.run(other, folder, **SMALL | more)
-        assert str(folder) in caught.value.message
-
-
 def test_a_procedure_without_plan_is_refused(tmp_path):
     with refuses("optimise.procedure", "hand_rotated"):
         optimisation.run(campaign.parse(campaign.template("hand_rotated")), tmp_path)
     with refuses("optimise.procedure"):
         campaign.parse(campaign.template("hand_rotated") + '\n[optimise]\naxes = "x"\n')
-
-
-def test_a_folder_without_search_is_refused(tmp_path):
-    with refuses("optimise.missing"):
-        optimisation.load(tmp_path)
-
-
-def test_limits_that_only_the_search_shows(tmp_path):
-    """A plan to beat that nothing comes near keeps its place, and the result says so."""
-    found = optimisation.run(
-        described(wanted='total = "1801 s"\nworst = 100.0'), tmp_path, **SMALL | {"restarts": 3}
-    )
-    assert found.geometric_mean[0] > 1
-    assert found.findings[-1].code == "optimise.no_gain"
-    assert not found.complete

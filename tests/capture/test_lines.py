@@ -10,7 +10,7 @@ import pytest
 from foucault import campaign
 from foucault.capture import recording
 from foucault.capture.frame import Heard, decoder_of, parsed
-from foucault.errors import FoucaultError
+from refusals import refuses
 
 PRINTS = """
 words = "prints"
@@ -95,6 +95,5 @@ def test_a_session_of_lines_is_a_log_and_is_made_again(tmp_path: Path):
 
 def test_a_description_is_of_bytes_or_of_lines():
     for wrong in (PRINTS.replace('line = { separator = "" }', ""), PRINTS + "length = 5\n"):
-        with pytest.raises(FoucaultError) as problem:
+        with refuses("capture.description"):
             parsed(wrong, "mine")
-        assert problem.value.code == "capture.description"

@@ -13,11 +13,11 @@ from foucault import campaign
 from foucault.capture import ways
 from foucault.capture.guide import Guide
 from foucault.capture.said import Words
-from foucault.errors import FoucaultError
 from foucault.logs.description import LogDescription
 from foucault.models.noise import grade
 from foucault.procedures.north_seeking.settings import draw_errors, planned, simulated
 from foucault.tables import Log
+from refusals import refuses
 
 RATE, MOVE = 20.0, 4.0
 """Of the samples [Hz], and how long a move takes [s]."""
@@ -154,6 +154,5 @@ def _truth(said: campaign.Campaign) -> tuple[list[str], list[float]]:
 
 def test_frames_without_a_gyro():
     said = told()
-    with pytest.raises(FoucaultError) as problem:
+    with refuses("guide.no_gyro"):
         ways.guide_of(ways.Asked(said), USED.model_copy(update={"gyro": None}))
-    assert problem.value.code == "guide.no_gyro"

@@ -115,20 +115,6 @@ def test_a_master_that_is_described(flight: tuple[Path, TransferSimulation]) -> 
     assert wrong.exit_code == 1 and "velocity" in wrong.stderr
 
 
-def test_a_heading_that_counts_the_other_way(flight: tuple[Path, TransferSimulation]) -> None:
-    folder, _ = flight
-    text = (folder / "navigation.csv").read_text().splitlines()
-    place = text[0].split(",").index("heading (deg)")
-    lines = [line.split(",") for line in text[1:]]
-    for cells in lines:
-        cells[place] = f"{-float(cells[place]) % 360:.7f}"
-    wrong = folder / "wrong.csv"
-    wrong.write_text("\n".join([text[0], *(",".join(cells) for cells in lines)]) + "\n")
-    result = run("delay", folder / "imu.csv", wrong, "--mounting", "0 deg, 0 deg, 0 deg")
-    assert result.exit_code in (3, 4)
-    assert "if the heading of the master is reversed" in " ".join(result.output.split())
-
-
 @pytest.mark.parametrize(
     ("words", "text"),
     [

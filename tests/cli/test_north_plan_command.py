@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from foucault.cli import app
+import commands
 
 GYRO = ("--gyro-noise", "0.003 deg/sqrt(h)")
 PLAIN = ("--latitude", "47 deg", *GYRO, "--time", "9 min")
 FEW = ("--order", "published", "--order", "palindrome")
 
 
-def run(*words: object) -> Result:
-    """Run the command with words."""
-    result = CliRunner().invoke(app, ["north", "plan", *map(str, words)])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
+run = partial(commands.run, "north", "plan")
 
 
 @pytest.mark.thorough
@@ -116,7 +111,7 @@ def test_noise_of_a_campaign(tmp_path: Path) -> None:
 def test_a_calibration_adds_its_uncertainty(tmp_path: Path) -> None:
     for words in (("simulate", "north_seeking", "-o", tmp_path),
                   ("calibrate", tmp_path / "campaign.toml", "-o", tmp_path / "run")):  # fmt: skip
-        assert CliRunner().invoke(app, [str(w) for w in words]).exit_code in (0, 3)
+        assert commands.run(*words).exit_code in (0, 3)
     words = ("--latitude", "47 deg", *GYRO, "--time", "10 min", "--order", "published")
     plain = json.loads(run(*words, "--json").output)["orders"][0]
     calibrated = ("--calibration", tmp_path / "run")

@@ -132,19 +132,6 @@ def test_the_same_command_computes_nothing_again(search):
 
 
 @pytest.mark.thorough
-def test_a_search_in_two_goes_is_one_in_one_go(search, tmp_path):
-    campaign, folder, _ = search
-    size = ("--evaluations", 60, "--round", 2)
-    other = campaign.parent / "search 2"
-    first = run("optimise", campaign, "-o", other, "--restarts", 2, *size, "--workers", 2)
-    assert "120 plans, 2 restarts" in first.output
-    second = run("optimise", campaign, "-o", other, "--restarts", 3, *size)
-    assert "Went on from 2 of these restarts" in second.output
-    for name in ("found.json", "restarts.parquet", "campaign.toml"):
-        assert (other / name).read_bytes() == (folder / name).read_bytes(), name
-
-
-@pytest.mark.thorough
 def test_another_seed_finds_another_plan(search, tmp_path):
     campaign, folder, _ = search
     result = run("optimise", campaign, "-o", tmp_path / "s", *SIZE, "--seed", 1)

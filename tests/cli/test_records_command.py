@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
+import commands
 from foucault import campaign, run_folder
-from foucault.cli import app
 from make_records import edit, make_runs
 
 
@@ -20,11 +20,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def run(*words: object) -> Result:
-    result = CliRunner().invoke(app, ["records", *(str(w) for w in words)])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
+run = partial(commands.run, "records")
 
 
 def test_from_runs_to_a_due_list(home: Path) -> None:
@@ -54,7 +50,7 @@ def test_a_page_of_its_history_is_written(home: Path) -> None:
 
 def test_every_number_is_there_as_json(home: Path) -> None:
     run("add", "--below", ".")
-    said = json.loads(CliRunner().invoke(app, ["records", "show", "0042", "--json"]).stdout)
+    said = json.loads(run("show", "0042", "--json").stdout)
     assert said["level"] == "pass" and said["counted"] == [1, 2, 3]
     assert {"name", "value", "sd", "drift", "repeatability"} <= set(said["coefficients"][0])
 
@@ -108,7 +104,7 @@ def test_a_run_is_calibrated_again_from_its_log(
     run("add", "run")
     again = run("rerun", "run")
     assert again.exit_code == 0, again.output
-    listed = json.loads(CliRunner().invoke(app, ["records", "list", "--json"]).stdout)["runs"]
+    listed = json.loads(run("list", "--json").stdout)["runs"]
     assert listed[1]["again"] == listed[0]["sha256"]
     first, second = (run_folder.load_result(tmp_path / r["folder"]) for r in listed)
     assert (first.coefficients.values == second.coefficients.values).all()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from foucault.cli import app
+import commands
 from foucault.cli.plans import sequence_of
 from foucault.models.rotation import exp
 from foucault.plans.manoeuvres import Rest
@@ -27,17 +27,12 @@ name = "{name}"
 """
 
 
-def run(*words):
-    result = CliRunner().invoke(app, ["plans", "--model", "systematic", *map(str, words)])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
+run = partial(commands.run, "plans", "--model", "systematic")
 
 
 @pytest.mark.thorough
 def test_the_list_says_what_each_needs_and_shows():
-    result = CliRunner().invoke(app, ["--json", "plans", "--model", "systematic"])
-    assert result.exit_code == 0
+    result = run("--json", code=0)
     listed = {s["name"]: s for s in json.loads(result.stdout)["sequences"]}
     nineteen = listed["19 positions"]
     assert (nineteen["rests"], nineteen["turns"], nineteen["duration"]) == (19, 18, 3021.0)

@@ -5,18 +5,13 @@ from __future__ import annotations
 import json
 
 import pytest
-from typer.testing import CliRunner
 
-from foucault.cli import app
+from commands import run
 from make_transfer_campaign import written
-
-RUNNER = CliRunner()
 
 
 def ran(*words, code=0):
-    result = RUNNER.invoke(app, ["--json", *map(str, words)])
-    assert result.exit_code == code, result.output
-    return json.loads(result.stdout)
+    return json.loads(run("--json", *words, code=code).stdout)
 
 
 @pytest.mark.thorough
@@ -47,8 +42,7 @@ def test_a_log_without_its_master(tmp_path):
     text = written()
     head, rest = text.split("[master]")
     file.write_text(head + rest[rest.index("[procedure]") :])
-    result = RUNNER.invoke(app, ["calibrate", str(file), "-o", str(tmp_path / "run")])
-    assert result.exit_code == 1
+    result = run("calibrate", file, "-o", tmp_path / "run", code=1)
     assert "master is missing" in result.output + str(result.stderr)
 
 
@@ -60,8 +54,7 @@ def test_another_motion_is_tried_by_its_name(tmp_path):
     straight = ran("preflight", file, "--plan", "straight", code=3)
     assert straight["plan"] == "straight"
     assert straight["rank"] < straight["states"]
-    result = RUNNER.invoke(app, ["preflight", str(file), "--plan", "strait"])
-    assert result.exit_code == 1
+    result = run("preflight", file, "--plan", "strait", code=1)
     assert "Did you mean 'straight'?" in result.output + str(result.stderr)
 
 
@@ -69,10 +62,9 @@ def test_another_motion_is_tried_by_its_name(tmp_path):
 def test_a_look_at_a_log_in_motion(tmp_path):
     file = tmp_path / "plan.toml"
     file.write_text(written(rate='"50 Hz"', message_rate='"2 Hz"', with_outage="true"))
-    said = RUNNER.invoke(app, ["simulate", str(file), "-o", str(tmp_path / "session")]).output
+    said = run("simulate", file, "-o", tmp_path / "session").output
     assert "outage.csv" in said
-    result = RUNNER.invoke(app, ["inspect", str(tmp_path / "session" / "campaign.toml")])
-    assert result.exit_code == 0
+    result = run("inspect", tmp_path / "session" / "campaign.toml", code=0)
     assert "messages" in result.output and "horizontal speed" in result.output
     said = result.output.replace("--all prints every rest", "").replace("rest of", "")
     assert "rest" not in said

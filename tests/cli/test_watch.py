@@ -9,27 +9,22 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rich.console import Console
-from typer.testing import CliRunner, Result
 
+import commands
 from foucault import campaign
-from foucault.cli import app
 from foucault.cli import watch as command
 from foucault.cli.watch import picture, summary
 from foucault.detect.live import LiveRests
 from foucault.diagnose.live import Checklist, LiveRest, checklist
 from foucault.errors import finding
 
-
-def run(*words: object, given: bytes | None = None) -> Result:
-    result = CliRunner().invoke(app, ["watch", *map(str, words)], input=given)
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
+run = partial(commands.run, "watch")
 
 
 @pytest.fixture(scope="module")

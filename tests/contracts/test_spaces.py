@@ -39,7 +39,7 @@ def searched(slow: tuple[str, ...]) -> list:
     return [pytest.param(n, marks=[pytest.mark.thorough] * (n in slow)) for n in names]
 
 
-NAMES, QUICK = searched(SLOW), searched(SLOW + SEARCHED)
+QUICK = searched(SLOW + SEARCHED)
 
 
 @cache

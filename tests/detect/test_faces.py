@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from foucault.detect.faces import find_faces, find_turns
-from foucault.errors import FoucaultError
 from foucault.models.imu import ImuModel
 from foucault.models.rests_and_turns import face_name, turn_name
 from foucault.tables import Log
 from make_faces import MEMS, SITE, TURN, moved, short_log, short_plan
+from refusals import refused
 
 G = SITE.gravity
 
@@ -36,12 +36,6 @@ def sections(edges):
     out = {name: (first[j], last[j]) for name, j in names.items()}
     turns = {"z_rot": 0, "x_rot": 3, "y_rot": 6}
     return out | {name: (last[j] - 10, first[j + 1] + 10) for name, j in turns.items()}
-
-
-def code_of(call, *args, **words):
-    with pytest.raises(FoucaultError) as caught:
-        call(*args, **words)
-    return caught.value
 
 
 def turns_of(log, angle=TURN, sections=None):
@@ -99,7 +93,7 @@ def test_a_turn_about_a_level_axis(log, sections):
 
 
 def test_a_missing_face_is_named(log, edges):
-    problem = code_of(find_faces, log[: edges[1][7]], G)
+    problem = refused(find_faces, log[: edges[1][7]], G)
     assert problem.code == "faces.missing"
     assert "no rest with y down" in problem.message
 
@@ -107,10 +101,10 @@ def test_a_missing_face_is_named(log, edges):
 def test_a_rest_on_no_face(log, sections):
     a, b = sections["z_a"]
     tilted = moved(log, a, b, accel=np.array([0.5 * G, 0.0, 0.0]))
-    problem = code_of(find_faces, tilted, G, sections=sections)
+    problem = refused(find_faces, tilted, G, sections=sections)
     assert problem.code == "faces.off"
     assert "section z_a is 2" in problem.message and "z down" in problem.message
-    problem = code_of(find_faces, tilted, G)
+    problem = refused(find_faces, tilted, G)
     assert problem.code == "faces.missing"
     assert "deg off z down" in problem.message
 
@@ -126,31 +120,31 @@ def test_a_pause_between_two_faces_is_left_out(log, edges):
 def test_a_rest_that_moves(log, sections):
     a, b = sections["y_a"]
     ramp = np.linspace(0, 0.1, b - a)[:, None] * [1.0, 0.0, 0.0]
-    problem = code_of(find_faces, moved(log, a, b, accel=ramp), G, sections=sections)
+    problem = refused(find_faces, moved(log, a, b, accel=ramp), G, sections=sections)
     assert problem.code == "faces.moving"
     assert "y down" in problem.message and "mg" in problem.message
     spun = moved(log, a, b, gyro=np.radians([0.0, 3.0, 0.0]))
-    problem = code_of(find_faces, spun, G, sections=sections)
+    problem = refused(find_faces, spun, G, sections=sections)
     assert problem.code == "faces.moving"
     assert "deg/s" in problem.message
 
 
 def test_a_wrong_unit(log):
-    assert code_of(find_faces, replace(log, accel=log.accel / G), G).code == (
+    assert refused(find_faces, replace(log, accel=log.accel / G), G).code == (
         "accel.scale_impossible"
     )
 
 
 def test_increments_are_named(log):
     summed = replace(log, accel=log.accel * log.interval)
-    assert code_of(find_faces, summed, G).code == "accel.increments"
+    assert refused(find_faces, summed, G).code == "accel.increments"
 
 
 def test_no_accelerometers_or_no_numbers(log):
-    assert code_of(find_faces, replace(log, accel=None), G).code == "session.no_accel"
+    assert refused(find_faces, replace(log, accel=None), G).code == "session.no_accel"
     bad = log.gyro.copy()
     bad[7, 1] = np.nan
-    problem = code_of(find_faces, replace(log, gyro=bad), G)
+    problem = refused(find_faces, replace(log, gyro=bad), G)
     assert problem.code == "session.not_finite" and "7" in problem.message
 
 
@@ -159,7 +153,7 @@ def test_no_accelerometers_or_no_numbers(log):
 
 def test_sections_that_cannot_be(log, sections):
     def code(changed):
-        return code_of(find_faces, log, G, sections=changed)
+        return refused(find_faces, log, G, sections=changed)
 
     misspelt = {("x_up" if k == "x_p" else k): v for k, v in sections.items()}
     assert code(misspelt).code == "faces.section_name"
@@ -174,7 +168,7 @@ def test_sections_that_cannot_be(log, sections):
     means = replace(log, averaged=np.ones(len(log)))
     problem = code(sections | {"z_p": [100]})
     assert problem.code == "faces.section_range" and "[100]" in problem.message
-    assert code_of(find_faces, means, G, sections=sections).code == "faces.section_means"
+    assert refused(find_faces, means, G, sections=sections).code == "faces.section_means"
 
 
 def test_p_and_a_the_other_way_round_are_taken_from_the_data(log, sections):
@@ -187,7 +181,7 @@ def test_p_and_a_the_other_way_round_are_taken_from_the_data(log, sections):
 
 def test_sections_without_turns(log, sections):
     rests = {k: v for k, v in sections.items() if not k.endswith("rot")}
-    problem = code_of(turns_of, log, sections=rests)
+    problem = refused(turns_of, log, sections=rests)
     assert problem.code == "turns.section_missing" and "x_rot" in problem.message
 
 
@@ -195,7 +189,7 @@ def test_sections_without_turns(log, sections):
 
 
 def test_all_turns_in_the_other_sense_name_both_cures(log):
-    problem = code_of(turns_of, log, -TURN)
+    problem = refused(turns_of, log, -TURN)
     assert problem.code == "turns.reversed"
     assert 'angle = "-360 deg"' in problem.cure and "signs of all gyros" in problem.cure
 
@@ -203,7 +197,7 @@ def test_all_turns_in_the_other_sense_name_both_cures(log):
 @pytest.mark.parametrize("axis", "xyz")
 def test_one_turn_in_the_other_sense_is_named(log, axis):
     sign = np.where(np.array(list("xyz")) == axis, -1.0, 1.0)
-    problem = code_of(turns_of, replace(log, gyro=log.gyro * sign))
+    problem = refused(turns_of, replace(log, gyro=log.gyro * sign))
     assert problem.code == "turns.sense"
     assert f"The first turn about {axis} goes against" in problem.message
     assert "that gyro has the wrong sign" in problem.cure
@@ -213,7 +207,7 @@ def test_a_turn_that_is_not_whole(sections):
     angle = TURN * 0.75
     log, _ = short_log(rate=50.0, angle=angle)
     for words in ({}, {"sections": sections}):
-        problem = code_of(turns_of, log, **words)
+        problem = refused(turns_of, log, **words)
         assert problem.code == "turns.partial"
         assert "360 deg are declared" in problem.message
         measured = float(problem.message.split("measures ")[1].split()[0])
@@ -223,20 +217,20 @@ def test_a_turn_that_is_not_whole(sections):
 def test_turns_of_gyros_in_another_unit_or_summed(log, sections):
     for factor, likely in ((np.degrees(1.0), "deg/s"), (np.radians(1.0), "rad/s")):
         for words in ({}, {"sections": sections}):
-            problem = code_of(turns_of, replace(log, gyro=log.gyro * factor), **words)
+            problem = refused(turns_of, replace(log, gyro=log.gyro * factor), **words)
             assert problem.code == "turns.unit" and f'unit = "{likely}"' in problem.cure
-    problem = code_of(turns_of, replace(log, gyro=log.gyro * log.interval))
+    problem = refused(turns_of, replace(log, gyro=log.gyro * log.interval))
     assert problem.code == "turns.increments" and "increment" in problem.cure
 
 
 def test_a_turn_about_another_axis(log, sections):
     swapped = sections | {"x_rot": sections["y_rot"], "y_rot": sections["x_rot"]}
-    problem = code_of(turns_of, log, sections=swapped)
+    problem = refused(turns_of, log, sections=swapped)
     assert problem.code == "turns.axis" and "section x_rot" in problem.message
     a, b = sections["z_rot"]
     skew = log.gyro.copy()
     skew[a:b, 0] = skew[a:b, 2] * 0.6
-    problem = code_of(turns_of, replace(log, gyro=skew))
+    problem = refused(turns_of, replace(log, gyro=skew))
     assert problem.code == "turns.axis" and "no turn about z" in problem.message
 
 
@@ -244,16 +238,16 @@ def test_a_missing_turn(log, sections):
     a, b = sections["z_rot"]
     still = log.gyro.copy()
     still[a:b] = still[a - 20 : a].mean(axis=0)
-    problem = code_of(turns_of, replace(log, gyro=still))
+    problem = refused(turns_of, replace(log, gyro=still))
     assert problem.code == "turns.missing"
     assert "about z" in problem.message and "x, y" in problem.message
 
 
 def test_turns_need_gyros_and_samples(log):
-    assert code_of(turns_of, replace(log, gyro=None)).code == "turns.no_gyro"
+    assert refused(turns_of, replace(log, gyro=None)).code == "turns.no_gyro"
     up = np.repeat(np.eye(3), 2, axis=0) * np.tile([[1.0], [-1.0]], (3, 1))
     means = Log(np.arange(6.0), np.zeros((6, 3)), G * up, averaged=np.full(6, 10.0))
-    assert code_of(turns_of, means).code == "turns.means"
+    assert refused(turns_of, means).code == "turns.means"
 
 
 def test_rows_that_are_means_are_one_rest_each():
@@ -263,7 +257,7 @@ def test_rows_that_are_means_are_one_rest_each():
     np.testing.assert_array_equal(faces.readings.up_k, up)
     np.testing.assert_array_equal(faces.readings.time, 30.0)
     tilted = moved(log, 3, 4, accel=np.array([0.6 * G, 0.0, 0.0]))
-    assert code_of(find_faces, tilted, G).code == "faces.off"
+    assert refused(find_faces, tilted, G).code == "faces.off"
 
 
 def test_a_noisy_model_changes_nothing():

@@ -51,7 +51,8 @@ def test_rests_and_turns_are_found_without_a_sequence(noisy: bool) -> None:
     assert found.findings == ()
     assert found.still.all()
     assert len(found.rests) == len(BOTH.positions)
-    for (a, b), p in zip(found.intervals(), session.told.positions, strict=True):
+    rests = zip(found.rests.first, found.rests.last, session.told.positions, strict=True)
+    for a, b, p in rests:
         start, end = session.log.time[[a, b - 1]]
         assert p.start - 1e-9 <= start <= p.start + 1.0
         assert p.end - 1.0 <= end <= p.end + 1e-9
@@ -109,7 +110,6 @@ def test_a_rest_that_creeps_is_named_and_left_out(axis: str, rate: float, words:
     found = find_sequence(session.log)
     assert codes(found.findings) == ["systematic.rest_moves"]
     assert np.flatnonzero(~found.still).tolist() == [8]
-    assert len(found.intervals()) == 18
     assert re.search(words, found.findings[0].message), found.findings[0].message
     start, _ = session.told.times[16:18]
     assert f"from {start:.0f}." in found.findings[0].message
@@ -268,6 +268,6 @@ def test_another_programs_log_is_the_nineteen_positions() -> None:
     tilt = np.arccos(np.sum(up * declared, axis=1)) / DEG
     assert tilt == pytest.approx(np.full(19, np.sqrt(2.0)), abs=0.05)
     # Rests last about 40 s but for the first, the second and the last.
-    length = np.diff(found.intervals(), axis=1)[:, 0] / 100
+    length = (found.rests.last - found.rests.first)[found.still] / 100
     assert np.all((length[2:-1] > 30) & (length[2:-1] < 40))
     assert length[[0, 1, -1]] == pytest.approx([67, 84, 17], abs=1)

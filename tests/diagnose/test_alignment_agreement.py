@@ -16,6 +16,7 @@ from foucault.procedures.alignment import align_log
 from foucault.simulate.motion import simulate_motion
 from foucault.tables import Log
 from make_alignment import resting
+from sessions import codes
 
 SITE = Site.at(np.radians(47.0), 100.0)
 NOISE = ImuNoise(TriadNoise(white=2e-4), TriadNoise(white=6e-7))
@@ -24,10 +25,6 @@ NOISE = ImuNoise(TriadNoise(white=2e-4), TriadNoise(white=6e-7))
 def _log(plan, *, seed=1, **start) -> Log:
     place = Start(SITE.latitude, 0.1, SITE.height, **start)
     return simulate_motion(plan, place, rate=20.0, noise=NOISE, seed=seed).log
-
-
-def _codes(found) -> list[str]:
-    return [f.code for f in found.findings]
 
 
 def _creeping(log: Log, distance: float) -> Log:
@@ -41,14 +38,14 @@ def _creeping(log: Log, distance: float) -> Log:
 @pytest.mark.parametrize("seed", range(3))
 def test_a_rest_agrees(seed):
     log = _log([Rest(300.0)], seed=seed, heading=1.0)
-    assert _codes(align_log(log, site=SITE)) == []
+    assert codes(align_log(log, site=SITE)) == []
 
 
 def test_a_steady_drive_is_told():
     """100 m/s all along: nothing moves, as far as the specific force says."""
     log = _log([Straight(300.0)], heading=1.5, speed=100.0)
     found = align_log(log, site=SITE, end=log.duration)
-    assert {"alignment.disagree", "alignment.innovations"} <= set(_codes(found))
+    assert {"alignment.disagree", "alignment.innovations"} <= set(codes(found))
     told = {f.code: f for f in found.findings}
     assert {told[c].severity for c in ("alignment.disagree", "alignment.innovations")} == {
         "warning"
@@ -62,7 +59,7 @@ def test_a_steady_drive_is_told():
 def test_a_creep_is_told(heading):
     """To the east, and to the south, where it looks like an error of azimuth."""
     log = _creeping(_log([Rest(300.0)], heading=heading), 30.0)
-    assert "alignment.disagree" in _codes(align_log(log, site=SITE, end=log.duration))
+    assert "alignment.disagree" in codes(align_log(log, site=SITE, end=log.duration))
 
 
 @pytest.mark.parametrize("declared", [True, False])
@@ -70,7 +67,7 @@ def test_sway_is_no_contradiction_and_its_noise_is_found(declared):
     sway = {"angles": (0.001, 0.002, 0.001), "shift": (0.01, 0.01, 0.01), "tones": 3}
     log = _log([Sway(300.0, 4.0, seed=3, **sway)], heading=1.0)
     found = align_log(log, site=SITE, end=log.duration, noise=NOISE if declared else None)
-    assert _codes(found) == ["alignment.noise"] * (not declared) + ["alignment.sway"]
+    assert codes(found) == ["alignment.noise"] * (not declared) + ["alignment.sway"]
     assert found.noise.gyro.white == pytest.approx(6e-7, rel=0.1)
     assert found.noise.accel.white == pytest.approx(2e-4, rel=0.1)
     if not declared:
@@ -94,10 +91,10 @@ def test_triads_mirrored_alike():
     """One rest and half a turn about up cannot show it; a quarter does, and a tilt."""
     words = {"site": SITE, "gyro_bias_sd": 1e-7}
     log, rests = _turned(np.pi / 2)
-    assert _codes(align_log(log, rests=rests, **words)) == []
-    assert _codes(align_log(_mirrored(log), rests=rests[:1], **words)) == []
-    codes = _codes(align_log(_mirrored(log), rests=rests, **words))
-    assert {"alignment.disagree", "alignment.innovations"} & set(codes)
+    assert codes(align_log(log, rests=rests, **words)) == []
+    assert codes(align_log(_mirrored(log), rests=rests[:1], **words)) == []
+    said = codes(align_log(_mirrored(log), rests=rests, **words))
+    assert {"alignment.disagree", "alignment.innovations"} & set(said)
     log, rests = _turned(0.7, "x")
     with pytest.raises(FoucaultError) as caught:
         align_log(_mirrored(log), rests=rests, **words)

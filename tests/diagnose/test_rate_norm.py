@@ -11,7 +11,6 @@ from foucault.models.imu import LAYOUT, ImuModel
 NAMES = tuple(
     n for n in LAYOUT.names if n.startswith(("gyro.bias", "gyro.scale", "gyro.mis", "gyro.g_sens"))
 )
-DEGREE_PER_HOUR = np.pi / 180 / 3600
 
 
 def test_noise_alone_is_carried_over_by_the_matrix():

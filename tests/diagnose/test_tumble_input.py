@@ -26,6 +26,7 @@ from foucault.symptoms import SYMPTOMS
 from make_cluster import G
 from make_tumble import FAST, PUBLISHED, SLOW, calibrate, campaign_of, tumble
 from refusals import refuses
+from sessions import codes
 
 DEG = np.radians(1.0)
 BARE = 'average = "5 s"'
@@ -48,10 +49,6 @@ def told(result, code):
     some = [f for f in result.findings if f.code == code]
     assert some, [f.code for f in result.findings]
     return f"{some[0].message} {some[0].cure}"
-
-
-def codes(result):
-    return {f.code for f in result.findings}
 
 
 def rows(log, keep):

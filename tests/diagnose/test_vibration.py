@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from foucault.cli import app
+from commands import run
 from foucault.diagnose.vibration import findings, vibration
 from foucault.logs import write
 from foucault.tables import Log
@@ -69,14 +68,12 @@ def test_motion_alone_is_calm_and_rest_alone_tells_nothing() -> None:
 def test_the_command_says_it(tmp_path: Path) -> None:
     write(a_log(0.02, 0.5), tmp_path / "drive.parquet")
 
-    def run(*words: Any) -> Any:
-        done = CliRunner().invoke(app, [str(w) for w in words])
-        assert done.exit_code == 0, done.stderr
-        return json.loads(done.stdout)
+    def said(*words: Any) -> Any:
+        return json.loads(run(*words, code=0).stdout)
 
     drive = tmp_path / "drive.parquet"
-    plain = run("allan", drive, "--json")
-    moving = run("allan", drive, "--moving", "--json")
+    plain = said("allan", drive, "--json")
+    moving = said("allan", drive, "--moving", "--json")
     assert "vibration" not in plain
     assert {v["axis"] for v in moving["vibration"]} == set(moving["channels"])
     assert moving["channels"] == plain["channels"]  # the noise is that of the rest

@@ -9,7 +9,7 @@ import pytest
 
 from foucault.estimate import transfer
 from foucault.estimate.transfer import Reset, TransferModel, hand_over, likeliest_delay
-from foucault.infer.filtered import budget, fit, parts_out
+from foucault.infer.filtered import fit, parts_out
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.infer.linear_filter import by_prior, h_infinity, kalman, least_gamma
 from foucault.models.earth import displaced, east_north_up, ecef
@@ -195,17 +195,6 @@ def test_the_delay_is_found_either_way():
     assert found.sd == pytest.approx(sds[0], rel=0.15)
     outside = likeliest_delay(model, (0.1, 0.2))
     assert outside.at_edge
-
-
-def test_the_budget_of_a_flight_adds_up():
-    case, _ = drawn(3, delay_state=True, assumed=DELAY)
-    found = fit(TransferModel(*case))
-    every = np.arange(len(found.model.names))
-    parts = budget(found, {"prior": every}, {"process": every})
-    assert parts.keys() == {"prior", "process", "velocity", "attitude"}
-    np.testing.assert_allclose(sum(parts.values()), np.diag(found.cov), rtol=1e-9)
-    alone = {name: v / np.diag(found.cov) for name, v in parts.items()}
-    assert alone["prior"].max() < 0.9 and alone["attitude"][-1] > 0.5  # the delay
 
 
 def test_a_delay_ignored_is_a_false_bias():

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,25 +18,12 @@ from foucault.models.layouts import BESIDE
 from foucault.models.north_seeker import SEEKER, Compensation, earth_rate_b, up_b
 from foucault.procedures.platform_tumble.settings import PRIOR
 from foucault.result import Level, Result, Verdict
+from make_exported import MAIN, load, run_c
 from make_result import make_result
 from make_terms import Same, with_terms
 from refusals import refuses
 
 GRAVITY = 9.81
-
-CLUSTER_MAIN = r"""
-#include <stdio.h>
-#include "calibration.h"
-int main(void)
-{
-    double a[3], c[3], f[3], w[3];
-    while (scanf("%lf %lf %lf %lf %lf %lf", a, a + 1, a + 2, c, c + 1, c + 2) == 6) {
-        foucault_compensate(a, c, f, w);
-        printf("%.17g %.17g %.17g %.17g %.17g %.17g\n", f[0], f[1], f[2], w[0], w[1], w[2]);
-    }
-    return 0;
-}
-"""
 
 NORTH_MAIN = r"""
 #include <stdio.h>
@@ -60,27 +44,6 @@ int main(void)
     return 0;
 }
 """
-
-
-def run_c(folder: Path, main: str, rows: np.ndarray) -> np.ndarray:
-    compiler = shutil.which("gcc") or shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler on this machine")
-    (folder / "main.c").write_text(main)
-    flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wno-unused-function", "-O2"]
-    subprocess.run([compiler, *flags, "main.c", "-o", "p", "-lm"], cwd=folder, check=True)
-    said = "\n".join(" ".join(map(repr, row)) for row in rows.tolist())
-    done = subprocess.run([folder / "p"], input=said, capture_output=True, text=True, check=True)
-    return np.array([line.split() for line in done.stdout.splitlines()], float)
-
-
-def load(path: Path) -> Any:
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def of(procedure: str, layout: Layout, values: np.ndarray, **changes: Any) -> Result:
@@ -132,7 +95,8 @@ def test_a_cluster_in_c(cluster: Result, readings: Any, tmp_path: Path, same: Sa
     text = write(cluster, "c", tmp_path / "calibration.h").read_text()
     assert "those of the cluster" in text
     f, w = cluster.model.compensate(*readings)
-    got = run_c(tmp_path, CLUSTER_MAIN, np.hstack(readings))
+    how = ("-DFUNCTION=foucault_compensate", "-Wno-unused-function")
+    got = run_c(tmp_path, MAIN, np.hstack(readings), *how)
     same(got[:, :3], f)
     same(got[:, 3:], w)
 
@@ -160,7 +124,7 @@ def test_a_cluster_in_json(cluster: Result, readings: Any, tmp_path: Path, same:
 def test_a_north_seeker_in_c(seeker: Result, tmp_path: Path) -> None:
     write(seeker, "c", tmp_path / "calibration.h")
     rows, angles = stops(seeker)
-    got = run_c(tmp_path, NORTH_MAIN, rows)
+    got = run_c(tmp_path, NORTH_MAIN, rows, "-Wno-unused-function")
     np.testing.assert_allclose(got, angles, atol=1e-12)
 
 

@@ -11,7 +11,7 @@ import pytest
 from foucault.errors import FoucaultError, suggestion
 from foucault.export import RECEIVERS, write
 from foucault.export.table import receivers
-from foucault.result import Level, Result
+from foucault.result import Result
 from make_terms import LOUD, with_terms
 from refusals import refuses
 
@@ -65,15 +65,6 @@ def test_unknown_receiver_and_axes(tmp_path: Path) -> None:
     assert "Did you mean 'forward-" in problem.message
     problem = refused(result, "csv", tmp_path / "p", axes="forward-left-up")
     assert "always in the axes right-forward-up, not 'forward-left-up'" in problem.message
-
-
-def test_an_unusable_result_needs_force(tmp_path: Path) -> None:
-    result = with_terms("gyro.bias", level=Level.UNUSABLE)
-    problem = refused(result, "json", tmp_path / "p")
-    assert problem.code == "export.unusable"
-    assert "7 rests cannot determine 9" in problem.message
-    assert "--force" in problem.cure
-    assert "Verdict: unusable" in write(result, "json", tmp_path / "p", force=True).read_text()
 
 
 def test_numbers_that_are_none_are_never_exported(tmp_path: Path) -> None:

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import io
 import json
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,11 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+import make_exported
 from foucault.export import RECEIVERS, write
 from foucault.export.request import AXES, FAMILIES, family, in_axes
 from foucault.export.table import receivers
 from foucault.logs.description import LogDescription
 from foucault.result import Result
+from make_exported import MAIN, load
 from make_terms import LOUD, Readings, Same, with_terms
 
 COUNTS = LogDescription.model_validate(
@@ -41,45 +40,13 @@ COUNTS = LogDescription.model_validate(
 
 # -- C ----------------------------------------------------------------------------------------
 
-MAIN = r"""
-#include <stdio.h>
-#include "calibration.h"
-int main(void)
-{
-    double a[3], g[3], f[3], w[3];
-    while (scanf("%lf %lf %lf %lf %lf %lf", a, a + 1, a + 2, g, g + 1, g + 2) == 6) {
-        FUNCTION(a, g, f, w);
-        printf("%.17g %.17g %.17g %.17g %.17g %.17g\n", f[0], f[1], f[2], w[0], w[1], w[2]);
-    }
-    return 0;
-}
-"""
-
 
 def run_c(
     folder: Path, accel: np.ndarray, gyro: np.ndarray, function: str,
     main: str = MAIN, dt: np.ndarray | None = None,
 ) -> np.ndarray:  # fmt: skip
-    compiler = shutil.which("gcc") or shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler on this machine")
-    (folder / "main.c").write_text(main)
-    flags = [
-        "-std=c99",
-        "-Wall",
-        "-Wextra",
-        "-pedantic",
-        "-Werror",
-        "-O2",
-        f"-DFUNCTION={function}",
-    ]
-    subprocess.run([compiler, *flags, "main.c", "-o", "program"], cwd=folder, check=True)
     columns = [accel, gyro] if dt is None else [dt[:, None], accel, gyro]
-    lines = "\n".join(" ".join(map(repr, row)) for row in np.hstack(columns).tolist())
-    out = subprocess.run(
-        [folder / "program"], input=lines, capture_output=True, text=True, check=True
-    ).stdout
-    return np.array([line.split() for line in out.splitlines()], float)
+    return make_exported.run_c(folder, main, np.hstack(columns), f"-DFUNCTION={function}")
 
 
 @pytest.mark.parametrize("which", ["full", "linear"])
@@ -250,15 +217,6 @@ def test_json_tells_places_and_delay(apart: Result, full: Result, tmp_path: Path
 
 
 # -- Python -----------------------------------------------------------------------------------
-
-
-def load(path: Path) -> Any:
-    spec = importlib.util.spec_from_file_location("exported", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.mark.parametrize("which", ["full", "linear"])

@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from foucault.cli import app
+from commands import run
 from foucault.export.table import receivers
 from make_alignment import REAL
 
 LOGS = [REAL / "xsens_hand_rotated" / f"xsens_{name}.mat.gz" for name in ("acc", "gyro")]
-
-
-def run(*words: object) -> Any:
-    return CliRunner().invoke(app, [str(w) for w in words])
 
 
 @pytest.mark.thorough

@@ -20,9 +20,8 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
-from typer.testing import CliRunner
 
-from foucault.cli import app
+from commands import run
 from foucault.errors import FoucaultError
 from foucault.export.request import AXES, in_axes
 from foucault.export.stream import MARK, Corrector, calibrate_bag, calibrate_stream
@@ -119,15 +118,14 @@ def test_a_stream_and_files_do_not_mix(
     words: list[str], code: str, tmp_path: Path, linear: Result
 ) -> None:
     save(linear, tmp_path / "run")
-    done = CliRunner().invoke(app, ["apply", str(tmp_path / "run"), *words])
-    assert done.exit_code == 1
+    done = run("apply", tmp_path / "run", *words, code=1)
     assert code in done.stderr
 
 
 def test_a_topic_of_a_log_that_is_no_bag(linear: Result, tmp_path: Path) -> None:
     save(linear, tmp_path / "run")
     words = ["apply", tmp_path / "run", tmp_path / "raw.csv", "-o", tmp_path / "new.csv"]
-    done = CliRunner().invoke(app, [*map(str, words), "--topic", "/imu", "--json"])
+    done = run(*words, "--topic", "/imu", "--json")
     assert json.loads(done.stdout)["error"]["code"] == "apply.topic"
 
 
@@ -223,12 +221,10 @@ def test_the_command_writes_a_bag(readings: Readings, linear: Result, tmp_path: 
         for topic in ("/left", "/right"):
             made.imu(topic, stamps, gyro, accel)
     save(linear, tmp_path / "run")
-    words = ["apply", str(tmp_path / "run"), str(tmp_path / "drive"), "-o", str(tmp_path / "out")]
-    done = CliRunner().invoke(app, words)
-    assert done.exit_code == 1
+    words = ["apply", tmp_path / "run", tmp_path / "drive", "-o", tmp_path / "out"]
+    done = run(*words, code=1)
     assert "/left, /right" in done.stderr
-    done = CliRunner().invoke(app, [*words, "--topic", "/left"])
-    assert done.exit_code == 0, done.stderr
+    done = run(*words, "--topic", "/left", code=0)
     assert "with 50 corrected messages" in done.stdout
     before, after = (messages(tmp_path / name) for name in ("drive", "out"))
     for topic, alike in (("/right", len(accel)), ("/left", 0)):

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,36 +17,22 @@ from foucault.logs import read
 from foucault.logs import write as write_log
 from foucault.logs.description import LogDescription
 from foucault.models.imu import ImuModel
-from foucault.models.temperature import TemperatureModel
 from foucault.result import Result
 from foucault.run_folder import load_result, save
 from foucault.tables import Log
-from make_terms import SIZES, Readings, Same, with_terms
+from make_exported import load, run_c
+from make_terms import HIGH, LOW, SIZES, T0, Readings, Same, a_model, with_terms
 from refusals import refuses
 
-LOW, HIGH, T0 = 250.0, 340.0, 300.0
 KNOTS = {"polynomial": (), "piecewise": (245.0, 290.0, 310.0, 345.0)}
 EACH = [f for f in SIZES if f not in ("accel.lever", "accel.delay")]
 LINEAR = [f for f in SIZES if f.endswith(("bias", "scale", "misalignment"))]
 
 
 def a_result(knots: tuple[float, ...] = (), families: list[str] = EACH) -> Result:
-    result = with_terms(*families)
-    vector, rng = result.coefficients, np.random.default_rng(6)
-    if knots:
-        weights = vector.values[:, None] * rng.uniform(0.5, 1.5, (len(vector), len(knots)))
-    else:
-        size = np.array([1.0, 1 / 60, 1 / 60**2])
-        weights = vector.values[:, None] * size * rng.uniform(0.3, 0.8, (len(vector), 3))
-    for i, name in enumerate(vector.names):
-        if name.startswith(("accel.lever", "accel.delay")):
-            weights[i] = weights[i, 0] * (1.0 if knots else np.eye(3)[0])
-    root = rng.normal(size=(weights.size,) * 2) * np.abs(weights).ravel()[:, None] * 1e-3
-    cov = root @ root.T
-    model = TemperatureModel(vector.layout, weights, (cov + cov.T) / 2, T0, LOW, HIGH,
-                             np.array(knots))  # fmt: skip
-    return replace(result, temperature=model, coefficients=model.at(T0), procedure="temperature",
-                   validity={"temperature": [LOW, HIGH]})  # fmt: skip
+    model = a_model(*families, knots=knots, seed=6)
+    return replace(with_terms(*families), temperature=model, coefficients=model.at(T0),
+                   procedure="temperature", validity={"temperature": [LOW, HIGH]})  # fmt: skip
 
 
 @pytest.fixture(params=list(KNOTS))
@@ -128,25 +111,15 @@ int main(void)
 """
 
 
-def run_c(folder: Path, columns: list[np.ndarray], main: str = MAIN) -> np.ndarray:
-    compiler = shutil.which("gcc") or shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler on this machine")
-    (folder / "main.c").write_text(main)
-    flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-O2"]
-    subprocess.run([compiler, *flags, "main.c", "-o", "program"], cwd=folder, check=True)
-    lines = "\n".join(" ".join(map(repr, row)) for row in np.column_stack(columns).tolist())
-    out = subprocess.run([folder / "program"], input=lines, capture_output=True, text=True,
-                         check=True).stdout  # fmt: skip
-    return np.array([line.split() for line in out.splitlines()], float)
-
-
 def test_c(
     changing: Result, readings: Readings, warmth: np.ndarray, tmp_path: Path, same: Same
 ) -> None:
     header = write(changing, "c", tmp_path / "calibration.h").read_text()
     assert "Coefficients change with temperature" in header
-    got, want = run_c(tmp_path, [warmth, *readings]), applied(changing, readings, warmth)
+    got, want = (
+        run_c(tmp_path, MAIN, np.column_stack([warmth, *readings])),
+        applied(changing, readings, warmth),
+    )
     same(got[:, :3], want.accel)
     same(got[:, 3:6], want.gyro)
     assert not got[:, 6].any()
@@ -158,7 +131,10 @@ def test_c_of_a_plain_instrument(
     result = a_result(families=LINEAR)
     header = write(result, "c", tmp_path / "calibration.h").read_text()
     assert "foucault_solve_force" not in header
-    got, want = run_c(tmp_path, [warmth, *readings]), applied(result, readings, warmth)
+    got, want = (
+        run_c(tmp_path, MAIN, np.column_stack([warmth, *readings])),
+        applied(result, readings, warmth),
+    )
     same(got[:, :3], want.accel)
     same(got[:, 3:6], want.gyro)
 
@@ -167,7 +143,7 @@ def test_c_outside_is_told_and_held(readings: Readings, tmp_path: Path, same: Sa
     result = a_result()
     write(result, "c", tmp_path / "calibration.h")
     T = np.r_[LOW - 5.0, HIGH + 5.0, np.nan, np.full(47, 300.0)]
-    got = run_c(tmp_path, [T, *readings])
+    got = run_c(tmp_path, MAIN, np.column_stack([T, *readings]))
     held = np.nan_to_num(np.clip(T, LOW, HIGH), nan=LOW)
     np.testing.assert_array_equal(got[:, 6], [1.0, 1.0, 1.0] + [0.0] * 47)
     same(got[:, :3], applied(result, readings, held).accel)
@@ -196,7 +172,7 @@ def test_lever_arms_in_c_and_python(
 ) -> None:
     result = a_result(families=list(SIZES))
     write(result, "c", tmp_path / "calibration.h")
-    got = run_c(tmp_path, [warmth, *readings], NEXT)
+    got = run_c(tmp_path, NEXT, np.column_stack([warmth, *readings]))
     module = load(write(result, "python", tmp_path / "calibration.py"))
     before, rows = None, []
     for T, a, g in zip(warmth, *readings, strict=True):
@@ -216,13 +192,6 @@ def test_lever_arms_in_c_and_python(
 
 
 # -- Python, JSON -----------------------------------------------------------------------------
-
-
-def load(path: Path) -> Any:
-    spec = importlib.util.spec_from_file_location("calibration", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.mark.parametrize("axes", list(AXES))

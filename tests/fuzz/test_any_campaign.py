@@ -13,6 +13,7 @@ import pytest
 import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
+from make_damage import places
 
 from foucault import campaign
 from foucault.campaign.writing import changed
@@ -58,17 +59,6 @@ def known_keys(procedure: str) -> dict[str, Any]:
         return tomllib.loads("\n".join(lines))
     except tomllib.TOMLDecodeError:
         return tomllib.loads(campaign.template(procedure))
-
-
-def places(tree: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Every place in a document."""
-    items = tree.items() if isinstance(tree, dict) else enumerate(tree)
-    out = []
-    for key, value in items:
-        out.append((*path, key))
-        if isinstance(value, dict | list):
-            out += places(value, (*path, key))
-    return out
 
 
 @st.composite

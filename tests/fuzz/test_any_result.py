@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from make_damage import places
 
 from foucault import run_folder, units
 from foucault.errors import FoucaultError
@@ -31,16 +32,6 @@ def document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("result")
     run_folder.save(make_result(), folder, "")
     return json.loads((folder / run_folder.RESULT_FILE).read_text())
-
-
-def places(tree: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    items = tree.items() if isinstance(tree, dict) else enumerate(tree)
-    out = []
-    for key, value in items:
-        out.append((*path, key))
-        if isinstance(value, dict | list):
-            out += places(value, (*path, key))
-    return out
 
 
 def load(path: Path, text: str | bytes) -> None:

@@ -90,9 +90,8 @@ def test_a_unit_without_bound(text: str, code: str) -> None:
 def test_a_campaign(procedure: str, old: str, new: str, code: str, key: str) -> None:
     text = campaign.template(procedure)
     assert old in text
-    with pytest.raises(FoucaultError) as caught:
+    with refuses(code, key):
         campaign.parse(text.replace(old, new, 1))
-    assert caught.value.code == code and key in str(caught.value)
 
 
 def test_keys_that_need_quotes_are_written_with_them() -> None:

@@ -253,17 +253,6 @@ def test_held_out_parts_scatter_as_foreseen() -> None:
     assert sum(one.score > one.high for one in found) <= 11  # 1 %: more once in 1000
 
 
-@pytest.mark.thorough
-def test_errors_are_as_large_as_the_covariance_says() -> None:
-    rng, total, trials = np.random.default_rng(5), 0.0, 400
-    for _ in range(trials):
-        at = mixed.fit(drawn(rng))
-        error = at.state - [0.01, 0.002]
-        total += error @ np.linalg.solve(at.estimate.coefficients.cov, error)
-    low, high = chi2.ppf([0.005, 0.995], 2 * trials)
-    assert low < total < high
-
-
 def test_a_source_that_is_not_there_is_seldom_found() -> None:
     rng, trials = np.random.default_rng(6), 300
     there = sum(

@@ -11,9 +11,10 @@ from foucault.models.earth import displaced
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.navigate import ins_filter
-from foucault.navigate.strapdown import matrix_of, quaternion_of
+from foucault.navigate.strapdown import matrix_of
 from foucault.plans.manoeuvres import Start
 from make_ins import DEG, FLIGHT, errors, increments, made, off, unit
+from make_strapdown import packed
 from plain_kernels import kernel
 
 NOISE = ImuNoise(accel=TriadNoise(white=1e-4), gyro=TriadNoise(white=1e-6))
@@ -21,11 +22,6 @@ NOISE = ImuNoise(accel=TriadNoise(white=1e-4), gyro=TriadNoise(white=1e-6))
 
 def unpacked(x):
     return matrix_of(x[:4]), x[4:7], matrix_of(x[7:11]), x[11]
-
-
-def packed(state):
-    C, v, E, h = state
-    return np.concatenate([quaternion_of(C), v, quaternion_of(E), [h]])
 
 
 def case(names, samples, every, latitude=48.0, speed=250.0, seed=3, scale=1.0):

@@ -14,7 +14,8 @@ from foucault.models import earth
 from foucault.models.earth import east_north_up
 from foucault.models.rotation import exp
 from foucault.navigate.increments import bend_weights
-from foucault.navigate.strapdown import matrix_of, quaternion_of
+from foucault.navigate.strapdown import matrix_of
+from make_strapdown import packed
 from plain_kernels import kernel
 
 FORMS = pytest.mark.parametrize("form", ["compiled", "python"])
@@ -40,11 +41,6 @@ def motion(seed=0, speed=40.0, latitude=0.8):
     velocity = rng.standard_normal(3) * [speed, speed, 3.0]
     start = exp(rng.standard_normal(3)), velocity, east_north_up(latitude, -1.1), 100.0
     return dtheta, dvel, dt, joined, heights, start
-
-
-def packed(state):
-    C_lb, v, C_el, h = state
-    return np.concatenate([quaternion_of(C_lb), v, quaternion_of(C_el), [h]])
 
 
 def run(form, rows, made, vertical, offset):

@@ -21,6 +21,8 @@ from foucault.simulate.north import (
     simulate_north,
 )
 from foucault.tables import IndexedLog
+from refusals import refused
+from sessions import codes
 
 HOUR = np.pi / 648000  # deg/h
 COUNTS = """\
@@ -44,10 +46,6 @@ MEANS = {
 }  # fmt: skip
 
 
-def told(log: IndexedLog) -> list[str]:
-    return [f.code for f in log.findings]
-
-
 def read_text(folder: Path, text: str, **words):
     (folder / "log.csv").write_text(text)
     return read(IndexedDescription.model_validate({**MEANS, **words}), folder)
@@ -63,12 +61,6 @@ def rows(index, gyro, *, setup="A", dwell=60.0, more=()):
 
 FOUR = (0, 180, 90, 270)
 RATES = (10.0, -9.0, 5.0, -4.0)
-
-
-def refused(call, *args, **words) -> FoucaultError:
-    with pytest.raises(FoucaultError) as caught:
-        call(*args, **words)
-    return caught.value
 
 
 def test_a_described_file_in_si(tmp_path):
@@ -187,7 +179,7 @@ def test_setups_are_runs_of_names_or_headings(tmp_path):
     log = read_text(tmp_path, rows(FOUR, RATES, setup=list("ABBA")))
     np.testing.assert_array_equal(log.setup, [0, 1, 1, 2])
     assert log.names == ("A", "B", "A (2)")
-    assert told(log) == ["north.setup_again"]
+    assert codes(log) == ["north.setup_again"]
     assert "'A' comes again at row 3" in log.findings[0].message
     turned = rows(FOUR, RATES, more=[("table", (359.99, 0.01, 30, 30.02))])
     heading = {"column": "table", "unit": "deg"}
@@ -204,7 +196,7 @@ def test_samples_that_cannot_be(tmp_path):
     holes = rows(FOUR, (1.0, "", 2.0, 3.0))
     assert refused(read_text, tmp_path, holes).code == "log.missing_value"
     log = read_text(tmp_path, holes, missing="drop")
-    assert len(log) == 3 and told(log) == ["log.dropped"]
+    assert len(log) == 3 and codes(log) == ["log.dropped"]
     assert refused(read_text, tmp_path, rows(FOUR, RATES, dwell=0)).code == "log.averaged"
     time = {"column": "t", "unit": "s"}
     back = rows(FOUR, RATES, more=[("t", (0, 70, 60, 120))])
@@ -212,12 +204,12 @@ def test_samples_that_cannot_be(tmp_path):
     samples = {"time": time, "averaged": None}
     assert refused(read_text, tmp_path, back, **samples).code == "log.time_backward"
     again = rows(FOUR, RATES, setup=list("AABB"), more=[("t", (0, 1, 0, 1))])
-    assert told(read_text(tmp_path, again, **samples)) == []  # the clock starts anew
+    assert codes(read_text(tmp_path, again, **samples)) == []  # the clock starts anew
     n = 40
     gap = rows([0] * n, [1.0] * n, more=[("t", [*range(20), *range(30, 50)])])
-    assert told(read_text(tmp_path, gap, **samples)) == ["log.gap"]
+    assert codes(read_text(tmp_path, gap, **samples)) == ["log.gap"]
     twice = rows([0, 0, 0], [1.0] * 3, more=[("t", (0, 0, 1))])
-    assert told(read_text(tmp_path, twice, **samples)) == ["log.rows_doubled"]
+    assert codes(read_text(tmp_path, twice, **samples)) == ["log.rows_doubled"]
     date = rows(FOUR, RATES, more=[("t", [f"2026-05-04T10:00:0{k}" for k in range(4)])])
     assert refused(read_text, tmp_path, date, **samples).code == "log.time_iso"
 
@@ -240,30 +232,30 @@ RADIANS = tuple(np.round(np.radians(FOUR), 4))
 )  # fmt: skip
 def test_units_that_do_not_fit(tmp_path, index, gyro, words, code, said):
     log = read_text(tmp_path, rows(index, gyro), **words)
-    assert told(log) == [code]
+    assert codes(log) == [code]
     assert said in log.findings[0].cure
 
 
 def test_units_that_fit_say_nothing(tmp_path):
     """Large biases, noisy samples, poles, a turning base: nothing of it is a wrong unit."""
     biased = np.array(RATES) + 500.0
-    assert told(read_text(tmp_path, rows(FOUR, biased))) == []
-    assert told(read_text(tmp_path, rows((0, 180), (12.0, -12.0)))) == []
+    assert codes(read_text(tmp_path, rows(FOUR, biased))) == []
+    assert codes(read_text(tmp_path, rows((0, 180), (12.0, -12.0)))) == []
     radians = {"index": {"column": "index", "unit": "rad"}}
-    assert told(read_text(tmp_path, rows(np.radians(FOUR), RATES), **radians)) == []
+    assert codes(read_text(tmp_path, rows(np.radians(FOUR), RATES), **radians)) == []
     rng = np.random.default_rng(1)
     n = 400
     noisy = 300 * rng.standard_normal(n)
     time = ("t", np.arange(n))
     samples = {"time": {"column": "t", "unit": "s"}, "averaged": None}
-    assert told(read_text(tmp_path, rows([90] * n, noisy, more=[time]), **samples)) == []
+    assert codes(read_text(tmp_path, rows([90] * n, noisy, more=[time]), **samples)) == []
     plan = NorthPlan((Placement("A", 1.0, 0.1, 0.1),), Rotation(7.0, 0.1))
     for latitude in (-1.55, 0.0, 1.55):
         log = simulate_north(plan, model=ImuModel(), noise=ImuNoise(), site=Site.at(latitude),
                              rows="samples").log  # fmt: skip
         write(log, tmp_path / "log.csv")
         described, _ = description_of(tmp_path / "log.csv")
-        assert told(read(described, tmp_path)) == []
+        assert codes(read(described, tmp_path)) == []
 
 
 @pytest.mark.parametrize(
@@ -278,10 +270,10 @@ def test_more_than_gravity(tmp_path, values, unit, said):
     accel = {"column": "a", "unit": unit, "reads": "specific force"}
     text = rows(FOUR, RATES, more=[("a", values)])
     log = read_text(tmp_path, text, accel=accel)
-    assert told(log) == ["north.accel_unit"]
+    assert codes(log) == ["north.accel_unit"]
     assert said in log.findings[0].cure
     pair = {"columns": ["a", "a"], "unit": unit, "reads": "specific force"}
-    assert told(read_text(tmp_path, text, accel=pair)) == ["north.accel_unit"]
+    assert codes(read_text(tmp_path, text, accel=pair)) == ["north.accel_unit"]
 
 
 def test_names_that_no_table_can_hold(tmp_path):

@@ -14,6 +14,8 @@ from foucault.models.deflection import (
     bending,
     deflection_model,
     felt,
+    readout,
+    sensed,
 )
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.ins_errors import Sensors
@@ -268,3 +270,34 @@ def test_a_model_beside_what_it_is_made_of_is_refused() -> None:
         with refuses("deflection.twice", match=r"The states hold .*deflection.xy") as caught:
             sensors.with_deflection(model)
         assert 'A group such as "gyro" holds them all' in caught.value.cure
+
+
+# -- scale factors that are no constants -----------------------------------------------------------
+
+
+def test_cubic_term_grows_with_the_third_power_and_keeps_the_sense() -> None:
+    r = np.array([[1.0, 2.0, -2.0]])
+    np.testing.assert_allclose(
+        readout(r, np.zeros(3), np.full(3, 1e-3)) - r, [[1e-3, 8e-3, -8e-3]], atol=1e-17
+    )
+
+
+def test_inverse_is_exact_also_for_large_terms() -> None:
+    rates = np.random.default_rng(4).uniform(-6.0, 6.0, (60, 3))
+    a, c = np.array([0.2, -0.3, 0.01]), np.array([2e-3, -1e-3, 0.0])
+    np.testing.assert_allclose(sensed(readout(rates, a, c), a, c), rates, rtol=0, atol=2e-14)
+    assert sensed(np.zeros((1, 3)), a, c) == pytest.approx(0.0)
+
+
+def test_inverse_up_to_near_where_the_readout_turns_back() -> None:
+    c = np.full(3, -1e-2)
+    turn = np.sqrt(1 / 0.03)
+    r = np.linspace(-0.99, 0.99, 31)[:, None] * turn * np.ones(3)
+    # Near the turn the slope is 0.02: rounding grows by 50.
+    np.testing.assert_allclose(sensed(readout(r, 0 * c, c), 0 * c, c), r, atol=1e-13)
+
+
+def test_straight_says_whether_there_are_such_terms() -> None:
+    assert ImuModel().straight
+    assert not ImuModel(gyro_asymmetry=np.array([0.0, 1e-6, 0.0])).straight
+    assert not ImuModel(gyro_cubic=np.array([0.0, 1e-6, 0.0])).straight

@@ -16,6 +16,7 @@ from foucault.models.imu import (
 from foucault.models.layouts import gravity_slope
 from foucault.models.rotation import exp
 from foucault.tables import AXES, Log
+from make_session import model_of
 
 AT = {a: i for i, a in enumerate(AXES)}
 RNG = np.random.default_rng(20)
@@ -56,15 +57,11 @@ def _expected(name: str, value: float) -> tuple[np.ndarray, np.ndarray]:
     return accel, gyro
 
 
-def _model(values: dict[str, float]) -> ImuModel:
-    return ImuModel.from_coefficients(CoefficientVector.zeros(LAYOUT).with_values(values))
-
-
 @pytest.mark.parametrize("name", LAYOUT.names)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_one_coefficient_forward_and_back(name: str, sign: float) -> None:
     value = sign * _size(name)
-    model = _model({name: value})
+    model = model_of({name: value})
     accel, gyro = model.measure(F, W)
     want_accel, want_gyro = _expected(name, value)
     # A few roundings of numbers near 10.
@@ -77,7 +74,7 @@ def test_one_coefficient_forward_and_back(name: str, sign: float) -> None:
 
 def _everything() -> ImuModel:
     rng = np.random.default_rng(3)
-    return _model({n: _size(n) * 0.3 * rng.uniform(-1, 1) for n in LAYOUT.names})
+    return model_of({n: _size(n) * 0.3 * rng.uniform(-1, 1) for n in LAYOUT.names})
 
 
 def test_all_coefficients_at_once_invert_exactly() -> None:
@@ -111,13 +108,13 @@ def test_shapes_may_have_any_leading_axes_and_either_triad_may_be_missing() -> N
     f_b, w_b = model.compensate(accel, None)
     assert w_b is None
     np.testing.assert_allclose(f_b, F.reshape(5, 10, 3), atol=5e-14)
-    linear = _model({"gyro.bias.x": 0.1})
+    linear = model_of({"gyro.bias.x": 0.1})
     assert linear.compensate(None, W)[0] is None
     for name in ("gyro.g_sensitivity.xy", "gyro.deflection.xyz"):
         assert not linear.gyros_feel_force
-        assert _model({name: 1e-6}).gyros_feel_force
+        assert model_of({name: 1e-6}).gyros_feel_force
         with pytest.raises(ValueError, match="g-sensitivity or deflection needs the accelerometer"):
-            _model({name: 1e-6}).compensate(None, W)
+            model_of({name: 1e-6}).compensate(None, W)
     one = model.compensate(accel[0, 0], gyro[0, 0])
     np.testing.assert_allclose(one, [F[0], W[0]], atol=5e-14)
 
@@ -158,27 +155,32 @@ def test_any_rotation_of_the_axes_leaves_the_readings_as_they_are() -> None:
     model = _everything()
     C_cb = exp(np.array([0.4, -1.1, 0.7]))  # nothing small
     turned = model.rotated(C_cb)
-    for got, want in zip(turned.measure(F @ C_cb.T, W @ C_cb.T), model.measure(F, W), strict=True):
+    true, said = (F @ C_cb.T, W @ C_cb.T), model.measure(F, W)
+    for got, want in zip(turned.measure(*true), said, strict=True):
         np.testing.assert_allclose(got, want, rtol=0, atol=5e-14)
+    for got, want in zip(turned.compensate(*said), true, strict=True):
+        np.testing.assert_allclose(got, want, rtol=0, atol=5e-13)
     # Bendings become scale factors that change with the force; between gauges they are nothing.
     assert np.abs(np.einsum("iik->ik", turned.deflection)).max() > 1e-5
-    small, _ = _model({"accel.misalignment.xy": 5e-4, "gyro.deflection.xyy": 1e-6}).in_gauge(
+    small, _ = model_of({"accel.misalignment.xy": 5e-4, "gyro.deflection.xyy": 1e-6}).in_gauge(
         Gauge.LOWER
     )
     assert 0 < np.abs(np.einsum("iik->ik", small.deflection)).max() < 1e-9
 
 
-def test_asymmetry_is_half_the_difference_of_the_scale_factors_over_their_mean() -> None:
-    model = _model({"accel.scale.y": 0.01, "accel.asymmetry.y": 300e-6})
-    accel = model.measure(np.array([[0.0, 9.8, 0.0], [0.0, -9.8, 0.0]]), np.zeros((2, 3)))[0][:, 1]
-    plus, minus = accel[0] / 9.8, accel[1] / -9.8
+@pytest.mark.parametrize("triad", ["accel", "gyro"])
+def test_asymmetry_is_half_the_difference_of_the_scale_factors_over_their_mean(triad: str) -> None:
+    model = model_of({f"{triad}.scale.y": 0.01, f"{triad}.asymmetry.y": 300e-6})
+    true = np.array([[0.0, 9.8, 0.0], [0.0, -9.8, 0.0]])
+    said = dict(zip(("accel", "gyro"), model.measure(true, true), strict=True))[triad][:, 1]
+    plus, minus = said[0] / 9.8, said[1] / -9.8
     assert (plus - minus) / (plus + minus) == pytest.approx(300e-6, rel=1e-12)
     assert (plus + minus) / 2 == pytest.approx(1.01, abs=1e-15)
 
 
 def test_large_asymmetry_and_quadratic_terms_invert_around_zero() -> None:
     """Newton's method passes from one sense to the other."""
-    model = _model({"accel.asymmetry.x": 0.5, "accel.asymmetry.z": -0.6,
+    model = model_of({"accel.asymmetry.x": 0.5, "accel.asymmetry.z": -0.6,
                     "accel.misalignment.xz": 0.2, "accel.quadratic.x": 2e-3})  # fmt: skip
     f = np.concatenate([np.zeros((1, 3)), 10.0 ** np.arange(-12, 2)[:, None] * np.ones(3)])
     f = np.concatenate([f, -f, f * [1, -1, -1]])
@@ -234,7 +236,7 @@ def test_slopes_of_models_that_differ_from_sample_to_sample_are_those_of_each() 
     values *= [_size(name) for name in names]
     together = ImuModel.of_samples(names, values).slopes(F, W, names)
     for i in range(3):
-        one = _model(dict(zip(names, values[i], strict=True))).slopes(F[i], W[i], names)
+        one = model_of(dict(zip(names, values[i], strict=True))).slopes(F[i], W[i], names)
         for got, want in zip(together, one, strict=True):
             np.testing.assert_allclose(got[i], want, rtol=1e-13, atol=1e-13)
 

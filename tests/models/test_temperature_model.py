@@ -14,25 +14,7 @@ from foucault.models.layouts import of_one_sample
 from foucault.models.size_effect import SizeEffect
 from foucault.models.temperature import TemperatureModel, basis
 from foucault.tables import Log
-from make_terms import SIZES, with_terms
-
-LOW, HIGH, T0 = 250.0, 340.0, 300.0
-
-
-def a_model(*families: str, knots: tuple[float, ...] = (), seed: int = 4) -> TemperatureModel:
-    """Every coefficient of these families changes by about its own size over the range."""
-    vector = with_terms(*(families or SIZES)).coefficients
-    rng = np.random.default_rng(seed)
-    if knots:
-        weights = vector.values[:, None] * rng.uniform(0.5, 1.5, (len(vector), len(knots)))
-    else:
-        size = np.array([1.0, 1 / 60, 1 / 60**2])
-        weights = vector.values[:, None] * size * rng.uniform(0.3, 0.8, (len(vector), 3))
-    for i, name in enumerate(vector.names):
-        if name.startswith(("accel.lever", "accel.delay")):
-            weights[i] = weights[i, 0] * (1.0 if knots else np.eye(3)[0])
-    root = rng.normal(size=(weights.size, weights.size)) * np.abs(weights).ravel()[:, None] * 1e-3
-    return TemperatureModel(vector.layout, weights, root @ root.T, T0, LOW, HIGH, np.array(knots))
+from make_terms import HIGH, LOW, SIZES, T0, a_model, with_terms
 
 
 def a_log(n: int = 400, seed: int = 2) -> Log:

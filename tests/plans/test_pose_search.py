@@ -19,8 +19,6 @@ from foucault.plans.sequence import (
 )
 from refusals import refuses
 
-AXES = "xyz"
-
 
 def sensitivity(T, f):
     """Return M of the error dw = M w: the gyros i lean towards j by T, eqs. (9) and (10)."""

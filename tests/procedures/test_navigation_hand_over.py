@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+import commands
 from foucault import run_folder
-from foucault.cli import app
 from foucault.errors import FoucaultError
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.logs import write as write_log
@@ -21,6 +20,7 @@ from foucault.procedures.navigation.start import Settings
 from foucault.result import Level
 from make_navigation import NOISE, calibration, errors, logged, reference_of
 from refusals import refuses
+from sessions import codes
 
 PLAN = [Rest(5.0), Accelerate(15.0, 10.0), Turn(np.radians(80), 20.0, banked=False),
         Accelerate(15.0, 60.0)]  # fmt: skip
@@ -45,10 +45,6 @@ def handed(run, seed: int | None = None):
     given = dict(zip(("heading", "pitch", "roll"), map(float, angles), strict=True))
     settings = Settings(start=FROM, velocity=tuple(velocity), vertical="free", **given, **SDS)
     return settings, {"site": site, "longitude": longitude}
-
-
-def codes(test) -> set[str]:
-    return {f.code for f in test.findings}
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +133,7 @@ def test_the_command_takes_a_hand_over(perfect, tmp_path) -> None:
                  *(x for k in ("heading", "pitch", "roll")
                    for x in (f"--{k}", f"{np.degrees(getattr(settings, k))} deg")),
                  "--latitude", f"{np.degrees(there['site'].latitude)} deg"]  # fmt: skip
-        return CliRunner().invoke(app, [str(w) for w in (*given, "--json")])
+        return commands.run(*given, "--json")
 
     log = tmp_path / "log.csv"
     v = ", ".join(f"{x} m/s" for x in settings.velocity)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from foucault.diagnose.study import nees
-from foucault.errors import FoucaultError
 from foucault.estimate.north import LATITUDE
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site
@@ -34,7 +33,6 @@ from make_dwells import (
     FOUR,
     PALINDROME,
     attitudes,
-    level,
     make_dwells,
     make_log,
     turn,
@@ -204,11 +202,6 @@ def test_where_the_noise_comes_from():
     assert 0.7 * 600 < total < 1.3 * 600
 
 
-def test_noise_that_nobody_knows_is_refused():
-    with pytest.raises(FoucaultError, match=r"too few readings to measure it.*--gyro-noise"):
-        solved(known=None, poses=attitudes(2))
-
-
 def test_coloured_noise_of_the_calibration_is_used():
     coloured = ImuNoise(FIELD.accel, TriadNoise(FIELD.gyro.white, 3e-8, 200.0, 1e-10))
     log = north_seeking.simulate(Session(), model=ImuModel(), noise=coloured, site=SITE, seed=1).log
@@ -250,29 +243,11 @@ def test_drift_effect_is_what_a_drift_does():
 # -- less is known ---------------------------------------------------------------------------------
 
 
-def test_two_stops_with_a_rough_heading():
-    poses = attitudes(6, 3.0)
-    east = [p for p in poses if abs(np.cos(p[0])) > 0.5]
-    settings = Settings(near=float(east[0][0]) + 0.1)
-    survey, poses = solved(poses=np.array([east[0]]), stops=(90.0, 270.0), dwell=600.0,
-                           accel="case", settings=settings)  # fmt: skip
-    err = err_of(survey, poses)
-    assert np.abs(err[0, 0]) < 4 * survey.fixes.sd[0, 0] < 0.01
-
-
 def test_two_neighbouring_stops_with_a_known_offset():
     settings = Settings(gyro_offset=3e-6, gyro_offset_sd=1e-9, near=0.3, level_sd=1e-3)
     survey, poses = solved(stops=(0.0, 90.0), dwell=600.0, accel="case", settings=settings,
                            poses=np.array([[0.35, 0.0, 0.0]]))  # fmt: skip
     assert np.abs(err_of(survey, poses)[0, 0]) < 4 * survey.fixes.sd[0, 0] < 0.01
-
-
-def test_without_accelerometers():
-    settings = Settings(level_sd=np.radians(1 / 60))
-    survey, poses = solved(poses=level(8), accel=None, settings=settings)
-    assert (np.abs(err_of(survey, poses)[:, 0]) < 4 * survey.fixes.sd[:, 0]).all()
-    want = np.radians(1 / 60) * np.tan(0.8)
-    np.testing.assert_allclose(np.sqrt(survey.fixes.sources["tilt: level"][:, 0]), want, rtol=1e-2)
 
 
 def test_a_rough_latitude_is_part_of_the_budget():
@@ -312,16 +287,6 @@ def judged(name, change=None, fails=Level.DOUBTFUL, **words):
     return check.sentence
 
 
-def test_a_reading_that_is_no_number():
-    def change(log):
-        gyro = log.gyro.copy()
-        gyro[2] = np.nan
-        return replace(log, gyro=gyro)
-
-    words = judged("solved", change, Level.UNUSABLE)
-    assert words == "A reading is not a finite number."
-
-
 def test_a_gyro_too_noisy_says_by_what_factor():
     noisy = replace(FIELD, gyro=replace(FIELD.gyro, white=150 * FIELD.gyro.white))
     words = judged("sees the Earth", None, Level.UNUSABLE, noise=noisy, known=noisy, dwell=10.0)
@@ -329,7 +294,7 @@ def test_a_gyro_too_noisy_says_by_what_factor():
     factor = 3.0 / (EARTH_RATE * np.cos(0.8) / sd)
     said = float(words.split("by a factor of ")[1].split(";")[0])
     assert said == pytest.approx(factor, rel=0.2)
-    assert "times as long" in words
+    assert "times as long" in words and "take a better gyro" in words
 
 
 def disturbed(sensor, size):
@@ -366,12 +331,6 @@ def test_a_latitude_that_does_not_fit():
     assert "latitude, scale factor or sign of the accelerometer" in words
 
 
-def test_two_headings_that_fit():
-    words = judged("one heading", settings=Settings(unknown_latitude=True), latitude=0.03,
-                   poses=np.array([[1.0, 0.2, 0.1]]), dwell=600.0)  # fmt: skip
-    assert "fits as well" in words
-
-
 def test_a_tilt_near_90_deg():
     words = judged("tilt", poses=np.array([[1.0, np.radians(89.8), 0.0]]))
     assert "hardly defined" in words
@@ -388,10 +347,6 @@ def test_a_calibration_that_did_not_pass():
     doubtful = replace(result, verdict=verdict)
     words = judged("calibration", model=model, calibration=doubtful)
     assert words == "The calibration that was used is doubtful."
-    log, _ = field(model)
-    survey = find_north(log, site=SITE, noise=FIELD, calibration=doubtful)
-    told = next(f for f in survey.findings if f.code == "north.calibration_doubtful")
-    assert told.message == "The calibration is doubtful: Headings scatter."
 
 
 def test_a_little_more_noise_than_was_said_shows_over_all_set_ups():

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from foucault import campaign, procedures, report, run_folder
-from foucault.coefficients import CoefficientVector
+from foucault import campaign, report, run_folder
 from foucault.diagnose.study import nees
 from foucault.errors import FoucaultError, Status
 from foucault.infer.drift import by_time
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.models.earth import Site
-from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION, ImuModel
+from foucault.models.imu import EQUATION, SCALE_EQUATION, ImuModel
 from foucault.models.noise import ImuNoise, TriadNoise, grade
 from foucault.procedures.rate_table import (
     Session,
@@ -29,6 +28,7 @@ from foucault.procedures.rate_table import (
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors
 from make_rates import LATITUDE, make_readings, make_steps
+from make_session import model_of
 from refusals import refuses
 
 SITE = Site.at(LATITUDE)
@@ -37,10 +37,6 @@ ALL = names_of(Settings(g_sensitivity=True))
 
 MEANS = Session(rows="means")
 QUIET = {"repeatability": False, "loss": "squares"}
-
-
-def model_of(values):
-    return ImuModel.from_coefficients(CoefficientVector.zeros(LAYOUT).with_values(values))
 
 
 def solved(model, **settings):
@@ -142,19 +138,6 @@ def test_the_table_of_steps_says_before_and_after():
     np.testing.assert_allclose(steps["after_sd"][x], 1e-12 / 1.001, rtol=1e-2)
 
 
-def test_budget_adds_up_and_the_bound_is_that_of_the_noise():
-    settings = Settings(rate_sd=5e-6, table_rate_sd=2e-5, fixture_sd=5e-5)
-    steps = make_steps(sd=1e-6)
-    result = from_readings(make_readings(steps), settings, told=True, site=SITE)
-    parts = result.diagnostics["budget"]
-    assert set(parts) == {"gyro noise", "rate jitter", "rate of the table", "fixture"}
-    total = np.sum([np.array(v) for v in parts.values()], axis=0)
-    np.testing.assert_allclose(total, result.coefficients.sd**2, rtol=1e-6)
-    plain = from_readings(make_readings(steps), Settings(), told=True, site=SITE)
-    np.testing.assert_allclose(plain.diagnostics["bound"], plain.coefficients.sd, rtol=1e-6)
-    np.testing.assert_allclose(result.diagnostics["bound"], plain.coefficients.sd, rtol=1e-4)
-
-
 def test_simulated_tables_have_the_errors_of_the_settings():
     settings = Settings(table_rate_sd=1e-3, fixture_sd=1e-3)
     made = simulate(MEANS, settings=settings, model=ImuModel(), noise=ImuNoise(), site=SITE, seed=1)
@@ -202,16 +185,6 @@ def test_result_is_saved_applied_and_reported(tmp_path):
     page = report.html(again)
     assert "Rates before and after" in page
     assert "Asymmetry: difference of the scale factors" in page
-
-
-def test_it_is_listed_and_its_template_runs(tmp_path):
-    assert procedures.load("rate_table").name == "rate_table"
-    text = campaign.template("rate_table")
-    text = text.replace('rows = "samples"', 'rows = "means"')
-    described = campaign.parse(text, tmp_path / "campaign.toml")
-    campaign.save_session(campaign.simulate(described), tmp_path)
-    result = campaign.calibrate(tmp_path / "campaign.toml")
-    assert result.verdict.level == "pass"
 
 
 def test_a_rate_without_unit_is_named_with_its_place():

@@ -98,17 +98,6 @@ def test_too_few_rests_tell_nothing_of_the_earth():
 # -- a prior ---------------------------------------------------------------------------------------
 
 
-@MODULES
-@pytest.mark.parametrize("noise", [True, False], ids=["declared", "unknown"])
-@pytest.mark.parametrize("off", [2e-3, 0.02])
-def test_a_prior_that_the_log_contradicts_is_no_pass_however_wrong(module, noise, off):
-    model = simulated(module, "tactical", 1, 45.0, "icosahedron 12").model
-    truth = float(model.coefficients(("accel.scale.x",)).values[0])
-    result, *_ = calibrated(module, noise=noise, prior={"accel.scale.x": (truth + off, 1e-4)})
-    assert result.verdict.level is not Level.PASS
-    assert "accel.scale.x is " in failed(result)["prior"]
-
-
 @pytest.mark.thorough
 @MODULES
 def test_a_prior_that_is_right_narrows_and_passes(module):

@@ -18,6 +18,7 @@ from foucault.procedures.temperature.evidence import model_of, solved, task_of
 from foucault.result import Check, Level, Result
 from foucault.result_document import document
 from make_temperature import ROOM, ZERO, sessions, truth, typical
+from refusals import refused
 from sessions import codes
 
 DEGREES = (-15, 0, 15, 25, 35, 50, 65)
@@ -387,12 +388,6 @@ def test_a_ramp_adds_to_sessions_that_tell_the_scale_factors() -> None:
     assert both.temperature.sd(T)[0, i] < alone.temperature.sd(T)[0, i]
     off = (both.temperature.values(T) - TRUTH.values(T)) / both.temperature.sd(T)
     assert np.abs(off).max() < stats.norm.ppf(1 - 0.005 / off.size)
-
-
-def refused(make: Any) -> FoucaultError:
-    with pytest.raises(FoucaultError) as caught:
-        make()
-    return caught.value
 
 
 def test_mistakes_with_ramps() -> None:

@@ -20,12 +20,11 @@ from foucault.procedures.transfer_alignment.problem import problem_of
 from foucault.procedures.transfer_alignment.session import moved, simulate_motion
 from foucault.procedures.transfer_alignment.settings import SlaveLog
 from foucault.result import Level
-from make_transfer_campaign import described, faultless, made, missed, trial
+from make_transfer_campaign import LEVER, described, faultless, made, missed, trial
 from refusals import refuses
 from sessions import codes, failed
 
 DEG, ARCMIN, G = np.pi / 180, np.pi / 10800, 9.80665
-LEVER = '["1 m", "2 m", "-0.5 m"]'
 
 
 @pytest.fixture(scope="module")

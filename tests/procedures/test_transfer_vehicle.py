@@ -23,6 +23,7 @@ from make_transfer_vehicle import (
     logged,
     on_one_clock,
 )
+from sessions import failed
 
 pytestmark = pytest.mark.skipif(
     not FOLDER.is_dir(), reason=f"real logs are not here: set FOUCAULT_DATA ({FOLDER})"
@@ -44,10 +45,6 @@ def campaign():
 @pytest.fixture(scope="module")
 def found(log, campaign):
     return calibrated(campaign, log)
-
-
-def failed(result):
-    return {x.name for x in result.checks if not x.passed}
 
 
 def heading_error(log, groups, delay, begin=0.0):

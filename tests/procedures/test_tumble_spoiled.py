@@ -11,7 +11,7 @@ import pytest
 from foucault.diagnose.tumble import outlying
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
-from make_tumble import FAST, PUBLISHED, calibrate, tumble
+from make_tumble import FAST, PUBLISHED, calibrate, nees, tumble
 from refusals import refuses
 from sessions import codes, failed
 
@@ -21,11 +21,6 @@ SD = 9.8e-6
 
 def sentence(result, name):
     return next(c.sentence for c in result.checks if c.name == name)
-
-
-def nees(result, truth):
-    error = result.coefficients.values - truth.values
-    return float(error @ np.linalg.solve(result.coefficients.cov, error))
 
 
 # -- the Earth as a clock --------------------------------------------------------------------------

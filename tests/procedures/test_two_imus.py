@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
 import make_pose
 import make_two
-from foucault.cli import app
+from commands import run
 from foucault.estimate import two_imus as engine
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
@@ -267,8 +266,7 @@ def test_three_on_a_plate_by_the_command_line(tmp_path):
     of_session = tmp_path / "s" / "campaign.toml"
     for words in (["simulate", campaign, "-o", tmp_path / "s"],
                   ["calibrate", of_session, "-o", tmp_path / "c"]):  # fmt: skip
-        done = CliRunner().invoke(app, [*map(str, words), "-q"])
-        assert done.exit_code == 0, done.output
+        run(*words, "-q", code=0)
     assert 'others = ["third.csv"]' in of_session.read_text()
     found = load_result(tmp_path / "c").coefficients
     assert set(found.names) == set(layout_of(2).names)

@@ -28,7 +28,7 @@ from make_navigation import (
     logged,
     reference_of,
 )
-from pages import titles
+from pages import figures, titles
 
 TRUE, FOUND = errors()
 PLACE = {"site": SITE, "longitude": LONGITUDE, "noise": NOISE}
@@ -52,11 +52,6 @@ def drive():
     return navigation.record(test)
 
 
-def drawn(page):
-    found = re.findall(r'<script type="application/json">(.*?)</script>', page)
-    return [json.loads(text) for text in found]
-
-
 ALWAYS = ["Where the predicted error comes from", "Velocity and attitude", "Start"]
 END = ["Checks", "What was known before", "Provenance"]
 
@@ -76,7 +71,7 @@ def test_a_parked_log(parked):
 
 
 def test_the_map_has_equal_axes_and_the_ellipse_its_covariance(parked):
-    map_ = drawn(page_of(parked))[0]
+    map_ = figures(page_of(parked))[0]
     assert map_["layout"]["yaxis"]["scaleanchor"] == "x"
     ellipse = next(t for t in map_["data"] if t["name"] == "±2 sd, predicted")
     cov = np.array(parked.about["predicted"]["all"]["covariance"])
@@ -90,7 +85,7 @@ def test_the_map_has_equal_axes_and_the_ellipse_its_covariance(parked):
 
 
 def test_the_terms_drawn_add_up(parked):
-    pages = drawn(page_of(parked))
+    pages = figures(page_of(parked))
     found = [f for f in pages if any(t.get("name") == "all terms" for t in f["data"])]
     assert len(found) == 2
     for figure in found:
@@ -109,7 +104,7 @@ def test_the_terms_drawn_add_up(parked):
 def test_a_drive_shows_reference_and_error(drive):
     page = unescape(page_of(drive))
     assert "Schuler and heading terms" not in titles(page)
-    map_, errors_ = drawn(page)[:2]
+    map_, errors_ = figures(page)[:2]
     names = [t.get("name") for t in map_["data"]]
     assert "reference" in names and names.count("±2 sd, predicted") == pages.ELLIPSES
     assert errors_["layout"]["xaxis"]["title"]["text"].startswith("error east")
@@ -122,7 +117,7 @@ def test_no_reference_no_growth():
     assert re.search(r"<h1>Navigated for 3(\.\d+)? min</h1>", page)
     assert titles(page)[:3] == ["Where it went", *ALWAYS[:2]]
     assert "The instrument moved and no reference was given" in page
-    assert "height [m]" in json.dumps(drawn(page))
+    assert "height [m]" in json.dumps(figures(page))
 
 
 def test_no_calibration_says_what_the_bands_lack():
@@ -131,7 +126,7 @@ def test_no_calibration_says_what_the_bands_lack():
     page = unescape(page_of(record))
     assert "errors of the sensors are not calibrated" in page
     assert "What each coefficient is worth" not in titles(page)
-    assert '"±2 sd, predicted"' not in json.dumps(drawn(page), ensure_ascii=False)
+    assert '"±2 sd, predicted"' not in json.dumps(figures(page), ensure_ascii=False)
     assert "noise and alignment alone, half of all runs [m]" in page and "Not judged" in page
     assert "vertical [m]" not in page and "heading [arcmin]" not in page
 

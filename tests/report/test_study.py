@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 
 from foucault.diagnose.study import Study
 from foucault.infer.gauss_newton import chi_square_density
 from foucault.models.imu import LINEAR_LOWER
-from foucault.report import render, save
+from foucault.report import render
 from foucault.report import study as study_report
 from pages import figures, titles
 
@@ -96,15 +94,6 @@ def test_a_study_without_estimates_is_still_a_page():
     assert '<p class="word">Unusable</p>' in page
     assert titles(page) == ["Checks", "How the trials ended", "Provenance"]
     assert "rests.too_few" in page
-
-
-def test_written_whole_self_contained_with_one_plotly(tmp_path):
-    file = save(study_report.document(make_study(), ABOUT), tmp_path / "report.html")
-    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
-    page = file.read_text(encoding="utf-8")
-    assert page.count('id="plotly"') == 1
-    rest = re.sub(r'<script type="text/plain" id="plotly">.*?</script>', "", page)
-    assert re.findall(r"https?:|<(?:link|img|iframe|base)|@import|url\(", rest) == []
 
 
 def test_density_is_that_of_chi_square():

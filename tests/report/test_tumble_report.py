@@ -9,15 +9,10 @@ import numpy as np
 import pytest
 
 from foucault import campaign, report, run_folder
-from foucault.export import RECEIVERS, calibrate_log
-from foucault.export import write as export
-from foucault.logs import read
-from foucault.logs.description import LogDescription
 from foucault.models.cluster import CONSTANTS, LAYOUT, attitude_of
 from foucault.report import tumble
-from foucault.report.calibration import how_to_apply, sections
+from foucault.report.calibration import sections
 from foucault.report.uncertainty import coefficients
-from refusals import refuses
 
 UG = 1e-6 * 9.80665
 WEIGHED = ("prior", "white noise of accelerometers", "white noise of gyros")
@@ -296,32 +291,6 @@ def test_every_family_can_be_chosen(result):
     assert {t["meta"] for t in explorer.data} == set(choices)
     assert len(explorer.data) == 3 * 45
     assert "gyro.torquer_scale [µg per ppm]" in choices and explorer.on == "screen"
-
-
-def test_how_to_apply_says_what_works(result):
-    blocks = how_to_apply(result).blocks
-    code = "\n".join(b.text for b in blocks if b.kind == "code")
-    assert "foucault apply" in code and "--to c" in code and "compensate(accel, command)" in code
-
-
-@pytest.mark.parametrize("receiver", sorted({*RECEIVERS} - {"c", "python", "json"}))
-def test_no_receiver_of_an_imu_takes_a_cluster(result, receiver, tmp_path):
-    with refuses("export.cluster", "not of three gyros and three accel"):
-        export(result, receiver, tmp_path / "file")
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_log_of_commands_is_compensated(result, folder, tmp_path):
-    description = LogDescription(file="log.csv")
-    applied = calibrate_log(result, description, folder, tmp_path / "true.csv")
-    assert applied.findings == ()  # a command may stand still
-    log = read(description, folder)
-    true = read(LogDescription(file="true.csv"), tmp_path)
-    f_p, w_p = result.model.compensate(log.accel, log.gyro)
-    np.testing.assert_allclose(true.accel, f_p, atol=1e-9)
-    np.testing.assert_allclose(true.gyro, w_p, atol=1e-12)
-    miss = np.linalg.norm(f_p, axis=1) - result.diagnostics["gravity"]
-    assert np.std(miss) < 3 * UG  # 1 ug of noise in the readings
 
 
 def test_a_course_that_leads_nowhere_is_drawn(result):

@@ -129,18 +129,6 @@ def test_specific_force_on_the_turning_earth():
     assert np.abs(got - still).max() > 2e-6
 
 
-def test_increments_are_means_of_the_rates():
-    fine = quiet_with_errors(400.0).log
-    coarse = quiet_with_errors(100.0, "increment").log
-    w = np.array([1, 4, 2, 4, 1]) / 12
-    n = len(coarse)
-    for name in ("gyro", "accel"):
-        x = getattr(fine, name)
-        mean = np.array([w @ x[4 * (k - 1) : 4 * k + 1] for k in range(1, n - 1)])
-        scale = np.abs(np.diff(x, 2, axis=0)).max()
-        np.testing.assert_allclose(getattr(coarse, name)[1 : n - 1], mean, rtol=0, atol=scale)
-
-
 def test_the_table_moves_smoothly_and_no_faster_than_it_may():
     plan = short_plan()
     simulation = simulate(plan, model=ImuModel(), noise=QUIET, site=SITE, rate=200.0, move_rate=0.3)

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from foucault.workbench import people
 from make_browser import WITHOUT, chromium, driven, watched
 from make_workbench import Served, log_text
 
@@ -36,6 +37,15 @@ class Laboratory:
     def second(self) -> int:
         """The job of a second run."""
         return self.calibrated(2)[1]
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hash passwords at once."""
+    from argon2 import PasswordHasher
+
+    hasher = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1)
+    monkeypatch.setattr(people, "_hasher", lambda: hasher)
 
 
 @pytest.fixture(scope="session")

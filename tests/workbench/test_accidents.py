@@ -25,8 +25,6 @@ from foucault.workbench.store import Store, hold
 from make_records import edit, make_runs
 from make_workbench import PASSWORD, client, make_bench, post
 
-LOG = b"t,ax,ay,az\n0,0,0,9.8\n"
-
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Bench:
@@ -45,14 +43,6 @@ def bench(tmp_path: Path) -> Bench:
 def browser(bench: Bench) -> Iterator[Any]:
     with client(bench) as made:
         yield made
-
-
-@pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    from argon2 import PasswordHasher
-
-    hasher = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1)
-    monkeypatch.setattr(people, "_hasher", lambda: hasher)
 
 
 # -- who changed an account ----------------------------------------------------------------

@@ -34,11 +34,7 @@ def browser(bench: Bench) -> Iterator[Any]:
 
 
 @pytest.fixture
-def with_accounts(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> Bench:
-    from argon2 import PasswordHasher
-
-    quick = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1)
-    monkeypatch.setattr(people, "_hasher", lambda: quick)
+def with_accounts(bench: Bench, quick: None) -> Bench:
     for name, role in (("ann", "administrator"), ("rob", "reviewer"), ("olga", "operator")):
         bench.people.add(name, role, PASSWORD)
     return bench

@@ -12,17 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from foucault.workbench import people
 from foucault.workbench.bench import Bench
 from make_workbench import PASSWORD, client, make_bench, post, work_off
 
 
 @pytest.fixture
-def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
-    from argon2 import PasswordHasher
-
-    quick = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1)
-    monkeypatch.setattr(people, "_hasher", lambda: quick)
+def bench(tmp_path: Path, quick: None) -> Bench:
     made = make_bench(tmp_path / "bench")
     for name, role in (("ann", "administrator"), ("olga", "operator"), ("otto", "operator")):
         made.people.add(name, role, PASSWORD)

@@ -27,14 +27,14 @@ class Coverage:
     missing: tuple[tuple[FloatArray, str], ...]
 
 
-def coverage(up_b: FloatArray, worst: float = np.radians(50.0), most: int = 6) -> Coverage:
-    """Judge unit vectors `up_b` (n, 3) [1]; gaps beyond `worst` [rad], `most` named [1]."""
+def coverage(up_b: FloatArray) -> Coverage:
+    """Judge unit vectors `up_b` (n, 3) [1]; six gaps beyond 50 deg are named."""
     grid = _grid()
     cosine = grid @ up_b.T
     gap = np.arccos(np.clip(cosine.max(axis=1), -1, 1))
     missing: list[tuple[FloatArray, str]] = []
     left = gap.copy()
-    while len(missing) < most and left.max() > worst:
+    while len(missing) < 6 and left.max() > np.radians(50.0):
         best = grid[int(np.argmax(left))]
         missing.append((best, direction_words(best)))
         left = np.minimum(left, np.arccos(np.clip(grid @ best, -1, 1)))

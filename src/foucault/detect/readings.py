@@ -89,24 +89,22 @@ def stream_readings(
     *,
     plan: TablePlan | None = None,
     noise: ImuNoise | None = None,
-    spin_rate: float | None = None,
     shortest: float = TABLE.shortest,
     progress: Progress | None = None,
 ) -> Readings:
     """Find the rests and spins of a log on disk without holding more than a part of it.
 
     `plan` or None: what the table was told to do, where known; `noise`: noise of the instrument,
-    None measures it in the log [SI]; `spin_rate` or None: size of the rate of all spins, where
-    there is no plan [rad/s]; `shortest`: shortest time that counts as a rest [s]; `progress` or
-    None: called with the fraction done, from 0 to 1. Returns as `find_readings` of the whole log
-    gives them; its findings begin with those of the log.
+    None measures it in the log [SI]; `shortest`: shortest time that counts as a rest [s];
+    `progress` or None: called with the fraction done, from 0 to 1. Returns as `find_readings` of
+    the whole log gives them; its findings begin with those of the log.
     """
     from foucault.logs import follow
     from foucault.logs.reading import read
 
     if next(follow.blocks(description, folder)).averaged is not None:
         log = read(description, folder, progress)
-        found = find_readings(log, plan=plan, noise=noise, spin_rate=spin_rate)
+        found = find_readings(log, plan=plan, noise=noise)
         return replace(found, findings=log.findings + found.findings)
     passes = count()
 
@@ -115,7 +113,7 @@ def stream_readings(
         told = progress and (lambda done: progress(min(1.0, (k + done) / 3)))
         return follow.blocks(description, folder, told)
 
-    return _found(source, plan, noise, spin_rate, shortest, tell=True)
+    return _found(source, plan, noise, None, shortest, tell=True)
 
 
 def _found(
@@ -243,7 +241,8 @@ def moving(readings: Readings, change: dict[str, FloatArray], data: Reduced) -> 
     out = []
     for k, words in sorted(why.items()):
         start, end = readings.start[k] - zero, readings.start[k] + readings.time[k] - zero
-        label = _label(data, readings.start[k])
+        cell = int(np.searchsorted(data.cells.start, readings.start[k] + 1e-9, side="right")) - 1
+        label = int(data.cells.label[max(cell, 0)])
         # Rests are counted from 1, as the report does it.
         name = f"Position {label}" if label >= 0 else f"Rest {int(np.sum(rest <= k))}"
         out.append(
@@ -259,12 +258,6 @@ def _odd(size: FloatArray, time: FloatArray, least: float) -> FloatArray:
     # Short rests are noisier than long ones.
     alike = BEYOND_OTHERS * np.median(size * np.sqrt(time)) / np.sqrt(time)
     return np.asarray(np.flatnonzero(size > np.maximum(alike, least)))
-
-
-def _label(data: Reduced, start: float) -> int:
-    cells = data.cells
-    k = int(np.searchsorted(cells.start, start + 1e-9, side="right")) - 1
-    return int(cells.label[max(k, 0)])
 
 
 # -- rows that are means ---------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.detect.stretches import SEQUENCE, Rests, find_rests, means_of, runs
 from foucault.errors import Finding, error, finding
 from foucault.models.rotation import exp
@@ -105,11 +105,6 @@ class FoundSequence:
             moves, some[0].earth_b, some[0].earth_cov,
             tuple(f for found in some for f in found.findings),
         )  # fmt: skip
-
-    def intervals(self) -> IntArray:
-        """Return first sample and sample after the last of each rest that is still, (m, 2)."""
-        both = np.stack([self.rests.first, self.rests.last], axis=1)
-        return np.asarray(both[self.still])
 
 
 def require_triads(log: Log) -> None:

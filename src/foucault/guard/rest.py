@@ -290,17 +290,14 @@ def same_unit(mean: FloatArray, gravity: float) -> None:
         raise error("accel.one_axis", axis=one.words, factor=f"{1 / one.one_axis:.4g}")
 
 
-def wrong_force(
-    seen: float, gravity: float, interval: float, band: float = GRAVITY_BAND
-) -> FoucaultError | None:
+def wrong_force(seen: float, gravity: float, interval: float) -> FoucaultError | None:
     """Return what explains a specific force at rest that is not gravity by far.
 
     `seen`: its magnitude [m/s^2]; `gravity`: local gravity [m/s^2]; `interval`: usual interval
-    between samples [s]; `band`: it is gravity within this factor, wider where the instrument
-    moves [1]. Returns None where it is gravity but for errors of accelerometers.
+    between samples [s]. Returns None where it is gravity but for errors of accelerometers.
     """
     ratio = seen / gravity
-    if 1 / band < ratio < band:
+    if 1 / GRAVITY_BAND < ratio < GRAVITY_BAND:
         return None
     cause = likely(ratio, factors("accel", interval), GRAVITY_BAND)
     return error("alignment.force", given=f"{seen:.4g}", ratio=f"{ratio:.4g}",

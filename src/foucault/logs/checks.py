@@ -259,15 +259,13 @@ def accel_scale(
     unit: str,
     one: float | None,
     kind: Literal["rate", "increment"],
-    gravity: float = STANDARD_GRAVITY,
 ) -> tuple[Finding, ...]:
     """Compare the median specific force with gravity, and name the unit that would fit.
 
     `accel` (n, 3): specific force as read [m/s^2]; `interval`: nominal sample interval [s];
-    `one`: SI value of one such unit, None for counts with a scale [m/s^2 or m/s]; `gravity`:
-    local gravity [m/s^2].
+    `one`: SI value of one such unit, None for counts with a scale [m/s^2 or m/s].
     """
-    norm = float(np.nanmedian(_norms(accel)))
+    norm, gravity = float(np.nanmedian(_norms(accel))), STANDARD_GRAVITY
     if _near(norm, gravity, GRAVITY_BAND):
         return ()
     words = {"norm": f"{norm:.4g}", "ratio": f"{norm / gravity:.3g}", "unit": unit, "kind": kind}

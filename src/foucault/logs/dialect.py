@@ -240,7 +240,7 @@ def dialect_of(stream: IO[bytes], description: FileLayout, name: str) -> Dialect
         if size > LONGEST_HEAD:
             raise ValueError(f"its first {LONGEST_HEAD >> 20} MB hold no sample")
         text = line.strip()
-        remark = text if _is_comment(text, comment) else remark
+        remark = text if text.startswith(comment) else remark
         marker = text if MARKER in remark and not marker else marker
         content = uncomment(text, comment).strip()
         if content and not _is_head(content, skip, description):
@@ -363,10 +363,6 @@ def _quoted(cells: list[str], delimiter: str) -> list[str]:
         if inside or cell.startswith('"'):
             inside ^= cell.count('"') % 2 == 1
     return [delimiter.join(pieces) for pieces in out]
-
-
-def _is_comment(text: str, comment: tuple[str, ...]) -> bool:
-    return any(text.startswith(mark) for mark in comment)
 
 
 def uncomment(line: str, comment: tuple[str, ...]) -> str:

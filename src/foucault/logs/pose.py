@@ -104,14 +104,11 @@ class PoseDescription(FileLayout):
         if self.file is None:
             raise error("log.no_file")
         two = [name for name in ("second", "base", "heading") if getattr(self, name) is not None]
-        if len(two) > 1 or (two and (self.position_only or self._declared_attitude)):
+        attitude = self.attitude is not None and self.attitude.columns is not None
+        if len(two) > 1 or (two and (self.position_only or attitude)):
             other = "position_only" if self.position_only else "attitude"
             raise error("pose.two_ways", given=" and ".join([*two, other][:2]))
         return self
-
-    @property
-    def _declared_attitude(self) -> bool:
-        return self.attitude is not None and self.attitude.columns is not None
 
     @property
     def reading(self) -> str | None:

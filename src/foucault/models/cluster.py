@@ -149,39 +149,23 @@ _NOMINAL = np.array(
 
 @dataclass(frozen=True)
 class ClusterModel:
-    """Errors of a torqued cluster as matrices.
+    """Errors of a torqued cluster as matrices."""
 
-    Attributes
-    ----------
-    drift : ndarray, shape (3,)
-        d, actual minus commanded rate [rad/s].
-    drift_g : ndarray, shape (3, 3)
-        d_I, d_O, d_S in columns, one gyro per row [rad/s/(m/s^2)].
-    drift_g2 : ndarray, shape (3, 3)
-        d_IO, d_IS, d_OS in columns, one gyro per row [rad/s/(m/s^2)^2].
-    torquer_scale : ndarray, shape (3,)
-        Diagonal of K, actual minus commanded rate [1].
-    gyro_misalignment : ndarray, shape (3, 3)
-        T - I, zero diagonal [rad].
-    accel_bias : ndarray, shape (3,)
-        b [m/s^2].
-    accel_scale : ndarray, shape (3,)
-        s [1].
-    accel_misalignment : ndarray, shape (3, 3)
-        M, below the diagonal [rad].
-    accel_quadratic : ndarray, shape (3,)
-        k [1/(m/s^2)].
-    """
-
+    # (3,) d, actual minus commanded rate [rad/s]
     drift: FloatArray = field(default_factory=lambda: np.zeros(3))
+    # (3, 3) d_I, d_O, d_S in columns, one gyro per row [rad/s/(m/s^2)]
     drift_g: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    # (3, 3) d_IO, d_IS, d_OS in columns, one gyro per row [rad/s/(m/s^2)^2]
     drift_g2: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    # (3,) diagonal of K, actual minus commanded rate [1]
     torquer_scale: FloatArray = field(default_factory=lambda: np.zeros(3))
+    # (3, 3) T - I, zero diagonal [rad]
     gyro_misalignment: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
-    accel_bias: FloatArray = field(default_factory=lambda: np.zeros(3))
-    accel_scale: FloatArray = field(default_factory=lambda: np.zeros(3))
+    accel_bias: FloatArray = field(default_factory=lambda: np.zeros(3))  # (3,) b [m/s^2]
+    accel_scale: FloatArray = field(default_factory=lambda: np.zeros(3))  # (3,) s [1]
+    # (3, 3) M, below the diagonal [rad]
     accel_misalignment: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
-    accel_quadratic: FloatArray = field(default_factory=lambda: np.zeros(3))
+    accel_quadratic: FloatArray = field(default_factory=lambda: np.zeros(3))  # (3,) k [1/(m/s^2)]
 
     @classmethod
     def from_coefficients(cls, vector: CoefficientVector) -> ClusterModel:
@@ -238,13 +222,7 @@ class ClusterModel:
         return CoefficientVector(CONSTANTS, values)
 
     def packed(self, gravity: float) -> FloatArray:
-        """Return the coefficients, shape (42,), in units where local gravity is 1.
-
-        Parameters
-        ----------
-        gravity : float
-            Local gravity [m/s^2].
-        """
+        """Return the coefficients, (42,), in units where local `gravity` [m/s^2] is 1."""
         return self.coefficients().values * normalised(gravity)
 
     @cached_property
@@ -262,13 +240,7 @@ class ClusterModel:
         return out
 
     def drift_rate(self, f_p: FloatArray) -> FloatArray:
-        """Return the drift e of each gyro, shape (..., 3) [rad/s].
-
-        Parameters
-        ----------
-        f_p : ndarray, shape (..., 3)
-            Specific force, frame p [m/s^2].
-        """
+        """Return the drift e of each gyro, (..., 3) [rad/s], at a force `f_p` (..., 3) [m/s^2]."""
         along = np.einsum("gac,...c->...ga", self.gyro_axes, f_p)
         i, o, s = along[..., 0], along[..., 1], along[..., 2]
         pairs = np.stack([i * o, i * s, o * s], axis=-1)
@@ -278,12 +250,7 @@ class ClusterModel:
     def rate(self, command: FloatArray, f_p: FloatArray) -> FloatArray:
         """Return the true rate w_ip_p, shape (..., 3) [rad/s].
 
-        Parameters
-        ----------
-        command : ndarray, shape (..., 3)
-            Commanded rate [rad/s].
-        f_p : ndarray, shape (..., 3)
-            Specific force, frame p [m/s^2].
+        `command` (..., 3): commanded rate [rad/s]; `f_p` (..., 3): specific force, frame p [m/s^2].
         """
         actual = (1 + self.torquer_scale) * command + self.drift_rate(f_p)
         return np.asarray(actual @ np.linalg.inv(self.input_axes).T)
@@ -294,16 +261,10 @@ class ClusterModel:
     ) -> FloatArray:  # fmt: skip
         """Return what the accelerometers say, shape (..., 3) [m/s^2].
 
-        Parameters
-        ----------
-        f_p : ndarray, shape (..., 3)
-            Specific force at the origin of the cluster, frame p [m/s^2].
-        w_ip_p : ndarray, shape (..., 3), or None
-            True rate; needed with lever arms [rad/s].
-        arms : ndarray, shape (3, 3), or None
-            Position of the x, y and z accelerometer in its rows, frame p [m].
-        dw_p : ndarray, shape (..., 3), or None
-            Angular acceleration; None for none [rad/s^2].
+        `f_p` (..., 3): specific force at the origin of the cluster, frame p [m/s^2]; `w_ip_p`
+        (..., 3): true rate, needed with lever arms [rad/s]; `arms` (3, 3) or None: position of the
+        x, y and z accelerometer in its rows, frame p [m]; `dw_p` (..., 3): angular acceleration,
+        None for none [rad/s^2].
         """
         felt = np.broadcast_to(f_p[..., None, :], (*f_p.shape[:-1], 3, 3))
         if arms is not None and w_ip_p is not None:
@@ -320,19 +281,8 @@ class ClusterModel:
     def compensate(self, accel: FloatArray, command: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Compute what is true from what the cluster says: the inverse, without lever arms.
 
-        Parameters
-        ----------
-        accel : ndarray, shape (..., 3)
-            Readings of the accelerometers [m/s^2].
-        command : ndarray, shape (..., 3)
-            Commanded rate [rad/s].
-
-        Returns
-        -------
-        f_p : ndarray, shape (..., 3)
-            Specific force, frame p [m/s^2].
-        w_ip_p : ndarray, shape (..., 3)
-            Rate of the cluster, frame p [rad/s].
+        `accel` (..., 3): readings of the accelerometers [m/s^2]; `command` (..., 3): commanded rate
+        [rad/s]. Returns specific force [m/s^2] and rate [rad/s], frame p, shape (..., 3) each.
         """
         f_p = self._force(accel)
         return f_p, self.rate(command, f_p)
@@ -345,13 +295,7 @@ class ClusterModel:
         return np.asarray(sensed @ np.linalg.inv(np.eye(3) + self.accel_misalignment).T)
 
     def apply(self, log: Log) -> Log:
-        """Remove these errors from a log whose gyro columns hold the command.
-
-        Parameters
-        ----------
-        log : Log
-            Command and readings [SI].
-        """
+        """Remove these errors from a `log` [SI] whose gyro columns hold the command."""
         if log.accel is None:
             raise error("apply.needs_accel", file=log.source.get("file", "The log"))
         f_p = self._force(log.accel)

@@ -262,16 +262,8 @@ def displacement(
 
     ``d_n = C_ne (r_e(to) - r_e)``, exact at any distance.
 
-    Parameters
-    ----------
-    latitude, longitude : float or ndarray, shape (...)
-        Where it begins: geodetic latitude and longitude [rad].
-    height : float or ndarray, shape (...)
-        Height there [m].
-    to_latitude, to_longitude : float or ndarray, shape (...)
-        Where it ends [rad].
-    to_height : float or ndarray, shape (...)
-        Height there [m].
+    `latitude`, `longitude`, `height` (...): geodetic, where it begins [rad], [m]; `to_latitude`,
+    `to_longitude`, `to_height` (...): where it ends [rad], [m].
     """
     d_e = ecef(to_latitude, to_longitude, to_height) - ecef(latitude, longitude, height)
     return np.asarray(np.einsum("...ji,...j->...i", east_north_up(latitude, longitude), d_e))

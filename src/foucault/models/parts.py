@@ -140,32 +140,17 @@ class _File(Strict):
 
 @dataclass(frozen=True)
 class Part:
-    """An instrument by its data sheet.
-
-    Attributes
-    ----------
-    name, maker, grade : str
-        Its name, who makes it, and its class, such as "consumer MEMS".
-    numbers : dict of str to Stated
-        What the sheet says, by the keys of `QUANTITIES`; what it does not say is not there.
-    sources : dict of str to Source
-        Where each of them was read.
-    """
+    """An instrument by its data sheet."""
 
     name: str
     maker: str
-    grade: str
+    grade: str  # its class, such as "consumer MEMS"
+    # what the sheet says, by the keys of `QUANTITIES`; what it does not say is not there
     numbers: dict[str, Stated]
-    sources: dict[str, Source]
+    sources: dict[str, Source]  # where each of them was read
 
     def value(self, key: str) -> float | None:
-        """Return a number of the sheet, None where it is not stated [SI].
-
-        Parameters
-        ----------
-        key : str
-            One of `QUANTITIES`.
-        """
+        """Return a number of the sheet, one of `QUANTITIES`, None where it is not stated [SI]."""
         said = self.numbers.get(key)
         return None if said is None else units.parse(said.text, QUANTITIES[key], key)
 
@@ -173,11 +158,6 @@ class Part:
         """Return the standard deviation that a number stands for, None without it [SI].
 
         What is typical counts as one, a limit as `LIMIT_SDS`.
-
-        Parameters
-        ----------
-        key : str
-            One of `QUANTITIES`.
         """
         value = self.value(key)
         if value is None:
@@ -185,13 +165,7 @@ class Part:
         return value / LIMIT_SDS if self.numbers[key].meant == "max" else value
 
     def basis(self, key: str) -> str:
-        """Return where a number is from: source, page and how it is meant.
-
-        Parameters
-        ----------
-        key : str
-            One of `QUANTITIES`, of those that are stated.
-        """
+        """Return where a number that is stated is from: source, page and how it is meant."""
         said, source = self.numbers[key], self.sources[key]
         meant = {"typical": "typical", "sd": "1 sd", "max": f"limit, {LIMIT_SDS:g} sd"}[said.meant]
         place = f"page {said.page}" if said.page.isdigit() else said.page
@@ -274,21 +248,10 @@ _CURVED = {
 def sizes_of(name: str, warming: float = WARMING) -> dict[str, tuple[float, str]]:
     """Return sizes of the terms that a calibration leaves out, where the data sheet has them.
 
-    Parameters
-    ----------
-    name : str
-        A part, as for `part`.
-    warming : float
-        Change of its temperature from start to end of a session, which makes the drifts [K].
+    `name`: a part, as for `part`; `warming`: change of its temperature from start to end of a
+    session, which makes the drifts [K]. Returns group, of `SIZES` -> one standard deviation [SI],
+    and what it rests on; those of which the sheet says nothing are not there.
 
-    Returns
-    -------
-    dict of str to (float, str)
-        Group, of `SIZES` -> one standard deviation [SI], and what it rests on. Those of which the
-        sheet says nothing are not there.
-
-    Notes
-    -----
     The cross-axis sensitivity of a sheet is linear in the other axes, a misalignment, and no size
     of the cross terms of second order. A variation over all temperatures is no change by kelvin,
     from which the drifts follow.

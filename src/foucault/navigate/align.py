@@ -11,10 +11,8 @@ Of each the covariance is that of phi (E, N, U), ``C_nb_est = (I - [phi x]) C_nb
 at rest in one position sees a gyro bias to the east: `Alignment.azimuth_bias_sd` says what it is
 worth.
 
-Attitude at rest from two vectors: gravity and the Earth's rotation, each as a mean.
-
-Up is the direction of the mean specific force, which is fitted exactly; east is at right angles to
-it and to the mean rate::
+By two vectors, up is the direction of the mean specific force, which is fitted exactly; east is at
+right angles to it and to the mean rate::
 
     u = f / |f|,   e = w x u / |w x u|,   C_nb = [e'; (u x e)'; u']
 

@@ -128,7 +128,6 @@ class InertialFit:
     disturbance_sd: FloatArray  # (3,) its standard deviation, as a mean over an epoch [m/s]
     # (3,) the same of the velocity at one instant, vibration and rounding included [m/s]
     instant_sd: FloatArray
-    effective: FloatArray  # (3,) number of independent samples that its m epochs are worth [1]
     gravity_seen: float  # size of gravity as the accelerometers say [m/s^2]
     # (3, 6) error phi of the attitude at the end of the first epoch per bias of gyros [s] and
     # accelerometers [rad/(m/s^2)]
@@ -275,7 +274,6 @@ def inertial_frame(
         r,
         sd,
         np.hypot(sd, jitter.std(axis=0)),
-        len(r) / inflation,
         gamma * site.gravity,
         at.C_nN[0] @ by_bias[0],
     )

@@ -1,9 +1,8 @@
 """Which stops of a north seeker show its heading best: how well they do, and a search.
 
-How well stops of a north seeker show the heading, quickly: the solution, linearised and level.
-
-Readings are linear in the rates along x_b and y_b, the offset and a linear drift of the gyro; with
-the covariance S of white and slow noise over the stops, and all but the two rates eliminated,
+How well they do is told quickly, by the solution, linearised and level. Readings are linear in the
+rates along x_b and y_b, the offset and a linear drift of the gyro; with the covariance S of white
+and slow noise over the stops, and all but the two rates eliminated,
 
     F = X_r' S^-1 X_r - X_r' S^-1 X_o (X_o' S^-1 X_o + prior)^-1 X_o' S^-1 X_r
 
@@ -12,8 +11,6 @@ into a horizontal one. With latitude known the rates move with the heading alone
 ``w_ie cos L (cos psi, sin psi)``, and ``var = 1 / (e' F e)`` over the square of that rate. An
 error by drift that the solution does not estimate is added, squared. `diagnose.north_stops.predict`
 solves readings instead, tilted ones too; this is for a search that judges many plans.
-
-Which stops of a north seeker show the heading best: the space of a search.
 
 A plan is a sequence of stops, index angle and length, that together with the moves between them
 takes the time of a set-up. Angles are the detents, or multiples of 1 deg; lengths of 0.1 s: what

@@ -573,20 +573,14 @@ def action_sequences(
 
 
 def navigation_test(
-    about: str = "east",
-    *,
-    before: float = 300.0,
-    turns: int = 10,
-    spin_rate: float = SPIN_RATE,
-    rest: float = 500.0,
+    about: str, *, before: float = 300.0, rest: float = 500.0
 ) -> CalibrationSequence:
-    """Return the navigation test of ref. [2]: x up, y east, z north; a spin, then a long rest.
+    """Return the navigation test of ref. [2]: x up, y east, z north; ten turns, then a long rest.
 
-    `before`: length of the rest before it, for alignment [s]; `turns`: turns of the spin [1];
-    `spin_rate`: its rate [rad/s]; `rest`: length of the rest after it [s].
+    `before`: length of the rest before them, for alignment [s]; `rest`: of that after them [s].
     """
     actions = (
-        Rest(before, "alignment"), spin(about, turns, spin_rate, label="spin"), Rest(rest, "rest")
+        Rest(before, "alignment"), spin(about, 10, SPIN_RATE, label="spin"), Rest(rest, "rest")
     )  # fmt: skip
     return CalibrationSequence(f"navigation test about {about}", orientation("UEN"), actions)
 

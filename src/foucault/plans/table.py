@@ -1,6 +1,4 @@
-"""Positions on a table: named sets, how good they are, and a search for better ones.
-
-Search for positions on a table: which to take, and in what order.
+"""Search for positions on a table: which to take, and in what order.
 
 A plan is a set of positions. What a session in them tells of the coefficients is a sum over the
 positions (see `procedures.on_table.plan`), so that a changed position costs one evaluation of a
@@ -457,12 +455,9 @@ class PositionSpace(Space):
 
     def cost(self, plan: Plan) -> float:
         """Return the logarithm of how much worse a plan is than the reference; negative: better."""
-        if self.integrity and not self._honest(plan):
+        if self.integrity and not efficiency(up_k(np.array(plan)), self.integrity).named:
             return inf
         return self.size(plan) - self.unit
-
-    def _honest(self, plan: Plan) -> bool:
-        return efficiency(up_k(np.array(plan)), self.integrity).named
 
     def size(self, plan: Plan) -> float:
         """Return the logarithm of what the criterion makes small; infinite: nothing is seen."""

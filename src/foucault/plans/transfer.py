@@ -1,6 +1,4 @@
-"""Motions on which a slave is calibrated in its vehicle.
-
-Motions on which one instrument is calibrated against another in the same vehicle.
+"""Motions on which a slave is calibrated against its master, and a search for better ones.
 
 Each is a calibration, after which the master falls silent (the hand-over), and an outage, through
 which the calibrated instrument navigates alone. The outages have turns in them: a straight one
@@ -21,12 +19,11 @@ ship           240 s and 600 s of a ship at 6 m/s in a swell of 9 s, roll 5 deg,
 The swell of the ship, and the gusts of the small aircraft, fade in and out within some seconds
 where one segment follows another.
 
-Search for manoeuvres that show a slave's errors before its master falls silent.
-
-A plan is a list of manoeuvres, the last of which goes straight on for what is left of the time.
-What it shows is the covariance of a filter beside a master without noise, see
-`procedures.transfer_alignment.session`; either the coefficients count, or what all errors
-together make of the position after an outage.
+What is sought are manoeuvres that show the slave's errors before its master falls silent. A plan is
+a list of manoeuvres, the last of which goes straight on for what is left of the time. What it shows
+is the covariance of a filter beside a master without noise, see
+`procedures.transfer_alignment.session`; either the coefficients count, or what all errors together
+make of the position after an outage.
 
 References
 ----------

@@ -241,9 +241,7 @@ def sequence(
     return TorquingPlan(words, np.zeros(3), steps)
 
 
-def from_rates(
-    rates: Sequence[FloatArray], times: Sequence[float], name: str = "user plan"
-) -> TorquingPlan:
+def from_rates(rates: Sequence[FloatArray], times: Sequence[float]) -> TorquingPlan:
     """Return a plan of any rates.
 
     `rates` (3,): rate of each step, frame p [rad/s]; `times`: how long each is held [s].
@@ -252,7 +250,7 @@ def from_rates(
         Step(np.asarray(rate, float), float(time), f"step {k}")
         for k, (rate, time) in enumerate(zip(rates, times, strict=True), 1)
     )
-    return TorquingPlan(name, np.zeros(3), steps)
+    return TorquingPlan("user plan", np.zeros(3), steps)
 
 
 def starting(plan: TorquingPlan, start: FloatArray, ramp: float = 0.0) -> TorquingPlan:

@@ -19,9 +19,6 @@ from foucault.models.rotation import body_rate, exp, matrix_of
 from foucault.simulate.noise import sampled_log
 from foucault.tables import Log, whole_samples
 
-MOTIONS = ("all axes", "rotation only", "one axis", "planar", "translation only", "constant rate")
-"""What a hand may do."""
-
 TONES = 6
 """Oscillations of each angle and place [1]."""
 
@@ -43,7 +40,10 @@ class HandMotion:
 
     @classmethod
     def drawn(cls, name: str, vigour: float, rng: np.random.Generator) -> HandMotion:
-        """Draw a motion, one of `MOTIONS`; `vigour`: how fast against the usual one [1]."""
+        """Draw a motion, of all axes but where `name` says less.
+
+        `vigour`: how fast against the usual one [1].
+        """
         wide = np.repeat([ANGLE_SD, PLACE_SD], 3) * np.sqrt(2 / TONES)
         wide[1] *= 0.5  # pitch stays away from straight up
         moves = {"rotation only": (0, 1, 2), "one axis": (0,), "planar": (0, 3, 4),

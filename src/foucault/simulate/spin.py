@@ -49,10 +49,7 @@ RAMP, PAUSE = 1.0, 1.5
 def simulate_spins(
     plan: SpinPlan, model: ImuModel, noise: ImuNoise, site: Site, seed: int
 ) -> Simulated:  # fmt: skip
-    """Simulate a session: `seed` [1] gives one of its motion and one of its `noise` [SI].
-
-    Attitudes are products of rotations, specific force and rates follow from their axes.
-    """
+    """Simulate a session: `seed` [1] gives one of its motion and one of its `noise` [SI]."""
     draw, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence([seed, 6]).spawn(2))
     long = plan.spin_time + 2 * RAMP + PAUSE
     count = len(plan.rates) * len(plan.mountings)

@@ -1,18 +1,14 @@
 """Instruments on a table: means of many at once, or the log of one.
 
-Simulate what instruments say on a table, as means over rests and whole turns, many at once.
-
 In a rest the mean specific force is g along up, and the mean rate that of the Earth. Over whole
 turns of the outer axis, o in body axes and tilted by the plumb errors of the table::
 
     f = g cos(tilt) o - h^2 (r - (r.o) o)       w = h o,    h = true rate + Earth's rate along o
 
-exactly, but for the square of the tilt. `log` simulates the same sample by sample.
-
-Simulate a session on a table: the log a user would save, with the truth beside it.
-
-The angles of all three axes move along smooth profiles, so that rates and accelerations are known
-in closed form. With a_o, a_m, a_i the outer, middle and inner axis in case axes (`Chain.axes`)::
+exactly, but for the square of the tilt: `simulate_readings` makes such means of many instruments at
+once. `simulate` makes the log of one, sample by sample: the angles of all three axes move along
+smooth profiles, so that rates and accelerations are known in closed form. With a_o, a_m, a_i the
+outer, middle and inner axis in case axes (`Chain.axes`)::
 
     w_tk = a_o o' + a_m m' + a_i i'
     w_tk' = a_o o'' + a_m m'' + a_i i'' + o' a_o x (a_m m' + a_i i') + m' a_m x a_i i'

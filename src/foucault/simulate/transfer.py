@@ -10,8 +10,6 @@ more or less later::
     stamped at validity    time = c
     both                   time = c, arrival = t + delay + jitter
 
-Simulate transfer alignment: a master INS and a slave IMU on one vehicle.
-
 The vehicle moves by a plan (`plans.transfer`); the master says where it is and how it is
 turned; the slave sits elsewhere, is not quite fastened as it should be,
 and errs (`Slave`). After the hand-over the master is silent and the slave goes on
@@ -99,39 +97,20 @@ class MasterNoise:
 
 @dataclass(frozen=True)
 class Link:
-    """How the messages come.
+    """How the messages come."""
 
-    Attributes
-    ----------
-    rate : float
-        Messages in a second of the master's clock [Hz].
-    delay : float
-        From validity to arrival [s].
-    jitter : float
-        Standard deviation of it; up to three times as much comes [s].
-    lost : float
-        Part of the messages that never arrive [1].
-    silent : tuple of (float, float)
-        Beginning and end of stretches without messages [s].
-    repeated : float
-        Part of the messages that the logger writes a second time, a third of an interval later [1].
-    stamped : {"arrival", "validity", "both"}
-        See the text of the module.
-    drift : float
-        By how much the master's clock is fast; 20e-6 are 20 ppm [1].
-    offset : float
-        What the master's clock reads at time 0 of the slave's [s].
-    """
-
-    rate: float = 10.0
-    delay: float = 0.1
-    jitter: float = 0.0
-    lost: float = 0.0
+    rate: float = 10.0  # messages in a second of the master's clock [Hz]
+    delay: float = 0.1  # from validity to arrival [s]
+    jitter: float = 0.0  # standard deviation of it; up to three times as much comes [s]
+    lost: float = 0.0  # part of the messages that never arrive [1]
+    # beginning and end of stretches without messages [s]
     silent: tuple[tuple[float, float], ...] = ()
+    # part of the messages that the logger writes a second time, a third of an interval later [1]
     repeated: float = 0.0
+    # see the text of the module
     stamped: Literal["arrival", "validity", "both"] = "arrival"
-    drift: float = 0.0
-    offset: float = 0.0
+    drift: float = 0.0  # by how much the master's clock is fast; 20e-6 are 20 ppm [1]
+    offset: float = 0.0  # what the master's clock reads at time 0 of the slave's [s]
 
     def __post_init__(self) -> None:
         period = 1.0 / self.rate if self.rate > 0 else np.nan
@@ -505,16 +484,9 @@ def draw_slave(
 ) -> Slave:
     """Draw the errors of mounting and IMU that a slave has this time.
 
-    Parameters
-    ----------
-    rng : Generator
-        Source of random numbers.
-    grade : Grade or None
-        Spread of its errors, and its noise; None for `turn_on_grade`.
-    installation : float
-        Standard deviation of mu about each axis [rad].
-    slave : Slave or None
-        What else is to be said of it: lever arm, flexure and so on.
+    `grade`: spread of its errors, and its noise, None for `turn_on_grade`; `installation`: standard
+    deviation of mu about each axis [rad]; `slave`: what else is to be said of it: lever arm,
+    flexure and so on.
     """
     grade = grade or turn_on_grade()
     names = [LAYOUT.names[i] for group in grade.spread for i in LAYOUT.group(group)]
@@ -596,27 +568,11 @@ def simulate_transfer(
 ) -> TransferSimulation:
     """Simulate one run.
 
-    Parameters
-    ----------
-    profile : TransferProfile
-        What the vehicle does.
-    rate : float
-        Samples of the slave in a second [Hz].
-    slave : Slave or None
-        The slave; None for one without errors where the master is. See `draw_slave`.
-    link : Link or None
-        How messages come; None for 10 Hz and 100 ms.
-    noise : MasterNoise or None
-        Errors of the master.
-    barometer : Barometer or None
-        Errors of the barometer.
-    gravity_offset : float
-        Local minus normal gravity [m/s^2].
-    seed : int, shape ()
-        Seed of all that is drawn here [1].
+    `profile`: what the vehicle does; `rate`: samples of the slave in a second [Hz]; `slave`: None
+    for one without errors where the master is, see `draw_slave`; `link`: how messages come, None
+    for 10 Hz and 100 ms; `noise`, `barometer`: errors of the master and of the barometer;
+    `gravity_offset`: local minus normal gravity [m/s^2]; `seed`: of all that is drawn here [1].
 
-    Notes
-    -----
     Runs of one profile, rate and lever arm share the motion: the first takes some seconds, those
     after it tenths of one.
     """
