@@ -591,7 +591,7 @@ def best_of(
     starts: list[FloatArray],
 ) -> Best:  # fmt: skip
     """Solve from `starts` (m, 4) [rad] by `covariance` (m, 4, 4) [SI], the best first."""
-    from foucault.kernels.north_seeking import likelihood_batch
+    from foucault.kernels.north_likelihood import likelihood_batch
 
     model, m = compensation.model, len(pairs)
     A = np.vstack([model.gyro_matrix[:2], model.accel_matrix[:2]])
