@@ -208,13 +208,12 @@ def settled(pairs: Pairs, known: Known, compensation: Compensation, at: Best | F
     starts = [at.angles, at.other]
     if isinstance(at, Fixes):  # what fits badly or hardly tells has other minima by other weights
         fits = (at.status == 0) & (at.square < PLAUSIBLE) & (at.sd[:, 0] < LINEAR)
-        again = ~(fits & ~at.ambiguous)[:, None]
-        if again.any():
-            every = starts_of(pairs, known, compensation)
-            every = [np.where(again, start, np.nan) for start in every]
-            new = best_of(pairs, pairs.cov, known, compensation, every)
-            starts = [np.where(again, *two) for two in
-                      ((new.angles, at.angles), (new.other, at.other))]  # fmt: skip
+        again = np.flatnonzero(~fits | at.ambiguous)
+        if len(again):
+            few, of = pairs.together(again), known.of(again)
+            new = best_of(few, few.cov, of, compensation, starts_of(few, of, compensation))
+            starts = [start.copy() for start in starts]
+            starts[0][again], starts[1][again] = new.angles, new.other
     more = _calibration_roots(starts[0], known, compensation, shared)
     pairs = replace(pairs, roots=pairs.roots | more)
     if isinstance(at, Fixes) or more:

@@ -94,6 +94,8 @@ class Pairs:
     accel_weights: FloatArray = field(default_factory=lambda: np.zeros((0, 1, 2)))
     # more sources, each as a root of its covariance, (m, 4, c) [SI]
     roots: dict[str, FloatArray] = field(default_factory=dict)
+    # rows (g, k) of alike set-ups, and how their accelerometers were fitted; None without readings
+    accel_fits: list[tuple[IntArray, Any]] | None = None
 
     def __len__(self) -> int:
         return len(self.values)
@@ -128,6 +130,10 @@ class Pairs:
         skip = len(self.stacked) - len(self.sources)
         return dict(zip((*self.sources, *self.roots), out[skip:], strict=True))
 
+    def together(self, some: IntArray) -> Pairs:
+        """Return set-ups `some` (k,) [1] with all sources as one, for their solutions alone."""
+        return replace(self, values=self.values[some], sources={"": self.cov[some]}, roots={})
+
     @property
     def noise_alone(self) -> Pairs:
         """The same with the white noise alone, for a bound."""
@@ -140,7 +146,7 @@ class Pairs:
         none, gyro, accel = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 1, 2))
         return replace(self, sources={}, roots={}, accel_white=np.zeros((0, 1)), fit=none,
                        residuals=none, accel_residuals=none,
-                       gyro_weights=gyro, accel_weights=accel)  # fmt: skip
+                       gyro_weights=gyro, accel_weights=accel, accel_fits=None)  # fmt: skip
 
     def worst(self, first: IntArray) -> tuple[FloatArray, IntArray]:
         """Return how far the gyro's worst reading of every set-up is off [sd], and which it is [1].
@@ -183,6 +189,7 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
     chi_square, dof = np.zeros((m, 2)), np.zeros((m, 2), np.int64)
     accel_white = np.zeros((n, 1) if dwells.accel is None else dwells.accel.shape)
     gyro_weights, accel_weights = np.zeros((n, 2)), np.zeros((*accel_white.shape, 2))
+    fits = list[tuple[IntArray, Any]]()
     for setups, rows, first in _alike(dwells):
         wrong = _index_variance(dwells, rows, first, noise, nuisance)
         gyro = _gyro_fit(first, noise.gyro, nuisance, wrong[0])
@@ -206,6 +213,7 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
         all_weights[:, 0, :2] = W
         if dwells.accel is not None:
             accel = _accel_fit(first, noise.accel, wrong[1])
+            fits.append((rows, accel))
             A = dwells.accel[rows].reshape(len(rows), -1)
             found = _times(accel.weights, A)
             values[setups, 2:] = found[:, :2]
@@ -228,7 +236,8 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
             parts[INDEXING][setups] = _indexing(first, all_weights, values[setups], nuisance)
     used = {k: v for k, v in parts.items() if v.any()}
     return Pairs(values, used, offset, drift, slope, fit, residuals[0], residuals[1],
-                 chi_square, dof, accel_white, gyro_weights, accel_weights)  # fmt: skip
+                 chi_square, dof, accel_white, gyro_weights, accel_weights,
+                 accel_fits=fits)  # fmt: skip
 
 
 def rates_of(
@@ -252,15 +261,14 @@ def rates_of(
         yield out
 
 
-def left_white(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance, more: FloatArray) -> FloatArray:
-    """Return what `reduce` leaves of something added to the accelerometers, as white residuals.
+def left_white(pairs: Pairs, more: FloatArray) -> FloatArray:
+    """Return what the fits leave of something added to the accelerometers, as white residuals.
 
-    `dwells`: readings, weighed as by `reduce` [SI]; `more` (n, q, c): c columns of what is added to
-    them [m/s^2]. Returns (n, q, c) [1].
+    `pairs`: set-ups with their readings [SI]; `more` (n, q, c): c columns of what is added to these
+    [m/s^2]. Returns (n, q, c) [1].
     """
     out = np.zeros_like(more)
-    for _, rows, d in _alike(dwells):
-        fit = _accel_fit(d, noise.accel, _index_variance(dwells, rows, d, noise, nuisance)[1])
+    for rows, fit in pairs.accel_fits or ():
         g, k = rows.shape
         x = more[rows].reshape(g, -1, more.shape[2])
         left = x - fit.design @ (fit.weights @ x)
@@ -277,8 +285,7 @@ def _alike(dwells: Dwells) -> Iterator[tuple[IntArray, IntArray, Dwells]]:
 
     These have one row where all stops of the group are the same, else g [SI].
     """
-    order = np.argsort(dwells.setup, kind="stable")
-    edges = np.searchsorted(dwells.setup[order], np.arange(len(dwells.names) + 1))
+    edges = np.searchsorted(dwells.setup, np.arange(len(dwells.names) + 1))
     count = np.diff(edges)
     still = np.zeros(len(count), bool)
     if dwells.turning is not None and dwells.turning.any():
@@ -288,10 +295,10 @@ def _alike(dwells: Dwells) -> Iterator[tuple[IntArray, IntArray, Dwells]]:
         alike, k = np.flatnonzero(kind == one), one // 2
         most = max(AT_ONCE // k**2, 1)
         for setups in np.split(alike, np.arange(most, len(alike), most)):
-            rows = order[edges[setups, None] + np.arange(k)]
+            rows = edges[setups, None] + np.arange(k)
             d = dwells.rows(rows)
-            shape = np.stack([d.cosine, d.sine, d.time, d.start - d.start[:, :1]])
-            same = not np.ptp(np.round(shape, 9), axis=1).any()
+            shape = (d.cosine, d.sine, d.time, d.start - d.start[:, :1])
+            same = all((x == x[0]).all() or not np.ptp(np.round(x, 9), axis=0).any() for x in shape)
             yield setups, rows, dwells.rows(rows[:1]) if same else d
 
 
@@ -518,7 +525,7 @@ def horizontal_of(pairs: Pairs, known: Known, compensation: Compensation) -> Flo
     """
     N, M, _, _ = compensated(pairs.values, known.gravity, compensation).T
     cos = 1.0 if known.latitude is None else np.cos(known.latitude)
-    xx, yy, xy = pairs.cov[:, [0, 1, 0], [0, 1, 1]].T
+    xx, yy, xy = (pairs.cov[:, i, k] for i, k in ((0, 0), (1, 1), (0, 1)))
     largest = (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)
     return np.where(largest < (HARDLY * EARTH_RATE * cos) ** 2, np.hypot(N, M), 0.0)
 

@@ -22,12 +22,12 @@ import numpy as np
 from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.north import Implausible, drift_effect, implausible, signal_to_noise
 from foucault.estimate.north import Fixes, Known, bound, level_square, settled, solve
-from foucault.estimate.north_reduction import Nuisance, Pairs, left_white, reduce
+from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
 from foucault.models.earth import Site
 from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Compensation, Dwells
-from foucault.procedures.north_seeking.counted import explained, moved, on_case
+from foucault.procedures.north_seeking.counted import Scatter, moved, on_case
 from foucault.procedures.north_seeking.field import (
     HOUR,
     Left,
@@ -137,15 +137,19 @@ class Told:
     # group -> its terms, of groups that do something to these set-ups
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     misfit: bool = False  # accelerometers of one scatter by more than their noise
+    scatter: Scatter | None = None  # what may explain that, None: nothing is asked
 
     def __add__(self, more: Told) -> Told:
         products = self.products
         if products is not None and more.products is not None:
             products += more.products
+        scatter = self.scatter
+        if scatter is not None and more.scatter is not None:
+            scatter += more.scatter
         each = zip(self.implausible, more.implausible, strict=True)
         return Told(
             tuple(max(two, key=lambda one: one.size) for two in each), products,
-            {**self.groups, **more.groups}, self.misfit or more.misfit,
+            {**self.groups, **more.groups}, self.misfit or more.misfit, scatter,
         )  # fmt: skip
 
 
@@ -192,7 +196,8 @@ class Seeking:
             left = Left.of(dwells, pairs, fixes.angles, known, compensation, self._terms,
                            self._span)  # fmt: skip
             products = left.products(fixes.status == 0)
-            told = Told(told.implausible, products, left.groups, misfits(pairs))
+            scatter = None if dwells.accel is None else self._scatter(dwells, pairs, fixes, known)
+            told = Told(told.implausible, products, left.groups, misfits(pairs), scatter)
             pairs, known = left.counted(times)
             fixes = settled(pairs, known, compensation, fixes)
         least = bound(pairs, known, compensation, fixes.angles)
@@ -218,16 +223,8 @@ class Seeking:
         names = self.compensation.coefficients.names
         return Terms.of(names, self.site, self.sizes or {}, on_case(self.dwells))
 
-    def scatter(self, times: Mapping[str, float]) -> FloatArray:
-        """Return the products of `counted.explained` over all set-ups, by `times` [1]."""
-        return np.asarray(sum(in_blocks(len(self.dwells.names), partial(self._scatter, times))))
-
-    def _scatter(self, times: Mapping[str, float], some: IntArray) -> FloatArray:
-        dwells, known = self.dwells.setups(some), self.known.of(some)
-        pairs = reduce(dwells, self.noise, self.nuisance)
-        fixes = solve(pairs, known, self.compensation)
+    def _scatter(self, dwells: Dwells, pairs: Pairs, fixes: Fixes, known: Known) -> Scatter:
         w_b, f_b = truth_of(np.where(np.isfinite(fixes.angles), fixes.angles, 0.0), known)
         begin, end = self._span
         motion = moved(dwells, f_b, w_b)._replace(begin=begin, end=end)
-        white = partial(left_white, dwells, self.noise, self.nuisance)
-        return explained(pairs, dwells, motion, white, times, self.site, self._terms.sizes)
+        return Scatter.of(pairs, dwells, motion, self.site, self._terms.sizes)
