@@ -66,9 +66,7 @@ class Names(Sequence[str]):
 def chosen(names: Sequence[str], some: IntArray) -> Sequence[str]:
     """Return those of `names` at the places `some` (k,) [1]."""
     if isinstance(names, Names):
-        import pyarrow as pa
-
-        return Names(names.column.take(pa.array(some)))
+        return Names(names.column.take(to_arrow(some)))
     return tuple(names[i] for i in some.tolist())
 
 

@@ -199,10 +199,13 @@ def sought(pairs: Pairs, known: Known, compensation: Compensation) -> Best:
     return best_of(pairs, pairs.cov, known, compensation, starts_of(pairs, known, compensation))
 
 
-def settled(pairs: Pairs, known: Known, compensation: Compensation, at: Best | Fixes) -> Fixes:
+def settled(
+    pairs: Pairs, known: Known, compensation: Compensation, at: Best | Fixes, budget: bool = True
+) -> Fixes:
     """Weigh set-ups with what the calibration, and roots that `pairs` [SI] has, do at solutions.
 
-    `at`: of `sought`, or fixes by other weights [rad].
+    `at`: of `sought`, or fixes by other weights [rad]; `budget`: whether variances are wanted by
+    source too.
     """
     pairs, shared = levelled(pairs, known, compensation)
     starts = [at.angles, at.other]
@@ -220,16 +223,16 @@ def settled(pairs: Pairs, known: Known, compensation: Compensation, at: Best | F
         best = best_of(pairs, pairs.cov, known, compensation, starts)
     else:
         best = at
-    gain, budget = best.gain[..., :4], pairs.shares(best.gain)
+    gain, parts = best.gain[..., :4], pairs.shares(best.gain) if budget else {}
     horizontal = horizontal_of(pairs, known, compensation)
     if known.latitude is not None:
         sd = np.reshape(np.maximum(known.latitude_sd, EXACT), (-1, 1))
-        budget[LATITUDE] = best.gain[..., 4] ** 2 * sd**2
+        parts[LATITUDE] = best.gain[..., 4] ** 2 * sd**2
     else:
-        widen(best, horizontal, pairs, known, compensation, budget)
+        widen(best, horizontal, pairs, known, compensation, parts)
     slope = gain[:, 0] if shared is None else (gain[:, :1] @ shared)[:, 0]
     return Fixes(
-        best.angles, best.cov, budget, best.square, best.other,
+        best.angles, best.cov, parts, best.square, best.other,
         best.other_square, _ambiguous(best, known), best.status, horizontal > 1.0, slope,
     )  # fmt: skip
 

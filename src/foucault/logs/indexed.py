@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray, Names, chosen, of_arrow
+from foucault.arrays import FloatArray, IntArray, Names, chosen, of_arrow, to_arrow
 from foucault.errors import Finding, error, finding
 from foucault.files import sha256
 from foucault.logs import checks
@@ -320,17 +320,17 @@ def _labels(used: IndexedDescription, raw: RawTable, path: Path) -> _Labels | No
         blocks = raw.words(number)
     else:
         numbers = (block[:, 0] for block in kept(raw, path).blocks([number]))
-        blocks = (pa.array(["" if np.isnan(x) else f"{x:.12g}" for x in some.tolist()], pa.string())
-                  for some in numbers)  # fmt: skip
-    runs, count = [pa.array([], pa.string())], [np.empty(0, np.int64)]
+        words = (["" if np.isnan(x) else f"{x:.12g}" for x in some.tolist()] for some in numbers)
+        blocks = (to_arrow(np.array(some, object)) for some in words)
+    runs, count = [pa.nulls(0, pa.string())], [np.empty(0, np.int64)]
     for cells in blocks:
         moved = of_arrow(compute.not_equal(cells[1:], cells[:-1]))
         first = np.flatnonzero(np.append(np.ones(min(len(cells), 1), bool), moved))
-        runs.append(cells.take(pa.array(first)))
+        runs.append(cells.take(to_arrow(first)))
         count.append(np.diff(first, append=len(cells)))
     coded = compute.utf8_trim_whitespace(pa.concat_arrays(runs)).dictionary_encode()
-    code, empty = of_arrow(coded.indices), compute.index(coded.dictionary, "").as_py()
-    each = np.where(code == empty, -1, code.astype(np.int64))
+    code, length = of_arrow(coded.indices), of_arrow(compute.binary_length(coded.dictionary))
+    each = np.where(length[code] == 0, -1, code.astype(np.int64))
     return _Labels(coded.dictionary, np.repeat(each, np.concatenate(count)))
 
 

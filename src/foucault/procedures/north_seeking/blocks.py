@@ -21,7 +21,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.north import Implausible, drift_effect, implausible, signal_to_noise
-from foucault.estimate.north import Fixes, Known, bound, level_square, settled, solve
+from foucault.estimate.north import Fixes, Known, bound, level_square, settled, sought
 from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
 from foucault.models.earth import Site
 from foucault.models.left_out import Sizes
@@ -191,7 +191,8 @@ class Seeking:
         compensation = self.compensation
         pairs = reduce(dwells, self.noise, self.nuisance)
         told = Told(implausible(dwells, pairs, known, compensation))
-        fixes = solve(pairs, known, compensation)
+        alone = self.sizes is None
+        fixes = settled(pairs, known, compensation, sought(pairs, known, compensation), alone)
         if self.sizes is not None:
             left = Left.of(dwells, pairs, fixes.angles, known, compensation, self._terms,
                            self._span)  # fmt: skip
