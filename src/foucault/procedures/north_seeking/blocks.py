@@ -12,8 +12,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
-from itertools import chain
+from functools import cached_property
 from operator import add
 from typing import Any, TypeVar
 
@@ -40,12 +39,12 @@ from foucault.procedures.north_seeking.field import (
 BLOCK = 4096
 """Set-ups that are solved at once: fewer, and each call of a block costs as much as they do [1]."""
 
-T = TypeVar("T")
+T, U = TypeVar("T"), TypeVar("U")
 
 
-def in_blocks(count: int, of: Callable[[IntArray], T]) -> Iterator[T]:
-    """Yield what `of` makes of the numbers of `count` set-ups [1], block by block."""
-    blocks = np.split(np.arange(count), range(BLOCK, count, BLOCK))
+def in_blocks(count: int, of: Callable[[IntArray], T], start: int = 0) -> Iterator[T]:
+    """Yield what `of` makes of the numbers of set-ups `start` to `count` [1], block by block."""
+    blocks = np.split(np.arange(start, count), range(BLOCK, count - start, BLOCK))
     cores = min(len(blocks), os.cpu_count() or 1)
     if cores == 1:
         yield from map(of, blocks)
@@ -54,19 +53,25 @@ def in_blocks(count: int, of: Callable[[IntArray], T]) -> Iterator[T]:
         yield from pool.map(of, blocks)
 
 
-def joined(parts: Iterator[T], m: int) -> T:
+def joined(count: int, of: Callable[[IntArray], tuple[T, U]]) -> tuple[T, list[U]]:
     """Return one of the dataclasses of all blocks, with all their arrays one after the other.
 
-    Each is put in its place as it comes: memory holds the arrays once.
+    Each is put in its place by who made it: memory holds the arrays once.
 
-    `m`: set-ups of all [1].
+    `count`: set-ups of all [1]; `of`: makes of the numbers of some [1] what is joined, and what is
+    returned block by block.
     """
-    first = next(parts)
-    whole: T = _room(first, m)
-    at = 0
-    for part in chain([first], parts):
-        at = _put(whole, part, m, at)
-    return whole
+    one, told = of(np.arange(min(BLOCK, count)))
+    whole: T = _room(one, count)
+    _put(whole, one, count, 0)
+
+    def put(some: IntArray) -> U:
+        part, more = of(some)
+        _put(whole, part, count, int(some[0]))
+        return more
+
+    rest = in_blocks(count, put, BLOCK) if count > BLOCK else ()
+    return whole, [told, *rest]
 
 
 def _fields(part: Any) -> Iterator[tuple[str, Any]]:
@@ -87,20 +92,19 @@ def _room(part: Any, m: int) -> Any:
     return type(part)(**out)
 
 
-def _put(whole: Any, part: Any, m: int, start: int) -> int:
-    """Put a part, of m set-ups in all, to set-up `start`; return where the next begins."""
-    end = start + len(part)
+def _put(whole: Any, part: Any, m: int, start: int) -> None:
+    """Put a part, of m set-ups in all, to set-up `start`."""
     for name, x in _fields(part):
         room = getattr(whole, name)
         if isinstance(x, np.ndarray):
             room[start : start + len(x)] = x
         elif isinstance(x, dict):
             for key, each in x.items():  # a source that is none of another block is nothing there
-                there = room.setdefault(key, np.zeros((m, *each.shape[1:])))
-                there[start:end] = each
+                if key not in room:
+                    room.setdefault(key, np.zeros((m, *each.shape[1:])))  # another may be faster
+                room[key][start : start + len(each)] = each
         elif x is not None:
             _put(room, x, m, start)
-    return end
 
 
 @dataclass(frozen=True)
@@ -171,16 +175,16 @@ class Seeking:
 
     def found(self, times: Mapping[str, float]) -> tuple[Found, Told]:
         """Solve all set-ups, with so many `times` the sizes of groups of what is left out [1]."""
-        m = len(self.dwells.names)
-        parts = in_blocks(m, partial(self.of_some, times))
-        told = list[Told]()
 
-        def each() -> Iterator[Found]:
-            for found, more in parts:
-                told.append(more)
-                yield found.results
+        def of(some: IntArray) -> tuple[Found, tuple[Told, list[str]]]:
+            found, told = self.of_some(times, some)
+            return found.results, (told, [*found.fixes.sources])
 
-        return joined(each(), m), functools.reduce(add, told)
+        whole, told = joined(len(self.dwells.names), of)
+        names = dict.fromkeys(name for _, some in told for name in some)  # whoever was faster
+        sources = {name: whole.fixes.sources[name] for name in names}
+        fixes = replace(whole.fixes, sources=sources)
+        return replace(whole, fixes=fixes), functools.reduce(add, (one for one, _ in told))
 
     def of_some(self, times: Mapping[str, float], some: IntArray) -> tuple[Found, Told]:
         """Solve set-ups of numbers `some` (k,) as `found` does all, with all that is said of them.

@@ -285,9 +285,7 @@ def _noise(
     free = drift_sd(dwells, GUESS, settings.drift, settings.drift_sd)
     nuisance = _nuisance(settings, free)
     m = len(dwells.names)
-    pairs = joined(in_blocks(
-        m, lambda some: reduce(dwells.setups(some), GUESS, nuisance).results
-    ), m)  # fmt: skip
+    pairs, _ = joined(m, lambda some: (reduce(dwells.setups(some), GUESS, nuisance).results, None))
     found = from_residuals(pairs, dwells.accel is not None)
     if found is None:
         also = ' and --accel-noise "5 ug/sqrt(Hz)"' if dwells.accel is not None else ""
