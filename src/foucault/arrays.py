@@ -98,6 +98,14 @@ def of_arrow(column: Any) -> npt.NDArray[Any]:
     return np.frombuffer(data, kind, len(column), column.offset * kind.itemsize)
 
 
+def runs_of(cells: Any) -> IntArray:
+    """Return where runs of equal words begin in an array of strings of pyarrow, shape (k,) [1]."""
+    from pyarrow import compute
+
+    moved = of_arrow(compute.not_equal(cells[1:], cells[:-1]))
+    return np.flatnonzero(np.append(np.ones(min(len(cells), 1), bool), moved))
+
+
 def to_arrow(values: Any) -> Any:
     """Return a column for a table of pyarrow, as `pyarrow.array` does without importing pandas."""
     import pyarrow as pa

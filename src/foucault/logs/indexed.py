@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray, Names, chosen, of_arrow, to_arrow
+from foucault.arrays import FloatArray, IntArray, Names, chosen, of_arrow, runs_of, to_arrow
 from foucault.errors import Finding, error, finding
 from foucault.files import sha256
 from foucault.logs import checks
@@ -324,8 +324,7 @@ def _labels(used: IndexedDescription, raw: RawTable, path: Path) -> _Labels | No
         blocks = (to_arrow(np.array(some, object)) for some in words)
     runs, count = [pa.nulls(0, pa.string())], [np.empty(0, np.int64)]
     for cells in blocks:
-        moved = of_arrow(compute.not_equal(cells[1:], cells[:-1]))
-        first = np.flatnonzero(np.append(np.ones(min(len(cells), 1), bool), moved))
+        first = runs_of(cells)
         runs.append(cells.take(to_arrow(first)))
         count.append(np.diff(first, append=len(cells)))
     coded = compute.utf8_trim_whitespace(pa.concat_arrays(runs)).dictionary_encode()
