@@ -159,7 +159,7 @@ def _extreme(z: FloatArray, false_alarm: float) -> list[int]:
         n, low, high = last - first + 1, values[first], values[last]
         middle = (of_below[half - first] + of_above[last + 1 - half]) / n
         squares = square_below[half - first] + square_above[last + 1 - half]
-        variance = (squares - n * middle * middle) / (n - 1)
+        variance = (squares - n * (middle * middle)) / (n - 1)
         spread = math.sqrt(variance) if variance >= 0.0 else math.inf  # all alike, to rounding
         above = high - middle > middle - low
         taken.append(numbers[last if above else first])
