@@ -423,7 +423,8 @@ def _seen(
 
     g, k = x.shape
     fit = _fit(design, sd, d, noise, size, own=g if index_sd else 1)
-    said = _Seen(np.empty((g, len(sd))), *np.empty((3, g, k)), np.empty(g))
+    expected, residuals, white = np.empty((3, g, k))
+    said = _Seen(np.empty((g, len(sd))), expected, residuals, white, np.empty(g))
     seen_batch(
         fit.design, fit.white, fit.slow, _known(sd, size), np.ascontiguousarray(x), d.cosine,
         d.sine, index_sd, fit.weights, fit.root, fit.redundancy, fit.dof, fit.unseen, said.unknowns,

@@ -198,27 +198,13 @@ def _weigh(X, v, C, known, n, W, L, redundancy, dof, unseen, J, N, x):
     """
     k, p = X.shape[0], X.shape[1]
     bad, scale = x[p + 1], x[:p]
-    for j in range(n):
-        bad[j] = 0.0
-    for b in range(k):
-        for j in range(n):
-            x[p, j] = 1e-13 * (C[b, b, j] + v[b, j])
-            L[b, b, j] = C[b, b, j] + v[b, j]
-        for c in range(b):
-            for j in range(n):
-                L[b, b, j] -= L[b, c, j] * L[b, c, j]
-        for j in range(n):
-            fine = L[b, b, j] > x[p, j]
-            bad[j] = bad[j] if fine else 1.0
-            L[b, b, j] = 1.0 / math.sqrt(L[b, b, j] if fine else 1.0)
-        for a in range(b + 1, k):
+    for a in range(k):
+        for b in range(a + 1):
             for j in range(n):
                 L[a, b, j] = C[a, b, j]
-            for c in range(b):
-                for j in range(n):
-                    L[a, b, j] -= L[a, c, j] * L[b, c, j]
-            for j in range(n):
-                L[a, b, j] *= L[b, b, j]
+        for j in range(n):
+            L[a, a, j] += v[a, j]
+    _cholesky(L, n, 1e-13, x[p], bad)
     for b in range(p):
         for j in range(n):
             scale[b, j] = known[b]
@@ -243,7 +229,7 @@ def _weigh(X, v, C, known, n, W, L, redundancy, dof, unseen, J, N, x):
             for a in range(k):
                 for j in range(n):
                     N[b, c, j] += J[a, b, j] * J[a, c, j]
-    _inverted(N, n, x[p])
+    _inverted(N, n, x[p], unseen)
     for j in range(n):
         x[p, j], unseen[j] = 0.0, 0.0
     for a in range(k):
@@ -287,34 +273,48 @@ def _weigh(X, v, C, known, n, W, L, redundancy, dof, unseen, J, N, x):
 
 
 @part
-def _inverted(N, n, least):
-    """Replace matrices N (p, p, n), lower triangles, by their pseudo-inverses, whole ones.
+def _cholesky(L, n, floor, limit, bad):
+    """Replace n matrices, lower triangles L (k, k, n), by their factors, one over their diagonals.
 
-    Where all unknowns are well told apart that is the inverse. least (n,) is room.
+    bad (n,) is 1 where a pivot is no larger than `floor` of its diagonal: there is none; limit (n,)
+    is room.
     """
-    p = N.shape[0]
-    L, A, V, share = np.empty(N.shape), np.empty((p, p)), np.empty((p, p)), np.empty(p)
+    k = L.shape[0]
     for j in range(n):
-        least[j] = 1.0
-    for b in range(p):
+        bad[j] = 0.0
+    for b in range(k):
         for j in range(n):
-            L[b, b, j] = N[b, b, j]
+            limit[j] = floor * L[b, b, j]
         for c in range(b):
             for j in range(n):
                 L[b, b, j] -= L[b, c, j] * L[b, c, j]
         for j in range(n):
-            least[j] = min(least[j], L[b, b, j])
-            L[b, b, j] = 1.0 / math.sqrt(L[b, b, j] if L[b, b, j] > APART else 1.0)
-        for a in range(b + 1, p):
-            for j in range(n):
-                L[a, b, j] = N[a, b, j]
+            fine = L[b, b, j] > limit[j]
+            bad[j] = bad[j] if fine else 1.0
+            L[b, b, j] = 1.0 / math.sqrt(L[b, b, j] if fine else 1.0)
+        for a in range(b + 1, k):
             for c in range(b):
                 for j in range(n):
                     L[a, b, j] -= L[a, c, j] * L[b, c, j]
             for j in range(n):
                 L[a, b, j] *= L[b, b, j]
+
+
+@part
+def _inverted(N, n, limit, near):
+    """Replace matrices N (p, p, n), lower triangles, by their pseudo-inverses, whole ones.
+
+    Where all unknowns are well told apart that is the inverse. limit, near (n,) are room.
+    """
+    p = N.shape[0]
+    L, A, V, share = np.empty(N.shape), np.empty((p, p)), np.empty((p, p)), np.empty(p)
+    for a in range(p):
+        for b in range(a + 1):
+            for j in range(n):
+                L[a, b, j] = N[a, b, j]
+    _cholesky(L, n, APART, limit, near)
     for j in range(n):
-        if not least[j] > APART:
+        if near[j] > 0.0:
             for a in range(p):
                 for b in range(a + 1):
                     A[a, b], A[b, a] = N[a, b, j], N[a, b, j]
@@ -334,11 +334,10 @@ def _inverted(N, n, least):
     for a in range(p):
         for b in range(a + 1):
             for j in range(n):
-                s = 0.0 if least[j] > APART else N[a, b, j]
-                N[a, b, j] = s
+                N[a, b, j] = N[a, b, j] if near[j] > 0.0 else 0.0
             for c in range(a, p):
                 for j in range(n):
-                    N[a, b, j] += L[c, a, j] * L[c, b, j] if least[j] > APART else 0.0
+                    N[a, b, j] += 0.0 if near[j] > 0.0 else L[c, a, j] * L[c, b, j]
             for j in range(n):
                 N[b, a, j] = N[a, b, j]
 

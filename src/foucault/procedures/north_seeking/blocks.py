@@ -39,7 +39,8 @@ from foucault.procedures.north_seeking.field import (
 BLOCK = 4096
 """Set-ups that are solved at once: fewer, and each call of a block costs as much as they do [1]."""
 
-T, U = TypeVar("T"), TypeVar("U")
+T = TypeVar("T")
+U = TypeVar("U")
 
 
 def in_blocks(count: int, of: Callable[[IntArray], T], start: int = 0) -> Iterator[T]:
