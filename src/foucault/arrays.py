@@ -66,9 +66,7 @@ class Names(Sequence[str]):
 def chosen(names: Sequence[str], some: IntArray) -> Sequence[str]:
     """Return those of `names` at the places `some` (k,) [1]."""
     if isinstance(names, Names):
-        import pyarrow as pa
-
-        return Names(names.column.take(pa.array(some)))
+        return Names(names.column.take(to_arrow(some)))
     return tuple(names[i] for i in some.tolist())
 
 
@@ -98,6 +96,14 @@ def of_arrow(column: Any) -> npt.NDArray[Any]:
     if not len(column):
         return np.empty(0, kind)
     return np.frombuffer(data, kind, len(column), column.offset * kind.itemsize)
+
+
+def runs_of(cells: Any) -> IntArray:
+    """Return where runs of equal words begin in an array of strings of pyarrow, shape (k,) [1]."""
+    from pyarrow import compute
+
+    moved = of_arrow(compute.not_equal(cells[1:], cells[:-1]))
+    return np.flatnonzero(np.append(np.ones(min(len(cells), 1), bool), moved))
 
 
 def to_arrow(values: Any) -> Any:

@@ -14,7 +14,10 @@ FORMS = pytest.mark.parametrize("form", ["compiled", "python"])
 def fitted(form, design, variance, slow, known):
     g, k, p = max(len(design), len(variance), len(slow)), *design.shape[1:]
     out = np.empty((g, p, k)), np.empty((g, k, k)), np.empty((g, k)), np.empty(g, np.int64)
-    kernel(form, module, "fit_batch")(design, variance, slow, known, *out)
+    unseen = np.empty(g)
+    kernel(form, module, "fit_batch")(design, variance, slow, known, *out, unseen)
+    missing = np.eye(p)[:2, :2] - out[0][:, :2] @ design[:, :, :2]
+    np.testing.assert_allclose(unseen, np.square(missing).sum(axis=(1, 2)), atol=1e-12)
     return out
 
 
@@ -54,6 +57,44 @@ def test_weights_are_those_of_least_squares(form, k, p):
         np.testing.assert_allclose(white[i] @ cov @ white[i].T, np.eye(k), atol=1e-9)
         hat = white[i] @ X[i] @ weights[i] @ np.linalg.inv(white[i])
         np.testing.assert_allclose(redundancy[i], 1 - np.diag(hat), atol=1e-9)
+
+
+@FORMS
+@pytest.mark.parametrize("alike", [False, True])
+@pytest.mark.parametrize("index_sd", [0.0, 0.3])
+def test_what_readings_say_is_what_their_weights_make_of_them(form, alike, index_sd):
+    """A wrong index angle makes a reading less certain by its slope at what it says without it."""
+    X, v, S, known = problem(g=4)
+    if alike:
+        X, v, S = X[:1], v[:1], S[:1]
+    sine, cosine = (np.ascontiguousarray(X[..., i]) for i in (0, 1))
+    g, k, p = 4, *X.shape[1:]
+    x = 1e-7 * np.random.default_rng(3).standard_normal((g, k))
+    own = 1 if alike and not index_sd else g
+    weights, root = np.full((own, p, k), np.nan), np.full((own, k, k), np.nan)
+    red, dof, unseen = np.empty((own, k)), np.empty(own, np.int64), np.empty(own)
+    unknowns, square = np.empty((g, p)), np.empty(g)
+    expected, residuals, white = np.empty((3, g, k))
+    kernel(form, module, "seen_batch")(
+        X, v, S, known, x, cosine, sine, index_sd, weights, root, red, dof, unseen, unknowns,
+        expected, residuals, white, square,
+    )  # fmt: skip
+    for i in range(g):
+        X_i, v_i, S_i = (one[0 if alike else i] for one in (X, v, S))
+        e, n = (twin(X_i, v_i, S_i, known)[0] @ x[i])[:2]
+        more = (index_sd * (e * X_i[:, 1] - n * X_i[:, 0])) ** 2
+        W, spare = twin(X_i, v_i + more, S_i, known)
+        at = i if own > 1 else 0
+        np.testing.assert_allclose(weights[at], W, rtol=1e-6, atol=1e-9 * np.abs(W).max())
+        np.testing.assert_allclose(unknowns[i], W @ x[i], rtol=1e-6)
+        left = x[i] - X_i @ W @ x[i]
+        np.testing.assert_allclose(expected[i], x[i] - left, atol=1e-14)
+        cov = np.diag(v_i + more) + S_i
+        np.testing.assert_allclose(square[i], left @ np.linalg.solve(cov, left), rtol=1e-6)
+        np.testing.assert_allclose(white[i], np.linalg.solve(np.linalg.cholesky(cov), left),
+                                   atol=1e-6)  # fmt: skip
+        np.testing.assert_allclose(residuals[i], white[i] / np.sqrt(red[at]), rtol=1e-9)
+        assert dof[at] == spare
 
 
 @FORMS

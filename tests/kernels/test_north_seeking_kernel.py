@@ -11,6 +11,7 @@ from scipy.linalg import expm
 import reference
 from foucault.estimate.north import Known, solve
 from foucault.estimate.north_reduction import Nuisance, reduce
+from foucault.kernels import north_likelihood
 from foucault.kernels import north_seeking as module
 from foucault.models.earth import EARTH_RATE, Site, gravity
 from foucault.models.imu import ImuModel
@@ -140,7 +141,7 @@ def likely(form, y, cov, start, A, b, g, latitude, sd, rounds=60):
     n, starts = len(y), start if start.ndim == 3 else start[None]
     angles, P, gain, square = (np.empty((n, *s)) for s in ((4,), (4, 4), (4, 5), ()))
     rank, other, other_rank, status = np.empty(n), np.empty((n, 4)), np.empty(n), np.empty(n, "i1")
-    kernel(form, module, "likelihood_batch")(
+    kernel(form, north_likelihood, "likelihood_batch")(
         y, cov, np.ascontiguousarray(starts), A, b, g, EARTH_RATE, np.full(n, latitude),
         np.full(n, sd), 1.0, np.full(n, NAN), 0.1, rounds,
         angles, P, gain, square, rank, other, other_rank, status,

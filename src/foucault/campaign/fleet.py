@@ -208,10 +208,14 @@ class FleetTable:
 
     def outlying(self) -> list[Outlying]:
         """Return what stands out of the fleet, the farthest first."""
-        return [
+        return [*self._outlying]
+
+    @cached_property
+    def _outlying(self) -> tuple[Outlying, ...]:
+        return (
             *diagnose.outlying(self.names, self.values, self.sd),
             *diagnose.noisy(self.chi_square, self.redundancy),
-        ]
+        )
 
     @cached_property
     def chi_square(self) -> FloatArray:

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import run_folder
-from foucault.arrays import FloatArray, IntArray, Names, chosen
+from foucault.arrays import FloatArray, IntArray, Names, chosen, to_arrow
 from foucault.campaign.reading import Campaign
 from foucault.campaign.reading import load as load_campaign
 from foucault.campaign.running import Case, opened, read_log
@@ -328,8 +328,6 @@ def _offset(left: FloatArray, sd: FloatArray, setup: npt.NDArray[np.int64]) -> F
 
 def _fixes(survey: Survey, kept: IntArray, about: Mapping[str, Any]) -> Columns:
     """Return a row per set-up in SI; what is to know of it in words where it is `kept`."""
-    import pyarrow as pa
-
     f, d, m = survey.fixes, survey.dwells, len(survey)
     out: Columns = {"setup": (d.names, "")}
     for k, angle in enumerate(ANGLES):
@@ -346,8 +344,8 @@ def _fixes(survey: Survey, kept: IntArray, about: Mapping[str, Any]) -> Columns:
         out[f"heading_sd.{source}"] = (part[:, 0], "rad")
     which = np.zeros(m, np.int64)
     which[kept] = 1 + np.arange(len(kept))
-    words = Names(pa.array(["", *(row["warnings"] for row in about["setups"])]))
-    levels = Names(pa.array([str(level) for level in Level]))
+    words = Names(to_arrow(["", *(row["warnings"] for row in about["setups"])]))
+    levels = Names(to_arrow([str(level) for level in Level]))
     return out | {
         "reference_heading": (d.heading, "rad"),
         "other_heading": (f.other[:, 0], "rad"),

@@ -44,6 +44,7 @@ a population is decided as in a fleet, see `outlying`, and takes as many instrum
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -148,18 +149,20 @@ def _extreme(z: FloatArray, false_alarm: float) -> list[int]:
     m = len(z) - np.arange(int(ODD * len(z)))
     t = stdtrit(m - 2, 1 - false_alarm / (2 * m))
     # Sums from the middle outward: those left are the sum of two of them, and nothing cancels.
-    below, above_it = (
-        [np.concatenate(([0.0], np.cumsum(x**k))) for k in (1, 2)]
+    # In numbers of Python: one of NumPy by itself takes ten times as long.
+    (of_below, square_below), (of_above, square_above) = (
+        [np.concatenate(([0.0], np.cumsum(x**k))).tolist() for k in (1, 2)]
         for x in (y[:half][::-1], y[half:])
     )
-    for limit in (m - 1) * t / np.sqrt(m * (m - 2 + t**2)):
-        n, (low, high) = last - first + 1, (float(y[first]), float(y[last]))
-        total, squares = (a[half - first] + b[last + 1 - half] for a, b in
-                          zip(below, above_it, strict=True))  # fmt: skip
-        middle = total / n
-        spread = np.sqrt((squares - n * middle**2) / (n - 1))
-        above = bool(high - middle > middle - low)
-        taken.append(int(order[last if above else first]))
+    values, numbers = y.tolist(), order.tolist()
+    for limit in ((m - 1) * t / np.sqrt(m * (m - 2 + t**2))).tolist():
+        n, low, high = last - first + 1, values[first], values[last]
+        middle = (of_below[half - first] + of_above[last + 1 - half]) / n
+        squares = square_below[half - first] + square_above[last + 1 - half]
+        variance = (squares - n * (middle * middle)) / (n - 1)
+        spread = math.sqrt(variance) if variance >= 0.0 else math.inf  # all alike, to rounding
+        above = high - middle > middle - low
+        taken.append(numbers[last if above else first])
         if max(high - middle, middle - low) > limit * spread:
             count = len(taken)
         first, last = first + (not above), last - above

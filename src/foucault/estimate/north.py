@@ -199,38 +199,40 @@ def sought(pairs: Pairs, known: Known, compensation: Compensation) -> Best:
     return best_of(pairs, pairs.cov, known, compensation, starts_of(pairs, known, compensation))
 
 
-def settled(pairs: Pairs, known: Known, compensation: Compensation, at: Best | Fixes) -> Fixes:
+def settled(
+    pairs: Pairs, known: Known, compensation: Compensation, at: Best | Fixes, budget: bool = True
+) -> Fixes:
     """Weigh set-ups with what the calibration, and roots that `pairs` [SI] has, do at solutions.
 
-    `at`: of `sought`, or fixes by other weights [rad].
+    `at`: of `sought`, or fixes by other weights [rad]; `budget`: whether variances are wanted by
+    source too.
     """
     pairs, shared = levelled(pairs, known, compensation)
     starts = [at.angles, at.other]
     if isinstance(at, Fixes):  # what fits badly or hardly tells has other minima by other weights
         fits = (at.status == 0) & (at.square < PLAUSIBLE) & (at.sd[:, 0] < LINEAR)
-        again = ~(fits & ~at.ambiguous)[:, None]
-        if again.any():
-            every = starts_of(pairs, known, compensation)
-            every = [np.where(again, start, np.nan) for start in every]
-            new = best_of(pairs, pairs.cov, known, compensation, every)
-            starts = [np.where(again, *two) for two in
-                      ((new.angles, at.angles), (new.other, at.other))]  # fmt: skip
+        again = np.flatnonzero(~fits | at.ambiguous)
+        if len(again):
+            few, of = pairs.together(again), known.of(again)
+            new = best_of(few, few.cov, of, compensation, starts_of(few, of, compensation))
+            starts = [start.copy() for start in starts]
+            starts[0][again], starts[1][again] = new.angles, new.other
     more = _calibration_roots(starts[0], known, compensation, shared)
     pairs = replace(pairs, roots=pairs.roots | more)
     if isinstance(at, Fixes) or more:
         best = best_of(pairs, pairs.cov, known, compensation, starts)
     else:
         best = at
-    gain, budget = best.gain[..., :4], pairs.shares(best.gain)
+    gain, parts = best.gain[..., :4], pairs.shares(best.gain) if budget else {}
     horizontal = horizontal_of(pairs, known, compensation)
     if known.latitude is not None:
         sd = np.reshape(np.maximum(known.latitude_sd, EXACT), (-1, 1))
-        budget[LATITUDE] = best.gain[..., 4] ** 2 * sd**2
+        parts[LATITUDE] = best.gain[..., 4] ** 2 * sd**2
     else:
-        widen(best, horizontal, pairs, known, compensation, budget)
+        widen(best, horizontal, pairs, known, compensation, parts)
     slope = gain[:, 0] if shared is None else (gain[:, :1] @ shared)[:, 0]
     return Fixes(
-        best.angles, best.cov, budget, best.square, best.other,
+        best.angles, best.cov, parts, best.square, best.other,
         best.other_square, _ambiguous(best, known), best.status, horizontal > 1.0, slope,
     )  # fmt: skip
 

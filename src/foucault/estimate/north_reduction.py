@@ -94,6 +94,8 @@ class Pairs:
     accel_weights: FloatArray = field(default_factory=lambda: np.zeros((0, 1, 2)))
     # more sources, each as a root of its covariance, (m, 4, c) [SI]
     roots: dict[str, FloatArray] = field(default_factory=dict)
+    # rows (g, k) of alike set-ups, and how their accelerometers were fitted; None without readings
+    accel_fits: list[tuple[IntArray, Any]] | None = None
 
     def __len__(self) -> int:
         return len(self.values)
@@ -128,6 +130,10 @@ class Pairs:
         skip = len(self.stacked) - len(self.sources)
         return dict(zip((*self.sources, *self.roots), out[skip:], strict=True))
 
+    def together(self, some: IntArray) -> Pairs:
+        """Return set-ups `some` (k,) [1] with all sources as one, for their solutions alone."""
+        return replace(self, values=self.values[some], sources={"": self.cov[some]}, roots={})
+
     @property
     def noise_alone(self) -> Pairs:
         """The same with the white noise alone, for a bound."""
@@ -140,7 +146,7 @@ class Pairs:
         none, gyro, accel = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 1, 2))
         return replace(self, sources={}, roots={}, accel_white=np.zeros((0, 1)), fit=none,
                        residuals=none, accel_residuals=none,
-                       gyro_weights=gyro, accel_weights=accel)  # fmt: skip
+                       gyro_weights=gyro, accel_weights=accel, accel_fits=None)  # fmt: skip
 
     def worst(self, first: IntArray) -> tuple[FloatArray, IntArray]:
         """Return how far the gyro's worst reading of every set-up is off [sd], and which it is [1].
@@ -165,8 +171,18 @@ class _Fit:
     slow: FloatArray  # (g, k, k) what wanders
     redundancy: FloatArray  # (g, k) of each reading [1]
     dof: IntArray  # (g,) readings that are not spent [1]
-    # (g, k) times of the readings [s]
-    drift: FloatArray = field(default_factory=lambda: np.zeros((1, 0)))
+    unseen: FloatArray  # (g,) of the first two unknowns, as of `kernels.means` [1]
+
+
+@dataclass
+class _Seen:
+    """What g set-ups with k stops each say by a fit, and what that leaves."""
+
+    unknowns: FloatArray  # (g, p) [SI]
+    expected: FloatArray  # (g, k) readings [SI]
+    residuals: FloatArray  # (g, k) over their standard deviations, NaN where nothing controls them
+    white: FloatArray  # (g, k) white residuals [1]
+    square: FloatArray  # (g,) sum of their squares [1]
 
 
 def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) -> Pairs:
@@ -183,52 +199,60 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
     chi_square, dof = np.zeros((m, 2)), np.zeros((m, 2), np.int64)
     accel_white = np.zeros((n, 1) if dwells.accel is None else dwells.accel.shape)
     gyro_weights, accel_weights = np.zeros((n, 2)), np.zeros((*accel_white.shape, 2))
+    fits = list[tuple[IntArray, Any]]()
     for setups, rows, first in _alike(dwells):
-        wrong = _index_variance(dwells, rows, first, noise, nuisance)
-        gyro = _gyro_fit(first, noise.gyro, nuisance, wrong[0])
-        unknowns = _times(gyro.weights, dwells.gyro[rows] - nuisance.offset)
+        index_sd = 0.0 if first.rotates else nuisance.index_sd  # of one error nothing is left
+        k = rows.shape[1]
+        x = dwells.gyro[rows] - nuisance.offset
+        gyro, said = _seen(*_of_gyro(first, nuisance), first, noise.gyro, EARTH_RATE, x, index_sd)
+        unknowns = said.unknowns
         values[setups, :2], offset[setups] = unknowns[:, :2], unknowns[:, 2] + nuisance.offset
         drift[setups] = unknowns[:, 3] if unknowns.shape[1] > 3 else 0.0
-        fit[rows] = _times(gyro.design, unknowns) + nuisance.offset
-        _judge(gyro, dwells.gyro[rows] - fit[rows], setups, rows, 0, residuals, chi_square, dof)
+        fit[rows], residuals[0, rows] = said.expected + nuisance.offset, said.residuals
+        chi_square[setups, 0], dof[setups, 0] = said.square, gyro.dof
         W = gyro.weights[:, :2]
         gyro_weights[rows] = transposed(W)
         carried_batch(np.ascontiguousarray(W), gyro.white, gyro.slow, setups, 0, parts[GYRO_NOISE],
                       parts[GYRO_DRIFT])  # fmt: skip
         _unseen(gyro, EARTH_RATE, parts[GYRO_NOISE][:, :2, :2], setups)
-        slope[setups, :2] = moved = (W @ gyro.drift[..., None])[..., 0]
+        slope[setups, :2] = moved = np.einsum("gpk,gk->gp", W, _drifting(first))
         if np.isfinite(nuisance.drift_sd):  # what the prior leaves of it, at its full size
             parts[GYRO_DRIFT][setups, :2, :2] += nuisance.drift_sd**2 * _square(moved)
         if np.isfinite(nuisance.offset_sd):
             moved = W.sum(axis=2)
             parts[GYRO_OFFSET][setups, :2, :2] = nuisance.offset_sd**2 * _square(moved)
-        all_weights = np.zeros((len(W), 2, 4, rows.shape[1]))
-        all_weights[:, 0, :2] = W
-        if dwells.accel is not None:
-            accel = _accel_fit(first, noise.accel, wrong[1])
+        V = np.zeros((1, 2, k))  # of two accelerometers on the case no index angle is wrong
+        if dwells.accel is not None and dwells.accel.shape[1] == 1:
+            one = _of_accel(first)
+            x = dwells.accel[rows, 0]
+            accel, said = _seen(*one, first, noise.accel, GRAVITY, x, index_sd)
+            values[setups, 2:], V = said.unknowns[:, :2], accel.weights[:, :2]
+            residuals[1, rows], accel_white[rows, 0] = said.residuals, said.white
+            chi_square[setups, 1], dof[setups, 1] = said.square, accel.dof
+            accel_weights[rows, 0] = transposed(V)
+        elif dwells.accel is not None:
+            accel = _two_fit(first, noise.accel)
             A = dwells.accel[rows].reshape(len(rows), -1)
-            found = _times(accel.weights, A)
-            values[setups, 2:] = found[:, :2]
+            values[setups, 2:] = found = _times(accel.weights, A)
             left = A - _times(accel.design, found)
             accel_white[rows] = _whitened(accel.root, left.reshape(*rows.shape, -1))
-            if dwells.accel.shape[1] == 1:
-                _judge(accel, left, setups, rows, 1, residuals, chi_square, dof)
-                all_weights[:, 1, 2:] = accel.weights[:, :2]
-            else:  # two a row: of the scatter alone
-                chi_square[setups, 1] = np.sum(accel_white[rows] ** 2, axis=(1, 2))
-                dof[setups, 1] = 2 * accel.dof
-            V = accel.weights[:, :2]
-            accel_weights[rows] = transposed(V).reshape(len(V), rows.shape[1], -1, 2)
-            carried_batch(np.ascontiguousarray(V), accel.white, accel.slow, setups, 2,
-                          parts[TILT_NOISE], parts[TILT_DRIFT])  # fmt: skip
+            chi_square[setups, 1] = np.sum(accel_white[rows] ** 2, axis=(1, 2))
+            dof[setups, 1] = 2 * accel.dof  # of the scatter alone
+            accel_weights[rows] = transposed(accel.weights).reshape(-1, k, 2, 2)
+        if dwells.accel is not None:
+            fits.append((rows, accel))
+            U = np.ascontiguousarray(accel.weights[:, :2])
+            carried_batch(U, accel.white, accel.slow, setups, 2, parts[TILT_NOISE],
+                          parts[TILT_DRIFT])  # fmt: skip
             _unseen(accel, GRAVITY, parts[TILT_NOISE][:, 2:, 2:], setups)
         else:
             parts[TILT_NOISE][setups, 2:, 2:] = UNSEEN * GRAVITY**2 * np.eye(2)
         if nuisance.index_sd or nuisance.lag_sd:
-            parts[INDEXING][setups] = _indexing(first, all_weights, values[setups], nuisance)
+            parts[INDEXING][setups] = _indexing(first, W, V, values[setups], nuisance)
     used = {k: v for k, v in parts.items() if v.any()}
     return Pairs(values, used, offset, drift, slope, fit, residuals[0], residuals[1],
-                 chi_square, dof, accel_white, gyro_weights, accel_weights)  # fmt: skip
+                 chi_square, dof, accel_white, gyro_weights, accel_weights,
+                 accel_fits=fits)  # fmt: skip
 
 
 def rates_of(
@@ -241,10 +265,10 @@ def rates_of(
 
     `dwells`: the stops [SI]; `noise`, `nuisances`: [SI]. Yields [rad^2/s^2], [1].
     """
-    for _, rows, d in _alike(dwells):
+    for _, _, d in _alike(dwells):
         out = []
         for nuisance in nuisances:
-            fit = _gyro_fit(d, noise.gyro, nuisance, np.zeros((1, rows.shape[1])))
+            fit = _fit(*_of_gyro(d, nuisance), d, noise.gyro, EARTH_RATE)
             W = fit.weights[:, :2]
             cov = (W * fit.white[:, None]) @ transposed(W) + W @ fit.slow @ transposed(W)
             _unseen(fit, EARTH_RATE, cov, np.arange(len(cov)))
@@ -252,15 +276,14 @@ def rates_of(
         yield out
 
 
-def left_white(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance, more: FloatArray) -> FloatArray:
-    """Return what `reduce` leaves of something added to the accelerometers, as white residuals.
+def left_white(pairs: Pairs, more: FloatArray) -> FloatArray:
+    """Return what the fits leave of something added to the accelerometers, as white residuals.
 
-    `dwells`: readings, weighed as by `reduce` [SI]; `more` (n, q, c): c columns of what is added to
-    them [m/s^2]. Returns (n, q, c) [1].
+    `pairs`: set-ups with their readings [SI]; `more` (n, q, c): c columns of what is added to these
+    [m/s^2]. Returns (n, q, c) [1].
     """
     out = np.zeros_like(more)
-    for _, rows, d in _alike(dwells):
-        fit = _accel_fit(d, noise.accel, _index_variance(dwells, rows, d, noise, nuisance)[1])
+    for rows, fit in pairs.accel_fits or ():
         g, k = rows.shape
         x = more[rows].reshape(g, -1, more.shape[2])
         left = x - fit.design @ (fit.weights @ x)
@@ -277,8 +300,7 @@ def _alike(dwells: Dwells) -> Iterator[tuple[IntArray, IntArray, Dwells]]:
 
     These have one row where all stops of the group are the same, else g [SI].
     """
-    order = np.argsort(dwells.setup, kind="stable")
-    edges = np.searchsorted(dwells.setup[order], np.arange(len(dwells.names) + 1))
+    edges = np.searchsorted(dwells.setup, np.arange(len(dwells.names) + 1))
     count = np.diff(edges)
     still = np.zeros(len(count), bool)
     if dwells.turning is not None and dwells.turning.any():
@@ -288,10 +310,10 @@ def _alike(dwells: Dwells) -> Iterator[tuple[IntArray, IntArray, Dwells]]:
         alike, k = np.flatnonzero(kind == one), one // 2
         most = max(AT_ONCE // k**2, 1)
         for setups in np.split(alike, np.arange(most, len(alike), most)):
-            rows = order[edges[setups, None] + np.arange(k)]
+            rows = edges[setups, None] + np.arange(k)
             d = dwells.rows(rows)
-            shape = np.stack([d.cosine, d.sine, d.time, d.start - d.start[:, :1]])
-            same = not np.ptp(np.round(shape, 9), axis=1).any()
+            shape = (d.cosine, d.sine, d.time, d.start - d.start[:, :1])
+            same = all((x == x[0]).all() or not np.ptp(np.round(x, 9), axis=0).any() for x in shape)
             yield setups, rows, dwells.rows(rows[:1]) if same else d
 
 
@@ -316,50 +338,34 @@ def _whitened(root: FloatArray, x: FloatArray) -> FloatArray:
     return out
 
 
-def _index_variance(
-    dwells: Dwells, rows: IntArray, d: Dwells, noise: ImuNoise, nuisance: Nuisance
-) -> tuple[FloatArray, FloatArray]:
-    """Return what wrong index angles add to the variance of gyro and accelerometer, (g, k) each.
-
-    `rows` (g, k): of set-ups; `d`: when and where they stop [SI]. What adds nothing has one row.
-    """
-    none = np.zeros((1, d.index.shape[1]))
-    if not nuisance.index_sd or d.rotates:  # one error of a rotation leaves no residual
-        return none, none
-
-    def of(fit: _Fit, said: FloatArray) -> FloatArray:
-        x, y = np.split(_times(fit.weights, said)[:, :2], 2, axis=1)
-        return (nuisance.index_sd * (x * d.cosine - y * d.sine)) ** 2
-
-    gyro = of(_gyro_fit(d, noise.gyro, nuisance, none), dwells.gyro[rows] - nuisance.offset)
-    if dwells.accel is None or dwells.accel.shape[1] > 1:
-        return gyro, none
-    return gyro, of(_accel_fit(d, noise.accel, none), dwells.accel[rows, 0])
-
-
-def _gyro_fit(d: Dwells, noise: TriadNoise, nuisance: Nuisance, more: FloatArray) -> _Fit:
+def _drifting(d: Dwells) -> FloatArray:
+    """Return the times of the readings from their middle, shape (g, k) [s]."""
     mid = d.start + d.time / 2
-    t = mid - np.sum(mid * d.time, axis=1, keepdims=True) / np.sum(d.time, axis=1, keepdims=True)
-    design, sds = [d.sine, d.cosine, np.ones_like(t)], [np.inf, np.inf, nuisance.offset_sd]
+    middle = np.sum(mid * d.time, axis=1, keepdims=True) / np.sum(d.time, axis=1, keepdims=True)
+    return np.asarray(mid - middle)
+
+
+def _of_gyro(d: Dwells, nuisance: Nuisance) -> tuple[FloatArray, FloatArray]:
+    """Return what readings of the gyro are made of (g, k, p) [1], and its sd beforehand (p,)."""
+    design, sds = [d.sine, d.cosine, np.ones_like(d.time)], [np.inf, np.inf, nuisance.offset_sd]
     if nuisance.drift_sd > 0:
-        design.append(t)
+        design.append(_drifting(d))
         sds.append(nuisance.drift_sd)
-    fit = _fit(np.stack(design, 2), np.array(sds), d, noise, EARTH_RATE, more)
-    fit.drift = t
-    return fit
+    return np.stack(design, 2), np.array(sds)
 
 
-def _accel_fit(d: Dwells, noise: TriadNoise, more: FloatArray) -> _Fit:
-    assert d.accel is not None
-    one = np.ones_like(d.time)
-    if d.accel.shape[2] == 1:
-        design = np.stack([d.sine, d.cosine, one], 2)
-        return _fit(design, np.full(3, np.inf), d, noise, GRAVITY, more)
-    # Two accelerometers that stay with the case: each the mean of its rows, in the order of rows.
-    mean = _fit(one[..., None], np.full(1, np.inf), d, noise, GRAVITY, 0.0 * one[:1])
+def _of_accel(d: Dwells) -> tuple[FloatArray, FloatArray]:
+    """Return the same of an accelerometer that turns with the gyro."""
+    return np.stack([d.sine, d.cosine, np.ones_like(d.time)], 2), np.full(3, np.inf)
+
+
+def _two_fit(d: Dwells, noise: TriadNoise) -> _Fit:
+    """Fit accelerometers that stay with the case: each is the mean of its rows, in their order."""
+    design = np.ones((*d.time.shape, 1))
+    mean = _fit(design, np.full(1, np.inf), d, noise, GRAVITY)
     weights, design, slow = (_twice(x) for x in (mean.weights, mean.design, mean.slow))
     white = np.repeat(mean.white, 2, axis=1)
-    return _Fit(weights, design, mean.root, white, slow, mean.redundancy, mean.dof)
+    return _Fit(weights, design, mean.root, white, slow, mean.redundancy, mean.dof, mean.unseen)
 
 
 def _twice(x: FloatArray) -> FloatArray:
@@ -369,11 +375,12 @@ def _twice(x: FloatArray) -> FloatArray:
 
 
 def _fit(
-    design: FloatArray, sd: FloatArray, d: Dwells, noise: TriadNoise, size: float, more: FloatArray
+    design: FloatArray, sd: FloatArray, d: Dwells, noise: TriadNoise, size: float, own: int = 0
 ) -> _Fit:
     """Weigh readings for unknowns with prior standard deviations `sd`, by least squares.
 
-    `d`: stops of all, or of each; `more` (g, k): variance of the readings of each beside the noise.
+    `d`: stops of all, or of each; `own`: rows of a fit that something else tells apart, which has
+    not been made then [1].
     """
     from foucault.kernels.means import fit_batch
 
@@ -383,17 +390,47 @@ def _fit(
     slow = np.zeros((1, k, k))
     if noise.bias_instability or noise.random_walk:
         slow = window_covariance(begin, begin + d.time, noise)
-    # The first two unknowns get the widest prior that still counts as one: without it a component
-    # that no reading shows would have no variance at all.
-    known = np.where(np.isfinite(sd), 1.0 / np.maximum(sd, 1e-300) ** 2, 0.0)
-    if design.shape[2] > 1:
-        known[:2] += 1.0 / (UNSEEN * size**2)
-    own, design = np.ascontiguousarray(white + more), np.ascontiguousarray(design)
-    g, p = max(len(own), len(design), len(slow)), design.shape[2]
+    white, design = np.ascontiguousarray(white), np.ascontiguousarray(design)
+    g, p = max(len(white), len(design), len(slow), own), design.shape[2]
     weights, root, redundancy = np.empty((g, p, k)), np.empty((g, k, k)), np.empty((g, k))
-    dof = np.empty(g, np.int64)
-    fit_batch(design, own, slow, known, weights, root, redundancy, dof)
-    return _Fit(weights, design, root, white, slow, redundancy, dof)
+    dof, unseen = np.empty(g, np.int64), np.empty(g)
+    if not own:
+        fit_batch(design, white, slow, _known(sd, size), weights, root, redundancy, dof, unseen)
+    return _Fit(weights, design, root, white, slow, redundancy, dof, unseen)
+
+
+def _known(sd: FloatArray, size: float) -> FloatArray:
+    """Return one over the variances that unknowns have beforehand, shape (p,) [1/SI].
+
+    The first two get the widest prior that still counts as one: without it a component that no
+    reading shows would have no variance at all.
+    """
+    known = np.where(np.isfinite(sd), 1.0 / np.maximum(sd, 1e-300) ** 2, 0.0)
+    if len(sd) > 1:
+        known[:2] += 1.0 / (UNSEEN * size**2)
+    return known
+
+
+def _seen(
+    design: FloatArray, sd: FloatArray, d: Dwells, noise: TriadNoise, size: float, x: FloatArray,
+    index_sd: float,
+) -> tuple[_Fit, _Seen]:  # fmt: skip
+    """Return the fit of readings `x` (g, k) [SI], and what they say by it.
+
+    `index_sd`: of every index angle: it makes a reading less certain by what the rates are [rad].
+    """
+    from foucault.kernels.means import seen_batch
+
+    g, k = x.shape
+    fit = _fit(design, sd, d, noise, size, own=g if index_sd else 1)
+    expected, residuals, white = np.empty((3, g, k))
+    said = _Seen(np.empty((g, len(sd))), expected, residuals, white, np.empty(g))
+    seen_batch(
+        fit.design, fit.white, fit.slow, _known(sd, size), np.ascontiguousarray(x), d.cosine,
+        d.sine, index_sd, fit.weights, fit.root, fit.redundancy, fit.dof, fit.unseen, said.unknowns,
+        said.expected, said.residuals, said.white, said.square,
+    )  # fmt: skip
+    return fit, said
 
 
 def _unseen(fit: _Fit, size: float, out: FloatArray, setups: IntArray) -> None:
@@ -401,27 +438,14 @@ def _unseen(fit: _Fit, size: float, out: FloatArray, setups: IntArray) -> None:
 
     `out` (m, 2, 2): of all set-ups, of which `setups` (g,) are those of the fit.
     """
-    # With its weights a visible component is returned in full, W X = I; what is missing is unseen.
-    missing = np.eye(2) - fit.weights[:, :2] @ fit.design[:, :, :2]
-    some = np.square(missing).sum(axis=(1, 2)) > 0.25  # no direction, where it is smaller
+    some = fit.unseen > 0.25  # no direction, where it is smaller
     if some.any():
-        U, s, _ = np.linalg.svd(missing[some])  # unseen or seen, rounding apart
+        # With its weights a visible component is returned in full, W X = I; the rest is unseen.
+        W, X = (x[some] if len(x) > 1 else x for x in (fit.weights[:, :2], fit.design[:, :, :2]))
+        U, s, _ = np.linalg.svd(np.eye(2) - W @ X)  # unseen or seen, rounding apart
         U = U * (s > 0.5)[:, None]
         those = setups[some] if len(some) > 1 else setups
         out[those] += UNSEEN * size**2 * U @ transposed(U)
-
-
-def _judge(
-    fit: _Fit, left: FloatArray, setups: IntArray, rows: IntArray, sensor: int,
-    residuals: FloatArray, chi_square: FloatArray, dof: IntArray,
-) -> None:  # fmt: skip
-    """Standardize what the fit has left of the readings of alike set-ups."""
-    white = _whitened(fit.root, left[..., None])[..., 0]
-    controlled = fit.redundancy > 1e-6
-    share = np.sqrt(np.where(controlled, fit.redundancy, 1.0))
-    residuals[sensor, rows] = np.where(controlled, white / share, np.nan)
-    chi_square[setups, sensor] = np.sum(white**2, axis=1)
-    dof[setups, sensor] = fit.dof
 
 
 def turn_rate(d: Dwells) -> FloatArray:
@@ -430,14 +454,17 @@ def turn_rate(d: Dwells) -> FloatArray:
     return np.asarray(turned / np.maximum(np.ptp(d.start, axis=-1), 1e-9))
 
 
-def _indexing(d: Dwells, weights: FloatArray, values: FloatArray, nuisance: Nuisance) -> FloatArray:
-    """Covariance of wrong index angles, shape (g, 4, 4), by `weights` (g or 1, 2, 4, k).
+def _indexing(
+    d: Dwells, gyro: FloatArray, accel: FloatArray, values: FloatArray, nuisance: Nuisance
+) -> FloatArray:
+    """Covariance of wrong index angles, shape (g, 4, 4), by weights `gyro`, `accel` (g or 1, 2, k).
 
     Stops are each off by themselves; a base that turns is off by the same angle all the time.
     """
-    x, y = np.split(values.reshape(-1, 2, 2), 2, axis=2)  # of gyro, accelerometer: (g, 2, 1)
-    slope = x * d.cosine[:, None] - y * d.sine[:, None]  # d e / d a = (cos a, -sin a)
-    moved = np.sum(weights * slope[:, :, None], axis=1)
+    moved = np.empty((len(values), 4, gyro.shape[2]))
+    for at, W in ((0, gyro), (2, accel)):  # d e / d a = (cos a, -sin a)
+        slope = values[:, at, None] * d.cosine - values[:, at + 1, None] * d.sine
+        np.multiply(W, slope[:, None], out=moved[:, at : at + 2])
     variance = np.full((1, 1, 1), nuisance.index_sd**2)
     if d.rotates:
         moved = moved.sum(axis=2, keepdims=True)
@@ -518,7 +545,7 @@ def horizontal_of(pairs: Pairs, known: Known, compensation: Compensation) -> Flo
     """
     N, M, _, _ = compensated(pairs.values, known.gravity, compensation).T
     cos = 1.0 if known.latitude is None else np.cos(known.latitude)
-    xx, yy, xy = pairs.cov[:, [0, 1, 0], [0, 1, 1]].T
+    xx, yy, xy = (pairs.cov[:, i, k] for i, k in ((0, 0), (1, 1), (0, 1)))
     largest = (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)
     return np.where(largest < (HARDLY * EARTH_RATE * cos) ** 2, np.hypot(N, M), 0.0)
 
@@ -591,7 +618,7 @@ def best_of(
     starts: list[FloatArray],
 ) -> Best:  # fmt: skip
     """Solve from `starts` (m, 4) [rad] by `covariance` (m, 4, 4) [SI], the best first."""
-    from foucault.kernels.north_seeking import likelihood_batch
+    from foucault.kernels.north_likelihood import likelihood_batch
 
     model, m = compensation.model, len(pairs)
     A = np.vstack([model.gyro_matrix[:2], model.accel_matrix[:2]])

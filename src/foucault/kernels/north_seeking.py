@@ -1,4 +1,4 @@
-"""North seeking of many set-ups at once: the closed form, and maximum likelihood, with covariance.
+"""North seeking of many set-ups at once: the closed form with covariance, and what is left out.
 
 M and N are the rates along y_b and x_b over the Earth's rate. Status: 0 solved; 1 solved, with
 M^2 + N^2 above 1 taken as 1; 2 not converged; 3 singular (an attitude that the readings do not
@@ -9,28 +9,10 @@ import math
 
 import numpy as np
 
-from foucault.kernels import inlined, kernel, part
+from foucault.kernels import inlined, kernel
 from foucault.kernels.rotation import atan2
-from foucault.kernels.small_matrices import cholesky, invert, substitute
 
 SOLVED, CLAMPED, NOT_CONVERGED, SINGULAR, NOT_FINITE = 0, 1, 2, 3, 4
-
-LEAST = 1e-18
-"""Variance of a latitude that is known exactly [rad^2]."""
-
-DISTINCT = 1e-5
-"""Solutions nearer than this are one [rad]."""
-
-AGAINST = 1e3
-"""What speaks against the opposite hemisphere, or a case that hangs upside down, which two
-components of gravity cannot tell from one that stands [1]."""
-
-DEFAULT = 1e-3
-"""What speaks against the other sign of the rate along z_b, where both give the same hemisphere:
-less than anything that is known, more than rounding [1]."""
-
-UNSETTLED = 1e6
-"""What speaks against an unfinished solution, which is better than none [1]."""
 
 
 @kernel
@@ -119,100 +101,6 @@ def closed_form_batch(
 
 
 @kernel
-def likelihood_batch(
-    y, cov, starts, A, b, g, earth_rate, latitude, latitude_sd, sign, near, near_sd, rounds,
-    angles, P, gain, square, rank, other, other_rank, status,
-):  # fmt: skip
-    """Solve n set-ups by maximum likelihood of the four numbers and the latitude known before.
-
-    The rotation is corrected by ``C_bn <- C_bn exp([phi x])``, so that no attitude is singular;
-    steps are halved until the sum of squares falls. Of the solutions from several starts the best
-    counts, and the next best that is another one.
-
-    Parameters: y (n, 4) rates along x_b, y_b and specific forces along them [SI]; cov (n, 4, 4);
-    starts (s, n, 4) heading, pitch, roll, latitude [rad]; A (4, 3), b (4,) the model y = A w + b of
-    the gyro in the first two rows and y = A f + b in the last two; g (n,) [m/s^2]; earth_rate
-    [rad/s]; latitude, latitude_sd (n,) known before, sd infinite where not [rad]; sign of the
-    hemisphere where it is not; near (n,) a rough heading, NaN where there is none, good to near_sd
-    [rad]; rounds.
-
-    Fills angles (n, 4) as starts; P (n, 4, 4) their covariance [rad^2]; gain (n, 4, 5): slope of
-    each angle against the four numbers [1/SI] and the latitude [1]; square (n,) sum of squares, and
-    rank (n,) what speaks against the solution beside; other (n, 4), other_rank (n,) of the next
-    best, NaN and infinite where there is none; status (n,).
-    """
-    L, W = np.empty((4, 4)), np.empty((4, 4))
-    T, J = np.empty((3, 3)), np.empty((4, 4))
-    H, Hinv, E = np.empty((4, 4)), np.empty((4, 4)), np.zeros((4, 4))
-    h, r, s, WJ = np.empty(4), np.empty(4), np.empty(4), np.empty((4, 4))
-    m = len(starts)
-    found, each, settled = np.empty((m, 4)), np.empty(m), np.empty(m, np.int8)
-    turns = np.empty((m, 3, 3))
-    for i in range(len(y)):
-        for p in range(4):
-            for q in range(4):
-                L[p, q] = cov[i, p, q]
-        known = 0.0
-        if math.isfinite(latitude_sd[i]):
-            known = 1.0 / latitude_sd[i] ** 2
-        weighed = cholesky(L, len(L))
-        if weighed:
-            invert(L, W, len(L))
-        best = -1
-        for k in range(m):
-            start, x, C = starts[k, i], found[k], turns[k]
-            settled[k], each[k] = NOT_FINITE, np.inf
-            if not (weighed and math.isfinite(y[i].sum() + start.sum())):
-                continue
-            _attitude(start[0], start[1], start[2], C)
-            x[3] = start[3]
-            miss, settled[k] = _settle(
-                C, x, y[i], A, b, g[i], earth_rate, latitude[i], known, rounds,
-                W, T, J, H, h, r, s, WJ,
-            )  # fmt: skip
-            ct = math.hypot(C[0, 2], C[2, 2])
-            psi = math.atan2(C[1, 0], C[1, 1])
-            x[0] = psi if psi >= 0.0 else psi + 2.0 * math.pi
-            x[1] = math.atan2(C[1, 2], ct)
-            x[2] = math.atan2(-C[0, 2], C[2, 2])
-            against = 0.0 if settled[k] == SOLVED else UNSETTLED  # better than none
-            if known == 0.0:
-                _uncertainty(C, x[3], A, g[i], earth_rate, W, known, J, H, Hinv, E, WJ, s, P[i],
-                             gain[i])  # fmt: skip
-                against += _other_side(C, x[3], sign, P[i, 3, 3])
-            if abs(x[2]) > 0.5 * math.pi:
-                against += AGAINST
-            if math.isfinite(near[i]):
-                against += 2.0 * (1.0 - math.cos(x[0] - near[i])) / near_sd**2
-            each[k] = miss + against if math.isfinite(miss) else np.inf
-            if best < 0 or each[k] < rank[i]:
-                best, rank[i], square[i] = k, each[k], miss
-        other_rank[i] = np.inf
-        for p in range(4):
-            other[i, p] = np.nan
-        if best < 0:
-            status[i] = NOT_FINITE
-            square[i], rank[i] = np.nan, np.inf
-            for p in range(4):
-                angles[i, p] = np.nan
-            _fill(P[i], gain[i], np.nan)
-            continue
-        status[i] = settled[best]
-        for p in range(4):
-            angles[i, p] = found[best, p]
-        _uncertainty(turns[best], angles[i, 3], A, g[i], earth_rate, W, known, J, H, Hinv, E, WJ, s,
-                     P[i], gain[i])  # fmt: skip
-        for k in range(m):
-            if settled[k] == SOLVED and each[k] < other_rank[i]:
-                turn = abs(found[k, 0] - angles[i, 0])
-                turn = min(turn, 2.0 * math.pi - turn)
-                if max(turn, abs(found[k, 3] - angles[i, 3])) > DISTINCT:
-                    other_rank[i] = each[k]
-                    for p in range(4):
-                        other[i, p] = found[k, p]
-
-
-@kernel
 def left_batch(
     angles, g, earth_rate, A, first, cosine, sine, ramp, gyro_weights, accel_weights, on_case,
     sensor, factors, size, B,
@@ -269,18 +157,17 @@ def across_batch(y, cov, angles, A, b, g, earth_rate, latitude_sd, T, B, out):
     At right angles to the slopes, whose cofactors that is, over its sd.
 
     Parameters: y (m, 4), cov (m, 4, 4) [SI]; angles (m, 4), A (4, 3), b (4,), g (m,), earth_rate as
-    of `likelihood_batch`; latitude_sd (m,) of what each has by itself [rad]; T (m, 4, 4) or (1, 4,
+    of `north_likelihood`; latitude_sd (m,) of what each has by itself [rad]; T (m, 4, 4) or (1, 4,
     4) what of B is in y [1]; B (m, 4, c) [SI].
 
     Fills out (m, 2 + c): of y, of a latitude 1 rad further north, of B [sd].
     """
-    C, J, X = np.empty((3, 3)), np.empty((4, 4)), np.zeros((4, 4))
-    h, r, n, t = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    C, J = np.empty((3, 3)), np.empty((4, 4))
+    r, n, t = np.empty(4), np.empty(4), np.empty(4)
     for i in range(len(y)):
         _attitude(angles[i, 0], angles[i, 1], angles[i, 2], C)
-        lat = angles[i, 3]
-        sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
-        _misfit(C, lat, sl, cl, y[i], A, b, g[i], lat, 0.0, X, h, r)
+        sl, cl = earth_rate * math.sin(angles[i, 3]), earth_rate * math.cos(angles[i, 3])
+        _miss(C, sl, cl, y[i], A, b, g[i], r)
         _slopes(C, sl, cl, A, g[i], J)
         for p in range(4):
             k, m, q = (p + 1) % 4, (p + 2) % 4, (p + 3) % 4
@@ -376,62 +263,6 @@ def shares_batch(gain, S, B, first, out):
 
 
 @inlined
-def _settle(
-    C, x, y, A, b, g, earth_rate, latitude, known, rounds, W, T, J, H, h, r, s, WJ
-):  # fmt: skip
-    """Turn C, and the latitude x[3], to the least sum of squares; return it, and the status."""
-    lat, status = x[3], NOT_CONVERGED
-    sl, cl = earth_rate * math.sin(lat), earth_rate * math.cos(lat)
-    now = _misfit(C, lat, sl, cl, y, A, b, g, latitude, known, W, h, r)
-    for _ in range(rounds):
-        _slopes(C, sl, cl, A, g, J)
-        _normal(J, W, r, known, latitude - lat, H, s, WJ)
-        if _scaled_cholesky(H, s) == 0.0:
-            status = SINGULAR
-            break
-        share, better, new, up, along = 1.0, False, now, sl, cl
-        moved = 0.0
-        for p in range(4):
-            moved += s[p] * s[p]
-        for _ in range(12):
-            _turned(C, share * s[0], share * s[1], share * s[2], T)
-            trial = lat + share * s[3]
-            up, along = earth_rate * math.sin(trial), earth_rate * math.cos(trial)
-            new = _misfit(T, trial, up, along, y, A, b, g, latitude, known, W, h, r)
-            if new <= now * (1.0 + 1e-12) + 1e-12:
-                better = True
-                break
-            share *= 0.5
-        if not better:
-            # No step helps: the minimum, to rounding, unless the step was a large one.
-            status = SOLVED if moved < 1e-8 else NOT_CONVERGED
-            break
-        gained = now - new
-        for p in range(3):
-            for q in range(3):
-                C[p, q] = T[p, q]
-        lat, now, sl, cl = lat + share * s[3], new, up, along
-        if moved * share * share < 1e-18 or (gained < 1e-10 and moved < 1e-12):
-            status = SOLVED
-            break
-    if lat > 0.5 * math.pi or lat < -0.5 * math.pi:  # over the pole: the same rate, turned
-        lat = math.copysign(math.pi, lat) - lat
-        for p in range(3):
-            C[p, 0], C[p, 1] = -C[p, 0], -C[p, 1]
-    x[3] = lat
-    return now, status
-
-
-@part
-def _other_side(C, lat, sign, variance):
-    """Return what speaks against a solution south of the equator, or north, in squares of a sd."""
-    beyond = max(-sign * lat, 0.0)
-    out = min(beyond * beyond / max(variance, LEAST), AGAINST)
-    along = C[2, 1] * math.cos(lat) + C[2, 2] * math.sin(lat)
-    return out + DEFAULT if sign * along < 0.0 else out
-
-
-@inlined
 def _attitude(psi, theta, gamma, C):
     sf, cf = math.sin(psi), math.cos(psi)
     st, ct = math.sin(theta), math.cos(theta)
@@ -442,22 +273,12 @@ def _attitude(psi, theta, gamma, C):
 
 
 @inlined
-def _misfit(C, lat, sl, cl, y, A, b, g, latitude, known, W, h, r):
-    """Fill h with what is predicted, r with what is left; return the sum of squares.
-
-    `sl`, `cl`: the Earth's rate times sine and cosine of `lat`.
-    """
+def _miss(C, sl, cl, y, A, b, g, r):
+    """Fill r (4,) with what is left of y; `sl`, `cl`: the Earth's rate times sine and cosine."""
     for p in range(4):
-        h[p] = b[p]
+        r[p] = y[p] - b[p]
         for q in range(3):
-            truth = cl * C[q, 1] + sl * C[q, 2] if p < 2 else g * C[q, 2]
-            h[p] += A[p, q] * truth
-        r[p] = y[p] - h[p]
-    total = 0.0
-    for p in range(4):
-        for q in range(4):
-            total += r[p] * W[p, q] * r[q]
-    return total + known * (latitude - lat) ** 2 if known > 0.0 else total
+            r[p] -= A[p, q] * (cl * C[q, 1] + sl * C[q, 2] if p < 2 else g * C[q, 2])
 
 
 @inlined
@@ -483,113 +304,3 @@ def _slopes(C, sl, cl, A, g, J):
             J[p, 1] = x * g
             J[p, 2] = 0.0
             J[p, 3] = 0.0
-
-
-@inlined
-def _normal(J, W, r, known, miss, H, s, WJ):
-    """Fill H = J' W J and s = J' W r, with the latitude known before; WJ (4, 4) = W J."""
-    for p in range(4):
-        for q in range(4):
-            total = 0.0
-            for k in range(4):
-                total += W[p, k] * J[k, q]
-            WJ[p, q] = total
-    for p in range(4):
-        s[p] = 0.0
-        for k in range(4):
-            s[p] += WJ[k, p] * r[k]
-        for q in range(4):
-            total = 0.0
-            for k in range(4):
-                total += J[k, p] * WJ[k, q]
-            H[p, q] = total
-    if known > 0.0:
-        H[3, 3] += known
-        s[3] += known * miss
-
-
-@inlined
-def _scaled_cholesky(H, s):
-    """Replace s by inv(H) s, H by the factor of H scaled to a unit diagonal; 0 if singular."""
-    d0, d1, d2, d3 = H[0, 0], H[1, 1], H[2, 2], H[3, 3]
-    if not (d0 > 0.0 and d1 > 0.0 and d2 > 0.0 and d3 > 0.0):
-        return 0.0
-    d = (1.0 / math.sqrt(d0), 1.0 / math.sqrt(d1), 1.0 / math.sqrt(d2), 1.0 / math.sqrt(d3))
-    for p in range(4):
-        s[p] *= d[p]
-        for q in range(4):
-            H[p, q] *= d[p] * d[q]
-    if not cholesky(H, len(H)):
-        return 0.0
-    substitute(H, s, len(H))
-    for p in range(4):
-        s[p] *= d[p]
-    return 1.0
-
-
-@inlined
-def _turned(C, x, y, z, T):
-    """Fill T with C exp([phi x])."""
-    angle = math.sqrt(x * x + y * y + z * z)
-    half = 0.5 * angle
-    a = math.sin(angle) / angle if angle > 1e-9 else 1.0
-    c = 0.5 * (math.sin(half) / half) ** 2 if angle > 1e-9 else 0.5
-    for k in range(3):
-        u, v, w = C[k, 0], C[k, 1], C[k, 2]
-        # row x phi, and that x phi
-        p, q, r = v * z - w * y, w * x - u * z, u * y - v * x
-        T[k, 0] = u + a * p + c * (q * z - r * y)
-        T[k, 1] = v + a * q + c * (r * x - p * z)
-        T[k, 2] = w + a * r + c * (p * y - q * x)
-
-
-@part
-def _fill(P, gain, variance):
-    """Fill a covariance with `variance`, and a gain with NaN."""
-    for p in range(4):
-        for q in range(4):
-            P[p, q] = variance
-        for q in range(5):
-            gain[p, q] = np.nan
-
-
-@inlined
-def _uncertainty(C, lat, A, g, earth_rate, W, known, J, H, Hinv, E, WJ, s, P, gain):
-    """Fill covariance and gain of heading, pitch, roll and latitude."""
-    _slopes(C, earth_rate * math.sin(lat), earth_rate * math.cos(lat), A, g, J)
-    for p in range(4):
-        s[p] = 0.0
-    _normal(J, W, s, known, 0.0, H, s, WJ)
-    d = (math.sqrt(H[0, 0]), math.sqrt(H[1, 1]), math.sqrt(H[2, 2]), math.sqrt(H[3, 3]))
-    if _scaled_cholesky(H, s) == 0.0:
-        _fill(P, gain, np.inf)
-        return
-    invert(H, Hinv, len(H))
-    for p in range(4):
-        for q in range(4):
-            Hinv[p, q] /= d[p] * d[q]
-    # Slopes of heading, pitch and roll, first against a small rotation of the case,
-    # C_bn <- (I - [phi_b x]) C_bn, then against phi: phi_b = -C_bn phi.
-    ct = math.hypot(C[0, 2], C[2, 2])
-    sg, cg, t = -C[0, 2] / ct, C[2, 2] / ct, C[1, 2] / ct
-    for q in range(3):
-        x, y, z = -C[0, q], -C[1, q], -C[2, q]
-        E[0, q] = (sg * x - cg * z) / ct
-        E[1, q] = cg * x + sg * z
-        E[2, q] = sg * t * x + y - cg * t * z
-    E[3, 3] = 1.0
-    for p in range(4):
-        for q in range(4):
-            total = 0.0
-            for k in range(4):
-                total += E[p, k] * Hinv[k, q]
-            J[p, q] = total
-    for p in range(4):
-        for q in range(4):
-            total, x = 0.0, 0.0
-            for k in range(4):
-                total += J[p, k] * E[q, k]
-                x += J[p, k] * WJ[q, k]
-            P[p, q] = total
-            gain[p, q] = x
-        gain[p, 4] = J[p, 3] * known

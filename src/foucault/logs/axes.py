@@ -232,7 +232,10 @@ def unmoved(log: Log) -> tuple[Finding, ...]:
 
 def _longest(values: FloatArray) -> tuple[int, int]:
     """Return first row, and row after, of the longest time in which columns are constant."""
-    at = np.flatnonzero(np.any([c[1:] != c[:-1] for c in values.T], axis=0)) + 1
+    moves = np.any([c[1:] != c[:-1] for c in values.T], axis=0)
+    if moves.all():
+        return 0, 1
+    at = np.flatnonzero(moves) + 1
     edges = np.concatenate([[0], at, [len(values)]])
     k = int(np.argmax(np.diff(edges)))
     return int(edges[k]), int(edges[k + 1])

@@ -66,7 +66,7 @@ def open_parquet(path: Path, description: FileLayout, progress: Progress | None)
                 if not pa.types.is_string(cells.type):
                     cells = pa.array([None if w is None else str(w) for w in cells.to_pylist()],
                                      pa.string())  # fmt: skip
-                yield cells.fill_null("")
+                yield cells.fill_null("") if cells.null_count else cells  # which takes pandas
 
     return RawTable(tuple(schema.names), True, blocks, marker, words=words)
 

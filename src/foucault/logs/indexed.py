@@ -8,8 +8,10 @@ gyro, at most gravity for an accelerometer. Biases that stay the same do not cou
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray, Names, chosen, of_arrow
+from foucault.arrays import FloatArray, IntArray, Names, chosen, of_arrow, runs_of, to_arrow
 from foucault.errors import Finding, error, finding
 from foucault.files import sha256
 from foucault.logs import checks
@@ -42,6 +44,9 @@ FEW = 4
 
 ROUND = np.radians(15.0)
 """Base stops are usually at multiples of this [rad]."""
+
+AT_ONCE = 1 << 14
+"""Set-ups that are looked at together: the cache holds them, and each core takes some [1]."""
 
 
 def implausible(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
@@ -91,14 +96,30 @@ def _index(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
 
 def _swings(log: IndexedLog, columns: list[FloatArray]) -> list[tuple[float, float]]:
     """Return of columns (n,) the largest half-swing over the index angles of a set-up, its sd."""
-    number, m = log.setup, len(log.names)
+    first = np.flatnonzero(np.diff(log.setup, prepend=-1))[::AT_ONCE].tolist()
+
+    def of(start: int, end: int) -> list[tuple[float, float]]:
+        rows = slice(start, end)
+        return _swings_of(log.setup[rows] - log.setup[start], log.index[rows],
+                          [x[rows] for x in columns])  # fmt: skip
+
+    with ThreadPoolExecutor(min(len(first), os.cpu_count() or 1)) as pool:
+        found = [*pool.map(of, first, [*first[1:], len(log)])]
+    return [max(each, key=lambda one: one[0]) for each in zip(*found, strict=True)]
+
+
+def _swings_of(
+    number: IntArray, index: FloatArray, columns: list[FloatArray]
+) -> list[tuple[float, float]]:
+    """Return the same of some set-ups, by their `number` (n,), from 0 [1], and `index` (n,)."""
     first = np.flatnonzero(np.diff(number, prepend=-1))
 
     def sums(y: FloatArray) -> FloatArray:
         return np.asarray(np.add.reduceat(y, first), float)
 
-    rows = np.bincount(number, minlength=m).astype(float)
-    A = np.stack([np.ones(len(log.index)), np.cos(log.index), np.sin(log.index)])
+    m = len(first)
+    rows = np.diff(first, append=len(number)).astype(float)
+    A = np.stack([np.ones(len(index)), np.cos(index), np.sin(index)])
     normal = np.empty((m, 3, 3))
     for i, k in ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)):
         normal[:, i, k] = normal[:, k, i] = sums(A[i] * A[k]) / rows
@@ -197,8 +218,11 @@ def read(
     assert description.file is not None
     path = Path(folder) / description.file
     raw = open_raw(path, description, progress)
-    data = _columns(description, raw, path)
-    labels = _labels(description, raw, path)
+    with ThreadPoolExecutor(2) as pool:  # numbers, names and fingerprint at the same time
+        digest = pool.submit(sha256, path)
+        words = pool.submit(_labels, description, raw, path) if raw.words is not None else None
+        data = _columns(description, raw, path)
+        labels = _labels(description, raw, path) if words is None else words.result()
     if description.rate is not None:
         data["time"] = np.arange(len(data["gyro"])) / description.rate
     data, labels, dropped = _usable(data, labels, description, path)
@@ -211,7 +235,7 @@ def read(
         latitude=data.get("latitude"), latitude_sd=data.get("latitude_sd"),
         source={
             "file": path.name,
-            "sha256": sha256(path),
+            "sha256": digest.result(),
             "rows": len(data["time"]),
             "description": description.model_dump(mode="json", exclude_none=True),
         },
@@ -296,17 +320,16 @@ def _labels(used: IndexedDescription, raw: RawTable, path: Path) -> _Labels | No
         blocks = raw.words(number)
     else:
         numbers = (block[:, 0] for block in kept(raw, path).blocks([number]))
-        blocks = (pa.array(["" if np.isnan(x) else f"{x:.12g}" for x in some.tolist()], pa.string())
-                  for some in numbers)  # fmt: skip
-    runs, count = [pa.array([], pa.string())], [np.empty(0, np.int64)]
+        words = (["" if np.isnan(x) else f"{x:.12g}" for x in some.tolist()] for some in numbers)
+        blocks = (to_arrow(np.array(some, object)) for some in words)
+    runs, count = [pa.nulls(0, pa.string())], [np.empty(0, np.int64)]
     for cells in blocks:
-        moved = of_arrow(compute.not_equal(cells[1:], cells[:-1]))
-        first = np.flatnonzero(np.append(np.ones(min(len(cells), 1), bool), moved))
-        runs.append(cells.take(pa.array(first)))
+        first = runs_of(cells)
+        runs.append(cells.take(to_arrow(first)))
         count.append(np.diff(first, append=len(cells)))
     coded = compute.utf8_trim_whitespace(pa.concat_arrays(runs)).dictionary_encode()
-    code, empty = of_arrow(coded.indices), compute.index(coded.dictionary, "").as_py()
-    each = np.where(code == empty, -1, code.astype(np.int64))
+    code, length = of_arrow(coded.indices), of_arrow(compute.binary_length(coded.dictionary))
+    each = np.where(length[code] == 0, -1, code.astype(np.int64))
     return _Labels(coded.dictionary, np.repeat(each, np.concatenate(count)))
 
 

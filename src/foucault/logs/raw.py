@@ -35,6 +35,9 @@ PIECE = 1 << 20
 COPIES = 2
 """A log is in memory so many times while it is read, at least [1]."""
 
+LOOK_AGAIN = 1.5
+"""Memory is looked at again when a log has grown by this: asking the system takes a while [1]."""
+
 BLOCK_ROWS = 1 << 18
 """Rows per block where the format leaves the choice to us."""
 
@@ -190,10 +193,12 @@ def kept(raw: RawTable, path: Path) -> RawTable:
     """Return a table whose rows will all be kept, refused as soon as they cannot be."""
 
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
-        held = 0
+        held, looked = 0, 0.0
         for rows in raw.blocks(columns):
             held += rows.nbytes
-            must_fit(path, held / (raw.done() or 1.0), held)
+            if held > LOOK_AGAIN * looked:
+                looked = held
+                must_fit(path, held / (raw.done() or 1.0), held)
             yield rows
 
     return replace(raw, blocks=blocks)

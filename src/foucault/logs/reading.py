@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray
+from foucault.arrays import FloatArray, IntArray, runs_of, to_arrow
 from foucault.errors import Finding, FoucaultError, error
 from foucault.files import sha256
 from foucault.logs import axes, checks
@@ -577,26 +577,28 @@ def _runs(raw: RawTable, number: int) -> _Runs:
     starts, codes = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     last: list[int] = []
     row, before = 0, -1
-    for words in _words(raw, number):
+    for cells in _words(raw, number):
+        first = runs_of(cells)
+        words = cells.take(to_arrow(first)).to_pylist()
         code = np.array([known.setdefault(word.strip(), len(known)) for word in words])
         new = np.flatnonzero(np.diff(code, prepend=before))
-        starts.append(row + new)
+        starts.append(row + first[new])
         codes.append(code[new])
         last += [0] * (len(known) - len(last))
-        seen, back = np.unique(code[::-1], return_index=True)
-        for c, k in zip(seen.tolist(), back.tolist(), strict=True):
-            last[c] = row + len(code) - k
-        row, before = row + len(code), int(code[-1])
+        for c, end in zip(code.tolist(), [*first[1:].tolist(), len(cells)], strict=True):
+            last[c] = row + end
+        row, before = row + len(cells), int(code[-1])
     return _Runs(list(known), np.concatenate(starts), np.concatenate(codes), np.array(last))
 
 
-def _words(raw: RawTable, number: int) -> Iterator[list[str]]:
+def _words(raw: RawTable, number: int) -> Iterator[Any]:
+    """Yield the words of a column, as arrays of strings of pyarrow."""
     if raw.words is not None:
-        yield from (words.to_pylist() for words in raw.words(number) if len(words))
+        yield from (words for words in raw.words(number) if len(words))
         return
     for block in raw.blocks([number]):
         if len(block):
-            yield [f"{value:g}" for value in block[:, 0]]
+            yield to_arrow(np.array([f"{value:g}" for value in block[:, 0]], object))
 
 
 def _split(runs: _Runs, row: int, count: int) -> Iterator[tuple[int, slice]]:

@@ -117,7 +117,8 @@ def _words(
     import pyarrow as pa
 
     for batch in _batches(stream, dialect, {column: pa.binary()}, size, None, good):
-        yield _decoded(batch.column(0).combine_chunks().fill_null(b""))
+        cells = batch.column(0).combine_chunks()
+        yield _decoded(cells.fill_null(b"") if cells.null_count else cells)  # which takes pandas
 
 
 def _decoded(cells: Any) -> Any:

@@ -12,8 +12,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
-from itertools import chain
+from functools import cached_property
 from operator import add
 from typing import Any, TypeVar
 
@@ -21,13 +20,13 @@ import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.north import Implausible, drift_effect, implausible, signal_to_noise
-from foucault.estimate.north import Fixes, Known, bound, level_square, settled, solve
-from foucault.estimate.north_reduction import Nuisance, Pairs, left_white, reduce
+from foucault.estimate.north import Fixes, Known, bound, level_square, settled, sought
+from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
 from foucault.models.earth import Site
 from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise
 from foucault.models.north_seeker import Compensation, Dwells
-from foucault.procedures.north_seeking.counted import explained, moved, on_case
+from foucault.procedures.north_seeking.counted import Scatter, moved, on_case
 from foucault.procedures.north_seeking.field import (
     HOUR,
     Left,
@@ -41,11 +40,12 @@ BLOCK = 4096
 """Set-ups that are solved at once: fewer, and each call of a block costs as much as they do [1]."""
 
 T = TypeVar("T")
+U = TypeVar("U")
 
 
-def in_blocks(count: int, of: Callable[[IntArray], T]) -> Iterator[T]:
-    """Yield what `of` makes of the numbers of `count` set-ups [1], block by block."""
-    blocks = np.split(np.arange(count), range(BLOCK, count, BLOCK))
+def in_blocks(count: int, of: Callable[[IntArray], T], start: int = 0) -> Iterator[T]:
+    """Yield what `of` makes of the numbers of set-ups `start` to `count` [1], block by block."""
+    blocks = np.split(np.arange(start, count), range(BLOCK, count - start, BLOCK))
     cores = min(len(blocks), os.cpu_count() or 1)
     if cores == 1:
         yield from map(of, blocks)
@@ -54,19 +54,25 @@ def in_blocks(count: int, of: Callable[[IntArray], T]) -> Iterator[T]:
         yield from pool.map(of, blocks)
 
 
-def joined(parts: Iterator[T], m: int) -> T:
+def joined(count: int, of: Callable[[IntArray], tuple[T, U]]) -> tuple[T, list[U]]:
     """Return one of the dataclasses of all blocks, with all their arrays one after the other.
 
-    Each is put in its place as it comes: memory holds the arrays once.
+    Each is put in its place by who made it: memory holds the arrays once.
 
-    `m`: set-ups of all [1].
+    `count`: set-ups of all [1]; `of`: makes of the numbers of some [1] what is joined, and what is
+    returned block by block.
     """
-    first = next(parts)
-    whole: T = _room(first, m)
-    at = 0
-    for part in chain([first], parts):
-        at = _put(whole, part, m, at)
-    return whole
+    one, told = of(np.arange(min(BLOCK, count)))
+    whole: T = _room(one, count)
+    _put(whole, one, count, 0)
+
+    def put(some: IntArray) -> U:
+        part, more = of(some)
+        _put(whole, part, count, int(some[0]))
+        return more
+
+    rest = in_blocks(count, put, BLOCK) if count > BLOCK else ()
+    return whole, [told, *rest]
 
 
 def _fields(part: Any) -> Iterator[tuple[str, Any]]:
@@ -87,20 +93,19 @@ def _room(part: Any, m: int) -> Any:
     return type(part)(**out)
 
 
-def _put(whole: Any, part: Any, m: int, start: int) -> int:
-    """Put a part, of m set-ups in all, to set-up `start`; return where the next begins."""
-    end = start + len(part)
+def _put(whole: Any, part: Any, m: int, start: int) -> None:
+    """Put a part, of m set-ups in all, to set-up `start`."""
     for name, x in _fields(part):
         room = getattr(whole, name)
         if isinstance(x, np.ndarray):
             room[start : start + len(x)] = x
         elif isinstance(x, dict):
             for key, each in x.items():  # a source that is none of another block is nothing there
-                there = room.setdefault(key, np.zeros((m, *each.shape[1:])))
-                there[start:end] = each
+                if key not in room:
+                    room.setdefault(key, np.zeros((m, *each.shape[1:])))  # another may be faster
+                room[key][start : start + len(each)] = each
         elif x is not None:
             _put(room, x, m, start)
-    return end
 
 
 @dataclass(frozen=True)
@@ -137,15 +142,19 @@ class Told:
     # group -> its terms, of groups that do something to these set-ups
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     misfit: bool = False  # accelerometers of one scatter by more than their noise
+    scatter: Scatter | None = None  # what may explain that, None: nothing is asked
 
     def __add__(self, more: Told) -> Told:
         products = self.products
         if products is not None and more.products is not None:
             products += more.products
+        scatter = self.scatter
+        if scatter is not None and more.scatter is not None:
+            scatter += more.scatter
         each = zip(self.implausible, more.implausible, strict=True)
         return Told(
             tuple(max(two, key=lambda one: one.size) for two in each), products,
-            {**self.groups, **more.groups}, self.misfit or more.misfit,
+            {**self.groups, **more.groups}, self.misfit or more.misfit, scatter,
         )  # fmt: skip
 
 
@@ -167,16 +176,16 @@ class Seeking:
 
     def found(self, times: Mapping[str, float]) -> tuple[Found, Told]:
         """Solve all set-ups, with so many `times` the sizes of groups of what is left out [1]."""
-        m = len(self.dwells.names)
-        parts = in_blocks(m, partial(self.of_some, times))
-        told = list[Told]()
 
-        def each() -> Iterator[Found]:
-            for found, more in parts:
-                told.append(more)
-                yield found.results
+        def of(some: IntArray) -> tuple[Found, tuple[Told, list[str]]]:
+            found, told = self.of_some(times, some)
+            return found.results, (told, [*found.fixes.sources])
 
-        return joined(each(), m), functools.reduce(add, told)
+        whole, told = joined(len(self.dwells.names), of)
+        names = dict.fromkeys(name for _, some in told for name in some)  # whoever was faster
+        sources = {name: whole.fixes.sources[name] for name in names}
+        fixes = replace(whole.fixes, sources=sources)
+        return replace(whole, fixes=fixes), functools.reduce(add, (one for one, _ in told))
 
     def of_some(self, times: Mapping[str, float], some: IntArray) -> tuple[Found, Told]:
         """Solve set-ups of numbers `some` (k,) as `found` does all, with all that is said of them.
@@ -187,12 +196,14 @@ class Seeking:
         compensation = self.compensation
         pairs = reduce(dwells, self.noise, self.nuisance)
         told = Told(implausible(dwells, pairs, known, compensation))
-        fixes = solve(pairs, known, compensation)
+        alone = self.sizes is None
+        fixes = settled(pairs, known, compensation, sought(pairs, known, compensation), alone)
         if self.sizes is not None:
             left = Left.of(dwells, pairs, fixes.angles, known, compensation, self._terms,
                            self._span)  # fmt: skip
             products = left.products(fixes.status == 0)
-            told = Told(told.implausible, products, left.groups, misfits(pairs))
+            scatter = None if dwells.accel is None else self._scatter(dwells, pairs, fixes, known)
+            told = Told(told.implausible, products, left.groups, misfits(pairs), scatter)
             pairs, known = left.counted(times)
             fixes = settled(pairs, known, compensation, fixes)
         least = bound(pairs, known, compensation, fixes.angles)
@@ -218,16 +229,8 @@ class Seeking:
         names = self.compensation.coefficients.names
         return Terms.of(names, self.site, self.sizes or {}, on_case(self.dwells))
 
-    def scatter(self, times: Mapping[str, float]) -> FloatArray:
-        """Return the products of `counted.explained` over all set-ups, by `times` [1]."""
-        return np.asarray(sum(in_blocks(len(self.dwells.names), partial(self._scatter, times))))
-
-    def _scatter(self, times: Mapping[str, float], some: IntArray) -> FloatArray:
-        dwells, known = self.dwells.setups(some), self.known.of(some)
-        pairs = reduce(dwells, self.noise, self.nuisance)
-        fixes = solve(pairs, known, self.compensation)
+    def _scatter(self, dwells: Dwells, pairs: Pairs, fixes: Fixes, known: Known) -> Scatter:
         w_b, f_b = truth_of(np.where(np.isfinite(fixes.angles), fixes.angles, 0.0), known)
         begin, end = self._span
         motion = moved(dwells, f_b, w_b)._replace(begin=begin, end=end)
-        white = partial(left_white, dwells, self.noise, self.nuisance)
-        return explained(pairs, dwells, motion, white, times, self.site, self._terms.sizes)
+        return Scatter.of(pairs, dwells, motion, self.site, self._terms.sizes)

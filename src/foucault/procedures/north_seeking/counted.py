@@ -15,15 +15,15 @@ nothing. Accelerometers on the case have terms in the axes of the case, which ca
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.estimate.north import COMMON_HEADING, HEADINGS, LATITUDE, LEVEL, OnTurntable, Rig
-from foucault.estimate.north_reduction import INDEXING, Pairs
+from foucault.estimate.north_reduction import INDEXING, Pairs, left_white
 from foucault.infer.left_out import Judgement
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
@@ -203,46 +203,53 @@ def put(dwells: Dwells, by: Change) -> tuple[FloatArray | None, FloatArray | Non
     return gyro, accel
 
 
-def explained(
-    pairs: Pairs, dwells: Dwells, motion: Motion, left: Callable[[FloatArray], FloatArray],
-    times: Mapping[str, float], site: Site, sizes: Sizes,
-) -> FloatArray:  # fmt: skip
-    """Return the products of residuals of accelerometers with what their terms leave in them.
+@dataclass(frozen=True)
+class Scatter:
+    """Products of residuals of accelerometers with what one size of their terms leaves in them.
 
     What goes twice per turn is in no rate and no tilt, but in what four stops leave of one another.
-
-    `motion`: of the readings `dwells` [SI]; `left`: what is left (n, q, c) of something added to
-    the accelerometers (n, q, c) [SI]; `times`: group -> how many `sizes` [SI] it has, where that is
-    not one [1]. Returns (1 + c, 1 + c): of the residuals, and of c terms [1].
     """
-    some = {g: size for g, size in sizes.items() if g.startswith("accel.")}
-    n, q = pairs.accel_white.shape
-    columns = []
-    for group, of in groupby(terms((), site, some), lambda term: term.group):
-        own = [term for term in of if felt(term, on_case(dwells))]
-        for by in changes(own, ImuModel(), motion) if own else ():
-            _, more = put(dwells, by)
-            assert more is not None
-            columns.append(times.get(group, 1.0) * more)
-    more = np.stack(columns, 2) if columns else np.zeros((n, q, 0))
-    each = np.concatenate([pairs.accel_white[:, :, None], left(more)], axis=2).reshape(n * q, -1)
-    return np.asarray(each.T @ each)
 
+    products: FloatArray  # (1 + c, 1 + c) of the residuals, and of c terms [1]
+    groups: tuple[str, ...]  # that each term is of
 
-def accounted(pairs: Pairs, products: FloatArray) -> Pairs:
-    """Return set-ups without what terms of the accelerometers explain of their residuals.
+    @classmethod
+    def of(cls, pairs: Pairs, dwells: Dwells, motion: Motion, site: Site, sizes: Sizes) -> Scatter:
+        """Take set-ups with their readings; `motion`: of these readings; `sizes`: of all [SI]."""
+        some = {g: size for g, size in sizes.items() if g.startswith("accel.")}
+        n, q = pairs.accel_white.shape
+        columns, groups = list[FloatArray](), list[str]()
+        for group, of in groupby(terms((), site, some), lambda term: term.group):
+            own = [term for term in of if felt(term, on_case(dwells))]
+            for by in changes(own, ImuModel(), motion) if own else ():
+                _, more = put(dwells, by)
+                assert more is not None
+                columns.append(more)
+                groups.append(group)
+        more = np.stack(columns, 2) if columns else np.zeros((n, q, 0))
+        each = np.concatenate([pairs.accel_white[:, :, None], left_white(pairs, more)], axis=2)
+        each = each.reshape(n * q, -1)
+        return cls(np.asarray(each.T @ each), tuple(groups))
 
-    ``r' (I + B B')^-1 r`` has the degrees of freedom that r'r has without B.
+    def __add__(self, more: Scatter) -> Scatter:
+        return replace(self, products=self.products + more.products)
 
-    `products` (1 + c, 1 + c): of `explained` over all set-ups [1].
-    """
-    total, u, G = float(products[0, 0]), products[1:, 0], products[1:, 1:]
-    if not total:
-        return pairs
-    left = total - float(u @ np.linalg.solve(np.eye(len(u)) + G, u))
-    chi_square = pairs.chi_square.copy()
-    chi_square[:, 1] *= left / total
-    return replace(pairs, chi_square=chi_square)
+    def accounted(self, pairs: Pairs, times: Mapping[str, float]) -> Pairs:
+        """Return set-ups, all of these, without what the terms explain of their residuals.
+
+        ``r' (I + B B')^-1 r`` has the degrees of freedom that r'r has without B.
+
+        `pairs`: [SI]; `times`: group -> how many sizes it has, where that is not one [1].
+        """
+        scale = np.array([1.0, *(times.get(g, 1.0) for g in self.groups)])
+        products = scale[:, None] * self.products * scale
+        total, u, G = float(products[0, 0]), products[1:, 0], products[1:, 1:]
+        if not total:
+            return pairs
+        left = total - float(u @ np.linalg.solve(np.eye(len(u)) + G, u))
+        chi_square = pairs.chi_square.copy()
+        chi_square[:, 1] *= left / total
+        return replace(pairs, chi_square=chi_square)
 
 
 def with_rig(judged: Judgement, rig: Rig, index_sd: float) -> Judgement:

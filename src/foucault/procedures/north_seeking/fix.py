@@ -12,7 +12,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,7 @@ from foucault.diagnose.north_stops import (
 from foucault.errors import Finding, error, finding
 from foucault.estimate import north as estimation
 from foucault.estimate.north import LATITUDE, Fixes, Known, Rig
-from foucault.estimate.north_reduction import Nuisance, Pairs, left_white, reduce
+from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
 from foucault.guard.north import causes
 from foucault.infer import mixed
 from foucault.infer.left_out import Judgement, With
@@ -63,11 +63,10 @@ from foucault.models.norths import North, norths
 from foucault.procedures import Progress, left_out, silent
 from foucault.procedures.north_seeking.blocks import Found, Seeking, in_blocks, joined
 from foucault.procedures.north_seeking.counted import (
-    accounted,
+    Scatter,
     again,
     beside,
     completed,
-    explained,
     moved,
     stood,
     with_rig,
@@ -188,7 +187,8 @@ def find_north(
             found, _ = seeking.found(times)
         pairs = found.pairs
         if together.misfit:
-            pairs = accounted(pairs, seeking.scatter(times))
+            assert together.scatter is not None
+            pairs = together.scatter.accounted(pairs, times)
         whole, groups = whole_sizes(own or {}, site), together.groups
         judged = judgement(known, whole, groups, found.fixes, seen, named, settings.index_sd,
                            assumed)  # fmt: skip
@@ -285,9 +285,7 @@ def _noise(
     free = drift_sd(dwells, GUESS, settings.drift, settings.drift_sd)
     nuisance = _nuisance(settings, free)
     m = len(dwells.names)
-    pairs = joined(in_blocks(
-        m, lambda some: reduce(dwells.setups(some), GUESS, nuisance).results
-    ), m)  # fmt: skip
+    pairs, _ = joined(m, lambda some: (reduce(dwells.setups(some), GUESS, nuisance).results, None))
     found = from_residuals(pairs, dwells.accel is not None)
     if found is None:
         also = ' and --accel-noise "5 ug/sqrt(Hz)"' if dwells.accel is not None else ""
@@ -451,12 +449,9 @@ def solved(
             model = fit.model.model if isinstance(fit.model, With) else fit.model
             assert isinstance(model, estimation.OnTurntable)
             w, f, _, _ = model.truth(fit.state)
-            white = partial(left_white, dwells, noise, nuisance)
-            motion = moved(dwells, f, w)
             times = {g: k for one in judged.named for g, k in one.items()}
-            pairs = accounted(
-                pairs, explained(pairs, dwells, motion, white, times, site, judged.sizes)
-            )
+            scatter = Scatter.of(pairs, dwells, moved(dwells, f, w), site, judged.sizes)
+            pairs = scatter.accounted(pairs, times)
         judged = with_rig(judged, rig, settings.index_sd)
     return Solution(pairs, rig, noise, source, nuisance, fit, z_test, told, offsets, gains, judged)
 
