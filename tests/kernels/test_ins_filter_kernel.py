@@ -91,6 +91,32 @@ def test_it_is_the_dense_filter(monkeypatch, form, names, latitude):
 
 
 @pytest.mark.parametrize("form", ["compiled", "python"])
+@pytest.mark.parametrize("held", [False, True])
+def test_a_free_run_is_a_filter_to_which_nothing_is_told(monkeypatch, form, held):
+    """Epochs of no rows, of some, and of more than are gone through at a time."""
+    log, state, sensors, *_ = case(("gyro", "accel.bias", "accel.scale.y"), 120, 13)
+    rows = np.array([3, 7, 30, 110])
+    estimate = 0.3 * np.array([unit(name) for name in sensors.layout.names])
+    told = ins_filter.run(
+        log, state, sensors, ins_filter.Updates.none(rows), np.zeros((9 + len(sensors),) * 2),
+        ImuNoise(), first=3, estimate=estimate, gravity_offset=3e-4, held=held, keep=True,
+    )  # fmt: skip
+    monkeypatch.setattr(ins_filter, "transitions_of", kernel(form, module, "transitions_of"))
+    wide = np.full((4, 10, 11 + len(sensors)), np.nan)
+    free = ins_filter.free_run(log, state, sensors, rows, wide, first=3, estimate=estimate,
+                               gravity_offset=3e-4, held=held)  # fmt: skip
+    found = wide[:, :9, : 9 + len(sensors)]
+    blocks = (4, 3, 3, 9 + len(sensors))  # attitude, velocity and position have units of their own
+    size = np.abs(told.transitions).reshape(blocks).max(axis=(0, 2))
+    apart = np.abs(found - told.transitions).reshape(blocks).max(axis=(0, 2))
+    assert (apart <= 1e-11 * size).all()
+    assert not wide[:, :9, 9 + len(sensors) :].any() and np.isnan(wide[:, 9]).all()
+    np.testing.assert_array_equal(found[0], np.eye(9, 9 + len(sensors)))
+    moved = errors(free.history, told.trajectory.history)
+    assert np.abs(moved).max() < 1e-8
+
+
+@pytest.mark.parametrize("form", ["compiled", "python"])
 def test_errors_are_taken_out_again(form):
     """What is left of an error is of its second order."""
     rng = np.random.default_rng(4)

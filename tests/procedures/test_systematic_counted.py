@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -129,11 +128,3 @@ def test_sizes_that_leave_the_heading_open_are_said_to_and_never_a_missing_sampl
         assert problem.code == "systematic.heading_open"
         reasons = (problem.message,)
     assert any(f"{far} 5" in reason for reason in reasons)
-
-
-def test_where_the_filter_has_no_states_for_it_that_is_said(monkeypatch):
-    monkeypatch.setattr(import_module("foucault.procedures.systematic.counted"), "HALF", 40)
-    result = trial(session()[0])
-    (told,) = [f for f in result.findings if f.code == "left_out.crowded"]
-    assert "leave the filter no states for terms that are not estimated" in told.message
-    assert "left_out" not in result.tables and "budget" not in result.diagnostics

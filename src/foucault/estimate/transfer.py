@@ -73,7 +73,7 @@ from foucault.models.transfer import (
     states_of_transfer,
 )
 from foucault.navigate.increments import Increments
-from foucault.navigate.ins_filter import Updates, run, seen_at_place
+from foucault.navigate.ins_filter import free_run, seen_at_place, white_noise
 from foucault.navigate.strapdown import State, state_of, states_of
 from foucault.tables import AXES
 
@@ -320,14 +320,15 @@ class TransferModel:
         """Navigate the slave freely from a point, and say what the messages tell of its errors."""
         rows, used = self._rows(point.delay)
         master, when = self.master[used], (self.master.time - point.delay)[used]
-        pieces = zip(*self._pieces(point, master, rows, when), strict=True)
-        history, _, w_ib_b, transitions, jump, H, z = (
+        Phi = np.empty((len(rows), self._moving, len(self.layout)))
+        pieces = zip(*self._pieces(point, master, rows, when, Phi), strict=True)
+        history, _, w_ib_b, jump, H, z = (
             each[0] if len(each) == 1 else np.concatenate(each) for each in pieces
         )
         R = np.full(z.shape, np.inf)
         R[:, : 3 if self.matching.vertical else 2] = self.matching.velocity_sd**2
         R[:, 3:] = self.matching.attitude_sd**2
-        Phi, half = self._carried(transitions, self.steps(rows))
+        half = self._carried(Phi, self.steps(rows))
         self._drive(Phi, rows, states_of(history))
         x0, P0 = self._start(point)
         return FreeInertial(Phi, half, H, z, R, x0, P0, jump, time=when, rows=rows, used=used,
@@ -351,31 +352,33 @@ class TransferModel:
         return rows[used].astype(np.int64), used
 
     def _pieces(
-        self, point: Linearisation, master: Messages, rows: IntArray, when: FloatArray
-    ) -> list[_Piece]:
-        """Navigate piece by piece, each begun by what the master said at the end of the last."""
+        self, point: Linearisation, master: Messages, rows: IntArray, when: FloatArray,
+        transitions: FloatArray,
+    ) -> list[_Piece]:  # fmt: skip
+        """Navigate piece by piece, each begun by what the master said at the end of the last.
+
+        Fills of `transitions` (m, b, n) what navigates [SI].
+        """
         slave, first, begun = self.slave, self.slave.first, Reset.of(point.state)
         many = max(1, ceil((when[-1] - slave.increments.time[first]) / PIECE))
         parts, out = np.array_split(np.arange(len(rows)), many), list[_Piece]()
         for before, part in zip((parts[0], *parts), parts, strict=False):
             if out:
                 first, begun = int(rows[before[-1]]), self._reset(out[-1], master[before], point)
-            found = run(
-                slave.increments, begun.state, slave.sensors, Updates.none(rows[part]),
-                np.zeros((9 + len(slave.sensors),) * 2), ImuNoise(), first=first,
+            Phi = transitions[part[0] : part[-1] + 1]
+            history = free_run(
+                slave.increments, begun.state, slave.sensors, rows[part], Phi, first=first,
                 estimate=point.coefficients, gravity_offset=slave.gravity_offset,
-                keep="transitions",
-            )  # fmt: skip
-            history = found.trajectory.history
+            ).history  # fmt: skip
             states = states_of(history)
             motion = between(slave, states, rows[part], when[part], point.coefficients,
                              self.matching)  # fmt: skip
             place = by_the_master(states, seen_at_place(history, states))
             H, z = self._measured(motion, master[part], point, place)
-            Phi, jump = found.transitions, np.zeros((len(part), self._moving))
-            jump[0, :9] = Phi[0, :, :9] @ begun.jump
-            Phi[0, :, :9] = Phi[0, :, :9] @ begun.turn
-            out.append(_Piece(history, motion.C_ns, motion.w_ib_b, Phi, jump, H, z))
+            jump, onto = np.zeros((len(part), self._moving)), Phi[0, :9, :9]
+            jump[0, :9] = onto @ begun.jump
+            onto[:] = onto @ begun.turn
+            out.append(_Piece(history, motion.C_ns, motion.w_ib_b, jump, H, z))
         return out
 
     def _reset(self, piece: _Piece, master: Messages, point: Linearisation) -> Reset:
@@ -453,13 +456,10 @@ class TransferModel:
         changes = {*FLEXURE.names, *WANDER.names}
         return 9 if changes.isdisjoint(self.names) else len(self.names)
 
-    def _carried(self, transitions: FloatArray, steps: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the transitions of the states that change, and half of the noise between them."""
-        m, _, known = transitions.shape
+    def _carried(self, Phi: FloatArray, steps: FloatArray) -> FloatArray:
+        """Return half of the noise between transitions `Phi` (m, b, n), and complete them [SI]."""
         layout, noise, moving = self.layout, self.slave.noise, self._moving
-        Phi = np.zeros((m, moving, len(layout)))
-        Phi[:, np.arange(9, moving), np.arange(9, moving)] = 1.0
-        Phi[:, :9, :known] = transitions
+        Phi[:, 9:] = np.eye(moving, len(layout))[9:]
         q = np.zeros(len(layout))
         q[0:3], q[3:6] = noise.gyro.white**2, noise.accel.white**2
         for name, triad in (("gyro.bias", noise.gyro), ("accel.bias", noise.accel)):
@@ -478,7 +478,7 @@ class TransferModel:
                 Phi[:, :9, i] = mean[:, None] * Phi[:, :9, layout.index(bias_of(name))]
                 # So that it stays as large.
                 half[:, i] = triad.bias_instability**2 * np.tanh(past)
-        return Phi, half
+        return half
 
     def _start(self, point: Linearisation) -> tuple[FloatArray, FloatArray]:
         """Return the expected errors of a point, and their covariance."""
@@ -517,7 +517,6 @@ class _Piece(NamedTuple):
     history: FloatArray
     C_ns: FloatArray
     w_ib_b: FloatArray
-    transitions: FloatArray
     jump: FloatArray
     H: FloatArray
     z: FloatArray
@@ -692,16 +691,20 @@ def hand_over(
                         height=position.height)  # fmt: skip
     end = max(slave.increments.row_at(time), int(rows[-1]))
     values, cov = found.point.coefficients + x[9 : 9 + p], found.run.cov[: 9 + p, : 9 + p]
+    onto = np.eye(9 + p)
     try:
-        on = run(
-            slave.increments, state, slave.sensors, Updates.none(np.array([end])), cov,
-            slave.noise, first=int(rows[-1]), estimate=values,
-            gravity_offset=slave.gravity_offset,
-        )  # fmt: skip
+        on = free_run(slave.increments, state, slave.sensors, np.array([end]), onto[None],
+                      first=int(rows[-1]), estimate=values,
+                      gravity_offset=slave.gravity_offset)  # fmt: skip
     except FoucaultError:  # of passes that went astray: nothing goes on from there
         vector = CoefficientVector(slave.sensors.layout, values, cov[9:, 9:])
         return HandOver(state, vector, cov[:9, :9], int(rows[-1]))
-    return HandOver(on.trajectory.state(-1), on.estimate, on.cov_at_place(), end)
+    time = slave.increments.time
+    half = np.diag((time[end] - time[rows[-1]]) / 2 * white_noise(slave.sensors, slave.noise))
+    cov = onto @ (cov + half) @ onto.T + half
+    place = seen_at_place(on.history)[0]
+    vector = CoefficientVector(slave.sensors.layout, values, cov[9:, 9:])
+    return HandOver(on.state(-1), vector, place @ cov[:9, :9] @ place.T, end)
 
 
 def after_outage(

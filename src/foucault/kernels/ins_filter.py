@@ -23,26 +23,14 @@ import numpy as np
 from foucault.kernels import inlined, kernel, part
 from foucault.kernels.ins_transition import (
     INPUTS,
-    WIDE,
-    begin,
-    carry,
+    ROWS,
+    advance,
     changes,
     compensated,
     errors_of,
-    excite,
-    gather,
-    hold,
     inputs_used,
-    middle,
-    places,
 )
-from foucault.kernels.strapdown import (
-    curvature,
-    product,
-    rotation,
-    step,
-    transport,
-)
+from foucault.kernels.strapdown import curvature, product, rotation, transport
 
 
 @inlined
@@ -209,22 +197,59 @@ def set_to_reference(x, P, Phi, X, z, sd, c0, c1, px, py, d):
 
 
 @kernel
+def transitions_of(
+    dtheta, dvel, dt, left, right, first, x0, estimate, coefficient, axis, entry, weight, most,
+    epochs, g_offset, held, states, transitions,
+):  # fmt: skip
+    """Navigate from row first, with nothing measured.
+
+    Parameters as `ins_filter`; fills states (m, 12) and, of transitions (m, 9 or more, 9 + p or
+    more), the nine first rows: from NumPy they have large pages.
+    """
+    x = x0.copy()
+    M = np.empty((9, transitions.shape[2]))
+    used, which = np.empty(axis.size, np.int64), np.empty(axis.size, np.int64)
+    used = used[: inputs_used(entry, used, which)]
+    matrix, sums = np.empty((used.size, 6)), np.empty((used.size, 56))
+    u, w, s, bend = np.zeros((ROWS + 2, 6)), np.empty(6), np.empty(INPUTS), np.empty(6)
+    felt, mid = np.empty((ROWS + 5, used.size)), np.empty((ROWS + 1, 21))
+    D, L = np.zeros((ROWS + 5, 56)), np.empty(153)
+    total = age = 0.0  # of all rows, whichever the run takes: a drift is that of the session
+    for j in range(dt.size):
+        total += dt[j]
+        age += dt[j] if j <= first else 0.0
+    errors_of(coefficient, axis, weight, which, estimate, matrix)
+    if most > 36:
+        changes(dtheta, dvel, dt, left, right, first, age - dt[first], total, s)
+    compensated(dtheta[first], dvel[first], dt[first], used, matrix, most, w, s, u[0])
+    begin = first + 1
+    for k in range(epochs.size):
+        age += advance(
+            dtheta, dvel, dt, left, right, begin, epochs[k], age, total, coefficient, axis, weight,
+            which, used, most, matrix, g_offset, held, x, u, w, s, felt, bend, mid, D, L, sums, M,
+            transitions[k],
+        )  # fmt: skip
+        begin = epochs[k] + 1
+        for c in range(x.size):
+            states[k, c] = x[c]
+
+
+@kernel
 def ins_filter(
     dtheta, dvel, dt, left, right, first, x0, estimate0, P0, q, decay,
-    coefficient, axis, entry, weight, gyros, most,
-    epochs, reference, sd, gate, restart, g_offset, held, keep_Phi, keep_P,
+    coefficient, axis, entry, weight, most,
+    epochs, reference, sd, gate, restart, g_offset, held, keep,
 ):  # fmt: skip
     """Navigate from row first, correcting at the epochs.
 
     Parameters: dtheta, dvel (n, 3), dt, left, right (n,) as `strapdown`; x0 (12,) state,
     estimate0 (p,) coefficients, P0 (9 + p, 9 + p) their covariance; q (9 + p,) white noise
     [unit^2/s]; decay (p,) 1 / correlation time [1/s]; terms: coefficient, axis, entry (t,),
-    weight (t,), those of the
-    first `gyros` coefficients act on gyros, the others on accelerometers; most: largest entry;
+    weight (t,); most: largest entry;
     epochs (m,) rows that rise; reference (m, 8) of `differences`; sd (m, 6) of velocity and
     position in l, infinite where nothing is measured; gate: innovations beyond so many sds are
     left out; restart (m,): there velocity and position are set to the reference, as known as sd
-    says, and that is all that is taken in; held: height stays; keep_Phi, keep_P: whether
+    says, and that is all that is taken in; held: height stays; keep: whether
     transitions and covariances are kept.
 
     Returns states (m, 12), coefficients (m, p), sds (m, 9 + p), innovations and their variances
@@ -234,102 +259,64 @@ def ins_filter(
     p = estimate0.size
     n = 9 + p
     m = epochs.size
-    kept = m if keep_P else 0
+    kept = m if keep else 0
     states = np.empty((m, 12))
     coefficients = np.empty((m, p))
     spread = np.empty((m, n))
     innovation = np.full((m, 6), np.nan)
     variance = np.full((m, 6), np.nan)
     corrections = np.zeros((m, n))
-    transitions = np.empty((m if keep_Phi else 0, 9, n))
+    transitions = np.empty((kept, 9, n))
     before_P = np.empty((kept, n, n))
     after_P = np.empty((kept, n, n))
     x = x0.copy()
     estimate = estimate0.copy()
     P = P0.copy()
     Phi = np.empty((9, n))
-    slot = np.empty(n, np.int64)
-    places(slot, gyros)
-    place = np.empty(axis.size, np.int64)
-    for t in range(axis.size):
-        a = 9 + axis[t] if axis[t] < 3 else 6 + axis[t]
-        place[t] = a * WIDE + slot[9 + coefficient[t]]
-    wide = np.zeros(12 * WIDE)
     M = np.empty((9, n))
     K = np.empty(n)
     X = np.empty(n)
-    keep = np.empty(p)
-    used = np.empty(axis.size, np.int64)
-    which = np.empty(axis.size, np.int64)
+    left_of = np.empty(p)
+    used, which = np.empty(axis.size, np.int64), np.empty(axis.size, np.int64)
     used = used[: inputs_used(entry, used, which)]
-    matrix = np.empty((used.size, 6))
-    C = np.empty((3, 3))
-    w = np.empty(6)
-    s = np.empty(INPUTS)
-    u = np.empty(6)
-    before = np.empty(6)
-    after = np.zeros(6)
-    later = np.empty(INPUTS)
-    bend = np.empty(6)
-    mid = np.empty(10)
+    matrix, sums = np.empty((used.size, 6)), np.empty((used.size, 56))
+    u, w, s, bend = np.zeros((ROWS + 2, 6)), np.empty(6), np.empty(INPUTS), np.empty(6)
+    felt, mid = np.empty((ROWS + 5, used.size)), np.empty((ROWS + 1, 21))
+    D, L = np.zeros((ROWS + 5, 56)), np.empty(153)
     z = np.empty(6)
     d = np.empty(3)
-    errors_of(coefficient, axis, weight, which, estimate, matrix)
     total = age = 0.0  # of all rows, whichever the run takes: a drift is that of the session
-    for j in range(dt.size if most > 42 else 0):
+    for j in range(dt.size):
         total += dt[j]
-        age += dt[j] if j < first else 0.0
-    total = total if total > 0.0 else 1.0
-    i = first
+        age += dt[j] if j <= first else 0.0
+    errors_of(coefficient, axis, weight, which, estimate, matrix)
+    if most > 36:
+        changes(dtheta, dvel, dt, left, right, first, age - dt[first], total, s)
+    compensated(dtheta[first], dvel[first], dt[first], used, matrix, most, w, s, u[0])
+    begin = first + 1
     for k in range(m):
         errors_of(coefficient, axis, weight, which, estimate, matrix)
-        begin(wide, slot)
-        T = 0.0
-        # Row j is read, then row j - 1 between its neighbours is gone through. In one place, as
-        # each place is compiled: hence the row before the first, and the next once more, with the
-        # coefficients as they are now.
-        start = first if k == 0 else i + 1
-        for j in range(start, epochs[k] + 2):
-            if j > start:
-                age += dt[j - 1]
-            if j < dt.size:
-                if most > 36:
-                    changes(dtheta, dvel, dt, left, right, j, age, total, later)
-                compensated(dtheta[j], dvel[j], dt[j], used, matrix, most, w, later, after)
-            if j == first:
-                before, after = after, before
-                continue
-            if j > i + 1:
-                i += 1
-                for c in range(6):
-                    bend[c] = left[i] * before[c] if left[i] != 0.0 else 0.0
-                    bend[c] += right[i] * after[c] if right[i] != 0.0 else 0.0
-                q0, q1, q2, q3 = x[0], x[1], x[2], x[3]
-                step(x, u, bend, dt[i], g_offset, held, mid)
-                middle(q0, q1, q2, q3, x, C)
-                excite(wide, s, dt[i], 3 + gyros, n - 3 - gyros, place, entry, weight)
-                carry(wide, 3 + gyros, n - 3 - gyros, C, dt[i], mid)
-                if held:
-                    hold(wide, slot, mid[9], x[4], x[5])
-                T += dt[i]
-                before, u = u, before
-            u, after = after, u
-            s, later = later, s
-        gather(wide, slot, Phi)
+        T = advance(
+            dtheta, dvel, dt, left, right, begin, epochs[k], age, total, coefficient, axis, weight,
+            which, used, most, matrix, g_offset, held, x, u, w, s, felt, bend, mid, D, L, sums, M,
+            Phi,
+        )  # fmt: skip
+        begin = epochs[k] + 1
+        age += T
         for j in range(p):
-            keep[j] = math.exp(-T * decay[j]) if decay[j] > 0.0 else 1.0
-            estimate[j] *= keep[j]
-        propagate(P, Phi, M, keep, q, T, n)
+            left_of[j] = math.exp(-T * decay[j]) if decay[j] > 0.0 else 1.0
+            estimate[j] *= left_of[j]
+        propagate(P, Phi, M, left_of, q, T, n)
         px, py, pz = axis_of_earth(x)
         c0, c1, _ = curvature(pz, x[11])
         differences(x, reference[k], c0, c1, px, py, pz, z)
         if restart[k]:
             set_to_reference(x, P, Phi, X, z, sd[k], c0, c1, px, py, d)
-        if keep_P:
+        if keep:
             for a in range(n):
                 for b in range(n):
                     before_P[k, a, b] = P[a, b]
-        if keep_Phi:
+        if keep:
             for a in range(Phi.shape[0]):
                 for b in range(n):
                     transitions[k, a, b] = Phi[a, b]
@@ -340,7 +327,7 @@ def ins_filter(
                 e, S = update(P, X, K, n, 3 + r, z[r], sd[k, r] ** 2, gate)
                 innovation[k, r] = e
                 variance[k, r] = S
-        if keep_P:
+        if keep:
             for a in range(n):
                 for b in range(n):
                     after_P[k, a, b] = P[a, b]

@@ -4,9 +4,10 @@ The equations are those of `kernels.ins_filter`, whose loop the parts here are c
 """
 
 from foucault.kernels import inlined, part
+from foucault.kernels.strapdown import step
 
-HALF, WIDE = 64, 128
-"""Columns of the transition: from 0 on those that have a share in psi, from HALF on the others."""
+ROWS = 32
+"""So many rows are gone through at a time, forward and backward."""
 
 INPUTS = 50
 """Inputs of the terms: 1; w; f; q(f); |w|; w^3; |f|; f_k w_j at 22 + 3 k + j; see `sense`."""
@@ -118,123 +119,174 @@ def compensated(raw_angle, raw_velocity, dt, used, matrix, most, w, s, u):
 
 @inlined
 def middle(q0, q1, q2, q3, x, C):
-    """Fill C (3, 3) with C_lb half way between the quaternion q and that of the state x."""
+    """Fill C[12:21] with C_lb, row by row, half way between the quaternion q and that of x."""
     a, b, c, d = q0 + x[0], q1 + x[1], q2 + x[2], q3 + x[3]
     unit = 1.0 / (a * a + b * b + c * c + d * d)
     twice = 2.0 * unit
-    C[0, 0] = (a * a + b * b - c * c - d * d) * unit
-    C[1, 1] = (a * a - b * b + c * c - d * d) * unit
-    C[2, 2] = (a * a - b * b - c * c + d * d) * unit
-    C[0, 1] = (b * c - a * d) * twice
-    C[1, 0] = (b * c + a * d) * twice
-    C[0, 2] = (b * d + a * c) * twice
-    C[2, 0] = (b * d - a * c) * twice
-    C[1, 2] = (c * d - a * b) * twice
-    C[2, 1] = (c * d + a * b) * twice
+    C[12] = (a * a + b * b - c * c - d * d) * unit
+    C[16] = (a * a - b * b + c * c - d * d) * unit
+    C[20] = (a * a - b * b - c * c + d * d) * unit
+    C[13] = (b * c - a * d) * twice
+    C[15] = (b * c + a * d) * twice
+    C[14] = (b * d + a * c) * twice
+    C[18] = (b * d - a * c) * twice
+    C[17] = (c * d - a * b) * twice
+    C[19] = (c * d + a * b) * twice
 
 
-@inlined
-def excite(Phi, s, dt, turning, others, place, entry, weight):
-    """Fill rows 9 to 11 of Phi: what the coefficients add to the readings of each axis in dt."""
-    for a in range(9, 12):
-        for j in range(turning):
-            Phi[a * WIDE + j] = 0.0
-        for j in range(others):
-            Phi[a * WIDE + HALF + j] = 0.0
-    for t in range(place.size):
-        Phi[place[t]] += weight[t] * s[entry[t]] * dt
+@part
+def carry_back(L, D, k, dt, mid, many):
+    """Carry L over interval k backward, and fill D[k] with what the readings of it do to the end.
 
+    L[16 j + r] is what error j does to error r at the end, after the interval on entry and before
+    it on return: 16, a number known when this is compiled, since only so does the processor take
+    several r at once. D[k, 9 a + r] is what one of axis a, gyros 0 to 2 and then accelerometers,
+    does to it. dt, mid as of `advance`; many: 9, which known here would be unrolled.
 
-@inlined
-def carry(Phi, turning, others, C, dt, mid):
-    """Carry the transition Phi, 9 rows and 3 of `excite`, over one interval.
+    Forward, with x the error of the readings of the interval, the equations of the module are::
 
-    The first `turning` columns have a share in psi, the `others` from HALF on have none. All rows
-    are in one array and WIDE apart, a number known when this is compiled: only so does the
-    processor take several columns at once.
+        d = (C x_g + w x psi) / 2    m = psi - d    n = dv - o x dv + a x m + C x_a + G dr
+        psi <- m - d    dv <- n    dr <- dr + dt (dv + n) / 2 - e x dr
     """
-    i0, i1, i2 = dt * mid[3], dt * mid[4], dt * mid[5]
-    e0, e1 = dt * mid[6], dt * mid[7]
+    i0, i1, i2 = dt * mid[k, 3], dt * mid[k, 4], dt * mid[k, 5]
+    e0, e1 = dt * mid[k, 6], dt * mid[k, 7]
     w0, w1 = i0 + e0, i1 + e1
     o0, o1, o2 = i0 + w0, i1 + w1, 2.0 * i2
-    a0, a1, a2 = mid[0], mid[1], mid[2]
-    pull = dt * mid[8] * mid[9]
+    a0, a1, a2 = mid[k, 0], mid[k, 1], mid[k, 2]
+    pull = dt * mid[k, 8] * mid[k, 9]
     half = 0.5 * dt
-    C00, C01, C02 = C[0, 0], C[0, 1], C[0, 2]
-    C10, C11, C12 = C[1, 0], C[1, 1], C[1, 2]
-    C20, C21, C22 = C[2, 0], C[2, 1], C[2, 2]
-    for j in range(turning):
-        x0, x1, x2 = Phi[9 * WIDE + j], Phi[10 * WIDE + j], Phi[11 * WIDE + j]
-        p0, p1, p2 = Phi[j], Phi[WIDE + j], Phi[2 * WIDE + j]
-        v0, v1, v2 = Phi[3 * WIDE + j], Phi[4 * WIDE + j], Phi[5 * WIDE + j]
-        r0, r1, r2 = Phi[6 * WIDE + j], Phi[7 * WIDE + j], Phi[8 * WIDE + j]
-        d0 = 0.5 * (C00 * x0 + C01 * x1 + C02 * x2 + w1 * p2 - i2 * p1)
-        d1 = 0.5 * (C10 * x0 + C11 * x1 + C12 * x2 + i2 * p0 - w0 * p2)
-        d2 = 0.5 * (C20 * x0 + C21 * x1 + C22 * x2 + w0 * p1 - w1 * p0)
-        m0, m1, m2 = p0 - d0, p1 - d1, p2 - d2  # psi at the middle pulls at the velocity
-        n0 = v0 - o1 * v2 + o2 * v1 - pull * r0 + a1 * m2 - a2 * m1
-        n1 = v1 - o2 * v0 + o0 * v2 - pull * r1 + a2 * m0 - a0 * m2
-        n2 = v2 - o0 * v1 + o1 * v0 + 2.0 * pull * r2 + a0 * m1 - a1 * m0
-        Phi[j] = m0 - d0
-        Phi[WIDE + j] = m1 - d1
-        Phi[2 * WIDE + j] = m2 - d2
-        Phi[3 * WIDE + j] = n0
-        Phi[4 * WIDE + j] = n1
-        Phi[5 * WIDE + j] = n2
-        Phi[6 * WIDE + j] = r0 + half * (v0 + n0) - e1 * r2
-        Phi[7 * WIDE + j] = r1 + half * (v1 + n1) + e0 * r2
-        Phi[8 * WIDE + j] = r2 + half * (v2 + n2) - e0 * r1 + e1 * r0
-    for k in range(others):
-        j = HALF + k
-        x0, x1, x2 = Phi[9 * WIDE + j], Phi[10 * WIDE + j], Phi[11 * WIDE + j]
-        v0, v1, v2 = Phi[3 * WIDE + j], Phi[4 * WIDE + j], Phi[5 * WIDE + j]
-        r0, r1, r2 = Phi[6 * WIDE + j], Phi[7 * WIDE + j], Phi[8 * WIDE + j]
-        n0 = v0 - o1 * v2 + o2 * v1 - pull * r0 + C00 * x0 + C01 * x1 + C02 * x2
-        n1 = v1 - o2 * v0 + o0 * v2 - pull * r1 + C10 * x0 + C11 * x1 + C12 * x2
-        n2 = v2 - o0 * v1 + o1 * v0 + 2.0 * pull * r2 + C20 * x0 + C21 * x1 + C22 * x2
-        Phi[3 * WIDE + j] = n0
-        Phi[4 * WIDE + j] = n1
-        Phi[5 * WIDE + j] = n2
-        Phi[6 * WIDE + j] = r0 + half * (v0 + n0) - e1 * r2
-        Phi[7 * WIDE + j] = r1 + half * (v1 + n1) + e0 * r2
-        Phi[8 * WIDE + j] = r2 + half * (v2 + n2) - e0 * r1 + e1 * r0
+    C0, C1, C2 = mid[k, 12], mid[k, 13], mid[k, 14]
+    C3, C4, C5 = mid[k, 15], mid[k, 16], mid[k, 17]
+    C6, C7, C8 = mid[k, 18], mid[k, 19], mid[k, 20]
+    for r in range(many):
+        p0, p1, p2 = L[r], L[16 + r], L[32 + r]
+        r0, r1, r2 = L[96 + r], L[112 + r], L[128 + r]
+        h0, h1, h2 = half * r0, half * r1, half * r2
+        n0, n1, n2 = L[48 + r] + h0, L[64 + r] + h1, L[80 + r] + h2
+        m0 = p0 + a2 * n1 - a1 * n2
+        m1 = p1 + a0 * n2 - a2 * n0
+        m2 = p2 + a1 * n0 - a0 * n1
+        d0, d1, d2 = -0.5 * (p0 + m0), -0.5 * (p1 + m1), -0.5 * (p2 + m2)
+        L[r] = m0 + i2 * d1 - w1 * d2
+        L[16 + r] = m1 + w0 * d2 - i2 * d0
+        L[32 + r] = m2 + w1 * d0 - w0 * d1
+        L[48 + r] = n0 + h0 - o2 * n1 + o1 * n2
+        L[64 + r] = n1 + h1 + o2 * n0 - o0 * n2
+        L[80 + r] = n2 + h2 - o1 * n0 + o0 * n1
+        L[96 + r] = r0 - pull * n0 + e1 * r2
+        L[112 + r] = r1 - pull * n1 - e0 * r2
+        L[128 + r] = r2 + 2.0 * pull * n2 - e1 * r0 + e0 * r1
+        D[k, r] = C0 * d0 + C3 * d1 + C6 * d2
+        D[k, 9 + r] = C1 * d0 + C4 * d1 + C7 * d2
+        D[k, 18 + r] = C2 * d0 + C5 * d1 + C8 * d2
+        D[k, 27 + r] = C0 * n0 + C3 * n1 + C6 * n2
+        D[k, 36 + r] = C1 * n0 + C4 * n1 + C7 * n2
+        D[k, 45 + r] = C2 * n0 + C5 * n1 + C8 * n2
 
 
 @part
-def places(slot, gyros):
-    """Fill slot (n,) with the column of each state: psi and gyro coefficients, and from HALF on."""
-    for j in range(slot.size):
-        if j < 3:
-            slot[j] = j
-        elif j < 9:
-            slot[j] = HALF + j - 3
-        elif j < 9 + gyros:
-            slot[j] = j - 6
-        else:
-            slot[j] = HALF + j - 3 - gyros
+def held_back(L, k, mid, many):
+    """Let an error of height stay over interval k, and that of vertical velocity follow the tilt.
+
+    Before `carry_back`, with what the error of height does to the end kept for after it.
+    """
+    c0, v0, v1 = mid[k, 9], mid[k, 10], mid[k, 11]
+    for r in range(many):
+        L[96 + r] -= c0 * v0 * L[80 + r]
+        L[112 + r] -= c0 * v1 * L[80 + r]
+        L[144 + r] = L[128 + r]
+        L[80 + r] = L[128 + r] = 0.0
 
 
 @part
-def begin(wide, slot):
-    """Make the transition the identity on the nine first states, zero on the others."""
-    for k in range(9 * WIDE):
-        wide[k] = 0.0
-    for j in range(9):
-        wide[j * WIDE + slot[j]] = 1.0
+def gathered(felt, D, many, total):
+    """Fill total (c, .) with the sum of ``felt[k, c] D[k]`` over the rows 1 to `many`.
+
+    Four at a time: three rows more of felt have to be zero.
+    """
+    for c in range(total.shape[0]):
+        for j in range(total.shape[1]):
+            total[c, j] = 0.0
+        for k in range(1, many + 1, 4):
+            s0, s1, s2, s3 = felt[k, c], felt[k + 1, c], felt[k + 2, c], felt[k + 3, c]
+            for j in range(total.shape[1]):
+                total[c, j] += s0 * D[k, j] + s1 * D[k + 1, j] + s2 * D[k + 2, j] + s3 * D[k + 3, j]
 
 
 @part
-def hold(wide, slot, c0, v0, v1):
-    """Let an error of height stay; the vertical velocity errs only as the tilt of l makes it."""
-    for j in range(WIDE):
-        wide[5 * WIDE + j] = -c0 * (v0 * wide[6 * WIDE + j] + v1 * wide[7 * WIDE + j])
-        wide[8 * WIDE + j] = 0.0
-    wide[8 * WIDE + slot[8]] = 1.0
+def joined(L, M, Phi, fresh):
+    """Carry the transition Phi (9 or more, n) on by L of `carry_back`; M (9, n) is scratch.
+
+    fresh: nothing came before.
+    """
+    for r in range(M.shape[0]):
+        for j in range(M.shape[1]):
+            M[r, j] = L[16 * j + r] if fresh and j < 9 else 0.0
+        for i in range(0 if fresh else 9):
+            for j in range(M.shape[1]):
+                M[r, j] += L[16 * i + r] * Phi[i, j]
+    for r in range(M.shape[0]):
+        for j in range(M.shape[1]):
+            Phi[r, j] = M[r, j]
 
 
 @part
-def gather(wide, slot, Phi):
-    """Fill Phi (9, n) with the columns in the order of the states."""
-    for j in range(slot.size):
-        for r in range(9):
-            Phi[r, j] = wide[r * WIDE + slot[j]]
+def advance(
+    dtheta, dvel, dt, left, right, begin, end, age, total, coefficient, axis, weight, which, used,
+    most, matrix, g_offset, held, x, u, w, s, felt, bend, mid, D, L, sums, M, Phi,
+):  # fmt: skip
+    """Carry the state x (12,) over the rows begin to end, and fill Phi with the transition.
+
+    Parameters: dtheta, dvel (n, 3), dt, left, right (n,) as `strapdown`; age [s] at the start of
+    row begin, of total; the terms; used, which of `inputs_used`, matrix of `errors_of`; Phi (9 or
+    more, n). The rest is scratch: u (ROWS + 2, 6), whose first row is the increment
+    before `begin`, and on return for the next call; w (6,), s (INPUTS,), felt (ROWS + 5, used),
+    bend (6,); mid (ROWS + 1, 21): velocity increment of the specific force in l (3), w_ie (3), w_el
+    (2), gravity, c0, level velocity (2), C_lb; D (ROWS + 5, 56) of zeros, L (153,), sums (used,
+    56), M (9, n). Returns how long it takes [s].
+
+    What the readings do is found backward, by axis and input, for all coefficients at once.
+    """
+    T, many = 0.0, M.shape[0]
+    for start in range(begin, max(begin, end) + 1, ROWS):
+        rows = min(ROWS, end + 1 - start)
+        time = age + T
+        for k in range(1, rows + 2):
+            j = start + k - 1
+            if j < dt.size:
+                if most > 36:
+                    changes(dtheta, dvel, dt, left, right, j, time, total, s)
+                time += dt[j]
+                compensated(dtheta[j], dvel[j], dt[j], used, matrix, most, w, s, u[k])
+                for c in range(used.size):
+                    felt[k, c] = s[used[c]] * dt[j]
+        for k in range(rows + 1, rows + 4):
+            for c in range(used.size):
+                felt[k, c] = 0.0
+        for k in range(1, rows + 1):
+            i = start + k - 1
+            for c in range(6):
+                bend[c] = left[i] * u[k - 1, c] if left[i] != 0.0 else 0.0
+                bend[c] += right[i] * u[k + 1, c] if right[i] != 0.0 else 0.0
+            q0, q1, q2, q3 = x[0], x[1], x[2], x[3]
+            step(x, u[k], bend, dt[i], g_offset, held, mid[k])
+            mid[k, 10], mid[k, 11] = x[4], x[5]
+            middle(q0, q1, q2, q3, x, mid[k])
+            T += dt[i]
+        for j in range(many):
+            for r in range(many):
+                L[16 * j + r] = 1.0 if j == r else 0.0
+        for k in range(rows, 0, -1):
+            if held:
+                held_back(L, k, mid, many)
+            carry_back(L, D, k, dt[start + k - 1], mid, many)
+            for r in range(many if held else 0):
+                L[128 + r] += L[144 + r]
+        gathered(felt, D, rows, sums)
+        joined(L, M, Phi, start == begin)
+        for t in range(axis.size):
+            for r in range(many):
+                Phi[r, 9 + coefficient[t]] += weight[t] * sums[which[t], 9 * axis[t] + r]
+        for c in range(6):
+            u[0, c] = u[rows, c]
+    return T

@@ -42,7 +42,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -50,7 +49,7 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error
-from foucault.kernels.ins_filter import corrected, ins_filter
+from foucault.kernels.ins_filter import corrected, ins_filter, transitions_of
 from foucault.models.earth import EARTH_RATE, SEMI_MAJOR_AXIS, east_north_up
 from foucault.models.ins_errors import Sensors, at_place
 from foucault.models.noise import ImuNoise
@@ -280,7 +279,7 @@ def run(
     gate: float = np.inf,
     gravity_offset: float = 0.0,
     held: bool = False,
-    keep: bool | Literal["transitions"] = False,
+    keep: bool = False,
 ) -> FilterRun:
     """Navigate from row `first` and correct at the updates.
 
@@ -293,17 +292,15 @@ def run(
     correlation time of coefficients or groups that are Markov processes, much longer than the
     time between updates [s]; `gate`: measurements beyond so many standard deviations are left out
     [1]; `gravity_offset`: measured local minus normal gravity [m/s^2]; `held`: whether height
-    stays and the vertical velocity is zero; `keep`: whether what a smoother needs is kept, or the
-    transitions alone. Raises rows outside the log, an impossible start, measurements that cannot
-    be, or numbers that are not finite.
+    stays and the vertical velocity is zero; `keep`: whether what a smoother needs is
+    kept. Raises rows outside the log, an impossible start, measurements that cannot be, or numbers
+    that are not finite.
     """
     rows = np.asarray(updates.rows, np.int64)
-    n, p = len(increments), len(sensors)
-    for row in (first, *rows[-1:]):
-        if not 0 <= row < n:
-            raise error("strapdown.rows", row=int(row), last=n - 1)
+    p = len(sensors)
+    _require_rows(increments, rows, first)
     P0 = np.array(P0, float)
-    _require(updates, P0, first, 9 + p)
+    _require(updates, P0, 9 + p)
     q, decay = _process(sensors, noise, wander or {}, correlation_time or {})
     if held:  # the vertical velocity is known
         q[5], P0[5], P0[:, 5] = 0.0, 0.0, 0.0
@@ -311,9 +308,9 @@ def run(
     found = ins_filter(
         increments.dtheta_b, increments.dvel_b, increments.dt, *increments.bends, first,
         state.packed(), values, P0, q, decay,
-        sensors.coefficient, sensors.axis, sensors.entry, sensors.weight, sensors.gyros,
+        sensors.coefficient, sensors.axis, sensors.entry, sensors.weight,
         sensors.most, rows, updates.reference(), updates.sd, float(gate),
-        updates.restart, gravity_offset, held, bool(keep), keep is True,
+        updates.restart, gravity_offset, held, keep,
     )  # fmt: skip
     states, coefficients, sd, innovation, variance, X, Phi, before, after, P = found
     time = increments.time[rows]
@@ -322,17 +319,25 @@ def run(
                      Phi, before, after, P, decay)  # fmt: skip
 
 
-def _require(updates: Updates, P0: FloatArray, first: int, states: int) -> None:
+def _require_rows(increments: Increments, rows: IntArray, first: int) -> None:
+    """Refuse rows that the kernels would read beyond."""
+    for row in (first, *rows[-1:]):
+        if not 0 <= row < len(increments):
+            raise error("strapdown.rows", row=int(row), last=len(increments) - 1)
+    if len(rows) == 0 or rows[0] < first or np.any(np.diff(rows) <= 0):
+        what = f"the rows do not rise from row {first} on" if len(rows) else "there are 0 rows"
+        raise error("strapdown.measurements", what=what)
+
+
+def _require(updates: Updates, P0: FloatArray, states: int) -> None:
     """Refuse what the kernel would read beyond, or make states of that are no numbers."""
     m = len(updates)
     shapes = {"velocity_n": (m, 3), "position": (m, 3), "sd": (m, 6), "restart": (m,)}
     wrong = [k for k, shape in shapes.items() if getattr(updates, k).shape != shape]
     given = np.concatenate([updates.velocity_n, updates.position], axis=1) if not wrong else P0
     what = ""
-    if m == 0 or wrong:
-        what = f"there are {m} rows, and {', '.join(wrong) or 'nothing'} does not fit them"
-    elif updates.rows[0] < first or np.any(np.diff(updates.rows) <= 0):
-        what = f"the rows do not rise from row {first} on"
+    if wrong:
+        what = f"there are {m} rows, and {', '.join(wrong)} does not fit them"
     elif np.isnan(updates.sd).any() or not np.isfinite(given[np.isfinite(updates.sd)]).all():
         what = "a value that is measured, or its standard deviation, is not a number"
     elif P0.shape != (states, states):
@@ -343,6 +348,15 @@ def _require(updates: Updates, P0: FloatArray, first: int, states: int) -> None:
         raise error("strapdown.measurements", what=what)
 
 
+def white_noise(sensors: Sensors, noise: ImuNoise) -> FloatArray:
+    """Return the white noise of the errors and coefficients, shape (9 + p,) [unit^2/s]."""
+    q = np.zeros(9 + len(sensors))
+    q[0:3], q[3:6] = noise.gyro.white**2, noise.accel.white**2
+    for name, triad in (("gyro.bias", noise.gyro), ("accel.bias", noise.accel)):
+        q[9:][[n.startswith(name) for n in sensors.layout.names]] = triad.random_walk**2
+    return q
+
+
 def _process(
     sensors: Sensors,
     noise: ImuNoise,
@@ -351,11 +365,8 @@ def _process(
 ) -> tuple[FloatArray, FloatArray]:
     """Return white noise of every state [unit^2/s] and 1 / correlation time of the coefficients."""
     layout = sensors.layout
-    q = np.zeros(9 + len(sensors))
-    q[0:3], q[3:6] = noise.gyro.white**2, noise.accel.white**2
-    biases = {"gyro.bias": noise.gyro.random_walk, "accel.bias": noise.accel.random_walk}
-    known = {k: v for k, v in biases.items() if any(n.startswith(k) for n in layout.names)}
-    for name, value in {**known, **wander}.items():
+    q = white_noise(sensors, noise)
+    for name, value in wander.items():
         q[9 + layout.group(name)] = value**2
     decay = np.zeros(len(sensors))
     markov = {f"{t}.wander": n for t, n in (("gyro", noise.gyro), ("accel", noise.accel))}
@@ -437,6 +448,36 @@ def _divided(A: FloatArray, P: FloatArray, size: FloatArray) -> FloatArray:
     return np.asarray(x.T / size)
 
 
+def free_run(
+    increments: Increments,
+    state: State,
+    sensors: Sensors,
+    rows: IntArray,
+    transitions: FloatArray,
+    *,
+    first: int = 0,
+    estimate: FloatArray | None = None,
+    gravity_offset: float = 0.0,
+    held: bool = False,
+) -> Trajectory:
+    """Navigate from row `first` with nothing measured; return the states at `rows` (m,).
+
+    As `run`. Fills of `transitions` (m, 9 or more, 9 + p or more) the nine first rows with how
+    errors go from one of the rows to the next; further columns with zeros [SI].
+    """
+    rows = np.asarray(rows, np.int64)
+    _require_rows(increments, rows, first)
+    history = np.empty((len(rows), 12))
+    values = np.zeros(len(sensors)) if estimate is None else np.asarray(estimate, float)
+    transitions_of(
+        increments.dtheta_b, increments.dvel_b, increments.dt, *increments.bends, first,
+        state.packed(), values, sensors.coefficient, sensors.axis, sensors.entry, sensors.weight,
+        sensors.most, rows, gravity_offset, held, history, transitions,
+    )  # fmt: skip
+    require_finite(history, increments, rows)
+    return Trajectory(increments.time[rows], history)
+
+
 LONGEST = 30.0
 """White noise is right to 1e-3 of a variance where no epoch of a long run is longer [s]."""
 
@@ -458,14 +499,12 @@ def sensitivity(
     (m, 9, 9 + p): errors at each row (phi, velocity, position as seen at the place, frame n) per
     unit of the errors at the start (psi, dv, dr) and of each coefficient [SI].
     """
-    found = run(
-        increments, state, sensors, Updates.none(rows), np.zeros((9 + len(sensors),) * 2),
-        ImuNoise(), first=first, gravity_offset=gravity_offset, held=held, keep=True,
-    )  # fmt: skip
-    out = np.empty_like(found.transitions)
+    out = np.zeros((len(rows), 9, 9 + len(sensors)))
+    free = free_run(increments, state, sensors, rows, out, first=first,
+                    gravity_offset=gravity_offset, held=held)  # fmt: skip
     total = np.eye(9, 9 + len(sensors))
-    seen = seen_at_place(found.trajectory.history)
-    for k, Phi in enumerate(found.transitions):
+    seen = seen_at_place(free.history)
+    for k, Phi in enumerate(out):
         total = Phi[:, :9] @ total
         total[:, 9:] += Phi[:, 9:]
         out[k] = seen[k] @ total

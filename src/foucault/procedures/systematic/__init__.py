@@ -28,7 +28,7 @@ from foucault.diagnose import systematic as judge
 from foucault.diagnose import systematic_sequence as recordings
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.systematic import legs_of
-from foucault.errors import Finding, error, finding
+from foucault.errors import error
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.layouts import gravity_error, with_references
 from foucault.navigate.increments import Increments
@@ -96,18 +96,14 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     problem, settings, solution, choice = (
         decision.problem, decision.settings, decision.solution, decision.choice
     )  # fmt: skip
-    base, judged, crowded = solution, None, tuple[Finding, ...]()
+    base, judged = solution, None
     parts = dict[str, Any]()
     sizes = told_beside(given.sizes, problem.noise, float(np.ptp(log.time)))
     if sizes and settings.steps != "published":
         progress(0.4, "counting with what is not estimated")
-        beside = counted(decision, sizes, prior)
-        if beside is None:
-            crowded = (finding("left_out.crowded", count=problem.recordings),)
-        else:
-            decision, states, judged, parts = beside
-            solution = replace(solution, run=decision.solution.run, states=states,
-                               status=decision.solution.status)  # fmt: skip
+        decision, states, judged, parts = counted(decision, sizes, prior)
+        solution = replace(solution, run=decision.solution.run, states=states,
+                           status=decision.solution.status)  # fmt: skip
     progress(0.6, "navigating from rest to rest")
     p, run = problem, solution.run
     legs = legs_of(decision.problem.model, run)
@@ -127,7 +123,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     if judged is not None:
         checks = (*checks, *not_estimated.checks(judged),
                   judge.followed(heading_sd(sizes or {}, site, found.names), FOLLOWED))  # fmt: skip
-    findings = [*log.findings, *problem.findings, *decision.findings, *crowded, *judge.findings(e)]
+    findings = [*log.findings, *problem.findings, *decision.findings, *judge.findings(e)]
     findings += [recordings.told(apart)] if apart else []
     diagnostics = _diagnostics(problem, solution, settings) | of_site(
         site.as_dict(), found.names, gravity_error(found, site))  # fmt: skip

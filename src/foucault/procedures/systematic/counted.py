@@ -25,7 +25,6 @@ from foucault.infer.left_out_states import (
     planned,
     widened,
 )
-from foucault.kernels.ins_transition import HALF
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.imu import LAYOUT
 from foucault.models.ins_errors import Sensors
@@ -51,14 +50,12 @@ class Beside:
     latitude: tuple[float, str]  # how well it is known [rad], and what that rests on
 
     @classmethod
-    def of(cls, decision: Decided, sizes: Sizes, given: Prior) -> Beside | None:
-        """Return it; None where so many recordings leave the filter no states for it."""
+    def of(cls, decision: Decided, sizes: Sizes, given: Prior) -> Beside:
+        """Return it for a decision; `sizes`: of what is not estimated [SI]."""
         p, settings, base = decision.problem, decision.settings, decision.solution
         names = base.states.names
         sensors, groups = _widened(p, settings, names, sizes)
         of_size = {n: (0.0, g.size) for g in groups.values() for n in g.names}
-        if max(3 + sensors.gyros, 6 + len(sensors) - sensors.gyros) > HALF:
-            return None
         every = sensors.layout.names
         known = {
             k: v for k, v in given.items() if any(n == k or n.startswith(f"{k}.") for n in every)
@@ -127,15 +124,13 @@ class Beside:
 
 def counted(
     decision: Decided, sizes: Sizes, given: Prior
-) -> tuple[Decided, CoefficientVector, Judgement, dict[str, dict[str, Any]]] | None:
+) -> tuple[Decided, CoefficientVector, Judgement, dict[str, dict[str, Any]]]:
     """Filter again with what is not estimated, and enlarge what the readings contradict.
 
     Arguments as of `Beside.of`. Returns the decision with these states, those of the result, what
-    was made of the others, and the budget; None where there are no states for it.
+    was made of the others, and the budget.
     """
     beside = Beside.of(decision, sizes, given)
-    if beside is None:
-        return None
     try:
         found, judged = fit(beside.solve, beside.posterior, beside.groups, beside.names)
         states, judged = beside.placed(found, judged)
