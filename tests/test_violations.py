@@ -22,6 +22,7 @@ VALIDATION = Path(__file__).parents[1] / "validation"
 PROCEDURES = (
     "hand_rotated", "six_position", "ferraris", "rate_table", "norm_observation", "multi_position",
     "turntable", "north_seeking", "systematic", "platform_tumble", "transfer_alignment",
+    "continuous_spin", "magnetometer", "imu_pose", "two_imus",
 )  # fmt: skip
 FILTERS = PROCEDURES[-3:]
 

@@ -65,11 +65,19 @@ CASES = {
         "transfer_alignment", {}, {"rate": 100.0, "message_rate": 5.0, "with_outage": False},
         noise=SLAVE,
     ),
+    "continuous_spin": Case(
+        "continuous_spin", {}, {"rates": ["290 deg/s", "-460 deg/s"], "spin_time": 5.0}
+    ),
+    "magnetometer": Case(
+        "magnetometer", {"intensity": 49e-6, "intensity_sd": 1e-8}, {"time": 30.0, "rate": 100.0}
+    ),
+    "imu_pose": Case("imu_pose", {}, {"time": 20.0}, grade="mems"),
+    "two_imus": Case("two_imus", {}, {"time": 20.0}, grade="mems"),
 }  # fmt: skip
 """Procedure -> its session."""
 
-GRADE = dict.fromkeys(CASES, "tactical MEMS") | {
-    **dict.fromkeys(("hand_rotated", "six_position", "ferraris", "rate_table"), "consumer MEMS"),
+GRADE = dict.fromkeys(CASES, "consumer MEMS") | {
+    **dict.fromkeys(("norm_observation", "multi_position", "turntable"), "tactical MEMS"),
     "north_seeking": "tactical FOG", "transfer_alignment": "tactical FOG",
     "systematic": "navigation RLG", "platform_tumble": "navigation RLG",
 }  # fmt: skip
@@ -107,6 +115,12 @@ class Session:
 
 Violation = Callable[[Session], None]
 
+FIELD = 50e-6
+"""Field at which the terms of a magnetometer are stated [T]."""
+
+MAG = {"mag.quadratic": 2, "mag.cubic": 3, "mag.bias drift": None}
+"""Terms of a magnetometer -> power of the field, None: of the time."""
+
 
 def motion(s: Session) -> tuple[np.ndarray, np.ndarray]:
     """Return specific force and rate (n, 3) that terms multiply.
@@ -134,8 +148,13 @@ def sensed(s: Session, x: Any) -> Any:
 def amounts(s: Session, x: dict[str, np.ndarray]) -> None:
     """Put terms of the instrument into its readings [SI]."""
     if not isinstance(s.log, IndexedLog):
-        model = getattr(s.simulation, "model", None) or ImuModel()
-        s.log = put(s.log, model, x)
+        model = getattr(s.simulation, "model", None)
+        own = {group: x.pop(group) for group in MAG if group in x}
+        s.log = put(s.log, model if isinstance(model, ImuModel) else ImuModel(), x)
+        for group, size in own.items():
+            power = MAG[group]
+            bent = s.ramp if power is None else FIELD * (s.log.mag / FIELD) ** power
+            s.log = replace(s.log, mag=s.log.mag + size * bent)
         return
     f, w = motion(s)
     more = put(Log(time=s.log.time, accel=f, gyro=w), ImuModel(), x)
@@ -175,6 +194,12 @@ def found_by(case: Case) -> set[str]:
     return own | set(OTHERWISE if case.procedure == "platform_tumble" else ())
 
 
+def triads_of(case: Case) -> set[str]:
+    """Return the triads whose readings a procedure uses."""
+    triads = {name.partition(".")[0] for name in case.names}
+    return triads | {"accel", "gyro"} if "mag" in triads else triads
+
+
 def terms(**sizes: float) -> Violation:
     """Terms of the instrument: group -> amount of each, with random signs [SI]."""
 
@@ -183,7 +208,7 @@ def terms(**sizes: float) -> Violation:
         for key, size in sizes.items():
             group = key.replace("__", " ").replace("_", ".", 1)
             if group not in estimated:
-                amounts(s, {group: size * s.rng.choice([-1.0, 1.0], COUNT[group])})
+                amounts(s, {group: size * s.rng.choice([-1.0, 1.0], COUNT.get(group, 3))})
 
     return violate
 
@@ -259,13 +284,22 @@ def creeping(s: Session) -> None:
 
 
 def stamps(rate: float) -> Violation:
-    """The clock of the log is wrong by a part of its rate [1]; increments are what they were."""
+    """Every clock is wrong by the same part of its rate [1]; increments are what they were."""
 
     def violate(s: Session) -> None:
-        t, fast = s.log.time, 1 + rate
-        s.log = replace(s.log, time=t[0] + (t - t[0]) * fast)
-        if getattr(s.log, "sampled", "") == "increment":  # rates are these over their interval
-            s.log = replace(s.log, gyro=s.log.gyro / fast, accel=s.log.accel / fast)
+        start, fast = s.log.time[0], 1 + rate
+
+        def by_clock(x: Any) -> Any:
+            x = replace(x, time=start + (x.time - start) * fast)
+            if getattr(x, "sampled", "") == "increment":  # rates are these over their interval
+                x = replace(x, gyro=x.gyro / fast, accel=x.accel / fast)
+            return x
+
+        s.log = by_clock(s.log)
+        if hasattr(s.log, "poses"):
+            s.log = replace(s.log, poses=by_clock(s.log.poses))
+        if hasattr(s.log, "others"):
+            s.log = replace(s.log, master=by_clock(s.log.master))
 
     return violate
 
@@ -310,17 +344,16 @@ def wrong_prior(s: Session) -> None:
 
 def timed(s: Session) -> bool:
     """Whether times of the log are all that tells the time of a session."""
-    return isinstance(s.log, Log) and not hasattr(s.log, "master")
+    return isinstance(s.log, Log) and s.case.procedure != "transfer_alignment"
 
 
 def everything(s: Session) -> None:
     """Every term that counts, drawn at its size."""
     sizes = sizes_of(GRADE[s.case.procedure])
-    known = found_by(s.case)
-    triads = {name.partition(".")[0] for name in s.case.names}
+    known, triads = found_by(s.case), triads_of(s.case)
     x = {
         group: sizes[group][0] * s.rng.standard_normal(n)
-        for group, n in COUNT.items()
+        for group, n in (COUNT | dict.fromkeys(MAG, 3)).items()
         if group not in known and group.partition(".")[0] in triads
     }
     amounts(s, x)
@@ -356,6 +389,8 @@ VIOLATIONS: dict[str, Violation] = {
     "products 100 ug/g^2": terms(accel_cross=1e-4 / G0),
     "cubic 0.1 % at 150 deg/s": terms(gyro_cubic=1e-3 / (150 * DEGREE) ** 2),
     "g-sensitivity 20 deg/h/g": terms(gyro_g_sensitivity=20 * DEGREE / 3600 / G0),
+    "mag. quadratic 1000 ppm": terms(mag_quadratic=1e-3),
+    "mag. drift 1 uT": terms(mag_bias__drift=1e-6),
     "deflection 3 arcsec/g": terms(gyro_deflection=3 * DEGREE / 3600 / G0),
     "table angle 1 deg": table_angle,
     "master's clock 100 ppm": master_clock,
@@ -369,10 +404,10 @@ VIOLATIONS: dict[str, Violation] = {
 def can(which: str, what: str) -> bool:
     """Whether a violation is one of a procedure's sessions."""
     case = CASES[which]
-    triads = {name.partition(".")[0] for name in case.names}
+    triads = triads_of(case)
     on_table = which in ("norm_observation", "multi_position", "turntable")
     groups = {"quadratic": "accel", "products": "accel", "cubic": "gyro", "g-sensitivity": "gyro",
-              "deflection": "gyro", "prior": "gyro"}  # fmt: skip
+              "deflection": "gyro", "prior": "gyro", "mag.": "mag"}  # fmt: skip
     return {
         "g-sensitivity 20 deg/h/g": "gyro" in triads and which != "platform_tumble",
         "table angle 1 deg": on_table,
@@ -443,7 +478,8 @@ DECLARED = ("north_seeking", "systematic", "platform_tumble", "transfer_alignmen
 WORDS = {
     "stamps": "time base", "gravity": "gravity", "latitude": "latitude", "cubic": "cubic",
     "scale": "drift", "bias": "drift", "quadratic": "quadratic", "products": "products",
-    "deflection": "deflection", "g-sensitivity": "g-sensitivity", "table": "table",
+    "mag.": "magnetometer", "creeping": "mount", "deflection": "deflection",
+    "g-sensitivity": "g-sensitivity", "table": "table",
 }  # fmt: skip
 """First word of a violation -> what a report calls it that could not show it."""
 

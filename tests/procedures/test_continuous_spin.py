@@ -15,6 +15,7 @@ from foucault.estimate import spin as engine
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
+from foucault.models.left_out import sizes_of
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.spin import Grip, across, moved
 from foucault.procedures import continuous_spin
@@ -242,6 +243,22 @@ def test_time_grows_with_the_samples() -> None:
 
 
 # -- what the tool does ----------------------------------------------------------------------------
+
+
+def test_a_term_that_is_not_estimated_is_not_taken_for_noise() -> None:
+    """Along the wander of a tool a cubic term is another slope in every sample."""
+    log, unit = session(QUICK)
+    size = sizes_of("consumer MEMS")
+    w = log.gyro - unit.b
+    bent = replace(log, gyro=log.gyro + size["gyro.cubic"][0] * np.array([1.0, -0.5, 2.0]) * w**3)
+    plain, found = (
+        continuous_spin.calibrate(x, site=SITE, settings=Settings(), sizes=size)
+        for x in (log, bent)
+    )
+    grown = found.coefficients.sd / plain.coefficients.sd
+    assert np.median(grown) < 1.05 and grown.max() < 1.5
+    assert found.verdict.level is plain.verdict.level is Level.PASS
+    assert nees(found, unit) < chi_square_limits(len(grown))[1]
 
 
 def test_an_instrument_that_slips_in_the_chuck_is_named() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import make_guard
+import sessions
 from foucault import campaign, load_result, procedures, run_folder
 from foucault.cli.app import app
 from foucault.logs.checks import timing
@@ -74,6 +75,36 @@ def test_a_flight_knows_by_trial_what_its_clock_does():
     made = make_guard.session("transfer_alignment").with_keys(procedure={"left_out": False})
     off, said = worst(made)
     assert off < 0.1 and said > 10
+
+
+@pytest.mark.parametrize("increments", [False, True])
+@pytest.mark.parametrize("name, most", [("imu_pose", 0.1), ("two_imus", 0.03)])
+def test_beside_another_body_delays_and_lever_arms_hang_on_the_clock(name, most, increments):
+    """Rates of two IMUs are of one time, those of poses are not: no rule of a single triad says it.
+
+    `most`: of the largest shift; the derivative of a rate is smoothed.
+    """
+    case = sessions.Case(name, {}, {"time": 20.0}, grade="mems")
+    log = sessions.made(case, 1).log
+
+    def stamped(x, fast):
+        x = replace(x, time=log.time[0] + (x.time - log.time[0]) * fast)
+        if increments and hasattr(x, "sampled"):
+            x = replace(x, sampled="increment", gyro=x.gyro / fast, accel=x.accel / fast)
+        return x
+
+    beside = "poses" if name == "imu_pose" else "master"
+    logs = (
+        replace(stamped(log, fast), **{beside: stamped(getattr(log, beside), fast)})
+        for fast in (1.0, 1 + FAST)
+    )
+    right, wrong = (sessions.solved(case, log, whole=True) for log in logs)
+    c, said = right.coefficients, right.clock.of(right.coefficients.names) * FAST / right.clock.sd
+    off = (wrong.coefficients.values - c.values - said) / c.sd
+    delay = c.names.index("pose.delay" if name == "imu_pose" else "second.delay")
+    assert abs(said[delay]) == pytest.approx(FAST * abs(c.values[delay]), rel=0.05)
+    assert np.abs(off).max() < most * np.abs(said / c.sd).max()
+    assert (np.abs(said / c.sd) > 1).sum() >= 4
 
 
 def test_a_clock_scales_what_is_compared_with_angles_and_what_is_divided_by_time():

@@ -231,10 +231,11 @@ def in_words(result: Result) -> str:
         return ""
     names = {"gyro": "gyros", "accel": "accelerometers"}
     heads = dict.fromkeys(name.partition(".")[0] for name in base.error)
-    triads = " and ".join(names[head] for head in heads if head in names)
+    alike = heads.keys() <= names.keys()  # else it is another share of each
+    triads = " to the " + " and ".join(names[head] for head in heads) if alike else ""
     return (
-        f"sd in the log's own time; in seconds {WORDS[base.source]} adds {base.sd * 1e6:.3g} ppm "
-        f"to the {triads}: `sd in seconds` of the report."
+        f"sd in the log's own time; in seconds {WORDS[base.source]} adds {base.sd * 1e6:.3g} ppm"
+        f"{triads}: `sd in seconds` of the report."
     )
 
 
@@ -254,7 +255,7 @@ def _most(base: TimeBase, vector: CoefficientVector) -> str:
     sd = dict(zip(vector.names, vector.sd.tolist(), strict=True))
     share = {n: abs(e) / sd[n] for n, e in base.error.items() if sd[n] > 0}
     worst = max(share, key=lambda n: share[n], default="")
-    return f"a clock of log and messages that is fast changes {worst} most"
+    return f"a clock of all that was logged that is fast changes {worst} most"
 
 
 def _words(base: TimeBase, what: str) -> str:

@@ -286,18 +286,25 @@ class Solved:
         return np.append(np.arange(p), p + GRIP * m + np.arange(GRIP))
 
 
-def solve(
+def started(
     spins: tuple[Spin, ...], axes: list[FloatArray], paths: tuple[FloatArray, ...],
-    names: tuple[str, ...], site: Site, declared: ImuNoise | None, most: int = 12,
-) -> Solved:  # fmt: skip
-    """Find coefficients, grips, phases and the noise of every spin.
+    declared: ImuNoise | None,
+) -> Point:  # fmt: skip
+    """Return where to start: an instrument without errors, noise as readings seem to have it.
 
     `axes`: of the mountings, (3,) each [1]; `paths`: of the spins by `first_phase`, (n, 3) each
-    [SI]; `most`: passes [1].
+    [SI].
     """
-    grips = tuple(Grip(across(axis)) for axis in axes)
     sizes = tuple(Sizes(np.maximum(_rough(s), floor(s, declared)), 1.0) for s in spins)
-    at = Solved(spins, names, site, Point(ImuModel(), grips, paths, sizes), (), False)
+    return Point(ImuModel(), tuple(Grip(across(axis)) for axis in axes), paths, sizes)
+
+
+def solve(
+    spins: tuple[Spin, ...], start: Point, names: tuple[str, ...], site: Site,
+    declared: ImuNoise | None, most: int = 12,
+) -> Solved:  # fmt: skip
+    """Find coefficients, grips, phases and the noise of every spin; `most`: passes [1]."""
+    at = Solved(spins, names, site, start, (), False)
     last, size = np.inf, np.inf
     for count in range(most):
         finds = count in (FIRST - 1, FIRST)

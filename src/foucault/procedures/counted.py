@@ -50,6 +50,14 @@ INSIDE, SMALL = 20, np.repeat([1e-3, 1e-2], 3)
 GYROS, FORCES = slice(0, 3), slice(3, 6)
 """What is read: rates [rad/s], then specific forces [m/s^2]."""
 
+BY_CLOCK = "by_clock"
+"""Diagnostic: derivatives of what is reported by the logarithm of the rate of all clocks."""
+
+GIVES_WAY = (
+    "A mount that gives way slowly: both bodies are taken for one that is rigid, and what turns "
+    "between them in the length of the session looks like a bias."
+)
+
 S = TypeVar("S")
 
 

@@ -30,6 +30,7 @@ from foucault.models.left_out import (
     Change,
     Motion,
     Sizes,
+    Term,
     changes,
     in_words,
     of_imu,
@@ -219,9 +220,28 @@ def white_of(noise: SessionNoise) -> tuple[float, float]:
     return found[0], found[1]
 
 
+def _groups(names: tuple[str, ...], site: Site, sizes: Sizes) -> list[tuple[str, list[Term]]]:
+    return [(g, [*some]) for g, some in groupby(terms(names, site, sizes), lambda t: t.group)]
+
+
+def likeliest(at: Fit, judged: Judgement, site: Site, again: Again) -> Change:
+    """Return what all terms of an instrument together add to its readings, as they were found."""
+    model, motion = again.motion(at.state)
+    seen, sources = left_out.tested(at), {s.name: s for s in at.at.sources}
+    accel, gyro = np.zeros_like(motion.f_b), np.zeros_like(motion.w_ib_b)
+    for group, some in _groups(at.model.layout.names, site, judged.sizes):
+        if group not in seen:
+            continue
+        times = mixed.size_of(sources[group], at.sds) * seen[group].u
+        for k, by in zip(times, changes(some, model, motion), strict=True):
+            accel += k * (0.0 if by.accel is None else by.accel)
+            gyro += k * (0.0 if by.gyro is None else by.gyro)
+    return Change(accel, gyro)
+
+
 def columns(names: tuple[str, ...], site: Site, sizes: Sizes, again: Again) -> Columns:
     """Return what makes a source of every group that `names` leave out, at a state."""
-    groups = [(g, [*some]) for g, some in groupby(terms(names, site, sizes), lambda t: t.group)]
+    groups = _groups(names, site, sizes)
 
     def at(state: Any) -> tuple[Source, ...]:
         model, motion = again.motion(state)

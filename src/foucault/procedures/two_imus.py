@@ -44,7 +44,7 @@ from foucault.models.two_imus import LAYOUT, ORDINALS, SENSORS, layout_of
 from foucault.plans.directions import Free
 from foucault.procedures.by_hand import Found, HandSession, foreseen
 from foucault.procedures.chosen import Chosen
-from foucault.procedures.counted import Again, Counted, Stages, Unit, counted
+from foucault.procedures.counted import BY_CLOCK, GIVES_WAY, Again, Counted, Stages, Unit, counted
 from foucault.procedures.left_out import told_beside
 from foucault.procedures.record import Given, Procedure
 from foucault.result import Check, Result, TableData, Verdict
@@ -352,6 +352,27 @@ def _counted(
     return counted(s, c, stages, planned=planned)
 
 
+def _by_clock(s: Solution, c: CoefficientVector, logs: ImuLogs) -> FloatArray:
+    """Return how what is reported changes with the rate of a clock of all logs, (p,) [SI].
+
+    Where it is fast by e, increments are read too small by e, and rates seem to change more slowly:
+    forces along a lever arm, ``alpha x l``, are not what they were. Delays are longer.
+    """
+    summed, *own = (1.0 * (log.sampled == "increment") for log in logs.all)
+    made = []
+    for at, r, by in zip(s.slaves, s.problem.readings[1:], own, strict=True):
+        lever, unbiased = at.C_cb @ at.lever_b, r.read - np.append(at.gyro[0], at.accel[0])
+        w = unbiased[:, :3] @ np.linalg.inv(at.gyro[1]).T
+        alpha = smooth(w, float(np.median(np.diff(r.time))), 1)
+        added = summed * unbiased - by * r.read
+        added[:, 3:] += np.cross(alpha, lever) + summed * np.cross(w, np.cross(w, lever))
+        made.append(added[:, :, None])
+    layout = layout_of(len(s.slaves))
+    delays = [name.endswith(".delay") for name in layout.names]
+    moved = engine.answers(s, made).A.sum(axis=1) + np.where(delays, s.values, 0.0)
+    return np.asarray(moved[[layout.index(n) for n in c.names]])
+
+
 def _unseen(s: Solution) -> list[str]:
     return [n for n, lost in zip(layout_of(len(s.slaves)).names, s.unseen, strict=True) if lost]
 
@@ -425,7 +446,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     diagnostics: dict[str, Any] = {
         "gravity": given.site.gravity,
         "bound": np.sqrt(np.diag(s.formal))[kept].tolist(),
-        "unseen": _unseen(s),
+        "unseen": [*_unseen(s), GIVES_WAY],
         "iterations": s.passes,
         "imus": {
             "colour": s.spread, "halves": s.halves, "lag_one": s.lag_one.tolist(),
@@ -446,6 +467,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     if given.shown:
         given.progress(0.8, "looking at what it rests on")
         diagnostics["budget"] = {n: v.tolist() for n, v in _budget(s, c, beside, kept).items()}
+        assert isinstance(log, ImuLogs)
+        diagnostics[BY_CLOCK] = _by_clock(s, c, log).tolist()
         columns = [f"{what}_{a}" for what in ("gyro", "accel") for a in AXES]
         tables["left"] = {"time": s.slaves[0].at(s.problem.readings[1]),
                           **{n: s.left[1][:, k] for k, n in enumerate(columns)}}  # fmt: skip
@@ -558,6 +581,7 @@ PROCEDURE = Procedure(
     assumes_noise=True,
     counts=True,
     counts_by_noise=True,
+    clock_slope=lambda _log, _given, result: np.array(result.diagnostics[BY_CLOCK]),
     Master=MasterDescription,
     with_master=_with_master,
     write=_write,

@@ -190,7 +190,8 @@ def observe(log: Log, given: Given[Settings]) -> SpinModel:
             raise error("spun.saturated", what=told.message)
     paths = _begun(spins, axes, given.site.gravity)
     physics.require_spread(spins, axes)
-    solved = engine.solve(spins, axes, paths, s.estimated(), given.site, given.noise)
+    start = engine.started(spins, axes, paths, given.noise)
+    solved = engine.solve(spins, start, s.estimated(), given.site, given.noise)
     swaying = engine.leaning(solved)[0]
     if np.median(swaying) > SWAYS:
         raise error("spun.sways", sway=plain(float(np.degrees(np.median(swaying))), 2),
@@ -230,9 +231,11 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     model = observe(log, given)
     given.progress(0.7, "judging")
     prior = CoefficientVector.prior(model.layout, given.prior)
-    fit, judged = left_out.fit(
-        model, prior, given.sizes, given.site, _again(model), robust=given.settings.robust
-    )
+    how = {"robust": given.settings.robust}
+    fit, judged = left_out.fit(model, prior, given.sizes, given.site, _again(model), **how)
+    if judged is not None and not judged.named:
+        model = model.without(left_out.likeliest(fit, judged, given.site, _again(model)))
+        fit, judged = left_out.fit(model, prior, given.sizes, given.site, _again(model), **how)
     if not model.solved.converged:
         late = replace(fit.estimate, status=Status.NOT_CONVERGED)
         fit = replace(fit, estimate=late)

@@ -14,10 +14,10 @@ from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
 from foucault.detect.steady import Spin
 from foucault.errors import error
-from foucault.estimate.spin import Solved, floor
+from foucault.estimate.spin import Solved, floor, solve
 from foucault.infer.mixed import NOISE_BASIS, UNEXPLAINED_BASIS, Linearisation, Source
 from foucault.models.imu import LAYOUT
-from foucault.models.left_out import Change
+from foucault.models.left_out import NONE, Change
 from foucault.models.noise import ImuNoise, wander
 from foucault.models.spin import GRIP, moved
 from foucault.units import plain
@@ -76,6 +76,8 @@ class SpinModel:
     rows: tuple[Rows, ...]
     noise: ImuNoise | None  # as declared [SI]
     repeatability: bool
+    # Terms that were taken off the readings before: of the rows they are a part again [SI].
+    taken: Change = NONE
 
     @property
     def layout(self) -> Layout:
@@ -115,6 +117,8 @@ class SpinModel:
         for r in self.rows:
             J[np.flatnonzero(self.spin == r.spin)[:, None], 0, at.own(r.spin)] = r.jacobian
         z = np.concatenate([r.residuals for r in self.rows])
+        if self.taken is not NONE:
+            z += self.changed(self.taken)[:, 0]
         return z, J, self._sources(J)
 
     def linearise(self, state: FloatArray) -> Linearisation:
@@ -136,18 +140,12 @@ class SpinModel:
 
     def changed(self, by: Change) -> FloatArray:
         """Return what something put into the readings of all spins adds to the rows, (n, 1) [1]."""
-        at, out, first = self.solved, [], 0
-        for r, one in zip(self.rows, at.each, strict=True):
-            n, sd = len(one.left), at.point.sizes[r.spin].sd
-            both = np.zeros((n, 6))
-            if by.accel is not None:
-                both[:, :3] = by.accel[first : first + n]
-            if by.gyro is not None:
-                both[:, 3:] = by.gyro[first : first + n]
+        at, out = self.solved, []
+        for r, one, added in zip(self.rows, at.each, self._of_each(by), strict=True):
             if by.gravity or by.latitude:
-                both -= self._elsewhere(r.spin, by)
-            out.append(r.by_gradient @ np.einsum("nku,nk->u", one.pull, both / sd))
-            first += n
+                added -= self._elsewhere(r.spin, by)
+            added /= at.point.sizes[r.spin].sd
+            out.append(r.by_gradient @ np.einsum("nku,nk->u", one.pull, added))
         return np.concatenate(out)[:, None]
 
     def _elsewhere(self, k: int, by: Change) -> FloatArray:
@@ -172,6 +170,30 @@ class SpinModel:
                 for s, path in zip(at.spins, at.point.paths, strict=True)]  # fmt: skip
         return (np.concatenate([s.time for s in at.spins]), np.concatenate([m.f for m in each]),
                 np.concatenate([m.w for m in each]))  # fmt: skip
+
+    def without(self, taken: Change) -> SpinModel:
+        """Return the model of the readings without terms of the instrument [SI].
+
+        Along the wander of a tool a term is taken for noise, sample by sample. Once is enough: then
+        noise is a fifth too large at most, and results of further looks are no better.
+        """
+        at = self.solved
+        spins = tuple(
+            replace(s, readings=s.readings - some)
+            for s, some in zip(at.spins, self._of_each(taken), strict=True)
+        )
+        solved = solve(spins, at.point, at.names, at.site, self.noise)
+        return replace(self, solved=solved, rows=rows_of(solved), taken=taken)
+
+    def _of_each(self, by: Change) -> list[FloatArray]:
+        """Return what a change adds to the readings of each spin, (n, 6) [SI]."""
+        ends = np.cumsum([len(s.time) for s in self.solved.spins])
+        out = np.zeros((ends[-1], 6))
+        if by.accel is not None:
+            out[:, :3] = by.accel
+        if by.gyro is not None:
+            out[:, 3:] = by.gyro
+        return np.split(out, ends[:-1])
 
     @cached_property
     def vibration(self) -> FloatArray:

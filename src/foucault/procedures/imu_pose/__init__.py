@@ -51,7 +51,17 @@ from foucault.models.rotation import log as vector_of
 from foucault.models.size_effect import SizeEffect
 from foucault.plans.directions import Free
 from foucault.procedures.by_hand import Found, HandSession, foreseen
-from foucault.procedures.counted import GYROS, Again, Counted, Stages, Term, Unit, counted
+from foucault.procedures.counted import (
+    BY_CLOCK,
+    GIVES_WAY,
+    GYROS,
+    Again,
+    Counted,
+    Stages,
+    Term,
+    Unit,
+    counted,
+)
 from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
 from foucault.procedures.left_out import told_beside
 from foucault.procedures.record import Given, Procedure, Robust
@@ -325,6 +335,23 @@ def _counted(
     return counted(s, c, stages, planned=planned)
 
 
+def _by_clock(s: Solution, c: CoefficientVector, site: Site) -> FloatArray:
+    """Return how what is reported changes with the rate of a clock of all stamps, (p,) [SI].
+
+    Where it is fast by e, a body seems to turn slower by e and to be accelerated less by 2 e, and
+    increments are read too small by e. Delays are longer.
+    """
+    r, at, read = s.readings, s.point, _rates(s.readings)
+    up_b = even(r.time[at.node], at.up_v @ at.C, r.time - at.late)
+    moving = read[:, 3:] - at.accel[0] - site.gravity * up_b @ (np.eye(3) + at.accel[1]).T
+    added = np.hstack([read[:, :3] - at.gyro[0], 2 * moving])
+    if r.log.sampled == "increment":
+        added -= read
+    found = engine.answers(s, added[:, :, None])
+    delays = [n in ("pose.delay", "accel.delay") for n in r.names]
+    return (found.A[:, 0] + np.where(delays, at.values, 0.0))[[r.names.index(n) for n in c.names]]
+
+
 def _contradicted(s: Start, gravity: float) -> None:
     """Refuse what makes IMU and poses contradict each other, by its cause."""
     ratio = float(np.median(s.singular))
@@ -481,7 +508,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     diagnostics: dict[str, Any] = {
         "gravity": site.gravity,
         "bound": np.sqrt(np.diag(s.formal) + s.of_gravity**2)[kept].tolist(),
-        "unseen": _unseen(s),
+        "unseen": [*_unseen(s), GIVES_WAY],
         "iterations": s.passes,
         "pose": {
             "used": int((s.noise.weights[ok[:, 4], 1] > 0.5).sum()), "read": len(ok),
@@ -502,6 +529,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     if given.shown:
         given.progress(0.8, "looking at what it rests on")
         diagnostics["budget"] = {n: v.tolist() for n, v in _budget(s, c, beside, kept).items()}
+        diagnostics[BY_CLOCK] = _by_clock(s, c, site).tolist()
         z = np.where((np.repeat(s.noise.weights, 3, axis=1) > 0.5) & ok, s.residuals, np.nan)
         first = "second" if second else "attitude"
         names = [f"{what}_{a}" for what in (first, "position") for a in "xyz"]
@@ -613,6 +641,7 @@ PROCEDURE = Procedure(
     assumes_noise=True,
     counts=True,
     counts_by_noise=True,
+    clock_slope=lambda _log, _given, result: np.array(result.diagnostics[BY_CLOCK]),
     Master=PoseDescription,
     with_master=_with_poses,
     write=_write,
