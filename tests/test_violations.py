@@ -3,8 +3,8 @@
 The page of the validation has more of each, and calibrates without sizes too; here no cell may
 pass that it would mark. A cell of which seven sessions in ten pass with wrong numbers is found out
 in 97 % of cases, one of half its sessions in 88 %. Everything at its size has as many sessions as
-find out a standard deviation that is wrong by a factor of 1.2 in 99 %, of two IMUs by 1.3; of what
-navigates or is tumbled `test_left_out_filters` has them.
+find out a standard deviation that is wrong by a factor of 1.2 in 99 %, of two IMUs by 1.3; what
+navigates or is tumbled has them in `test_left_out_filters`, a magnetometer in its own tests.
 """
 
 from __future__ import annotations
@@ -27,9 +27,12 @@ PROCEDURES = (
 WRONG = 6
 """Seed of a session of two IMUs in which a term is named that is not there."""
 
-FEW = {"systematic": 3, "platform_tumble": 3, "transfer_alignment": 3, "two_imus": WRONG}
+FEW = {
+    **dict.fromkeys(("systematic", "platform_tumble", "transfer_alignment", "magnetometer"), 3),
+    "two_imus": WRONG,
+}  # fmt: skip
 """Sessions with everything, where they are not as many as it takes: what navigates or is tumbled
-has them elsewhere, and of two IMUs one is not yet right."""
+has them elsewhere, as a magnetometer has, and of two IMUs one is not yet right."""
 
 
 @pytest.fixture
