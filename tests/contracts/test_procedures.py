@@ -30,6 +30,7 @@ from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade
 from foucault.procedures import PROCEDURES
 from foucault.procedures.record import Given
 from foucault.result import CERTAIN, Check, Level, Result
+from power import needed
 from sessions import (
     ARCMIN,
     LASER,
@@ -561,7 +562,7 @@ def test_placements_that_nobody_declared_are_foreseen_as_they_are_found(name: st
     assert low < dof * sum(ratios) < high
 
 
-MANY = 30
+MANY = 60
 """Sessions over which a size that is found is compared with that of the plan [1]."""
 
 
@@ -634,8 +635,8 @@ HELD_OUT = tuple(name for name in MIXED if name != "hand_rotated")
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", HELD_OUT)
 def test_sessions_as_they_should_be_are_seldom_doubted(name: str) -> None:
-    """One in a hundred is; one in six would be found out in 99 % of cases."""
-    n = 60
+    """One in a hundred is; one in 12 would be found out in 99 % of cases, of slow ones in six."""
+    n = 60 if name in ("turntable", "rate_table") else 200
     doubted = sum(not held_out_check(drawn(name, seed)).passed for seed in range(n))
     assert doubted <= binom.ppf(0.995, n, FALSE_ALARM + fit_checks.STRAY)
 
@@ -706,58 +707,61 @@ def placed(name: str, sd: float, **words: Any) -> Case:
 
 
 SCATTER = {
-    **{f"hand_rotated, {g}": (14, Case("hand_rotated", {"held_out": 0}, HAND, g)) for g in GRADES},
-    "hand_rotated, slow noise": (14, Case("hand_rotated", {"held_out": 0}, HAND, noise=SLOW)),
-    **{f"{n}, {arcmin} arcmin": (25 if n == "six_position" else 14, placed(n, arcmin * ARCMIN))
+    **{f"hand_rotated, {g}": Case("hand_rotated", {"held_out": 0}, HAND, g) for g in GRADES},
+    "hand_rotated, slow noise": Case("hand_rotated", {"held_out": 0}, HAND, noise=SLOW),
+    **{f"{n}, {arcmin} arcmin": placed(n, arcmin * ARCMIN)
        for n in ("six_position", "ferraris") for arcmin in (0, 5)},
-    "ferraris, published": (8, placed("ferraris", 5 * ARCMIN, solution="published")),
-    "ferraris, placement found": (15, replace(placed("ferraris", 5 * ARCMIN), said=dict.fromkeys(
-        ("placement_sd", "level_sd", "angle_sd")))),
-    "ferraris, unequal angles": (14, placed("ferraris", 3 * ARCMIN, angle=TURNS)),
-    **{n: (14, SESSIONS[n]) for n in ON_TABLE},
-    **{f"rate_table, {g}": (16, replace(SESSIONS["rate_table"], grade=g, said={
-        "repeatability": False})) for g in ("mems", "tactical")},
-    "continuous_spin": (10, SESSIONS["continuous_spin"]),
-    "continuous_spin, a drill": (
-        10, Case("continuous_spin", {}, SPUN | {"unbalance": 0.0, "wander": 0.03, "vibration": 0.5})
+    "ferraris, published": placed("ferraris", 5 * ARCMIN, solution="published"),
+    "ferraris, placement found": replace(placed("ferraris", 5 * ARCMIN), said=dict.fromkeys(
+        ("placement_sd", "level_sd", "angle_sd"))),
+    "ferraris, unequal angles": placed("ferraris", 3 * ARCMIN, angle=TURNS),
+    **{n: SESSIONS[n] for n in ON_TABLE},
+    **{f"rate_table, {g}": replace(SESSIONS["rate_table"], grade=g, said={"repeatability": False})
+       for g in ("mems", "tactical")},
+    "continuous_spin": SESSIONS["continuous_spin"],
+    "continuous_spin, a drill": Case(
+        "continuous_spin", {}, SPUN | {"unbalance": 0.0, "wander": 0.03, "vibration": 0.5}
     ),
-    "magnetometer": (24, SESSIONS["magnetometer"]),
-    "north_seeking, level": (30, seeker({})),
-    "north_seeking, two on the case": (30, seeker({"accelerometers": "case"})),
-    "north_seeking, blind": (40, seeker(BLIND, level_sd=ARCMIN)),
-    "north_seeking, all uncertain": (
-        30, seeker({"order": "palindrome", "gyro_drift": 1e-10}, **UNSURE)
+    "magnetometer": SESSIONS["magnetometer"],
+    "north_seeking, level": seeker({}),
+    "north_seeking, two on the case": seeker({"accelerometers": "case"}),
+    "north_seeking, blind": seeker(BLIND, level_sd=ARCMIN),
+    "north_seeking, all uncertain": seeker(
+        {"order": "palindrome", "gyro_drift": 1e-10}, **UNSURE
     ),
-    "north_seeking, tilted": (40, seeker(TILTED)),
-    "north_seeking, tilted, free": (40, seeker(TILTED, z_coupling="free")),
-    "north_seeking, samples": (30, seeker(SAMPLES)),
-    "platform_tumble": (7, Case("platform_tumble", {"average": 5.0}, grade="navigation")),
-    "systematic": (10, SESSIONS["systematic"]),
-    "transfer_alignment": (12, SESSIONS["transfer_alignment"]),
-    "imu_pose": (10, SESSIONS["imu_pose"]),
-    "two_imus": (8, SESSIONS["two_imus"]),
-    "two_imus, three": (5, Case("two_imus", {}, {"time": 20.0, "imus": 3}, grade="mems")),
-    "imu_pose, positions alone": (
-        10, Case("imu_pose", {}, {"time": 30.0, "with_attitude": False}, grade="mems")
+    "north_seeking, tilted": seeker(TILTED),
+    "north_seeking, tilted, free": seeker(TILTED, z_coupling="free"),
+    "north_seeking, samples": seeker(SAMPLES),
+    "platform_tumble": Case("platform_tumble", {"average": 5.0}, grade="navigation"),
+    "systematic": SESSIONS["systematic"],
+    "transfer_alignment": replace(SESSIONS["transfer_alignment"], settings={"left_out": False}),
+    "imu_pose": SESSIONS["imu_pose"],
+    "two_imus": SESSIONS["two_imus"],
+    "two_imus, three": Case("two_imus", {}, {"time": 20.0, "imus": 3}, grade="mems"),
+    "imu_pose, positions alone": Case(
+        "imu_pose", {}, {"time": 30.0, "with_attitude": False}, grade="mems"
     ),
-    "imu_pose, outliers": (
-        10, Case("imu_pose", {}, {"time": 30.0, "outliers": 0.02, "lost": 0.1}, grade="mems")
+    "imu_pose, outliers": Case(
+        "imu_pose", {}, {"time": 30.0, "outliers": 0.02, "lost": 0.1}, grade="mems"
     ),
-    "imu_pose, tags": (
-        10, Case("imu_pose", {}, {"time": 30.0, "pose_rate": 30.0, "position_noise": 3e-3,
-                                  "attitude_noise": 3e-1 * np.pi / 180}, grade="mems"),
+    "imu_pose, tags": Case(
+        "imu_pose", {}, {"time": 30.0, "pose_rate": 30.0, "position_noise": 3e-3,
+                         "attitude_noise": 3e-1 * np.pi / 180}, grade="mems"
     ),
 }  # fmt: skip
-"""Sessions whose errors are drawn from what is said of them, and how many of each: about 300
-coefficients together, more where sessions are long."""
+"""Sessions whose errors are drawn from what is said of them."""
+
+SLOW_SESSIONS = dict.fromkeys(("transfer_alignment", "imu_pose", "imu_pose, positions alone",
+                               "imu_pose, outliers", "imu_pose, tags"), 1.44)  # fmt: skip
+"""Those of a fifth of a second and more, and the wrong variance that they find out [1]."""
 
 
-def scatter(name: str, runs: int, case: Case) -> tuple[float, int, list[Level]]:
-    """Sum of the NEES of many sessions, their coefficients, and their verdicts."""
+def scatter(name: str, case: Case, least: int) -> tuple[float, int, list[Level]]:
+    """Sum of the NEES of sessions with so many coefficients, their number, and the verdicts."""
     told = None if name.endswith("samples") else "declared"
     total, dof, levels = 0.0, 0, []
-    for seed in range(runs):
-        done = made(case, 50 + seed)
+    while dof < least:
+        done = made(case, 50 + len(levels))
         result = solved(case, done.log, noise=told)
         assert result.status is Status.CONVERGED
         names = case.names if case.procedure != "north_seeking" else result.coefficients.names
@@ -770,18 +774,18 @@ def scatter(name: str, runs: int, case: Case) -> tuple[float, int, list[Level]]:
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", SCATTER)
 def test_errors_have_the_size_that_was_promised(name: str) -> None:
-    """NEES inside two-sided limits; a covariance that is half as large again is found out.
+    """NEES inside two-sided limits: a covariance that is 20 % off is found out in 99 % of cases.
 
-    Standard deviations that are wrong by a factor of 1.3 are found out in 99 % of cases, of
-    `transfer_alignment` those of 1.4. `validation` has the tables of many sessions.
+    That takes 2,160 coefficients in each test, for the false alarm of 1 % is shared by all of
+    them; of sessions that are slow 550 find standard deviations wrong by a factor of 1.2.
     """
-    runs, case = SCATTER[name]
-    total, dof, levels = scatter(name, runs, case)
+    least = needed(SLOW_SESSIONS.get(name, 1.2), len(SCATTER))
+    total, dof, levels = scatter(name, SCATTER[name], least)
     low, high = chi_square_limits(dof, tests=len(SCATTER))
     assert low < total < high
-    assert not (low < total * 1.5 < high and low < total / 1.5 < high)
     # Checks of one session ask the same residuals several times, at 1 % each family.
-    assert runs - levels.count(Level.PASS) <= binom.ppf(1 - 0.01 / len(SCATTER), runs, 0.05)
+    doubted = len(levels) - levels.count(Level.PASS)
+    assert doubted <= binom.ppf(1 - 0.01 / len(SCATTER), len(levels), 0.05)
 
 
 def louder(noise: ImuNoise, factor: float) -> ImuNoise:
@@ -793,19 +797,19 @@ TACTICAL = grade("tactical").noise
 BY_HAND = Case("hand_rotated", {"held_out": 0, "repeatability": False}, HAND)
 RATES = Case("rate_table", {"repeatability": False}, MEANS)
 WRONG = {
-    **{f"hand_rotated, noise times {k:.2g}": (14, replace(BY_HAND, told=louder(TACTICAL, k)), k)
+    **{f"hand_rotated, noise times {k:.2g}": (replace(BY_HAND, told=louder(TACTICAL, k)), k)
        for k in (1.3, 1 / 1.3)},
     "hand_rotated, slow noise that is not told": (
-        12, replace(BY_HAND, noise=SLOW, told=ImuNoise(
+        replace(BY_HAND, noise=SLOW, told=ImuNoise(
             TriadNoise(white=3e-4), TriadNoise(white=2e-5))), 0.5
     ),
-    **{f"ferraris, placement times {k}": (10, replace(
+    **{f"ferraris, placement times {k}": (replace(
         placed("ferraris", 5 * ARCMIN),
         said=dict.fromkeys(("placement_sd", "level_sd", "angle_sd"), 5 * k * ARCMIN)), k)
        for k in (0.6, 1.6)},
-    **{f"north_seeking, noise times {k}": (24, replace(seeker({}), told=louder(SEEKER, k)), k)
+    **{f"north_seeking, noise times {k}": (replace(seeker({}), told=louder(SEEKER, k)), k)
        for k in (0.6, 1.6)},
-    **{f"rate_table, noise times {k}": (12, replace(RATES, told=louder(TACTICAL, k)), k)
+    **{f"rate_table, noise times {k}": (replace(RATES, told=louder(TACTICAL, k)), k)
        for k in (0.6, 1.6)},
 }  # fmt: skip
 """Sessions of which something wrong is said, and what it is against what is true."""
@@ -816,8 +820,8 @@ WRONG = {
     for name in WRONG
 ])  # fmt: skip
 def test_what_is_wrongly_declared_shows_in_the_size_of_errors(name: str) -> None:
-    runs, case, factor = WRONG[name]
-    total, dof, levels = scatter(name, runs, case)
+    case, factor = WRONG[name]
+    total, dof, levels = scatter(name, case, needed(1.69, len(WRONG)))
     low, high = chi_square_limits(dof, tests=len(WRONG))
     assert (total < low) if factor > 1 else (total > high)
     if name.startswith("north"):

@@ -152,6 +152,15 @@ def drawn(kind, sigma, draws):
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("kind", ["free", "angles"])
+def test_errors_have_the_size_that_was_promised(kind):
+    """NEES of 21 over sessions that the next test has too: 20 % in variance shows in 98 %."""
+    errors, covs = drawn(kind, 5 * ARCSEC, DRAWS)
+    low, high = chi_square_limits(errors.size, tests=2)
+    assert low < nees(errors, covs).sum() < high
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize("sigma", [5 * ARCSEC, 600 * ARCSEC])
 def test_joint_estimate_is_never_worse_than_the_norms_on_the_same_readings(sigma):
     n = DRAWS if sigma < 10 * ARCSEC else 30

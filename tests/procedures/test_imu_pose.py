@@ -350,7 +350,7 @@ def coloured(seed, rho):
 
 @pytest.mark.thorough
 def test_coloured_noise_widens_what_is_stated():
-    total, n = 0.0, 6
+    total, n = 0.0, 10
     for seed in range(n):
         log, table, truth = coloured(seed, 0.9)
         result = solved(log, table)

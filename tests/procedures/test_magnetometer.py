@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import binom
 
+from foucault.diagnose.fit_checks import STRAY
 from foucault.errors import FoucaultError
 from foucault.export.calibrated_log import calibrate_log
-from foucault.infer.gauss_newton import chi_square_limits
+from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.logs import LogDescription, read, write
 from foucault.logs.description import description_of
 from foucault.models.earth import Site
@@ -72,10 +74,10 @@ elsewhere with 120 sessions."""
 @pytest.mark.thorough
 @pytest.mark.parametrize("row", ROWS)
 def test_errors_are_as_small_as_promised_and_not_smaller(row: str) -> None:
-    """Standard deviations wrong by a factor of 1.3 are found out in 99 %; `validation`: 1.1."""
+    """Standard deviations wrong by a factor of 1.2 are found out in 99 %; `validation`: 1.1."""
     motion, more, degrees = ROWS[row]
     settings = CALM.model_copy(update={"noise_sd": more.get("noise", 0.3e-6)})
-    total, headings, n, relative = 0.0, [], 24, []
+    total, headings, n, relative = 0.0, [], 33, []
     for seed in range(n):
         rng = np.random.default_rng([7, seed])
         truth = draw(rng)
@@ -103,7 +105,7 @@ def test_a_short_session_is_inside_its_covariance_and_tells_the_delay() -> None:
 
 @pytest.mark.thorough
 def test_a_field_that_changes_from_place_to_place_is_in_the_covariance() -> None:
-    total, n = 0.0, 8
+    total, n = 0.0, 16
     for seed in range(n):
         rng = np.random.default_rng([8, seed])
         truth = draw(rng)
@@ -450,26 +452,42 @@ def test_a_magnetometer_that_bends_is_no_pass() -> None:
     assert name in failed(bent) and bent.verdict.level is Level.DOUBTFUL
 
 
+DOUBTED = 4 * FALSE_ALARM + STRAY
+"""Share of good sessions that chance makes doubtful at most [1]: the noise, its evenness, parts
+that are held out and what is not estimated are tested at 1 % each, and that no part strays."""
+
+
 @pytest.mark.thorough
 def test_what_is_not_estimated_is_in_the_covariance() -> None:
-    """Twenty minutes in which a consumer MEMS holds it, and twenty in which it does not."""
-    nees, passed = np.zeros((2, 2)), np.zeros((2, 2), int)
-    for seed in range(20):
-        rng = np.random.default_rng([8, seed])
-        truth = draw(rng)
-        clean = session(free(rng), truth, rng)
-        for k, log in enumerate((clean, held(clean, rng))):
-            for j, sizes in enumerate((None, ByNoise())):
-                given = {"site": SITE, "settings": SETTINGS, "noise": IMU, "sizes": sizes}
-                result = magnetometer.PROCEDURE.trial(log, **given)
-                off = errors(result, truth)
-                nees[k, j] += off @ np.linalg.solve(result.coefficients.cov, off)
-                passed[k, j] += result.verdict.level is Level.PASS
-    low, high = chi_square_limits(20 * 13, 0.01)
-    assert nees[1, 0] > 1.5 * high and passed[1, 0] < 12  # taken for nothing
-    assert (nees[:, 1] < high).all() and nees[1, 1] > low
-    # A clean session is doubtful by chance in 3 of 100: four of twenty are rarer than 1 %.
-    assert (passed[:, 1] > 16).all()
+    """Minutes in which a consumer MEMS holds what is not estimated, and minutes without it.
+
+    Where it is there, standard deviations wrong by a factor of 1.2 are found out in 99 %; and so is
+    a doubt that befalls three in ten sessions.
+    """
+
+    def tried(seeds: range, sizes: ByNoise | None, there: bool = True) -> tuple[float, int]:
+        nees, doubted = 0.0, 0
+        for seed in seeds:
+            rng = np.random.default_rng([8, seed])
+            truth = draw(rng)
+            log = session(free(rng), truth, rng)
+            result = magnetometer.PROCEDURE.trial(
+                held(log, rng) if there else log, site=SITE, settings=SETTINGS, noise=IMU,
+                sizes=sizes,
+            )  # fmt: skip
+            off = errors(result, truth)
+            nees += off @ np.linalg.solve(result.coefficients.cov, off)
+            doubted += result.verdict.level is not Level.PASS
+        return nees, doubted
+
+    nothing, _ = tried(range(12), None)
+    assert nothing > 1.5 * chi_square_limits(13 * 12)[1]
+    counted, doubted = tried(range(32), ByNoise())
+    low, high = chi_square_limits(13 * 32, tests=2)
+    assert low < counted < high
+    clean, more = tried(range(32, 44), ByNoise(), there=False)
+    assert clean < chi_square_limits(13 * 12, tests=2)[1]
+    assert doubted + more <= binom.ppf(0.995, 44, DOUBTED)
 
 
 def test_a_magnetometer_that_bends_beyond_its_size_is_named() -> None:

@@ -384,12 +384,18 @@ def test_a_tilt_towards_north_is_in_the_gyro_scales_where_it_is_not_modelled():
 
 @pytest.mark.parametrize(
     ("module", "more"),
-    [(norm_observation, {"solution": s}) for s in ("linear", "published")],
-)
+    [*((m, {}) for m in MODULES),
+     *((norm_observation, {"solution": s}) for s in ("linear", "published"))],
+)  # fmt: skip
 def test_the_budget_is_the_whole_variance(module, more):
     result = run(module, table_rate_sd=1e-6, site=replace(SITE, gravity_sd=1e-4), **more)
     total = np.sum(list(result.diagnostics["budget"].values()), axis=0)
     np.testing.assert_allclose(total, result.coefficients.sd**2, rtol=1e-6)
+
+
+def test_the_bound_is_that_of_the_noise_alone():
+    result = run(repeatability=False, plumb_sd=0.0, loss="squares")
+    np.testing.assert_allclose(result.diagnostics["bound"], result.coefficients.sd, rtol=1e-6)
 
 
 def test_noise_that_was_declared_is_not_called_unknown():

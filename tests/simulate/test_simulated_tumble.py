@@ -212,6 +212,13 @@ def test_a_slow_drift_is_one_drift_of_a_session(integrator):
     assert low < np.sum(np.square(off)) / (10 * DEG_H) ** 2 < high
 
 
+def test_the_published_integrator_draws_the_same_of_a_seed():
+    """Its noise is its own; of the other, contracts of all procedures try it."""
+    one, two = (simulated(noise=WHITE, integrator="published") for _ in range(2))
+    np.testing.assert_array_equal(one.log.accel, two.log.accel)
+    np.testing.assert_array_equal(one.C_pn, two.C_pn)
+
+
 def test_steps_of_command_and_output():
     noise = ImuNoise(TriadNoise(quantisation=10 * UG), TriadNoise(quantisation=DEG_H))
     log = simulated(noise=noise).log
