@@ -263,9 +263,9 @@ def ins_filter(
     states = np.empty((m, 12))
     coefficients = np.empty((m, p))
     spread = np.empty((m, n))
-    innovation = np.full((m, 6), np.nan)
-    variance = np.full((m, 6), np.nan)
-    corrections = np.zeros((m, n))
+    innovation = np.empty((m, 6))
+    variance = np.empty((m, 6))
+    corrections = np.empty((m, n))
     transitions = np.empty((kept, 9, n))
     before_P = np.empty((kept, n, n))
     after_P = np.empty((kept, n, n))
@@ -323,6 +323,7 @@ def ins_filter(
         for j in range(n):
             X[j] = 0.0
         for r in range(z.size):  # a bound that is known would be unrolled, and take a second
+            innovation[k, r] = variance[k, r] = np.nan
             if sd[k, r] < np.inf and not restart[k]:
                 e, S = update(P, X, K, n, 3 + r, z[r], sd[k, r] ** 2, gate)
                 innovation[k, r] = e
