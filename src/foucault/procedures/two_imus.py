@@ -339,7 +339,9 @@ def _counted(
         def split(times: FloatArray) -> list[FloatArray]:
             return np.split(times, np.cumsum(counts)[:-1])
 
-        read = [r.read for r in at.problem.readings]
+        # Terms are of the motion: with the noise of a reading in them they would follow it.
+        noises = [np.nan_to_num(x) for x in at.left]
+        read = [r.read - n for r, n in zip(at.problem.readings, noises, strict=True)]
         each = [unit.terms(y) for unit, y in zip(units(c), read, strict=True)]
         counts, some = [len(x) for x in each], [x for own in each for x in own]
         own = split(np.broadcast_to(out, len(some)))
@@ -353,9 +355,9 @@ def _counted(
             times: FloatArray, foretold: CoefficientVector
         ) -> tuple[Solution, CoefficientVector]:
             left = tuple(
-                replace(r, read=unit.without(r.read, x))
-                for unit, r, x in zip(
-                    units(foretold), s.problem.readings, split(times), strict=True
+                replace(r, read=unit.without(r.read - n, x) + n)
+                for unit, r, n, x in zip(
+                    units(foretold), s.problem.readings, noises, split(times), strict=True
                 )
             )
             problem = replace(s.problem, readings=left)
