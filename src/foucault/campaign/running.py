@@ -32,7 +32,6 @@ from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise, grade
 from foucault.models.size_effect import SizeEffect
 from foucault.procedures import Progress, silent
-from foucault.recognise.reading import question, recognise
 from foucault.result import Result
 from foucault.tables import IndexedLog, Log
 
@@ -405,6 +404,8 @@ def _described(
     """Describe a bare log by its titles and numbers, or by titles alone where these do not tell."""
     if len(paths) == 1 and describes_itself(paths[0]):
         return LogDescription.model_validate({"file": paths[0].name}), ()
+    from foucault.recognise.reading import question, recognise  # a campaign needs none of it
+
     try:
         seen = recognise(paths, said)
         if seen.questions:

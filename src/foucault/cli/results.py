@@ -56,8 +56,6 @@ def calibrate(
     they are mounted.
     """
     from foucault import campaign as campaigns
-    from foucault.campaign import recognised as bare
-    from foucault.campaign import vehicle
     from foucault.diagnose.references import in_words
 
     more: dict[str, Any] = {} if terms is None else {"terms": terms}
@@ -81,6 +79,9 @@ def calibrate(
         asked = campaigns.said_otherwise(campaigns.load(campaign[0]), more)
         result, page = _run(screen, asked, output)
         raise page.tell(screen, _saved(output), *filter(None, [in_words(result)]))
+    from foucault.campaign import recognised as bare  # a campaign needs none of it
+    from foucault.campaign import vehicle
+
     given = bare.said_of(taken or ())
     if topics := vehicle.several(campaign, given):
         raise _vehicle(screen, campaign[0], topics, output, given, bare.site_of(place), more)
