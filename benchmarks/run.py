@@ -500,10 +500,7 @@ def main() -> None:
         "s; what is above the limit are the checks, .07 s of both. A pass over a tumble: "
         "without its Gram matrix it takes 2.8 ms less, without whitening 1.7, without the "
         "innovation .7; the limit alone is 7 ms. Transfer alignment: the targets were set for "
-        "21 constants, of which the filters took 7.6 and 14.6 ms on this machine (version of "
-        "2026-11-22); 45 are estimated now. Rows padded to whole registers and six updates in "
-        "one pass over P took a third off both filters, and added a second to what a first use "
-        "compiles: left out.",
+        "21 constants; 45 are estimated now.",
     ]
     text = "\n".join(lines) + "\n"
     (Path(__file__).parent / "README.md").write_text(text)

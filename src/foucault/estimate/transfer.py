@@ -329,7 +329,8 @@ class TransferModel:
         R[:, : 3 if self.matching.vertical else 2] = self.matching.velocity_sd**2
         R[:, 3:] = self.matching.attitude_sd**2
         half = self._carried(Phi, self.steps(rows))
-        self._drive(Phi, rows, states_of(history))
+        if self.counted:
+            self._drive(Phi, rows, states_of(history))
         x0, P0 = self._start(point)
         return FreeInertial(Phi, half, H, z, R, x0, P0, jump, time=when, rows=rows, used=used,
                             history=history, w_ib_b=w_ib_b)  # fmt: skip
@@ -361,11 +362,13 @@ class TransferModel:
         """
         slave, first, begun = self.slave, self.slave.first, Reset.of(point.state)
         many = max(1, ceil((when[-1] - slave.increments.time[first]) / PIECE))
-        parts, out = np.array_split(np.arange(len(rows)), many), list[_Piece]()
-        for before, part in zip((parts[0], *parts), parts, strict=False):
+        edges = [slice(p[0], p[-1] + 1) for p in np.array_split(np.arange(len(rows)), many)]
+        out = list[_Piece]()
+        for before, part in zip((edges[0], *edges), edges, strict=False):
             if out:
-                first, begun = int(rows[before[-1]]), self._reset(out[-1], master[before], point)
-            Phi = transitions[part[0] : part[-1] + 1]
+                first = int(rows[part.start - 1])
+                begun = self._reset(out[-1], master[before], point)
+            Phi = transitions[part]
             history = free_run(
                 slave.increments, begun.state, slave.sensors, rows[part], Phi, first=first,
                 estimate=point.coefficients, gravity_offset=slave.gravity_offset,
@@ -375,7 +378,7 @@ class TransferModel:
                              self.matching)  # fmt: skip
             place = by_the_master(states, seen_at_place(history, states))
             H, z = self._measured(motion, master[part], point, place)
-            jump, onto = np.zeros((len(part), self._moving)), Phi[0, :9, :9]
+            jump, onto = np.zeros(Phi.shape[:2]), Phi[0, :9, :9]
             jump[0, :9] = onto @ begun.jump
             onto[:] = onto @ begun.turn
             out.append(_Piece(history, motion.C_ns, motion.w_ib_b, jump, H, z))

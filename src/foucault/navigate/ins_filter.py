@@ -462,8 +462,11 @@ def free_run(
 ) -> Trajectory:
     """Navigate from row `first` with nothing measured; return the states at `rows` (m,).
 
-    As `run`. Fills of `transitions` (m, 9 or more, 9 + p or more) the nine first rows with how
-    errors go from one of the rows to the next; further columns with zeros [SI].
+    Arguments as of `run`. `rows` (m,): where the run is looked at, rising [1]; `transitions` (m, 9
+    or more, 9 + p or more): its nine first rows are filled with how errors go from one of the rows
+    to the next, further columns with zeros [SI]; `first`: row at whose end the run starts [1];
+    `estimate` (p,) or None: coefficients, zero by default [SI]; `gravity_offset`: measured local
+    minus normal gravity [m/s^2]; `held`: whether height stays and the vertical velocity is zero.
     """
     rows = np.asarray(rows, np.int64)
     _require_rows(increments, rows, first)
