@@ -219,7 +219,7 @@ class LeverArm:
         return np.asarray(np.sqrt(np.diag(self.cov)))
 
     def off(self, other: FloatArray, sd: float = 0.0) -> float:
-        """Return how far `other` (3,) [m] is, squared, in sds [1]; `sd`: how well it is known [m]."""
+        """Return how far `other` (3,) [m], known to `sd` [m], is, squared, in sds [1]."""
         d = self.arm - other
         return float(d @ np.linalg.solve(self.cov + sd**2 * np.eye(3), d))
 
