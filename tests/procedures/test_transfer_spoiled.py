@@ -13,6 +13,7 @@ from foucault.estimate import transfer
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
+from foucault.models.left_out import ByNoise
 from foucault.models.rotation import angles_of, exp, matrix_of
 from foucault.plans.transfer import transfer_profile
 from foucault.procedures.transfer_alignment import simulate
@@ -20,7 +21,7 @@ from foucault.procedures.transfer_alignment.problem import problem_of
 from foucault.procedures.transfer_alignment.session import moved, simulate_motion
 from foucault.procedures.transfer_alignment.settings import SlaveLog
 from foucault.result import Level
-from make_transfer_campaign import LEVER, described, faultless, made, missed, trial
+from make_transfer_campaign import LEVER, calibrated, described, faultless, made, missed, trial
 from refusals import refuses
 from sessions import codes, failed
 
@@ -311,6 +312,20 @@ def test_a_wrong_lever_arm_is_named_with_its_size(levered, given, words: str) ->
     shown = [float(x.strip(' "m')) for x in one.cure.split("[")[1].split("]")[0].split(",")]
     np.testing.assert_allclose(shown, [1, 2, -0.5], atol=0.06)
     assert "transfer.spread" not in codes(result)
+
+
+@pytest.mark.thorough
+def test_a_wrong_lever_arm_is_named_where_it_is_counted_with(levered) -> None:
+    """Enlarged as what the messages contradict it hid itself; one as far off as said is none."""
+    c, session = levered
+
+    def codes_of(given, sd):
+        arm = {"lever_arm": tuple(f"{x} m" for x in given), "lever_arm_sd": sd, "left_out": True}
+        settings = c.settings.model_copy(update=arm)
+        return codes(calibrated(c, session.simulation.log, settings=settings, sizes=ByNoise()))
+
+    assert "transfer.lever" in codes_of((-1, -2, 0.5), 0.01)
+    assert "transfer.lever" not in codes_of((1, 2, -0.3), 0.2)
 
 
 @pytest.mark.thorough

@@ -28,6 +28,7 @@ from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.infer.linear_filter import extended, kalman
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.rotation import log as rotation_vector
+from foucault.tables import AXES
 from foucault.units import plain
 
 NO_DELAY = 1e-3  # A delay below this is none [s].
@@ -207,10 +208,14 @@ class LeverArm:
         """Standard deviation of each component, shape (3,) [m]."""
         return np.asarray(np.sqrt(np.diag(self.cov)))
 
-    def off(self, other: FloatArray) -> float:
-        """Return how far `other` (3,) [m] is, squared, in standard deviations [1]."""
+    def off(self, other: FloatArray, sd: float = 0.0) -> float:
+        """Return how far `other` (3,) [m], known to `sd` [m], is, squared, in sds [1]."""
         d = self.arm - other
-        return float(d @ np.linalg.solve(self.cov, d))
+        return float(d @ np.linalg.solve(self.cov + sd**2 * np.eye(3), d))
+
+
+ARM = tuple(f"lever_arm.{axis}" for axis in AXES)
+"""States of a lever arm that is counted with."""
 
 
 def lever_arm(e: judge.Evidence) -> LeverArm | None:
@@ -218,6 +223,9 @@ def lever_arm(e: judge.Evidence) -> LeverArm | None:
     if not np.isfinite(e.model.matching.velocity_sd):
         return None
     system = extended(e.fit.system, leverage(e), FAR)
+    # As a state it is known to some size, enlarged where that is contradicted: here it is open.
+    counted = [k for k, name in enumerate(e.model.names) if name in ARM]
+    system.P0[counted] = system.P0[:, counted] = 0.0
     system.P0[range(3, 6), range(3, 6)] += UNSETTLED**2
     run = kalman(system)
     d, cov = run.states[-1, -3:], run.cov[-3:, -3:]
@@ -239,10 +247,10 @@ def leverage(e: judge.Evidence) -> FloatArray:
     return np.concatenate([turning, np.zeros_like(turning)], axis=1)
 
 
-def of_lever(e: judge.Evidence) -> list[Finding]:
-    """Say so where the velocities show another lever arm than was given."""
+def of_lever(e: judge.Evidence, sd: float) -> list[Finding]:
+    """Say so where the velocities show another lever arm than was given, known to `sd` [m]."""
     found, given = lever_arm(e), e.model.mount.lever_m
-    if found is None or found.off(given) < chi_square_limits(3, 2 * SURELY)[1]:
+    if found is None or found.off(given, sd) < chi_square_limits(3, 2 * SURELY)[1]:
         return []
     now = judge.spreads(e)["velocity"]
     little = now.chi_square > now.high and found.ratio**2 - 1.0 > LEFT * (now.ratio - 1.0)
@@ -432,19 +440,22 @@ EXPLAINS = {"delay.scale", "transfer.delay_differs", "transfer.force_axes", "tra
 
 
 def findings(
-    e: judge.Evidence, before: Sequence[Finding] = (), passes: Sequence[Finding] = ()
-) -> list[Finding]:
+    e: judge.Evidence, before: Sequence[Finding] = (), passes: Sequence[Finding] = (), *,
+    arm_sd: float = 0.0,
+) -> list[Finding]:  # fmt: skip
     """Return all that was noticed: of delay, motion, innovations and what would explain them.
 
     Where that explains large innovations, and where passes have not settled, nothing is said of
     what rests on the estimates.
+
+    `arm_sd`: how well the lever arm was said to be known [m].
     """
     if EXPLAINS & {f.code for f in before}:
         return [*before, *_of_edge(e), *_straight(e)]
     if e.status is not Status.CONVERGED:
         return [*before, *passes, *_of_edge(e), *_straight(e)]
     priors = narrow(e)
-    causes = [*of_priors(e, priors), *of_lever(e)] or of_outliers(e)
+    causes = [*of_priors(e, priors), *of_lever(e, arm_sd)] or of_outliers(e)
     told = [*before, *passes, *_of_edge(e), *_of_delay(e), *_straight(e)]
     # What was said to be known too well is not hidden by the motion.
     known = [group for group, _ in priors]

@@ -125,7 +125,10 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     beside = np.zeros_like(error_of_g) if "site.gravity" in s.model.counted else error_of_g
     all_cov = s.states.cov + np.outer(beside, beside)
     at = [s.states.layout.index(name) for name in settings.reported]
-    told += findings.findings(s, s.problem.findings, s.findings)
+    arm = s.problem.groups.get(counted.LEVER)
+    told += findings.findings(
+        s, s.problem.findings, s.findings, arm_sd=arm.size if arm is not None else 0.0
+    )
     tables: dict[str, TableData] = {}
     more: dict[str, Any] = {}
     if given.shown:
