@@ -49,7 +49,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models import earth
 from foucault.units import convert, display_unit, plain
@@ -301,8 +301,7 @@ def fit(
     The standard deviations grow by sqrt(chi_square / dof) where the fit is worse than noise: what
     is not in the model (a bias that wanders, a sway) is in them then.
     """
-    wanted = np.linspace(0.0, float(time[-1]), EPOCHS + 1)[1:]
-    some = np.unique(np.searchsorted(time, wanted - 1e-9).clip(1, len(time) - 1))
+    some = _epochs(time)
     t, y = np.asarray(time[some], float), np.asarray(error[some], float)
     rows = [STATES.index(s) for s in ("east", "north")]
     rows = rows if of == "position" else [r + 2 for r in rows]
@@ -327,3 +326,9 @@ def fit(
         values, np.sqrt(np.diag(cov)), cov, chi_square, dof, chi_square_limits(dof, 0.01),
         t, y, A * values, noise_sd, of, place,
     )  # fmt: skip
+
+
+def _epochs(time: FloatArray) -> IntArray:
+    """Return evenly spread samples, the last one among them and the start not."""
+    wanted = np.linspace(0.0, float(time[-1]), EPOCHS + 1)[1:]
+    return np.unique(np.searchsorted(time, wanted - 1e-9).clip(1, len(time) - 1))
