@@ -702,8 +702,8 @@ def hand_over(
     except FoucaultError:  # of passes that went astray: nothing goes on from there
         vector = CoefficientVector(slave.sensors.layout, values, cov[9:, 9:])
         return HandOver(state, vector, cov[:9, :9], int(rows[-1]))
-    stamps = slave.increments.time
-    half = np.diag((stamps[end] - stamps[rows[-1]]) / 2 * white_noise(slave.sensors, slave.noise))
+    seconds = float(np.ptp(slave.increments.time[[rows[-1], end]]))
+    half = np.diag(seconds / 2 * white_noise(slave.sensors, slave.noise))
     cov = onto @ (cov + half) @ onto.T + half
     place = seen_at_place(on.history)[0]
     vector = CoefficientVector(slave.sensors.layout, values, cov[9:, 9:])
