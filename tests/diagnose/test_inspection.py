@@ -73,6 +73,6 @@ def test_means_have_a_row_each_and_no_noise(tmp_path):
     document = sessions._document(tmp_path, seen, 0.0)
     assert "gaps" not in document
     assert "noise" not in document["accel"]
-    assert document["averaged"] == [30.0, 30.0, 10.0]
+    assert list(document["averaged"]) == [30.0, 30.0, 10.0]
     save(noise.inspected(seen), tmp_path / "quick.html")
     assert "3 means" in (tmp_path / "quick.html").read_text()
