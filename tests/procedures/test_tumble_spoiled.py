@@ -11,6 +11,7 @@ import pytest
 from foucault.diagnose.tumble import outlying
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
+from foucault.models.left_out import sizes_of
 from make_tumble import FAST, PUBLISHED, calibrate, nees, tumble
 from refusals import refuses
 from sessions import codes, failed
@@ -40,6 +41,36 @@ def test_a_latitude_ten_degrees_off_is_named_with_its_size():
     site = Site.at(made.site.latitude - np.radians(10.0), made.site.height)
     result = calibrate(made, session.simulation.log, trial=True, site=site)
     assert re.search(r"the latitude is \+1[01] deg", sentence(result, "Earth's rate"))
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("wrong", "words"), [(lambda latitude: -latitude, "the wrong sign"),
+                         (lambda latitude: latitude + np.radians(1.0), r"-(1|1\.0\d|0\.9\d) deg")],
+)  # fmt: skip
+def test_no_term_that_is_counted_takes_a_wrong_latitude_up(wrong, words):
+    """An enlarged term, or prior, explained most of it, and the Earth's rate passed."""
+    made, session = tumble(PUBLISHED)
+    site = Site.at(wrong(made.site.latitude), made.site.height)
+    sizes = sizes_of("navigation RLG")
+    result = calibrate(made, session.simulation.log, trial=True, site=site, sizes=sizes)
+    assert result.diagnostics["named"] and "session.earth_rate" in codes(result)
+    assert re.search(f"the latitude (is|has) {words}", sentence(result, "Earth's rate"))
+
+
+@pytest.mark.thorough
+def test_the_earth_of_a_tumble_with_all_terms_at_their_sizes_is_not_blamed():
+    squares = []
+    for seed in range(8):
+        made, session = tumble(FAST, seed=seed)
+        log, truth = session.simulation.log, np.random.default_rng(seed).standard_normal
+        sizes = sizes_of("navigation RLG")
+        bent = truth(3) * sizes["accel.quadratic"][0] * log.accel**2
+        turned = truth(3) * sizes["gyro.cubic"][0] * log.gyro**3
+        log = replace(log, accel=log.accel + bent, gyro=log.gyro + turned)
+        result = calibrate(made, log, trial=True, sizes=sizes)
+        squares.append(next(c for c in result.checks if c.name == "Earth's rate").value)
+    assert sum(squares) < chi_square_limits(16)[1]
 
 
 @pytest.mark.thorough

@@ -311,6 +311,8 @@ class Solution:
     more: Mapping[str, FloatArray] = field(default_factory=dict)
     # (b, 3, c) what of the white rows terms that are not sought took up, independent ones [1]
     absorbed: FloatArray | None = None
+    # what is said of the Earth's rate, where that was asked before a cause was enlarged
+    asked: EarthSeen | None = None
 
     @property
     def slow(self) -> bool:
@@ -320,6 +322,13 @@ class Solution:
     @cached_property
     def earth(self) -> EarthSeen | None:
         """What the session says of the Earth's rate; None where nothing is asked of it."""
+        return self.earth_beside() if self.asked is None else self.asked
+
+    def earth_beside(self, E: FloatArray | None = None) -> EarthSeen | None:
+        """Return the same beside terms that are not sought, each of one size.
+
+        `E` (r, c) or None: what one size of each changes of the white residuals [1].
+        """
         fit, latitude = self.fit, self.site.latitude
         assert latitude is not None
         if self.slow or self.advice or fit.status is not Status.CONVERGED:
@@ -332,8 +341,12 @@ class Solution:
         r = left(self.tumble)
         D = [(left(replace(self.tumble, w_ie_n=self.tumble.w_ie_n + STEP * EARTH_RATE * way)) - r)
              / STEP for way in np.eye(3)[1:]]  # fmt: skip
+        rows = np.stack([-r, *D])
+        if E is not None and E.shape[:1] == r.shape:  # their covariance is I + E E'
+            U, size, _ = np.linalg.svd(E, full_matrices=False)
+            rows -= (rows @ U * (1 - 1 / np.sqrt(1 + size**2))) @ U.T
         known = self.latitude_sd * np.array([-np.sin(latitude), np.cos(latitude)])
-        return EarthSeen.of(-r, np.stack(D), latitude, np.outer(known, known))
+        return EarthSeen.of(rows[0], rows[1:], latitude, np.outer(known, known))
 
     @cached_property
     def white(self) -> Whitened:

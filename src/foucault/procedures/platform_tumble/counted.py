@@ -98,6 +98,10 @@ def counted(
     sizes, p = {**SIZE_EFFECT, **sizes}, len(CONSTANTS)
     both, E, A = stages_of(s, sizes)
     last, judged = fit(both.solved, both.posterior, both.groups, CONSTANTS.names)
+    # An enlarged term or prior takes up what another Earth's rate would explain better.
+    most = max((judged.seen[g].gain for some in judged.named for g in some), default=0.0)
+    earth = s.earth_beside(E)
+    asked = earth if earth is not None and earth.square > most else None
     assert last.cov is not None
     tumble, sd = s.tumble, s.prior.sd.copy()
     # Without what was found of the terms residuals and checks are those of what was sought.
@@ -119,7 +123,7 @@ def counted(
     blocks, width = found.rows.shape[:2]
     alike = blocks * width == len(absorbed)  # else the rows were averaged otherwise
     out = replace(
-        s, tumble=tumble, prior=prior, fit=found, more={NOT_ESTIMATED: beside},
+        s, tumble=tumble, prior=prior, fit=found, more={NOT_ESTIMATED: beside}, asked=asked,
         absorbed=absorbed.reshape(blocks, width, -1) if alike else None,
     )  # fmt: skip
     return out, _with_references(judged, out)
