@@ -29,6 +29,7 @@ from foucault.models.left_out import ByNoise, sizes_of
 from foucault.models.noise import GRADES, ImuNoise, TriadNoise, grade
 from foucault.procedures import PROCEDURES
 from foucault.procedures.record import Given
+from foucault.report import uncertainty
 from foucault.result import CERTAIN, Check, Level, Result
 from power import needed
 from sessions import (
@@ -219,6 +220,7 @@ def test_its_budget_adds_up_to_its_variance(name: str) -> None:
     assert all((v >= 0).all() for v in rows.values())
     sd = result.coefficients.sd
     np.testing.assert_allclose(sum(rows.values())[: len(sd)], sd**2, rtol=1e-9)
+    assert [s for s in rows if not all(uncertainty.basis(result, s))] == []
 
 
 @cache
@@ -256,6 +258,7 @@ def test_what_is_not_estimated_is_in_its_budget_and_none_is_pinned(name: str) ->
     sd = result.coefficients.sd
     np.testing.assert_allclose(sum(rows.values())[: len(sd)], sd**2, rtol=1e-6)
     assert all((v >= 0).all() for v in rows.values())
+    assert [s for s in rows if not all(uncertainty.basis(result, s))] == []
     share = dict(zip(*(result.tables["left_out"][k] for k in ("group", "share")), strict=True))
     large = {g for g in groups if share[g] > 0.01}
     assert large <= set(rows) or (name == "platform_tumble" and "what is not estimated" in rows)

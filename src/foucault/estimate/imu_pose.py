@@ -907,9 +907,11 @@ def budget(s: Solution) -> dict[str, FloatArray]:
         for name in names
     }
     gravity = s.of_gravity**2
-    out = shares(parts, np.diag(s.formal), np.diag(s.cov) - gravity, "colour of the poses' noise")
+    out = shares(parts, np.diag(s.formal), np.diag(s.cov) - gravity, COLOUR)
     return out | {"local gravity": gravity}
 
+
+COLOUR = "colour of the poses' noise"  # Source of what is related from pose to pose.
 
 STEP = 1e-3
 """Part of a noise by which it is changed to see what hangs on it [1]."""

@@ -47,6 +47,9 @@ OTHER_UNIT, CLEARLY = 1.5, 3.0
 """Factor in size of another unit, and by how many times less must be left over for a mistake to be
 told [1]."""
 
+COLOUR_BASIS = ("A", "scatter of scores of blocks beyond that of white rows")
+"""Type and basis of what is related from one reading to the next."""
+
 HALVES, SURE, SHORTEST, JUMPS = 3.0, 5.0, 5.0, 0.3
 """Limit of the difference of the halves [sd]; from where clocks differ [sd]; the shortest log [s];
 offsets of windows that leave their line by so many samples are of lost samples [1]."""

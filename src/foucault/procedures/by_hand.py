@@ -17,6 +17,7 @@ from foucault.diagnose.foresight import Foresight
 from foucault.errors import Finding, Status, finding
 from foucault.estimate.two_bodies import UNSURE_DELAY
 from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
+from foucault.models.left_out import in_words
 from foucault.procedures.counted import Counted
 from foucault.procedures.record import Beforehand, Given, SampleRate
 from foucault.result import Check, Result, TableData, Verdict
@@ -62,6 +63,7 @@ class Found(Generic[R]):
     bound: FloatArray  # (p,) their sd by noise alone [SI]
     unseen: list[str]  # names of what the motion does not show
     parts: Callable[[], dict[str, FloatArray]]  # source -> variance, terms apart (p,) [SI]
+    bases: Mapping[str, tuple[str, str]]  # source -> type, and what its size was evaluated from
     by_clock: Callable[[], FloatArray]  # derivative by the log of the rate of all clocks (p,) [SI]
     beside: Counted[R] | None
 
@@ -70,6 +72,13 @@ class Found(Generic[R]):
         """Source -> variance of what is reported (p,) [SI]."""
         known = self.parts()
         return known if self.beside is None else self.beside.beside(known, self.coefficients)
+
+    @property
+    def sources(self) -> dict[str, tuple[str, str]]:
+        """Source -> type, and what its size was evaluated from, of those that are its own."""
+        sizes = {} if self.beside is None else self.beside.judged.sizes
+        left = {g: ("B", f"left out, {in_words(g, x)}: {basis}") for g, (x, basis) in sizes.items()}
+        return {**self.bases, **left}
 
 
 GIVES_WAY = (
@@ -109,6 +118,7 @@ def result_of(
     if given.shown:
         given.progress(0.8, "looking at what it rests on")
         said["budget"] = {n: v.tolist() for n, v in at.budget.items()}
+        said["sources"] = {n: [*at.sources[n]] for n in said["budget"] if n in at.sources}
         said[BY_CLOCK] = at.by_clock().tolist()
         shown |= tables
     return Result(

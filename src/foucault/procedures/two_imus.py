@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from foucault.estimate.two_bodies import SMOOTH, Clocks, clocks, even, one_axis,
 from foucault.estimate.two_imus import Readings, Slave, Solution
 from foucault.guard.mistakes import exchange_words, exchanges, rate_hint
 from foucault.infer.gauss_newton import chi_square_limits
+from foucault.infer.mixed import NOISE_BASIS
 from foucault.infer.shown import shares
 from foucault.logs.checks import on_a_shared_clock
 from foucault.logs.description import OWN_LOG, LogDescription, log_head
@@ -421,16 +423,26 @@ def _told(s: Solution, starts: Sequence[Start], clock_sd: float) -> list[Finding
 
 def _budget(s: Solution, kept: list[int]) -> dict[str, FloatArray]:
     """Return the variance of what is reported by source, (p,) each [SI]; they add up to `cov`."""
-    names = [f"{sensor} of the {who} IMU" for who in ("first", *ORDINALS[: len(s.slaves)])
-             for sensor in ("gyros", "accelerometers")]  # fmt: skip
     formal = np.diag(s.formal)
     parts = {}
-    for k, name in enumerate(names):
+    for k, name in enumerate(_noises(s)):
         var = s.var.copy()
         var.flat[k] *= 1 + STEP
         parts[name] = np.maximum(np.diag(engine.formal(s, var)) - formal, 0.0) / STEP
-    known = shares(parts, formal, np.diag(s.cov), "colour of what is left")
+    known = shares(parts, formal, np.diag(s.cov), COLOUR)
     return {name: v[kept] for name, v in known.items()}
+
+
+COLOUR = "colour of what is left"  # Source of what is related from reading to reading.
+
+
+def _noises(s: Solution) -> dict[str, tuple[str, str]]:
+    """Return the noise of each triad, and where its size is from: type and basis."""
+    whose = zip(("first", *ORDINALS), s.problem.given, strict=False)
+    return {
+        f"{sensor} of the {who} IMU": NOISE_BASIS["unknown" if said is None else "declared"]
+        for who, said in whose for sensor in ("gyros", "accelerometers")
+    }  # fmt: skip
 
 
 STEP = 0.02  # Part of a variance by which it is changed to see what hangs on it [1].
@@ -447,9 +459,8 @@ def _found(
         s, c = beside.solution, beside.coefficients
     names = zip(layout_of(len(s.slaves)).names, s.unseen, strict=True)
     bound, unseen = np.sqrt(np.diag(s.formal))[kept], [n for n, lost in names if lost]
-    return Found(
-        s, c, bound, unseen, lambda: _budget(s, kept), lambda: _by_clock(s, c, log), beside
-    ), starts
+    bases, by_clock = _noises(s) | {COLOUR: bodies.COLOUR_BASIS}, partial(_by_clock, s, c, log)
+    return Found(s, c, bound, unseen, lambda: _budget(s, kept), bases, by_clock, beside), starts
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -150,7 +151,7 @@ def budget(result: Result) -> page.Section | None:
     if not order:
         return None
     large = [s for s in order if float(np.nanmax(share[s])) >= SMALL_SHARE] or order
-    labels = [chart.lowered(c.symbol) for c in vector.layout.coefficients]
+    labels = _labels(vector, range(len(vector)))
     alt = "Share of every source in the variance of every coefficient"
     key = "uncertainty.budget"
     return page.section(
@@ -188,23 +189,30 @@ def left_out_table(some: TableData) -> page.Table:
     )
 
 
+def _labels(vector: CoefficientVector, some: Iterable[int]) -> list[str]:
+    """Return a symbol for each of some coefficients, its name where others have that symbol too."""
+    every = [vector.layout.coefficients[i] for i in some]
+    count = Counter(c.symbol for c in every)
+    return [chart.lowered(c.symbol) if count[c.symbol] == 1 else c.name for c in every]
+
+
 def _sources(result: Result, share: Mapping[str, FloatArray]) -> page.Table:
     """One row per source: type, basis, and its share of the variance."""
     names = result.coefficients.names
-    kinds = [_basis(result, source) for source in share]
+    kinds = [basis(result, source) for source in share]
     worst = [int(np.nanargmax(v)) for v in share.values()]
     most = [float(v[k]) for v, k in zip(share.values(), worst, strict=True)]
     return page.table(
         ("source", share),
         ("type: short", [kind for kind, _ in kinds]),
-        ("evaluated from: aside", [basis for _, basis in kinds]),
+        ("evaluated from: aside", [said for _, said in kinds]),
         ("mean share: number", [_percent(float(np.nanmean(v))) for v in share.values()]),
         ("largest share: number", [_percent(v) for v in most]),
         ("in", [f"`{names[k]}`" for k in worst]),
     )
 
 
-def _basis(result: Result, source: str) -> tuple[str, str]:
+def basis(result: Result, source: str) -> tuple[str, str]:
     """Return whether a source is of type A or B, and what it rests on."""
     stated = (result.diagnostics.get("sources") or {}).get(source)
     if stated:
@@ -214,8 +222,8 @@ def _basis(result: Result, source: str) -> tuple[str, str]:
         source = "noise, measured" if noise.startswith("measured") else "noise, declared"
         source = "noise, of the residuals" if noise.endswith("the residuals") else source
         source = "noise, unknown" if noise.startswith("unknown") else source
-    kind, _, basis = page.told(f"basis.{source}").partition("; ")
-    return kind.rstrip(";"), basis
+    kind, _, said = page.told(f"basis.{source}").partition("; ")
+    return kind.rstrip(";"), said
 
 
 def _percent(value: float) -> str:
@@ -247,7 +255,7 @@ def correlation(result: Result) -> page.Section | None:
         return None
     sd = vector.sd[keep]
     matrix = np.round(vector.cov[np.ix_(keep, keep)] / np.outer(sd, sd), 3)
-    labels = [chart.lowered(vector.layout.coefficients[i].symbol) for i in keep]
+    labels = _labels(vector, keep)
     many = len(labels) > MANY
     ticks = {
         "type": "category",

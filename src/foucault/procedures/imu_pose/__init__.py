@@ -16,6 +16,7 @@ Tables of the result
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -36,6 +37,7 @@ from foucault.estimate.two_bodies import even
 from foucault.guard.mistakes import exchange_words, exchanges, rate_hint
 from foucault.infer.filtered import component
 from foucault.infer.gauss_newton import FALSE_ALARM
+from foucault.infer.mixed import NOISE_BASIS
 from foucault.logs import pose as poses
 from foucault.logs.checks import on_a_shared_clock
 from foucault.logs.pose import PoseDescription
@@ -484,7 +486,20 @@ def _found(
     def parts() -> dict[str, FloatArray]:
         return {name: v[kept] for name, v in engine.budget(s).items()}
 
-    return Found(s, c, bound, unseen, parts, lambda: _by_clock(s, c, given.site), beside), start
+    by_clock = partial(_by_clock, s, c, given.site)
+    return Found(s, c, bound, unseen, parts, _bases(given), by_clock, beside), start
+
+
+def _bases(given: Given[Settings]) -> dict[str, tuple[str, str]]:
+    """Return where the size of each noise is from: type and basis."""
+    settings = given.settings
+    of_imu = NOISE_BASIS["measured" if given.noise is None else "declared"]
+    told = {
+        "position of the poses": settings.position_sd,
+        "attitude of the poses": settings.attitude_sd, "second antenna": settings.second_sd,
+    }  # fmt: skip
+    found = {n: NOISE_BASIS["unknown" if sd is None else "declared"] for n, sd in told.items()}
+    return {"gyros": of_imu, "accelerometers": of_imu, engine.COLOUR: bodies.COLOUR_BASIS, **found}
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:
