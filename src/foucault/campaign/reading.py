@@ -83,23 +83,25 @@ def load(path: str | Path, *, calibrates: bool = True) -> Campaign:
     calibrates : bool
         Whether it must name a procedure and a site; what reads only its log and noise needs none.
     """
-    return parse(text_of(Path(path), "campaign"), path, calibrates=calibrates)
+    return parse(
+        text_of(Path(path), "campaign.missing", "campaign.syntax"), path, calibrates=calibrates
+    )
 
 
-def text_of(path: Path, kind: str) -> str:
-    """Return the text of a campaign or a tolerance, or say which files there are instead."""
+def text_of(path: Path, missing: str, unread: str) -> str:
+    """Return the text of a file, or raise `missing` with the files there are instead, `unread`."""
     try:
         return read_text(path)
     except OSError as problem:
         if path.is_file():
-            raise error(f"{kind}.syntax", path=path, reason=problem) from None
+            raise error(unread, path=path, reason=problem) from None
     if path.is_dir():
         names = ", ".join(sorted(p.name for p in path.glob("*.toml"))[:3])
         hint = " It is a folder" + (f"; in it is {names}." if names else ".")
     else:
         near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
         hint = suggestion(path.name, near)
-    raise error(f"{kind}.missing", path=path, hint=hint)
+    raise error(missing, path=path, hint=hint)
 
 
 def parse(text: str, path: str | Path = "campaign.toml", *, calibrates: bool = True) -> Campaign:

@@ -158,7 +158,7 @@ def conformity(value: float, sd: float, limit: float) -> float:
 
 def load(path: str | Path) -> Tolerance:
     """Read a tolerance file; the first mistake in it is raised with its name."""
-    return parse(text_of(Path(path), "tolerance"), path)
+    return parse(text_of(Path(path), "tolerance.missing", "tolerance.syntax"), path)
 
 
 def parse(text: str, path: str | Path = "tolerance.toml") -> Tolerance:

@@ -94,7 +94,7 @@ class Pairs:
     accel_weights: FloatArray = field(default_factory=lambda: np.zeros((0, 1, 2)))
     # more sources, each as a root of its covariance, (m, 4, c) [SI]
     roots: dict[str, FloatArray] = field(default_factory=dict)
-    # rows (g, k) of alike set-ups, and how their accelerometers were fitted; None without readings
+    # (g, k) rows [1] of alike set-ups, and how their accelerometers were fitted; None: no readings
     accel_fits: list[tuple[IntArray, Any]] | None = None
 
     def __len__(self) -> int:
