@@ -17,7 +17,7 @@ BUDGET = {
     "cli": 5_156,
     "detect": 4_734,
     "diagnose": 11_971,
-    "estimate": 9_266,
+    "estimate": 9_268,
     "export": 3_657,
     "guard": 1_935,
     "infer": 3_703,

@@ -78,11 +78,11 @@ def test_a_flight_knows_by_trial_what_its_clock_does():
 
 
 @pytest.mark.parametrize("increments", [False, True])
-@pytest.mark.parametrize("name, most", [("imu_pose", 0.1), ("two_imus", 0.03)])
-def test_beside_another_body_delays_and_lever_arms_hang_on_the_clock(name, most, increments):
+@pytest.mark.parametrize("name", ["imu_pose", "two_imus"])
+def test_beside_another_body_delays_and_lever_arms_hang_on_the_clock(name, increments):
     """Rates of two IMUs are of one time, those of poses are not: no rule of a single triad says it.
 
-    `most`: of the largest shift; the derivative of a rate is smoothed.
+    Each coefficient by itself; the derivative of a rate is smoothed, and shows a part too little.
     """
     case = sessions.Case(name, {}, {"time": 20.0}, grade="mems")
     log = sessions.made(case, 1).log
@@ -103,7 +103,7 @@ def test_beside_another_body_delays_and_lever_arms_hang_on_the_clock(name, most,
     off = (wrong.coefficients.values - c.values - said) / c.sd
     delay = c.names.index("pose.delay" if name == "imu_pose" else "second.delay")
     assert abs(said[delay]) == pytest.approx(FAST * abs(c.values[delay]), rel=0.05)
-    assert np.abs(off).max() < most * np.abs(said / c.sd).max()
+    assert (np.abs(off) < 0.1 * np.abs(said / c.sd) + 0.15).all()
     assert (np.abs(said / c.sd) > 1).sum() >= 4
 
 

@@ -330,7 +330,7 @@ def _by_clock(s: Solution, c: CoefficientVector, site: Site) -> FloatArray:
     increments are read too small by e. Delays are longer.
     """
     r, at, read = s.readings, s.point, _rates(s.readings)
-    up_b = even(r.time[at.node], at.up_v @ at.C, r.time - at.late)
+    up_b = even(r.time[at.node], at.up_v @ at.C, r.time - r.dt / 2 - at.late)
     moving = read[:, 3:] - at.accel[0] - site.gravity * up_b @ (np.eye(3) + at.accel[1]).T
     added = np.hstack([read[:, :3] - at.gyro[0], 2 * moving])
     if r.log.sampled == "increment":
