@@ -59,7 +59,7 @@ def test_no_term_that_is_counted_takes_a_wrong_latitude_up(wrong, words):
 
 
 @pytest.mark.thorough
-def test_the_earth_of_a_tumble_with_all_terms_at_their_sizes_is_not_blamed():
+def test_the_earth_is_not_blamed_for_squares_and_cubes_at_their_sizes():
     squares = []
     for seed in range(8):
         made, session = tumble(FAST, seed=seed)

@@ -342,7 +342,9 @@ class Solution:
         D = [(left(replace(self.tumble, w_ie_n=self.tumble.w_ie_n + STEP * EARTH_RATE * way)) - r)
              / STEP for way in np.eye(3)[1:]]  # fmt: skip
         rows = np.stack([-r, *D])
-        if E is not None and E.shape[:1] == r.shape:  # their covariance is I + E E'
+        if E is not None:  # their covariance is I + E E'
+            if len(E) != len(r):
+                return None  # averaged otherwise
             U, size, _ = np.linalg.svd(E, full_matrices=False)
             rows -= (rows @ U * (1 - 1 / np.sqrt(1 + size**2))) @ U.T
         known = self.latitude_sd * np.array([-np.sin(latitude), np.cos(latitude)])
