@@ -175,8 +175,8 @@ class SpinModel:
     def without(self, taken: Change) -> SpinModel:
         """Return the model of the readings without terms of the instrument [SI].
 
-        Along the wander of a tool a term is taken for noise, sample by sample. Once is enough: then
-        noise is a fifth too large at most, and results of further looks are no better.
+        Along the wander of a tool a term is taken for noise, sample by sample. Once: noise is
+        then a quarter too large at most, and further looks spoiled some results.
         """
         at = self.solved
         spins = tuple(
