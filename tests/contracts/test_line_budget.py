@@ -20,7 +20,7 @@ BUDGET = {
     "estimate": 9_268,
     "export": 3_657,
     "guard": 1_935,
-    "infer": 3_703,
+    "infer": 3_709,
     "kernels": 6_817,
     "logs": 7_697,
     "models": 6_120,

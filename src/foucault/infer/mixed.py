@@ -446,11 +446,17 @@ def with_prior(at: Fit, prior: CoefficientVector | None) -> Fit:
 
 
 def _first_sizes(model: Model) -> dict[str, float]:
-    """Return what sources of unknown size begin with: nothing, but where nothing else is known."""
+    """Return what sources of unknown size begin with: nothing, but where nothing else is known.
+
+    Noise that nobody knows begins with what the start leaves: without it what else a reading has
+    for itself, such as the jitter of a rate, would stand for all of its noise.
+    """
     at = model.linearise(model.start)
     names = {s.name for s in at.sources if s.sd is None}
-    unknown = _silent(at, names).any()
-    return dict.fromkeys(sorted(names), 1.0 if unknown else 0.0)
+    if any(s.noise for s in at.sources if s.sd is None):
+        found, _ = repeatability(model, model.start, np.ones(len(at.residuals)))
+        return {name: found[name] or 1.0 for name in sorted(names)}
+    return dict.fromkeys(sorted(names), 1.0 if _silent(at, names).any() else 0.0)
 
 
 def _silent(at: Linearisation, free: Iterable[str]) -> BoolArray:
