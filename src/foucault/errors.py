@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import PurePath
 
-from foucault.symptoms import SYMPTOMS
+from foucault.symptoms import SYMPTOMS, doubtful
 
 _LONG = re.compile(r"([^,\s]{200})[^,\s]{200,}([^,\s]{60})")
 """A word too long for a sentence; paths are shorter."""
@@ -121,6 +121,19 @@ def library(code: str, **values: object) -> Iterator[None]:
 def finding(code: str, **values: object) -> Finding:
     """Build the finding for symptom `code` with its words filled in from `values`."""
     return Finding(code, SYMPTOMS[code].severity, *_filled(code, values))
+
+
+@contextmanager
+def doubting(findings: Iterable[Finding]) -> Iterator[None]:
+    """Let an error raised inside begin with the first doubt of `findings`, its likely cause."""
+    try:
+        yield
+    except FoucaultError as problem:
+        doubt = next((f for f in findings if doubtful(f.code)), None)
+        if doubt is None:
+            raise
+        message = f"{doubt.message} With it: {problem.message}"
+        raise FoucaultError(doubt.code, message, doubt.cure) from problem
 
 
 def _filled(code: str, values: Mapping[str, object]) -> tuple[str, str]:

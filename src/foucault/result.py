@@ -156,6 +156,8 @@ class Verdict(Shown):
     def doubted(self, findings: tuple[Finding, ...]) -> Verdict:
         """Return this verdict, lowered where a finding says that the numbers may be wrong.
 
+        What data contradict before anything is estimated comes first: it may be why checks fail.
+
         Parameters
         ----------
         findings : tuple of Finding
@@ -166,7 +168,7 @@ class Verdict(Shown):
         ]
         more = tuple(words for words in told if words not in self.reasons)
         level = Level.DOUBTFUL if more and self.level is Level.PASS else self.level
-        return Verdict(level, (*self.reasons, *more))
+        return Verdict(level, (*more, *self.reasons))
 
 
 @dataclass(frozen=True)

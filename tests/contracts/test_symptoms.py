@@ -17,7 +17,7 @@ from test_command_line import COMMANDS, PROGRAM, options
 
 import foucault
 from foucault import campaign
-from foucault.errors import FoucaultError, error, finding
+from foucault.errors import FoucaultError, doubting, error, finding
 from foucault.symptoms import SYMPTOMS
 
 SOURCE = Path(foucault.__file__).parent
@@ -150,3 +150,15 @@ def test_what_they_advise_exists() -> None:
         keys = re.findall(r"(?<![\w.`\"{-])([a-z][a-z_.]+) = ", text)
         keys += re.findall(r"`([a-z][a-z_]+)`", text) + re.findall(r"\[([a-z][a-z_.]+)\]", text)
         assert {key.split(".")[-1] for key in keys} <= keys_of_files | OTHER_KEYS, text
+
+
+def test_an_error_begins_with_what_was_doubtful_before_it() -> None:
+    doubt = finding("systematic.latitude", seen="48.9", sd="0.02", declared="54.8")
+    failed = error("strapdown.not_finite", row=7, time="1")
+    with pytest.raises(FoucaultError) as told, doubting([doubt]):
+        raise failed
+    assert told.value.code == doubt.code and told.value.cure == doubt.cure
+    assert told.value.message == f"{doubt.message} With it: {failed.message}"
+    with pytest.raises(FoucaultError) as alone, doubting([finding("readings.noise_unknown")]):
+        raise failed
+    assert alone.value is failed

@@ -99,12 +99,13 @@ def test_axes_and_signs(
 
 def test_a_latitude_that_is_another(log: Log) -> None:
     found = find_sequence(log)
-    (said,) = check_sequence(log, found, Site.at(40 * DEG, 380.0))
+    words = "Gravity and the Earth's rate in all rests show a latitude of 34"
+    (said,) = check_sequence(log, found, Site.at(36 * DEG, 380.0))
     assert said.code == "systematic.latitude"
-    assert said.message.startswith(
-        "Gravity and the Earth's rate in all rests show a latitude of 34"
-    )
-    assert "40.0 deg was given" in said.message
+    assert said.message.startswith(words) and "36.0 deg was given" in said.message
+    far = refused(log, Site.at(40 * DEG, 380.0))
+    assert far.code == "systematic.latitude"
+    assert far.message.startswith(words) and "40.0 deg was given" in far.message
     assert refused(log, Site.at(-34 * DEG, 380.0)).code == "alignment.vertical_sign"
 
 

@@ -96,7 +96,8 @@ def known_checks(
 ) -> list[Check]:  # fmt: skip
     """Return the checks of the Earth's rate and of what was known before.
 
-    No instrument is off alike in the three coefficients of a group. An estimate x lies between what
+    No instrument is off alike in the three coefficients of a group; where they are apart by more
+    than the prior allows it is single ones that are off. An estimate x lies between what
     the data say and the mean m of the prior, and the surer the prior, the nearer to m, however far
     off the data are: the difference x - m has the variance ``sd_prior^2 - sd^2``, whatever the
     share of the prior is.
@@ -114,9 +115,12 @@ def known_checks(
     out.append(prior_check(c, (mean - c.values) / c.prior_sd, cause=cause))
     share = np.maximum(1.0 - (c.sd / c.prior_sd) ** 2, SEEN)
     miss, limit = (c.values - mean) / (c.prior_sd * np.sqrt(share)), -float(ndtri(false_alarm / 2))
+    apart = chi_square_limits(2, 2 * false_alarm)[1]
     for group, why in alike.items():
         at = c.layout.group(group)
         z = float(miss[at].sum() / np.sqrt(len(at)))
+        if float(miss[at] @ miss[at]) - z**2 > apart:
+            continue
         given = {"group": group, "ppm": 1e6 * c.values[at].mean(), "off": abs(z), "cause": why}
         out.append(check("off alike", f"{group} alike", z, -limit, limit, given))
     return out

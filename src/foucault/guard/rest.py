@@ -439,10 +439,11 @@ def _earth_of_rests(found: FoundSequence, told: FloatArray, site: Site) -> tuple
         raise error("alignment.vertical_sign", given=_dph(seen), wanted=_dph(wanted), sd=_dph(sd))
     level = float(np.sqrt(max(size**2 - seen**2, (LEAST * EARTH_RATE) ** 2)))
     shown = np.degrees(np.arcsin(np.clip(seen / size, -1, 1)))
-    return (
-        finding("systematic.latitude", seen=f"{shown:.1f}", sd=f"{np.degrees(sd / level):.2g}",
-                declared=f"{np.degrees(site.latitude):.1f}"),
-    )  # fmt: skip
+    words = {"seen": f"{shown:.1f}", "sd": f"{np.degrees(sd / level):.2g}",
+             "declared": f"{np.degrees(site.latitude):.1f}"}  # fmt: skip
+    if abs(seen - wanted) > max(band, GROSS * EARTH_RATE):  # no filter from there settles
+        raise error("systematic.latitude", **words)
+    return (finding("systematic.latitude", **words),)
 
 
 # -- one rest ------------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ from foucault.diagnose import systematic as judge
 from foucault.diagnose import systematic_sequence as recordings
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.systematic import legs_of
-from foucault.errors import error
+from foucault.errors import doubting, error
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.layouts import gravity_error, with_references
 from foucault.navigate.increments import Increments
@@ -101,7 +101,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     sizes = told_beside(given.sizes, problem.noise, float(np.ptp(log.time)))
     if sizes and settings.steps != "published":
         progress(0.4, "counting with what is not estimated")
-        decision, states, judged, parts = counted(decision, sizes, prior)
+        with doubting(problem.findings):
+            decision, states, judged, parts = counted(decision, sizes, prior)
         solution = replace(solution, run=decision.solution.run, states=states,
                            status=decision.solution.status)  # fmt: skip
     progress(0.6, "navigating from rest to rest")

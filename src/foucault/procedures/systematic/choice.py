@@ -25,7 +25,7 @@ from foucault.diagnose.deflection import (
     likely,
 )
 from foucault.diagnose.systematic import LIKE, WANTED, only_sums, require_deflection
-from foucault.errors import Finding, finding
+from foucault.errors import Finding, doubting, finding
 from foucault.infer.gauss_newton import FALSE_ALARM
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
@@ -75,10 +75,11 @@ def decided(
     asked = settings.deflection == "choose"
     others = _without_deflection(given)
     problem = problem_of(log, site, settings, noise, others if asked else given)
-    if asked:
-        problem, settings, solution, choice = _choose(problem, settings, given)
-    else:
-        solution, choice = solved(problem, settings), None
+    with doubting(problem.findings):
+        if asked:
+            problem, settings, solution, choice = _choose(problem, settings, given)
+        else:
+            solution, choice = solved(problem, settings), None
     told: list[Finding] = []
     if settings.model is not None:
         known = asked or len(others) < len(given)
