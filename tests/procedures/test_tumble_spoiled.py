@@ -12,6 +12,7 @@ from foucault.diagnose.tumble import outlying
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.left_out import sizes_of
+from foucault.result import Level
 from make_tumble import FAST, PUBLISHED, calibrate, nees, tumble
 from refusals import refuses
 from sessions import codes, failed
@@ -142,3 +143,52 @@ def test_a_row_of_zeros_is_left_out():
         found = np.flatnonzero(outlying(replace(log, accel=accel), SD))
         assert row in found and len(found) <= 3
     assert not outlying(log, SD).any()
+
+
+# -- a knock -----------------------------------------------------------------------------------
+
+
+def pushed(log, axis, size, start, time, soft):
+    """Return the log with a push of `size` [g] on an accelerometer, from `start` for `time` [s]."""
+    part = (log.time - log.time[0] - start) / time
+    accel, during = log.accel.copy(), (part >= 0) & (part < 1)
+    accel[during, axis] += 9.8 * size * (np.sin(np.pi * part[during]) if soft else 1.0)
+    return replace(log, accel=accel)
+
+
+@pytest.mark.parametrize(
+    ("plan", "axis", "size", "start", "time", "soft"),
+    [
+        (FAST, 0, 1e-3, 90.0, 2.0, False),
+        (FAST, 1, 1e-2, 30.0, 2.0, False),
+        (FAST, 2, 1e-3, 178.0, 8.0, True),
+        (PUBLISHED, 0, 1e-3, 2000.0, 2.0, False),
+        (PUBLISHED, 1, 1e-4, 900.0, 20.0, True),
+    ],
+)
+def test_a_knock_is_named_and_left_out(plan, axis, size, start, time, soft):
+    """Deflections, priors and another Earth's rate were made of it, and all was unusable."""
+    made, session = tumble(plan)
+    log = pushed(session.simulation.log, axis, size, start, time, soft)
+    for sizes in (None, sizes_of("navigation RLG")):
+        result = calibrate(made, log, trial=True, sizes=sizes)
+        assert result.verdict.level is Level.PASS
+        assert "tumble.mishap" in codes(result)
+        low, high = chi_square_limits(45)
+        assert nees(result, session.truth) < high
+        if sizes is None:
+            assert low < nees(result, session.truth)
+        (told,) = (f for f in result.findings if f.code == "tumble.mishap")
+        begin, end = map(float, re.search(r"at ([\d.]+) to ([\d.]+) s", told.message).groups())
+        assert start - 10 < begin < start + time and start < end < start + time + 10
+
+
+@pytest.mark.parametrize("plan", [FAST, PUBLISHED])
+def test_what_shifts_for_good_is_no_knock(plan):
+    made, session = tumble(plan)
+    log = session.simulation.log
+    half = log.time > log.time[len(log) // 2]
+    result = calibrate(made, replace(log, accel=log.accel + 1e-3 * half[:, None] * [1, 0, 0]),
+                       trial=True)  # fmt: skip
+    assert "tumble.mishap" not in codes(result)
+    assert result.verdict.level is Level.DOUBTFUL

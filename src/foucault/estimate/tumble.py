@@ -64,6 +64,11 @@ class Tumble:
     # by how much all readings are older than that, whatever delay is estimated besides [s]
     late: float = 0.0
 
+    @property
+    def time(self) -> FloatArray:
+        """Times of the readings since the start, shape (n,) [s]."""
+        return np.cumsum(self.dt) - (0.5 * self.dt if self.mean else 0.0)
+
 
 @dataclass(frozen=True)
 class State:

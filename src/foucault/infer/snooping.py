@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
+from foucault.infer.gauss_newton import FALSE_ALARM
 from foucault.infer.mixed import Fit
 from foucault.result import Linearised
 
@@ -31,6 +32,17 @@ POWER = 4.13
 test that is wrong in 0.1 % [1]; ref. [1]."""
 
 ALIKE = 0.95  # Two observations whose tests are correlated more than this cannot be told apart [1].
+
+
+LOCAL, PLACES, NEAR = 0.3, 3, 0.02
+"""What is wrong in more than the first as a share of a log, or in more than the second of places
+that are farther apart than the third as a share of it, is no mishap [1]."""
+
+FAR = 0.25  # Rows beyond this share of the worst one's square are left out with it [1].
+
+UNEVEN = 1.2
+"""Mean square over that of noise of the same median: of 300 rows white noise is beyond in one of
+10,000 logs [1]."""
 
 
 @dataclass(frozen=True)
@@ -106,3 +118,44 @@ def _snooped(R: FloatArray, r: FloatArray, blocks: IntArray) -> Snooping:
         direction=direction,
         correlation=np.abs(cross / np.outer(size, size)),
     )
+
+
+def uneven(square: FloatArray, q: int) -> tuple[bool, float]:
+    """Tell whether sums of `square` (b,) of `q` white residuals each are not of noise alone [1].
+
+    Returns also beyond which of them none is by chance [1].
+    """
+    from scipy.special import chdtri
+
+    noise = np.median(square) / chdtri(q, 0.5)
+    limit = float(noise * chdtri(q, FALSE_ALARM / len(square)))
+    return bool(square.mean() > UNEVEN * q * noise), limit
+
+
+def mishaps(
+    residuals: FloatArray, slopes: FloatArray, information: FloatArray, gradient: FloatArray
+) -> IntArray:
+    """Return the rows of a long log from which on it does not belong to the others for a while.
+
+    None where it does so too long or too often, or where all is even. What the whitening carries on
+    from a row that is wrong makes others wrong after it.
+
+    `residuals` (b, q), `slopes` (b, q, n): white rows in the order of time [1]; `information`
+    (n, n), `gradient` (n,): of what was known beforehand [1].
+    """
+    b, q, _ = slopes.shape
+    out, numbers = np.zeros(b, bool), np.arange(b)
+    N = information + np.einsum("bqi,bqj->ij", slopes, slopes, optimize=True)
+    g = gradient + np.einsum("bqi,bq->i", slopes, residuals, optimize=True)
+    while out.sum() <= LOCAL * b:
+        square = np.sum((residuals - slopes @ np.linalg.solve(N, g)) ** 2, axis=1)
+        spoilt, limit = uneven(square[~out], q)
+        if not spoilt:
+            at = numbers[out & (square > limit)]
+            first = at[np.diff(at, prepend=-b) > NEAR * b]
+            return np.asarray(first if len(first) <= PLACES else first[:0])
+        new = ~out & (square > FAR * square[~out].max())
+        out |= new
+        N = N - np.einsum("bqi,bqj->ij", slopes[new], slopes[new])
+        g = g - np.einsum("bqi,bq->i", slopes[new], residuals[new])
+    return numbers[:0]

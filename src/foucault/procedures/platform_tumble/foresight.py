@@ -26,13 +26,15 @@ from foucault.diagnose import tumble as judge
 from foucault.diagnose.checks import hardly
 from foucault.diagnose.foresight import Extra, Foresight, Leg
 from foucault.diagnose.left_out import foretold
-from foucault.errors import Finding, Status, error, finding
+from foucault.errors import Finding, Status, error, finding, listed
 from foucault.estimate import tumble as estimation
 from foucault.estimate import tumble_solution as published
 from foucault.estimate.tumble import Fit, Prior, State, Tumble
 from foucault.estimate.tumble_solution import Solution, is_slow
 from foucault.guard import command
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.infer.left_out import Judgement
+from foucault.infer.snooping import NEAR, mishaps, uneven
 from foucault.models import cluster
 from foucault.models.cluster import CONSTANTS, LAYOUT, SOURCE_SYMBOLS, ClusterModel, attitude_of
 from foucault.models.earth import Site, earth_rate_n
@@ -466,6 +468,8 @@ def shifted(tumble: Tumble, prior: Prior, rows: int) -> tuple[Tumble, Prior]:
     return back, replace(prior, mean=replace(prior.mean, delay=prior.mean.delay - late))
 
 
+ENOUGH = 200  # Rows of which noise is even enough to tell what stands out [1].
+SHORT = 0.05  # What does not belong to the others in more than this share is no mishap [1].
 SHIFTS = 4  # So often a delay is put back by whole intervals [1].
 SEARCHED = 4  # Azimuths tried where the first start leads nowhere [1].
 BETTER = 3.0  # A command relative to the ground must fit so many times better to be spoken of [1].
@@ -480,9 +484,9 @@ def solved(
     `measured`: the noise of the accelerometers was measured: what the fit leaves says it better;
     `moments`: in how many moments the estimate is kept for its course in time [1].
     """
-    told, advice = [], ""
+    told, advice = list[Finding](), ""
     if settings.filter == "gauss-newton":
-        fit, tumble, prior = _solve(tumble, prior, settings)
+        fit, tumble, prior, told = _solve(tumble, prior, settings)
         if measured and fit.status is Status.CONVERGED:
             scale = fit.chi_square / max(fit.residuals - len(LAYOUT), 1)
             tumble = replace(tumble, accel_variance=tumble.accel_variance * scale)
@@ -518,13 +522,20 @@ def _relative(tumble: Tumble, prior: Prior, fit: Fit, settings: Settings) -> lis
     return [finding("tumble.relative", times=f"{times:.3g}")]
 
 
-def _solve(tumble: Tumble, prior: Prior, settings: Settings) -> tuple[Fit, Tumble, Prior]:
+def _solve(
+    tumble: Tumble, prior: Prior, settings: Settings
+) -> tuple[Fit, Tumble, Prior, list[Finding]]:
     """Solve, from other azimuths too where the first start does not explain the readings.
+
+    What does not belong to the others for a moment is left out, and said.
 
     A delay of more than half an interval is put back by whole ones, so that what is left of it is
     small enough to be linear; log and prior are returned as they were solved.
     """
-    fit = estimation.solve(tumble, prior, passes=settings.passes)
+    fit, told = estimation.solve(tumble, prior, passes=settings.passes), []
+    if (calm := _without_mishaps(tumble, prior, fit, settings.passes)) is not None:
+        told.append(_of_mishaps(tumble, calm[0]))
+        tumble, fit = calm
     if not _explains(fit):
         other = _elsewhere(tumble, prior, settings)
         worse = fit.status is not Status.CONVERGED
@@ -537,7 +548,52 @@ def _solve(tumble: Tumble, prior: Prior, settings: Settings) -> tuple[Fit, Tumbl
             break
         tumble, prior = shifted(tumble, prior, rows)
         fit = estimation.solve(tumble, prior, passes=settings.passes)
-    return fit, tumble, prior
+    return fit, tumble, prior, told
+
+
+def _without_mishaps(
+    tumble: Tumble, prior: Prior, fit: Fit, passes: int
+) -> tuple[Tumble, Fit] | None:
+    """Leave out readings that do not belong to the others for a moment; None where none do.
+
+    So few that the others are even.
+    """
+    if len(fit.time) < ENOUGH or fit.chi_square < chi_square_limits(fit.residuals)[1]:
+        return None
+    miss, slope = prior.rows(fit.start)
+    on, (b, q, _) = prior.sought, fit.rows.shape
+    slope = slope[np.ix_(on, on)]
+    found = mishaps(fit.rows[..., -1], fit.rows[..., on], slope.T @ slope, slope.T @ miss[on])
+    # The time of a row is the mean of its readings.
+    row = np.searchsorted((fit.time[1:] + fit.time[:-1]) / 2, tumble.time)
+    jumps = np.unique(row[~tumble.used])  # with which a knock begins and ends
+    best = None
+    for first in (jumps[np.diff(jumps, prepend=-b) > SHORT * b], found):
+        length = 1
+        while len(first) and len(first) * length <= SHORT * b:
+            far = ((row >= first[:, None]) & (row < first[:, None] + length)).any(axis=0)
+            used = tumble.used & ~far
+            calm = replace(tumble, used=used, reading=np.where(used[:, None], tumble.reading, 0.0))
+            left = estimation.solve(calm, prior, passes=passes)
+            square = np.sum(left.rows[..., -1] ** 2, axis=1)
+            spoilt, limit = uneven(square, q) if len(square) else (True, 0.0)
+            if not spoilt:
+                best = best or (calm, left)
+                beside = np.searchsorted(left.time, fit.time[first])[:, None] + np.arange(-2, 5)
+                if square[np.clip(beside, 0, len(square) - 1)].max() < limit:
+                    return calm, left
+            length += 1 + length // 2
+    return best
+
+
+def _of_mishaps(tumble: Tumble, calm: Tumble) -> Finding:
+    """Say which readings of a tumble were left out to make it `calm`."""
+    at, n = np.flatnonzero(tumble.used & ~calm.used), len(tumble.used)
+    ends = np.flatnonzero(np.diff(at) > NEAR * n)
+    first, last = at[np.append(0, ends + 1)], at[np.append(ends, len(at) - 1)]
+    t = tumble.time
+    when = listed([f"{t[a]:.6g} to {t[b]:.6g} s" for a, b in zip(first, last, strict=True)])
+    return finding("tumble.mishap", count=len(at), share=f"{100 * len(at) / n:.2g}", when=when)
 
 
 def _explains(fit: Fit) -> bool:
