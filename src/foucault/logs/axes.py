@@ -367,6 +367,9 @@ def standstill(x: FloatArray, needed: int) -> tuple[int, int] | None:
     `x` (n,): readings of one sensor that others do not tell anything of [unit]; `needed`: so many
     rows do not read the same by chance [1].
     """
+    each = needed - 1  # so often a long run is met, wherever it begins
+    if not (x[each::each] == x[each - 1 : -1 : each]).any():
+        return None
     runs = _runs(np.ascontiguousarray(x))
     chosen = runs.length >= needed
     rest = len(x) - int(runs.length[chosen].sum())
