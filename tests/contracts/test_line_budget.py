@@ -22,7 +22,7 @@ BUDGET = {
     "guard": 1_935,
     "infer": 3_703,
     "kernels": 6_849,
-    "logs": 7_700,
+    "logs": 7_702,
     "models": 6_125,
     "navigate": 2_139,
     "plans": 5_923,
