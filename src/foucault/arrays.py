@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,6 +61,26 @@ class Names(Sequence[str]):
         return isinstance(other, Sequence) and [*self] == [*other]
 
     __hash__ = None  # type: ignore[assignment]
+
+
+@dataclass(frozen=True, eq=False)
+class Made(Sequence[Any]):
+    """A column of numbers that are made when they are read: of many rows a few at a time."""
+
+    size: int  # rows [1]
+    of: Callable[[slice], npt.NDArray[Any]]  # some rows -> their numbers
+
+    def __len__(self) -> int:
+        return self.size
+
+    def __getitem__(self, i: Any) -> Any:
+        return self.of(i) if isinstance(i, slice) else self.of(slice(None))[i]
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self.of(slice(None)))
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> npt.NDArray[Any]:
+        return np.asarray(self.of(slice(None)), dtype)
 
 
 def chosen(names: Sequence[str], some: IntArray) -> Sequence[str]:

@@ -21,6 +21,7 @@ import io
 import json
 import re
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
@@ -29,7 +30,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from foucault.arrays import Names, of_arrow, to_arrow
+from foucault.arrays import Made, Names, of_arrow, to_arrow
 from foucault.errors import FoucaultError, error
 from foucault.files import (
     HEAD,
@@ -141,7 +142,7 @@ def record(
 
 
 def _column(values: Any) -> Any:
-    return values if isinstance(values, Names) else np.asarray(values)
+    return values if isinstance(values, (Names, Made)) else np.asarray(values)
 
 
 def read(folder: str | Path, kind: str) -> Record:
@@ -314,6 +315,8 @@ def _written(
             parent.mkdir(parents=True, exist_ok=True)
         with ExitStack() as stack:  # closed in reverse order, once everything is on the disk
             document = stack.enter_context(atomic(folder / name))
+            pool = stack.enter_context(ThreadPoolExecutor(1))
+            words = pool.submit(_json, doc)  # as long as the tables need the disk
             for file, data in files.items():
                 there = stack.enter_context(atomic(folder / file))
                 if isinstance(data, bytes):
@@ -322,8 +325,11 @@ def _written(
                     data(there)
                 if listed:
                     digests[file] = sha256(there)
-            doc = {**doc, "files": digests} if listed else doc
-            text = json.dumps(doc, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+            text = words.result()
+            if listed:
+                text = f"{text[:-2]},{_json({'files': digests})[1:]}"
+                doc = {**doc, "files": digests}
+            text += "\n"
             document.write_text(text, encoding="utf-8")
     except BaseException as problem:
         with suppress(OSError):
@@ -339,8 +345,15 @@ def _written(
     return doc
 
 
+def _json(doc: Mapping[str, Any]) -> str:
+    return json.dumps(doc, indent=1, allow_nan=False, ensure_ascii=False)
+
+
 GROUP = 1 << 17
 """Rows of a Parquet file that are written at once: memory holds no more of them twice [1]."""
+
+PIECE = 1 << 14
+"""Rows that are put together at once: the cache holds what their columns are parts of [1]."""
 
 
 def _parquet(
@@ -349,19 +362,29 @@ def _parquet(
     """Write columns as Parquet, with `notes` of each, group by group."""
     import pyarrow as pa
 
-    whole = {name: x if isinstance(x, np.ndarray) and x.dtype.kind in "fib" else to_arrow(x)
-             for name, x in columns.items()}  # fmt: skip
+    def given(x: Any) -> bool:
+        return isinstance(x, Made) or (isinstance(x, np.ndarray) and x.dtype.kind in "fib")
+
+    whole = {name: x if given(x) else to_arrow(x) for name, x in columns.items()}
     size = max((len(x) for x in whole.values()), default=0)
 
-    def rows(start: int) -> list[Any]:
-        some = (x[start : start + GROUP] for x in whole.values())
+    def rows(start: int, end: int) -> list[Any]:
+        some = (x[start:end] for x in whole.values())
         return [to_arrow(x) if isinstance(x, np.ndarray) else x for x in some]
 
     schema = pa.schema(pa.field(name, a.type, metadata=notes.get(name))
-                       for name, a in zip(whole, rows(0), strict=True))  # fmt: skip
-    with parquet_writer(schema, where) as writer:
+                       for name, a in zip(whole, rows(0, 0), strict=True))  # fmt: skip
+
+    def group(start: int) -> Any:
+        ends = range(start, max(min(start + GROUP, size), start + 1), PIECE)
+        pieces = [rows(k, min(k + PIECE, start + GROUP)) for k in ends]
+        return pa.Table.from_batches([pa.RecordBatch.from_arrays(x, schema=schema) for x in pieces])
+
+    with ThreadPoolExecutor(1) as pool, parquet_writer(schema, where) as writer:
+        coming = pool.submit(group, 0)
         for start in range(0, max(size, 1), GROUP):
-            writer.write_table(pa.Table.from_arrays(rows(start), schema=schema))
+            table, coming = coming.result(), pool.submit(group, start + GROUP)
+            writer.write_table(table)
 
 
 def parquet_writer(schema: Any, where: Path | io.BytesIO) -> Any:

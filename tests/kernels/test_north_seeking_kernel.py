@@ -16,9 +16,9 @@ from foucault.kernels import north_seeking as module
 from foucault.models.earth import EARTH_RATE, Site, gravity
 from foucault.models.imu import ImuModel
 from foucault.models.left_out import GRAVITY, Term, changes, sizes_of
-from foucault.models.north_seeker import attitude
-from foucault.procedures.north_seeking.counted import added, moved
-from foucault.procedures.north_seeking.field import Terms, truth_of
+from foucault.models.north_seeker import attitude, earth_rate_b, up_b
+from foucault.procedures.north_seeking.counted import added, moved, put
+from foucault.procedures.north_seeking.field import Terms
 from make_dwells import (
     DEG_H,
     FIELD,
@@ -34,6 +34,11 @@ from plain_kernels import kernel
 
 FORMS = pytest.mark.parametrize("form", ["compiled", "python"])
 NAN = float("nan")
+
+
+def truth_of(angles, known):
+    """Rate and specific force in the case at these angles."""
+    return earth_rate_b(*angles.T), known.gravity * up_b(angles[:, 1], angles[:, 2])
 
 
 # -- the closed form ---------------------------------------------------------------------------
@@ -318,6 +323,12 @@ def test_what_terms_do_is_what_they_do_to_every_reading(form, case):
         np.searchsorted(dwells.setup, np.arange(4)), dwells.cosine, dwells.sine, ramp,
         pairs.gyro_weights, pairs.accel_weights, case, own.sensor, own.factors, own.size, B,
     )  # fmt: skip
+    force, felt = own.sensor > 0, []
+    more = np.empty((*dwells.accel.shape, int(force.sum())))
+    kernel(form, module, "felt_batch")(
+        f, dwells.setup, dwells.cosine, dwells.sine, ramp, case, own.sensor[force],
+        own.factors[force], own.size[force], more,
+    )  # fmt: skip
     motion, seen = moved(dwells, f, w), 0
     for group, at in own.columns.items():
         if group == GRAVITY:
@@ -337,7 +348,9 @@ def test_what_terms_do_is_what_they_do_to_every_reading(form, case):
         most = max(np.abs(x).max() for one in read for x in one[:2] if x is not None)
         np.testing.assert_allclose(B[:, :, at], want, rtol=1e-9, atol=1e-13 * most)
         seen += bool(want.any())
+        felt += [put(dwells, one)[1] for one in read if one.accel is not None]
     assert seen > 6
+    np.testing.assert_allclose(more, np.stack(felt, 2), rtol=1e-12, atol=1e-18)
 
 
 @FORMS

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault import run_folder
-from foucault.arrays import FloatArray, IntArray, Names, chosen, to_arrow
+from foucault.arrays import FloatArray, IntArray, Made, Names, chosen, to_arrow
 from foucault.campaign.reading import Campaign
 from foucault.campaign.reading import load as load_campaign
 from foucault.campaign.running import Case, opened, read_log
@@ -162,8 +162,13 @@ def _kept(survey: Survey) -> IntArray:
     """Return the set-ups that are kept with their evidence, in the order of the file [1]."""
     if len(survey) <= KEPT:
         return np.arange(len(survey))
-    sd = np.nan_to_num(survey.fixes.sd[:, 0], nan=np.inf)
-    return np.sort(np.lexsort((-sd, -survey.levels))[:KEPT])
+    sd, levels = np.nan_to_num(survey.fixes.sd[:, 0], nan=np.inf), survey.levels
+    last = np.partition(levels, -KEPT)[-KEPT]  # of those that are kept
+    some = np.flatnonzero(levels >= last)
+    rest = KEPT - int(np.sum(levels > last))
+    least = np.partition(sd[levels == last], -rest)[-rest]
+    some = some[(levels[some] > last) | (sd[some] >= least)]
+    return np.sort(some[np.lexsort((-sd[some], -levels[some]))[:KEPT]])
 
 
 # -- north.json ----------------------------------------------------------------------------
@@ -210,7 +215,7 @@ def _left_out(survey: Survey) -> dict[str, Any]:
 
 
 def _setups(survey: Survey, kept: IntArray, whole: Fixes) -> list[dict[str, Any]]:
-    parts = {name: part.tolist() for name, part in _parts(whole).items()}
+    parts = {name: part[:].tolist() for name, part in _parts(whole).items()}
     return [
         _setup(survey, i, {name: part[k] for name, part in parts.items()})
         for k, i in enumerate(kept.tolist())
@@ -273,15 +278,31 @@ def _warnings(survey: Survey, i: int) -> str:
     return " ".join([*survey.verdicts[i].reasons, *noticed])
 
 
-def _parts(fixes: Fixes) -> dict[str, FloatArray]:
+def _parts(fixes: Fixes) -> dict[str, Made]:
     """Return sds of the angles whose sources are known by source [rad]; NaN where it is none."""
-    variances = dict(fixes.sources)
-    cov, angles = fixes.cov, next(iter(variances.values())).shape[1]
-    rest = np.einsum("nii->ni", cov)[:, :angles] - sum(variances.values())
-    more = rest[:, 0] > ROUNDING * cov[:, 0, 0]
-    if more.any():
-        variances[UNRESOLVED] = np.where(more[:, None], rest, np.nan)
-    return {name: np.sign(v) * np.sqrt(np.abs(v)) for name, v in variances.items()}
+    m = len(fixes)
+    variances: dict[str, Callable[[slice], FloatArray]] = {
+        name: v.__getitem__ for name, v in fixes.sources.items()
+    }
+
+    def unresolved(some: slice) -> FloatArray:
+        known = [v[some] for v in fixes.sources.values()]
+        cov = np.einsum("nii->ni", fixes.cov[some])[:, : known[0].shape[1]]
+        rest = cov - sum(known)
+        return np.where(rest[:, :1] > ROUNDING * cov[:, :1], rest, np.nan)
+
+    starts = range(0, m, indexed.AT_ONCE)
+    if any(np.isfinite(unresolved(slice(k, k + indexed.AT_ONCE))[:, 0]).any() for k in starts):
+        variances[UNRESOLVED] = unresolved
+
+    def sd(of: Callable[[slice], FloatArray]) -> Made:
+        return Made(m, lambda some: np.sign(v := of(some)) * np.sqrt(np.abs(v)))
+
+    return {name: sd(of) for name, of in variances.items()}
+
+
+def _of_heading(part: Made) -> Made:
+    return Made(part.size, lambda some: part[some][:, 0])
 
 
 # -- tables --------------------------------------------------------------------------------
@@ -341,7 +362,7 @@ def _fixes(survey: Survey, kept: IntArray, about: Mapping[str, Any]) -> Columns:
         for k, two in enumerate(ANGLES[:i]):
             out[f"covariance_{two}_{one}"] = (f.cov[:, i, k], "rad^2")
     for source, part in _parts(f).items():
-        out[f"heading_sd.{source}"] = (part[:, 0], "rad")
+        out[f"heading_sd.{source}"] = (_of_heading(part), "rad")
     which = np.zeros(m, np.int64)
     which[kept] = 1 + np.arange(len(kept))
     words = Names(to_arrow(["", *(row["warnings"] for row in about["setups"])]))
@@ -353,7 +374,7 @@ def _fixes(survey: Survey, kept: IntArray, about: Mapping[str, Any]) -> Columns:
         "gyro_offset": (survey.pairs.offset, "rad/s"),
         "gyro_drift": (survey.pairs.drift, "rad/s^2"),
         "drift_effect": (survey.drift_effect, "rad"),
-        "dwells": (np.bincount(d.setup, minlength=m), "1"),
+        "dwells": (np.diff(d.first), "1"),
         "measured": (np.bincount(d.setup, d.time, minlength=m), "s"),
         "verdict": (chosen(levels, survey.levels), ""),
         "warnings": (chosen(words, which), ""),

@@ -25,6 +25,7 @@ from foucault.estimate.north_reduction import (
     UNSEEN,
     Nuisance,
     Pairs,
+    Squares,
     rates_of,
     spans,
     turn_rate,
@@ -128,14 +129,15 @@ def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
 def _patterns(d: Dwells) -> dict[tuple[int, ...], IntArray]:
     """Return the different stops in whole degrees, as they appear, and the set-ups of each."""
     whole = np.rint(np.degrees(d.index)).astype(int) % 360
-    edges = np.searchsorted(d.setup, np.arange(len(d.names) + 1))
+    edges = d.first
     count, out = np.diff(edges), []
     for k in np.unique(count).tolist():
         some = np.flatnonzero(count == k)
         code = np.zeros(len(some), np.int64)
         for stop in range(k):  # set-ups whose stops were alike so far have one code
-            more = 360 * code + whole[edges[some] + stop]
-            code = np.unique(more, return_inverse=True)[1].reshape(-1)
+            angle = whole[edges[some] + stop]
+            if (angle != angle[0]).any():
+                code = np.unique(360 * code + angle, return_inverse=True)[1].reshape(-1)
         order = np.argsort(code, kind="stable")
         out += np.split(some[order], np.flatnonzero(np.diff(code[order])) + 1)
     out.sort(key=lambda those: int(those[0]))
@@ -239,15 +241,15 @@ FEWEST = 5  # Redundant readings that a noise level needs at least [1].
 
 
 def from_residuals(
-    pairs: Pairs, accelerometers: bool, more: Sequence[Component] = ()
+    left: Pairs | Squares, accelerometers: bool, more: Sequence[Component] = ()
 ) -> ImuNoise | None:
     """Measure white noise by what the fits over the index angle leave.
 
-    `pairs`: set-ups, reduced with the noise of `GUESS` [SI]; `more`: how gyro, and accelerometers,
+    `left`: of set-ups, reduced with the noise of `GUESS` [1]; `more`: how gyro, and accelerometers,
     fit over the set-ups, with the noise of `GUESS`. Returns white noise of both [SI]; None where
     either has too few redundant readings.
     """
-    square, dof = pairs.chi_square.sum(axis=0), pairs.dof.sum(axis=0).astype(float)
+    square, dof = left.chi_square.sum(axis=0), left.dof.sum(axis=0).astype(float)
     for k, over in enumerate(more):
         square[k] += over.chi_square
         dof[k] += over.redundancy
@@ -353,7 +355,7 @@ def offset_drift(pairs: Pairs, dwells: Dwells) -> float | None:
     """
     from scipy.special import stdtrit
 
-    count = np.bincount(dwells.setup)
+    count = np.diff(dwells.first)
     t = np.bincount(dwells.setup, dwells.start + dwells.time / 2) / count
     if pairs.drift.any() or len(t) < 4 or np.ptp(t) <= 0:
         return None
@@ -430,8 +432,12 @@ class Tests:
         """
         order = list(Level)
         least = order.index(Verdict.of(self.shared).doubted(told).level)
-        failed = [np.where(t.failed, order.index(t.fails), least) for t in self.each]
-        return np.asarray(np.maximum.reduce(failed).clip(least))
+        out = np.full(len(self.each[0].value), least)
+        for t in self.each:
+            worse = order.index(t.fails)
+            if worse > least:
+                np.copyto(out, worse, where=t.failed & (out < worse))
+        return out
 
 
 def checks(j: Judged, calibration: Level | None, shared: tuple[Check, ...] = ()) -> Tests:
@@ -633,7 +639,7 @@ def _worst(j: Judged) -> Worst:
 
     square = j.most**2
     total = int(j.pairs.dof[:, 0].sum())
-    first = np.searchsorted(j.dwells.setup, np.arange(len(j.pairs) + 1))
+    first = j.dwells.first
     count = np.diff(first)
     if j.noise_source == "from the residuals":
         square = square * total / (total - 2.0)  # as it was before Student's factor

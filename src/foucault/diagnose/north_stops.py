@@ -72,13 +72,13 @@ def contradicted(
     `dwells`: with reference headings, NaN where there are none [rad]; `heading_sd`: standard
     deviation of the references [rad]. Returns what is to say of a set-up.
     """
-    away = turned(fixes.angles[:, 0] - dwells.heading)
-    size = np.abs(away) / np.sqrt(fixes.cov[:, 0, 0] + heading_sd**2)
 
     def of(i: int) -> tuple[Finding, ...]:
-        if not size[i] > CONTRADICTS:
+        away = turned(fixes.angles[i, 0] - dwells.heading[i])
+        size = np.abs(away) / np.sqrt(fixes.cov[i, 0, 0] + heading_sd**2)
+        if not size > CONTRADICTS:
             return ()
-        a, z = f"{np.degrees(away[i]):.3g}", f"{size[i]:.1f}"
+        a, z = f"{np.degrees(away):.3g}", f"{size:.1f}"
         return (finding("north.reference", name=dwells.names[i], away=a, size=z),)
 
     return of

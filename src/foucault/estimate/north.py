@@ -62,6 +62,7 @@ from foucault.estimate.north_reduction import (
     Hemisphere,
     Known,
     Pairs,
+    Roots,
     best_of,
     compensated,
     horizontal_of,
@@ -200,12 +201,12 @@ def sought(pairs: Pairs, known: Known, compensation: Compensation) -> Best:
 
 
 def settled(
-    pairs: Pairs, known: Known, compensation: Compensation, at: Best | Fixes, budget: bool = True
+    pairs: Pairs, known: Known, compensation: Compensation, at: Best | Fixes, budget: int = 4
 ) -> Fixes:
     """Weigh set-ups with what the calibration, and roots that `pairs` [SI] has, do at solutions.
 
-    `at`: of `sought`, or fixes by other weights [rad]; `budget`: whether variances are wanted by
-    source too.
+    `at`: of `sought`, or fixes by other weights [rad]; `budget`: of how many angles variances are
+    wanted by source too [1].
     """
     pairs, shared = levelled(pairs, known, compensation)
     starts = [at.angles, at.other]
@@ -218,16 +219,17 @@ def settled(
             starts = [start.copy() for start in starts]
             starts[0][again], starts[1][again] = new.angles, new.other
     more = _calibration_roots(starts[0], known, compensation, shared)
-    pairs = replace(pairs, roots=pairs.roots | more)
+    pairs = replace(pairs, roots=(*pairs.roots, *more))
     if isinstance(at, Fixes) or more:
         best = best_of(pairs, pairs.cov, known, compensation, starts)
     else:
         best = at
-    gain, parts = best.gain[..., :4], pairs.shares(best.gain) if budget else {}
+    some = np.ascontiguousarray(best.gain[:, :budget])
+    gain, parts = best.gain[..., :4], pairs.shares(some) if budget else {}
     horizontal = horizontal_of(pairs, known, compensation)
     if known.latitude is not None:
         sd = np.reshape(np.maximum(known.latitude_sd, EXACT), (-1, 1))
-        parts[LATITUDE] = best.gain[..., 4] ** 2 * sd**2
+        parts[LATITUDE] = some[..., 4] ** 2 * sd**2
     else:
         widen(best, horizontal, pairs, known, compensation, parts)
     slope = gain[:, 0] if shared is None else (gain[:, :1] @ shared)[:, 0]
@@ -253,11 +255,14 @@ def bound(pairs: Pairs, known: Known, compensation: Compensation, angles: FloatA
 
 def _ambiguous(best: Best, known: Known) -> npt.NDArray[np.bool_]:
     """Tell where the other solution is possible, and says something else."""
-    sd = best.sd
-    apart = np.abs(turned(best.other[:, 0] - best.angles[:, 0])) > sd[:, 0]
+    out = best.other_square < PLAUSIBLE + best.rank
+    some = np.flatnonzero(out)
+    away, sd = best.other[some] - best.angles[some], best.sd[some]
+    apart = np.abs(turned(away[:, 0])) > sd[:, 0]
     if known.latitude is None:
-        apart |= np.abs(best.other[:, 3] - best.angles[:, 3]) > sd[:, 3]
-    return np.asarray(apart & (best.other_square < PLAUSIBLE + best.rank))
+        apart |= np.abs(away[:, 3]) > sd[:, 3]
+    out[some] = apart
+    return out
 
 
 def levelled(
@@ -283,7 +288,7 @@ def levelled(
     upright[:, :2] = 0.0
     values = np.einsum("nij,nj->ni", T, pairs.values) + (rest @ upright[..., None])[..., 0]
     sources = {k: v for k, v in sources.items() if v.any()}
-    roots = {k: B for k, root in pairs.roots.items() if (B := T @ root).any()}
+    roots = tuple(B.turned(T).felt for B in pairs.roots)
     return replace(pairs, values=values, sources=sources, roots=roots), T
 
 
@@ -307,11 +312,11 @@ def level_square(pairs: Pairs, known: Known, compensation: Compensation) -> Floa
 
 def _calibration_roots(
     angles: FloatArray, known: Known, compensation: Compensation, shared: FloatArray | None
-) -> dict[str, FloatArray]:
-    """What the uncertainty of the coefficients does to the four numbers, by kind, (m, 4, c)."""
+) -> tuple[Roots, ...]:
+    """What the uncertainty of the coefficients does to the four numbers, by kind."""
     c = compensation.coefficients
     if c.cov is None or not len(c):
-        return {}
+        return ()
     # Coefficients are tied to one another: a coupling that a level session cannot show, and the
     # bias that made up for it. In the order of SOURCES each counts with what follows it, so that
     # the parts are independent and none is negative.
@@ -322,12 +327,8 @@ def _calibration_roots(
     root = np.empty_like(tied)
     root[order] = sd[:, None] * np.linalg.cholesky(tied)
     effect = compensation.spread(angles, known.gravity, root, shared)
-    out: dict[str, FloatArray] = {}
-    for start, words in SOURCES.items():
-        mine = effect[..., [kinds[i] == start for i in order]]
-        if mine.any():
-            out[words] = mine
-    return out
+    first = np.cumsum([0, *(kinds.count(start) for start in SOURCES)])
+    return (Roots(effect, (*SOURCES.values(),), first).felt,)
 
 
 Tilt = Literal["one axis", "each"]

@@ -25,7 +25,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -66,6 +67,35 @@ class Nuisance:
     lag_sd: float = 0.0
 
 
+class Roots(NamedTuple):
+    """Roots of the covariances of sources, side by side: they are read where they were made."""
+
+    each: FloatArray  # (m, 4, c) [SI]
+    names: tuple[str, ...]  # of g sources, empty of one that does nothing
+    first: IntArray  # (g + 1,) where each begins, and the last ends [1]
+
+    @classmethod
+    def none(cls, m: int, *names: str) -> Roots:
+        """Return no root, of `m` set-ups [1]; `names`: of what has none."""
+        return cls(np.zeros((m, 4, 0)), names, np.zeros(1, np.int64))
+
+    @property
+    def parts(self) -> list[FloatArray]:
+        """Those of each source, (m, 4, c) [SI]."""
+        return [self.each[:, :, slice(*at)] for at in pairwise(self.first.tolist())]
+
+    def turned(self, T: FloatArray) -> Roots:
+        """Return how much of them is in other numbers, by `T` (m, 4, 4) [1]."""
+        return self._replace(each=np.concatenate([T @ B for B in self.parts], axis=2))
+
+    @property
+    def felt(self) -> Roots:
+        """The same without the names of those that do nothing."""
+        felt = (B[:1].any() or B.any() for B in self.parts)
+        names = (n if some else "" for n, some in zip(self.names, felt, strict=True))
+        return self._replace(names=tuple(names))
+
+
 @dataclass(frozen=True)
 class Pairs:
     """The four numbers of m set-ups, in the order gyro x, gyro y, accelerometer x, y."""
@@ -92,8 +122,7 @@ class Pairs:
     # to its specific forces, along x_b and y_b [1]
     gyro_weights: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     accel_weights: FloatArray = field(default_factory=lambda: np.zeros((0, 1, 2)))
-    # more sources, each as a root of its covariance, (m, 4, c) [SI]
-    roots: dict[str, FloatArray] = field(default_factory=dict)
+    roots: tuple[Roots, ...] = ()  # more sources
     # (g, k) rows [1] of alike set-ups, and how their accelerometers were fitted; None: no readings
     accel_fits: list[tuple[IntArray, Any]] | None = None
 
@@ -101,50 +130,46 @@ class Pairs:
         return len(self.values)
 
     @cached_property
-    def stacked(self) -> FloatArray:
-        """Covariance of every source, shape (s, m, 4, 4) [SI]."""
-        return np.stack([*self.sources.values()] or [np.zeros((len(self), 4, 4))])
-
-    @cached_property
-    def root(self) -> tuple[FloatArray, IntArray]:
-        """All roots side by side, shape (m, 4, c) [SI], and where each begins and the last ends."""
-        parts = [np.zeros((len(self), 4, 0)), *self.roots.values()]
-        return np.concatenate(parts, axis=2), np.cumsum([B.shape[2] for B in parts])
-
-    @cached_property
     def cov(self) -> FloatArray:
         """Covariance of all sources together, shape (m, 4, 4) [SI]."""
         from foucault.kernels.north_seeking import together_batch
 
-        out = np.empty((len(self), 4, 4))
-        together_batch(self.stacked, self.root[0], out)
+        out = np.zeros((len(self), 4, 4))
+        for S in self.sources.values():
+            out += S
+        for roots in self.roots or (Roots.none(len(self)),):  # which makes it symmetric to the bit
+            together_batch(out[None], roots.each, out)
         return out
 
     def shares(self, gain: FloatArray) -> dict[str, FloatArray]:
-        """Return the variances (m, 4) of angles by source, by their `gain` (m, 4, 5) [rad^2]."""
+        """Return the variances (m, a) of angles by source, by their `gain` (m, a, 5) [rad^2]."""
         from foucault.kernels.north_seeking import shares_batch
 
-        B, first = self.root
-        out = np.empty((len(self.stacked) + len(first) - 1, len(self), 4))
-        shares_batch(gain, self.stacked, B, first, out)
-        skip = len(self.stacked) - len(self.sources)
-        return dict(zip((*self.sources, *self.roots), out[skip:], strict=True))
+        m, found = len(self), dict[str, FloatArray]()
+        parts = [(Roots.none(m, name), S[None]) for name, S in self.sources.items()]
+        parts += [(roots, np.zeros((0, m, 4, 4))) for roots in self.roots]
+        for roots, S in parts:
+            out = np.empty((len(roots.names), *gain.shape[:2]))
+            shares_batch(gain, S, roots.each, roots.first, out)
+            found |= {name: v for name, v in zip(roots.names, out, strict=True) if name}
+        return found
 
     def together(self, some: IntArray) -> Pairs:
         """Return set-ups `some` (k,) [1] with all sources as one, for their solutions alone."""
-        return replace(self, values=self.values[some], sources={"": self.cov[some]}, roots={})
+        return replace(self, values=self.values[some], sources={"": self.cov[some]}, roots=())
 
     @property
     def noise_alone(self) -> Pairs:
         """The same with the white noise alone, for a bound."""
         kept = {k: v for k, v in self.sources.items() if k in (GYRO_NOISE, TILT_NOISE)}
-        return replace(self, sources=kept, roots={})
+        return replace(self, sources=kept, roots=())
 
     @property
     def results(self) -> Pairs:
         """The same without its readings, and what only its solution needs."""
         none, gyro, accel = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 1, 2))
-        return replace(self, sources={}, roots={}, accel_white=np.zeros((0, 1)), fit=none,
+        return replace(self, sources={}, roots=(), drift_slope=np.zeros((0, 4)),
+                       accel_white=np.zeros((0, 1)), fit=none,
                        residuals=none, accel_residuals=none,
                        gyro_weights=gyro, accel_weights=accel, accel_fits=None)  # fmt: skip
 
@@ -192,20 +217,19 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
     nuisance = nuisance or Nuisance()
     n, m = len(dwells), len(dwells.names)
     values, slope = np.zeros((m, 4)), np.zeros((m, 4))
-    names = (GYRO_NOISE, GYRO_DRIFT, GYRO_OFFSET, TILT_NOISE, TILT_DRIFT, INDEXING)
-    parts = {name: np.zeros((m, 4, 4)) for name in names}
+    wander, lean = (x.bias_instability or x.random_walk for x in (noise.gyro, noise.accel))
+    drifts, known = 0 < nuisance.drift_sd < np.inf, np.isfinite(nuisance.offset_sd)
+    there = {GYRO_NOISE: True, GYRO_DRIFT: wander or drifts, GYRO_OFFSET: known, TILT_NOISE: True,
+             TILT_DRIFT: lean, INDEXING: nuisance.index_sd or nuisance.lag_sd}  # fmt: skip
+    parts = {name: np.zeros((m if some else 0, 4, 4)) for name, some in there.items()}
     offset, drift = np.zeros(m), np.zeros(m)
     fit, residuals = np.zeros(n), np.full((2, n), np.nan)
     chi_square, dof = np.zeros((m, 2)), np.zeros((m, 2), np.int64)
-    accel_white = np.zeros((n, 1) if dwells.accel is None else dwells.accel.shape)
+    accel_white: FloatArray = np.zeros((n, 1) if dwells.accel is None else dwells.accel.shape)
     gyro_weights, accel_weights = np.zeros((n, 2)), np.zeros((*accel_white.shape, 2))
     fits = list[tuple[IntArray, Any]]()
-    for setups, rows, first in _alike(dwells):
-        index_sd = 0.0 if first.rotates else nuisance.index_sd  # of one error nothing is left
-        k = rows.shape[1]
-        x = dwells.gyro[rows] - nuisance.offset
-        gyro, said = _seen(*_of_gyro(first, nuisance), first, noise.gyro, EARTH_RATE, x, index_sd)
-        unknowns = said.unknowns
+    for setups, rows, first, (gyro, said), force in _looked(dwells, noise, nuisance):
+        k, unknowns = rows.shape[1], said.unknowns
         values[setups, :2], offset[setups] = unknowns[:, :2], unknowns[:, 2] + nuisance.offset
         drift[setups] = unknowns[:, 3] if unknowns.shape[1] > 3 else 0.0
         fit[rows], residuals[0, rows] = said.expected + nuisance.offset, said.residuals
@@ -216,43 +240,79 @@ def reduce(dwells: Dwells, noise: ImuNoise, nuisance: Nuisance | None = None) ->
                       parts[GYRO_DRIFT])  # fmt: skip
         _unseen(gyro, EARTH_RATE, parts[GYRO_NOISE][:, :2, :2], setups)
         slope[setups, :2] = moved = np.einsum("gpk,gk->gp", W, _drifting(first))
-        if np.isfinite(nuisance.drift_sd):  # what the prior leaves of it, at its full size
+        if drifts:  # what the prior leaves of it, at its full size
             parts[GYRO_DRIFT][setups, :2, :2] += nuisance.drift_sd**2 * _square(moved)
-        if np.isfinite(nuisance.offset_sd):
+        if known:
             moved = W.sum(axis=2)
             parts[GYRO_OFFSET][setups, :2, :2] = nuisance.offset_sd**2 * _square(moved)
         V = np.zeros((1, 2, k))  # of two accelerometers on the case no index angle is wrong
-        if dwells.accel is not None and dwells.accel.shape[1] == 1:
-            one = _of_accel(first)
-            x = dwells.accel[rows, 0]
-            accel, said = _seen(*one, first, noise.accel, GRAVITY, x, index_sd)
-            values[setups, 2:], V = said.unknowns[:, :2], accel.weights[:, :2]
-            residuals[1, rows], accel_white[rows, 0] = said.residuals, said.white
-            chi_square[setups, 1], dof[setups, 1] = said.square, accel.dof
-            accel_weights[rows, 0] = transposed(V)
-        elif dwells.accel is not None:
-            accel = _two_fit(first, noise.accel)
-            A = dwells.accel[rows].reshape(len(rows), -1)
-            values[setups, 2:] = found = _times(accel.weights, A)
-            left = A - _times(accel.design, found)
-            accel_white[rows] = _whitened(accel.root, left.reshape(*rows.shape, -1))
-            chi_square[setups, 1] = np.sum(accel_white[rows] ** 2, axis=(1, 2))
-            dof[setups, 1] = 2 * accel.dof  # of the scatter alone
-            accel_weights[rows] = transposed(accel.weights).reshape(-1, k, 2, 2)
-        if dwells.accel is not None:
+        if force is not None:
+            accel, said = force
             fits.append((rows, accel))
+            values[setups, 2:] = said.unknowns[:, :2]
+            chi_square[setups, 1], dof[setups, 1] = said.square, accel.dof
             U = np.ascontiguousarray(accel.weights[:, :2])
+            if accel_white.shape[1] == 1:
+                V = accel.weights[:, :2]
+                residuals[1, rows], accel_white[rows, 0] = said.residuals, said.white
+                accel_weights[rows, 0] = transposed(V)
+            else:
+                accel_white[rows] = said.white
+                accel_weights[rows] = transposed(accel.weights).reshape(-1, k, 2, 2)
             carried_batch(U, accel.white, accel.slow, setups, 2, parts[TILT_NOISE],
                           parts[TILT_DRIFT])  # fmt: skip
             _unseen(accel, GRAVITY, parts[TILT_NOISE][:, 2:, 2:], setups)
         else:
             parts[TILT_NOISE][setups, 2:, 2:] = UNSEEN * GRAVITY**2 * np.eye(2)
-        if nuisance.index_sd or nuisance.lag_sd:
+        if there[INDEXING]:
             parts[INDEXING][setups] = _indexing(first, W, V, values[setups], nuisance)
-    used = {k: v for k, v in parts.items() if v.any()}
+    used = {k: v for k, v in parts.items() if v[:1].any() or v.any()}
     return Pairs(values, used, offset, drift, slope, fit, residuals[0], residuals[1],
                  chi_square, dof, accel_white, gyro_weights, accel_weights,
                  accel_fits=fits)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Squares:
+    """What the fits of m set-ups leave, without all else."""
+
+    chi_square: FloatArray  # (m, 2) as of `Pairs` [1]
+    dof: IntArray  # (m, 2) as of `Pairs` [1]
+
+    @classmethod
+    def of(cls, dwells: Dwells, noise: ImuNoise, nuisance: Nuisance) -> Squares:
+        """Look at set-ups as `reduce` does."""
+        shape = len(dwells.names), 2
+        out = cls(np.zeros(shape), np.zeros(shape, np.int64))
+        for setups, _, _, *seen in _looked(dwells, noise, nuisance):
+            for k, one in enumerate(seen):
+                if one is not None:
+                    out.chi_square[setups, k], out.dof[setups, k] = one[1].square, one[0].dof
+        return out
+
+
+def _looked(
+    dwells: Dwells, noise: ImuNoise, nuisance: Nuisance
+) -> Iterator[tuple[IntArray, IntArray, Dwells, tuple[_Fit, _Seen], tuple[_Fit, _Seen] | None]]:
+    """Yield what `_alike` does, and what the gyro and the accelerometers say by their fits."""
+    for setups, rows, first in _alike(dwells):
+        index_sd = 0.0 if first.rotates else nuisance.index_sd  # of one error nothing is left
+        x = dwells.gyro[rows] - nuisance.offset
+        gyro = _seen(*_of_gyro(first, nuisance), first, noise.gyro, EARTH_RATE, x, index_sd)
+        accel = None
+        if dwells.accel is not None and dwells.accel.shape[1] == 1:
+            x = dwells.accel[rows, 0]
+            accel = _seen(*_of_accel(first), first, noise.accel, GRAVITY, x, index_sd)
+        elif dwells.accel is not None:
+            fit = _two_fit(first, noise.accel)
+            A = dwells.accel[rows].reshape(len(rows), -1)
+            found = _times(fit.weights, A)
+            expected = _times(fit.design, found)
+            white = _whitened(fit.root, (A - expected).reshape(*rows.shape, -1))
+            square = np.sum(white**2, axis=(1, 2))
+            # dof: of the scatter alone
+            accel = replace(fit, dof=2 * fit.dof), _Seen(found, expected, white, white, square)
+        yield setups, rows, first, gyro, accel
 
 
 def rates_of(
@@ -300,7 +360,7 @@ def _alike(dwells: Dwells) -> Iterator[tuple[IntArray, IntArray, Dwells]]:
 
     These have one row where all stops of the group are the same, else g [SI].
     """
-    edges = np.searchsorted(dwells.setup, np.arange(len(dwells.names) + 1))
+    edges = dwells.first
     count = np.diff(edges)
     still = np.zeros(len(count), bool)
     if dwells.turning is not None and dwells.turning.any():
@@ -648,7 +708,7 @@ def widen(
     W = sqrt(1 - r^2) has no slope where r, the horizontal rate, is 1: there W is nothing better
     than sqrt(2 k) for an error k of r.
 
-    `horizontal` (m,): r [1]; `pairs`: set-ups [SI]; `budget` (m, 4): variances by source, changed
+    `horizontal` (m,): r [1]; `pairs`: set-ups [SI]; `budget` (m, a): variances by source, changed
     to what they do beside W [rad^2].
     """
     direction = pairs.values[:, :2] / np.maximum(
@@ -670,8 +730,9 @@ def widen(
         half = turned(ends[0][k] - ends[1][k]) / 2
         best.cov[lost, axis, :], best.cov[lost, :, axis] = 0.0, 0.0
         best.cov[lost, axis, axis] = half**2 + other
-        linear = np.asarray(sum(v[lost, axis] for v in budget.values()))
-        for v in budget.values():  # the sources share what they do beside W
+        wanted = [v for v in budget.values() if axis < v.shape[1]]
+        linear = np.asarray(sum(v[lost, axis] for v in wanted))
+        for v in wanted:  # the sources share what they do beside W
             v[lost, axis] *= other / np.maximum(linear, 1e-300)
     best.status[lost] = 1
 

@@ -363,7 +363,8 @@ def carried_batch(W, white, slow, setups, at, S, T):
     itself, slow (g, k, k) covariance of what ties them together [unit^2]; setups (g,) their
     numbers. What all share has one row.
 
-    Fills S, T (m, 4, 4): by what each has itself, and by what ties them together [unit^2].
+    Fills S, T (m, 4, 4): by what each has itself, and by what ties them together, where T has room
+    [unit^2].
     """
     k = W.shape[2]
     for i in range(len(setups)):
@@ -374,9 +375,12 @@ def carried_batch(W, white, slow, setups, at, S, T):
                 s, t = 0.0, 0.0
                 for a in range(k):
                     s += w[p, a] * v[a] * w[q, a]
-                    for b in range(k):
-                        t += w[p, a] * C[a, b] * w[q, b]
-                S[n, at + p, at + q], T[n, at + p, at + q] = s, t
+                S[n, at + p, at + q] = s
+                if len(T) > 0:
+                    for a in range(k):
+                        for b in range(k):
+                            t += w[p, a] * C[a, b] * w[q, b]
+                    T[n, at + p, at + q] = t
 
 
 @part

@@ -151,6 +151,28 @@ def left_batch(
 
 
 @kernel
+def felt_batch(f, setup, cosine, sine, ramp, on_case, sensor, factors, size, out):
+    """Fill what c terms of the accelerometers add to n readings of q of them.
+
+    Parameters: f (m, 3) true specific force in the case [m/s^2]; setup (n,) of each reading; the
+    others as of `left_batch`.
+
+    Fills out (n, q, c) [m/s^2].
+    """
+    v = np.ones(14)
+    for r in range(len(setup)):
+        x, y, z = f[setup[r], 0], f[setup[r], 1], f[setup[r], 2]
+        c, s = cosine[r], sine[r]
+        v[1], v[2] = x if on_case else c * x - s * y, y if on_case else s * x + c * y
+        v[3], v[13] = z, ramp[r]
+        v[7], v[8], v[9] = abs(v[1]), abs(v[2]), abs(v[3])
+        for k in range(len(size)):
+            x = v[factors[k, 0]] * v[factors[k, 1]] * v[factors[k, 2]] * size[k]
+            for q in range(out.shape[1]):
+                out[r, q, k] = x if q == sensor[k] - 1 else 0.0
+
+
+@kernel
 def across_batch(y, cov, angles, A, b, g, earth_rate, latitude_sd, T, B, out):
     """Fill the one number of m set-ups that no attitude explains, and what is done to it.
 
@@ -201,7 +223,7 @@ def calibration_batch(angles, g, earth_rate, output, factor, root, T, B):
 
     Parameters: angles (m, 4), g (m,), earth_rate as of `left_batch`; output (n,) which of the four
     numbers a coefficient is in, factor (n,) what it multiplies there, of 1, f_x ... w_z; root (n,
-    c) of their covariance [SI]; T (m, 4, 4) or (1, 4, 4) what of that is in the numbers [1].
+    c) of their covariance [SI]; T (m, 4, 4) what of that is in the numbers, none for all [1].
 
     Fills B (m, 4, c) [SI].
     """
@@ -217,35 +239,41 @@ def calibration_batch(angles, g, earth_rate, output, factor, root, T, B):
             for k in range(len(root)):
                 x[output[k]] += v[factor[k]] * root[k, c]
             for p in range(4):
-                s = 0.0
-                for q in range(4):
-                    s += T[i if len(T) > 1 else 0, p, q] * x[q]
-                B[i, p, c] = s
+                B[i, p, c] = x[p]
+                if len(T) > 0:
+                    B[i, p, c] = 0.0
+                    for q in range(4):
+                        B[i, p, c] += T[i, p, q] * x[q]
 
 
 @kernel
 def together_batch(S, B, cov):
     """Fill cov (m, 4, 4) with the sum of S (s, m, 4, 4) and of B B', B (m, 4, c)."""
+    t = np.empty((4, 4))
     for i in range(len(cov)):
         for p in range(4):
             for q in range(p + 1):
-                t = 0.0
+                t[p, q] = 0.0
                 for k in range(len(S)):
-                    t += S[k, i, p, q]
-                for k in range(B.shape[2]):
-                    t += B[i, p, k] * B[i, q, k]
-                cov[i, p, q], cov[i, q, p] = t, t
+                    t[p, q] += S[k, i, p, q]
+        for k in range(B.shape[2]):  # outside, for no sum has to wait for another
+            for p in range(4):
+                for q in range(p + 1):
+                    t[p, q] += B[i, p, k] * B[i, q, k]
+        for p in range(4):
+            for q in range(p + 1):
+                cov[i, p, q], cov[i, q, p] = t[p, q], t[p, q]
 
 
 @kernel
 def shares_batch(gain, S, B, first, out):
-    """Fill out (s + g, m, 4): the variances of four angles by each S (s, m, 4, 4) and group of B.
+    """Fill out (s + g, m, a): the variances of a angles by each S (s, m, 4, 4) and group of B.
 
-    Parameters: gain (m, 4, 5) slope of the angles against the four numbers; B (m, 4, c), of which
+    Parameters: gain (m, a, 5) slope of the angles against the four numbers; B (m, 4, c), of which
     first (g + 1,) says where each group begins.
     """
     for i in range(len(gain)):
-        for p in range(4):
+        for p in range(gain.shape[1]):
             for k in range(len(S)):
                 t = 0.0
                 for q in range(4):

@@ -232,9 +232,11 @@ def unmoved(log: Log) -> tuple[Finding, ...]:
 
 def _longest(values: FloatArray) -> tuple[int, int]:
     """Return first row, and row after, of the longest time in which columns are constant."""
-    moves = np.any([c[1:] != c[:-1] for c in values.T], axis=0)
-    if moves.all():
-        return 0, 1
+    moves = np.zeros(len(values[1:]), bool)
+    for c in values.T:
+        moves |= c[1:] != c[:-1]
+        if moves.all():  # as a rule by the first axis
+            return 0, 1
     at = np.flatnonzero(moves) + 1
     edges = np.concatenate([[0], at, [len(values)]])
     k = int(np.argmax(np.diff(edges)))
@@ -367,6 +369,9 @@ def standstill(x: FloatArray, needed: int) -> tuple[int, int] | None:
     `x` (n,): readings of one sensor that others do not tell anything of [unit]; `needed`: so many
     rows do not read the same by chance [1].
     """
+    each = needed - 1  # so often a long run is met, wherever it begins
+    if not (x[each::each] == x[each - 1 : -1 : each]).any():
+        return None
     runs = _runs(np.ascontiguousarray(x))
     chosen = runs.length >= needed
     rest = len(x) - int(runs.length[chosen].sum())

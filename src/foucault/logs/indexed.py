@@ -251,16 +251,16 @@ def _columns(used: IndexedDescription, raw: RawTable, path: Path) -> Data:
     """Read all columns of numbers, converted to SI; accel has two dimensions."""
     picks = list(_picks(used, raw, path))
     numbers = [number for _, some, _, _ in picks for number in some]
-    pieces = list(kept(raw, path).blocks(numbers))
-    rows = np.concatenate(pieces) if pieces else np.empty((0, len(numbers)))
-    if not len(rows):
+    pieces: dict[str, list[FloatArray]] = {name: [] for name, *_ in picks}
+    for rows in kept(raw, path).blocks(numbers):  # while the cache holds them
+        start = 0
+        for name, some, zero, unit in picks:
+            values = (rows[:, start : start + len(some)] - zero) * unit
+            pieces[name].append(values if name == "accel" else values[:, 0])
+            start += len(some)
+    if not any(len(x) for x in pieces["gyro"]):
         raise error("log.empty", file=path.name)
-    data, start = {}, 0
-    for name, some, zero, unit in picks:
-        values = (rows[:, start : start + len(some)] - zero) * unit
-        data[name] = values if name == "accel" else values[:, 0]
-        start += len(some)
-    return data
+    return {name: np.concatenate(pieces.pop(name)) for name, *_ in picks}
 
 
 _Pick = tuple[str, list[int], FloatArray, FloatArray]

@@ -166,7 +166,7 @@ class Compensation:
         calibration_batch(
             np.where(np.isfinite(angles), angles, 0.0), np.full(len(angles), gravity), EARTH_RATE,
             np.array(output, np.int64), np.array(factor, np.int64), np.ascontiguousarray(root),
-            np.eye(4)[None] if share is None else share, out,
+            np.zeros((0, 4, 4)) if share is None else share, out,
         )  # fmt: skip
         return out
 
@@ -207,19 +207,24 @@ class Dwells:
     def __len__(self) -> int:
         return len(self.gyro)
 
+    @cached_property
+    def first(self) -> IntArray:
+        """Number of the first row of each set-up, and of all rows, shape (m + 1,) [1]."""
+        return np.searchsorted(self.setup, np.arange(len(self.names) + 1))
+
     def of(self, setup: int) -> Dwells:
         """Return the rows of one set-up.
 
         `setup`: its number [1].
         """
-        return self.rows(np.arange(*np.searchsorted(self.setup, [setup, setup + 1])))
+        return self.rows(np.arange(*self.first[setup : setup + 2]))
 
     def setups(self, some: IntArray) -> Dwells:
         """Return some set-ups, numbered anew.
 
         `some` (k,): their numbers, rising [1].
         """
-        first, last = np.searchsorted(self.setup, np.stack([some, some + 1]))
+        first, last = self.first[some], self.first[some + 1]
         count = last - first
         before = np.cumsum(count) - count
         if len(some) and some[-1] - some[0] == len(some) - 1:  # one block: no copies

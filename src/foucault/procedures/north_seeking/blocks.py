@@ -11,7 +11,7 @@ import functools
 import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from operator import add
 from typing import Any, TypeVar
@@ -25,15 +25,15 @@ from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
 from foucault.models.earth import Site
 from foucault.models.left_out import Sizes
 from foucault.models.noise import ImuNoise
-from foucault.models.north_seeker import Compensation, Dwells
-from foucault.procedures.north_seeking.counted import Scatter, moved, on_case
+from foucault.models.north_seeker import Compensation, Dwells, up_b
+from foucault.procedures.north_seeking.counted import on_case
 from foucault.procedures.north_seeking.field import (
     HOUR,
     Left,
     Products,
+    Scatter,
     Terms,
     misfits,
-    truth_of,
 )
 
 BLOCK = 4096
@@ -89,7 +89,7 @@ def _room(part: Any, m: int) -> Any:
         elif isinstance(x, dict):
             out[name] = {}
         else:
-            out[name] = None if x is None else _room(x, m)
+            out[name] = _room(x, m) if is_dataclass(x) else x
     return type(part)(**out)
 
 
@@ -104,7 +104,7 @@ def _put(whole: Any, part: Any, m: int, start: int) -> None:
                 if key not in room:
                     room.setdefault(key, np.zeros((m, *each.shape[1:])))  # another may be faster
                 room[key][start : start + len(each)] = each
-        elif x is not None:
+        elif is_dataclass(x):
             _put(room, x, m, start)
 
 
@@ -124,10 +124,8 @@ class Found:
 
     @property
     def results(self) -> Found:
-        """The same with what all set-ups keep: heading alone by source, and no readings."""
-        sources = {name: v[:, :1] for name, v in self.fixes.sources.items()}
-        fixes = replace(self.fixes, sources=sources)
-        return replace(self, pairs=self.pairs.results, fixes=fixes)
+        """The same with what all set-ups keep: no readings."""
+        return replace(self, pairs=self.pairs.results)
 
     def __len__(self) -> int:
         return len(self.fixes)
@@ -178,7 +176,7 @@ class Seeking:
         """Solve all set-ups, with so many `times` the sizes of groups of what is left out [1]."""
 
         def of(some: IntArray) -> tuple[Found, tuple[Told, list[str]]]:
-            found, told = self.of_some(times, some)
+            found, told = self.of_some(times, some, 1)
             return found.results, (told, [*found.fixes.sources])
 
         whole, told = joined(len(self.dwells.names), of)
@@ -187,17 +185,19 @@ class Seeking:
         fixes = replace(whole.fixes, sources=sources)
         return replace(whole, fixes=fixes), functools.reduce(add, (one for one, _ in told))
 
-    def of_some(self, times: Mapping[str, float], some: IntArray) -> tuple[Found, Told]:
+    def of_some(
+        self, times: Mapping[str, float], some: IntArray, budget: int = 4
+    ) -> tuple[Found, Told]:
         """Solve set-ups of numbers `some` (k,) as `found` does all, with all that is said of them.
 
-        `times`: as of `found` [1].
+        `times`: as of `found` [1]; `budget`: as of `settled` [1].
         """
         dwells, known = self.dwells.setups(some), self.known.of(some)
         compensation = self.compensation
         pairs = reduce(dwells, self.noise, self.nuisance)
         told = Told(implausible(dwells, pairs, known, compensation))
-        alone = self.sizes is None
-        fixes = settled(pairs, known, compensation, sought(pairs, known, compensation), alone)
+        best, later = sought(pairs, known, compensation), self.sizes is not None
+        fixes = settled(pairs, known, compensation, best, 0 if later else budget)
         if self.sizes is not None:
             left = Left.of(dwells, pairs, fixes.angles, known, compensation, self._terms,
                            self._span)  # fmt: skip
@@ -205,15 +205,14 @@ class Seeking:
             scatter = None if dwells.accel is None else self._scatter(dwells, pairs, fixes, known)
             told = Told(told.implausible, products, left.groups, misfits(pairs), scatter)
             pairs, known = left.counted(times)
-            fixes = settled(pairs, known, compensation, fixes)
+            fixes = settled(pairs, known, compensation, fixes, budget)
         least = bound(pairs, known, compensation, fixes.angles)
         level = None
         if known.level_sd is not None and dwells.accel is not None:
             level = level_square(pairs, known, compensation)
         ratio, effect = signal_to_noise(fixes, pairs), drift_effect(pairs, fixes)
         fixes = replace(fixes, slope=np.zeros((0, 4)))  # it is in the effect
-        first = np.searchsorted(dwells.setup, np.arange(len(some) + 1))
-        worst = pairs.worst(first)
+        worst = pairs.worst(dwells.first)
         return Found(pairs, fixes, least, effect, ratio, level, *worst), told
 
     @cached_property
@@ -229,8 +228,13 @@ class Seeking:
         names = self.compensation.coefficients.names
         return Terms.of(names, self.site, self.sizes or {}, on_case(self.dwells))
 
+    @cached_property
+    def _forces(self) -> Terms:
+        """What of that is of accelerometers, whatever is estimated."""
+        some = {g: size for g, size in self._terms.sizes.items() if g.startswith("accel.")}
+        return Terms.of((), self.site, some, on_case(self.dwells))
+
     def _scatter(self, dwells: Dwells, pairs: Pairs, fixes: Fixes, known: Known) -> Scatter:
-        w_b, f_b = truth_of(np.where(np.isfinite(fixes.angles), fixes.angles, 0.0), known)
-        begin, end = self._span
-        motion = moved(dwells, f_b, w_b)._replace(begin=begin, end=end)
-        return Scatter.of(pairs, dwells, motion, self.site, self._terms.sizes)
+        angles = np.where(np.isfinite(fixes.angles), fixes.angles, 0.0)
+        f_b = np.reshape(known.gravity, (-1, 1)) * up_b(angles[:, 1], angles[:, 2])
+        return Scatter.of(pairs, dwells, f_b, self._span, self._forces)

@@ -15,17 +15,15 @@ nothing. Accelerometers on the case have terms in the axes of the case, which ca
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import groupby
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.estimate.north import COMMON_HEADING, HEADINGS, LATITUDE, LEVEL, OnTurntable, Rig
-from foucault.estimate.north_reduction import INDEXING, Pairs, left_white
+from foucault.estimate.north_reduction import INDEXING, Pairs
 from foucault.infer.left_out import Judgement
-from foucault.models.earth import Site
 from foucault.models.imu import ImuModel
 from foucault.models.imu_layout import coefficient_slot
 from foucault.models.left_out import (
@@ -33,10 +31,8 @@ from foucault.models.left_out import (
     Motion,
     Sizes,
     Term,
-    changes,
     sizes_of,
     table,
-    terms,
     told,
 )
 from foucault.models.noise import ImuNoise
@@ -201,55 +197,6 @@ def put(dwells: Dwells, by: Change) -> tuple[FloatArray | None, FloatArray | Non
     if by.accel is not None and dwells.accel is not None:
         accel = by.accel[n:, :2] if on_case(dwells) else by.accel[:, 1:2]
     return gyro, accel
-
-
-@dataclass(frozen=True)
-class Scatter:
-    """Products of residuals of accelerometers with what one size of their terms leaves in them.
-
-    What goes twice per turn is in no rate and no tilt, but in what four stops leave of one another.
-    """
-
-    products: FloatArray  # (1 + c, 1 + c) of the residuals, and of c terms [1]
-    groups: tuple[str, ...]  # that each term is of
-
-    @classmethod
-    def of(cls, pairs: Pairs, dwells: Dwells, motion: Motion, site: Site, sizes: Sizes) -> Scatter:
-        """Take set-ups with their readings; `motion`: of these readings; `sizes`: of all [SI]."""
-        some = {g: size for g, size in sizes.items() if g.startswith("accel.")}
-        n, q = pairs.accel_white.shape
-        columns, groups = list[FloatArray](), list[str]()
-        for group, of in groupby(terms((), site, some), lambda term: term.group):
-            own = [term for term in of if felt(term, on_case(dwells))]
-            for by in changes(own, ImuModel(), motion) if own else ():
-                _, more = put(dwells, by)
-                assert more is not None
-                columns.append(more)
-                groups.append(group)
-        more = np.stack(columns, 2) if columns else np.zeros((n, q, 0))
-        each = np.concatenate([pairs.accel_white[:, :, None], left_white(pairs, more)], axis=2)
-        each = each.reshape(n * q, -1)
-        return cls(np.asarray(each.T @ each), tuple(groups))
-
-    def __add__(self, more: Scatter) -> Scatter:
-        return replace(self, products=self.products + more.products)
-
-    def accounted(self, pairs: Pairs, times: Mapping[str, float]) -> Pairs:
-        """Return set-ups, all of these, without what the terms explain of their residuals.
-
-        ``r' (I + B B')^-1 r`` has the degrees of freedom that r'r has without B.
-
-        `pairs`: [SI]; `times`: group -> how many sizes it has, where that is not one [1].
-        """
-        scale = np.array([1.0, *(times.get(g, 1.0) for g in self.groups)])
-        products = scale[:, None] * self.products * scale
-        total, u, G = float(products[0, 0]), products[1:, 0], products[1:, 1:]
-        if not total:
-            return pairs
-        left = total - float(u @ np.linalg.solve(np.eye(len(u)) + G, u))
-        chi_square = pairs.chi_square.copy()
-        chi_square[:, 1] *= left / total
-        return replace(pairs, chi_square=chi_square)
 
 
 def with_rig(judged: Judgement, rig: Rig, index_sd: float) -> Judgement:

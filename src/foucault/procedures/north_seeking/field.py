@@ -21,7 +21,7 @@ import numpy as np
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.errors import Finding, finding
 from foucault.estimate.north import LATITUDE, Fixes, Known, levelled
-from foucault.estimate.north_reduction import INDEXING, Pairs
+from foucault.estimate.north_reduction import INDEXING, Pairs, Roots, left_white
 from foucault.infer.left_out import (
     MATTERS,
     ROUNDS,
@@ -33,9 +33,10 @@ from foucault.infer.left_out import (
     joined,
     seen_of,
 )
+from foucault.logs.indexed import AT_ONCE
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.left_out import GRAVITY, Sizes, in_words, monomial, table, terms
-from foucault.models.north_seeker import Compensation, Dwells, earth_rate_b, up_b
+from foucault.models.north_seeker import Compensation, Dwells
 from foucault.procedures.north_seeking.counted import felt, on_case
 
 CALIBRATION, SCATTER = "errors of the calibration", "scatter of the set-ups"
@@ -124,13 +125,11 @@ class Left:
 
         angles = np.where(np.isfinite(angles), angles, 0.0)
         m, c = len(pairs), len(own.size)
-        first = np.searchsorted(dwells.setup, np.arange(m + 1))
-        ramp = (dwells.start + dwells.time / 2 - span[0]) / (span[1] - span[0]) - 0.5
         B = np.empty((m, 4, c))
         left_batch(
             angles, np.full(m, known.gravity), EARTH_RATE, compensation.model.accel_matrix[:2],
-            first, dwells.cosine, dwells.sine, ramp, pairs.gyro_weights, pairs.accel_weights,
-            on_case(dwells), own.sensor, own.factors, own.size, B,
+            dwells.first, dwells.cosine, dwells.sine, _ramp(dwells, span), pairs.gyro_weights,
+            pairs.accel_weights, on_case(dwells), own.sensor, own.factors, own.size, B,
         )  # fmt: skip
         return cls(pairs, known, compensation, angles, own, B)
 
@@ -145,16 +144,20 @@ class Left:
 
         `times`: group -> how many sizes it has, where that is not one [1].
         """
-        parts = {words_of(g): self.whole[:, :, at] for g, at in self.terms.columns.items()}
-        parts |= {
-            words_of(g): times[g] * parts[words_of(g)] for g in times.keys() & self.terms.names
-        }
+        sizes = np.ones(self.whole.shape[2])
+        for g in times.keys() & self.terms.names:
+            sizes[self.terms.columns[g]] = times[g]
+        whole = self.whole if (sizes == 1.0).all() else sizes * self.whole
+        columns = self.terms.columns.values()
+        first = np.array([0, *(at.stop for at in columns)], np.int64)
+        roots = [Roots(whole, tuple(words_of(g) for g in self.terms.columns), first)]
         more = times.get(CALIBRATION, 1.0)
         if more > 1.0:
-            beyond = np.sqrt(more**2 - 1) * self._calibration()
-            parts[f"{CALIBRATION} beyond what it says"] = beyond
+            each = np.sqrt(more**2 - 1) * self._calibration()
+            beyond = f"{CALIBRATION} beyond what it says"
+            roots.append(Roots(each, (beyond,), np.array([0, each.shape[2]], np.int64)))
         wider = self.known.latitude_sd * times.get(LATITUDE, 1.0)
-        return replace(self.pairs, roots=parts), replace(self.known, latitude_sd=wider)
+        return replace(self.pairs, roots=tuple(roots)), replace(self.known, latitude_sd=wider)
 
     def _calibration(self) -> FloatArray:
         """Return what one sd of the calibration does to the four numbers, (m, 4, c) [SI]."""
@@ -202,10 +205,9 @@ class Left:
         return Products(sums, int(good.sum()), groups)
 
 
-def truth_of(angles: FloatArray, known: Known) -> tuple[FloatArray, FloatArray]:
-    """Return rate and specific force in the case (m, 3) [SI] at `angles` (m, 4) [rad]."""
-    up = up_b(angles[:, 1], angles[:, 2])
-    return earth_rate_b(*angles.T), np.reshape(known.gravity, (-1, 1)) * up
+def _ramp(dwells: Dwells, span: tuple[float, float]) -> FloatArray:
+    """Return what a drift of one size is at every reading [SI] of a file that spans so much [s]."""
+    return np.asarray((dwells.start + dwells.time / 2 - span[0]) / (span[1] - span[0]) - 0.5)
 
 
 @dataclass(frozen=True)
@@ -278,6 +280,59 @@ class Products:
         return out
 
 
+@dataclass(frozen=True)
+class Scatter:
+    """Products of residuals of accelerometers with what one size of their terms leaves in them.
+
+    What goes twice per turn is in no rate and no tilt, but in what four stops leave of one another.
+    """
+
+    products: FloatArray  # (1 + c, 1 + c) of the residuals, and of c terms [1]
+    groups: tuple[str, ...]  # that each term is of
+
+    @classmethod
+    def of(
+        cls, pairs: Pairs, dwells: Dwells, f_b: FloatArray, span: tuple[float, float], own: Terms
+    ) -> Scatter:
+        """Take set-ups with their readings, at true specific forces `f_b` (m, 3) in the case [SI].
+
+        `span`: of the whole file [s]; `own`: terms of accelerometers alone.
+        """
+        from foucault.kernels.north_seeking import felt_batch
+
+        n, q = pairs.accel_white.shape
+        some = np.flatnonzero(own.sensor > 0)
+        more = np.empty((n, q, len(some)))
+        felt_batch(
+            f_b, dwells.setup, dwells.cosine, dwells.sine, _ramp(dwells, span), on_case(dwells),
+            own.sensor[some], own.factors[some], own.size[some], more,
+        )  # fmt: skip
+        each = np.concatenate([pairs.accel_white[:, :, None], left_white(pairs, more)], axis=2)
+        each = each.reshape(n * q, -1)
+        groups = (g for g, at in own.columns.items() for _ in range(at.start, at.stop))
+        return cls(np.asarray(each.T @ each), tuple(g for g in groups if g != GRAVITY))
+
+    def __add__(self, more: Scatter) -> Scatter:
+        return replace(self, products=self.products + more.products)
+
+    def accounted(self, pairs: Pairs, times: Mapping[str, float]) -> Pairs:
+        """Return set-ups, all of these, without what the terms explain of their residuals.
+
+        ``r' (I + B B')^-1 r`` has the degrees of freedom that r'r has without B.
+
+        `pairs`: [SI]; `times`: group -> how many sizes it has, where that is not one [1].
+        """
+        scale = np.array([1.0, *(times.get(g, 1.0) for g in self.groups)])
+        products = scale[:, None] * self.products * scale
+        total, u, G = float(products[0, 0]), products[1:, 0], products[1:, 1:]
+        if not total:
+            return pairs
+        left = total - float(u @ np.linalg.solve(np.eye(len(u)) + G, u))
+        chi_square = pairs.chi_square.copy()
+        chi_square[:, 1] *= left / total
+        return replace(pairs, chi_square=chi_square)
+
+
 def judgement(
     known: Known, sizes: Sizes, names: Mapping[str, tuple[str, ...]], fixes: Fixes,
     first: Mapping[str, Seen], named: list[dict[str, float]], index_sd: float,
@@ -297,11 +352,14 @@ def judgement(
     none = np.zeros((1, 1))
     blank = Seen("source", none[0], none, 0.0, 0, 1.0, 1.0, 0.0)
     seen = dict.fromkeys(sizes, blank) | dict(first)
-    total = fixes.cov[:, 0, 0]
-    shares = {
-        g: float(np.nanmax(fixes.sources[name][:, 0] / total, initial=0.0))
-        for g in sizes if (name := words_of(g)) in fixes.sources
-    }  # fmt: skip
+    of = {g: name for g in sizes if (name := words_of(g)) in fixes.sources}
+    shares = dict.fromkeys(of, 0.0)
+    for start in range(0, len(fixes), AT_ONCE):
+        some = slice(start, start + AT_ONCE)
+        total = fixes.cov[some, 0, 0]
+        for g, name in of.items():
+            part = np.nanmax(fixes.sources[name][some, 0] / total, initial=0.0)
+            shares[g] = max(shares[g], float(part))
     needed = {n: float(detectable(s, len(seen)).min(initial=np.inf)) for n, s in seen.items()}
     worst = {g: (names[g][far[0]], far[1]) for g in names
              if (far := farthest(seen[g])) is not None}  # fmt: skip

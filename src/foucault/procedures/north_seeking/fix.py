@@ -50,7 +50,7 @@ from foucault.diagnose.north_stops import (
 from foucault.errors import Finding, error, finding
 from foucault.estimate import north as estimation
 from foucault.estimate.north import LATITUDE, Fixes, Known, Rig
-from foucault.estimate.north_reduction import Nuisance, Pairs, reduce
+from foucault.estimate.north_reduction import Nuisance, Pairs, Squares, reduce
 from foucault.guard.north import causes
 from foucault.infer import mixed
 from foucault.infer.left_out import Judgement, With
@@ -63,15 +63,14 @@ from foucault.models.norths import North, norths
 from foucault.procedures import Progress, left_out, silent
 from foucault.procedures.north_seeking.blocks import Found, Seeking, in_blocks, joined
 from foucault.procedures.north_seeking.counted import (
-    Scatter,
     again,
     beside,
     completed,
-    moved,
+    on_case,
     stood,
     with_rig,
 )
-from foucault.procedures.north_seeking.field import judgement, whole_sizes
+from foucault.procedures.north_seeking.field import Scatter, Terms, judgement, whole_sizes
 from foucault.procedures.north_seeking.field import told as of_headings
 from foucault.procedures.north_seeking.settings import MOST_LATITUDE, Settings
 from foucault.result import Check, Level, Result, Verdict, provenance
@@ -285,8 +284,8 @@ def _noise(
     free = drift_sd(dwells, GUESS, settings.drift, settings.drift_sd)
     nuisance = _nuisance(settings, free)
     m = len(dwells.names)
-    pairs, _ = joined(m, lambda some: (reduce(dwells.setups(some), GUESS, nuisance).results, None))
-    found = from_residuals(pairs, dwells.accel is not None)
+    left, _ = joined(m, lambda some: (Squares.of(dwells.setups(some), GUESS, nuisance), None))
+    found = from_residuals(left, dwells.accel is not None)
     if found is None:
         also = ' and --accel-noise "5 ug/sqrt(Hz)"' if dwells.accel is not None else ""
         what = f'--gyro-noise "0.003 deg/sqrt(h)"{also}, or [noise] in the campaign file'
@@ -448,9 +447,12 @@ def solved(
         if misfit:
             model = fit.model.model if isinstance(fit.model, With) else fit.model
             assert isinstance(model, estimation.OnTurntable)
-            w, f, _, _ = model.truth(fit.state)
+            _, f_b, _, _ = model.truth(fit.state)
             times = {g: k for one in judged.named for g, k in one.items()}
-            scatter = Scatter.of(pairs, dwells, moved(dwells, f, w), site, judged.sizes)
+            span = float(dwells.start.min()), float((dwells.start + dwells.time).max())
+            forces = {g: size for g, size in judged.sizes.items() if g.startswith("accel.")}
+            own = Terms.of((), site, forces, on_case(dwells))
+            scatter = Scatter.of(pairs, dwells, f_b, span, own)
             pairs = scatter.accounted(pairs, times)
         judged = with_rig(judged, rig, settings.index_sd)
     return Solution(pairs, rig, noise, source, nuisance, fit, z_test, told, offsets, gains, judged)
