@@ -55,6 +55,10 @@ def calibrate(
     Given the log of a vehicle with several IMUs, it calibrates each, compares them and says how
     they are mounted.
     """
+    from foucault.kernels import ahead
+
+    if campaign and live is None and not options.bare(campaign):
+        ahead.begin(campaign[0])
     from foucault import campaign as campaigns
     from foucault.diagnose.references import in_words
 

@@ -23,6 +23,8 @@ from numba.core.caching import FunctionCache
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
 
+from foucault.kernels.compiling import KernelCompiler, PartCompiler
+
 
 def _cache_folder() -> str:
     digest = hashlib.sha256()
@@ -67,12 +69,12 @@ def kernel(function: Any) -> Any:
     return _compiled(function)
 
 
-def part(function: Any) -> Any:
+def part(function: Any, **more: Any) -> Any:
     """Compile `function` as `kernel` does, for other kernels alone: from Python it runs as Python.
 
     What would take its arguments from Python is a tenth of the time to compile.
     """
-    made = _compiled(function, no_cpython_wrapper=True)
+    made = _compiled(function, no_cpython_wrapper=True, pipeline_class=PartCompiler, **more)
     made.__class__ = _Part
     return made
 
@@ -82,9 +84,7 @@ def inlined(function: Any) -> Any:
 
     For the parts of one long loop.
     """
-    made = _compiled(function, forceinline=True, no_cpython_wrapper=True)
-    made.__class__ = _Part
-    return made
+    return part(function, forceinline=True)
 
 
 def reduction(function: Any) -> Any:
@@ -95,8 +95,9 @@ def reduction(function: Any) -> Any:
 def _compiled(function: Any, **more: Any) -> Any:
     previous = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = previous or _FOLDER  # numba reads it while decorating
+    more = {"pipeline_class": KernelCompiler, "no_cfunc_wrapper": True} | more
     try:
-        made = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **more)(function)
+        made = numba.njit(nogil=True, error_model="numpy", **more)(function)
         if not numba.config.DISABLE_JIT:
             made._cache = _Cache(function)
         return made
