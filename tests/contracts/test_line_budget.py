@@ -21,7 +21,7 @@ BUDGET = {
     "export": 3_657,
     "guard": 1_935,
     "infer": 3_703,
-    "kernels": 6_817,
+    "kernels": 6_883,
     "logs": 7_697,
     "models": 6_120,
     "navigate": 2_139,
