@@ -14,7 +14,7 @@ BUDGET = {
     "campaign": 5_881,
     "capture": 4_139,
     "certificate": 2_022,
-    "cli": 5_156,
+    "cli": 5_162,
     "detect": 4_734,
     "diagnose": 11_971,
     "estimate": 9_268,
