@@ -11,6 +11,8 @@ import sys
 if "numpy" not in sys.modules:
     for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(_name, "1")
+# Else the first of our models looks for plugins in every package that is installed.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 from foucault.cli.app import app, main
 

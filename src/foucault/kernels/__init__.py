@@ -8,6 +8,8 @@ another file.
 What takes long to compile: an array assigned to a slice (``a[i] = b`` brings in the text of its
 error, two seconds), `np.eye`, a number written as an argument of a kernel (it is compiled for that
 number, and again for the others), and every function that is not `inlined`. Loops cost nothing.
+What takes long to run: an array that an `inlined` part last uses in one arm of a branch. Its
+references are then counted, atomically, at every call.
 What a procedure needs is compiled on two cores: see `ahead`.
 """
 
@@ -85,6 +87,13 @@ def inlined(function: Any) -> Any:
     For the parts of one long loop.
     """
     return part(function, forceinline=True)
+
+
+def fused(function: Any) -> Any:
+    """Compile as `inlined`, a product and the sum it goes into rounded once (NaN stays NaN)."""
+    made = _compiled(function, forceinline=True, no_cpython_wrapper=True, fastmath={"contract"})
+    made.__class__ = _Part
+    return made
 
 
 def reduction(function: Any) -> Any:

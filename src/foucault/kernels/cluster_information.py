@@ -9,7 +9,8 @@ has at the start: ``C_ip_true = Exp(psi) C_ip``. Only psi moves::
 with psi = xi + Y x: x are the constants (the start attitude psi_0 among them, all in units of their
 prior sd), xi is what gyro noise adds. A Kalman filter of the three entries of xi whitens the
 residuals; the same gain acts on the sensitivities Y (stage one), and the whitened rows
-``[S | residual]`` are summed to their Gram matrix in blocks (stage two). It is the linearised
+``[S | residual]`` are summed to their Gram matrix in blocks (stage two), turned so that a third of
+them has zeros where attitude would stand. It is the linearised
 45-state filter, rearranged: no 45 x 45 covariance is carried, nothing can lose its sign.
 
 Columns: 0-2 psi_0, 3-44 the constants in the order of `kernels.cluster`, 45 the delay of the
@@ -20,16 +21,37 @@ import math
 
 import numpy as np
 
-from foucault.kernels import inlined, kernel, part, reduction
+from foucault.kernels import fused, inlined, kernel, part, reduction
 from foucault.kernels.cluster import actual_rate, inputs, inverse_input_axes
+from foucault.kernels.cluster_slopes import (
+    APART,
+    SLOPE,
+    TI,
+    WHITE,
+    A,
+    B,
+    D,
+    F,
+    H,
+    K,
+    L,
+    P,
+    S,
+    U,
+    Y,
+    look,
+    move,
+)
 from foucault.kernels.cluster_slopes import COLUMNS as COLUMNS
 from foucault.kernels.cluster_slopes import RESIDUAL as RESIDUAL
-from foucault.kernels.cluster_slopes import TI, A, F, H, K, L, P, S, Y, look, move
 from foucault.kernels.rotation import C4, C6, S3, S5, multiply_exp
 
 # Rows of the workspace of vectors (7, 3): up in i, specific force now and one interval ago, rate,
 # what p turns by beside its command, its turn since the last epoch, sum of the misses.
 UP, FORCE, BEFORE, RATE, BESIDE, TURNED, MISSED = 0, 1, 2, 3, 4, 5, 6
+
+ALONE = 33
+"""From this column on constants are not of the gyros; these alone are in a third of the rows."""
 
 # Few arrays are handed on: each costs seven words in a call that is not inlined.
 
@@ -101,17 +123,17 @@ def _advance(here, v, theta, Ti, cx, cy, cz, w_in, h):
 
 
 @inlined
-def _miss(here, v, theta, zx, zy, zz, h, mean, delay, lever, arms, g, w_in):
+def _miss(here, v, theta, zx, zy, zz, h, mean, delay, arms, g, w_in):
     """Add what a reading z says beyond the trajectory to the misses."""
     fx, fy, fz = v[FORCE, 0], v[FORCE, 1], v[FORCE, 2]
+    bx, by, bz = v[BEFORE, 0], v[BEFORE, 1], v[BEFORE, 2]
     wx, wy, wz = v[RATE, 0], v[RATE, 1], v[RATE, 2]
-    if mean or delay != 0.0:
-        ex, ey, ez = _rotated(here, w_in[0], w_in[1], w_in[2])
-        nx, ny, nz = wx - ex, wy - ey, wz - ez  # rate relative to n: f' = f x n
+    ex, ey, ez = _rotated(here, w_in[0], w_in[1], w_in[2])
+    nx, ny, nz = wx - ex, wy - ey, wz - ez  # rate relative to n: f' = f x n
     if mean:  # exact while n stands still: a - tan(x)/x ..., a mean of both ends, x = |n| h / 2
-        fx = 0.5 * (v[BEFORE, 0] + fx)
-        fy = 0.5 * (v[BEFORE, 1] + fy)
-        fz = 0.5 * (v[BEFORE, 2] + fz)
+        fx = 0.5 * (bx + fx)
+        fy = 0.5 * (by + fy)
+        fz = 0.5 * (bz + fz)
         x2 = 0.25 * h * h * (nx * nx + ny * ny + nz * nz)
         k = 0.25 * h * h * (1.0 / 3.0 + x2 * (2.0 / 15.0 + x2 * (17.0 / 315.0)))
         sx, sy, sz = fy * nz - fz * ny, fz * nx - fx * nz, fx * ny - fy * nx
@@ -126,41 +148,46 @@ def _miss(here, v, theta, zx, zy, zz, h, mean, delay, lever, arms, g, w_in):
         fx += k * (sy * nz - sz * ny) - delay * sx
         fy += k * (sz * nx - sx * nz) - delay * sy
         fz += k * (sx * ny - sy * nx) - delay * sz
-    if lever:
-        X, V, Z = inputs(theta, fx, fy, fz, wx, wy, wz, 0.0, 0.0, 0.0, arms, g)
-    else:
-        X = fx
-        V = fy + theta[36] * fx
-        Z = fz + theta[37] * fx + theta[38] * fy
+    X, V, Z = inputs(theta, fx, fy, fz, wx, wy, wz, 0.0, 0.0, 0.0, arms, g)
     v[MISSED, 0] += zx - theta[30] - (1.0 + theta[33] + theta[39] * X) * X
     v[MISSED, 1] += zy - theta[31] - (1.0 + theta[34] + theta[40] * V) * V
     v[MISSED, 2] += zz - theta[32] - (1.0 + theta[35] + theta[41] * Z) * Z
 
 
-@reduction
-def _whiten_and_correct(wide, m, W, at):
-    """Solve ``L w = S``, w into columns at .. at + 2 of W (48, rows); replace Y by ``Y - K S``.
-
-    L holds the reciprocal of its diagonal.
-    """
-    i0, i1, i2 = m[L, 0, 0], m[L, 1, 1], m[L, 2, 2]
-    l10, l20, l21 = m[L, 1, 0], m[L, 2, 0], m[L, 2, 1]
+@fused
+def _whiten_and_correct(wide, m, W, V, at):
+    """Write white rows into columns at and at + 1 of W (48, rows), at / 2 of V; correct Y."""
     for i in range(3):
-        k0, k1, k2 = m[K, i, 0], m[K, i, 1], m[K, i, 2]
-        for j in range(COLUMNS):
-            wide[Y + i, j] -= k0 * wide[S, j] + k1 * wide[S + 1, j] + k2 * wide[S + 2, j]
+        u0, u1, u2 = m[U, i, 0], m[U, i, 1], m[U, i, 2]
+        for j in range(ALONE, COLUMNS):
+            wide[APART + i, j] = u0 * wide[S, j] + u1 * wide[S + 1, j] + u2 * wide[S + 2, j]
+    n00, n01, n02 = m[B, 0, 0], m[B, 0, 1], m[B, 0, 2]
+    n10, n11, n12 = m[B, 1, 0], m[B, 1, 1], m[B, 1, 2]
+    d00, d10, d20 = m[D, 0, 0], m[D, 1, 0], m[D, 2, 0]
+    d01, d11, d21 = m[D, 0, 1], m[D, 1, 1], m[D, 2, 1]
     for j in range(COLUMNS):
-        a = wide[S, j] * i0
-        b = (wide[S + 1, j] - l10 * a) * i1
-        W[j, at] = a
-        W[j, at + 1] = b
-        W[j, at + 2] = (wide[S + 2, j] - l20 * a - l21 * b) * i2
+        x, y, z = wide[Y, j], wide[Y + 1, j], wide[Y + 2, j]
+        a = wide[APART, j] + n00 * x + n01 * y + n02 * z
+        b = wide[APART + 1, j] + n10 * x + n11 * y + n12 * z
+        wide[Y, j] = x - d00 * a - d01 * b
+        wide[Y + 1, j] = y - d10 * a - d11 * b
+        wide[Y + 2, j] = z - d20 * a - d21 * b
+        wide[WHITE, j] = a
+        wide[WHITE + 1, j] = b
+    for j in range(COLUMNS):
+        w = W[j, at : at + 2]
+        w[0], w[1] = wide[WHITE, j], wide[WHITE + 1, j]
+    for j in range(ALONE, COLUMNS):
+        V[j, at // 2] = wide[APART + 2, j]
 
 
 @reduction
-def _gram(G, W, rows):
-    """Add ``W W'`` of the first `rows` columns to the upper triangle of G, in tiles of 3 x 3."""
-    for i in range(0, COLUMNS, 3):
+def _gram(G, W, first, rows):
+    """Add ``W W'`` of the first `rows` columns to the upper triangle of G, in tiles of 3 x 3.
+
+    W is zero above its row `first`.
+    """
+    for i in range(first, COLUMNS, 3):
         for j in range(i, COLUMNS, 3):
             a0 = a1 = a2 = b0 = b1 = b2 = c0 = c1 = c2 = 0.0
             for r in range(rows):
@@ -180,47 +207,85 @@ def _gram(G, W, rows):
             G[i + 2, j + 2] += c2
 
 
-@inlined
+@fused
 def _innovation(m, r):
-    """Factor ``H P H' + r I = L L'`` and write the gain K = P H' (L L')^-1; update P.
+    """Turn the readings so that the third sees no attitude; update P with the two others.
 
-    The diagonal of L is stored as its reciprocal; F is scratch, B = P H'.
+    Nobody sees a turn about the vertical: t' H = 0. With T orthogonal, t along its third row, and
+    L the Cholesky factor of the covariance of T (H xi + noise), ``U = L^-1 T``, B = U H and
+    D = P B' of the two. White rows are U times the innovations, ``xi`` changes by D times two.
     """
-    for i in range(3):
-        p0, p1, p2 = m[P, i, 0], m[P, i, 1], m[P, i, 2]
+    x, y, z = m[SLOPE, 2, 0], m[SLOPE, 2, 1], m[SLOPE, 2, 2]
+    t2 = x * x + y * y + z * z
+    size = math.sqrt(t2)
+    sign = math.copysign(1.0, z)
+    a = size + abs(z)
+    k = size * a  # length of the first two rows until they are divided by L
+    m[U, 0, 0], m[U, 0, 1], m[U, 0, 2] = k - x * x, -x * y, -sign * x * a
+    m[U, 1, 0], m[U, 1, 1], m[U, 1, 2] = -x * y, k - y * y, -sign * y * a
+    size = 1.0 / math.sqrt(r * t2)
+    m[U, 2, 0], m[U, 2, 1], m[U, 2, 2] = x * size, y * size, z * size
+    r *= k * k
+    for i in range(2):
+        x, y, z = m[U, i, 0], m[U, i, 1], m[U, i, 2]
         for j in range(3):
-            m[F, i, j] = p0 * m[H, j, 0] + p1 * m[H, j, 1] + p2 * m[H, j, 2]
-    b00, b01, b02 = m[F, 0, 0], m[F, 0, 1], m[F, 0, 2]
-    b10, b11, b12 = m[F, 1, 0], m[F, 1, 1], m[F, 1, 2]
-    b20, b21, b22 = m[F, 2, 0], m[F, 2, 1], m[F, 2, 2]
-    s00 = r + m[H, 0, 0] * b00 + m[H, 0, 1] * b10 + m[H, 0, 2] * b20
-    s10 = m[H, 1, 0] * b00 + m[H, 1, 1] * b10 + m[H, 1, 2] * b20
-    s20 = m[H, 2, 0] * b00 + m[H, 2, 1] * b10 + m[H, 2, 2] * b20
-    s11 = r + m[H, 1, 0] * b01 + m[H, 1, 1] * b11 + m[H, 1, 2] * b21
-    s21 = m[H, 2, 0] * b01 + m[H, 2, 1] * b11 + m[H, 2, 2] * b21
-    s22 = r + m[H, 2, 0] * b02 + m[H, 2, 1] * b12 + m[H, 2, 2] * b22
-    i0 = 1.0 / math.sqrt(s00)
-    l10 = s10 * i0
-    l20 = s20 * i0
-    i1 = 1.0 / math.sqrt(s11 - l10 * l10)
-    l21 = (s21 - l20 * l10) * i1
-    i2 = 1.0 / math.sqrt(s22 - l20 * l20 - l21 * l21)
-    m[L, 0, 0], m[L, 1, 1], m[L, 2, 2] = i0, i1, i2
-    m[L, 1, 0], m[L, 2, 0], m[L, 2, 1] = l10, l20, l21
-    for i in range(3):  # D = B L'^-1, then K = D L^-1 and P - D D'
-        d0 = m[F, i, 0] * i0
-        d1 = (m[F, i, 1] - l10 * d0) * i1
-        d2 = (m[F, i, 2] - l20 * d0 - l21 * d1) * i2
-        m[F, i, 0], m[F, i, 1], m[F, i, 2] = d0, d1, d2
-        k2 = d2 * i2
-        k1 = (d1 - l21 * k2) * i1
-        m[K, i, 0] = (d0 - l10 * k1 - l20 * k2) * i0
-        m[K, i, 1] = k1
-        m[K, i, 2] = k2
+            m[B, i, j] = x * m[H, 0, j] + y * m[H, 1, j] + z * m[H, 2, j]
+    for i in range(3):
+        x, y, z = m[P, i, 0], m[P, i, 1], m[P, i, 2]
+        for j in range(2):
+            m[D, i, j] = x * m[B, j, 0] + y * m[B, j, 1] + z * m[B, j, 2]
+    s00 = r + m[B, 0, 0] * m[D, 0, 0] + m[B, 0, 1] * m[D, 1, 0] + m[B, 0, 2] * m[D, 2, 0]
+    s10 = m[B, 1, 0] * m[D, 0, 0] + m[B, 1, 1] * m[D, 1, 0] + m[B, 1, 2] * m[D, 2, 0]
+    s11 = r + m[B, 1, 0] * m[D, 0, 1] + m[B, 1, 1] * m[D, 1, 1] + m[B, 1, 2] * m[D, 2, 1]
+    r0 = 1.0 / s00
+    l10 = s10 * r0
+    r1 = 1.0 / (s11 - l10 * s10)
+    i0, i1 = math.sqrt(r0), math.sqrt(r1)
+    for i in range(3):
+        m[U, 1, i] = (m[U, 1, i] - l10 * m[U, 0, i]) * i1
+        m[B, 1, i] = (m[B, 1, i] - l10 * m[B, 0, i]) * i1
+        m[D, i, 1] = (m[D, i, 1] - l10 * m[D, i, 0]) * i1
+        m[U, 0, i] *= i0
+        m[B, 0, i] *= i0
+        m[D, i, 0] *= i0
         for j in range(i + 1):
-            p = m[P, i, j] - d0 * m[F, j, 0] - d1 * m[F, j, 1] - d2 * m[F, j, 2]
+            p = m[P, i, j] - m[D, i, 0] * m[D, j, 0] - m[D, i, 1] * m[D, j, 1]
             m[P, i, j] = p
             m[P, j, i] = p
+
+
+@part
+def _as_read(k, wide, m, r, rows):
+    """Factor ``H P H' + r I = L L'``, write K = P H' (L L')^-1, and white rows into entry k.
+
+    For whom readings must not be turned. The diagonal of L is stored as its reciprocal.
+    """
+    for i in range(3):
+        for j in range(3):
+            m[K, i, j] = m[P, i, 0] * m[H, j, 0] + m[P, i, 1] * m[H, j, 1] + m[P, i, 2] * m[H, j, 2]
+    for i in range(3):
+        for j in range(i + 1):
+            s = m[H, i, 0] * m[K, 0, j] + m[H, i, 1] * m[K, 1, j] + m[H, i, 2] * m[K, 2, j]
+            for n in range(j):
+                s -= m[L, i, n] * m[L, j, n]
+            m[L, i, j] = s * m[L, j, j] if j < i else 1.0 / math.sqrt(r + s)
+    for i in range(3):
+        for j in range(3):
+            for n in range(j):
+                m[K, i, j] -= m[L, j, n] * m[K, i, n]
+            m[K, i, j] *= m[L, j, j]
+        for j in range(2, -1, -1):
+            for n in range(j + 1, 3):
+                m[K, i, j] -= m[L, n, j] * m[K, i, n]
+            m[K, i, j] *= m[L, j, j]
+    for i in range(3 if k < rows.shape[0] else 0):
+        for j in range(COLUMNS):
+            s = wide[S + i, j]
+            for n in range(3):
+                s += m[H, i, n] * wide[Y + n, j]
+            for n in range(i):
+                s -= m[L, i, n] * rows[k, n, j]
+            rows[k, i, j] = s * m[L, i, i]
 
 
 @inlined
@@ -326,13 +391,9 @@ def information_pass(
     """
     N = dt.size
     BATCH = 128
-    far = 0.0
-    for k in range(arms.size):
-        far += abs(arms.flat[k])
-    lever = far > 0.0
-    m = np.zeros((11, 3, 3))
+    m = np.zeros((13, 3, 3))
     v = np.zeros((7, 3))
-    wide = np.zeros((6, COLUMNS))
+    wide = np.zeros((11, COLUMNS))
     Ti = np.empty((3, 3))
     inverse_input_axes(theta, Ti)
     for i in range(3):
@@ -343,7 +404,8 @@ def information_pass(
     for i in range(3):
         wide[Y + i, i] = scale[i]
         v[FORCE, i] = C_ip[2, i]
-    W = np.zeros((COLUMNS, 3 * BATCH + 4))  # + 4: columns must not share their cache lines
+    W = np.zeros((COLUMNS, 2 * BATCH + 4))  # + 4: columns must not share their cache lines
+    V = np.zeros((COLUMNS, BATCH + 4))
     G = np.zeros((COLUMNS, COLUMNS))
     c_time = np.zeros(checkpoints.size)
     c_gram = np.zeros((checkpoints.size, COLUMNS, COLUMNS))
@@ -353,15 +415,17 @@ def information_pass(
     at_block = np.zeros(N // block + 1)
     at_step = np.zeros(gains.shape[0])
     now = epoch = times = 0.0
-    count = blocks = kept = steps = 0
-    none = filled = N - N  # a 0 as an argument would compile what takes it once more, for 0
+    # A 0 as an argument would compile what takes it once more, for 0.
+    none = N - N
+    count = blocks = kept = steps = filled = none
+    alone = none + ALONE
     for k in range(N):
         h = dt[k]
         _advance(here, v, theta, Ti, command[k, 0], command[k, 1], command[k, 2], w_in, h)
         now += h
         if used[k]:
             x, y, z = reading[k, 0], reading[k, 1], reading[k, 2]
-            _miss(here, v, theta, x, y, z, h, mean, delay, lever, arms, g, w_in)
+            _miss(here, v, theta, x, y, z, h, mean, delay, arms, g, w_in)
             times += now - 0.5 * h if mean else now
             count += 1
         if count > 0 and ((k + 1) % block == 0 or k == N - 1):
@@ -370,14 +434,12 @@ def information_pass(
                 wide, m, here, there, half, v, theta, scale, w_in, arms, g, at - epoch, now - at, q
             )
             for i in range(3):
-                wide[S + i, RESIDUAL] += v[MISSED, i] / count
+                wide[S + i, RESIDUAL] = v[MISSED, i] / count
                 v[MISSED, i] = 0.0
+            if rows.shape[0] > 0 or at_step.size > 0:
+                _as_read(blocks, wide, m, r / count, rows)
             _innovation(m, r / count)
-            _whiten_and_correct(wide, m, W, filled)
-            if rows.shape[0] > 0:
-                for i in range(3):
-                    for j in range(COLUMNS):
-                        rows[blocks, i, j] = W[j, filled + i]
+            _whiten_and_correct(wide, m, W, V, filled)
             if at_step.size > 0:
                 _keep_gains(steps, m, 1.0, gains)
                 at_step[steps] = at
@@ -387,7 +449,7 @@ def information_pass(
             times = 0.0
             count = 0
             blocks += 1
-            filled += 3
+            filled += 2
         elif (k + 1) % block == 0:  # nothing was read for long: the slopes must not go far at once
             _carry(wide, m, here, there, half, v, theta, scale, now - epoch, q)
             if at_step.size > 0:
@@ -395,14 +457,16 @@ def information_pass(
                 at_step[steps] = now
                 steps += 1
             epoch = now
-        if filled == 3 * BATCH or (kept < checkpoints.size and k >= checkpoints[kept]):
-            _gram(G, W, filled)
+        if filled == 2 * BATCH or (kept < checkpoints.size and k >= checkpoints[kept]):
+            _gram(G, W, none, filled)
+            _gram(G, V, alone, filled // 2)
             filled = 0
         if kept < checkpoints.size and k >= checkpoints[kept]:
             c_time[kept] = now
             _keep(kept, G, wide, m, here, c_gram, c_wide, c_P, c_C)
             kept += 1
-    _gram(G, W, filled)
+    _gram(G, W, none, filled)
+    _gram(G, V, alone, filled // 2)
     tail = now - epoch
     if tail > 0.0:
         _carry(wide, m, here, there, half, v, theta, scale, tail, q)

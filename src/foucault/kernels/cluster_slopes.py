@@ -3,21 +3,21 @@
 Equations and columns as in `kernels.cluster_information`, which drives this.
 """
 
-from foucault.kernels import inlined, reduction
+from foucault.kernels import fused
 from foucault.kernels.rotation import multiply_exp
 
 COLUMNS = 48
 RESIDUAL = 47
 
-# Rows of the wide workspace (6, 48): sensitivities of psi, expected innovations.
-Y, S = 0, 3
-# Pages of the small workspace (11, 3, 3): covariance of xi, T^-1, A, slopes of the drift, axes of
-# the gyros, transition, H, Cholesky factor, gain.
-P, TI, A, E, AXES, F, H, L, K = 0, 1, 2, 3, 4, 5, 6, 7, 8
-SLOPE = 9  # two rows: slopes by the misalignments
+# Rows of the wide workspace (11, 48): sensitivities of psi, of readings beside it; both, white.
+Y, S, APART, WHITE = 0, 3, 6, 9
+# Pages of the small workspace (13, 3, 3): covariance of xi, T^-1, A, slopes of the drift, axes of
+# the gyros, transition, H, Cholesky factor, gain; of white rows B = U H, gain and U.
+P, TI, A, E, AXES, F, H, L, K, B, D, U = 0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 11, 12
+SLOPE = 9  # two rows: slopes by the misalignments; t, which has t' H = 0
 
 
-@inlined
+@fused
 def _slopes(m, theta, fx, fy, fz, wx, wy, wz):
     """Linearise the drift at f: slopes by f, axes of the gyros, slopes of drift - T w by T."""
     m0, m1, m2 = theta[24], theta[25], theta[26]
@@ -48,7 +48,7 @@ def _slopes(m, theta, fx, fy, fz, wx, wy, wz):
     m[SLOPE, 1, 2] = -wy + dI * fy - dS * fz
 
 
-@inlined
+@fused
 def _constants_move(wide, m, there, half, theta, scale, span, wx, wy, wz):
     """Add to Y what the constants of the gyros do to psi over `span` [s]."""
     for i in range(3):
@@ -62,7 +62,7 @@ def _constants_move(wide, m, there, half, theta, scale, span, wx, wy, wz):
         a, o, s = m[AXES, i, 0], m[AXES, i, 1], m[AXES, i, 2]
         drift = theta[i] + (theta[3 + i] + theta[12 + i] * o + theta[15 + i] * s) * a
         drift += (theta[6 + i] + theta[18 + i] * s) * o + theta[9 + i] * s
-        command = (sensed - drift) / (1.0 + theta[21 + i])
+        command = (sensed - drift) * (1.0 / (1.0 + theta[21 + i]))
         d = scale[3 + i]
         dI, dO, dS = a * scale[6 + i], o * scale[9 + i], s * scale[12 + i]
         dIO, dIS, dOS = a * o * scale[15 + i], a * s * scale[18 + i], o * s * scale[21 + i]
@@ -82,7 +82,7 @@ def _constants_move(wide, m, there, half, theta, scale, span, wx, wy, wz):
             wide[Y + b, 28 + 2 * i] += g * t1
 
 
-@reduction
+@fused
 def _mix(wide, m):
     """Replace Y by ``Y + F Y``."""
     f00, f01, f02 = m[F, 0, 0], m[F, 0, 1], m[F, 0, 2]
@@ -97,16 +97,7 @@ def _mix(wide, m):
         wide[Y + 2, j] = z + f20 * x + f21 * y + f22 * z
 
 
-@reduction
-def _observe(wide, m):
-    """Write ``H Y`` into S."""
-    for i in range(3):
-        h0, h1, h2 = m[H, i, 0], m[H, i, 1], m[H, i, 2]
-        for j in range(COLUMNS):
-            wide[S + i, j] = h0 * wide[Y, j] + h1 * wide[Y + 1, j] + h2 * wide[Y + 2, j]
-
-
-@inlined
+@fused
 def _propagate(m, half, q):
     """Replace P by ``(I + F) P (I + F)' + q A A'``; `half` is scratch."""
     for i in range(3):
@@ -123,7 +114,7 @@ def _propagate(m, half, q):
             m[P, j, i] = p
 
 
-@inlined
+@fused
 def move(wide, m, there, half, theta, scale, ux, uy, uz, span, px, py, pz, q):
     """Carry sensitivities and covariance of xi over `span` [s] in which p turned by (px, py, pz).
 
@@ -158,9 +149,9 @@ def move(wide, m, there, half, theta, scale, ux, uy, uz, span, px, py, pz, q):
     _propagate(m, half, q * span)
 
 
-@inlined
+@fused
 def look(wide, m, there, theta, scale, fx, fy, fz, X, V, Z, wx, wy, wz):
-    """Write H and the rows S: expected innovation per unit of every column."""
+    """Write H, the rows S, what readings say of the constants beside H Y, and t of ``t' H = 0``."""
     sx = 1.0 + theta[33] + 2.0 * theta[39] * X
     sy = 1.0 + theta[34] + 2.0 * theta[40] * V
     sz = 1.0 + theta[35] + 2.0 * theta[41] * Z
@@ -174,19 +165,21 @@ def look(wide, m, there, theta, scale, fx, fy, fz, X, V, Z, wx, wy, wz):
         m[H, 0, j] = sx * (c2 * fy - c1 * fz)
         m[H, 1, j] = c0 * y0 + c1 * y1 + c2 * y2
         m[H, 2, j] = c0 * z0 + c1 * z1 + c2 * z2
-    _observe(wide, m)
-    wide[S, 33] += scale[33]
-    wide[S + 1, 34] += scale[34]
-    wide[S + 2, 35] += scale[35]
-    wide[S, 36] += X * scale[36]
-    wide[S + 1, 37] += V * scale[37]
-    wide[S + 2, 38] += Z * scale[38]
-    wide[S + 1, 39] += sy * fx * scale[39]
-    wide[S + 2, 40] += sz * fx * scale[40]
-    wide[S + 2, 41] += sz * fy * scale[41]
-    wide[S, 42] += X * X * scale[42]
-    wide[S + 1, 43] += V * V * scale[43]
-    wide[S + 2, 44] += Z * Z * scale[44]
-    wide[S, 45] -= sx * (wz * fy - wy * fz) * scale[45]
-    wide[S + 1, 45] -= (y0 * wx + y1 * wy + y2 * wz) * scale[45]
-    wide[S + 2, 45] -= (z0 * wx + z1 * wy + z2 * wz) * scale[45]
+    wide[S, 33] = scale[33]
+    wide[S + 1, 34] = scale[34]
+    wide[S + 2, 35] = scale[35]
+    wide[S, 36] = X * scale[36]
+    wide[S + 1, 37] = V * scale[37]
+    wide[S + 2, 38] = Z * scale[38]
+    wide[S + 1, 39] = sy * fx * scale[39]
+    wide[S + 2, 40] = sz * fx * scale[40]
+    wide[S + 2, 41] = sz * fy * scale[41]
+    wide[S, 42] = X * X * scale[42]
+    wide[S + 1, 43] = V * V * scale[43]
+    wide[S + 2, 44] = Z * Z * scale[44]
+    wide[S, 45] = -sx * (wz * fy - wy * fz) * scale[45]
+    wide[S + 1, 45] = -(y0 * wx + y1 * wy + y2 * wz) * scale[45]
+    wide[S + 2, 45] = -(z0 * wx + z1 * wy + z2 * wz) * scale[45]
+    fy -= d * fz
+    fx -= b * fy + c * fz
+    m[SLOPE, 2, 0], m[SLOPE, 2, 1], m[SLOPE, 2, 2] = fx * sy * sz, fy * sx * sz, fz * sx * sy
