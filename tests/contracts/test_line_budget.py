@@ -21,7 +21,7 @@ BUDGET = {
     "export": 3_657,
     "guard": 1_936,
     "infer": 3_762,
-    "kernels": 7_052,
+    "kernels": 7_065,
     "logs": 7_702,
     "models": 6_125,
     "navigate": 2_139,

@@ -9,6 +9,7 @@ from what a session of each procedure compiled.
 
 from __future__ import annotations
 
+import atexit
 import gc
 import importlib
 import os
@@ -50,7 +51,14 @@ def begin(campaign: Path) -> None:
         procedure = str(tomllib.loads(campaign.read_text(encoding="utf-8"))["procedure"]["name"])
     except (OSError, ValueError, LookupError, TypeError):  # whoever reads it says so
         return
-    _begun[procedure] = _start(procedure)
+    _begun[procedure] = started = _start(procedure)
+    atexit.register(_end, started)  # should nothing be calibrated
+
+
+def _end(started: list[subprocess.Popen[bytes]]) -> None:
+    for process in started:
+        process.kill()
+        process.wait()
 
 
 def _start(procedure: str) -> list[subprocess.Popen[bytes]]:
@@ -92,9 +100,7 @@ def compiling(procedure: str, tell: Callable[[float, str], None]) -> Iterator[No
         for process in started:
             process.wait()
     finally:
-        for process in started:
-            process.kill()
-            process.wait()
+        _end(started)
 
 
 def compile_lanes(procedure: str, numbers: list[int]) -> None:
