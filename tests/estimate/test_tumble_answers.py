@@ -73,7 +73,7 @@ def test_every_change_is_answered_as_by_a_pass_of_its_own(kind):
     sd[:3], sd[sd == 0] = sd[:3].max(), 1.0
     # Slopes are taken at the middle of an average, in which the cluster turns by a degree, and
     # in the last case the command steps.
-    near = 1e-2 if kind == "uneven" else 2e-3
+    near = 1e-2 if kind == "uneven" else 5e-4
     for j, change in enumerate(some):
         residuals, moved = by_passes(t, prior, at, change)
         off = np.linalg.norm(E[:, j] - residuals) / np.linalg.norm(residuals)

@@ -22,17 +22,17 @@ from typing import Any
 import numba
 import platformdirs
 from numba.core.caching import FunctionCache
+from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime import rtsys
 
 TRIED = (0, 68)
 """The newest Numba that `compiling` was tried with: a newer one compiles as it does by itself."""
 
+KernelCompiler: Any = Compiler
+PartCompiler: Any = Compiler
 if numba.version_info.short <= TRIED:
     from foucault.kernels.compiling import KernelCompiler, PartCompiler
-else:
-    from numba.core.compiler import Compiler as KernelCompiler
-    from numba.core.compiler import Compiler as PartCompiler
 
 
 def _cache_folder() -> str:

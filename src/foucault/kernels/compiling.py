@@ -43,10 +43,7 @@ def _known_call_type(function: Any, context: Any, given: Any, more: Any) -> Any:
     return _signatures[key]
 
 
-@functools.cache
-def _size(target: Any, kind: Any) -> int:
-    """Bytes of a type of LLVM."""
-    return int(kind.get_abi_size(target))
+_size = functools.cache(lambda target, kind: int(kind.get_abi_size(target)))  # bytes of a type
 
 
 class KernelCompiler(Compiler):  # type: ignore[misc]  # numba has no types
