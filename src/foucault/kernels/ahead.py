@@ -49,7 +49,7 @@ def begin(campaign: Path) -> None:
     """Start to compile for what seems to be a campaign's file, before it is read in earnest."""
     try:
         procedure = str(tomllib.loads(campaign.read_text(encoding="utf-8"))["procedure"]["name"])
-    except (OSError, ValueError, LookupError, TypeError):  # whoever reads it says so
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):  # its reader says so
         return
     _begun[procedure] = started = _start(procedure)
     atexit.register(_end, started)  # should nothing be calibrated

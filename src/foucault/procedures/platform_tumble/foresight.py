@@ -576,7 +576,7 @@ def _without_mishaps(
             calm = replace(tumble, used=used, reading=np.where(used[:, None], tumble.reading, 0.0))
             left = estimation.solve(calm, prior, passes=passes)
             square = np.sum(left.rows[..., -1] ** 2, axis=1)
-            spoilt, limit = uneven(square, q) if len(square) else (True, 0.0)
+            spoilt, limit = uneven(square, q) if _explains(left) else (True, 0.0)
             if not spoilt:
                 best = best or (calm, left)
                 beside = np.searchsorted(left.time, fit.time[first])[:, None] + np.arange(-2, 5)
