@@ -156,7 +156,7 @@ class Verdict(Shown):
     def doubted(self, findings: tuple[Finding, ...]) -> Verdict:
         """Return this verdict, lowered where a finding says that the numbers may be wrong.
 
-        What data contradict before anything is estimated comes first: it may be why checks fail.
+        These come first: they may be why checks fail.
 
         Parameters
         ----------

@@ -192,3 +192,24 @@ def test_what_shifts_for_good_is_no_knock(plan):
                        trial=True)  # fmt: skip
     assert "tumble.mishap" not in codes(result)
     assert result.verdict.level is Level.DOUBTFUL
+
+
+@pytest.mark.parametrize("plan", [FAST, PUBLISHED])
+def test_no_knock_is_found_beside_an_outlier_where_the_noise_is_larger(plan):
+    """The noise 10 % larger than was said: residuals are too large, and even."""
+    made, session = tumble(plan)
+    log = session.simulation.log
+    louder = np.random.default_rng(1).standard_normal(log.accel.shape) * SD * np.sqrt(1.1**2 - 1)
+    accel = log.accel + louder
+    accel[len(accel) // 3] += 1.0
+    result = calibrate(made, replace(log, accel=accel), trial=True)
+    assert "tumble.outliers" in codes(result) and "tumble.mishap" not in codes(result)
+
+
+def test_where_slow_noise_is_declared_no_knock_is_looked_for():
+    """Residuals are larger and related by it, as after a knock."""
+    made, session = tumble(PUBLISHED)
+    log = pushed(session.simulation.log, 1, 1e-4, 900.0, 20.0, soft=True)
+    wander = {"bias_instability": 1e-5, "correlation_time": 300.0}
+    noise = replace(made.noise, accel=replace(made.noise.accel, **wander))
+    assert "tumble.mishap" not in codes(calibrate(made, log, trial=True, noise=noise))

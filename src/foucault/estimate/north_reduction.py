@@ -86,7 +86,8 @@ class Roots(NamedTuple):
 
     def turned(self, T: FloatArray) -> Roots:
         """Return how much of them is in other numbers, by `T` (m, 4, 4) [1]."""
-        return self._replace(each=np.concatenate([T @ B for B in self.parts], axis=2))
+        turned = [self.each[:, :, :0], *(T @ B for B in self.parts)]
+        return self._replace(each=np.concatenate(turned, axis=2))
 
     @property
     def felt(self) -> Roots:

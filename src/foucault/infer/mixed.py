@@ -400,7 +400,7 @@ def fit(
     """
     stating, model = model, cast("Model", _Once(model))
     loss = gauss_newton.huber if robust else gauss_newton.least_squares
-    begin = _first_sizes(model)
+    begin, silent = _first_sizes(model)
     first = near.estimate if near else gauss_newton.solve(stated(model, begin), loss=loss)
     # What readings do not determine by themselves is solved with the prior from the beginning.
     carried = prior if first.status is Status.UNOBSERVABLE else None
@@ -421,7 +421,7 @@ def fit(
     after = before = components(model, estimate, sds if own else None)
     sources = model.linearise(estimate.state).sources
     alone = {s.name: 0.0 for s in sources if s.unexplained and found.get(s.name)}
-    if alone and not any(begin.values()):
+    if alone and not silent:
         # Where nothing else was found either, that is what was solved first.
         same = np.array_equal(first.weights, weights)
         same &= not any(known.values()) and not any((found | alone).values())
@@ -445,18 +445,21 @@ def with_prior(at: Fit, prior: CoefficientVector | None) -> Fit:
     return replace(now, found=at.found, dof=at.dof, before=at.before, after=at.after)
 
 
-def _first_sizes(model: Model) -> dict[str, float]:
+def _first_sizes(model: Model) -> tuple[dict[str, float], bool]:
     """Return what sources of unknown size begin with: nothing, but where nothing else is known.
 
     Noise that nobody knows begins with what the start leaves: without it what else a reading has
-    for itself, such as the jitter of a rate, would stand for all of its noise.
+    for itself, such as the jitter of a rate, would stand for all of its noise. Returns also whether
+    readings have no error of a known size for themselves.
     """
     at = model.linearise(model.start)
-    names = {s.name for s in at.sources if s.sd is None}
+    names = sorted({s.name for s in at.sources if s.sd is None})
+    silent = bool(_silent(at, names).any())
+    begin = dict.fromkeys(names, 1.0 if silent else 0.0)
     if any(s.noise for s in at.sources if s.sd is None):
         found, _ = repeatability(model, model.start, np.ones(len(at.residuals)))
-        return {name: found[name] or 1.0 for name in sorted(names)}
-    return dict.fromkeys(sorted(names), 1.0 if _silent(at, names).any() else 0.0)
+        begin = {name: found[name] or begin[name] for name in names}
+    return begin, silent
 
 
 def _silent(at: Linearisation, free: Iterable[str]) -> BoolArray:

@@ -34,7 +34,7 @@ from foucault.estimate.tumble_solution import Solution, is_slow
 from foucault.guard import command
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.infer.left_out import Judgement
-from foucault.infer.snooping import NEAR, mishaps, uneven
+from foucault.infer.snooping import NEAR, PLACES, mishaps, uneven
 from foucault.models import cluster
 from foucault.models.cluster import CONSTANTS, LAYOUT, SOURCE_SYMBOLS, ClusterModel, attitude_of
 from foucault.models.earth import Site, earth_rate_n
@@ -486,7 +486,8 @@ def solved(
     """
     told, advice = list[Finding](), ""
     if settings.filter == "gauss-newton":
-        fit, tumble, prior, told = _solve(tumble, prior, settings)
+        slow = is_slow(noise.accel) or is_slow(noise.gyro)
+        fit, tumble, prior, told = _solve(tumble, prior, settings, slow=slow)
         if measured and fit.status is Status.CONVERGED:
             scale = fit.chi_square / max(fit.residuals - len(LAYOUT), 1)
             tumble = replace(tumble, accel_variance=tumble.accel_variance * scale)
@@ -523,19 +524,17 @@ def _relative(tumble: Tumble, prior: Prior, fit: Fit, settings: Settings) -> lis
 
 
 def _solve(
-    tumble: Tumble, prior: Prior, settings: Settings
+    tumble: Tumble, prior: Prior, settings: Settings, *, slow: bool
 ) -> tuple[Fit, Tumble, Prior, list[Finding]]:
     """Solve, from other azimuths too where the first start does not explain the readings.
 
-    What does not belong to the others for a moment is left out, and said.
+    What does not belong to the others for a moment is left out, and said; where noise is `slow`,
+    it looks like that too.
 
     A delay of more than half an interval is put back by whole ones, so that what is left of it is
     small enough to be linear; log and prior are returned as they were solved.
     """
-    fit, told = estimation.solve(tumble, prior, passes=settings.passes), []
-    if (calm := _without_mishaps(tumble, prior, fit, settings.passes)) is not None:
-        told.append(_of_mishaps(tumble, calm[0]))
-        tumble, fit = calm
+    fit = estimation.solve(tumble, prior, passes=settings.passes)
     if not _explains(fit):
         other = _elsewhere(tumble, prior, settings)
         worse = fit.status is not Status.CONVERGED
@@ -548,7 +547,9 @@ def _solve(
             break
         tumble, prior = shifted(tumble, prior, rows)
         fit = estimation.solve(tumble, prior, passes=settings.passes)
-    return fit, tumble, prior, told
+    if slow or (calm := _without_mishaps(tumble, prior, fit, settings.passes)) is None:
+        return fit, tumble, prior, []
+    return calm[1], calm[0], prior, [_of_mishaps(tumble, calm[0])]
 
 
 def _without_mishaps(
@@ -558,10 +559,12 @@ def _without_mishaps(
 
     So few that the others are even.
     """
-    if len(fit.time) < ENOUGH or fit.chi_square < chi_square_limits(fit.residuals)[1]:
+    b, q = fit.rows.shape[:2]
+    if b < ENOUGH or fit.chi_square < chi_square_limits(fit.residuals)[1]:
         return None
-    miss, slope = prior.rows(fit.start)
-    on, (b, q, _) = prior.sought, fit.rows.shape
+    if not uneven(np.sum(fit.rows[..., -1] ** 2, axis=1), q)[0]:
+        return None
+    (miss, slope), on = prior.rows(fit.start), prior.sought
     slope = slope[np.ix_(on, on)]
     found = mishaps(fit.rows[..., -1], fit.rows[..., on], slope.T @ slope, slope.T @ miss[on])
     # The time of a row is the mean of its readings.
@@ -570,11 +573,11 @@ def _without_mishaps(
     best = None
     for first in (jumps[np.diff(jumps, prepend=-b) > SHORT * b], found):
         length = 1
-        while len(first) and len(first) * length <= SHORT * b:
+        while 0 < len(first) <= PLACES and len(first) * length <= SHORT * b:
             far = ((row >= first[:, None]) & (row < first[:, None] + length)).any(axis=0)
             used = tumble.used & ~far
             calm = replace(tumble, used=used, reading=np.where(used[:, None], tumble.reading, 0.0))
-            left = estimation.solve(calm, prior, passes=passes)
+            left = estimation.solve(calm, prior, fit.start, passes=passes)
             square = np.sum(left.rows[..., -1] ** 2, axis=1)
             spoilt, limit = uneven(square, q) if _explains(left) else (True, 0.0)
             if not spoilt:
