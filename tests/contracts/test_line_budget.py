@@ -26,7 +26,7 @@ BUDGET = {
     "models": 6_125,
     "navigate": 2_139,
     "plans": 5_923,
-    "procedures": 20_343,
+    "procedures": 20_356,
     "recognise": 3_040,
     "report": 10_322,
     "records": 1_593,

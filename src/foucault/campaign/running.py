@@ -144,7 +144,7 @@ def _stuck_named(log: Any) -> Iterator[None]:
         yield
     except FoucaultError as problem:
         stuck = [f for f in log.findings if f.code in ("log.stuck", "log.triads_exchanged")]
-        if not stuck:
+        if not stuck or problem.code == "log.stuck":
             raise
         said = " ".join(f.message for f in stuck)
         raise FoucaultError(problem.code, f"{said} {problem.message}", stuck[0].cure) from problem

@@ -34,7 +34,7 @@ from foucault.detect.noise import without_spikes
 from foucault.detect.steady import Spin
 from foucault.diagnose.checks import check
 from foucault.diagnose.fit_checks import Judged, Limit, checks
-from foucault.errors import Finding, Status, error, finding
+from foucault.errors import Finding, Status, doubting, error, finding
 from foucault.estimate import spin as engine
 from foucault.guard.mistakes import exchange_words, exchanges
 from foucault.infer.mixed import Fit
@@ -46,7 +46,7 @@ from foucault.models.left_out import Motion
 from foucault.models.spin import across
 from foucault.plans import limit
 from foucault.plans.optimise import StatedSpace, require_seen, weights_of
-from foucault.procedures import left_out, record
+from foucault.procedures import left_out, record, solvable
 from foucault.procedures.continuous_spin import model as physics
 from foucault.procedures.continuous_spin.model import SCATTER, SPAN, SpinModel
 from foucault.procedures.left_out import Again
@@ -185,17 +185,22 @@ def observe(log: Log, given: Given[Settings]) -> SpinModel:
     s = given.settings
     log = without_spikes(log)
     spins, axes = _read(log, s)
-    for told in _spared(log, spins):
+    noticed = _spared(log, spins)
+    for told in noticed:
         if told.code == "log.saturated" and told.severity != "note":
             raise error("spun.saturated", what=told.message)
     paths = _begun(spins, axes, given.site.gravity)
     physics.require_spread(spins, axes)
-    start = engine.started(spins, axes, paths, given.noise)
-    solved = engine.solve(spins, start, s.estimated(), given.site, given.noise)
-    swaying = engine.leaning(solved)[0]
-    if np.median(swaying) > SWAYS:
-        raise error("spun.sways", sway=plain(float(np.degrees(np.median(swaying))), 2),
-                    most=plain(float(np.degrees(SWAYS)), 2))  # fmt: skip
+    stuck = [told for told in noticed if told.code == "log.stuck"]
+    with doubting(stuck), solvable():  # how it ends with an axis that is stuck is rounding
+        start = engine.started(spins, axes, paths, given.noise)
+        solved = engine.solve(spins, start, s.estimated(), given.site, given.noise)
+        swaying = engine.leaning(solved)[0]
+        if stuck and not solved.converged:
+            raise error("solution.singular", why="no convergence")
+        if np.median(swaying) > SWAYS:
+            raise error("spun.sways", sway=plain(float(np.degrees(np.median(swaying))), 2),
+                        most=plain(float(np.degrees(SWAYS)), 2))  # fmt: skip
     return SpinModel(solved, physics.rows_of(solved), given.noise, s.repeatability)
 
 

@@ -194,6 +194,7 @@ def _found(
     fewest = 2 if len(recordings) == 1 else 1  # a recording may be one pose
     doubts: list[Finding] = []
     notes: list[Finding] = []
+    elsewhere: list[FoucaultError] = []
     found: list[tuple[int, FoundSequence]] = []
     matched: list[Matched] = []
     for number, ((row, part), plan) in enumerate(zip(recordings, plans, strict=True), 1):
@@ -202,7 +203,12 @@ def _found(
             still = int(np.count_nonzero(one.still))
             if still < fewest:
                 raise error("systematic.all_move", given=still, rests=len(one.rests))
-            doubts += check_sequence(part, one, site)
+            try:
+                doubts += check_sequence(part, one, site)
+            except FoucaultError as problem:  # turns that are not of the plan come before it
+                if problem.code != "systematic.latitude":
+                    raise
+                elsewhere.append(problem)
             if plan is not None:
                 same = match_sequence(one, plan)
                 before = sum(len(f.rests) for _, f in found)
@@ -216,6 +222,8 @@ def _found(
             where = f"Recording {number}, from {part.time[0]:.0f} s on: "
             raise FoucaultError(problem.code, where + problem.message, problem.cure) from None
         found.append((row, one))
+    if elsewhere:
+        raise elsewhere[0]
     both = FoundSequence.joined(found)
     return both, Matched.joined(matched), (*doubts, *both.findings, *notes)
 
