@@ -33,7 +33,8 @@ def arguments(steps=12, block=1, mean=False, delay=0.0, seed=0):
 def test_compiled_as_python(block, mean, delay):
     compiled, plain = arguments(12, block, mean, delay), arguments(12, block, mean, delay)
     for a, b in zip(information_pass(*compiled), information_pass.py_func(*plain), strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
+        near = 1e-12 + 1e-15 * np.abs(b).max(initial=0.0)  # sums of large terms round as these
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=near)
     for k in (14, 17):
         np.testing.assert_allclose(compiled[k], plain[k], rtol=1e-12, atol=1e-12)
 
