@@ -32,13 +32,12 @@ def arguments(steps=12, block=1, mean=False, delay=0.0, seed=0):
 )
 def test_compiled_as_python(block, mean, delay):
     compiled, plain = arguments(12, block, mean, delay), arguments(12, block, mean, delay)
-    (gram, *out), (wanted, *same) = information_pass(*compiled), information_pass.py_func(*plain)
-    size = np.sqrt(np.einsum("nii->ni", wanted))  # a sum rounds as the terms that it is of
-    size[size == 0.0] = 1.0
-    unit = 1.0 / (size[:, :, None] * size[:, None])
-    np.testing.assert_allclose(gram * unit, wanted * unit, rtol=0.0, atol=1e-12)
-    for a, b in zip(out, same, strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
+    for a, b in zip(information_pass(*compiled), information_pass.py_func(*plain), strict=True):
+        size = np.abs(b)
+        if b.shape[1:] == (48, 48):  # an entry rounds as the squares on the diagonal
+            own = np.sqrt(np.einsum("nii->ni", b))
+            size = own[:, :, None] * own[:, None]
+        assert (np.abs(a - b) <= 1e-12 * (1.0 + size)).all()
     for k in (14, 17):
         np.testing.assert_allclose(compiled[k], plain[k], rtol=1e-12, atol=1e-12)
 
