@@ -125,15 +125,15 @@ def finding(code: str, **values: object) -> Finding:
 
 @contextmanager
 def doubting(findings: Iterable[Finding]) -> Iterator[None]:
-    """Let an error raised inside begin with the first doubt of `findings`, its likely cause."""
+    """Let an error raised inside begin with the doubts of `findings`, its likely cause."""
     try:
         yield
     except FoucaultError as problem:
-        doubt = next((f for f in findings if doubtful(f.code)), None)
-        if doubt is None:
+        doubts = [f for f in findings if doubtful(f.code) and f.message not in problem.message]
+        if not doubts or problem.code in {f.code for f in doubts}:
             raise
-        message = f"{doubt.message} With it: {problem.message}"
-        raise FoucaultError(doubt.code, message, doubt.cure) from problem
+        message = f"{' '.join(f.message for f in doubts)} With it: {problem.message}"
+        raise FoucaultError(doubts[0].code, message, doubts[0].cure) from problem
 
 
 def _filled(code: str, values: Mapping[str, object]) -> tuple[str, str]:

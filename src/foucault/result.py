@@ -166,9 +166,9 @@ class Verdict(Shown):
         told = [
             f"{f.message} {f.cure}" for f in findings if doubtful(f.code) and f.severity != "note"
         ]
-        more = tuple(words for words in told if words not in self.reasons)
-        level = Level.DOUBTFUL if more and self.level is Level.PASS else self.level
-        return Verdict(level, (*more, *self.reasons))
+        rest = (reason for reason in self.reasons if reason not in told)
+        level = Level.DOUBTFUL if told and self.level is Level.PASS else self.level
+        return Verdict(level, (*told, *rest))
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from test_command_line import COMMANDS, PROGRAM, options
 import foucault
 from foucault import campaign
 from foucault.errors import FoucaultError, doubting, error, finding
+from foucault.result import Level, Verdict
 from foucault.symptoms import SYMPTOMS
 
 SOURCE = Path(foucault.__file__).parent
@@ -152,13 +153,31 @@ def test_what_they_advise_exists() -> None:
         assert {key.split(".")[-1] for key in keys} <= keys_of_files | OTHER_KEYS, text
 
 
+OTHER = finding("log.stuck", triad="accel", axis="x", start="3", end="9")
+STUCK = finding("log.stuck", triad="gyro", axis="y", start="0", end="153.32")
+
+
 def test_an_error_begins_with_what_was_doubtful_before_it() -> None:
     doubt = finding("systematic.latitude", seen="48.9", sd="0.02", declared="54.8")
     failed = error("strapdown.not_finite", row=7, time="1")
-    with pytest.raises(FoucaultError) as told, doubting([doubt]):
+    with pytest.raises(FoucaultError) as told, doubting([STUCK, doubt]), doubting([doubt]):
         raise failed
-    assert told.value.code == doubt.code and told.value.cure == doubt.cure
-    assert told.value.message == f"{doubt.message} With it: {failed.message}"
-    with pytest.raises(FoucaultError) as alone, doubting([finding("readings.noise_unknown")]):
-        raise failed
-    assert alone.value is failed
+    assert told.value.code == STUCK.code and told.value.cure == STUCK.cure
+    said = f"{STUCK.message} With it: {doubt.message} With it: {failed.message}"
+    assert told.value.message == said
+    for noticed, raised in (("readings.noise_unknown", failed), ("log.stuck", FoucaultError(STUCK.code, STUCK.message, STUCK.cure))):
+        words = {"triad": "accel", "axis": "x", "start": "0", "end": "9"}
+        with pytest.raises(FoucaultError) as alone, doubting([finding(noticed, **words)]):
+            raise raised
+        assert alone.value is raised
+
+
+def test_a_verdict_begins_with_the_doubts_in_the_order_noticed() -> None:
+    first, second = (f"{f.message} {f.cure}" for f in (STUCK, OTHER))
+    failed = "A gyro scale factor error of -100 % is a wrong unit."
+    noticed = (STUCK, finding("readings.noise_unknown"), OTHER)
+    bad = Verdict(Level.UNUSABLE, (failed, second)).doubted(noticed)
+    assert bad == Verdict(Level.UNUSABLE, (first, second, failed))
+    assert bad.doubted(noticed) == bad
+    assert Verdict(Level.PASS).doubted(noticed) == Verdict(Level.DOUBTFUL, (first, second))
+    assert Verdict(Level.PASS).doubted(noticed[1:2]) == Verdict(Level.PASS)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -19,7 +19,7 @@ from foucault.campaign.reading import Campaign, load
 from foucault.campaign.tables import Said, SiteTable, parse_at
 from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.errors import Finding, FoucaultError, error, finding
+from foucault.errors import Finding, FoucaultError, doubting, error, finding
 from foucault.files import make_folder, sha256, write_text
 from foucault.kernels import ahead
 from foucault.logs.checks import beside_another
@@ -105,7 +105,7 @@ def calibrate(
         given = read_log(campaign, tell, known) if log is None else log
 
     def run(prior: earlier.Priors) -> Result:
-        with _stuck_named(given):
+        with doubting(given.findings):
             result = procedure.calibrate(
                 given,
                 site=campaign.site,
@@ -118,7 +118,7 @@ def calibrate(
             )
         if progress is None:
             tell(1.0, "done")
-        return earlier.with_given(_stuck_first(result), prior)
+        return earlier.with_given(result, prior)
 
     if campaign.earlier is None:
         return run(campaign.prior)
@@ -135,26 +135,6 @@ def refuse_more(campaign: Campaign, what: str) -> None:
         )
         raise error("log.more_moving", files=", ".join(files), what=what, allowed=able,
                     recordings=each)  # fmt: skip
-
-
-@contextmanager
-def _stuck_named(log: Any) -> Iterator[None]:
-    """Where an axis did not move or triads are exchanged, say that first: it explains the rest."""
-    try:
-        yield
-    except FoucaultError as problem:
-        stuck = [f for f in log.findings if f.code in ("log.stuck", "log.triads_exchanged")]
-        if not stuck or problem.code == "log.stuck":
-            raise
-        said = " ".join(f.message for f in stuck)
-        raise FoucaultError(problem.code, f"{said} {problem.message}", stuck[0].cure) from problem
-
-
-def _stuck_first(result: Result) -> Result:
-    """Of the reasons of a verdict say first that an axis did not move: it explains the rest."""
-    stuck = [f"{f.message} {f.cure}" for f in result.findings if f.code == "log.stuck"]
-    reasons = sorted(result.verdict.reasons, key=lambda reason: reason not in stuck)
-    return replace(result, verdict=replace(result.verdict, reasons=tuple(reasons)))
 
 
 # -- simulation ----------------------------------------------------------------------------
