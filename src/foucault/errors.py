@@ -133,7 +133,7 @@ def doubting(findings: Iterable[Finding]) -> Iterator[None]:
         if not doubts or problem.code in {f.code for f in doubts}:
             raise
         message = f"{' '.join(f.message for f in doubts)} With it: {problem.message}"
-        raise FoucaultError(doubts[0].code, message, doubts[0].cure) from problem
+        raise FoucaultError(problem.code, message, doubts[0].cure) from problem
 
 
 def _filled(code: str, values: Mapping[str, object]) -> tuple[str, str]:

@@ -162,7 +162,7 @@ def test_an_error_begins_with_what_was_doubtful_before_it() -> None:
     failed = error("strapdown.not_finite", row=7, time="1")
     with pytest.raises(FoucaultError) as told, doubting([STUCK, doubt]), doubting([doubt]):
         raise failed
-    assert told.value.code == STUCK.code and told.value.cure == STUCK.cure
+    assert told.value.code == failed.code and told.value.cure == STUCK.cure
     said = f"{STUCK.message} With it: {doubt.message} With it: {failed.message}"
     assert told.value.message == said
     for noticed, raised in (("readings.noise_unknown", failed), ("log.stuck", FoucaultError(STUCK.code, STUCK.message, STUCK.cure))):

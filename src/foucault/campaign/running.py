@@ -38,6 +38,9 @@ from foucault.tables import IndexedLog, Log
 STREAMED = 1 << 28
 """A larger log stays on disk, where its procedure needs no more than blocks of it [1]."""
 
+EXPLAIN = ("log.stuck", "log.triads_exchanged")
+"""What is wrong with a log whatever is said of it after: an error begins with it."""
+
 TRUTH_FILE = "truth.json"
 SESSION_LOG = "log.csv"
 SESSION_CAMPAIGN = "campaign.toml"
@@ -105,7 +108,7 @@ def calibrate(
         given = read_log(campaign, tell, known) if log is None else log
 
     def run(prior: earlier.Priors) -> Result:
-        with doubting(given.findings):
+        with doubting(f for f in given.findings if f.code in EXPLAIN):
             result = procedure.calibrate(
                 given,
                 site=campaign.site,

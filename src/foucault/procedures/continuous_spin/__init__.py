@@ -195,11 +195,11 @@ def observe(log: Log, given: Given[Settings]) -> SpinModel:
     with doubting(stuck), solvable():  # how it ends with an axis that is stuck is rounding
         start = engine.started(spins, axes, paths, given.noise)
         solved = engine.solve(spins, start, s.estimated(), given.site, given.noise)
-        swaying = engine.leaning(solved)[0]
-        if stuck and not solved.converged:
+        sway = float(np.median(engine.leaning(solved)[0]))
+        if stuck and (sway > SWAYS or not solved.converged):
             raise error("solution.singular", why="no convergence")
-        if np.median(swaying) > SWAYS:
-            raise error("spun.sways", sway=plain(float(np.degrees(np.median(swaying))), 2),
+        if sway > SWAYS:
+            raise error("spun.sways", sway=plain(float(np.degrees(sway)), 2),
                         most=plain(float(np.degrees(SWAYS)), 2))  # fmt: skip
     return SpinModel(solved, physics.rows_of(solved), given.noise, s.repeatability)
 
