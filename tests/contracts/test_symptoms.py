@@ -165,9 +165,9 @@ def test_an_error_begins_with_what_was_doubtful_before_it() -> None:
     assert told.value.code == failed.code and told.value.cure == STUCK.cure
     said = f"{STUCK.message} With it: {doubt.message} With it: {failed.message}"
     assert told.value.message == said
-    for noticed, raised in (("readings.noise_unknown", failed), ("log.stuck", FoucaultError(STUCK.code, STUCK.message, STUCK.cure))):
-        words = {"triad": "accel", "axis": "x", "start": "0", "end": "9"}
-        with pytest.raises(FoucaultError) as alone, doubting([finding(noticed, **words)]):
+    same = FoucaultError(STUCK.code, STUCK.message, STUCK.cure)
+    for noticed, raised in ((finding("readings.noise_unknown"), failed), (OTHER, same)):
+        with pytest.raises(FoucaultError) as alone, doubting([noticed]):
             raise raised
         assert alone.value is raised
 
