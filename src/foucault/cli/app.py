@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import signal
 import sys
@@ -189,6 +191,10 @@ def _on_interrupt(number: int, _frame: Any) -> None:
 
 def main() -> None:
     """Run the program."""
+    # What is loaded stays: to look through it for cycles, again as it grows and once more at the
+    # end, is a tenth of a short command.
+    gc.set_threshold(10_000)
+    atexit.register(gc.freeze)
     # A sign that the encoding of a file on Windows lacks becomes a question mark.
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
