@@ -63,20 +63,23 @@ def points(p: FloatArray, off: float) -> BoolArray:
     """
     kept: BoolArray = np.asarray(~np.isfinite(p).all(axis=1))
     edges = np.flatnonzero(np.diff(np.concatenate([[True], kept, [True]]).astype(int)))
-    open_ = [(a, b - 1) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)]
-    for pair in open_:
-        kept[list(pair)] = True
-    while open_:
-        a, b = open_.pop()
-        if b - a < 2:
-            continue
-        along, between = p[b] - p[a], p[a + 1 : b] - p[a]
-        length = float(along @ along)
-        share = np.clip(between @ along / length, 0.0, 1.0) if length else np.zeros(len(between))
-        away = between - share[:, None] * along
+    first, last = edges[::2], edges[1::2] - 1  # of the parts that are still to be looked at
+    kept[first], kept[last] = True, True
+    while np.any(inner := last - first > 1):
+        first, last = first[inner], last[inner]
+        count = last - first - 1
+        begins = np.cumsum(count) - count
+        part = np.repeat(np.arange(len(first)), count)
+        rows = np.arange(len(part)) + (first + 1 - begins)[part]
+        along, between = (p[last] - p[first])[part], p[rows] - p[first][part]
+        length = np.einsum("ni,ni->n", along, along)
+        share = np.einsum("ni,ni->n", between, along) / np.where(length > 0, length, 1.0)
+        away = between - np.clip(share, 0.0, 1.0)[:, None] * along
         far = np.einsum("ni,ni->n", away, away)
-        k = int(far.argmax())
-        if far[k] > off * off:
-            kept[a + 1 + k] = True
-            open_ += [(a, a + 1 + k), (a + 1 + k, b)]
+        most = np.maximum.reduceat(far, begins)
+        tops = np.flatnonzero(far == most[part])
+        top = rows[tops[np.unique(part[tops], return_index=True)[1]]]
+        first, last, top = (x[most > off * off] for x in (first, last, top))
+        kept[top] = True
+        first, last = np.append(first, top), np.append(top, last)
     return kept
