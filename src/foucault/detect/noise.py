@@ -139,7 +139,8 @@ def _fitted(power: FloatArray, design: FloatArray, count: FloatArray, least: flo
             return three
         return np.append(two[0], 0.0), two[1]
 
-    freely, counted = best(0.0), best(least)
+    freely = best(0.0)
+    counted = best(least) if least else freely
     return freely[0] if freely[1] - counted[1] > FEWER / 2 else counted[0]
 
 

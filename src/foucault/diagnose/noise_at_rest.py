@@ -147,7 +147,8 @@ def _seen(
     shortest = min(b - a for a, b in rests)
     short = max(1, round(SHORT / interval))
     long = max(short, shortest // SEVERAL)
-    inside = np.where(out, _medians(x, rests), x)
+    middle = _medians(x, rests)
+    inside = np.where(out, middle, x)
     # A rounded sum is off by less than one step.
     steps = [resolution(column) * interval if counted else 0.0 for column in x[rows].T]
     carried = np.square(steps) / 12
@@ -184,7 +185,7 @@ def _seen(
     if not np.isfinite(psd).all() or (declared is not None and not declared.white > 0):
         psd, ratio, part = np.where(np.isfinite(psd), psd, 0.0), np.ones(3), np.zeros(3)
     k = int(np.argmax(ratio if ratio.max() > 1.0 else part))
-    far = np.abs(x - _medians(x, rests))[rows] / np.where(sd > 0, sd, np.inf)
+    far = np.abs(x - middle)[rows] / np.where(sd > 0, sd, np.inf)
     row, axis = (int(v) for v in np.unravel_index(int(np.argmax(far)), far.shape))
     return SeenNoise(
         name, float(np.sqrt(psd.mean())), float(ratio[k]), AXES[k], 3 * len(rows),

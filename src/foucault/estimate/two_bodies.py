@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import factorial
 from typing import NamedTuple
 
 import numpy as np
@@ -126,11 +127,21 @@ def smooth(x: FloatArray, step: float, order: int = 0, over: float = SMOOTH) -> 
 
     `step`: between two values [s]; `over`: length of a window, three values at least [s].
     """
-    from scipy.signal import savgol_filter
+    from scipy.linalg import lstsq
+    from scipy.ndimage import convolve1d  # scipy.signal, which has all this, takes long to load
 
-    window = max(3, 2 * round(over / step / 2) + 1)
+    half = max(1, round(over / step / 2))
+    window, per = 2 * half + 1, step**order
     degree = min(2 if order < 2 else 3, window - 1)
-    return np.asarray(savgol_filter(x, window, degree, deriv=order, delta=step, axis=0))
+    powers = np.arange(half, -half - 1.0, -1.0) ** np.arange(degree + 1.0)[:, None]
+    wanted = np.where(np.arange(degree + 1) == order, factorial(order) / per, 0.0)
+    out = convolve1d(x, lstsq(powers, wanted)[0], axis=0, mode="constant")
+    for part, at in ((slice(window), slice(half)), (slice(-window, None), slice(-half, None))):
+        ends = np.polyfit(np.arange(float(window)), x[part], degree)
+        for _ in range(order):
+            ends = ends[:-1] * np.arange(len(ends) - 1, 0, -1)[:, None]
+        out[at] = np.polyval(ends, np.arange(float(window))[at, None]) / per
+    return np.asarray(out)
 
 
 def smoothed_alike(x: FloatArray, step: float, order: int, others: float) -> FloatArray:
@@ -164,11 +175,12 @@ def offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, flo
 
     `step`: between two of their values [s].
     """
-    from scipy.signal import correlation_lags, find_peaks, oaconvolve
+    from scipy.fft import irfft, next_fast_len, rfft
 
     x, y = a - a.mean(), b - b.mean()
-    lags = correlation_lags(len(x), len(y))
-    total = oaconvolve(x, y[::-1])
+    lags = np.arange(1 - len(y), len(x))
+    fast = next_fast_len(len(lags), real=True)
+    total = irfft(rfft(x, fast) * rfft(y[::-1], fast), fast)[: len(lags)]
     # What of each overlaps, with its own mean there: another mean would move the peak.
     first, last = np.maximum(lags, 0), np.minimum(lags + len(y), len(x))
     (sum_x, one), (sum_y, two) = _sums(x, first, last), _sums(y, first - lags, last - lags)
@@ -178,7 +190,7 @@ def offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, flo
     enough = count > 0.5 * min(len(x), len(y))
     r = np.where(enough, total / np.sqrt(np.maximum(one, 1e-12 * one.max() + 1e-300)), -1.0)
     k = int(np.argmax(r))
-    peaks = find_peaks(r)[0]
+    peaks = 1 + np.flatnonzero((r[1:-1] > r[:-2]) & (r[1:-1] >= r[2:]))
     others = [r[j] for j in peaks if abs(lags[j] - lags[k]) * step > 0.2]
     part = 0.0
     if 0 < k < len(r) - 1:

@@ -618,14 +618,14 @@ def earth_seen(
     seen = np.isfinite(run.innovation)
     size = np.sqrt(run.variance[seen])
     nu, D = run.innovation[seen] / size, []
-    for way in (1, 2):
-        other = filtered(replace(increments, dtheta_b=_taken_out(increments, run, way)))
+    for less in _taken_out(increments, run):
+        other = filtered(replace(increments, dtheta_b=less))
         D.append((nu - other.innovation[seen] / size) / STEP)
     return EarthSeen.of(nu, np.stack(D), latitude)
 
 
-def _taken_out(increments: Increments, run: FilterRun, way: int) -> FloatArray:
-    """Return the angles turned with `STEP` of the Earth's rate less along axis `way` of n."""
+def _taken_out(increments: Increments, run: FilterRun) -> list[FloatArray]:
+    """Return the angles turned with `STEP` of the Earth's rate less along north, and along up."""
     C_bn = np.swapaxes(run.trajectory.C_nb, 1, 2)
     time = run.time
     rows = np.flatnonzero((increments.time > time[0]) & (increments.time <= time[-1]))
@@ -635,7 +635,9 @@ def _taken_out(increments: Increments, run: FilterRun, way: int) -> FloatArray:
     # From one epoch to the next the body turns by less than half a turn: C_b'n = Exp(-r) C_bn.
     turn = log(C_bn[:-1] @ np.swapaxes(C_bn[1:], 1, 2))
     part = exp(-share[:, None] * turn[k])
-    axis_b = np.einsum("kij,kj->ki", part, C_bn[k, :, way])
-    out = increments.dtheta_b.copy()
-    out[rows] -= STEP * EARTH_RATE * increments.dt[rows, None] * axis_b
+    out = []
+    for way in (1, 2):
+        axis_b = np.einsum("kij,kj->ki", part, C_bn[k, :, way])
+        out.append(increments.dtheta_b.copy())
+        out[-1][rows] -= STEP * EARTH_RATE * increments.dt[rows, None] * axis_b
     return out
