@@ -30,6 +30,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 
@@ -768,13 +769,12 @@ def _weighed(
 
 def _drawn(count: int, rho: float, rng: np.random.Generator) -> FloatArray:
     """Return noise of variance 1 whose correlation with the next is `rho` [1], (count, 3) [1]."""
-    from scipy.signal import lfilter
-
     white = rng.standard_normal((count, 3))
     if not rho:
         return white
     white[1:] *= np.sqrt(1 - rho**2)
-    return np.asarray(lfilter([1.0], [1.0, -rho], white, axis=0))
+    each = [list(accumulate(axis, lambda last, new: new + rho * last)) for axis in white.T.tolist()]
+    return np.array(each).T
 
 
 def _stated(
