@@ -90,6 +90,14 @@ def chosen(names: Sequence[str], some: IntArray) -> Sequence[str]:
     return tuple(names[i] for i in some.tolist())
 
 
+def by_number(numbers: IntArray, of: Callable[[int], float]) -> FloatArray:
+    """Return `of` each of `numbers` (m,), none negative [1]: of many few are different."""
+    there = np.flatnonzero(np.bincount(numbers))
+    table = np.zeros(there.max(initial=-1) + 1)
+    table[there] = [of(n) for n in there.tolist()]
+    return table[numbers]
+
+
 def of_arrow(column: Any) -> npt.NDArray[Any]:
     """Return a column of a table of pyarrow, numbers that are null as NaN.
 

@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray, by_number
 from foucault.diagnose.checks import check
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate.north import Fixes, Known, compensated
@@ -540,9 +540,7 @@ def _noise(
     some = dof >= 1
     if not some.any() or (sensor == 1 and not j.noise.accel.white):
         return None
-    limit = {int(n): chi_square_limits(int(n), tests=TESTS)[1] for n in np.unique(dof[some])}
-    at, which = np.unique(dof, return_inverse=True)
-    high = np.array([limit.get(n, np.inf) for n in at.tolist()])[which]
+    high = by_number(dof, lambda n: chi_square_limits(n, tests=TESTS)[1] if n else np.inf)
 
     def given(i: int) -> dict[str, Any]:
         return {"what": what, "ratio": np.sqrt(value[i] / dof[i]), "dof": int(dof[i]),
@@ -646,8 +644,7 @@ def _worst(j: Judged) -> Worst:
         square = square * (total - 1.0) / np.maximum(total - square, 1e-9)
         limits = np.full(len(count), float(fdtri(1.0, total - 1.0, 1 - 0.01 / len(j.dwells))))
     else:
-        each = {int(n): chi_square_limits(1, tests=int(n))[1] for n in np.unique(count)}
-        limits = np.array([each[n] for n in count.tolist()])
+        limits = by_number(count, lambda n: chi_square_limits(1, tests=n)[1])
     return Worst(first[:-1] + j.row, square / limits, np.sqrt(square), j.pairs.dof[:, 0] >= 1)
 
 
