@@ -520,7 +520,8 @@ def _scatter(j: Judged, sensor: int) -> Test | None:
     dof, value = j.pairs.dof[:, sensor], j.pairs.chi_square[:, sensor]
     what = ("gyro", "accelerometer")[sensor]
     then = ": a disturbance, a drift, too few digits, or more noise than was said."
-    return _noise(j, sensor, f"{what} over index angle", f"the {what}", value, dof, then)
+    high = by_number(dof, _most)
+    return _noise(j, sensor, f"{what} over index angle", f"the {what}", value, dof, high, then)
 
 
 def _scatter_of_all(j: Judged, sensor: int) -> Test | None:
@@ -530,17 +531,22 @@ def _scatter_of_all(j: Judged, sensor: int) -> Test | None:
     total, n = float(value[usual].sum()), int(dof[usual].sum())
     name = ("gyro", "accelerometer")[sensor] + " over all set-ups"
     then = ": there is more noise than was said, or the bias wanders."
-    each = np.full(len(dof), total), np.full(len(dof), n)
-    return None if n < 2 else _noise(j, sensor, name, f"the {name}", *each, then)
+    each = np.broadcast_to(total, len(dof)), np.broadcast_to(n, len(dof))
+    return None if n < 2 else _noise(j, sensor, name, f"the {name}", *each, _most(n), then)
+
+
+def _most(dof: int) -> float:
+    """Return the largest sum of squares that noise leaves, of so many redundant readings [1]."""
+    return chi_square_limits(dof, tests=TESTS)[1] if dof else np.inf
 
 
 def _noise(
-    j: Judged, sensor: int, name: str, what: str, value: FloatArray, dof: IntArray, then: str
-) -> Test | None:
+    j: Judged, sensor: int, name: str, what: str, value: FloatArray, dof: IntArray,
+    high: float | FloatArray, then: str,
+) -> Test | None:  # fmt: skip
     some = dof >= 1
     if not some.any() or (sensor == 1 and not j.noise.accel.white):
         return None
-    high = by_number(dof, lambda n: chi_square_limits(n, tests=TESTS)[1] if n else np.inf)
 
     def given(i: int) -> dict[str, Any]:
         return {"what": what, "ratio": np.sqrt(value[i] / dof[i]), "dof": int(dof[i]),
@@ -562,10 +568,12 @@ def _level(value: FloatArray) -> Test:
 
 
 def _one_heading(j: Judged) -> Test:
-    other = np.degrees(j.fixes.other)
+    def given(i: int) -> dict[str, Any]:
+        heading, _, _, latitude = np.degrees(j.fixes.other[i])
+        return {"heading": heading, "latitude": latitude}
+
     name = "one heading"
-    return Test(name, name, np.where(j.fixes.ambiguous, 0.0, 1.0), 1.0,
-                given=lambda i: {"heading": other[i, 0], "latitude": other[i, 3]})  # fmt: skip
+    return Test(name, name, np.where(j.fixes.ambiguous, 0.0, 1.0), 1.0, given=given)
 
 
 def _upright(j: Judged) -> Test:
