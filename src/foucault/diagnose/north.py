@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray, IntArray, by_number
+from foucault.arrays import BoolArray, FloatArray, IntArray, begins, by_number
 from foucault.diagnose.checks import check
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate.north import Fixes, Known, compensated
@@ -128,7 +128,9 @@ def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
 
 def _patterns(d: Dwells) -> dict[tuple[int, ...], IntArray]:
     """Return the different stops in whole degrees, as they appear, and the set-ups of each."""
-    whole = np.rint(np.degrees(d.index)).astype(int) % 360
+    angle = np.degrees(d.index)
+    whole = np.rint(angle, out=angle).astype(int)
+    whole %= 360
     edges = d.first
     count, out = np.diff(edges), []
     for k in np.unique(count).tolist():
@@ -179,7 +181,7 @@ def late_index(dwells: Dwells, lag_sd: float | None) -> tuple[Finding, ...]:
 def _overlaps(dwells: Dwells) -> list[Finding]:
     """Notice means that begin long before the one before has ended."""
     step = np.diff(dwells.start)
-    early = (step < OVERLAP * dwells.time[:-1]) & (np.diff(dwells.setup) == 0)
+    early = (step < OVERLAP * dwells.time[:-1]) & ~begins(dwells.setup)[1:]
     if not early.any():
         return []
     row = int(np.argmax(early))
