@@ -10,19 +10,19 @@ import foucault
 ROOT = Path(foucault.__file__).parent
 
 BUDGET = {
-    ".": 3_623,
+    ".": 3_638,
     "campaign": 5_885,
     "capture": 4_139,
     "certificate": 2_022,
     "cli": 5_166,
     "detect": 4_734,
-    "diagnose": 11_981,
+    "diagnose": 11_984,
     "estimate": 9_336,
     "export": 3_657,
     "guard": 1_936,
     "infer": 3_765,
-    "kernels": 7_062,
-    "logs": 7_702,
+    "kernels": 7_070,
+    "logs": 7_705,
     "models": 6_125,
     "navigate": 2_139,
     "plans": 5_923,

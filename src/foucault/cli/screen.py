@@ -6,9 +6,8 @@ import json
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -427,14 +426,6 @@ def written(folder: Path, kind: str, *held: Any) -> Found:
 
 def kept(record: Record, folder: Path | None) -> Found:
     """Write a record with its page, if a folder is wanted."""
-    found = Found(record.kind, (record,), folder)
     if folder is None:
-        return found
-    with ThreadPoolExecutor(1) as pool:
-        whole = pool.submit(record.save, folder)
-        said = found.document  # which takes as long as the tables, and no hash of them
-    found = replace(found, held=(whole.result(),))
-    vars(found)["document"] = said
-    with beside(folder):
-        found.page()
-    return found
+        return Found(record.kind, (record,))
+    return written(folder, record.kind, record.save(folder))

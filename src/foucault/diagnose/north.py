@@ -128,8 +128,7 @@ def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
 
 def _patterns(d: Dwells) -> dict[tuple[int, ...], IntArray]:
     """Return the different stops in whole degrees, as they appear, and the set-ups of each."""
-    angle = np.degrees(d.index)
-    whole = np.rint(angle, out=angle).astype(int)
+    whole = np.rint(np.degrees(d.index)).astype(int)
     whole %= 360
     edges = d.first
     count, out = np.diff(edges), []
@@ -570,12 +569,9 @@ def _level(value: FloatArray) -> Test:
 
 
 def _one_heading(j: Judged) -> Test:
-    def given(i: int) -> dict[str, Any]:
-        heading, _, _, latitude = np.degrees(j.fixes.other[i])
-        return {"heading": heading, "latitude": latitude}
-
-    name = "one heading"
-    return Test(name, name, np.where(j.fixes.ambiguous, 0.0, 1.0), 1.0, given=given)
+    name, keys, of = "one heading", ("heading", "latitude"), j.fixes.other
+    return Test(name, name, np.where(j.fixes.ambiguous, 0.0, 1.0), 1.0,
+                given=lambda i: dict(zip(keys, np.degrees(of[i, ::3]), strict=True)))  # fmt: skip
 
 
 def _upright(j: Judged) -> Test:
