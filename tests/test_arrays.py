@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from foucault.arrays import Names, chosen, of_arrow, settled, to_arrow
+from foucault.arrays import Names, begins, by_number, chosen, of_arrow, settled, to_arrow
 
 
 def test_directions_of_equal_values_do_not_depend_on_how_they_are_turned() -> None:
@@ -80,3 +80,13 @@ def test_names_are_read_as_a_tuple_of_words_would_be():
     for some in (words, names):
         assert chosen(some, np.array([3, 0, 0])) == ("d", "a", "a")
     assert to_arrow(names[2:]).to_pylist() == ["Zürich", "d"]
+
+
+def test_runs_begin_where_a_number_is_another_and_what_hangs_on_a_count_is_made_once_for_each():
+    assert begins(np.array([3, 3, 0, 0, 0, 3])).tolist() == [True, False, True, False, False, True]
+    assert begins(np.zeros(0, np.int64)).tolist() == []
+    asked: list[int] = []
+    found = by_number(np.array([4, 0, 4, 2]), lambda n: asked.append(n) or n / 2)
+    assert found.tolist() == [2.0, 0.0, 2.0, 1.0]
+    assert asked == [0, 2, 4]
+    assert by_number(np.zeros(0, np.int64), float).tolist() == []

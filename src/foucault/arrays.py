@@ -90,6 +90,21 @@ def chosen(names: Sequence[str], some: IntArray) -> Sequence[str]:
     return tuple(names[i] for i in some.tolist())
 
 
+def begins(x: npt.NDArray[Any]) -> BoolArray:
+    """Tell where runs of equal numbers of `x` (n,) [any unit] begin, without a copy of it."""
+    new = np.ones(len(x), bool)
+    np.not_equal(x[1:], x[:-1], out=new[1:])
+    return new
+
+
+def by_number(numbers: IntArray, of: Callable[[int], float]) -> FloatArray:
+    """Return `of` each of `numbers` (m,), none negative [1]: of many few are different."""
+    there = np.flatnonzero(np.bincount(numbers))
+    table = np.zeros(there.max(initial=-1) + 1)
+    table[there] = [of(n) for n in there.tolist()]
+    return table[numbers]
+
+
 def of_arrow(column: Any) -> npt.NDArray[Any]:
     """Return a column of a table of pyarrow, numbers that are null as NaN.
 

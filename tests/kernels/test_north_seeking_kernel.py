@@ -360,10 +360,14 @@ def test_the_number_across_is_what_no_attitude_explains(form, latitude_sd):
     angles = np.column_stack([attitudes(3, 30.0, 4), np.full(3, 0.8)])
     rng = np.random.default_rng(1)
     B, T = rng.standard_normal((3, 4, 5)), rng.standard_normal((3, 4, 4))
-    out = np.empty((3, 7))
-    kernel(form, module, "across_batch")(
-        y, cov, angles, A, b, g, EARTH_RATE, np.full(3, latitude_sd), T, B, out
-    )
+    out, without = np.empty((3, 7)), np.empty((3, 6))
+    for room in (out, without):
+        kernel(form, module, "across_batch")(
+            y, cov, angles, A, b, g, EARTH_RATE, np.full(3, latitude_sd), T, B[:, :, :2].copy(),
+            B[:, :, 2:].copy(), 3.0, room,
+        )  # fmt: skip
+    assert out[:, :6].tobytes() == without.tobytes()
+    out = np.column_stack([out[:, 0], out[:, 6] / 3.0, out[:, 1:6]])
     for k in range(3):
         w, f = reference.north_prediction(angles[k], EARTH_RATE, g[k])
         J = slopes(angles[k], A, g[k])

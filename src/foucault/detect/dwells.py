@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray, chosen
+from foucault.arrays import BoolArray, FloatArray, begins, chosen
 from foucault.detect.noise import resolution
 from foucault.detect.stretches import means_of, runs
 from foucault.errors import Finding, error, finding
@@ -119,7 +119,7 @@ def _places(log: IndexedLog) -> dict[str, Any]:
 
 def _numbered(dwells: Dwells, findings: tuple[Finding, ...] = ()) -> Dwells:
     """Leave out set-ups without a row."""
-    new = np.diff(dwells.setup, prepend=-1) != 0
+    new = begins(dwells.setup)
     used = dwells.setup[new]
     if len(used) == len(dwells.names):
         return replace(dwells, findings=findings)

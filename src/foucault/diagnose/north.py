@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray, begins, by_number
 from foucault.diagnose.checks import check
 from foucault.errors import Finding, FoucaultError, error, finding
 from foucault.estimate.north import Fixes, Known, compensated
@@ -128,7 +128,8 @@ def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
 
 def _patterns(d: Dwells) -> dict[tuple[int, ...], IntArray]:
     """Return the different stops in whole degrees, as they appear, and the set-ups of each."""
-    whole = np.rint(np.degrees(d.index)).astype(int) % 360
+    whole = np.rint(np.degrees(d.index)).astype(int)
+    whole %= 360
     edges = d.first
     count, out = np.diff(edges), []
     for k in np.unique(count).tolist():
@@ -179,7 +180,7 @@ def late_index(dwells: Dwells, lag_sd: float | None) -> tuple[Finding, ...]:
 def _overlaps(dwells: Dwells) -> list[Finding]:
     """Notice means that begin long before the one before has ended."""
     step = np.diff(dwells.start)
-    early = (step < OVERLAP * dwells.time[:-1]) & (np.diff(dwells.setup) == 0)
+    early = (step < OVERLAP * dwells.time[:-1]) & ~begins(dwells.setup)[1:]
     if not early.any():
         return []
     row = int(np.argmax(early))
@@ -520,7 +521,8 @@ def _scatter(j: Judged, sensor: int) -> Test | None:
     dof, value = j.pairs.dof[:, sensor], j.pairs.chi_square[:, sensor]
     what = ("gyro", "accelerometer")[sensor]
     then = ": a disturbance, a drift, too few digits, or more noise than was said."
-    return _noise(j, sensor, f"{what} over index angle", f"the {what}", value, dof, then)
+    high = by_number(dof, _most)
+    return _noise(j, sensor, f"{what} over index angle", f"the {what}", value, dof, high, then)
 
 
 def _scatter_of_all(j: Judged, sensor: int) -> Test | None:
@@ -530,19 +532,22 @@ def _scatter_of_all(j: Judged, sensor: int) -> Test | None:
     total, n = float(value[usual].sum()), int(dof[usual].sum())
     name = ("gyro", "accelerometer")[sensor] + " over all set-ups"
     then = ": there is more noise than was said, or the bias wanders."
-    each = np.full(len(dof), total), np.full(len(dof), n)
-    return None if n < 2 else _noise(j, sensor, name, f"the {name}", *each, then)
+    each = np.broadcast_to(total, len(dof)), np.broadcast_to(n, len(dof))
+    return None if n < 2 else _noise(j, sensor, name, f"the {name}", *each, _most(n), then)
+
+
+def _most(dof: int) -> float:
+    """Return the largest sum of squares that noise leaves, of so many redundant readings [1]."""
+    return chi_square_limits(dof, tests=TESTS)[1] if dof else np.inf
 
 
 def _noise(
-    j: Judged, sensor: int, name: str, what: str, value: FloatArray, dof: IntArray, then: str
-) -> Test | None:
+    j: Judged, sensor: int, name: str, what: str, value: FloatArray, dof: IntArray,
+    high: float | FloatArray, then: str,
+) -> Test | None:  # fmt: skip
     some = dof >= 1
     if not some.any() or (sensor == 1 and not j.noise.accel.white):
         return None
-    limit = {int(n): chi_square_limits(int(n), tests=TESTS)[1] for n in np.unique(dof[some])}
-    at, which = np.unique(dof, return_inverse=True)
-    high = np.array([limit.get(n, np.inf) for n in at.tolist()])[which]
 
     def given(i: int) -> dict[str, Any]:
         return {"what": what, "ratio": np.sqrt(value[i] / dof[i]), "dof": int(dof[i]),
@@ -564,10 +569,9 @@ def _level(value: FloatArray) -> Test:
 
 
 def _one_heading(j: Judged) -> Test:
-    other = np.degrees(j.fixes.other)
-    name = "one heading"
+    name, keys, of = "one heading", ("heading", "latitude"), j.fixes.other
     return Test(name, name, np.where(j.fixes.ambiguous, 0.0, 1.0), 1.0,
-                given=lambda i: {"heading": other[i, 0], "latitude": other[i, 3]})  # fmt: skip
+                given=lambda i: dict(zip(keys, np.degrees(of[i, ::3]), strict=True)))  # fmt: skip
 
 
 def _upright(j: Judged) -> Test:
@@ -646,8 +650,7 @@ def _worst(j: Judged) -> Worst:
         square = square * (total - 1.0) / np.maximum(total - square, 1e-9)
         limits = np.full(len(count), float(fdtri(1.0, total - 1.0, 1 - 0.01 / len(j.dwells))))
     else:
-        each = {int(n): chi_square_limits(1, tests=int(n))[1] for n in np.unique(count)}
-        limits = np.array([each[n] for n in count.tolist()])
+        limits = by_number(count, lambda n: chi_square_limits(1, tests=n)[1])
     return Worst(first[:-1] + j.row, square / limits, np.sqrt(square), j.pairs.dof[:, 0] >= 1)
 
 

@@ -173,16 +173,20 @@ def felt_batch(f, setup, cosine, sine, ramp, on_case, sensor, factors, size, out
 
 
 @kernel
-def across_batch(y, cov, angles, A, b, g, earth_rate, latitude_sd, T, B, out):
+def across_batch(
+    y, cov, angles, A, b, g, earth_rate, latitude_sd, T, B, more, shared_sd, out
+):  # fmt: skip
     """Fill the one number of m set-ups that no attitude explains, and what is done to it.
 
     At right angles to the slopes, whose cofactors that is, over its sd.
 
     Parameters: y (m, 4), cov (m, 4, 4) [SI]; angles (m, 4), A (4, 3), b (4,), g (m,), earth_rate as
     of `north_likelihood`; latitude_sd (m,) of what each has by itself [rad]; T (m, 4, 4) or (1, 4,
-    4) what of B is in y [1]; B (m, 4, c) [SI].
+    4) what of the rest is in y [1]; B (m, 4, c), more (m, 4, d) [SI]; shared_sd of the latitude of
+    all [rad].
 
-    Fills out (m, 2 + c): of y, of a latitude 1 rad further north, of B [sd].
+    Fills out (m, 1 + c + d) of y, B and more [sd]; and of that latitude in one column beyond these,
+    where there is one.
     """
     C, J = np.empty((3, 3)), np.empty((4, 4))
     r, n, t = np.empty(4), np.empty(4), np.empty(4)
@@ -204,17 +208,21 @@ def across_batch(y, cov, angles, A, b, g, earth_rate, latitude_sd, T, B, out):
                 variance += n[p] * cov[i, p, q] * n[q]
         variance += (north * latitude_sd[i]) ** 2
         over = 1.0 / max(math.sqrt(variance), 1e-300)
-        out[i, 0], out[i, 1] = 0.0, over * north
+        out[i, 0], c = 0.0, 1
         for q in range(4):
             out[i, 0] += over * n[q] * r[q]
             t[q] = 0.0
             for p in range(4):
                 t[q] += over * n[p] * T[i if len(T) > 1 else 0, p, q]
-        for k in range(B.shape[2]):
-            s = 0.0
-            for p in range(4):
-                s += t[p] * B[i, p, k]
-            out[i, 2 + k] = s
+        for D in (B, more):
+            for k in range(D.shape[2]):
+                s = 0.0
+                for p in range(4):
+                    s += t[p] * D[i, p, k]
+                out[i, c] = s
+                c += 1
+        if c < out.shape[1]:
+            out[i, c] = over * north * shared_sd
 
 
 @kernel

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray, Names, chosen, of_arrow, runs_of, to_arrow
+from foucault.arrays import FloatArray, IntArray, Names, begins, chosen, of_arrow, runs_of, to_arrow
 from foucault.errors import Finding, error, finding
 from foucault.files import sha256
 from foucault.logs import checks
@@ -77,7 +77,9 @@ def _stuck(log: IndexedLog) -> tuple[Finding, ...]:
 
 def _index(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
     """Tell degrees read as radians and the reverse: stops are at round angles in one of them."""
-    if np.mean(np.abs(np.sin(12 * (log.index - log.index[0]))) < 0.05) >= 0.9:
+    angle = log.index - log.index[0]
+    np.abs(np.sin(np.multiply(angle, 12, out=angle), out=angle), out=angle)  # in one place
+    if np.mean(angle < 0.05) >= 0.9:
         return ()  # round as they are read
     said = log.index / used.index.one()
     for unit, likely, one in (("deg", "rad", 1.0), ("rad", "deg", np.radians(1.0))):
@@ -96,7 +98,7 @@ def _index(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
 
 def _swings(log: IndexedLog, columns: list[FloatArray]) -> list[tuple[float, float]]:
     """Return of columns (n,) the largest half-swing over the index angles of a set-up, its sd."""
-    first = np.flatnonzero(np.diff(log.setup, prepend=-1))[::AT_ONCE].tolist()
+    first = np.flatnonzero(begins(log.setup))[::AT_ONCE].tolist()
 
     def of(start: int, end: int) -> list[tuple[float, float]]:
         rows = slice(start, end)
@@ -371,7 +373,7 @@ def _setups(
     n = len(data["gyro"])
     heading, latitude = data.get("heading"), data.get("latitude")
     if labels is not None:
-        new = np.diff(labels.of, prepend=-1) != 0
+        new = begins(labels.of)
     elif heading is not None:
         moved = ~(np.abs(turned(np.diff(heading))) <= SAME_HEADING)
         unknown = np.isnan(heading)
@@ -381,7 +383,8 @@ def _setups(
     if labels is None and latitude is not None:
         new[1:] |= np.abs(np.diff(latitude)) > SAME_LATITUDE
     first = np.flatnonzero(new)
-    setup = np.cumsum(new) - 1
+    setup: IntArray = np.cumsum(new, dtype=np.int64)
+    setup -= 1
     if labels is not None:
         code = labels.of[first]
         different = chosen(Names(labels.words), code)
@@ -413,7 +416,7 @@ def _timing(log: IndexedLog) -> tuple[Finding, ...]:
     found: list[Finding] = []
     numbers = np.arange(len(log.names))
     if log.averaged is not None:  # means may well be far apart, but not run backward
-        back = (np.diff(log.time) <= 0) & (np.diff(log.setup) == 0)
+        back = (log.time[1:] <= log.time[:-1]) & ~begins(log.setup)[1:]
         numbers = np.unique(log.setup[1:][back])
     for number in numbers:
         lo, hi = np.searchsorted(log.setup, [number, number + 1])

@@ -18,7 +18,7 @@ from itertools import groupby
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.arrays import BoolArray, FloatArray, IntArray, by_number
 from foucault.errors import Finding, finding
 from foucault.estimate.north import LATITUDE, Fixes, Known, levelled
 from foucault.estimate.north_reduction import INDEXING, Pairs, Roots, left_white
@@ -188,18 +188,18 @@ class Left:
         if known.latitude is None or not good.any():
             return Products(np.zeros((size, size)), 0, groups)
         pairs, T = levelled(self.pairs, known, self.compensation)
-        m, B = len(good), np.concatenate([self.whole, calibration], axis=2)
-        out = np.empty((m, 2 + B.shape[2]))
+        m, c = len(good), self.whole.shape[2] + calibration.shape[2]
+        each = np.empty((m, 1 + c + wide))
         across_batch(
             pairs.values, pairs.cov,
             np.column_stack([self.angles[:, :3], np.full(m, known.latitude)]),
             np.vstack([model.gyro_matrix[:2], model.accel_matrix[:2]]),
             np.concatenate([model.gyro_bias[:2], model.accel_bias[:2]]),
             np.full(m, known.gravity), EARTH_RATE, np.full(m, known.latitude_sd * each_own),
-            np.eye(4)[None] if T is None else T, B, out,
+            np.eye(4)[None] if T is None else T, self.whole, calibration,
+            float(known.latitude_sd) if wide else 0.0, each,
         )  # fmt: skip
-        out[~good] = 0.0
-        each = np.column_stack([out[:, 0], out[:, 2:]] + [out[:, 1] * known.latitude_sd] * wide)
+        each[~good] = 0.0
         sums = np.zeros((size, size))
         sums[np.ix_(at, at)] = each.T @ each
         return Products(sums, int(good.sum()), groups)
@@ -370,9 +370,8 @@ def misfits(pairs: Pairs) -> bool:
     """Tell whether accelerometers of a set-up of `pairs` [SI] scatter as rarely as they should."""
     from scipy.special import chdtri
 
-    dof = pairs.dof[:, 1]
-    some = np.unique(dof[dof > 0])
-    return any(bool(np.any(pairs.chi_square[dof == n, 1] > chdtri(n, MISFIT))) for n in some)
+    most = by_number(pairs.dof[:, 1], lambda n: float(chdtri(n, MISFIT)) if n else np.inf)
+    return bool((pairs.chi_square[:, 1] > most).any())
 
 
 def told(judged: Judgement) -> tuple[Finding, ...]:
