@@ -285,8 +285,9 @@ def advance(
         gathered(felt, D, rows, sums)
         joined(L, M, Phi, start == begin)
         for t in range(axis.size):
+            to, by, row, at = 9 + coefficient[t], weight[t], which[t], 9 * axis[t]
             for r in range(many):
-                Phi[r, 9 + coefficient[t]] += weight[t] * sums[which[t], 9 * axis[t] + r]
+                Phi[r, to] += by * sums[row, at + r]
         for c in range(6):
             u[0, c] = u[rows, c]
     return T
