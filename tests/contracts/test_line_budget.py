@@ -21,7 +21,7 @@ BUDGET = {
     "export": 3_657,
     "guard": 1_936,
     "infer": 3_765,
-    "kernels": 7_062,
+    "kernels": 7_068,
     "logs": 7_702,
     "models": 6_125,
     "navigate": 2_139,

@@ -386,8 +386,7 @@ def _look(
         one[rows, :, BIAS] = -some.dt[:, None, None] * np.eye(3)
         one[rows, :, GAIN] = -turned[:, None, :] * np.eye(3)
     more = np.r_[BIAS, GAIN]
-    residual[rows] = phi_s - turned + slopes[rows][:, :, more] @ x[more]
-    phi[rows] = phi_s
+    residual[rows], phi[rows] = phi_s - turned + slopes[rows][:, :, more] @ x[more], phi_s
     return Match(x, np.zeros((10, 10)), C_ms, used, residual, slopes, weighted, phi, False, held)
 
 
@@ -515,7 +514,6 @@ def _with_bending(e: FloatArray, J: FloatArray, Z: FloatArray, held: FloatArray)
 def _inverse(Z: FloatArray, J: FloatArray, held: FloatArray) -> FloatArray:
     """Return the inverse of ``Z' J + held``, where Z and J are (k, 3, p)."""
     z, j = (x.reshape(-1, x.shape[2]) for x in (Z, J))
-    squares = (np.einsum("kp,kp->p", x, x) for x in (z, j))
-    scale = np.outer(*(np.sqrt(s + np.diag(held)) for s in squares))
+    scale = np.outer(*(np.sqrt(np.einsum("kp,kp->p", x, x) + np.diag(held)) for x in (z, j)))
     scale[scale == 0] = 1.0
     return np.asarray(np.linalg.pinv((z.T @ j + held) / scale, rcond=1e-14) / scale.T)

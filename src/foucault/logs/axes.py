@@ -231,10 +231,7 @@ def unmoved(log: Log) -> tuple[Finding, ...]:
 
 
 def _longest(values: FloatArray, least: int) -> tuple[int, int]:
-    """Return first row, and row after, of the longest time in which columns are constant.
-
-    `least`: rows that count, a shorter time may be told as any other [1].
-    """
+    """Return first row, and row after, of the longest constant time, if it has `least` rows [1]."""
     few = values[:: least // 2]
     if not (few[1:] == few[:-1]).all(axis=1).any():  # two of which lie in each time that counts
         return 0, 1
