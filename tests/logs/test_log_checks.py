@@ -446,3 +446,14 @@ def test_a_count_scale_per_g_says_which_g():
     assert "for 1 g, write it per m/s^2" in found.cure
     assert checks.standard_gravity(("415 count/(m/s^2)",) * 3) == ()
     assert checks.standard_gravity("4e6 count/mg") != () and checks.standard_gravity(None) == ()
+
+
+def test_what_is_constant_just_long_enough_is_found_wherever_it_begins():
+    for first in range(25):
+        values = RNG(first).normal(size=(100, 2))
+        values[first : first + 11] = values[first]
+        assert axes._longest(values, 11) == (first, first + 11)
+        assert axes._longest(values, 10) == (first, first + 11)
+        values[first, 1] = 0.0  # one row less, and all of them for the first axis alone
+        assert axes._longest(values[:, :1], 11) == (first, first + 11)
+        assert np.subtract(*axes._longest(values, 11)[::-1]) < 11

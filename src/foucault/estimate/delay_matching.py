@@ -373,20 +373,20 @@ def _look(
     """Return the residuals and their slopes at x, zero where an interval is not used."""
     k = len(turns)
     used = inside(slave, turns, float(x[TAU]), among)
-    some = turns if used.all() else turns[used]
+    rows = slice(None) if used.all() else used  # what is not picked is not copied
+    some = turns[rows]
     phi_s, slope = slave.turned(some.start - x[TAU], some.end - x[TAU])
     C_ms = C_0 @ exp(x[MU])
     turned = some.phi_m @ C_ms
     residual, slopes, weighted, phi = (np.zeros((k, 3, *n)) for n in ((), (10,), (10,), ()))
-    weighted[used, :, TAU] = _by_master(some, turned)
-    slopes[used, :, TAU] = slope
+    weighted[rows, :, TAU] = _by_master(some, turned)
+    slopes[rows, :, TAU] = slope
     for one in (slopes, weighted):
-        one[used, :, MU] = -(1.0 + x[GAIN])[:, None] * cross_matrix(turned)
-        one[used, :, BIAS] = -some.dt[:, None, None] * np.eye(3)
-        one[used, :, GAIN] = -turned[:, None, :] * np.eye(3)
+        one[rows, :, MU] = -(1.0 + x[GAIN])[:, None] * cross_matrix(turned)
+        one[rows, :, BIAS] = -some.dt[:, None, None] * np.eye(3)
+        one[rows, :, GAIN] = -turned[:, None, :] * np.eye(3)
     more = np.r_[BIAS, GAIN]
-    residual[used] = phi_s - turned + slopes[used][:, :, more] @ x[more]
-    phi[used] = phi_s
+    residual[rows], phi[rows] = phi_s - turned + slopes[rows][:, :, more] @ x[more], phi_s
     return Match(x, np.zeros((10, 10)), C_ms, used, residual, slopes, weighted, phi, False, held)
 
 
@@ -514,6 +514,6 @@ def _with_bending(e: FloatArray, J: FloatArray, Z: FloatArray, held: FloatArray)
 def _inverse(Z: FloatArray, J: FloatArray, held: FloatArray) -> FloatArray:
     """Return the inverse of ``Z' J + held``, where Z and J are (k, 3, p)."""
     z, j = (x.reshape(-1, x.shape[2]) for x in (Z, J))
-    scale = np.outer(*(np.sqrt(np.sum(x * x, axis=0) + np.diag(held)) for x in (z, j)))
+    scale = np.outer(*(np.sqrt(np.einsum("kp,kp->p", x, x) + np.diag(held)) for x in (z, j)))
     scale[scale == 0] = 1.0
     return np.asarray(np.linalg.pinv((z.T @ j + held) / scale, rcond=1e-14) / scale.T)

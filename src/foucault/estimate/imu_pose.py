@@ -353,7 +353,7 @@ class Pass:
 
     def left(self, delta: FloatArray) -> FloatArray:
         """Return the white rows after a step `delta` (32,) [SI], (m, 6) [1]."""
-        return np.asarray(self.nu - self.M @ delta)
+        return self.nu - (self.rows @ delta).reshape(self.nu.shape)
 
 
 @dataclass(frozen=True)
@@ -489,7 +489,7 @@ def _fed(
     R = np.where(used, noise.sd**2 / np.where(used, weights, 1.0), np.inf)
     R = FRESH**2 * R if n else R
     since = np.diff(r.stamp, prepend=2 * r.stamp[0] - r.stamp[1]) / np.median(np.diff(r.stamp))
-    keep = (np.repeat(noise.stays, 3) ** since[:, None])[:, :n]
+    keep = np.repeat(noise.stays, 3)[:n] ** since[:, None]
     start = np.diag(np.concatenate([START_SD, noise.sd[:n]]) ** 2)
     H, u = about.H, about.u
     if n:
@@ -510,7 +510,7 @@ def smoothed(
     C, moved, J, Q, u, G, keep, stays, z, H, R, start = fed
     u, m, d = u.copy(), *u.shape
     if len(delta):
-        z = z - about.D @ delta
+        z = z - (about.D.reshape(-1, len(delta)) @ delta).reshape(z.shape)
         T, a = moved[1:, 15:], (J[1:].reshape(-1, 22) @ delta[10:]).reshape(-1, 3, 3)
         u[1:, :3] += a[:, 0]
         u[1:, 3:9] += (a[:, 1:] @ np.swapaxes(C[:-1], 1, 2)).reshape(-1, 6)
@@ -852,7 +852,7 @@ def answers(s: Solution, added: FloatArray) -> Answers:
     gain = np.linalg.inv(seen.information + np.diag(s.prior_sd**-2.0)) @ seen.onto
     off, e = -M[:, :, :count].reshape(-1, count), p.nu.ravel()
     by = gain @ (p.rows.T @ off)
-    E = off - p.rows @ seen.onto.T @ by
+    E = off - p.rows @ (seen.onto.T @ by)
     return Answers(float(e @ e), E.T @ e, E.T @ E, s.point.of_values() @ by,
                    int(np.count_nonzero(e)))  # fmt: skip
 

@@ -96,6 +96,11 @@ def inlined(function: Any) -> Any:
     return part(function, forceinline=True)
 
 
+def summed(function: Any) -> Any:
+    """Compile a `part`, a product and the sum it goes into rounded once (NaN stays NaN)."""
+    return part(function, fastmath={"contract"})
+
+
 def fused(function: Any) -> Any:
     """Compile as `inlined`, a product and the sum it goes into rounded once (NaN stays NaN)."""
     made = _compiled(function, forceinline=True, no_cpython_wrapper=True, fastmath={"contract"})

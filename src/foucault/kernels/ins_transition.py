@@ -3,7 +3,7 @@
 The equations are those of `kernels.ins_filter`, whose loop the parts here are compiled into.
 """
 
-from foucault.kernels import inlined, part
+from foucault.kernels import inlined, part, summed
 from foucault.kernels.strapdown import step
 
 ROWS = 32
@@ -134,7 +134,7 @@ def middle(q0, q1, q2, q3, x, C):
     C[19] = (c * d + a * b) * twice
 
 
-@part
+@summed
 def carry_back(L, D, k, dt, mid, many):
     """Carry L over interval k backward, and fill D[k] with what the readings of it do to the end.
 
@@ -198,7 +198,7 @@ def held_back(L, k, mid, many):
         L[80 + r] = L[128 + r] = 0.0
 
 
-@part
+@summed
 def gathered(felt, D, many, total):
     """Fill total (c, .) with the sum of ``felt[k, c] D[k]`` over the rows 1 to `many`.
 
@@ -213,7 +213,7 @@ def gathered(felt, D, many, total):
                 total[c, j] += s0 * D[k, j] + s1 * D[k + 1, j] + s2 * D[k + 2, j] + s3 * D[k + 3, j]
 
 
-@part
+@summed
 def joined(L, M, Phi, fresh):
     """Carry the transition Phi (9 or more, n) on by L of `carry_back`; M (9, n) is scratch.
 
@@ -285,8 +285,9 @@ def advance(
         gathered(felt, D, rows, sums)
         joined(L, M, Phi, start == begin)
         for t in range(axis.size):
+            to, by, row, at = 9 + coefficient[t], weight[t], which[t], 9 * axis[t]
             for r in range(many):
-                Phi[r, 9 + coefficient[t]] += weight[t] * sums[which[t], 9 * axis[t] + r]
+                Phi[r, to] += by * sums[row, at + r]
         for c in range(6):
             u[0, c] = u[rows, c]
     return T

@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from foucault.kernels import kernel, part, reduction
+from foucault.kernels import kernel, part, reduction, summed
 
 TOGETHER = 6
 """So many rows are taken away from P in one pass over it."""
@@ -41,7 +41,7 @@ def picked(c, at, some):
     return many
 
 
-@part
+@summed
 def combined(at, some, many, rows, out, r):
     """Fill row r of out with the sum of ``some[a] * rows[at[a]]`` over the many of `picked`.
 
@@ -82,7 +82,7 @@ def carried(Phi, half, P, T, at, some):
         P[r, r] += half[r]
 
 
-@part
+@summed
 def seen(P, h, G, share, taken, at, some):
     """Return ``h P h'`` for a row h (n,), and fill row `taken` of G (., w) with ``h (P x)``.
 
@@ -103,7 +103,7 @@ def seen(P, h, G, share, taken, at, some):
     return S
 
 
-@part
+@summed
 def take_in(P, G, share, taken):
     """Take ``share g' g`` of the first `taken` rows of G away from P (n, w); the others are lost.
 

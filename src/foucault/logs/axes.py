@@ -210,9 +210,9 @@ def unmoved(log: Log) -> tuple[Finding, ...]:
         values = log.accel if triad == "gyro" else getattr(log, triad)
         if values is None or np.isnan(values[0]).any():
             continue
-        every = _longest(gyro) if triad == "gyro" else None
+        every = _longest(gyro, needed) if triad == "gyro" else None
         for i, axis in enumerate(AXES):
-            a, b = every or _longest(values[:, i : i + 1])
+            a, b = every or _longest(values[:, i : i + 1], needed)
             if (triad, axis) in told or b - a < needed:
                 continue
             size = max(needed, (b - a) // PIECES)
@@ -230,13 +230,12 @@ def unmoved(log: Log) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def _longest(values: FloatArray) -> tuple[int, int]:
-    """Return first row, and row after, of the longest time in which columns are constant."""
-    moves = np.zeros(len(values[1:]), bool)
-    for c in values.T:
-        moves |= c[1:] != c[:-1]
-        if moves.all():  # as a rule by the first axis
-            return 0, 1
+def _longest(values: FloatArray, least: int) -> tuple[int, int]:
+    """Return first row, and row after, of the longest constant time, if it has `least` rows [1]."""
+    few = values[:: least // 2]
+    if not (few[1:] == few[:-1]).all(axis=1).any():  # two of which lie in each time that counts
+        return 0, 1
+    moves = (values[1:] != values[:-1]).any(axis=1)
     at = np.flatnonzero(moves) + 1
     edges = np.concatenate([[0], at, [len(values)]])
     k = int(np.argmax(np.diff(edges)))

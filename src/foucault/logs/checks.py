@@ -400,7 +400,7 @@ def thinned(values: FloatArray) -> FloatArray:
 
     [unit of `values`]
     """
-    return values[:: max(1, len(values) // _SAMPLE)]
+    return np.ascontiguousarray(values[:: max(1, len(values) // _SAMPLE)])
 
 
 def moment(time: float) -> str:

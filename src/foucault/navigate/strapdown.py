@@ -321,13 +321,13 @@ def navigate(
         increments.dtheta_b, increments.dvel_b, increments.dt, *increments.bends, first, end,
         state.packed(), gravity_offset, VERTICAL[vertical], aid, gains, history,
     )  # fmt: skip
-    rows = np.arange(first, end + 1) if end >= first else np.arange(first, end - 1, -1)
-    require_finite(history, increments, rows)
+    rows = slice(first, end + 1) if end >= first else slice(first, end - 1 if end else None, -1)
+    require_finite(history, increments, range(n)[rows])
     return Trajectory(increments.time[rows], history)
 
 
 def require_finite(
-    history: FloatArray, increments: Increments, rows: npt.NDArray[np.int64]
+    history: FloatArray, increments: Increments, rows: npt.NDArray[np.int64] | range
 ) -> None:
     """Refuse states that are not finite; the sample that made them so is named.
 
