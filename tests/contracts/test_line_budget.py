@@ -16,7 +16,7 @@ BUDGET = {
     "certificate": 2_022,
     "cli": 5_166,
     "detect": 4_738,
-    "diagnose": 12_017,
+    "diagnose": 12_052,
     "estimate": 9_336,
     "export": 3_657,
     "guard": 1_936,
