@@ -41,6 +41,19 @@ def test_a_clean_session_passes_every_check():
     assert "times what the noise says" in words
 
 
+@pytest.mark.parametrize("trust", [None, trusting(5 * ARCSEC, 5 * ARCSEC)])
+def test_a_gyro_bias_that_moved_between_rests_and_spins_is_told(trust):
+    r = readings()
+    moved = r.gyro + np.where(r.spin[:, None], 20 * ARCSEC, 0.0) * [0.0, 1.0, 0.0]
+    told, before = (found(evidence(x, trust))["gyro bias at rest"]
+                    for x in (replace(r, gyro=moved), r))  # fmt: skip
+    assert before.passed
+    assert before.sentence.startswith("The gyros have the same bias at rest as in spins")
+    assert not told.passed
+    assert "At rest gyro.bias.y is -" in told.sentence
+    assert "What is stated is that of the spins" in told.sentence
+
+
 def test_twelve_rests_say_that_a_wrong_one_could_not_have_been_named():
     e = evidence(readings(spins=False))
     words = found(e)["control of the rests"].sentence

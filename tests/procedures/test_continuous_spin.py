@@ -297,6 +297,15 @@ def test_a_slight_sway_is_doubted_and_in_the_covariance() -> None:
         assert nees(result, unit) < chi_square_limits(33, tests=4)[1]
 
 
+def test_steps_that_an_axis_hardly_leaves_are_its_noise() -> None:
+    log, unit = session(QUICK)
+    assert log.gyro is not None
+    for step in (0.5 * DEG, 2 * DEG):  # across the axis of a spin a gyro reads one value
+        result = solved(QUICK, replace(log, gyro=np.round(log.gyro / step) * step), declared=False)
+        assert result.status is Status.CONVERGED
+        assert nees(result, unit) < 4 * 33
+
+
 def test_a_cable_that_winds_up_is_told() -> None:
     result = solved(QUICK, session(replace(QUICK, cable=0.3 * DEG), 2)[0])
     assert "tilting of the axis" in failed(result)

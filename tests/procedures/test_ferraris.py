@@ -53,6 +53,19 @@ def session():
     return log, {name: (row["start"], row["end"]) for name, row in rows.items()}
 
 
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_a_drift_that_faces_take_up_is_told_from_within_the_rests(seed):
+    log, _ = short_log(seed, rest_time=10.0)
+    drift = np.linspace(0.0, 0.05, len(log))[:, None] * [0.0, 1.0, 0.0]
+    for x, drifts in ((log, False), (replace(log, accel=log.accel + drift), True)):
+        result = six_position.calibrate(x, site=SITE, settings=six_position.Settings())
+        told = next(c for c in result.checks if c.name == "drift of accel within rests [mg]")
+        assert told.passed is not drifts
+        assert told.sentence.startswith("Within the rests accel.bias.")
+        assert (("accel.bias.y drifts, by " in told.sentence)
+                and ("which no uncertainty knows" in told.sentence)) is drifts  # fmt: skip
+
+
 @needs_session
 def test_published_solution_gives_the_other_programs_numbers():
     log, sections = session()

@@ -6,12 +6,13 @@ the accelerometers alone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray
+from foucault.detect.noise import resolution
 from foucault.tables import Log, usual_step
 from foucault.units import plain
 
@@ -36,6 +37,8 @@ class Spin:
     summed: bool  # whether a sample is the mean over its interval
     mounting: int = 0  # number of its mounting [1]
     rate: float = 0.0  # mean, about the axis of its mounting [rad/s]
+    # (6,) what is rounded of a reading, sd; of an axis that reads one value too [m/s^2, rad/s]
+    rounding: FloatArray = field(default_factory=lambda: np.zeros(6))
 
     @cached_property
     def step(self) -> float:
@@ -70,6 +73,7 @@ def find_spins(log: Log, shortest: float, slowest: float) -> list[Spin]:
     bent[:width] = False
     ends = np.concatenate([[False], np.diff(log.time) > 5 * log.interval])
     fast = (speed > slowest) & ~bent & ~ends
+    steps = np.array([resolution(c) for x in (log.accel, log.gyro) for c in x.T])
     out = []
     for a, b in _runs(fast):
         for begin, end in _steady(speed[a:b], a, width):
@@ -84,7 +88,7 @@ def find_spins(log: Log, shortest: float, slowest: float) -> list[Spin]:
                 continue
             if size * n * log.interval < TURNS * 2 * np.pi:
                 continue
-            out.append(_spin(log, begin, end, size))
+            out.append(_spin(log, begin, end, size, steps))
     return out
 
 
@@ -122,7 +126,7 @@ def _steady(speed: FloatArray, first: int, width: int) -> list[tuple[int, int]]:
     return sorted(out)
 
 
-def _spin(log: Log, begin: int, end: int, speed: float) -> Spin:
+def _spin(log: Log, begin: int, end: int, speed: float, steps: FloatArray) -> Spin:
     assert log.accel is not None
     assert log.gyro is not None
     many = max(int(FINE / (speed * log.interval)), 1)
@@ -131,7 +135,7 @@ def _spin(log: Log, begin: int, end: int, speed: float) -> Spin:
     both = np.column_stack([log.accel[rows], log.gyro[rows]])
     return Spin(log.time[rows].reshape(n, many).mean(axis=1),
                 both.reshape(n, many, 6).mean(axis=1), many, log.interval,
-                log.sampled == "increment")  # fmt: skip
+                log.sampled == "increment", rounding=steps / np.sqrt(12 * many))  # fmt: skip
 
 
 def grouped(spins: list[Spin], apart: float) -> tuple[list[Spin], list[FloatArray]]:

@@ -35,7 +35,7 @@ from foucault.infer.snooping import Snooping, snoop
 from foucault.models.earth import EARTH_RATE
 from foucault.models.rests_and_turns import face_name, turn_name
 from foucault.result import Check
-from foucault.tables import AXES
+from foucault.tables import AXES, Log
 from foucault.units import plain
 
 ROUGH = np.radians(1.0)  # Placements that are off by more than this are no calibration [rad].
@@ -95,6 +95,41 @@ def checks(e: FaceEvidence) -> tuple[Check, ...]:
     out.append(_placement(e))
     out += [sign for sign in (_turned_round(e),) if sign is not None]
     return tuple(out)
+
+
+def drifts(e: FaceEvidence, log: Log) -> list[Check]:
+    """Judge the drift within the rests of `log`: from face to face errors of placement hide it.
+
+    With D the second half of a rest less its first, ``D = r T/2`` of a rate r, and a variance as
+    1/T. It fails where it is more than chance, and moves a bias by more than two sd.
+    """
+    from scipy.special import stdtrit
+
+    out, c, k = list[Check](), e.fit.estimate.coefficients, len(e.faces.first)
+    scales = {"accel": (1 / 9.80665e-3, "mg"), "gyro": (ARCMIN * 60, "deg/h")}
+    for triad, (scale, unit) in scales.items():
+        x, names = getattr(log, triad), [f"{triad}.bias.{a}" for a in AXES]
+        if x is None or log.averaged is not None or not set(names) <= set(c.names):
+            continue
+        spans = zip(e.faces.first.tolist(), e.faces.last.tolist(), strict=True)
+        halves = [np.array_split(x[a:b], 2) for a, b in spans]
+        moved = np.array([two.mean(axis=0) - one.mean(axis=0) for one, two in halves])
+        time = e.scene.rests.time[:, None]
+        weight = float(np.sum(time**3)) / 4
+        rate = np.sum(time**2 / 2 * moved, axis=0) / weight
+        dof = 3 * (k - 1)
+        left = float(np.sum(time * (moved - rate * time / 2) ** 2)) / dof
+        session = float(np.ptp(e.scene.rests.start))
+        limit = (
+            -float(stdtrit(dof, gauss_newton.FALSE_ALARM / 12)) * session * np.sqrt(left / weight)
+        )
+        size = np.abs(rate) * session
+        high = np.maximum(limit, 4 * c.sd[[c.layout.index(name) for name in names]])
+        j = int(np.argmax(size / high))
+        given = {"name": names[j], "size": f"{plain(size[j] * scale, 2)} {unit}"}
+        out.append(check("drift within rests", f"drift of {triad} within rests [{unit}]",
+                         float(size[j]) * scale, None, float(high[j]) * scale, given))  # fmt: skip
+    return out
 
 
 def judged(e: FaceEvidence) -> Judged:

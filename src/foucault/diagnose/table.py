@@ -30,7 +30,7 @@ from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.noise import Readings
 from foucault.models.turntable import RIG, Angles, State, Trust
-from foucault.result import Check, Level
+from foucault.result import CERTAIN, Check, Level
 from foucault.tables import AXES, Log, temperature_range
 from foucault.units import plain
 
@@ -91,6 +91,7 @@ def checks(e: TableFit) -> tuple[Check, ...]:
     every = judged(e)
     # How a bad reading would be noticed, the control of the rests says in full.
     out = [c for c in fit_checks.checks(every) if c.name != "redundancy"] + _g_sensitivity(e)
+    out += _same_bias(e)
     sign = reversed_earth_check(estimate.coefficients, e.model.site)
     sign = sign or _earth_at_rest(e)
     out += [sign] if sign is not None else []
@@ -176,14 +177,15 @@ def _earth_at_rest(e: TableFit) -> Check | None:
     return reversed_earth_at_rest(rates, up, M, e.model.site, sd, beside)
 
 
-def rest_slope(e: TableFit) -> Slope | None:
-    """Regress the rates at rest on the direction of up; None where g-sensitivity is estimated."""
+def _rates_at_rest(e: TableFit) -> tuple[FloatArray, FloatArray, float] | None:
+    """Regress the rates at rest on the direction of up; None where too few rests tell.
+
+    Returns (4, 3) slopes along up and what is left without it [rad/s], (4, 4) what a variance of
+    one reading makes of these [1], and the scatter of a reading [rad/s].
+    """
     r, state = e.model.readings, e.estimate.state
     rest = ~r.spin
-    term, names = "gyro.g_sensitivity.xx", e.model.options.names
-    if r.gyro is None or rest.sum() < 9 or "gyro.scale.x" not in names:
-        return None
-    if term in names or _counted(e, term):
+    if r.gyro is None or rest.sum() < 9 or "gyro.scale.x" not in e.model.options.names:
         return None
     up = state.geometry.directions()[rest]
     # Of the Earth's rotation what is known is taken away; the rest is scatter here.
@@ -194,11 +196,45 @@ def rest_slope(e: TableFit) -> Slope | None:
     scatter = np.sqrt(np.sum((rate - rows @ fit) ** 2) / (3 * len(up) - 12))
     # Rounding that is alike in many rests shows in no scatter, but in their covariance.
     noise = np.sqrt(np.diagonal(r.gyro_cov[rest], axis1=1, axis2=2).mean(axis=0).max())
-    scatter = max(float(scatter), float(noise))
+    return fit, np.linalg.pinv(rows.T @ rows), max(float(scatter), float(noise))
+
+
+def rest_slope(e: TableFit) -> Slope | None:
+    """Tell how rates at rest follow the direction of up; None where g-sensitivity is estimated."""
+    term, r = "gyro.g_sensitivity.xx", e.model.readings
+    found = _rates_at_rest(e)
+    if found is None or term in e.model.options.names or _counted(e, term):
+        return None
+    fit, _, scatter = found
     slope, spins = float(np.abs(fit[:3]).max()), r.rate[r.spin]
     one_sense = bool(np.all(spins > 0) or np.all(spins < 0))
     shift = slope / float(np.median(np.abs(spins))) if one_sense else 0.0
-    return Slope(slope, float(scatter * np.sqrt(3 / len(up))), shift)
+    return Slope(slope, float(scatter * np.sqrt(3 / np.sum(~r.spin))), shift)
+
+
+def _same_bias(e: TableFit) -> list[Check]:
+    """Compare the bias of the gyros at rest with that in spins, from which it is estimated.
+
+    Where the heading is unknown the spins alone tell it, and a fit may give the rests a bias of
+    their own: neither leaves residuals.
+    """
+    from scipy.special import stdtrit
+
+    found, c = _rates_at_rest(e), e.estimate.coefficients
+    names = [f"gyro.bias.{a}" for a in AXES]
+    if found is None or not set(names) <= set(c.names) or not e.model.readings.spin.any():
+        return []
+    fit, variance, scatter = found
+    at = [c.layout.index(name) for name in names]
+    sd = np.sqrt(scatter**2 * variance[3, 3] + c.sd[at] ** 2)
+    moved = fit[3] - c.values[at]
+    k = int(np.argmax(np.abs(moved) / sd))
+    dof = 3 * float(np.sum(~e.model.readings.spin)) - 12
+    high = -float(stdtrit(dof, CERTAIN / 6))  # of three axes, either way
+    scale, unit = UNITS["gyro"]
+    given = {"name": names[k], "size": f"{plain(moved[k] * scale, 2)} {unit}"}
+    return [check("bias at rest", "gyro bias at rest", float(abs(moved[k]) / sd[k]), None, high,
+                  given)]  # fmt: skip
 
 
 def _g_sensitivity(e: TableFit) -> list[Check]:

@@ -337,7 +337,7 @@ def _rough(spin: Spin) -> FloatArray:
 def floor(spin: Spin, declared: ImuNoise | None) -> FloatArray:
     """Return the noise of a reading that the sensors have at least, (6,) [SI]."""
     if declared is None:
-        return np.repeat([1e-9, 1e-11], 3)
+        return np.asarray(np.maximum(spin.rounding, np.repeat([1e-9, 1e-11], 3)))
     white = np.repeat([declared.accel.white, declared.gyro.white], 3)
     step = np.repeat([declared.accel.quantisation, declared.gyro.quantisation], 3)
     return np.asarray(

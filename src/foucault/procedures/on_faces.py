@@ -253,7 +253,7 @@ def result_of(procedure: str, log: Log, e: FaceEvidence) -> Result:
     """Make the result of what was solved."""
     site, faces = e.scene.site, e.faces
     validity = range_below_g(log, site.gravity, SPIKES)
-    checks = face_checks.checks(e)
+    checks = (*face_checks.checks(e), *face_checks.drifts(e, log))
     tables: dict[str, Any] = {"readings": face_checks.readings_table(e)}
     if faces.rests is not None:
         tables["detection"] = detection_table(log, faces.rests)
