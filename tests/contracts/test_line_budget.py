@@ -16,7 +16,7 @@ BUDGET = {
     "certificate": 2_022,
     "cli": 5_172,
     "detect": 4_739,
-    "diagnose": 12_056,
+    "diagnose": 12_057,
     "estimate": 9_353,
     "export": 3_657,
     "guard": 1_936,

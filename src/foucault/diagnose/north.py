@@ -569,9 +569,10 @@ def _level(value: FloatArray) -> Test:
 
 
 def _one_heading(j: Judged) -> Test:
-    name, keys, of = "one heading", ("heading", "latitude"), j.fixes.other
+    name, other = "one heading", j.fixes.other
     return Test(name, name, np.where(j.fixes.ambiguous, 0.0, 1.0), 1.0,
-                given=lambda i: dict(zip(keys, np.degrees(of[i, ::3]), strict=True)))  # fmt: skip
+                given=lambda i: {"heading": np.degrees(other[i, 0]),
+                                 "latitude": np.degrees(other[i, 3])})  # fmt: skip
 
 
 def _upright(j: Judged) -> Test:
