@@ -14,7 +14,7 @@ from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Prior
 from foucault.diagnose import transfer_motion as delay_checks
 from foucault.diagnose.transfer import EACH, Evidence, whiteness
-from foucault.diagnose.transfer_motion import ALIKE, BENDS, EXPLAINS
+from foucault.diagnose.transfer_motion import ALIKE, BENDS
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.delay import Delay, delay_of
 from foucault.estimate.transfer import (
@@ -51,7 +51,7 @@ from foucault.models.rotation import exp
 from foucault.models.transfer import LIVELY, WANDER, MasterTable, Messages, states_of_transfer
 from foucault.navigate.increments import Increments
 from foucault.navigate.strapdown import State
-from foucault.procedures.transfer_alignment.counted import Counted, judged
+from foucault.procedures.transfer_alignment.counted import LEVER, Counted, judged
 from foucault.procedures.transfer_alignment.settings import (
     BEYOND,
     LEFT_OUT,
@@ -308,13 +308,34 @@ class Solution(Evidence):
 
 
 def solved(p: TransferProblem, *, history: bool) -> Solution:
-    """Find the delay to start from, filter, and bound the filter where that is chosen."""
-    settings = p.settings
+    """Find the delay to start from, filter, and bound the filter where that is chosen.
+
+    What happens at once makes innovations that depend on each other, as a mount that bends: it is
+    looked for where nothing else than that is found.
+    """
     p, likeliest = _started(p)
-    fit, told = filtered.fit(p.model, passes=settings.passes, settled=STILL), None
-    p, fit, shocks_told = at_once(p, fit)
+    fit = filtered.fit(p.model, passes=p.settings.passes, settled=STILL)
+    s = _found(p, fit, likeliest, history=history)
+    if "transfer.flexure" not in {f.code for f in noticed(s)}:
+        return s
+    p, other, told = at_once(p, fit)
+    if other is not fit:
+        s = _found(p, other, likeliest, history=history)
+    return replace(s, findings=[*told, *s.findings])
+
+
+def noticed(s: Solution) -> list[Finding]:
+    """Return all that was noticed of a solution."""
+    arm = s.problem.groups.get(LEVER)
+    arm_sd = arm.size if arm is not None else 0.0
+    return delay_checks.findings(s, s.problem.findings, s.findings, arm_sd=arm_sd)
+
+
+def _found(
+    p: TransferProblem, fit: TransferFit, likeliest: DelayFit | None, *, history: bool
+) -> Solution:
+    settings, told = p.settings, None
     status, passes = _settled(p, fit)
-    passes = [*shocks_told, *passes]
     if p.counted.judged and status is not Status.NOT_FINITE:
         fit, prior, told = judged(fit, p.prior, p.groups, settings.reported)
         assert isinstance(fit.model, TransferModel)
@@ -354,9 +375,6 @@ def at_once(
     A spike moves attitude or velocity at once, and is over; a bias or a mounting stays another.
     Either is believed only where all is as it should be with it.
     """
-    known = {f.code for f in p.findings}
-    if known & EXPLAINS or not np.isfinite(fit.run.states).all() or _explains(fit):
-        return p, fit, []
     names = fit.model.names
     groups = {g: [i for i, n in enumerate(names) if n.rpartition(".")[0] == g] for g in STAYS}
     ways = {"gyros": np.arange(3), "accelerometers": np.arange(3, 6)}
