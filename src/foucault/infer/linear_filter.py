@@ -215,7 +215,7 @@ def shocks(system: LinearSystem, run: LinearRun, ways: Mapping[str, IntArray]) -
     With lambda and Lambda of the smoother, that is all that follows an epoch, a step d of states W
     has the estimate ``-(W' Lambda W)^-1 W' lambda``, of covariance ``(W' Lambda W)^-1`` [3]_.
 
-    `run`: of `kalman`, made with ``keep=True``.
+    `run`: of `kalman`, made with ``keep=True``; `ways`: name -> indices of states, shape (q,) [1].
 
     References
     ----------
