@@ -591,3 +591,26 @@ def test_one_reading_20_sd_off_moves_no_coefficient_by_a_quarter_of_its_sd(fligh
     moved_by = (got.coefficients.values - clean.coefficients.values) / clean.coefficients.sd
     assert np.abs(moved_by).max() < 0.25
     assert got.verdict.level is Level.PASS
+
+
+# -- what happens at once --------------------------------------------------------------------------
+
+
+def _late(x, step, last=None):
+    """Return readings (n, 3) with `step` added from the middle on, for `last` rows or for good."""
+    first = len(x) // 2
+    out = x.copy()
+    out[first : None if last is None else first + last] += step
+    return out
+
+
+def test_a_spike_of_the_accelerometers_is_left_out_and_told(flight) -> None:
+    result = said(flight, slave(accel=lambda f: _late(f, [G, 0.0, 0.0], 3)))
+    assert "transfer.mishap" in codes(result) and "transfer.flexure" not in codes(result)
+
+
+def test_biases_that_change_for_good_are_named_and_are_no_flexure(flight) -> None:
+    result = said(flight, slave(accel=lambda f: _late(f, [0.02 * G, 0.0, 0.0])))
+    assert "transfer.flexure" not in codes(result)
+    assert "the biases of the accelerometers" in told(result, "transfer.shift")
+    assert result.verdict.level is not Level.PASS

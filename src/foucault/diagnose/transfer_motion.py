@@ -452,7 +452,7 @@ def findings(
     """
     if EXPLAINS & {f.code for f in before}:
         return [*before, *_of_edge(e), *_straight(e)]
-    if e.status is not Status.CONVERGED:
+    if e.status is not Status.CONVERGED or "transfer.shift" in {f.code for f in passes}:
         return [*before, *passes, *_of_edge(e), *_straight(e)]
     priors = narrow(e)
     causes = [*of_priors(e, priors), *of_lever(e, arm_sd)] or of_outliers(e)

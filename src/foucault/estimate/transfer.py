@@ -261,6 +261,8 @@ class TransferModel:
     # [SI]
     sd: FloatArray
     counted: tuple[str, ...] = ()  # names of `models.transfer.COUNTED` that are states too
+    # states that changed at once, when between [s], and by what sd [SI]
+    shocks: tuple[tuple[tuple[int, ...], float, float, float], ...] = ()
 
     first: ClassVar[int] = 9
     kinds: ClassVar[Mapping[str, slice]] = {"velocity": slice(0, 3), "attitude": slice(3, 6)}
@@ -329,6 +331,9 @@ class TransferModel:
         R[:, : 3 if self.matching.vertical else 2] = self.matching.velocity_sd**2
         R[:, 3:] = self.matching.attitude_sd**2
         half = self._carried(Phi, self.steps(rows))
+        for states, begin, end, sd in self.shocks:
+            inside = np.flatnonzero((when >= begin) & (when < end))
+            half[np.ix_(inside, np.array(states))] += sd**2
         if self.counted:
             self._drive(Phi, rows, states_of(history))
         x0, P0 = self._start(point)

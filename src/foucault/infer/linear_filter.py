@@ -34,13 +34,15 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from foucault.arrays import FloatArray
+from foucault.arrays import FloatArray, IntArray
 from foucault.errors import error
+from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.kernels.linear_filter import TOGETHER, linear_filter, linear_smoother
 
 
@@ -177,7 +179,9 @@ def smoothed_start(system: LinearSystem, run: LinearRun) -> FloatArray:
 
 def smoothed(system: LinearSystem, run: LinearRun) -> LinearSmoothed:
     """Smooth a run of `kalman` made with ``keep=True``."""
-    states, cov, adjoint, information = _backward(system, run, whole=True)
+    lam, adj, adjoint, information = _backward(system, run, whole=True)
+    P = run.before
+    states, cov = run.predicted - np.einsum("kij,kj->ki", P, lam), P - P @ adj @ P
     P0 = system.P0
     return LinearSmoothed(states, cov, system.x0 - P0 @ adjoint, P0 - P0 @ information @ P0)
 
@@ -186,9 +190,51 @@ def _backward(system: LinearSystem, run: LinearRun, *, whole: bool) -> tuple[Flo
     if len(run.before) != len(system.Phi):
         raise ValueError("a run to be smoothed must be made with keep=True")
     back: tuple[FloatArray, ...] = linear_smoother(
-        system.Phi, system.H, system.R, run.innovation, run.predicted, run.before, whole
+        system.Phi, system.H, system.R, run.innovation, run.before, whole
     )
     return back
+
+
+@dataclass(frozen=True)
+class Shock:
+    """A sudden change of some states, at the epoch where it explains most."""
+
+    epoch: int  # before what is measured there it came [1]
+    square: float  # squared, in its sds [1]
+    limit: float  # what none of so many epochs comes to by chance [1]
+    size: FloatArray  # (q,) change of the states [SI]
+    sd: FloatArray  # (q,) its standard deviations [SI]
+
+
+UNSEEN = 1e-6  # A direction of which what follows says less, of its own scale, is not asked [1].
+
+
+def shocks(system: LinearSystem, run: LinearRun, ways: Mapping[str, IntArray]) -> dict[str, Shock]:
+    """Return of each way (q,) of states to change at once where and how it would explain most [1].
+
+    With lambda and Lambda of the smoother, that is all that follows an epoch, a step d of states W
+    has the estimate ``-(W' Lambda W)^-1 W' lambda``, of covariance ``(W' Lambda W)^-1`` [3]_.
+
+    `run`: of `kalman`, made with ``keep=True``; `ways`: name -> indices of states, shape (q,) [1].
+
+    References
+    ----------
+    .. [3] P. de Jong, J. Penzer, "Diagnosing shocks in time series", *JASA* 93 (1998).
+    """
+    lam, adj = _backward(system, run, whole=True)[:2]
+    out = {}
+    for name, at in ways.items():
+        own = adj[:, at[:, None], at]
+        unit = np.sqrt(np.maximum(np.einsum("kii->ki", own), np.finfo(float).tiny))
+        size, axes = np.linalg.eigh(own / (unit[:, :, None] * unit[:, None, :]))
+        share = np.where(size > UNSEEN, 1.0 / np.maximum(size, UNSEEN), 0.0)
+        pull = np.einsum("kij,ki->kj", axes, lam[:, at] / unit)
+        square = np.sum(share * pull**2, axis=1)
+        k = int(np.argmax(square))
+        cov = axes[k] * share[k] @ axes[k].T / np.outer(unit[k], unit[k])
+        limit = chi_square_limits(len(at), 2 * FALSE_ALARM / len(ways), len(lam))[1]
+        out[name] = Shock(k, float(square[k]), limit, -cov @ lam[k, at], np.sqrt(np.diag(cov)))
+    return out
 
 
 def extended(system: LinearSystem, H: FloatArray, sd: float) -> LinearSystem:

@@ -213,19 +213,18 @@ def linear_filter(Phi, jump, half, H, z, R, L, limit, gate, P, T, G, keep):
 
 
 @kernel
-def linear_smoother(Phi, H, R, innovation, predicted, before, whole):
+def linear_smoother(Phi, H, R, innovation, before, whole):
     """Smooth a Kalman run backward: the modified Bryson-Frazier form, without an inverse.
 
     Parameters: as `linear_filter` was given and what it kept; whole: whether more than the adjoint
-    lambda is wanted, which takes a small part of the time. Returns states (m, n) and their
-    covariances (m, n, n) as seen from the end, and the adjoint lambda (n,), Lambda (n, n) at the
-    start: with x0, P0 the smoothed start is ``x0 - P0 lambda``, of covariance
-    ``P0 - P0 Lambda P0``.
+    at the start is wanted, which takes a small part of the time. Returns the adjoint lambda (m, n)
+    and Lambda (m, n, n) just before what each epoch measures, and the same (n,), (n, n) at the
+    start: with x, P predicted there the smoothed state is ``x - P lambda``, of covariance
+    ``P - P Lambda P``.
     """
     m, q, n = H.shape
     kept = m if whole else 0
-    states = np.empty((kept, n))
-    cov = np.empty((kept, n, n))
+    lams, adjs = np.empty((kept, n)), np.empty((kept, n, n))
     lam, adj = np.zeros(n), np.zeros((n, n))
     G, share = np.zeros((q, n)), np.zeros(q)
     at, some = np.zeros(n + 3, np.int64), np.zeros(n + 3)
@@ -262,21 +261,9 @@ def linear_smoother(Phi, H, R, innovation, predicted, before, whole):
                 for j in range(n):
                     adj[i, j] += H[k, a, i] * (H[k, a, j] * both - u[j]) - u[i] * H[k, a, j]
         for r in range(kept and n):
-            c = predicted[k, r]
-            for i in range(n):
-                c -= before[k, r, i] * lam[i]
-            states[k, r] = c
+            lams[k, r] = lam[r]
             for j in range(n):
-                M[r, j] = 0.0
-            for i in range(n):
-                for j in range(n):
-                    M[r, j] += before[k, r, i] * adj[i, j]
-        for r in range(kept and n):
-            for j in range(n):
-                cov[k, r, j] = before[k, r, j]
-            for i in range(n):
-                for j in range(n):
-                    cov[k, r, j] -= M[r, i] * before[k, i, j]
+                adjs[k, r, j] = adj[r, j]
         for i in range(n):
             u[i] = lam[i] if i >= many else 0.0
         for r in range(many):
@@ -306,4 +293,4 @@ def linear_smoother(Phi, H, R, innovation, predicted, before, whole):
                 if c != 0.0:
                     for j in range(n):
                         adj[j, i] += M[j, r] * c
-    return states, cov, lam, adj
+    return lams, adjs, lam, adj

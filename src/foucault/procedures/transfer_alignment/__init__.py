@@ -37,7 +37,6 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.diagnose import left_out
 from foucault.diagnose import transfer as judge
-from foucault.diagnose import transfer_motion as findings
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.references import stretched
 from foucault.errors import Finding, FoucaultError, error
@@ -53,6 +52,7 @@ from foucault.procedures.transfer_alignment.problem import (
     gravity_error,
     handed_over,
     ignoring_delay,
+    noticed,
     problem_of,
     solved,
 )
@@ -125,10 +125,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     beside = np.zeros_like(error_of_g) if "site.gravity" in s.model.counted else error_of_g
     all_cov = s.states.cov + np.outer(beside, beside)
     at = [s.states.layout.index(name) for name in settings.reported]
-    arm = s.problem.groups.get(counted.LEVER)
-    told += findings.findings(
-        s, s.problem.findings, s.findings, arm_sd=arm.size if arm is not None else 0.0
-    )
+    told += noticed(s)
     tables: dict[str, TableData] = {}
     more: dict[str, Any] = {}
     if given.shown:

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Prior
 from foucault.diagnose import transfer_motion as delay_checks
-from foucault.diagnose.transfer import Evidence
-from foucault.diagnose.transfer_motion import BENDS
+from foucault.diagnose.transfer import EACH, Evidence, whiteness
+from foucault.diagnose.transfer_motion import ALIKE, BENDS
 from foucault.errors import Finding, Status, error, finding
 from foucault.estimate.delay import Delay, delay_of
 from foucault.estimate.transfer import (
@@ -31,14 +31,17 @@ from foucault.estimate.transfer import (
 )
 from foucault.guard.master import forces, turning
 from foucault.infer import filtered
+from foucault.infer.filtered import components
 from foucault.infer.left_out import Judgement
 from foucault.infer.left_out_states import Group
 from foucault.infer.linear_filter import (
     LinearSmoothed,
+    Shock,
     by_prior,
     h_infinity,
     kalman,
     least_gamma,
+    shocks,
     smoothed,
 )
 from foucault.models.earth import Site, displaced, earth_rate_n, transport_rate
@@ -48,7 +51,7 @@ from foucault.models.rotation import exp
 from foucault.models.transfer import LIVELY, WANDER, MasterTable, Messages, states_of_transfer
 from foucault.navigate.increments import Increments
 from foucault.navigate.strapdown import State
-from foucault.procedures.transfer_alignment.counted import Counted, judged
+from foucault.procedures.transfer_alignment.counted import LEVER, Counted, judged
 from foucault.procedures.transfer_alignment.settings import (
     BEYOND,
     LEFT_OUT,
@@ -305,10 +308,33 @@ class Solution(Evidence):
 
 
 def solved(p: TransferProblem, *, history: bool) -> Solution:
-    """Find the delay to start from, filter, and bound the filter where that is chosen."""
-    settings = p.settings
+    """Find the delay to start from, filter, and bound the filter where that is chosen.
+
+    What happens at once makes innovations that depend on each other, as a mount that bends: it is
+    looked for where nothing else than that is found.
+    """
     p, likeliest = _started(p)
-    fit, told = filtered.fit(p.model, passes=settings.passes, settled=STILL), None
+    fit = filtered.fit(p.model, passes=p.settings.passes, settled=STILL)
+    s = _found(p, fit, likeliest, history=history)
+    if "transfer.flexure" not in {f.code for f in noticed(s)}:
+        return s
+    p, other, told = at_once(p, fit)
+    if other is not fit:
+        s = _found(p, other, likeliest, history=history)
+    return replace(s, findings=[*told, *s.findings])
+
+
+def noticed(s: Solution) -> list[Finding]:
+    """Return all that was noticed of a solution."""
+    arm = s.problem.groups.get(LEVER)
+    arm_sd = arm.size if arm is not None else 0.0
+    return delay_checks.findings(s, s.problem.findings, s.findings, arm_sd=arm_sd)
+
+
+def _found(
+    p: TransferProblem, fit: TransferFit, likeliest: DelayFit | None, *, history: bool
+) -> Solution:
+    settings, told = p.settings, None
     status, passes = _settled(p, fit)
     if p.counted.judged and status is not Status.NOT_FINITE:
         fit, prior, told = judged(fit, p.prior, p.groups, settings.reported)
@@ -326,6 +352,102 @@ def solved(p: TransferProblem, *, history: bool) -> Solution:
         problem=p, kalman=fit, gamma=gamma, least=least, backward=backward, findings=passes,
         judged=told,
     )  # fmt: skip
+
+
+LITTLE = 0.3  # So much of its sd an error may be wrong by [1].
+
+PLACES, LONGEST = 3, 5.0
+"""What is left out of a log is so many moments at most [1], none of them longer [s]."""
+
+STAYS = {
+    "gyro.bias": "the biases of the gyros changed for good",
+    "accel.bias": "the biases of the accelerometers changed for good",
+    "installation": "the mounting of the slave changed for good",
+}
+"""What may change for good, where the filter estimates it."""
+
+
+def at_once(
+    p: TransferProblem, fit: TransferFit
+) -> tuple[TransferProblem, TransferFit, list[Finding]]:
+    """Leave out moments in which the slave's readings are not of its motion; name what stays.
+
+    A spike moves attitude or velocity at once, and is over; a bias or a mounting stays another.
+    Either is believed only where all is as it should be with it.
+    """
+    names = fit.model.names
+    groups = {g: [i for i, n in enumerate(names) if n.rpartition(".")[0] == g] for g in STAYS}
+    ways = {"gyros": np.arange(3), "accelerometers": np.arange(3, 6)}
+    ways |= {g: np.array(at) for g, at in groups.items() if at}
+    now, told = fit, list[Finding]()
+    for _ in range(PLACES):
+        system = now.system
+        found = shocks(system, kalman(system, keep=True), ways)
+        seen = sorted((w for w in ways if found[w].square > found[w].limit),
+                      key=lambda w: -found[w].square)  # fmt: skip
+        some = {w: one for w in seen if (one := _changed(now, ways[w], found[w], w in STAYS))}
+        done = [w for w, one in some.items() if _explains(one)]
+        stay = [w for w in done if w in STAYS and found[w].square > found[done[0]].square - ALIKE]
+        if done and stay:
+            when = f"{system.time[found[stay[0]].epoch]:.6g}"
+            what = " or ".join(STAYS[w] for w in stay)
+            return p, fit, [*told, finding("transfer.shift", time=when, what=what)]
+        over = [w for w in (done or seen) if w not in STAYS]
+        if not over:
+            break
+        if over[0] == "gyros" and np.sum(found["gyros"].size ** 2) > _small(fit):
+            when = f"{system.time[found['gyros'].epoch]:.6g}"
+            what = "the attitude changed otherwise than the gyros say (a spike, lost samples)"
+            return p, fit, [finding("transfer.shift", time=when, what=what)] if done else []
+        now = some[over[0]]
+        model = now.model
+        assert isinstance(model, TransferModel)
+        _, begin, end, _ = model.shocks[-1]
+        told.append(finding("transfer.mishap", what=over[0], begin=f"{begin:.6g}",
+                            end=f"{end:.6g}"))  # fmt: skip
+        if done:
+            model = replace(p.model, shocks=model.shocks)
+            now = filtered.fit(model, passes=p.settings.passes, settled=STILL)
+            return (replace(p, model=model), now, told) if _explains(now) else (p, fit, [])
+    return p, fit, []
+
+
+def _changed(fit: TransferFit, at: IntArray, found: Shock, stays: bool) -> TransferFit | None:
+    """Return the fit with states `at` (k,) changed at once [1], as long as it takes."""
+    model, time = fit.model, fit.system.time
+    assert isinstance(model, TransferModel)
+    sd, k, beside, best = 10.0 * float(np.hypot(found.size, found.sd).max()), found.epoch, 0, None
+    # What is just wide enough leaves the ends of it in.
+    wide = False
+    edges = np.concatenate([time[:1] - 1.0, (time[1:] + time[:-1]) / 2, time[-1:] + 1.0])
+    while best is None or not (stays or wide):
+        wide = best is not None and _explains(best)
+        begin, end = (float(edges[np.clip(i, 0, len(time))]) for i in (k - beside, k + beside + 1))
+        if best is not None and end - begin > LONGEST:
+            break
+        half = fit.system.half.copy()
+        half[np.ix_((time >= begin) & (time < end), at)] += sd**2
+        system = replace(fit.system, half=half)
+        more = (tuple(at.tolist()), begin, end, sd)
+        other = replace(model, shocks=(*model.shocks, more))
+        best = replace(fit, model=other, system=system, run=kalman(system))
+        beside += 1 + beside // 2
+    return best
+
+
+def _small(fit: TransferFit) -> float:
+    """Return the square of an angle that a free run may be wrong by: ``g angle^2 / 2`` is little.
+
+    Little beside what is not known of the biases of the accelerometers.
+    """
+    sd = [x for n, x in zip(fit.model.names, fit.run.sd[-1], strict=True) if "accel.bias" in n]
+    return 2.0 * LITTLE * float(min(sd, default=np.inf)) / 9.80665
+
+
+def _explains(fit: TransferFit) -> bool:
+    """Tell whether innovations are no larger than they may be, and independent."""
+    worst, limit = whiteness(fit.run)
+    return worst <= limit and all(c.chi_square <= c.high for c in components(fit, EACH).values())
 
 
 def ignoring_delay(s: Solution) -> Evidence:
