@@ -26,7 +26,7 @@ BUDGET = {
     "models": 6_125,
     "navigate": 2_141,
     "plans": 5_923,
-    "procedures": 20_474,
+    "procedures": 20_475,
     "recognise": 3_040,
     "report": 10_325,
     "records": 1_593,

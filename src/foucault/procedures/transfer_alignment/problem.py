@@ -316,7 +316,8 @@ def solved(p: TransferProblem, *, history: bool) -> Solution:
     p, likeliest = _started(p)
     fit = filtered.fit(p.model, passes=p.settings.passes, settled=STILL)
     s = _found(p, fit, likeliest, history=history)
-    if "transfer.flexure" not in {f.code for f in noticed(s)}:
+    dependent, allowed = whiteness(s.fit.run)
+    if dependent <= allowed or "transfer.flexure" not in {f.code for f in noticed(s)}:
         return s
     p, other, told = at_once(p, fit)
     if other is not fit:
