@@ -137,9 +137,14 @@ def test_a_mistake_is_named(flight, spoil, code: str, words: str) -> None:
 
 def test_nobody_is_sent_elsewhere_for_a_wrong_column(flight) -> None:
     """Neither to velocity_sd and attitude_sd, nor to more passes or another lever arm."""
-    for spoil in (slave(accel=swapped), master(angles=lambda a: a * [-1, 1, 1])):
+    for spoil in (
+        slave(accel=swapped),
+        slave(gyro=swapped),
+        master(angles=lambda a: a * [-1, 1, 1]),
+    ):
         result = said(flight, spoil)
         assert len(codes(result)) == 1
+        assert result.verdict.reasons[0].startswith(result.findings[0].message)
         assert result.verdict.level is not Level.PASS
 
 
@@ -309,6 +314,7 @@ def test_a_wrong_lever_arm_is_named_with_its_size(levered, given, words: str) ->
     result = said(levered, as_it_is, lever_arm=tuple(f"{x} m" for x in given))
     (one,) = [f for f in result.findings if f.code == "transfer.lever"]
     assert words in one.message
+    assert result.verdict.reasons[0].startswith(one.message)
     shown = [float(x.strip(' "m')) for x in one.cure.split("[")[1].split("]")[0].split(",")]
     np.testing.assert_allclose(shown, [1, 2, -0.5], atol=0.06)
     assert "transfer.spread" not in codes(result)

@@ -168,31 +168,19 @@ def times_the_table(log: Log) -> bool:
     )
 
 
-def stretched(log: Log, share: float) -> Log:
-    """Return the log as a clock that is fast by `share`, shape () [1], would have stamped it."""
-    start, fast = float(log.time[0]), 1.0 + share
-    slower = fast if log.sampled == "increment" else 1.0
-    return replace(
-        log,
-        time=start + (log.time - start) * fast,
-        gyro=None if log.gyro is None else log.gyro / slower,
-        accel=None if log.accel is None else log.accel / slower,
-    )
+BY_CLOCK = "by_clock"
+"""Diagnostic: derivative of the coefficients by the logarithm of the rate of the clock of all that
+was logged, where it does not follow from what they are (p,) [SI]."""
 
 
-def with_clock(
-    result: Result, clock: Clock, *, turned: bool, summed: bool, slope: FloatArray | None = None
-) -> Result:
+def with_clock(result: Result, clock: Clock, *, turned: bool, summed: bool) -> Result:
     """Put what the clock of the log makes of the coefficients beside them, and say it.
 
     `result`: its covariance is that in the log's own time [SI]; `turned`: whether the reference
-    of the gyros is an angle over the time of the log; `slope` (n,) or None: derivative of the
-    coefficients with respect to the logarithm of the clock's rate, where it does not follow from
-    the two [SI].
+    of the gyros is an angle over the time of the log.
     """
-    vector, plain = result.coefficients, slope is None
-    if slope is None:
-        slope = clock_slope(vector, turned=turned, summed=summed)
+    vector, known = result.coefficients, result.diagnostics.get(BY_CLOCK)
+    slope = clock_slope(vector, turned=turned, summed=summed) if known is None else known
     slope = np.where(vector.free, slope, 0.0)
     finite = np.isfinite(slope) & (slope != 0.0)
     error = {
@@ -201,7 +189,7 @@ def with_clock(
         if some
     }
     base = TimeBase(clock.source, clock.sd, clock.declared, error)
-    sentence = _words(base, _what(base, vector) if plain else _most(base, vector))
+    sentence = _words(base, _what(base, vector) if known is None else _most(base, vector))
     unseen = [*(result.diagnostics.get("unseen") or ()), sentence]
     told = _alike(vector) if summed else ()
     return replace(

@@ -513,6 +513,16 @@ class TransferModel:
         offset = self.slave.gravity_offset + by
         return replace(self, slave=replace(self.slave, gravity_offset=offset))
 
+    def faster(self, by: float) -> TransferModel:
+        """Return the model where the clock of all stamps is fast `by` so much [1]."""
+        inc, fast = self.slave.increments, 1.0 + by
+        more = 1.0 if inc.counted else fast  # rates over longer intervals
+        inc = replace(inc, time=inc.time * fast, dt=inc.dt * fast, dtheta_b=inc.dtheta_b * more,
+                      dvel_b=inc.dvel_b * more)  # fmt: skip
+        shocks = tuple((at, begin * fast, end * fast, sd) for at, begin, end, sd in self.shocks)
+        return replace(self, slave=replace(self.slave, increments=inc), shocks=shocks,
+                       master=replace(self.master, time=self.master.time * fast))  # fmt: skip
+
     def without_delay(self) -> TransferModel:
         """Return the model with the delay of its start, which is no state."""
         return replace(self, matching=replace(self.matching, delay=False),

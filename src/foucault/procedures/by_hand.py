@@ -14,6 +14,7 @@ from foucault.coefficients import CoefficientVector
 from foucault.diagnose import left_out
 from foucault.diagnose.checks import check, given_check, plausible_scales, status_check
 from foucault.diagnose.foresight import Foresight
+from foucault.diagnose.references import BY_CLOCK
 from foucault.errors import Finding, Status, finding
 from foucault.estimate.two_bodies import UNSURE_DELAY
 from foucault.models.imu import SIZE_EQUATION, Gauge, ImuModel
@@ -85,13 +86,6 @@ GIVES_WAY = (
     "A mount that gives way slowly: both bodies are taken for one that is rigid, and what turns "
     "between them in the length of the session looks like a bias."
 )
-
-BY_CLOCK = "by_clock"  # Diagnostic: see `Found`.
-
-
-def clock_slope(_log: Log, _given: Given[Any], result: Result) -> FloatArray:
-    """Return how a `result` changes with the rate of a clock of all that was logged, (p,) [SI]."""
-    return np.array(result.diagnostics[BY_CLOCK])
 
 
 def result_of(

@@ -272,8 +272,6 @@ class Procedure(Generic[S, N]):
     more: Literal["none", "stretches", "recordings"] = "none"
     # Log -> whether angles over its time are the reference of the gyros, and whether it is sums.
     clocked: Callable[[Any], tuple[bool, bool]] = _on_axes
-    # Log, given and result -> (n,) derivative by the rate of the clock, where that is tried [SI].
-    clock_slope: Callable[[Any, Given[S], Result], FloatArray | None] | None = None
 
     # Texts of the template of a campaign; empty: those of an IMU.
     log_table: Callable[[Any], str] | None = None  # [log], of the template or of a simulated log
@@ -327,8 +325,7 @@ class Procedure(Generic[S, N]):
             raise error("log.rests_unused", procedure=self.name)
         given = self._given(site, settings, noise, prior, progress, sizes)
         with solvable():
-            result, given = decided(lambda g: self.solve(log, g), given)
-            slope = self.clock_slope(log, given, result) if self.clock_slope else None
+            result = decided(lambda g: self.solve(log, g), given)[0]
         progress(1.0, "done")
         if sizes and "left_out" not in result.tables:
             told = finding("left_out.not_counted", procedure=self.name)
@@ -339,7 +336,7 @@ class Procedure(Generic[S, N]):
             provenance=provenance(log.source, clock.monotonic() - started),
         )
         turned, summed = self.clocked(log)
-        return with_clock(result, log.clock, turned=turned, summed=summed, slope=slope)
+        return with_clock(result, log.clock, turned=turned, summed=summed)
 
     def trial(
         self,

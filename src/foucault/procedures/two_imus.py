@@ -45,7 +45,7 @@ from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.two_imus import LAYOUT, ORDINALS, SENSORS, layout_of
 from foucault.plans.directions import Free
-from foucault.procedures.by_hand import Found, HandSession, clock_slope, foreseen, result_of
+from foucault.procedures.by_hand import Found, HandSession, foreseen, result_of
 from foucault.procedures.chosen import Chosen
 from foucault.procedures.counted import Again, Counted, Stages, Unit, counted
 from foucault.procedures.left_out import told_beside
@@ -577,7 +577,6 @@ PROCEDURE = Procedure(
     assumes_noise=True,
     counts=True,
     counts_by_noise=True,
-    clock_slope=clock_slope,
     Master=MasterDescription,
     with_master=_with_master,
     write=_write,

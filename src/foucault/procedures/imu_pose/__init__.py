@@ -51,7 +51,7 @@ from foucault.models.pose import PoseTable
 from foucault.models.rotation import log as vector_of
 from foucault.models.size_effect import SizeEffect
 from foucault.plans.directions import Free
-from foucault.procedures.by_hand import Found, HandSession, clock_slope, foreseen, result_of
+from foucault.procedures.by_hand import Found, HandSession, foreseen, result_of
 from foucault.procedures.counted import GYROS, Again, Counted, Stages, Term, Unit, counted
 from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
 from foucault.procedures.left_out import told_beside
@@ -607,7 +607,6 @@ PROCEDURE = Procedure(
     assumes_noise=True,
     counts=True,
     counts_by_noise=True,
-    clock_slope=clock_slope,
     Master=PoseDescription,
     with_master=_with_poses,
     write=_write,

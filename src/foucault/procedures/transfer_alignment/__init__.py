@@ -38,17 +38,17 @@ from foucault.arrays import FloatArray
 from foucault.diagnose import left_out
 from foucault.diagnose import transfer as judge
 from foucault.diagnose.comparable import of_site
-from foucault.diagnose.references import stretched
-from foucault.errors import Finding, FoucaultError, error
+from foucault.diagnose.references import BY_CLOCK
+from foucault.errors import Finding, error
 from foucault.logs.master import MasterDescription
 from foucault.models.imu import EQUATION
-from foucault.procedures import silent
 from foucault.procedures.record import Given, Procedure
 from foucault.procedures.transfer_alignment import counted
 from foucault.procedures.transfer_alignment import settings as chosen
 from foucault.procedures.transfer_alignment.problem import (
     Solution,
     bent,
+    clock_slope,
     gravity_error,
     handed_over,
     ignoring_delay,
@@ -73,31 +73,6 @@ from foucault.tables import Log, ranges
 
 FRAME = "axes of the slave: right, forward, up as it is mounted nominally"
 GAUGE = "b is the case of the slave; its axes are taken to be at right angles"
-
-
-FAST = 1e-4  # A clock so much too fast shows how the estimate hangs on it [1].
-
-
-def _clock_slope(log: Log, given: Given[Settings], result: Result) -> FloatArray | None:
-    """Return how the estimate changes with the clock that log and messages share, shape (n,).
-
-    What a flight ties to the velocity of a master is a mixture of its turns and of gravity, so that
-    it is tried: a clock that is fast for one of the two alone is a delay that drifts, and is seen.
-    """
-    if not isinstance(log, SlaveLog):
-        return None
-    given.progress(0.9, "looking at the clock")
-    start, table = float(log.time[0]), log.messages
-    later = replace(table, time=start + (table.time - start) * (1.0 + FAST))
-    fast = SlaveLog.of(stretched(log, FAST), later)
-    try:
-        s = _solved(fast, replace(given, progress=silent, shown=False))[0]
-    except FoucaultError:
-        return None
-    other = s.states.chosen(s.problem.settings.reported)
-    if other.names != result.coefficients.names:
-        return None
-    return np.asarray((other.values - result.coefficients.values) / FAST)
 
 
 def _solved(log: Log, given: Given[Settings]) -> tuple[Solution, SlaveLog, list[Finding]]:
@@ -133,6 +108,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         undelayed = ignoring_delay(s) if settings.delay != "none" else None
         tables = judge.tables(s, settings.reported, s.backward, undelayed)
         more = _budget(s, beside, at)
+        more[BY_CLOCK] = clock_slope(s)[at].tolist()
     if s.judged is not None:
         checks = (*checks, *left_out.checks(s.judged))
         tables = {**tables, "left_out": left_out.table(s.judged)}
@@ -254,7 +230,6 @@ PROCEDURE = Procedure(
     write=chosen.write_log,
     Master=MasterDescription,
     with_master=chosen.with_master,
-    clock_slope=_clock_slope,
     log_table=chosen.log_table,
     noise_lines=chosen.NOISE_LINES,
     prior_lines=chosen.PRIOR_LINES,

@@ -485,9 +485,24 @@ def gravity_error(s: Solution) -> FloatArray:
     sd = s.problem.site.gravity_sd
     if not sd:
         return np.zeros(len(s.prior))
+    return _response(s, s.model.heavier(sd))
+
+
+FAST = 1e-4  # A clock so much too fast shows how the estimate hangs on it [1].
+
+
+def clock_slope(s: Solution) -> FloatArray:
+    """Return how `Solution.states` change with the clock that log and messages share, (n,) [SI].
+
+    What a flight ties to the velocity of a master is a mixture of its turns and of gravity, so that
+    it is tried: a clock that is fast for one of the two alone is a delay that drifts, and is seen.
+    """
+    return _response(s, s.model.faster(FAST)) / FAST
+
+
+def _response(s: Solution, other: TransferModel) -> FloatArray:
     names = s.model.names[s.model.first :]
-    response = filtered.response(s.kalman, s.model.heavier(sd))
-    return response[[names.index(name) for name in s.prior.names]]
+    return filtered.response(s.kalman, other)[[names.index(name) for name in s.prior.names]]
 
 
 def handed_over(s: Solution) -> HandOver:
