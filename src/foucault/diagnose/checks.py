@@ -271,13 +271,16 @@ def unseen_sizes(
     return out
 
 
-def drift_check(found: Drift | None, layout: Layout) -> list[Check]:
-    """Judge the drift that `infer.drift.find_drift` found, if any; none where none would show."""
-    if found is None:
-        return []
-    kind = next(c.kind for c in layout.coefficients if c.name.startswith(found.name))
-    given = {"name": found.name, "size": _with_sd(found.size, found.sd, kind)}
-    return [check("drift", "drift", found.ratio, None, found.limit, given)]
+def change_checks(seen: Sequence[Drift], layout: Layout) -> list[Check]:
+    """Judge drift and jump that `fit_checks.changes` found."""
+    out = []
+    for one in seen:
+        kind = next(c.kind for c in layout.coefficients if c.name.startswith(one.name))
+        given = {"name": one.name, "size": _with_sd(one.size, one.sd, kind)}
+        what = "drift" if one.when is None else "jump"
+        given |= {} if one.when is None else {"time": plain(one.when, 6)}
+        out.append(check(what, what, one.ratio, None, one.limit, given))
+    return out
 
 
 def _with_sd(size: float, sd: float, kind: str) -> str:

@@ -14,15 +14,15 @@ import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.diagnose.checks import (
+    change_checks,
     check,
-    drift_check,
     foreseen_check,
     judge_prior,
     plausible_scales,
     status_check,
 )
 from foucault.infer import mixed
-from foucault.infer.drift import Drift, by_time, find_drift
+from foucault.infer.drift import Drift, by_time, find_drift, jumps
 from foucault.infer.gauss_newton import FALSE_ALARM, TOLD, Component, chi_square_limits
 from foucault.infer.information import information
 from foucault.infer.mixed import Fit, HeldOut
@@ -92,7 +92,7 @@ def checks(e: Judged) -> list[Check]:
     out = [status_check(estimate.status, estimate.weakest), redundancy(e), *judge_prior(estimate)]
     out += known_checks(e.fit, e.said)
     out += plausible_scales(estimate.coefficients)
-    out += drift_check(clearest_drift(e), estimate.coefficients.layout)
+    out += change_checks(changes(e), estimate.coefficients.layout)
     out += [explained(e, kind) for kind in e.kinds if kind in e.fit.before]
     out += [_scatter(e, name) for name in e.limits if e.fit.found.get(name)]
     out += _even(e)
@@ -178,13 +178,19 @@ def explained(e: Judged, kind: str) -> Check:
     then = _then(e, kind, ratio, added, c.redundancy)
     given = told | {"ratio": ratio, "then": then, "overstated": e.overstated}
     if e.noise == "declared":
-        return check("noise", name, c.chi_square, c.low, c.high, given)
+        quiet = _counts(e) and c.chi_square < c.low  # what is counted with was nothing
+        return check("noise", name, c.chi_square, c.low, c.high, given, excused=quiet)
     known = added and c.redundancy >= e.told_apart
     high = max(c.high, e.too_much**2 * c.redundancy) if known else c.high
     careful = c.chi_square < c.low or c.chi_square <= high or (added and kind in e.silent)
     left = e.fit.after[kind]  # what is beyond the noise is accounted for, and nothing beyond that
     chance = float(chdtrc(left.redundancy, left.chi_square)) if left.redundancy >= 0.5 else 1.0
     return check("noise", name, c.chi_square, c.low, c.high, given, excused=careful, p=chance)
+
+
+def _counts(e: Judged) -> bool:
+    """Tell whether causes are counted with that may as well be nothing."""
+    return bool(getattr(e.fit.model, "more", ()))
 
 
 def _counted(dof: float) -> str:
@@ -239,7 +245,7 @@ def _even(e: Judged) -> list[Check]:
     estimate, out = e.fit.estimate, []
     used = estimate.blocks >= 0
     white, free = estimate.residuals[used], 1 - estimate.leverage[used]
-    if getattr(e.fit.model, "more", ()):  # causes that all readings share are tested by themselves
+    if _counts(e):  # causes that all readings share are tested by themselves
         white, free = e.fit.own
     square = white**2
     blocks = estimate.blocks[used]
@@ -356,21 +362,31 @@ def folds(fit: Fit, kind: str, count: int) -> list[IntArray]:
     return [part for part in parts if len(part)]
 
 
-def clearest_drift(e: Judged) -> Drift | None:
-    """Return the drift of a coefficient that the residuals show most clearly.
+def changes(e: Judged) -> list[Drift]:
+    """Return drift and jump of a coefficient that the residuals show most clearly, where any shows.
 
-    Drifts that are sources of the fit are in its uncertainties, and have a test of their own.
+    Either looks like the other: of what is more than chance, the clearer one is there alone. Drifts
+    that are sources of the fit are in its uncertainties, and have a test of their own.
     """
-    model = e.fit.model
-    if e.time is None or getattr(model, "drifts", False):
-        return None
+    if e.time is None:
+        return []
+    ways: list[dict[float | None, FloatArray]] = [{None: by_time(e.time)}, jumps(e.time)]
+    ways = ways[1:] if getattr(e.fit.model, "drifts", False) else ways
+    out = [one for way in ways if (one := _clearest(e, way)) is not None]
+    first = sorted(out, key=lambda one: -one.ratio / one.limit)[:1]
+    return first if any(one.significant for one in first) else out
+
+
+def _clearest(e: Judged, moments: Mapping[float | None, FloatArray]) -> Drift | None:
     fit = e.fit
     n, d, _ = fit.at.jacobian.shape
     names = fit.model.layout.names
-    moving = fit.at.jacobian[:, :, : len(names)] * by_time(e.time)[:, None, None]
-    columns = np.zeros((len(fit.white.residuals), len(names)))
-    columns[: n * d] = fit.covariance.whiten(moving)
-    return find_drift(fit.white, names, e.time, kinds=scattering(e), candidates=columns)
+    J, columns = fit.at.jacobian[:, :, : len(names)], dict[float | None, FloatArray]()
+    for when, moment in moments.items():
+        columns[when] = np.zeros((len(fit.white.residuals), len(names)))
+        columns[when][: n * d] = fit.covariance.whiten(J * moment[:, None, None])
+    least = 1.0 if _counts(e) else 0.0
+    return find_drift(fit.white, names, columns, kinds=scattering(e), least=least)
 
 
 def scattering(e: Judged) -> IntArray:

@@ -193,7 +193,7 @@ def _causes(e: Judged, rest_level: FloatArray) -> dict[str, str]:
     """Say why residuals are larger than declared noise: few of them, a drift, or all of them."""
     estimate, out = e.fit.estimate, {}
     contradicted = [kind for kind, c in e.fit.before.items() if c.chi_square > c.high]
-    drift = fit_checks.clearest_drift(e) if contradicted else None
+    changed = [one for one in fit_checks.changes(e) if one.significant] if contradicted else []
     # The scatter was estimated from all: in its unit, which of them make the sum?
     used = estimate.blocks >= 0
     squares = np.bincount(estimate.blocks[used], estimate.residuals[used] ** 2)
@@ -204,10 +204,11 @@ def _causes(e: Judged, rest_level: FloatArray) -> dict[str, str]:
         share = np.cumsum(square[order]) / max(float(np.sum(square)), 1e-300)
         few = order[: int(np.searchsorted(share, DOMINATE)) + 1]
         shaken = np.mean(rest_level > SHAKEN) > SHAKEN_SHARE and kind != "turns"
-        if drift is not None and drift.significant:
+        if changed:
+            what = "drift" if changed[0].when is None else "jump"
             out[kind] = (
-                f"a drift of {drift.name} during the session makes them, at least in part, not the "
-                "declared noise"
+                f"a {what} of {changed[0].name} during the session makes them, at least in part, "
+                "not the declared noise"
             )
         elif len(few) <= max(1, len(mine) // 4):
             which = _when(session_of(e.fit).session, kind, few)

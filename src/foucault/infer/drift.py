@@ -1,4 +1,4 @@
-"""What residuals follow: the time, as a coefficient that drifts, or a term that was left out.
+"""What residuals follow: the time, as a coefficient that drifts or jumps, or a term left out.
 
 With white residuals r of a solution and its Jacobian J, a coefficient that changed in proportion to
 time, by d from the first observation to the last, adds ``d c`` to the residuals, where c is the
@@ -8,7 +8,8 @@ the unknowns do not explain::
     d = c'.r / c'.c'        t = d |c'| / s
 
 and t has Student's distribution, s the root mean square of what the drift leaves of the residuals:
-scatter that was fitted to a drift does not hide it.
+scatter that was fitted to a drift does not hide it. One that jumped is the same with -1/2 before
+and 1/2 after for the time.
 
 Terms that were left out are tested in the same way, their own columns for c, several together by
 the F distribution. Neither needs to know how large the noise is: it is all that can be tested where
@@ -22,8 +23,8 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,15 +38,20 @@ LITTLE = 0.01  # A kind of observation with less than this share in a drift does
 ENOUGH = 3.0  # With fewer degrees of freedom besides it a drift is not told from chance [1].
 
 
+MOMENTS = 15  # A jump is looked for at so many moments at most [1].
+FEWEST = 2  # So many observations at least are before a jump, and after it [1].
+
+
 @dataclass(frozen=True)
 class Drift:
-    """The drift that the residuals show most clearly."""
+    """The drift, or the jump, that the residuals show most clearly."""
 
     name: str  # the coefficient, or accel.scale or gyro.scale for all three alike
     # size, sd: how much it changed from the first observation to the last [SI]
     size: float
     sd: float
     dof: float  # degrees of freedom that the sd was found from [1]
+    when: float | None = None  # it jumped there; None: it drifted [s]
     limit: float = np.inf  # `ratio` that chance allows for the largest of all [1]
 
     @property
@@ -65,47 +71,58 @@ def by_time(time: FloatArray) -> FloatArray:
     return np.asarray((time - time.min()) / span - 0.5) if span > 0 else np.zeros(len(time))
 
 
+def jumps(time: FloatArray) -> dict[float | None, FloatArray]:
+    """Return when coefficients may have jumped between observations at `time` (k,) [s].
+
+    Moment -> -1/2 before it, 1/2 after it, shape (k,) [1].
+    """
+    each = np.unique(time)
+    after = np.arange(FEWEST, len(each) - FEWEST + 1)
+    after = after[np.unique(np.linspace(0, len(after) - 1, MOMENTS).astype(int))[: len(after)]]
+    return {float(each[k - 1] + each[k]) / 2: np.where(time >= each[k], 0.5, -0.5) for k in after}
+
+
 def find_drift(
     at: Linearised,
     names: Sequence[str],
-    time: FloatArray,
+    candidates: Mapping[float | None, FloatArray],
     *,
     kinds: IntArray | None = None,
-    candidates: FloatArray | None = None,
+    least: float = 0.0,
 ) -> Drift | None:
-    """Look for the coefficient whose drift explains the residuals best.
+    """Look for the coefficient whose change explains the residuals best.
 
     `at`: the problem linearised at its solution, everything that was estimated in its columns;
-    `time` (blocks,): middle of each observation [s]; `kinds` (blocks,): kind of each observation,
-    which has a scatter of its own, None for one kind; `candidates` (m, p): what a drift of each
-    coefficient does to the white residuals, where whitening mixes observations, None: each row of
-    `at` times its time. Returns None where nothing would show.
+    `candidates`: moment of a jump [s], None for a drift -> (m, p) what it does to the white
+    residuals, of each coefficient [1 / SI]; `kinds` (blocks,): kind of each observation, which has
+    a scatter of its own, None for one kind; `least`: variance of white residuals at least, since
+    what is counted with and may be nothing leaves less along it than along others [1]. Returns None
+    where nothing would show.
     """
     from scipy.special import stdtrit
 
-    moment = np.where(at.blocks >= 0, by_time(time)[at.blocks], 0.0)
-    c = at.jacobian[:, : len(names)] * moment[:, None] if candidates is None else candidates
-    what = list(names)
+    what = [(name, when) for when in candidates for name in names]
+    c = np.column_stack([np.empty((len(at.residuals), 0)), *candidates.values()])
     for family in ("accel.scale", "gyro.scale"):  # what warms up changes all three alike
         mine = [k for k, name in enumerate(names) if name.startswith(f"{family}.")]
         if len(mine) == len(AXES):
-            what.append(family)
-            c = np.column_stack([c, c[:, mine].sum(axis=1)])
+            what += [(family, when) for when in candidates]
+            c = np.column_stack([c, *(x[:, mine].sum(axis=1) for x in candidates.values())])
     left, r, free = _unexplained(at, c)
     kind = _kind_of_rows(at, kinds)
     square = np.sum(left**2, axis=0)
     shown = square > SHOWN * np.maximum(np.sum(c**2, axis=0), 1e-300)
-    found: list[Drift] = []
-    for k in np.flatnonzero(shown).tolist():
-        drift = float(left[:, k] @ r / square[k])
-        variance, dof = _variance(left[:, k], r - drift * left[:, k], free, kind)
-        if dof >= ENOUGH and variance > 0:
-            found.append(Drift(what[k], drift, float(np.sqrt(variance)), dof))
-    if not found:
+    what, left, square = [what[k] for k in np.flatnonzero(shown)], left[:, shown], square[shown]
+    size = left.T @ r / square
+    variance, dof = _variance(left, r, size, free, kind, least)
+    told = np.flatnonzero((dof >= ENOUGH) & (variance > 0))
+    if not len(told):
         return None
-    alpha = FALSE_ALARM / len(found)
-    told = [replace(one, limit=float(-stdtrit(one.dof, alpha / 2))) for one in found]
-    return max(told, key=lambda one: one.ratio / one.limit)
+    sd, limit = np.sqrt(variance), -stdtrit(dof, FALSE_ALARM / len(told) / 2)
+    best = told[np.argmax((np.abs(size) / sd / limit)[told])]
+    name, when = what[best]
+    return Drift(name, float(size[best]), float(sd[best]), float(dof[best]), when,
+                 float(limit[best]))  # fmt: skip
 
 
 def _unexplained(at: Linearised, c: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -177,28 +194,42 @@ def find_left_out(
 
 
 def _variance(
-    left: FloatArray, rest: FloatArray, free: FloatArray, kind: IntArray
-) -> tuple[float, float]:
-    """Return the variance of a drift and its degrees of freedom, each kind with its own scatter.
+    left: FloatArray,
+    r: FloatArray,
+    size: FloatArray,
+    free: FloatArray,
+    kind: IntArray,
+    least: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the variance of every drift and its degrees of freedom, each kind with its scatter.
 
     Several scatters added have the degrees of freedom of Welch and Satterthwaite. What a prior
     says, of a bias that wanders too, is believed as it is: its rows have the variance 1. Where most
     of the drift is in them the observations tell no scatter of their own: there is one for all.
     """
-    square = float(left @ left)
-    believed = float(np.sum(left[kind < 0] ** 2)) / square**2
-    if believed * square > 0.5:
-        kind, believed = np.zeros_like(kind), 0.0
-    parts, dofs = [], []
+    square = np.sum(left**2, axis=0)
+    believed = np.sum(left[kind < 0] ** 2, axis=0) / square
+    alone = _summed(left, r, size, free, kind, least, believed / square)
+    together = _summed(left, r, size, free, np.zeros_like(kind), least, np.zeros(len(size)))
+    variance, dof = np.where(believed > 0.5, together, alone)
+    return variance, dof
+
+
+def _summed(
+    left: FloatArray, r: FloatArray, size: FloatArray, free: FloatArray, kind: IntArray,
+    least: float, known: FloatArray,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    square, total, wide = np.sum(left**2, axis=0), known.copy(), np.zeros(len(size))
+    enough = np.ones(len(size), bool)
     for one in np.unique(kind[kind >= 0]):
         mine = kind == one
-        share = float(left[mine] @ left[mine]) / square
-        dof = float(np.sum(free[mine])) - share
-        if share > LITTLE:
-            if dof < 1:
-                return 0.0, 0.0
-            parts.append(share * float(rest[mine] @ rest[mine]) / dof / square)
-            dofs.append(dof)
-    total = believed + sum(parts)
-    wide = sum(v**2 / dof for v, dof in zip(parts, dofs, strict=True))
-    return total, total**2 / wide if wide > 0 else 0.0
+        part, along = np.sum(left[mine] ** 2, axis=0), left[mine].T @ r[mine]
+        rest = r[mine] @ r[mine] - 2 * size * along + size**2 * part
+        share = part / square
+        dof, counts = np.sum(free[mine]) - share, share > LITTLE
+        enough &= (dof >= 1) | ~counts
+        each = np.maximum(rest / np.maximum(dof, 1.0), least)
+        variance = np.where(counts, share * each / square, 0.0)
+        total, wide = total + variance, wide + variance**2 / np.maximum(dof, 1.0)
+    dof = np.where(enough & (wide > 0), total**2 / np.where(wide > 0, wide, 1.0), 0.0)
+    return np.where(enough, total, 0.0), dof
