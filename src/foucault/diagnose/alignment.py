@@ -227,7 +227,7 @@ CHANGED = {
 
 def steps(found: Sequence[Alignment]) -> tuple[Finding, ...]:
     """Tell of the step of a bias that explains more of innovations than chance would."""
-    each = [(one.square - one.limit, name, time) for a in found if not a.moving
+    each = [(one.square - one.limit, name, time) for a in found if not (a.moving or a.rests)
             for name, (one, time) in a.steps.items() if one.square > one.limit]  # fmt: skip
     if not each:
         return ()
