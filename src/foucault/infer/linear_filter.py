@@ -222,7 +222,8 @@ def shocks(system: LinearSystem, run: LinearRun, ways: Mapping[str, IntArray]) -
     ----------
     .. [3] P. de Jong, J. Penzer, "Diagnosing shocks in time series", *JASA* 93 (1998).
     """
-    return stepped(*_backward(system, run, whole=True)[:2], ways)
+    lam, adj = _backward(system, run, whole=True)[:2]
+    return stepped(lam, adj, ways)
 
 
 def stepped(

@@ -192,11 +192,11 @@ def _fine(
     )
     late = slice(SETTLING, None)
     C_nb = found.trajectory.C_nb[-1]
-    told = (x[late] for x in adjoint(found))
+    lam, adj = adjoint(found)
     ways = {name: model.states.group(name) for name in BIASES}
     steps = {
         name: (one, float(found.time[late][one.epoch]))
-        for name, one in stepped(*told, ways, false_alarm=RARELY).items()
+        for name, one in stepped(lam[late], adj[late], ways, false_alarm=RARELY).items()
     }
     nis, dof = found.nis[late], found.measured[late]
     return FineFit(found, C_nb, found.attitude_cov, nis, dof, fit, steps)
