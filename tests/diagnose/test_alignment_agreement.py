@@ -1,5 +1,6 @@
 """Methods that contradict one another, and filters that contradict their readings."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +40,32 @@ def _creeping(log: Log, distance: float) -> Log:
 def test_a_rest_agrees(seed):
     log = _log([Rest(300.0)], seed=seed, heading=1.0)
     assert codes(align_log(log, site=SITE)) == []
+
+
+@pytest.mark.parametrize(
+    ("triad", "size", "grows", "words"),
+    [
+        ("gyro", np.radians(0.05) / 3600, False, "the bias of a gyro changed"),
+        ("gyro", np.radians(0.05) / 3600, True, "the bias of a gyro changed"),
+        ("accel", 4e-4, False, "the bias of an accelerometer changed"),
+        ("accel", 4e-4, True, "that of an accelerometer began to drift"),
+    ],
+)
+def test_a_bias_that_changes_in_the_rest_is_told(triad, size, grows, words):
+    """Headings were 4 to 10 of their standard deviations off, and nothing but sway was noted."""
+    log = simulate_motion(
+        [Rest(300.0)], Start(SITE.latitude, 0.1, SITE.height, heading=1.0), rate=20.0,
+        noise=ImuNoise(TriadNoise(white=5e-5), TriadNoise(white=2e-7)), seed=2,
+    ).log  # fmt: skip
+    age = log.time - log.time[0]
+    course = 2 * age / 300.0 if grows else 1.0 * (age > 140.0)
+    x = getattr(log, triad) + size * course[:, None] * [1.0, 0.0, 0.0]
+    found = align_log(replace(log, **{triad: x}), site=SITE, end=log.duration)
+    (told,) = (f for f in found.findings if f.code == "alignment.step")
+    assert words in told.message
+    if not grows:
+        time = float(re.search(r"at (\d+) s", told.message)[1])
+        assert time == pytest.approx(140.0, abs=40.0)
 
 
 def test_a_steady_drive_is_told():

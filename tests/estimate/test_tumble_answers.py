@@ -90,3 +90,25 @@ def test_what_is_answered_adds_up():
     E, A = Linear(t, prior, at).answers([first, second, Change(late=1e-3), both])
     for x in (E, A):
         np.testing.assert_allclose(x[:, 0] + 2 * x[:, 1] + x[:, 2], x[:, 3], rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("shared", [0.0, -0.2])
+def test_what_stays_is_answered_as_the_change_of_the_log_that_it_is(shared):
+    t, prior, at = made("every")
+    linear, row = Linear(replace(t, shared=shared), prior, at), 1000
+    begins = np.cumsum(t.dt)[:, None] > linear.found.out[10][row - 1] + 1e-9
+    log = [Change(command=1e-9 * begins * np.eye(3)[1]), Change(1e-6 * begins * np.eye(3)[1])]
+    E, _ = linear.answers(log)
+    white, shifts = linear.white(None), linear.shifts(np.array([row]))
+    for e, kind, size in zip(E.T, ("drift", "biases"), (1e-9, 1e-6), strict=True):
+        own, pull = white.told(size * shifts[kind])
+        np.testing.assert_allclose(own[0, 1, 1], e @ e, rtol=1e-4)
+        np.testing.assert_allclose(pull[0, 1], e @ linear.residuals, atol=1e-4 * np.sqrt(e @ e))
+
+
+def test_what_the_fit_absorbs_is_not_told():
+    t, prior, at = made("ends")
+    linear = Linear(t, prior, at)
+    own, pull = linear.white(None).told(linear.shifts(np.array([0, 200]))["drift"])
+    size = np.sqrt(np.einsum("kii->ki", own))
+    assert (np.abs(pull[0]) < 1e-3 * size[0]).all() and (np.abs(pull[1]) > 1e-3 * size[1]).any()

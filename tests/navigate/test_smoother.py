@@ -14,7 +14,7 @@ from foucault.models.earth import displaced, displacement
 from foucault.models.imu import ImuModel
 from foucault.models.ins_errors import Sensors
 from foucault.models.noise import ImuNoise, TriadNoise
-from foucault.navigate.ins_filter import FilterRun, Updates, _divided, run, smooth
+from foucault.navigate.ins_filter import FilterRun, Updates, _divided, adjoint, run, smooth
 from foucault.navigate.strapdown import states_of
 from foucault.plans.manoeuvres import Start
 from make_ins import FLIGHT, SITE, errors, increments, made, off, tumble
@@ -128,6 +128,17 @@ def test_it_is_least_squares_over_all_epochs(walk, flying):
     assert np.max(np.abs(got - mean[:, :9]) / sd[:, :9]) < allowed
     assert np.max(np.abs(smoothed.coefficients - mean[:, 9:]) / sd[:, 9:]) < allowed
     assert np.max(np.abs(mean) / sd) > 10  # there was something to find
+
+
+@pytest.mark.parametrize("walk", [False, True])
+def test_the_adjoint_leads_from_the_filter_to_the_smoother(walk):
+    found, *_ = session(2, walk=walk)
+    smoothed, (lam, adj), P = smooth(found), adjoint(found), found.before
+    sd = found.sd[0]
+    cov = P - P @ adj @ P
+    assert np.max(np.abs(cov - smoothed.cov) / np.outer(sd, sd)) < 1e-6
+    back = found.coefficients - found.corrections[:, 9:] - np.einsum("kij,kj->ki", P, lam)[:, 9:]
+    assert np.max(np.abs(back - smoothed.coefficients) / sd[9:]) < 1e-3
 
 
 def test_nothing_is_known_worse_than_by_the_filter():

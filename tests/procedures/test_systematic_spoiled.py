@@ -96,6 +96,33 @@ def test_an_asymmetry_that_is_left_out_does_not_pass():
     assert "left out" in failed(result) and "systematic.curves" in codes(result)
 
 
+# -- what changes at once --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("triad", "size", "words"),
+    [
+        ("gyro", 0.08 * DPH, "the biases of the gyros changed"),
+        ("accel", 8 * UG, "the biases of the accelerometers changed"),
+    ],
+)
+def test_a_bias_that_steps_is_named_with_its_time(triad, size, words):
+    made = simulated(seed=2)
+    step = size * (made.log.time > 400.0)[:, None] * [0.0, 0.0, 1.0]
+    result = trial(replace(made, log=replace(made.log, **{triad: getattr(made.log, triad) + step})))
+    assert "shifts" in failed(result)
+    told = next(c.sentence for c in result.checks if c.name == "shifts")
+    time = float(re.search(rf"{words} at (\d+) s", told)[1])
+    assert time == pytest.approx(400.0, abs=40.0)
+
+
+def test_steps_that_need_not_show_are_named_by_their_size():
+    result = trial(simulated(seed=2))
+    assert not failed(result)
+    (told,) = (line for line in result.diagnostics["unseen"] if line.startswith("Biases"))
+    assert 0.02 < float(re.search(r"gyros by less than ([\d.]+) deg/h", told)[1]) < 0.2
+
+
 # -- the Earth as a clock --------------------------------------------------------------------------
 
 

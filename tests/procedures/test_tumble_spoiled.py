@@ -194,6 +194,45 @@ def test_what_shifts_for_good_is_no_knock(plan):
     assert result.verdict.level is Level.DOUBTFUL
 
 
+def shifted(log, kind, size, start):
+    """Return the log with drift [deg/h], bias [ug] of x or attitude [arcsec] changed at `start`."""
+    from_on = (log.time > log.time[0] + start)[:, None] * [1.0, 0.0, 0.0]
+    if kind == "bias":
+        return replace(log, accel=log.accel + size * 9.8e-6 * from_on)
+    turn = np.radians(size / 3600)
+    once = np.diff(from_on, axis=0, prepend=0.0) / log.interval
+    return replace(log, gyro=log.gyro - turn * (from_on if kind == "drift" else once))
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "words"),
+    [
+        ("drift", 0.005, "the drift of the gyros changed"),
+        ("bias", 2.0, "the biases of the accelerometers changed"),
+        ("attitude", 5.0, "the cluster turned otherwise than commanded"),
+    ],
+)
+def test_what_shifts_for_good_is_named_with_its_time(kind, size, words):
+    """A drift that jumps by 0.003 deg/h passed with NEES over n of 36 to 53."""
+    made, session = tumble(PUBLISHED)
+    log = shifted(session.simulation.log, kind, size, 3000.0)
+    for sizes in (None, sizes_of("navigation RLG")):
+        result = calibrate(made, log, trial=True, sizes=sizes)
+        assert "shifts" in failed(result)
+        told = sentence(result, "shifts")
+        assert words in told
+        time = float(re.search(rf"{words} at (\d+) s", told)[1])
+        assert time == pytest.approx(3000.0, abs=60.0)
+
+
+def test_a_drift_that_need_not_show_is_said_not_to():
+    made, session = tumble(FAST)
+    result = calibrate(made, shifted(session.simulation.log, "drift", 0.01, 120.0), trial=True)
+    assert result.verdict.level is Level.PASS  # NEES over n of 4 to 20
+    (told,) = (line for line in result.diagnostics["unseen"] if line.startswith("Biases"))
+    assert float(re.search(r"gyros by less than ([\d.]+) deg/h", told)[1]) > 0.02
+
+
 @pytest.mark.parametrize("plan", [FAST, PUBLISHED])
 def test_no_knock_is_found_beside_an_outlier_where_the_noise_is_larger(plan):
     """The noise 10 % larger than was said: residuals are too large, and even."""

@@ -216,3 +216,20 @@ def innovations(found: Sequence[Alignment]) -> tuple[Finding, ...]:
                         most=plain(most, 3))
             )  # fmt: skip
     return tuple(told)
+
+
+CHANGED = {
+    "gyro.bias": "the bias of a gyro changed, or that of an accelerometer began to drift",
+    "accel.bias": "the bias of an accelerometer changed, or the instrument tilted unnoticed",
+}
+"""What a step within a rest is, in words."""
+
+
+def steps(found: Sequence[Alignment]) -> tuple[Finding, ...]:
+    """Tell of the step of a bias that explains more of innovations than chance would."""
+    each = [(one.square - one.limit, name, time) for a in found if not (a.moving or a.rests)
+            for name, (one, time) in a.steps.items() if one.square > one.limit]  # fmt: skip
+    if not each:
+        return ()
+    _, name, time = max(each)
+    return (finding("alignment.step", what=CHANGED[name], time=f"{time:.0f}"),)

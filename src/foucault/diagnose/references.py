@@ -18,6 +18,7 @@ from foucault.models.imu import ImuModel
 from foucault.models.layouts import clock_slope, is_cluster
 from foucault.result import Check, Estimate, Result, TimeBase
 from foucault.tables import AXES, Clock, Log
+from foucault.units import convert, display_unit, plain
 
 if TYPE_CHECKING:
     from foucault.navigate.ins_filter import EarthSeen
@@ -132,6 +133,16 @@ def earth_findings(earth: EarthSeen | None, false_alarm: float) -> list[Finding]
         return []
     limit = chi_square_limits(2, 2 * false_alarm)[1]
     return [finding("session.earth_rate", **_said(earth, limit))]
+
+
+def likelier(
+    earth: EarthSeen | None, shifts: list[Check], false_alarm: float
+) -> tuple[EarthSeen | None, list[Check]]:
+    """Return, where another Earth's rate and a change at once both show, what explains more."""
+    if earth is None or all(c.passed for c in (*shifts, *earth_checks(earth, false_alarm))):
+        return earth, shifts
+    more = any(not c.passed and c.value > earth.square for c in shifts)
+    return (None, shifts) if more else (earth, [c for c in shifts if c.passed])
 
 
 def _causes(earth: EarthSeen, limit: float) -> str:
@@ -271,6 +282,18 @@ BEYOND_THE_SESSION = (
     "Other temperatures than that of the session.",
 )
 """What no session at rest and at one temperature sees."""
+
+
+def steps_unnoticed(gyro: float, accel: float) -> str:
+    """Say that smaller steps of biases need not show, by gyros [rad/s] and accelerometers [SI]."""
+    sizes = (("angular rate", gyro), ("specific force", accel))
+    least = [f"{plain(convert(x, k, unit), 2)} {unit}" for k, x in sizes
+             if (unit := display_unit(k, x))]  # fmt: skip
+    return (
+        f"Biases that change at once within the session, of the gyros by less than {least[0]} or "
+        f"of the accelerometers by less than {least[1]}, and slow changes: they count as far as a "
+        "drift or a wander is declared."
+    )
 
 
 def believed(sd: float, size: float, unit: str) -> str:

@@ -23,7 +23,12 @@ from foucault.coefficients import CoefficientVector, Layout, coefficients_of
 from foucault.diagnose.checks import check, hardly, status_check
 from foucault.diagnose.fit_checks import held_out_check
 from foucault.diagnose.observability import LinearSegment, Observability, Sensitivity, observability
-from foucault.diagnose.references import earth_findings, known_checks
+from foucault.diagnose.references import (
+    earth_findings,
+    known_checks,
+    likelier,
+    steps_unnoticed,
+)
 from foucault.errors import Finding, Status, error, finding, listed
 from foucault.estimate.tumble import STATES, Fit, Prior, State, Tumble, attitudes, sensitivities
 from foucault.estimate.tumble_solution import Solution
@@ -203,6 +208,15 @@ def measured_white(log: Log) -> float:
 
 
 STRETCHES = 12  # The log is tested in so many stretches [1].
+KINDS = {
+    "drift": "the drift of the gyros changed",
+    "attitude": "the cluster turned otherwise than commanded",
+    "biases": "the biases of the accelerometers changed",
+    "drift, slowly": "the drift of the gyros grows through the log",
+    "biases, slowly": "the biases of the accelerometers grow through the log",
+}
+"""What may change, in words."""
+
 PARTS = 60  # Slow errors are sought in the sums over so many parts of the log [1].
 
 EACH = FALSE_ALARM / 10
@@ -228,10 +242,11 @@ def checks(e: Solution) -> tuple[Check, ...]:
     out = [ended, *_scatter(e), _stretches(e)]
     known = CoefficientVector(CONSTANTS, e.fit.start.constants, e.fit.start_cov[3:45, 3:45],
                               prior_sd=e.prior.sd[3:45])  # fmt: skip
-    out += known_checks(e.earth, known, e.prior.mean.constants, ALIKE, EACH)
+    earth, shifts = likelier(e.earth, _shifts(e), 2 * EACH)
+    out += known_checks(earth, known, e.prior.mean.constants, ALIKE, EACH)
     out += [_start(e), _seen(e)]
     if not e.slow:  # slow noise looks like all of these
-        out += [_neighbours(e), _slow(e), _held_out(e), _delay(e)]
+        out += [_neighbours(e), _slow(e), *shifts, _held_out(e), _delay(e)]
     return tuple(out)
 
 
@@ -302,6 +317,23 @@ def _held_out(e: Solution) -> Check:
     return held_out_check(found, "readings", f", worst from {begin:.0f} to {end:.0f} s")
 
 
+def _shifts(e: Solution) -> list[Check]:
+    """Ask what changed for good within the log."""
+    if e.shift is None:
+        return []
+    one, when = e.shift.found, e.shift.kinds
+    each = (KINDS[k] + ("" if t is None else f" at {t:.0f} s") for k, t in when.items())
+    return [check("shifts", "shifts", one.square, None, one.limit, {"what": " or ".join(each)})]
+
+
+def unnoticed(e: Solution) -> list[str]:
+    """Say which changes within the log need not show."""
+    if e.shift is None:
+        return []
+    least = e.shift.least
+    return [steps_unnoticed(least["drift"], e.site.gravity * least["biases"])]
+
+
 def _start(e: Solution) -> Check:
     miss, _ = e.prior.rows(e.fit.start)
     value = float(np.sum(miss[:3] ** 2))
@@ -330,7 +362,8 @@ def _delay(e: Solution) -> Check:
 
 def findings(e: Solution) -> list[Finding]:
     """Return what the user should know: delay, start, and what the motion shows badly."""
-    out, (late, sd) = earth_findings(e.earth, 2 * EACH), e.fit.late
+    earth, _ = likelier(e.earth, _shifts(e), 2 * EACH)
+    out, (late, sd) = earth_findings(earth, 2 * EACH), e.fit.late
     if e.fit.status is Status.CONVERGED and not e.slow and not _delay(e).passed:
         out.append(
             finding(

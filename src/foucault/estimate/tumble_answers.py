@@ -19,8 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.estimate.tumble import STATES, Prior, State, Tumble, apart, look
+from foucault.infer.filtered import Whitened
 from foucault.kernels.cluster_information import RESIDUAL, answer
 
 SCALE = slice(21, 24)  # Torquer scale factors among the packed constants.
@@ -71,8 +72,7 @@ class Linear:
 
     def _filtered(self, changes: Sequence[Change]) -> tuple[FloatArray, FloatArray]:
         """Return by what the white rows (3 b, c) [1] and b at the end (3, c) [rad] answer."""
-        t, gains, (time, ends) = self.t, self.found.gains, self.found.out[9:]
-        read = gains[:, 4, 0, 0] > 0
+        t, ends, read = self.t, self.found.out[10], self._read
         starts = np.arange(0, len(t.dt), t.block)
         count = np.add.reduceat(t.used.astype(float), starts)
         some = count > 0
@@ -87,11 +87,7 @@ class Linear:
                 for i in range(3):
                     at = np.interp(ends, now, np.concatenate([[0.0], angle[:, i]]))
                     turned[:, i, j] = np.diff(at, prepend=0.0)
-        turned *= 1 + self.at.constants[SCALE, None]
-        b = answer(gains, turned, missed)
-        dw = missed[read]
-        if t.shared:
-            dw = apart(dw, time, t.shared)
+        dw, b = self._white(turned, missed)
         dw = dw.reshape(-1, len(changes))
         for j, change in enumerate(changes):
             if change.late:
@@ -99,3 +95,48 @@ class Linear:
                 dw[:, j] += later.rows[..., RESIDUAL].ravel() - self.rows[:, RESIDUAL]
                 b[:, j] += (later.out[1][0] - self.found.out[1][0])[:, RESIDUAL]
         return dw, b
+
+    @property
+    def _read(self) -> BoolArray:
+        """Which steps of the filter have a residual."""
+        return np.asarray(self.found.gains[:, 4, 0, 0] > 0)
+
+    def _white(self, turned: FloatArray, missed: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return white rows (b, 3, c) [1] and b (3, c) [rad] of what is added in every step.
+
+        `turned` (steps, 3, c): angles [rad]; `missed` (steps, 3, c): readings [local g], lost.
+        """
+        b = answer(self.found.gains, turned * (1 + self.at.constants[SCALE, None]), missed)
+        dw = missed[self._read]
+        return apart(dw, self.found.out[9], self.t.shared) if self.t.shared else dw, b
+
+    def white(self, beside: FloatArray | None) -> Whitened:
+        """Return the white rows at the solution; `beside` (b, 3, c) or None: as of `Whitened`."""
+        rows, on = self.found.rows, self.prior.sought
+        left = rows[..., RESIDUAL] - rows[..., :STATES] @ self.found.x
+        # Roots of a covariance of so poor a condition are to be triangular.
+        root = np.linalg.cholesky(self.found.cov[np.ix_(on, on)])
+        return Whitened(left, rows[..., on] @ root, np.eye(len(on)), beside)
+
+    def shifts(self, at: IntArray) -> dict[str, FloatArray]:
+        """Return by what white rows (b, 3, k, 3) answer what stays from row `at` (k,) on [1].
+
+        Of each kind one unit along each axis: of the drift [rad/s], of the attitude beside the
+        command [rad], of the biases [local g]; and drift and biases that grow over the log.
+        """
+        ends, begins = self.found.out[10], np.flatnonzero(self._read)[at]
+        number, length = np.arange(len(ends))[:, None], np.diff(ends, prepend=0.0)[:, None]
+        on, grown = 1.0 * (number >= begins), (ends / ends[-1])[:, None]
+        kinds = {
+            "drift": (on * length, 0 * on), "attitude": (1.0 * (number == begins), 0 * on),
+            "biases": (0 * on, on), "drift, slowly": (grown * length, 0 * grown),
+            "biases, slowly": (0 * grown, grown),
+        }  # fmt: skip
+
+        def answered(*parts: FloatArray) -> FloatArray:
+            turned, missed = (
+                np.einsum("ek,ij->eikj", x, np.eye(3)).reshape(len(ends), 3, -1) for x in parts
+            )
+            return self._white(turned, missed)[0].reshape(-1, 3, parts[0].shape[1], 3)
+
+        return {kind: answered(*parts) for kind, parts in kinds.items()}

@@ -71,6 +71,8 @@ from foucault.estimate.tumble import (
 )
 from foucault.estimate.tumble_answers import Change, Linear
 from foucault.infer.filtered import Whitened
+from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
+from foucault.infer.linear_filter import Shock, likeliest
 from foucault.kernels import cluster_transition as kernels
 from foucault.kernels.cluster_filter import run
 from foucault.kernels.cluster_information import RESIDUAL
@@ -291,6 +293,28 @@ BATCH, MOST = 8, 200  # Modes are added so many at a time, and so many at most [
 SMALL = 0.01  # Modes are added until a batch adds less than this share to every variance [1].
 
 
+TIMES = 60  # A change that stays is looked for at so many times, then near the likeliest [1].
+ALIKE = 9.0  # Kinds of change that gain as much but for this are not told apart [1].
+EACH = FALSE_ALARM / 10  # How often one is found where there is none [1].
+
+
+@dataclass(frozen=True)
+class Shift:
+    """The likeliest change that stays, which explains what is left, or is none."""
+
+    # kinds of `Linear.shifts` that explain it about as well, the best first -> when; None for what
+    # grows through the log [s]
+    kinds: Mapping[str, float | None]
+    found: Shock
+    # kind -> a change that would be noticed in half of the log [rad/s], [rad], [local g]
+    least: Mapping[str, float]
+
+    @property
+    def seen(self) -> bool:
+        """Whether it is more than chance makes."""
+        return self.found.square > self.found.limit
+
+
 @dataclass(frozen=True)
 class Solution:
     """A tumble solved, with what led to it: everything the checks look at."""
@@ -313,6 +337,8 @@ class Solution:
     absorbed: FloatArray | None = None
     # what is said of the Earth's rate, where that was asked before a cause was enlarged
     asked: EarthSeen | None = None
+    # what has changed for good, where that was
+    changed: Shift | None = None
 
     @property
     def slow(self) -> bool:
@@ -349,6 +375,35 @@ class Solution:
             rows -= (rows @ U * (1 - 1 / np.sqrt(1 + size**2))) @ U.T
         known = self.latitude_sd * np.array([-np.sin(latitude), np.cos(latitude)])
         return EarthSeen.of(rows[0], rows[1:], latitude, np.outer(known, known))
+
+    @cached_property
+    def shift(self) -> Shift | None:
+        """What may have changed for good; None where it does not explain what is left."""
+        solved = self.fit.status is Status.CONVERGED and self.least is None and not self.slow
+        if self.changed is not None or not solved:
+            return self.changed
+        linear = Linear(self.tumble, self.prior, self.fit.start)
+        white, kinds = linear.white(self.absorbed), dict[str, tuple[Shock, int]]()
+        n, least = len(white.residuals), dict[str, float]()
+        at = np.unique(np.linspace(0, n, TIMES + 2).astype(np.int64)[1:-1])
+        best = ""
+        for _ in range(2):
+            for kind, moved in linear.shifts(at).items():
+                one = likeliest(*white.told(moved), ways=5, times=TIMES, false_alarm=EACH)
+                least.setdefault(kind, one.least)
+                if kind not in kinds or one.square > kinds[kind][0].square:
+                    kinds[kind] = one, int(at[one.epoch])
+            best = max(kinds, key=lambda kind: kinds[kind][0].square)
+            beside = kinds[best][1] + np.linspace(-1, 1, TIMES // 2) * n / TIMES
+            at = np.unique(np.clip(beside, at[0], at[-1]).astype(np.int64))
+        found = kinds[best][0]
+        value, dof = self.white.square(slice(None))
+        if found.square > found.limit and value - found.square > chi_square_limits(dof, EACH)[1]:
+            return None
+        order = sorted(kinds, key=lambda kind: -kinds[kind][0].square)
+        alike = [kind for kind in order if kinds[kind][0].square > found.square - ALIKE]
+        time = {k: None if "slowly" in k else float(self.fit.time[kinds[k][1]]) for k in alike}
+        return Shift(time, found, least)
 
     @cached_property
     def white(self) -> Whitened:

@@ -254,6 +254,9 @@ def parts_out(at: Fit[P, S], edges: IntArray, false_alarm: float = FALSE_ALARM) 
     return HeldOut(np.array(scores), np.array(counts), false_alarm)
 
 
+ROUNDING = 1e-9  # A change of which no larger share is left beside all others is not seen [1].
+
+
 @dataclass(frozen=True)
 class Whitened:
     """Rows that a kernel has made white: ``residuals = slopes x + e``, e of unit variance each."""
@@ -298,6 +301,22 @@ class Whitened:
         total = [np.sum(self.residuals[p], axis=0) / np.sqrt(len(p)) for p in pieces]
         absorbed = np.concatenate([np.sum(self.seen[p], axis=0) / np.sqrt(len(p)) for p in pieces])
         return np.concatenate(total), np.eye(len(absorbed)) - absorbed @ absorbed.T
+
+    def told(self, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what the residuals say of changes that nothing else stands for.
+
+        `moved` (b, q, k, d): how one unit of each moves the rows [1]. Returns the information of
+        each (k, d, d) beside all that is estimated, and ``moved' residuals`` (k, d), which is zero
+        where the fit absorbs it all [1].
+        """
+        rows, k, d = self.residuals.size, *moved.shape[2:]
+        D, A = moved.reshape(rows, k, d), self.seen.reshape(rows, -1)
+        across = np.tensordot(A, D, (0, 0))
+        whole = np.einsum("rki,rkj->kij", D, D, optimize=True)
+        own = whole - np.einsum("aki,akj->kij", across, across, optimize=True)
+        left = np.linalg.eigvalsh(own)[:, 0] > ROUNDING * np.einsum("kii->k", whole)
+        pull = np.tensordot(self.residuals.ravel(), D, (0, 0))
+        return np.where(left[:, None, None], own, whole), np.where(left[:, None], pull, 0.0)
 
     def neighbours(self) -> tuple[float, float, float]:
         """Return the sum of ``r_k r_k+1`` of all rows, its mean and its standard deviation [1].

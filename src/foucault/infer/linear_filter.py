@@ -204,6 +204,7 @@ class Shock:
     limit: float  # what none of so many epochs comes to by chance [1]
     size: FloatArray  # (q,) change of the states [SI]
     sd: FloatArray  # (q,) its standard deviations [SI]
+    least: float  # a change that half of all epochs notice, whichever state changes [SI]
 
 
 UNSEEN = 1e-6  # A direction of which what follows says less, of its own scale, is not asked [1].
@@ -222,19 +223,42 @@ def shocks(system: LinearSystem, run: LinearRun, ways: Mapping[str, IntArray]) -
     .. [3] P. de Jong, J. Penzer, "Diagnosing shocks in time series", *JASA* 93 (1998).
     """
     lam, adj = _backward(system, run, whole=True)[:2]
-    out = {}
-    for name, at in ways.items():
-        own = adj[:, at[:, None], at]
-        unit = np.sqrt(np.maximum(np.einsum("kii->ki", own), np.finfo(float).tiny))
-        size, axes = np.linalg.eigh(own / (unit[:, :, None] * unit[:, None, :]))
-        share = np.where(size > UNSEEN, 1.0 / np.maximum(size, UNSEEN), 0.0)
-        pull = np.einsum("kij,ki->kj", axes, lam[:, at] / unit)
-        square = np.sum(share * pull**2, axis=1)
-        k = int(np.argmax(square))
-        cov = axes[k] * share[k] @ axes[k].T / np.outer(unit[k], unit[k])
-        limit = chi_square_limits(len(at), 2 * FALSE_ALARM / len(ways), len(lam))[1]
-        out[name] = Shock(k, float(square[k]), limit, -cov @ lam[k, at], np.sqrt(np.diag(cov)))
-    return out
+    return stepped(lam, adj, ways)
+
+
+def stepped(
+    lam: FloatArray, adj: FloatArray, ways: Mapping[str, IntArray], **words: float
+) -> dict[str, Shock]:
+    """Return the same from adjoints lambda (m, n) and Lambda (m, n, n) [1 / SI].
+
+    `words`: of `likeliest`.
+    """
+    return {
+        name: likeliest(adj[:, at[:, None], at], -lam[:, at], ways=len(ways), **words)
+        for name, at in ways.items()
+    }
+
+
+def likeliest(
+    own: FloatArray, pull: FloatArray, *, ways: float = 1, times: float = 0,
+    false_alarm: float = FALSE_ALARM,
+) -> Shock:  # fmt: skip
+    """Return where and how a change explains most: d of ``own d = pull`` gains ``pull' d``.
+
+    `own` (k, q, q), `pull` (k, q): information of a change at each epoch, and what the residuals
+    say of it [1 / SI]; `ways`: how many kinds of change are asked for, `times`: at how many epochs
+    that are not much alike, 0 for all [1].
+    """
+    unit = np.sqrt(np.maximum(np.einsum("kii->ki", own), np.finfo(float).tiny))
+    size, axes = np.linalg.eigh(own / (unit[:, :, None] * unit[:, None, :]))
+    share = np.where(size > UNSEEN, 1.0 / np.maximum(size, UNSEEN), 0.0)
+    square = np.sum(share * np.einsum("kij,ki->kj", axes, pull / unit) ** 2, axis=1)
+    k = int(np.argmax(square))
+    cov = axes[k] * share[k] @ axes[k].T / np.outer(unit[k], unit[k])
+    limit = chi_square_limits(own.shape[1], 2 * false_alarm / ways, int(times) or len(own))[1]
+    sds = np.sqrt(np.einsum("kij,kj->ki", axes**2, share)) / unit
+    least = np.sqrt(limit) * float(np.median(sds, axis=0).max())
+    return Shock(k, float(square[k]), limit, cov @ pull[k], np.sqrt(np.diag(cov)), least)
 
 
 def extended(system: LinearSystem, H: FloatArray, sd: float) -> LinearSystem:

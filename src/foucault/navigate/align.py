@@ -32,8 +32,8 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -41,6 +41,7 @@ import numpy as np
 from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, error, suggestion
+from foucault.infer.linear_filter import Shock
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.ins_errors import azimuth_from_gyro_bias
 from foucault.models.noise import ImuNoise
@@ -133,6 +134,8 @@ class Alignment:
     # (m,) normalised innovation squared of each epoch of a filter [1]
     nis: FloatArray | None = None
     dof: IntArray | None = None  # (m,) measurements in each [1]
+    # as of `FineFit`
+    steps: Mapping[str, tuple[Shock, float]] = field(default_factory=dict)
     rests: tuple[tuple[float, float], ...] = ()  # the rests of two positions [s]
     moving: bool = False  # whether a velocity was given
 
@@ -357,4 +360,5 @@ def _fine(part: Increments, method: str, fit: FineFit) -> Alignment:
         biases=fit.run.estimate,
         nis=fit.nis,
         dof=fit.dof,
+        steps=fit.steps,
     )

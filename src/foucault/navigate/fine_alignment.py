@@ -13,13 +13,14 @@ bias points elsewhere: two rests with a turn between them tell them apart.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.errors import error
+from foucault.infer.linear_filter import Shock, stepped
 from foucault.models import rotation
 from foucault.models.earth import Site, gravity
 from foucault.models.ins_errors import Sensors
@@ -31,7 +32,7 @@ from foucault.navigate.inertial_frame import (
     inertial_frame,
     known_latitude,
 )
-from foucault.navigate.ins_filter import FilterRun, Updates, run, start_cov
+from foucault.navigate.ins_filter import FilterRun, Updates, adjoint, run, start_cov
 from foucault.navigate.strapdown import State
 from foucault.units import plain
 
@@ -53,6 +54,8 @@ NOISES = ("disturbance", "gyro noise", "accelerometer noise")
 SETTLING = 10
 """The first epochs find the start, and say nothing of consistency [1]."""
 
+RARELY = 1e-6  # A step is found so often where there is none [1].
+
 LEAST_TURN = np.radians(10.0)
 """Two positions are further apart than this in heading [rad]."""
 
@@ -68,6 +71,8 @@ class FineFit:
     nis: FloatArray
     dof: IntArray  # (m,) measurements in each [1]
     start: InertialFit  # the alignment in inertial space that it began with
+    # what a step of the biases of gyros or accelerometers would explain best -> its time [s]
+    steps: Mapping[str, tuple[Shock, float]]
 
 
 def by_velocity(
@@ -183,10 +188,18 @@ def _fine(
         # The accelerometers cannot tell gravity from their own scale: what they see is taken.
         gravity_offset=fit.gravity_seen - gravity(latitude, site.height),
         held=held,
+        keep=True,
     )
     late = slice(SETTLING, None)
     C_nb = found.trajectory.C_nb[-1]
-    return FineFit(found, C_nb, found.attitude_cov, found.nis[late], found.measured[late], fit)
+    lam, adj = adjoint(found)
+    ways = {name: model.states.group(name) for name in BIASES}
+    steps = {
+        name: (one, float(found.time[late][one.epoch]))
+        for name, one in stepped(lam[late], adj[late], ways, false_alarm=RARELY).items()
+    }
+    nis, dof = found.nis[late], found.measured[late]
+    return FineFit(found, C_nb, found.attitude_cov, nis, dof, fit, steps)
 
 
 def _start_cov(fit: InertialFit, speed_sd: float, biases: FloatArray) -> FloatArray:

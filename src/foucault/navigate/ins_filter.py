@@ -50,6 +50,7 @@ from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import error
 from foucault.kernels.ins_filter import corrected, ins_filter, transitions_of
+from foucault.kernels.linear_filter import linear_smoother
 from foucault.models.earth import EARTH_RATE, SEMI_MAJOR_AXIS, east_north_up
 from foucault.models.ins_errors import Sensors, at_place
 from foucault.models.noise import ImuNoise
@@ -428,6 +429,28 @@ def smooth(found: FilterRun) -> Smoothed:
         cov[k] += D
     states = corrected(found.trajectory.history, c)
     return Smoothed(Trajectory(found.time, states), found.coefficients + c[:, 9:], cov)
+
+
+def adjoint(found: FilterRun) -> tuple[FloatArray, FloatArray]:
+    """Return lambda (m, n) and Lambda (m, n, n) of `linear_smoother` of a run that was kept [SI].
+
+    Between recordings navigation and what wanders begin anew.
+    """
+    m, n = found.sd.shape
+    Phi = np.tile(np.eye(n), (m, 1, 1))
+    Phi[:, :9] = found.transitions
+    Phi[1:, 9:, 9:] *= np.exp(-np.diff(found.time)[:, None, None] * found.decay)
+    for begin in found.begins:
+        Phi[begin, :9, :9] = 0.0
+        Phi[begin, 9:, 9:] *= found.decay == 0
+    P, R = found.before[:, 3:9, 3:9].copy(), np.zeros((m, 6))
+    for r in range(6):
+        S, taken = found.variance[:, r], np.isfinite(found.innovation[:, r])
+        R[:, r] = S - P[:, r, r]
+        P -= np.where(taken, 1 / S, 0.0)[:, None, None] * P[:, :, r, None] * P[:, r, None, :]
+    H = np.tile(np.eye(n)[3:9], (m, 1, 1))
+    lam, adj = linear_smoother(Phi, H, R, found.innovation, found.before, True)[:2]
+    return lam, adj
 
 
 def _divided(A: FloatArray, P: FloatArray, size: FloatArray) -> FloatArray:

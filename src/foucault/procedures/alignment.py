@@ -197,8 +197,10 @@ def judged(
     told = alignment_checks.checked(whole, site, one, sensors).findings
     codes = {f.code for f in told}
     swayed = bool(codes & {"alignment.sway", "alignment.turned"})
+    otherwise = any(f.severity == "warning" for f in told)  # a step would explain that too
     return (
         *told,
+        *(() if otherwise else alignment_checks.steps(found)),
         *alignment_checks.disagreement(found, swayed=swayed),
         *alignment_checks.innovations(found),
     )

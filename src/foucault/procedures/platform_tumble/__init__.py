@@ -109,7 +109,8 @@ def _result(s: Solution, filter_: str, shown: bool, judged: Judgement | None) ->
     tables = judge.tables(s) if shown else {}
     budget = {k: np.diag(v).tolist() for k, v in s.parts.items()}
     more: dict[str, Any] = {
-        "bound": s.bound.tolist(), "budget": budget, "filter": filter_, "unseen": [_of_latitude(s)]
+        "bound": s.bound.tolist(), "budget": budget, "filter": filter_,
+        "unseen": [_of_latitude(s), *judge.unnoticed(s)],
     }  # fmt: skip
     if "local gravity" in s.parts:
         error = _one_error(s.parts["local gravity"], found.names.index("accel.scale.x"))

@@ -102,6 +102,9 @@ def counted(
     most = max((judged.seen[g].gain for some in judged.named for g in some), default=0.0)
     earth = s.earth_beside(E)
     asked = earth if earth is not None and earth.square > most else None
+    changed = s.shift if judged.named else None
+    if changed is not None and not (changed.seen and changed.found.square > most):
+        changed = None
     assert last.cov is not None
     tumble, sd = s.tumble, s.prior.sd.copy()
     # Without what was found of the terms residuals and checks are those of what was sought.
@@ -123,7 +126,8 @@ def counted(
     blocks, width = found.rows.shape[:2]
     alike = blocks * width == len(absorbed)  # else the rows were averaged otherwise
     out = replace(
-        s, tumble=tumble, prior=prior, fit=found, more={NOT_ESTIMATED: beside}, asked=asked,
+        s, tumble=tumble, prior=prior, fit=found, more={NOT_ESTIMATED: beside},
+        asked=asked, changed=changed,
         absorbed=absorbed.reshape(blocks, width, -1) if alike else None,
     )  # fmt: skip
     return out, _with_references(judged, out)

@@ -128,6 +128,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     findings += [recordings.told(apart)] if apart else []
     diagnostics = _diagnostics(problem, solution, settings) | of_site(
         site.as_dict(), found.names, gravity_error(found, site))  # fmt: skip
+    diagnostics["unseen"] += judge.unnoticed(e)
     if apart:
         times = [(float(part.time[0]), float(part.time[-1])) for _, part in log.recordings()]
         diagnostics["recordings"] = recordings.summary(solution.states, apart, times)
