@@ -222,19 +222,24 @@ def shocks(system: LinearSystem, run: LinearRun, ways: Mapping[str, IntArray]) -
     .. [3] P. de Jong, J. Penzer, "Diagnosing shocks in time series", *JASA* 93 (1998).
     """
     lam, adj = _backward(system, run, whole=True)[:2]
-    out = {}
-    for name, at in ways.items():
-        own = adj[:, at[:, None], at]
-        unit = np.sqrt(np.maximum(np.einsum("kii->ki", own), np.finfo(float).tiny))
-        size, axes = np.linalg.eigh(own / (unit[:, :, None] * unit[:, None, :]))
-        share = np.where(size > UNSEEN, 1.0 / np.maximum(size, UNSEEN), 0.0)
-        pull = np.einsum("kij,ki->kj", axes, lam[:, at] / unit)
-        square = np.sum(share * pull**2, axis=1)
-        k = int(np.argmax(square))
-        cov = axes[k] * share[k] @ axes[k].T / np.outer(unit[k], unit[k])
-        limit = chi_square_limits(len(at), 2 * FALSE_ALARM / len(ways), len(lam))[1]
-        out[name] = Shock(k, float(square[k]), limit, -cov @ lam[k, at], np.sqrt(np.diag(cov)))
-    return out
+    return {name: change(-lam[:, at], adj[:, at[:, None], at], len(ways))
+            for name, at in ways.items()}  # fmt: skip
+
+
+def change(pull: FloatArray, own: FloatArray, ways: int) -> Shock:
+    """Return where a change would explain most, by scores `pull` (m, q) of it at every epoch [1].
+
+    `own` (m, q, q): their covariance, the information [1]; `ways`: so many are asked for [1].
+    """
+    unit = np.sqrt(np.maximum(np.einsum("kii->ki", own), np.finfo(float).tiny))
+    size, axes = np.linalg.eigh(own / (unit[:, :, None] * unit[:, None, :]))
+    share = np.where(size > UNSEEN, 1.0 / np.maximum(size, UNSEEN), 0.0)
+    along = np.einsum("kij,ki->kj", axes, pull / unit)
+    square = np.sum(share * along**2, axis=1)
+    k = int(np.argmax(square))
+    cov = axes[k] * share[k] @ axes[k].T / np.outer(unit[k], unit[k])
+    limit = chi_square_limits(pull.shape[1], 2 * FALSE_ALARM / ways, len(pull))[1]
+    return Shock(k, float(square[k]), limit, cov @ pull[k], np.sqrt(np.diag(cov)))
 
 
 def extended(system: LinearSystem, H: FloatArray, sd: float) -> LinearSystem:
