@@ -37,7 +37,16 @@ import numpy as np
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
 from foucault.estimate import two_bodies as bodies
-from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED, Answers, Change, even
+from foucault.estimate.two_bodies import (
+    BLOCK,
+    COLOURED,
+    MOVED,
+    ROUND,
+    SETTLED,
+    Answers,
+    Change,
+    even,
+)
 from foucault.infer.gauss_newton import student
 from foucault.infer.linear_filter import change
 from foucault.infer.shown import shares, shown
@@ -104,8 +113,6 @@ FRESH = 0.01
 AGAIN, ALIKE = 20, 0.003
 """Times that the noise of poses is found from what it makes of them, at most, and by what part it
 still moves then [1]."""
-
-SPLIT = 0.5  # Parameters are asked whether they changed every so often [s].
 
 LAGGED = 3.0
 """Correlation of a pose's error with the next beyond so many standard deviations counts [1]."""
@@ -844,7 +851,7 @@ def changes(s: Solution) -> dict[str, Change]:
     "motion" is what the IMU does not lead on from a pose to the next.
     """
     r, hold, prior_sd = s.readings, s.hold, s.prior_sd
-    begin = np.arange(r.stamp[0], r.stamp[-1], SPLIT)
+    begin = np.arange(r.stamp[0], r.stamp[-1], bodies.SPLIT)
     edges = [*np.searchsorted(r.stamp, begin), len(r.stamp)]
 
     def of(p: Pass) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -854,7 +861,11 @@ def changes(s: Solution) -> dict[str, Change]:
         step = gain @ (M.T @ (p.nu - s.last.nu).ravel())
         e = p.nu.ravel() - M @ step
         parts = [slice(6 * a, 6 * b) for a, b in pairwise(edges)]
-        return step, np.array([M[k].T @ e[k] for k in parts]), np.array([M[k].T @ M[k] for k in parts])
+        return (
+            step,
+            np.array([M[k].T @ e[k] for k in parts]),
+            np.array([M[k].T @ M[k] for k in parts]),
+        )
 
     _, scores, information = of(s.last)
     groups = dict[str, list[int]]()

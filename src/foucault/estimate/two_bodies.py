@@ -12,13 +12,14 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import factorial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.coefficients import CoefficientVector
 from foucault.errors import Finding, finding
 from foucault.infer.linear_filter import Shock, change
 from foucault.units import plain
@@ -35,6 +36,7 @@ WINDOW = (3.0, 10.0)
 
 SOME = 40  # Windows that are looked for in the whole of the other log [1].
 SETTLED = 0.02  # A step that moves nothing by more of its sd is the last [1].
+SPLIT = 0.5  # Parameters are asked whether they changed every so often [s].
 BLOCK = 2.0  # Errors of what is farther apart are taken as independent [s].
 
 COLOURED, MOVED = 1.1, 1.3
@@ -51,9 +53,10 @@ OTHER_UNIT, CLEARLY = 1.5, 3.0
 """Factor in size of another unit, and by how many times less must be left over for a mistake to be
 told [1]."""
 
-HARM, ALMOST = 1.5, 0.9
-"""What changed half-way is told where results would be others by so many sds, and what explains
-almost as much is told beside it [1]."""
+HARM, TOGETHER, CERTAIN, ALMOST = 1.5, 0.7, 10.0, 0.9
+"""What changed half-way is told where a result would be another by so many sds, or all of them
+together, rms, or where it is so many times beyond chance; what explains almost as much is told
+beside it [1]."""
 
 OF_IMU = {
     "gyro.bias": "the biases of the gyros", "accel.bias": "the biases of the accelerometers",
@@ -290,6 +293,18 @@ def scatter(
     return ratio, told, float(np.sqrt(np.mean(ratio[told] ** 2))) if told.any() else 1.0
 
 
+class Scattered(Protocol):
+    """How a solution's scores scatter."""
+
+    @property
+    def spread(self) -> float:
+        """More than white rows, as an sd [1]."""
+
+    @property
+    def halves(self) -> float:
+        """Difference of the halves over its sd, rms [1]."""
+
+
 @dataclass(frozen=True)
 class Change:
     """What may have changed for good, where that explains most."""
@@ -332,30 +347,40 @@ def changes(
 
 
 def wider(begin: FloatArray, scores: FloatArray) -> FloatArray:
-    """Return scores (b, p) [1 / SI] of blocks that `begin` (b,) [s] by those that are of `BLOCK`."""
+    """Return scores (b, p) [1 / SI] of blocks that `begin` (b,) [s] by blocks of `BLOCK`."""
     first = np.flatnonzero(np.diff(((begin - begin[0]) / BLOCK).astype(int), prepend=-1))
     return np.add.reduceat(scores, first)
 
 
 def changed(
-    found: Mapping[str, Change], spread: float, sd: FloatArray, code: str, words: Mapping[str, str]
-) -> list[Finding]:
+    found: Mapping[str, Change], s: Scattered, c: CoefficientVector, kept: Sequence[int],
+    code: str, words: Mapping[str, str],
+) -> list[Finding]:  # fmt: skip
     """Say what of `found` is believed to have changed, the likeliest first, with its like.
 
-    Where it explains more than chance and most of what scores scatter beyond white rows, `spread`
-    [1], and results would be others by their `sd` (p,) [SI]. `code`: of the finding; `words`: for
-    what is not of an IMU.
+    Where it explains more than chance and most of what the scores of a solution, `s`, scatter
+    beyond white rows, and results, `c` of parameters that are `kept`, would be others by their
+    uncertainties, but for what halves that differ added to them. `code`: of the finding; `words`:
+    for what is not of an IMU.
     """
-    beyond = max(spread, COLOURED) ** 2 - 1
+    beyond = max(s.spread, COLOURED) ** 2 - 1
     sure = sorted(
         (name for name, x in found.items()
          if x.shock.square > x.shock.limit * max(1.0, x.spread) ** 2
          and x.spread**2 - 1 < beyond / 2),
         key=lambda name: -found[name].shock.square,
     )  # fmt: skip
-    if not sure or np.min(np.max(np.abs(found[sure[0]].moved) / sd, axis=1)) < HARM:
+    if not sure:
         return []
-    least = ALMOST * found[sure[0]].shock.square
+    assert c.cov is not None
+    moved = found[sure[0]].moved[:, kept].T * (s.halves if s.halves > MOVED else 1.0)
+    most = np.max(np.abs(moved) / c.sd[:, None], axis=0)
+    together = np.sqrt(np.mean(moved * np.linalg.solve(c.cov, moved), axis=0))
+    harm = float(np.min(np.maximum(most / HARM, together / TOGETHER)))
+    shock = found[sure[0]].shock
+    if harm < 1.0 and shock.square < CERTAIN * shock.limit:
+        return []
+    least = ALMOST * shock.square
     what = [(OF_IMU | words)[n] for n in sure if found[n].shock.square > least]
     return [finding(code, what=" or ".join(what), time=plain(found[sure[0]].time, 4))]
 

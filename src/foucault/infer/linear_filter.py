@@ -231,13 +231,14 @@ def change(pull: FloatArray, own: FloatArray, ways: int) -> Shock:
 
     `own` (m, q, q): their covariance, the information [1]; `ways`: so many are asked for [1].
     """
-    unit = np.sqrt(np.maximum(np.einsum("kii->ki", own), np.finfo(float).tiny))
-    size, axes = np.linalg.eigh(own / (unit[:, :, None] * unit[:, None, :]))
+    var = np.einsum("kii->ki", own)
+    inverse = np.where(var > 0, 1 / np.sqrt(np.where(var > 0, var, 1.0)), 0.0)
+    size, axes = np.linalg.eigh(own * inverse[:, :, None] * inverse[:, None, :])
     share = np.where(size > UNSEEN, 1.0 / np.maximum(size, UNSEEN), 0.0)
-    along = np.einsum("kij,ki->kj", axes, pull / unit)
+    along = np.einsum("kij,ki->kj", axes, pull * inverse)
     square = np.sum(share * along**2, axis=1)
     k = int(np.argmax(square))
-    cov = axes[k] * share[k] @ axes[k].T / np.outer(unit[k], unit[k])
+    cov = axes[k] * share[k] @ axes[k].T * np.outer(inverse[k], inverse[k])
     limit = chi_square_limits(pull.shape[1], 2 * FALSE_ALARM / ways, len(pull))[1]
     return Shock(k, float(square[k]), limit, cov @ pull[k], np.sqrt(np.diag(cov)))
 

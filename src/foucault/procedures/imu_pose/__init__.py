@@ -73,11 +73,12 @@ CHANGES = {
     "pose.delay": "the offset of the clocks (stamps jumped)",
     "pose.clock": "the rate of the clocks",
     "pose.level": "the level of the poses' world",
-    "motion": "the world of the poses, or for a moment the readings of the IMU (a spike, lost samples)",
+    "motion": "the world of the poses (or the IMU's readings for a moment: a spike, lost samples)",
 }
 """What may change for good half-way, in words."""
 
 APART = 0.3  # Stamps of positions and attitudes are tried so far apart [s].
+SCALED = 3.5  # Positions have another scale by so many sds of what it is found as [1].
 QUIET = 0.05  # Part of the stretches of half a second that are the stillest [1].
 
 Length = Annotated[float, Quantity("length")]
@@ -305,6 +306,24 @@ def _moving(s: Solution, site: Site) -> FloatArray:
     return np.asarray(r.dvel / r.dt[:, None] - at.accel[0] - down)
 
 
+def _arms(s: Solution) -> FloatArray:
+    """Return the parameters that are lengths in the world of the poses, others zero (32,) [m]."""
+    lengths = [n.startswith(("pose.lever", "pose.base")) for n in s.readings.names]
+    return np.where(lengths, s.point.values, 0.0)
+
+
+def _scaled(s: Solution, c: CoefficientVector, site: Site) -> list[Finding]:
+    """Say that positions have another scale, where nothing that is left out is counted with."""
+    found = engine.answers(s, np.pad(-_moving(s, site), ((0, 0), (3, 0)))[:, :, None])
+    found.A[:, 0] += _arms(s)
+    sd = float(found.gram[0, 0] ** -0.5)
+    scale = float(found.pull[0]) * sd**2
+    moved = np.abs(found.A[[s.readings.names.index(n) for n in c.names], 0] * scale) / c.sd
+    if abs(scale) < SCALED * sd * max(s.spread, 1.0) or moved.max() < bodies.HARM:
+        return []
+    return [finding("pose.scale", scale=plain(1e6 * scale, 3), sd=plain(1e6 * sd, 2))]
+
+
 def _unit(s: Solution, c: CoefficientVector, given: Given[Settings], sizes: Sizes) -> Unit:
     """Return the IMU, and all that is not estimated, at the motion that was found [SI]."""
     r, at, scale = s.readings, s.point, given.settings.scale_sd
@@ -339,8 +358,7 @@ def _counted(
         spread = at.spread if at.spread > bodies.COLOURED else 1.0
         kept = [r.names.index(n) for n in c.names]
         found = engine.answers(at, columns)
-        arms = scale * at.point.values * [n.startswith(("pose.lever", "pose.base")) for n in r.names]
-        found.A[:, : len(some)] += np.outer(arms, ~of_imu)
+        found.A[:, : len(some)] += np.outer(scale * _arms(at), ~of_imu)
         more = {EARTH: EARTH_SIZE, SCALE: (scale, "declared, or 0.1 %: judgement")}
         both = Stages.of(c, some, {**sizes, **more}, found.of(spread, kept, follows), out)
 
@@ -477,9 +495,8 @@ def _checks(s: Solution, settings: Settings) -> list[Check]:
 
 
 def _changed(s: Solution, c: CoefficientVector) -> list[Finding]:
-    sd = np.full(len(s.prior_sd), np.inf)
-    sd[[s.readings.names.index(n) for n in c.names]] = c.sd
-    return bodies.changed(engine.changes(s), s.spread, sd, "pose.changed", CHANGES)
+    kept = [s.readings.names.index(n) for n in c.names]
+    return bodies.changed(engine.changes(s), s, c, kept, "pose.changed", CHANGES)
 
 
 def _told(s: Solution, start: Start, log: Log) -> list[Finding]:
@@ -548,6 +565,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     at, (start, bare) = _found(log, given)
     s, c = at.solution, at.coefficients
     changed = _changed(s, c)
+    if at.beside is None:
+        changed += _scaled(s, c, given.site)
     if at.beside is not None and not all(x.passed for x in at.beside.checks):
         # What is left out has then taken what changed for itself.
         changed = changed or _changed(bare, _estimate(bare))
@@ -573,7 +592,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     poses = {"time": s.readings.at(s.point.tau, s.point.kappa), **{names[k]: z[:, k] for k in some}}
     return result_of(
         "imu_pose", FRAME, log, given, at, checks=_checks(s, given.settings),
-        findings=[*changed, *_told(s, start, log)], diagnostics=diagnostics, tables={"poses": poses},
+        findings=[*changed, *_told(s, start, log)], diagnostics=diagnostics,
+        tables={"poses": poses},
     )  # fmt: skip
 
 
