@@ -381,7 +381,7 @@ def changed(
     if harm < 1.0 and shock.square < CERTAIN * shock.limit:
         return []
     least = ALMOST * shock.square
-    what = [(OF_IMU | words)[n] for n in sure if found[n].shock.square > least]
+    what = [{**OF_IMU, **words}[n] for n in sure if found[n].shock.square > least]
     return [finding(code, what=" or ".join(what), time=plain(found[sure[0]].time, 4))]
 
 
