@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import make_pose
+from foucault.estimate import imu_pose as engine
 from foucault.estimate.imu_pose import NAMES
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
@@ -305,14 +306,78 @@ def test_a_mistake_is_named(name):
         solved(*spoil(log, table))
 
 
-@pytest.mark.thorough
-def test_markers_that_moved_half_way_are_told_by_the_halves():
-    imu, (t, p, C), _ = make_pose.session(1, duration=30.0)
-    late = (t > t.mean())[:, None]
-    table = PoseTable(t, p + late * (C @ [1e-3, 0, 0]), make_pose.quaternion(C))
-    result = solved(Log(*imu), table)
-    assert {"pose.moved", "pose.coloured"} <= {f.code for f in result.findings}
+SOME = {  # from a pose of the body, and from the sample of its IMU, on; turned about the vertical
+    "the biases of the gyros": lambda log, p, C, k, n, up: log.gyro[n:].__iadd__([1e-2, 0, 0]),
+    "the lever arm": lambda log, p, C, k, n, up: p[k:].__iadd__(C[k:] @ [1e-3, 0, 0]),
+    "how the tracked body is turned": lambda log, p, C, k, n, up: C[k:].__setitem__(
+        ..., C[k:] @ Rotation.from_rotvec([0, 5e-3, 0]).as_matrix()),
+    "the world of the poses": lambda log, p, C, k, n, up: (
+        C[k:].__setitem__(..., up.as_matrix() @ C[k:]), p[k:].__setitem__(..., up.apply(p[k:]))),
+    "the offset of the clocks": lambda log, p, C, k, n, up: log.time[n:].__iadd__(0.02),
+}  # fmt: skip
+
+
+def changed(what, seed=1):
+    """Return a log and poses in which something changes in the middle, and when [s]."""
+    imu, (t, p, C), truth = make_pose.session(seed, duration=30.0)
+    log, k = Log(*imu), len(t) // 2
+    up = Rotation.from_rotvec([*truth["level"], 0]) * Rotation.from_rotvec([0, 0, 0.02])
+    up = up * Rotation.from_rotvec([*truth["level"], 0]).inv()
+    SOME[what](log, p, C, k, np.searchsorted(log.time, t[k] + truth["tau"]), up)
+    return log, PoseTable(t, p, make_pose.quaternion(C)), t[k]
+
+
+@pytest.mark.parametrize("what", [
+    pytest.param(what, marks=[pytest.mark.thorough] * (k > 0)) for k, what in enumerate(SOME)
+])  # fmt: skip
+def test_what_changes_half_way_is_named_with_its_time(what):
+    log, table, middle = changed(what)
+    result = solved(log, table)
+    (told,) = [f for f in result.findings if f.code == "pose.changed"]
+    assert f"by the clock of the poses {what}" in told.message
+    assert float(told.message.split()[2]) == pytest.approx(middle, abs=1.1)
     assert result.verdict.level is Level.DOUBTFUL
+
+
+@pytest.mark.thorough
+def test_a_world_that_turns_costs_what_poses_apart_gain():
+    """The score of a jump of the motion is what the fit is better by where nothing leads over."""
+    log, table, middle = changed("the world of the poses")
+    found = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "changes", lambda s, of=engine.changes: found.append(s) or of(s))
+        solved(log, table)
+    (s,) = found
+    jump = engine.changes(s)["motion"]
+    assert jump.time == pytest.approx(middle, abs=0.02)
+    later = s.readings.stamp >= jump.time
+    apart = replace(s.readings, jumped=s.readings.jumped + later)
+    costs = [np.sum(engine.one_pass(r, s.point, s.noise, s.hold).nu ** 2)
+             for r in (s.readings, apart)]  # fmt: skip
+    assert jump.shock.square == pytest.approx(costs[0] - costs[1], rel=1e-3)
+
+
+@pytest.mark.thorough
+def test_positions_of_another_scale_are_named_and_do_no_harm():
+    log, table, truth = session(2, vigour=1.0)
+    wide = replace(table, position=1.01 * table.position)
+    bare = solved(log, wide)
+    assert "pose.scale" in {f.code for f in bare.findings}
+    sizes = sizes_of("consumer MEMS")
+    told = imu_pose.calibrate(PoseLog.of(log, wide), site=SITE, noise=NOISE, sizes=sizes)
+    assert {c.name for c in told.checks if not c.passed} == {"size of pose scale"}
+    (wrong, P), (right, Q) = off(bare, truth), off(told, truth)
+    high = chi_square_limits(len(right), tests=2)[1]
+    assert right @ np.linalg.solve(Q, right) < high < wrong @ np.linalg.solve(P, wrong) / 2
+    known = imu_pose.calibrate(
+        PoseLog.of(log, table), site=SITE, noise=NOISE, sizes=sizes, settings=Settings(scale_sd=0)
+    )
+    small = replace(table, position=1.0005 * table.position)
+    free = imu_pose.calibrate(PoseLog.of(log, small), site=SITE, noise=NOISE, sizes=sizes)
+    assert known.verdict.level is free.verdict.level is Level.PASS
+    assert (np.abs(free.coefficients.values - known.coefficients.values)
+            < 3 * free.coefficients.sd).all()  # fmt: skip
+    assert (free.coefficients.sd > 0.99 * known.coefficients.sd).all()
 
 
 def test_a_swing_tells_no_offset():

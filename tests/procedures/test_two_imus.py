@@ -212,6 +212,37 @@ def test_lost_samples_and_drifting_clocks_are_told():
     assert {"imus.stamps", "imus.coloured"} & {f.code for f in result.findings}
 
 
+def slipped(log, k):
+    C = Rotation.from_rotvec([0.0, 3e-3, 0.0]).as_matrix()
+    return {
+        w: np.vstack([x[:k], x[k:] @ C.T]) for w in ("gyro", "accel") for x in (getattr(log, w),)
+    }
+
+
+SOME = {  # from a sample on
+    "the biases of the gyros of the second IMU": lambda log, k: {
+        "gyro": log.gyro + (np.arange(len(log)) >= k)[:, None] * [1e-3, 0, 0]},
+    "how the second IMU is turned": slipped,
+    "the offset of the clock of the second IMU": lambda log, k: {
+        "time": log.time[:-1], **{w: np.delete(getattr(log, w), k, axis=0)
+                                  for w in ("gyro", "accel")}},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", [
+    pytest.param(what, marks=[pytest.mark.thorough] * (k > 0)) for k, what in enumerate(SOME)
+])  # fmt: skip
+def test_what_changes_half_way_is_named_with_its_time(what):
+    log, truths = session(3)
+    k = len(log) // 2
+    result = solved(replace(log, **SOME[what](log, k)))
+    (told,) = [f for f in result.findings if f.code == "imus.changed"]
+    assert f"by the clock of the first IMU {what}" in told.message
+    when = log.time[k] + truths[0]["tau"]
+    assert float(told.message.split()[2]) == pytest.approx(when, abs=1.1)
+    assert result.verdict.level is Level.DOUBTFUL
+
+
 def gyros(change):
     return lambda log: replace(log, gyro=log.gyro @ np.array(change, float).T)
 

@@ -30,14 +30,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, pairwise
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
-from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED, Answers, even
+from foucault.estimate import two_bodies as bodies
+from foucault.estimate.two_bodies import (
+    BLOCK,
+    COLOURED,
+    MOVED,
+    ROUND,
+    SETTLED,
+    Answers,
+    Change,
+    even,
+)
 from foucault.infer.gauss_newton import student
+from foucault.infer.linear_filter import likeliest
 from foucault.infer.shown import shares, shown
 from foucault.kernels import pose as kernels
 from foucault.models import imu, pose, size_effect
@@ -265,6 +276,13 @@ class Readings:
         return replace(self, stamp=self.stamp[rows], position=self.position[rows], C_vm=C,
                        jumped=self.jumped[rows], second=other)  # fmt: skip
 
+    def scaled(self, by: float) -> Readings:
+        """Return the readings with places that are so many times as large, `by` [1]."""
+        other = self.second
+        if other is not None and other.told != "direction":
+            other = replace(other, place=by * other.place)
+        return replace(self, position=by * self.position, second=other)
+
     def at(self, tau: float, kappa: float) -> FloatArray:
         """Return when the poses held by the clock of the IMU, shape (m,) [s].
 
@@ -363,6 +381,8 @@ class Smoothed:
     x: FloatArray  # (m, 9) [SI]
     absorbed: FloatArray  # (m, 6) variance of what poses should be, if asked [rad^2], [m^2]
     following: FloatArray  # (m, 6) covariance with the next, none where noise is white
+    # What is filtered, (m, d) and (m, d, d), and then smoothed, if asked [SI]
+    states: tuple[FloatArray, ...]
 
 
 class Room(dict[str, FloatArray]):
@@ -517,15 +537,17 @@ def smoothed(
         u[1:, 3:9] += np.hstack([T * (G @ delta[8:10]), T**2 / 2 * (G @ delta[8:10])])
     x, P, none = np.empty((m, d)), np.empty((m, d, d)), np.empty((m, 6, 0))
     nu, following = np.empty((m, 6)), np.zeros((m, d - 9))
+    fine = kernels.forward(C, moved, J, Q, u, G, keep, stays, z, H, none, R, start, nu, none, x, P)
+    states = (x.copy(), P.copy(), x, P) if spread else ()
     if not (
-        kernels.forward(C, moved, J, Q, u, G, keep, stays, z, H, none, R, start, nu, none, x, P)
+        fine
         and np.isfinite(nu).all()
         and kernels.backward(C, moved, Q, u, keep, stays, spread, x, P, following)
     ):
         raise np.linalg.LinAlgError("the motion between two poses has no covariance")
     H = H[:, :, :9]
     absorbed = np.sum(H @ P[:, :9, :9] * H, axis=2) if spread else np.zeros((m, 6))
-    return Smoothed(x[:, :9], absorbed, following)
+    return Smoothed(x[:, :9], absorbed, following, states)
 
 
 def motion_of(
@@ -789,11 +811,7 @@ def _stated(
     scores = np.zeros((block.max() + 1, 32))
     np.add.at(scores, block, np.einsum("kqp,kq->kp", M, left))
     gain = np.linalg.inv(seen.information + np.diag(prior_sd**-2.0))
-    sand = gain @ (scores.T @ scores) @ gain
-    share = 1 - np.diag(formal) / prior_sd**2  # what the prior adds scatters in no score
-    ratio = np.sqrt(np.maximum(np.diag(sand), 0.0) / (np.diag(formal) * np.maximum(share, 1e-3)))
-    told = share > 0.5
-    spread = float(np.sqrt(np.mean(ratio[told] ** 2))) if told.any() else 1.0
+    ratio, told, spread = bodies.scatter(scores, gain, formal, prior_sd)
     wide = np.ones(32)
     if spread > COLOURED:
         wide[told] = np.maximum(ratio * student(block.max()), 1.0)[told]
@@ -825,6 +843,49 @@ def _stated(
     return Solution(r, at, replace(p, nu=left), made, noise, cov, J @ formal @ J.T, of_gravity,
                     spread, halves, (lag[0], lag[1]), passes, settled, prior_sd,
                     hold)  # fmt: skip
+
+
+def changes(s: Solution) -> dict[str, Change]:
+    """Return what explains most by changing for good: parameters by their groups, and motion.
+
+    "motion" is what the IMU does not lead on from a pose to the next.
+    """
+    r, hold, prior_sd = s.readings, s.hold, s.prior_sd
+    begin = np.arange(r.stamp[0], r.stamp[-1], bodies.SPLIT)
+    edges = [*np.searchsorted(r.stamp, begin), len(r.stamp)]
+
+    def of(p: Pass) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the step that is left, scores after it, and information, of blocks."""
+        seen = shown(p.information + _length(r, s.point)[0], s.made, prior_sd)
+        M, gain = p.rows @ seen.onto.T, np.linalg.inv(seen.information + np.diag(prior_sd**-2.0))
+        step = gain @ (M.T @ (p.nu - s.last.nu).ravel())
+        e = p.nu.ravel() - M @ step
+        parts = [slice(6 * a, 6 * b) for a, b in pairwise(edges)]
+        return (
+            step,
+            np.array([M[k].T @ e[k] for k in parts]),
+            np.array([M[k].T @ M[k] for k in parts]),
+        )
+
+    _, scores, information = of(s.last)
+    groups = dict[str, list[int]]()
+    for i in sorted(set(range(32)) - set(hold)):
+        groups.setdefault(bodies.group_of(r.names[i]), []).append(i)
+    out = bodies.changes(begin, scores, information, prior_sd, groups)
+    # All that follows a pose says of its state what smoothing adds to the filter.
+    x, P, after, cov = motion_of(r, s.point, s.noise, hold, spread=True).states
+    inverse = np.linalg.inv(P)
+    own = (inverse @ (P - cov) @ inverse)[:-1, :9, :9]
+    told = np.einsum("kij,kj->ki", inverse, after - x)[:-1, :9]
+    shock = likeliest(own, told, ways=len(out) + 1)
+    later = np.arange(len(r.stamp)) > shock.epoch
+    apart = one_pass(replace(r, jumped=r.jumped + later), s.point, s.noise, hold)
+    moved, scores, information = of(apart)
+    P = np.linalg.inv(information.sum(axis=0) + np.diag(prior_sd**-2.0))
+    spread = bodies.scatter(bodies.wider(begin, scores), P, P, prior_sd)[2]
+    out["motion"] = Change(float(r.stamp[shock.epoch + 1]), shock, moved[None], spread)
+    J = s.point.of_values()
+    return {name: replace(x, moved=x.moved @ J.T) for name, x in out.items()}
 
 
 def answers(s: Solution, added: FloatArray) -> Answers:

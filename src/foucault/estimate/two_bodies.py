@@ -11,14 +11,18 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import factorial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
+from foucault.coefficients import CoefficientVector
+from foucault.errors import Finding, finding
+from foucault.infer.linear_filter import Shock, likeliest
+from foucault.units import plain
 
 FASTEST = 0.02  # No clock is faster by so much than another [1].
 
@@ -32,6 +36,7 @@ WINDOW = (3.0, 10.0)
 
 SOME = 40  # Windows that are looked for in the whole of the other log [1].
 SETTLED = 0.02  # A step that moves nothing by more of its sd is the last [1].
+SPLIT = 0.5  # Parameters are asked whether they changed every so often [s].
 BLOCK = 2.0  # Errors of what is farther apart are taken as independent [s].
 
 COLOURED, MOVED = 1.1, 1.3
@@ -47,6 +52,20 @@ worse, and the part of the rates that a rotation may leave before errors are kno
 OTHER_UNIT, CLEARLY = 1.5, 3.0
 """Factor in size of another unit, and by how many times less must be left over for a mistake to be
 told [1]."""
+
+HARM, TOGETHER, CERTAIN, ALMOST = 1.5, 0.7, 10.0, 0.9
+"""What changed half-way is told where a result would be another by so many sds, or all of them
+together, rms, or where it is so many times beyond chance; what explains almost as much is told
+beside it [1]."""
+
+OF_IMU = {
+    "gyro.bias": "the biases of the gyros", "accel.bias": "the biases of the accelerometers",
+    "gyro.scale": "scale factors or misalignments of the gyros",
+    "accel.scale": "scale factors or misalignments of the accelerometers",
+    "accel.delay": "the delay of the accelerometers",
+    "gyro.g_sensitivity": "the g-sensitivity of the gyros",
+}  # fmt: skip
+"""What of an IMU may change for good half-way, in words."""
 
 COLOUR_BASIS = ("A", "scatter of scores of blocks beyond that of white rows")
 """Type and basis of what is related from one reading to the next."""
@@ -250,6 +269,120 @@ def _windows(
         if peak > 0.9 and second < peak - ALIKE:
             found.append((t, lag + (low - first) * step))
     return np.array(found).reshape(-1, 2)
+
+
+def group_of(name: str) -> str:
+    """Return what a parameter changes with: a triad's slopes together."""
+    group, _, last = name.rpartition(".")
+    return (group if len(last) < 3 else name).replace("misalignment", "scale")
+
+
+def scatter(
+    scores: FloatArray, gain: FloatArray, formal: FloatArray, prior_sd: FloatArray
+) -> tuple[FloatArray, BoolArray, float]:
+    """Return by how much scores (b, p) of blocks scatter more than white rows, as sds [1].
+
+    For each parameter (p,), which of them are told by scores (p,), and of these together; `gain`
+    (p, p): takes scores to parameters; `formal` (p, p): their covariance by white rows [SI];
+    `prior_sd` (p,): beforehand [SI].
+    """
+    var = np.diag(formal)
+    share = 1 - var / prior_sd**2  # what the prior adds scatters in no score
+    ratio = np.sqrt(np.sum((scores @ gain.T) ** 2, axis=0) / (var * np.maximum(share, 1e-3)))
+    told = share > 0.5
+    return ratio, told, float(np.sqrt(np.mean(ratio[told] ** 2))) if told.any() else 1.0
+
+
+class Scattered(Protocol):
+    """How a solution's scores scatter."""
+
+    @property
+    def spread(self) -> float:
+        """More than white rows, as an sd [1]."""
+
+    @property
+    def halves(self) -> float:
+        """Difference of the halves over its sd, rms [1]."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What may have changed for good, where that explains most."""
+
+    time: float  # [s]
+    shock: Shock
+    # (k, p) by how much parameters are another than was found, before it and after [SI]
+    moved: FloatArray
+    spread: float  # of the scores beside it, as of `scatter` [1]
+
+
+def changes(
+    begin: FloatArray, scores: FloatArray, information: FloatArray, prior_sd: FloatArray,
+    groups: Mapping[str, Sequence[int]],
+) -> dict[str, Change]:  # fmt: skip
+    """Return of each of the `groups` of parameters where another value from there on explains most.
+
+    By scores of blocks, of all parameters once more beside it: nothing is fitted again. `begin`
+    (b,): of blocks [s]; `scores` (b, p) and `information` (b, p, p): of a solution [1 / SI];
+    `prior_sd` (p,) [SI].
+    """
+    P = np.linalg.inv(information.sum(axis=0) + np.diag(prior_sd**-2.0))
+    s, later = (np.cumsum(x[:0:-1], axis=0)[::-1] for x in (scores, information))
+    out = {}
+    for name, g in groups.items():
+        across = later[:, :, g]
+        own = across[:, g] - np.swapaxes(across, 1, 2) @ P @ across
+        # Where less is told of it than was known beforehand rounding is what is left.
+        own[np.einsum("kii->ki", own).min(axis=1) * prior_sd[g].max() ** 2 < 1.0] = 0.0
+        shock = likeliest(own, s[:, g], ways=len(groups) + 1)
+        k = shock.epoch
+        moved = np.tile(-P @ across[k] @ shock.size, (2, 1))
+        moved[1, g] += shock.size
+        each = moved[(np.arange(len(begin)) > k).astype(int)]
+        left = scores - np.einsum("bij,bj->bi", information, each)
+        out[name] = Change(
+            float(begin[k + 1]), shock, moved, scatter(wider(begin, left), P, P, prior_sd)[2]
+        )
+    return out
+
+
+def wider(begin: FloatArray, scores: FloatArray) -> FloatArray:
+    """Return scores (b, p) [1 / SI] of blocks that `begin` (b,) [s] by blocks of `BLOCK`."""
+    first = np.flatnonzero(np.diff(((begin - begin[0]) / BLOCK).astype(int), prepend=-1))
+    return np.add.reduceat(scores, first)
+
+
+def changed(
+    found: Mapping[str, Change], s: Scattered, c: CoefficientVector, kept: Sequence[int],
+    code: str, words: Mapping[str, str],
+) -> list[Finding]:  # fmt: skip
+    """Say what of `found` is believed to have changed, the likeliest first, with its like.
+
+    Where it explains more than chance and most of what the scores of a solution, `s`, scatter
+    beyond white rows, and results, `c` of parameters that are `kept`, would be others by their
+    uncertainties, but for what halves that differ added to them. `code`: of the finding; `words`:
+    for what is not of an IMU.
+    """
+    beyond = max(s.spread, COLOURED) ** 2 - 1
+    sure = sorted(
+        (name for name, x in found.items()
+         if x.shock.square > x.shock.limit * max(1.0, x.spread) ** 2
+         and x.spread**2 - 1 < beyond / 2),
+        key=lambda name: -found[name].shock.square,
+    )  # fmt: skip
+    if not sure:
+        return []
+    assert c.cov is not None
+    moved = found[sure[0]].moved[:, kept].T * (s.halves if s.halves > MOVED else 1.0)
+    most = np.max(np.abs(moved) / c.sd[:, None], axis=0)
+    together = np.sqrt(np.mean(moved * np.linalg.solve(c.cov, moved), axis=0))
+    harm = float(np.min(np.maximum(most / HARM, together / TOGETHER)))
+    shock = found[sure[0]].shock
+    if harm < 1.0 and shock.square < CERTAIN * shock.limit:
+        return []
+    least = ALMOST * shock.square
+    what = [{**OF_IMU, **words}[n] for n in sure if found[n].shock.square > least]
+    return [finding(code, what=" or ".join(what), time=plain(found[sure[0]].time, 4))]
 
 
 def of_a_unit(ratio: float) -> bool:

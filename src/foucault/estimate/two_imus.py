@@ -17,11 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.estimate.two_bodies import BLOCK, COLOURED, MOVED, ROUND, SETTLED, Answers
+from foucault.estimate import two_bodies as bodies
+from foucault.estimate.two_bodies import COLOURED, MOVED, ROUND, SETTLED, Answers, Change
 from foucault.infer.gauss_newton import student
 from foucault.infer.shown import Shown, shown
 from foucault.kernels import banded
@@ -204,6 +207,14 @@ def normal(
     return Normal(L, border, corner - pull[:, :p], rhs, rhs - pull[:, p], tuple(left))
 
 
+class Blocks(NamedTuple):
+    """What blocks of time say of the parameters, the spline eliminated."""
+
+    begin: FloatArray  # (b,) clock of the master [s]
+    scores: FloatArray  # (b, p) [1 / SI]
+    information: FloatArray  # (b, p, p) [1 / SI^2]
+
+
 @dataclass(frozen=True)
 class Solution:
     """What was found."""
@@ -220,6 +231,7 @@ class Solution:
     halves: float  # rms of the difference of the halves over its sd [1]
     lag_one: FloatArray  # (i, 2) correlation of what is left with the next [1]
     left: tuple[FloatArray, ...]  # (n, 6) of each [SI]
+    blocks: Blocks
     passes: int  # [1]
     converged: bool
 
@@ -371,7 +383,8 @@ def _stated(
     var: FloatArray, at: Normal, passes: int, converged: bool,
 ) -> Solution:  # fmt: skip
     seen = shown(at.information, made, problem.prior_sd)
-    scores = _scores(problem, slaves, spline, var, at)
+    blocks = _blocks(problem, slaves, spline, var, at)
+    scores = bodies.wider(blocks.begin, blocks.scores)
     cov, spread, halves = _widened(seen, scores, problem.prior_sd)
     J = _of_values(slaves)
     lag = np.array([_lag_one(x) for x in at.left])
@@ -379,7 +392,7 @@ def _stated(
     formal = J @ seen.covariance(problem.prior_sd) @ J.T
     ratio = _ratio(problem, at.left, var)
     return Solution(problem, slaves, spline, made, var, ratio, cov, formal, spread, halves, lag,
-                    at.left, passes, converged)  # fmt: skip
+                    at.left, blocks, passes, converged)  # fmt: skip
 
 
 def formal(s: Solution, var: FloatArray) -> FloatArray:
@@ -388,6 +401,19 @@ def formal(s: Solution, var: FloatArray) -> FloatArray:
     J = _of_values(s.slaves)
     P = shown(at.information, s.made, s.problem.prior_sd).covariance(s.problem.prior_sd)
     return np.asarray(J @ P @ J.T)
+
+
+def changes(s: Solution) -> dict[str, Change]:
+    """Return what of the parameters, by their groups, explains most by changing for good."""
+    begin, scores, information = s.blocks
+    onto = shown(information.sum(axis=0), s.made, s.problem.prior_sd).onto
+    groups, J = dict[str, list[int]](), _of_values(s.slaves)
+    for i, name in enumerate(layout_of(len(s.slaves)).names):
+        if i not in s.problem.hold:
+            groups.setdefault(bodies.group_of(name), []).append(i)
+    found = bodies.changes(begin, scores @ onto.T, onto @ information @ onto.T, s.problem.prior_sd,
+                           groups)  # fmt: skip
+    return {name: replace(x, moved=x.moved @ J.T) for name, x in found.items()}
 
 
 def answers(s: Solution, added: Sequence[FloatArray]) -> Answers:
@@ -439,30 +465,45 @@ def _pulled(
                    border, rhs)  # fmt: skip
 
 
-def _scores(
+def _blocks(
     problem: Problem, slaves: Sequence[Slave], spline: FloatArray, var: FloatArray, at: Normal
-) -> FloatArray:
-    """Return what blocks of time say of the parameters, shape (blocks, p) [1 / SI]."""
-    p, h = len(problem.prior_sd), problem.knot
-    out = np.zeros((int(h * problem.knots / BLOCK) + 2, p))
+) -> Blocks:
+    """Return what blocks of time say of the parameters, the spline eliminated."""
+    p, h, none = len(problem.prior_sd), problem.knot, np.zeros((0, 6))
+    begin = np.arange(problem.first, problem.first + h * problem.knots + bodies.SPLIT, bodies.SPLIT)
+    scores, information = np.zeros((len(begin), p)), np.zeros((len(begin), p, p))
     Z = np.ascontiguousarray(at.W[:, :p])
     banded.backward(at.L, Z)
-    border = np.zeros((len(Z), 1))
-    for k, (r, left) in enumerate(zip(problem.readings, at.left, strict=True)):
-        time, late = (slaves[k - 1].at(r), abs(slaves[k - 1].late)) if k else (r.time, 0.0)
-        block = np.clip((time - problem.first) / BLOCK, 0, len(out) - 1).astype(int)
-        edges = np.searchsorted(block, np.arange(len(out) + 1))
-        for b, some in enumerate(map(slice, edges[:-1], edges[1:])):
-            if some.start == some.stop:
+    for k, r in enumerate(problem.readings):
+        one = None if k == 0 else slaves[k - 1]
+        time, x = (r.time, np.zeros(46)) if one is None else (one.at(r), one.flat)
+        late, own = abs(one.late) if one else 0.0, kernels.COLUMNS * (k - 1) if k else -1
+        edges = [*np.searchsorted(time, begin), len(time)]
+        edges[0] = 0
+        for b, (i, j) in enumerate(pairwise(edges)):
+            if i == j:
                 continue
-            rhs, ends = np.zeros((p, 1)), time[[some.start, some.stop - 1]] + [-late, late]
-            q = np.maximum((ends - problem.first) / h + [-1.0, 5.0], 0.0).astype(int)
-            own = slice(6 * q[0], 6 * q[1])
-            _pulled(problem, slaves, spline, var, k, some, left[some, :, None], border, rhs)
-            out[b] += rhs[:, 0] - border[own, 0] @ Z[own]
-            border[own] = 0.0
-    out[:, problem.hold] = 0.0
-    return np.asarray(out[np.abs(out).sum(axis=1) > 0])
+            ends = (time[[i, j - 1]] + [-late, late] - problem.first) / h + [-1.0, 5.0]
+            q0, q1 = np.clip(ends, 0, problem.knots).astype(int)
+            z, n = Z[6 * q0 : 6 * q1], 6 * (q1 - q0)
+            band, border = np.zeros((n, 24)), np.zeros((n, p + 1))
+            corner, rhs, left = np.zeros((p, p)), np.zeros(p), np.empty((j - i, 6))
+            kernels.normal(
+                time[i:j], (r.time - r.middle)[i:j], r.read[i:j], var[k], x, own, spline[q0:q1],
+                none, problem.first + h * q0, h, band, border, corner, rhs, left,
+            )  # fmt: skip
+            scores[b] += rhs - z.T @ border[:, p]
+            both = border[:, :p].T @ z
+            half = np.tril(corner, -1) + np.diag(np.diag(corner)) / 2 - both
+            made = band[:, :1] / 2 * z  # half of the band, by which the other half is known
+            for d in range(1, min(24, n)):
+                made[d:] += band[:-d, d, None] * z[:-d]
+            half += z.T @ made
+            information[b] += half + half.T
+    hold = problem.hold
+    scores[:, hold] = information[:, hold] = information[:, :, hold] = 0.0
+    some = np.abs(scores).sum(axis=1) > 0
+    return Blocks(begin[some], scores[some], information[some])
 
 
 def _widened(

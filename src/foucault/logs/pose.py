@@ -353,19 +353,29 @@ def _cells(path: Path, first: int, wanted: list[int]) -> FloatArray:
 
 
 STANDS_OUT, BESIDE = 8.0, 10
-"""A step of positions is so many times any within so many poses beside it [1]."""
+"""A step of poses is so many times any within so many poses beside it [1]."""
 
 
 def jumps_of(q: PoseTable) -> IntArray:
-    """Return how often the positions have jumped before each pose, shape (m,).
+    """Return how often positions or attitudes have jumped before each pose, shape (m,).
 
     A wild pose jumps and comes back; where a tracking system has lost its body and found it again
     elsewhere there is one step that no motion beside it has the like of.
     """
+    far = _jumps(q.time, q.position)
+    if q.quaternion is not None:  # in whatever order and direction
+        turned = np.sum(q.quaternion[1:] * q.quaternion[:-1], axis=1)
+        same = np.cumprod(np.append(1.0, np.where(turned < 0.0, -1.0, 1.0)))
+        far |= _jumps(q.time, q.quaternion * same[:, None])
+    return np.cumsum(np.concatenate([[0, 0], far, [0]]).astype(int))
+
+
+def _jumps(time: FloatArray, x: FloatArray) -> BoolArray:
+    """Return which of all steps but the first and the last are jumps, (m - 3,), of `x` (m, q)."""
     from scipy.ndimage import maximum_filter1d
 
-    dt = np.diff(q.time)[:, None]
-    v = np.diff(q.position, axis=0) / dt
+    dt = np.diff(time)[:, None]
+    v = np.diff(x, axis=0) / dt
     step = np.linalg.norm((v[1:-1] - (v[2:] + v[:-2]) / 2) * dt[1:-1], axis=1)
     step[(dt > 3 * np.median(dt))[1:-1, 0]] = 0.0  # lost for a while it has moved
     away = BESIDE // 2 + 2
@@ -373,8 +383,7 @@ def jumps_of(q: PoseTable) -> IntArray:
     beside = np.maximum(np.roll(near, away), np.roll(near, -away))
     # Both intervals beside a step are half as far from their neighbours as it is.
     far = (step > STANDS_OUT * beside) & (step == maximum_filter1d(step, 7))
-    stays = np.linalg.norm(q.position[3:] - q.position[:-3], axis=1) > step / 2
-    return np.cumsum(np.concatenate([[0, 0], far & stays, [0]]).astype(int))
+    return np.asarray(far & (np.linalg.norm(x[3:] - x[:-3], axis=1) > step / 2))
 
 
 def write(table: PoseTable, path: str | Path) -> None:

@@ -403,6 +403,28 @@ def _checks(s: Solution) -> list[Check]:
     return out
 
 
+CHANGES = {
+    f"{who}.{what}": words.format(who=who)
+    for who in ORDINALS
+    for what, words in (
+        ("rotation", "how the {who} IMU is turned against the first"),
+        ("lever", "the lever arm to the {who} IMU"),
+        ("delay", "the offset of the clock of the {who} IMU (stamps jumped)"),
+        ("clock", "the rate of the clock of the {who} IMU"),
+        *((own, words + " of the {who} IMU, or the first") for own, words in bodies.OF_IMU.items()),
+    )
+}
+"""What may change for good half-way, in words."""
+
+
+def _changed(s: Solution, c: CoefficientVector) -> list[Finding]:
+    names = layout_of(len(s.slaves)).names
+    kept = [names.index(n) for n in c.names]
+    found = {n if n.startswith(ORDINALS) else f"second.{n}": x
+             for n, x in engine.changes(s).items()}  # fmt: skip
+    return bodies.changed(found, s, c, kept, "imus.changed", CHANGES)
+
+
 def _told(s: Solution, starts: Sequence[Start], clock_sd: float) -> list[Finding]:
     told = []
     for k, (who, one) in enumerate(zip(ORDINALS, starts, strict=False)):
@@ -450,22 +472,32 @@ STEP = 0.02  # Part of a variance by which it is changed to see what hangs on it
 
 def _found(
     log: Log, given: Given[Settings], *, planned: bool = False
-) -> tuple[Found[Solution], list[Start]]:
-    """Return what logs tell; `planned`: they are of a session that was not made."""
-    s, starts = _solved(log, given)
-    c, kept = _estimate(s)
+) -> tuple[Found[Solution], tuple[list[Start], Solution]]:
+    """Return what logs tell, and their starts and solution as if nothing were left out.
+
+    `planned`: they are of a session that was not made.
+    """
+    bare, starts = _solved(log, given)
+    s, (c, kept) = bare, _estimate(bare)
     beside = _counted(s, c, log, given, planned=planned)
     if beside is not None:
         s, c = beside.solution, beside.coefficients
     names = zip(layout_of(len(s.slaves)).names, s.unseen, strict=True)
     bound, unseen = np.sqrt(np.diag(s.formal))[kept], [n for n, lost in names if lost]
     bases, by_clock = _noises(s) | {COLOUR: bodies.COLOUR_BASIS}, partial(_by_clock, s, c, log)
-    return Found(s, c, bound, unseen, lambda: _budget(s, kept), bases, by_clock, beside), starts
+    return Found(s, c, bound, unseen, lambda: _budget(s, kept), bases, by_clock, beside), (
+        starts,
+        bare,
+    )
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:
-    at, starts = _found(log, given)
+    at, (starts, bare) = _found(log, given)
     s = at.solution
+    changed = _changed(s, at.coefficients)
+    if at.beside is not None and not all(x.passed for x in at.beside.checks):
+        # What is left out has then taken what changed for itself.
+        changed = changed or _changed(bare, _estimate(bare)[0])
     noise = np.sqrt(s.var[1] * log.interval).tolist()
     diagnostics: dict[str, Any] = {
         "imus": {
@@ -484,7 +516,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
             **{n: s.left[1][:, k] for k, n in enumerate(columns)}}  # fmt: skip
     return result_of(
         "two_imus", FRAME, log, given, at, checks=_checks(s),
-        findings=_told(s, starts, log.clock.sd), diagnostics=diagnostics, tables={"left": left},
+        findings=[*changed, *_told(s, starts, log.clock.sd)], diagnostics=diagnostics,
+        tables={"left": left},
     )  # fmt: skip
 
 

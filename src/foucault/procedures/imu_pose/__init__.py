@@ -52,7 +52,7 @@ from foucault.models.rotation import log as vector_of
 from foucault.models.size_effect import SizeEffect
 from foucault.plans.directions import Free
 from foucault.procedures.by_hand import Found, HandSession, foreseen, result_of
-from foucault.procedures.counted import GYROS, Again, Counted, Stages, Term, Unit, counted
+from foucault.procedures.counted import FORCES, GYROS, Again, Counted, Stages, Term, Unit, counted
 from foucault.procedures.imu_pose.start import Start, start_of, start_of_places
 from foucault.procedures.left_out import told_beside
 from foucault.procedures.record import Given, Procedure, Robust
@@ -66,10 +66,23 @@ MIRRORED, LEFT_OUT = 1.5, 10.0
 """By so many times less must be left over for axes of positions, whose second derivatives are
 noisy [1]; limit of poses that are left out [%]."""
 
+CHANGES = {
+    "pose.rotation": "how the tracked body is turned against the IMU",
+    "pose.lever": "the lever arm to the tracked point",
+    "pose.base": "the base between the antennas",
+    "pose.delay": "the offset of the clocks (stamps jumped)",
+    "pose.clock": "the rate of the clocks",
+    "pose.level": "the level of the poses' world",
+    "motion": "the world of the poses (or the IMU's readings for a moment: a spike, lost samples)",
+}
+"""What may change for good half-way, in words."""
+
 APART = 0.3  # Stamps of positions and attitudes are tried so far apart [s].
+SCALED = 3.5  # Positions have another scale by so many sds of what it is found as [1].
 QUIET = 0.05  # Part of the stretches of half a second that are the stillest [1].
 
 Length = Annotated[float, Quantity("length")]
+ScaleSd = Annotated[float, Quantity("scale factor error")]
 
 
 class Settings(Robust):
@@ -86,6 +99,9 @@ class Settings(Robust):
     """Distance of the two antennas, where it was measured on the body."""
     base_length_sd: Length = Field(default=2e-3, gt=0, examples=["1 mm"])
     """How well it was."""
+    scale_sd: ScaleSd = Field(default=1e-3, ge=0, lt=0.1)
+    """How well the scale of the positions is known, by a wand or a scale bar: it is no result, and
+    counts beside the terms of the IMU that are none."""
     accel_delay: bool = True
     """Estimate how much later accelerometers read than gyros."""
     clock: bool = True
@@ -274,16 +290,49 @@ EARTH = "earth rate"
 EARTH_SIZE = (EARTH_RATE / np.sqrt(3.0), "the Earth's rate, in any direction")
 
 
+SCALE = "pose scale"
+"""That of the positions: where they are too large, so are accelerations by them, and lever arms."""
+
+
 def _rates(r: Readings) -> FloatArray:
     return np.hstack([r.dtheta, r.dvel]) / r.dt[:, None]
 
 
-def _unit(s: Solution, c: CoefficientVector, site: Site, sizes: Sizes) -> Unit:
-    """Return the IMU, and all that is not estimated, at the motion that was found [SI]."""
+def _moving(s: Solution, site: Site) -> FloatArray:
+    """Return what accelerometers read of the motion, without bias and gravity, (n, 3) [m/s^2]."""
     r, at = s.readings, s.point
+    up_b = even(r.time[at.node], at.up_v @ at.C, r.time - r.dt / 2 - at.late)
+    down = site.gravity * up_b @ (np.eye(3) + at.accel[1]).T
+    return np.asarray(r.dvel / r.dt[:, None] - at.accel[0] - down)
+
+
+def _arms(s: Solution) -> FloatArray:
+    """Return the parameters that are lengths in the world of the poses, others zero (32,) [m]."""
+    lengths = [n.startswith(("pose.lever", "pose.base")) for n in s.readings.names]
+    return np.where(lengths, s.point.values, 0.0)
+
+
+def _scaled(s: Solution, c: CoefficientVector, site: Site) -> list[Finding]:
+    """Say that positions have another scale, where nothing that is left out is counted with."""
+    found = engine.answers(s, np.pad(-_moving(s, site), ((0, 0), (3, 0)))[:, :, None])
+    found.A[:, 0] += _arms(s)
+    sd = float(found.gram[0, 0] ** -0.5)
+    scale = float(found.pull[0]) * sd**2
+    moved = np.abs(found.A[[s.readings.names.index(n) for n in c.names], 0] * scale) / c.sd
+    if abs(scale) < SCALED * sd * max(s.spread, 1.0) or moved.max() < bodies.HARM:
+        return []
+    return [finding("pose.scale", scale=plain(1e6 * scale, 3), sd=plain(1e6 * sd, 2))]
+
+
+def _unit(s: Solution, c: CoefficientVector, given: Given[Settings], sizes: Sizes) -> Unit:
+    """Return the IMU, and all that is not estimated, at the motion that was found [SI]."""
+    r, at, scale = s.readings, s.point, given.settings.scale_sd
     along = (EARTH_SIZE[0] * even(r.time[at.node], at.C[:, k], r.time) for k in range(3))
-    more = tuple(Term(f"{EARTH} {a}", EARTH, GYROS, x) for a, x in zip(AXES, along, strict=True))
-    return Unit(c, r.time, site, sizes, late=at.late * r.rise / r.dt[:, None], more=more)
+    more = [Term(f"{EARTH} {a}", EARTH, GYROS, x) for a, x in zip(AXES, along, strict=True)]
+    if scale:
+        more.append(Term(SCALE, SCALE, FORCES, -scale * _moving(s, given.site)))
+    return Unit(c, r.time, given.site, sizes, late=at.late * r.rise / r.dt[:, None],
+                more=tuple(more))  # fmt: skip
 
 
 def _counted(
@@ -302,20 +351,24 @@ def _counted(
     def stages(
         at: Solution, c: CoefficientVector, out: FloatArray
     ) -> tuple[Stages, Again[Solution]]:
-        unit, read = _unit(at, c, given.site, sizes), _rates(at.readings)
+        unit, read, scale = _unit(at, c, given, sizes), _rates(at.readings), given.settings.scale_sd
         some = unit.terms(read)
-        columns, follows = unit.added(read, np.broadcast_to(out, len(some)))
+        of_imu = np.array([one.group != SCALE for one in some])
+        columns, follows = unit.added(read, out * of_imu)
         spread = at.spread if at.spread > bodies.COLOURED else 1.0
         kept = [r.names.index(n) for n in c.names]
-        found = engine.answers(at, columns).of(spread, kept, follows)
-        both = Stages.of(c, some, {**sizes, EARTH: EARTH_SIZE}, found, out)
+        found = engine.answers(at, columns)
+        found.A[:, : len(some)] += np.outer(scale * _arms(at), ~of_imu)
+        more = {EARTH: EARTH_SIZE, SCALE: (scale, "declared, or 0.1 %: judgement")}
+        both = Stages.of(c, some, {**sizes, **more}, found.of(spread, kept, follows), out)
 
         def again(
             times: FloatArray, foretold: CoefficientVector
         ) -> tuple[Solution, CoefficientVector]:
-            left = replace(unit, c=foretold).without(_rates(r), times) * r.dt[:, None]
+            left = replace(unit, c=foretold).without(_rates(r), times * of_imu) * r.dt[:, None]
             dtheta, dvel = np.hsplit(left, 2)
-            found = _smoothed(replace(r, dtheta=dtheta, dvel=dvel), at.point, given)
+            true = r.scaled(1 / (1 + scale * float(times @ ~of_imu)))
+            found = _smoothed(replace(true, dtheta=dtheta, dvel=dvel), at.point, given)
             return found, _estimate(found)
 
         return both, again
@@ -330,9 +383,7 @@ def _by_clock(s: Solution, c: CoefficientVector, site: Site) -> FloatArray:
     increments are read too small by e. Delays are longer.
     """
     r, at, read = s.readings, s.point, _rates(s.readings)
-    up_b = even(r.time[at.node], at.up_v @ at.C, r.time - r.dt / 2 - at.late)
-    moving = read[:, 3:] - at.accel[0] - site.gravity * up_b @ (np.eye(3) + at.accel[1]).T
-    added = np.hstack([read[:, :3] - at.gyro[0], 2 * moving])
+    added = np.hstack([read[:, :3] - at.gyro[0], 2 * _moving(s, site)])
     if r.log.sampled == "increment":
         added -= read
     found = engine.answers(s, added[:, :, None])
@@ -443,6 +494,11 @@ def _checks(s: Solution, settings: Settings) -> list[Check]:
     return out
 
 
+def _changed(s: Solution, c: CoefficientVector) -> list[Finding]:
+    kept = [s.readings.names.index(n) for n in c.names]
+    return bodies.changed(engine.changes(s), s, c, kept, "pose.changed", CHANGES)
+
+
 def _told(s: Solution, start: Start, log: Log) -> list[Finding]:
     told, clock_sd = [], log.clock.sd
     jumps = start.clocks.jumps / log.interval
@@ -471,10 +527,13 @@ def _told(s: Solution, start: Start, log: Log) -> list[Finding]:
 
 def _found(
     log: Log, given: Given[Settings], *, planned: bool = False
-) -> tuple[Found[Solution], Start]:
-    """Return what a log tells; `planned`: it is of a session that was not made."""
-    s, start = _solved(log, given)
-    c = _estimate(s)
+) -> tuple[Found[Solution], tuple[Start, Solution]]:
+    """Return what a log tells, and its start and solution as if nothing were left out.
+
+    `planned`: it is of a session that was not made.
+    """
+    bare, start = _solved(log, given)
+    s, c = bare, _estimate(bare)
     beside = _counted(s, c, given, planned=planned)
     if beside is not None:
         s, c = beside.solution, beside.coefficients
@@ -487,7 +546,7 @@ def _found(
         return {name: v[kept] for name, v in engine.budget(s).items()}
 
     by_clock = partial(_by_clock, s, c, given.site)
-    return Found(s, c, bound, unseen, parts, _bases(given), by_clock, beside), start
+    return Found(s, c, bound, unseen, parts, _bases(given), by_clock, beside), (start, bare)
 
 
 def _bases(given: Given[Settings]) -> dict[str, tuple[str, str]]:
@@ -503,8 +562,14 @@ def _bases(given: Given[Settings]) -> dict[str, tuple[str, str]]:
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:
-    at, start = _found(log, given)
+    at, (start, bare) = _found(log, given)
     s, c = at.solution, at.coefficients
+    changed = _changed(s, c)
+    if at.beside is None:
+        changed += _scaled(s, c, given.site)
+    if at.beside is not None and not all(x.passed for x in at.beside.checks):
+        # What is left out has then taken what changed for itself.
+        changed = changed or _changed(bare, _estimate(bare))
     second, ok = s.readings.second, s.readings.measured
     gravity = s.of_gravity[[s.readings.names.index(n) for n in c.names]]
     diagnostics: dict[str, Any] = {
@@ -527,7 +592,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     poses = {"time": s.readings.at(s.point.tau, s.point.kappa), **{names[k]: z[:, k] for k in some}}
     return result_of(
         "imu_pose", FRAME, log, given, at, checks=_checks(s, given.settings),
-        findings=_told(s, start, log), diagnostics=diagnostics, tables={"poses": poses},
+        findings=[*changed, *_told(s, start, log)], diagnostics=diagnostics,
+        tables={"poses": poses},
     )  # fmt: skip
 
 
