@@ -247,9 +247,9 @@ def likeliest(
     """Return where and how a change explains most: d of ``own d = pull`` gains ``pull' d``.
 
     `own` (k, q, q), `pull` (k, q): information of a change at each epoch, and what the residuals
-    say of it [1 / SI]; `ways`: how many kinds of change are asked for, `times`: at how many epochs
-    that are not much alike, 0 for all; `false_alarm`: how often one is beyond the limit by
-    chance [1].
+    say of it [1 / SI]; `ways`: how many kinds of change are asked for [1]; `times`: at how many
+    epochs that are not much alike, 0 for all [1]; `false_alarm`: how often one is beyond the limit
+    by chance [1].
     """
     unit = np.sqrt(np.maximum(np.einsum("kii->ki", own), np.finfo(float).tiny))
     size, axes = np.linalg.eigh(own / (unit[:, :, None] * unit[:, None, :]))
