@@ -138,7 +138,10 @@ def earth_findings(earth: EarthSeen | None, false_alarm: float) -> list[Finding]
 def likelier(
     earth: EarthSeen | None, shifts: list[Check], false_alarm: float
 ) -> tuple[EarthSeen | None, list[Check]]:
-    """Return, where another Earth's rate and a change at once both show, what explains more."""
+    """Return, where another Earth's rate and a change at once both show, what explains more.
+
+    `false_alarm`: probability that the Earth's rate fails by chance [1].
+    """
     if earth is None or all(c.passed for c in (*shifts, *earth_checks(earth, false_alarm))):
         return earth, shifts
     more = any(not c.passed and c.value > earth.square for c in shifts)
@@ -285,7 +288,10 @@ BEYOND_THE_SESSION = (
 
 
 def steps_unnoticed(gyro: float, accel: float) -> str:
-    """Say that smaller steps of biases need not show, by gyros [rad/s] and accelerometers [SI]."""
+    """Say that smaller steps of biases need not show.
+
+    `gyro`, `accel`: step that does, of gyros [rad/s] and of accelerometers [m/s^2].
+    """
     sizes = (("angular rate", gyro), ("specific force", accel))
     least = [f"{plain(convert(x, k, unit), 2)} {unit}" for k, x in sizes
              if (unit := display_unit(k, x))]  # fmt: skip

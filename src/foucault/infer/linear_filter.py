@@ -229,9 +229,10 @@ def shocks(system: LinearSystem, run: LinearRun, ways: Mapping[str, IntArray]) -
 def stepped(
     lam: FloatArray, adj: FloatArray, ways: Mapping[str, IntArray], **words: float
 ) -> dict[str, Shock]:
-    """Return the same from adjoints lambda (m, n) and Lambda (m, n, n) [1 / SI].
+    """Return the same from the adjoints of a smoother.
 
-    `words`: of `likeliest`.
+    `lam` (m, n), `adj` (m, n, n): lambda and Lambda [1 / SI]; `ways`: name -> indices of states,
+    shape (q,) [1]; `words`: of `likeliest` [1].
     """
     return {
         name: likeliest(adj[:, at[:, None], at], -lam[:, at], ways=len(ways), **words)
@@ -246,8 +247,9 @@ def likeliest(
     """Return where and how a change explains most: d of ``own d = pull`` gains ``pull' d``.
 
     `own` (k, q, q), `pull` (k, q): information of a change at each epoch, and what the residuals
-    say of it [1 / SI]; `ways`: how many kinds of change are asked for, `times`: at how many epochs
-    that are not much alike, 0 for all [1].
+    say of it [1 / SI]; `ways`: how many kinds of change are asked for [1]; `times`: at how many
+    epochs that are not much alike, 0 for all [1]; `false_alarm`: how often one is beyond the limit
+    by chance [1].
     """
     unit = np.sqrt(np.maximum(np.einsum("kii->ki", own), np.finfo(float).tiny))
     size, axes = np.linalg.eigh(own / (unit[:, :, None] * unit[:, None, :]))

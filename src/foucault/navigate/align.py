@@ -134,7 +134,7 @@ class Alignment:
     # (m,) normalised innovation squared of each epoch of a filter [1]
     nis: FloatArray | None = None
     dof: IntArray | None = None  # (m,) measurements in each [1]
-    # as of `FineFit`
+    # as of `FineFit`: the time of each [s]
     steps: Mapping[str, tuple[Shock, float]] = field(default_factory=dict)
     rests: tuple[tuple[float, float], ...] = ()  # the rests of two positions [s]
     moving: bool = False  # whether a velocity was given
