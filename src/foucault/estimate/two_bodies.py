@@ -280,7 +280,7 @@ def group_of(name: str) -> str:
 def scatter(
     scores: FloatArray, gain: FloatArray, formal: FloatArray, prior_sd: FloatArray
 ) -> tuple[FloatArray, BoolArray, float]:
-    """Return by how much scores (b, p) of blocks scatter more than white rows, as sds [1].
+    """Return by how much `scores` (b, p) of blocks [1 / SI] scatter beyond white rows, as sds [1].
 
     For each parameter (p,), which of them are told by scores (p,), and of these together; `gain`
     (p, p): takes scores to parameters; `formal` (p, p): their covariance by white rows [SI];
@@ -347,7 +347,7 @@ def changes(
 
 
 def wider(begin: FloatArray, scores: FloatArray) -> FloatArray:
-    """Return scores (b, p) [1 / SI] of blocks that `begin` (b,) [s] by blocks of `BLOCK`."""
+    """Return `scores` (b, p) [1 / SI] of blocks that `begin` (b,) [s] by those of `BLOCK`."""
     first = np.flatnonzero(np.diff(((begin - begin[0]) / BLOCK).astype(int), prepend=-1))
     return np.add.reduceat(scores, first)
 
@@ -359,9 +359,9 @@ def changed(
     """Say what of `found` is believed to have changed, the likeliest first, with its like.
 
     Where it explains more than chance and most of what the scores of a solution, `s`, scatter
-    beyond white rows, and results, `c` of parameters that are `kept`, would be others by their
-    uncertainties, but for what halves that differ added to them. `code`: of the finding; `words`:
-    for what is not of an IMU.
+    beyond white rows, and results would be others by their uncertainties, but for what halves that
+    differ added to them. `c`: results, of the numbers that are `kept` (p,) [1]; `code`: of the
+    finding; `words`: for what is not of an IMU.
     """
     beyond = max(s.spread, COLOURED) ** 2 - 1
     sure = sorted(
