@@ -271,12 +271,18 @@ def unseen_sizes(
     return out
 
 
-def drift_check(found: Drift | None, layout: Layout) -> list[Check]:
-    """Judge the drift that `infer.drift.find_drift` found, if any; none where none would show."""
+def drift_check(found: Drift | None, layout: Layout, at: float | None = None) -> list[Check]:
+    """Judge the drift that `infer.drift.find_drift` found, if any; none where none would show.
+
+    `at`: when it jumped, None: it drifted [s].
+    """
     if found is None:
         return []
     kind = next(c.kind for c in layout.coefficients if c.name.startswith(found.name))
     given = {"name": found.name, "size": _with_sd(found.size, found.sd, kind)}
+    if at is not None:
+        return [check("jump", "drift", found.ratio, None, found.limit, given | {"at": f"{at:.0f}"},
+                      passed=False)]  # fmt: skip
     return [check("drift", "drift", found.ratio, None, found.limit, given)]
 
 

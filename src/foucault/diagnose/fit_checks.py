@@ -7,8 +7,8 @@ is no longer a calibration; it adds checks of its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -81,6 +81,7 @@ class Judged:
     predicted: str = ""  # what was held out, where not all `readings` are
     # with fewer degrees of freedom one wrong reading looks like scatter of all [1]
     told_apart: float = TOLD_APART
+    jumps: bool = False  # whether scatter may be a jump: where readings are few and often repeated
     # source that rows of what was known beforehand are -> what says so, after "Say", or "" where
     # nobody said anything
     said: Mapping[str, str] = field(default_factory=dict)
@@ -92,7 +93,10 @@ def checks(e: Judged) -> list[Check]:
     out = [status_check(estimate.status, estimate.weakest), redundancy(e), *judge_prior(estimate)]
     out += known_checks(e.fit, e.said)
     out += plausible_scales(estimate.coefficients)
-    out += drift_check(clearest_drift(e), estimate.coefficients.layout)
+    drift = clearest_drift(e)
+    jump = clearest_jump(e, drift)
+    out += drift_check(drift if jump is None else jump[0], estimate.coefficients.layout,
+                       None if jump is None else jump[1])  # fmt: skip
     out += [explained(e, kind) for kind in e.kinds if kind in e.fit.before]
     out += [_scatter(e, name) for name in e.limits if e.fit.found.get(name)]
     out += _even(e)
@@ -210,10 +214,13 @@ def _then(e: Judged, kind: str, ratio: float, added: bool, dof: float) -> str:
             "The scatter is part of the uncertainties; measure more to tell."
         )
     if ratio > e.too_much and kind not in e.silent:
+        cause = cause or (
+            "something is wrong that is no scatter, such as lost samples, a wrong sample rate, or "
+            "a term that is not estimated"
+        )
         return (
-            f", more than {e.too_much:g} times: something is wrong that is no scatter, such as "
-            "lost samples, a wrong sample rate, or a term that is not estimated. The scatter is "
-            "part of the uncertainties, but such errors do not average out."
+            f", more than {e.too_much:g} times: {cause}. The scatter is part of the uncertainties, "
+            "but such errors do not average out."
         )
     return "; the scatter was estimated and is part of the uncertainties."
 
@@ -364,13 +371,58 @@ def clearest_drift(e: Judged) -> Drift | None:
     model = e.fit.model
     if e.time is None or getattr(model, "drifts", False):
         return None
-    fit = e.fit
+    return _followed(e, e.fit, by_time(e.time))
+
+
+def _followed(e: Judged, fit: Fit, moment: FloatArray) -> Drift | None:
+    """Return the coefficient that the residuals of `fit` show to change most clearly.
+
+    `moment` (n,): share of its change that each reading has [1].
+    """
     n, d, _ = fit.at.jacobian.shape
     names = fit.model.layout.names
-    moving = fit.at.jacobian[:, :, : len(names)] * by_time(e.time)[:, None, None]
     columns = np.zeros((len(fit.white.residuals), len(names)))
+    moving = fit.at.jacobian[:, :, : len(names)] * moment[:, None, None]
     columns[: n * d] = fit.covariance.whiten(moving)
-    return find_drift(fit.white, names, e.time, kinds=scattering(e), candidates=columns)
+    return find_drift(fit.white, names, moment, kinds=scattering(e), candidates=columns)
+
+
+def clearest_jump(e: Judged, drift: Drift | None) -> tuple[Drift, float] | None:
+    """Return a jump that explains better what was taken for a `drift`, and when it was [s].
+
+    Both have one size, a jump has a time besides; what settles is a drift too. It is sought without
+    scatter, which it looks like, and with drifts that are sources at their own size, for one that
+    was enlarged explains it.
+    """
+    from scipy.special import stdtr
+
+    fit, sizes = e.fit, getattr(e.fit.model, "sizes", {})
+    enlarged = any(name.endswith(" drift") for name in sizes)
+    off = {name: 0.0 for name in _unexplained(e) if fit.found.get(name)}
+    drifts = drift is not None and drift.significant
+    if e.time is None or not (enlarged or drifts or (e.jumps and off)):
+        return None
+    if enlarged or off:
+        own = replace(cast("Any", fit.model), sizes={}) if enlarged else fit.model
+        fit = mixed.solve(own, {**fit.sds, **off}, fit.estimate.weights, fit.state)
+    ends, ramp = np.unique(e.time), by_time(e.time)
+    ends = ends[np.unique(np.linspace(0, len(ends) - 1, JUMPS).astype(int))]
+    times = (ends[1:] + ends[:-1]) / 2
+    slow = [_followed(e, fit, ramp), *(_followed(e, fit, np.exp(-ramp / k)) for k in SETTLES)]
+    fast = [(one, float(t)) for t in times
+            if (one := _followed(e, fit, (e.time > t).astype(float))) is not None]  # fmt: skip
+    if not fast:
+        return None
+    jump, at = max(fast, key=lambda one: one[0].explained)
+    chance = 2 * float(stdtr(jump.dof, -jump.ratio)) * len(fast) * len(fit.model.layout)
+    more = jump.explained - max(one.explained if one else 0.0 for one in slow)
+    more /= max(jump.explained / jump.ratio**2, 1.0)  # noise is a lower limit of what is left
+    told = more > mixed.SIGNIFICANT + 2 * np.log(len(times)) and chance < FALSE_ALARM
+    return (jump, at) if told else None
+
+
+SETTLES = (0.1, 0.3)  # Time constants of what settles, in lengths of the session [1].
+JUMPS = 64  # Times at which a jump is looked for, at most [1].
 
 
 def scattering(e: Judged) -> IntArray:

@@ -47,6 +47,7 @@ class Drift:
     sd: float
     dof: float  # degrees of freedom that the sd was found from [1]
     limit: float = np.inf  # `ratio` that chance allows for the largest of all [1]
+    explained: float = 0.0  # what it takes off the sum of squares [1]
 
     @property
     def ratio(self) -> float:
@@ -100,7 +101,8 @@ def find_drift(
         drift = float(left[:, k] @ r / square[k])
         variance, dof = _variance(left[:, k], r - drift * left[:, k], free, kind)
         if dof >= ENOUGH and variance > 0:
-            found.append(Drift(what[k], drift, float(np.sqrt(variance)), dof))
+            taken = drift**2 * float(square[k])
+            found.append(Drift(what[k], drift, float(np.sqrt(variance)), dof, explained=taken))
     if not found:
         return None
     alpha = FALSE_ALARM / len(found)
