@@ -443,6 +443,25 @@ def test_gyros_that_are_not_as_was_said_are_no_pass() -> None:
     assert "known beforehand" not in failed(calibrated(replace(log, gyro=1.03 * log.gyro), said))
 
 
+def test_two_rests_that_disagree_turn_nothing() -> None:
+    """Rests in which the specific force is off by 20 mg each, taken for attitudes: NEES/n 26."""
+    rng, found = np.random.default_rng(7), []
+    said = SETTINGS.model_copy(update={"accel_bias_sd": 5e-3 * G})
+    for seed in range(3, 8):
+        log, truth = short(seed)
+        assert log.accel is not None and log.gyro is not None
+        still = np.linalg.norm(log.gyro, axis=1) < 0.1
+        off = 0.02 * G * rng.standard_normal((2, 3))
+        accel = log.accel + still[:, None] * off[(log.time > log.time.mean()).astype(int)]
+        r = calibrated(
+            replace(log, accel=accel), SETTINGS.model_copy(update={"accel_bias_sd": 0.05})
+        )
+        e, cov = errors(r, truth), r.coefficients.cov
+        assert cov is not None
+        found.append(e @ np.linalg.solve(cov, e) / len(e))
+    assert np.median(found) < 2.0
+
+
 def test_a_magnetometer_that_bends_is_no_pass() -> None:
     """It was taken for a field that changes from place to place: NEES/n 221."""
     log, _ = short()

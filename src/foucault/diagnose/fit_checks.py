@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from foucault.infer import mixed
 from foucault.infer.drift import Drift, by_time, find_drift
 from foucault.infer.gauss_newton import FALSE_ALARM, TOLD, Component, chi_square_limits
 from foucault.infer.information import information
+from foucault.infer.left_out import With
 from foucault.infer.mixed import Fit, HeldOut
 from foucault.result import CERTAIN, Check, Level
 from foucault.units import plain
@@ -396,14 +397,14 @@ def clearest_jump(e: Judged, drift: Drift | None) -> tuple[Drift, float] | None:
     """
     from scipy.special import stdtr
 
-    fit, sizes = e.fit, getattr(e.fit.model, "sizes", {})
-    enlarged = any(name.endswith(" drift") for name in sizes)
+    fit, model = e.fit, e.fit.model
+    enlarged = isinstance(model, With) and any(n.endswith(" drift") for n in model.sizes)
     off = {name: 0.0 for name in _unexplained(e) if fit.found.get(name)}
     drifts = drift is not None and drift.significant
     if e.time is None or not (enlarged or drifts or (e.jumps and off)):
         return None
     if enlarged or off:
-        own = replace(cast("Any", fit.model), sizes={}) if enlarged else fit.model
+        own = replace(model, sizes={}) if isinstance(model, With) else model
         fit = mixed.solve(own, {**fit.sds, **off}, fit.estimate.weights, fit.state)
     ends, ramp = np.unique(e.time), by_time(e.time)
     ends = ends[np.unique(np.linspace(0, len(ends) - 1, JUMPS).astype(int))]
