@@ -61,3 +61,12 @@ def test_placements_that_nobody_declares_are_no_terms_of_the_instrument(which):
         e, cov = errors(r, simulation, r.coefficients.names)
         found.append(e @ np.linalg.solve(cov, e) / len(e))
     assert np.median(found) < 1.5
+
+
+def test_angles_taken_as_exact_are_named():
+    """Angles off by 1 arcsec are several times the noise of a good instrument."""
+    doubted = Case("multi_position", grade="navigation")
+    believed = replace(doubted, said={"angle_sd": ARCMIN / 60})
+    for case in (doubted, believed):
+        reasons = calibrated(case, made(case, 1).log, counted=False).verdict.reasons
+        assert any("angle_sd" in words for words in reasons) == (case is doubted)
