@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
@@ -31,6 +32,8 @@ from foucault.report import evidence
 from foucault.result import Level, Result
 from foucault.tables import Log
 from make_magnetometer import DEG, G, Truth, draw, free, held, level_headings, rests, session
+from sessions import Case, made, solved
+from sessions import errors as errors_of
 
 IMU = ImuNoise(TriadNoise(white=1e-3), TriadNoise(white=0.007 * DEG))
 SETTINGS = Settings(
@@ -441,6 +444,23 @@ def test_gyros_that_are_not_as_was_said_are_no_pass() -> None:
     assert any("gyro_scale_sd" in words for words in other.verdict.reasons)
     said = SETTINGS.model_copy(update={"wander": False, "gyro_scale_sd": 0.03})
     assert "known beforehand" not in failed(calibrated(replace(log, gyro=1.03 * log.gyro), said))
+
+
+@pytest.mark.parametrize("seed", [4, 6, 7])
+def test_two_rests_that_disagree_turn_nothing(seed: int) -> None:
+    """Specific force off by 20 mg, else by chance, was taken for attitudes: NEES/n 12, 26, 39."""
+    case = Case(
+        "magnetometer", {"intensity": 49e-6, "intensity_sd": 1e-8}, {"time": 30.0, "rate": 100.0}
+    )
+    simulation, rng = made(case, 20_000 + seed), np.random.default_rng([seed, 78])
+    log, keep = simulation.log, np.exp(-1 / 50)
+    e = np.sqrt(1 - keep**2) * rng.standard_normal((len(log), 3))
+    e[0] /= np.sqrt(1 - keep**2)
+    assert log.accel is not None
+    off = 0.02 * G * lfilter([1.0], [1.0, -keep], e, axis=0)
+    r = solved(case, replace(log, accel=log.accel + off), noise=None, whole=True)
+    error, cov = errors_of(r, simulation, r.coefficients.names)
+    assert error @ np.linalg.solve(cov, error) / len(error) < 3.0
 
 
 def test_a_magnetometer_that_bends_is_no_pass() -> None:

@@ -316,6 +316,12 @@ def unseen(e: FaceEvidence) -> list[str]:
         "of the accelerometers. Only what differs between opposite faces shows in the residuals.",
         *BEYOND_THE_SESSION,
     ]
+    face = e.scene.rests.axis * e.scene.rests.sign + 3 * e.scene.rests.sign
+    if np.count_nonzero(np.diff(face)) + 1 == len(np.unique(face)):
+        out.append(
+            "A jump of an accelerometer between two opposite faces: half of a bias goes into the "
+            "scale factor. Rest on the first faces again at the end."
+        )
     if e.scene.turns is not None:
         out.append(
             "A turn that ended where it should not: 1 deg of 360 is 2800 ppm of the gyro's scale "

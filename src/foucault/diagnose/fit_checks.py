@@ -7,7 +7,7 @@ is no longer a calibration; it adds checks of its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
@@ -22,9 +22,10 @@ from foucault.diagnose.checks import (
     status_check,
 )
 from foucault.infer import mixed
-from foucault.infer.drift import Drift, by_time, find_drift, jumps
+from foucault.infer.drift import Drift, by_time, find_drift, jumps, settles
 from foucault.infer.gauss_newton import FALSE_ALARM, TOLD, Component, chi_square_limits
 from foucault.infer.information import information
+from foucault.infer.left_out import With
 from foucault.infer.mixed import Fit, HeldOut
 from foucault.result import CERTAIN, Check, Level
 from foucault.units import plain
@@ -216,10 +217,13 @@ def _then(e: Judged, kind: str, ratio: float, added: bool, dof: float) -> str:
             "The scatter is part of the uncertainties; measure more to tell."
         )
     if ratio > e.too_much and kind not in e.silent:
+        cause = cause or (
+            "something is wrong that is no scatter, such as lost samples, a wrong sample rate, or "
+            "a term that is not estimated"
+        )
         return (
-            f", more than {e.too_much:g} times: something is wrong that is no scatter, such as "
-            "lost samples, a wrong sample rate, or a term that is not estimated. The scatter is "
-            "part of the uncertainties, but such errors do not average out."
+            f", more than {e.too_much:g} times: {cause}. The scatter is part of the uncertainties, "
+            "but such errors do not average out."
         )
     return "; the scatter was estimated and is part of the uncertainties."
 
@@ -365,16 +369,25 @@ def folds(fit: Fit, kind: str, count: int) -> list[IntArray]:
 def changes(e: Judged) -> list[Drift]:
     """Return drift and jump of a coefficient that the residuals show most clearly, where any shows.
 
-    Either looks like the other: of what is more than chance, the clearer one is there alone. Drifts
-    that are sources of the fit are in its uncertainties, and have a test of their own.
+    Each looks like the others, and like what settles: of what is more than chance, the clearest is
+    there alone. Drifts that are sources of the fit are in its uncertainties, and have a test of
+    their own; one that was enlarged explains a jump, which is sought beside drifts of their size.
     """
     if e.time is None:
         return []
-    ways: list[dict[float | None, FloatArray]] = [{None: by_time(e.time)}, jumps(e.time)]
-    ways = ways[1:] if getattr(e.fit.model, "drifts", False) else ways
-    out = [one for way in ways if (one := _clearest(e, way)) is not None]
-    first = sorted(out, key=lambda one: -one.ratio / one.limit)[:1]
-    return first if any(one.significant for one in first) else out
+    model, time, ramp = e.fit.model, e.time, by_time(e.time)
+    counted = isinstance(model, With) and model.drifts
+    if isinstance(model, With) and any(name.endswith(" drift") for name in model.sizes):
+        own = replace(model, sizes={})
+        e = replace(e, fit=mixed.solve(own, e.fit.sds, e.fit.estimate.weights, e.fit.state))
+    ways: list[dict[float | None, FloatArray]] = [{}] if counted else [{None: ramp}]
+    out = [one for way in (*ways, jumps(time)) if (one := _clearest(e, way)) is not None]
+    first = max(out, key=lambda one: one.ratio / one.limit, default=None)
+    if first is None or not first.significant:
+        return out
+    slow = (_clearest(e, {None: shape}) for shape in (ramp, *settles(time)))
+    first = max((first, *filter(None, slow)), key=lambda one: one.ratio)
+    return [] if counted and first.when is None else [first]
 
 
 def _clearest(e: Judged, moments: Mapping[float | None, FloatArray]) -> Drift | None:

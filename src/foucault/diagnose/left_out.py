@@ -31,8 +31,10 @@ def _size(judged: Judgement, group: str, times: float = 1.0) -> str:
     return in_words(group, times * judged.sizes[group][0])
 
 
-def checks(judged: Judgement) -> tuple[Check, ...]:
+def checks(judged: Judgement, jumped: bool = False) -> tuple[Check, ...]:
     """Return one check for each set of causes that readings contradict, or one for all as passed.
+
+    `jumped`: whether something jumped, which a drift cannot say.
 
     What cannot be shown though it matters is told, and lowers no verdict: its size is in the
     uncertainties.
@@ -41,7 +43,7 @@ def checks(judged: Judgement) -> tuple[Check, ...]:
     for causes in judged.named:
         first, k = next(iter(causes.items()))
         given = {
-            "what": _what(first), "cure": _cure(first),
+            "what": _what(first), "cure": _cure(first, jumped),
             "ties": "".join(f", or {_what(n)}" for n in list(causes)[1:]),
             "size": f", {_size(judged, first)}" if first in judged.sizes else "",
             "worst": _worst(judged, first),
@@ -90,14 +92,19 @@ def _worst(judged: Judgement, group: str) -> str:
     return f", most of all {name}, about {times:.2g} times"
 
 
-def _cure(group: str) -> str:
+def _cure(group: str, jumped: bool) -> str:
     """Say what to do about a group that is larger than its size."""
     if group.startswith("prior of "):
         return "Correct [prior], or leave it out."
     if group not in typical().groups or not typical().groups[group].sizes:
         return "Correct what the campaign says of it, or how well that is known."
+    if group.endswith(" drift") and jumped:
+        return "It is no drift but the jump."
     if group.endswith(" drift"):
-        return "Let the instrument warm up, repeat the first readings at the end, or declare it."
+        return (
+            "Let the instrument warm up, look for a knock or a cable that made it jump, repeat the "
+            "first readings at the end, or declare it."
+        )
     return (
         'Estimate it (terms = "auto" does, where the procedure has it and it is alone), declare '
         "its size in [instrument], or take a plan that tells them apart."

@@ -107,13 +107,21 @@ def checks(e: TableFit) -> tuple[Check, ...]:
 
 def judged(e: TableFit) -> Judged:
     """Return what every fit is asked, of a session on a table."""
-    r = e.model.readings
+    r, g = e.model.readings, e.estimate.state.geometry
+    exact = isinstance(g, Angles) and not np.any(g.trust.common_sd) and not g.trust.position_sd
     return Judged(
         e.fit, _WHAT, r.noise_from, (r.start + r.time / 2)[e.model.rows % len(r)],
         found_in=FOUND_IN, limits=_LIMITS, cure="Measure more positions.",
         more="measure more positions", blocks=e.model.rows % len(r), named=partial(reading_name, r),
-        said=_SAID,
+        said=_SAID, cause=dict.fromkeys(_WHAT, EXACT) if exact else {},
     )  # fmt: skip
+
+
+EXACT = (
+    "the angles of the table were taken as exact, and what they are off by is in these residuals: "
+    "say how good they are (angle_sd in [procedure]), or look for what else is wrong"
+)
+"""What residuals beyond the noise are where a table is believed."""
 
 
 def _quadratic(every: Judged, e: TableFit) -> LeftOut | None:

@@ -82,6 +82,11 @@ def jumps(time: FloatArray) -> dict[float | None, FloatArray]:
     return {float(each[k - 1] + each[k]) / 2: np.where(time >= each[k], 0.5, -0.5) for k in after}
 
 
+def settles(time: FloatArray) -> list[FloatArray]:
+    """Return what settles soon, or later, by `time` (k,) [s], shape (k,) each [1]."""
+    return [np.asarray(-np.exp(-(by_time(time) + 0.5) / share)) for share in (0.1, 0.3)]
+
+
 def find_drift(
     at: Linearised,
     names: Sequence[str],

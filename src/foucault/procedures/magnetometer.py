@@ -150,6 +150,13 @@ class Observed:
     findings: tuple[Finding, ...] = ()
 
     @property
+    def rest(self) -> IntArray:
+        """Number of the rest that each cell of the specific force is of, shape (k,) [1]."""
+        first = self.still.rows[self.still.start]
+        apart = np.diff(self.still.rows, prepend=-1)[self.still.start] > BRIEF / self.log.interval
+        return np.asarray(np.cumsum(apart | (first == first[0])) - 1)
+
+    @property
     def time(self) -> FloatArray:
         """Middle of every reading, shape (n,) [s]."""
         t = self.log.time
@@ -537,6 +544,11 @@ class FieldModel:
                 Source("accelerometer bias", shared=bias, basis="accel_bias_sd as given"),
                 mixed.scatter(SHAKEN, own),
             ]
+            # A hand is never still, and biases jump: two rests cannot tell it from the attitude.
+            rest = self.observed.rest
+            if rest[-1] + 1 < FEW:
+                alone = mixed.tied(bias, np.eye(rest[-1] + 1)[np.append(np.zeros(n, int), rest)])
+                out.append(Source(UNSTEADY, shared=alone, basis="accel_bias_sd as given"))
         return tuple(out)
 
 
@@ -544,6 +556,9 @@ SOON = 1e-7  # A chain so much later says what the delay does [s].
 KNOTS = 60  # Steps of the random walk of the attitude [1].
 
 SHAKEN = "scatter of specific force at rest"
+UNSTEADY = "specific force that differs from rest to rest"
+
+FEW = 6  # Rests of which fewer do not tell their own scatter [1].
 
 
 def observe(log: Log, given: Given[Settings]) -> FieldModel:

@@ -107,7 +107,8 @@ def result_of(
     if bounded and checks:
         checks = (*checks, *against_the_plan(fit))
     if judged is not None:
-        checks = (*checks, *left_out.checks(judged))
+        jumped = any(c.name == "jump" and not c.passed for c in checks)
+        checks = (*checks, *left_out.checks(judged, jumped))
         tables = {**tables, "left_out": left_out.table(judged)}
         diagnostics = {**diagnostics, **left_out.judgement_json(judged)}
     if table_rate_sd is not None:
