@@ -810,7 +810,7 @@ def _stated(
     block = ((r.stamp - r.stamp[0]) / BLOCK).astype(int)
     scores = np.zeros((block.max() + 1, 32))
     np.add.at(scores, block, np.einsum("kqp,kq->kp", M, left))
-    gain = np.linalg.inv(seen.information + np.diag(prior_sd**-2.0))
+    gain = np.asarray(np.linalg.inv(seen.information + np.diag(prior_sd**-2.0)), float)
     ratio, told, spread = bodies.scatter(scores, gain, formal, prior_sd)
     wide = np.ones(32)
     if spread > COLOURED:

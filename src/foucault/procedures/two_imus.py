@@ -495,7 +495,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     at, (starts, bare) = _found(log, given)
     s = at.solution
     changed = _changed(s, at.coefficients)
-    if at.beside is not None and not all(x.passed for x in at.beside.checks):
+    if at.beside is not None and at.beside.judged.named:
         # What is left out has then taken what changed for itself.
         changed = changed or _changed(bare, _estimate(bare)[0])
     noise = np.sqrt(s.var[1] * log.interval).tolist()
