@@ -99,3 +99,29 @@ def test_inspect_and_allan_take_the_answer_to_a_question(tmp_path):
     campaign.write_text("[log]\n")
     said = run("inspect", campaign, "--set", "rate = 50 Hz", code=1)
     assert "--set is for a log without a campaign" in said
+
+
+def test_every_command_that_takes_a_bare_log_takes_the_answer(tmp_path):
+    two = make.write("arduino_print", tmp_path, make.truth(1, 50.0, 12))
+    assert "can be read in two ways" in run("delay", two, two, code=1)
+    rate, site = "rate = 50 Hz", ("--latitude", "48 deg")
+    assert "rest of 10 s or more" in run("navigate", two, *site, "--set", rate, code=1)
+    assert "rest of 10 s or more" in run("align", two, *site, "--set", rate, code=1)
+    assert "is given twice" in run("delay", two, two, "--set", rate, code=1)
+    assert "following" in run("watch", two, "--timeout", "0.1 s", "--set", rate)
+
+
+def test_the_second_log_of_a_delay_needs_no_titles_either(tmp_path):
+    both = make.truth(1, 50.0, 12)
+    for name, part in (("one.csv", both[:-100]), ("two.csv", both[100:])):
+        c = make.Columns.of(part)
+        (tmp_path / name).write_text(make.text("", [c.t, c.f, c.w], ["%.6f"] * 7).lstrip("\n"))
+    assert "Delay:" in run("delay", tmp_path / "one.csv", tmp_path / "two.csv")
+
+
+@pytest.mark.parametrize("beside", [(), ("--latitude", "48 deg"), ("--set", "rate = 50 Hz")])
+def test_a_log_that_is_not_there_is_named(file, beside):
+    missing = file.with_name("germn.csv")
+    said = " ".join(run("calibrate", missing, "-o", file.parent / "run", *beside, code=1).split())
+    assert "does not exist. The folder has german.csv" in said
+    assert "is a folder, not a file" in run("calibrate", file.parent, "-o", "run", code=1)

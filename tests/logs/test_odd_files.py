@@ -4,6 +4,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from pyarrow import parquet, table
 
 import make_bare as make
 from foucault import logs
@@ -55,6 +56,20 @@ def test_two_logs_pasted_after_each_other(lines, tmp_path, title):
         subprocess.run(command, shell=True, cwd=tmp_path, check=True)
         part = (tmp_path / f"{name}.csv").read_text().splitlines(keepends=True)
         assert part[1:] == lines[1:]
+
+
+def test_a_remark_of_the_logger_is_one_line_to_delete(lines, tmp_path):
+    told = both(tmp_path, "".join([*lines[:90], "ERROR: no answer\n", *lines[90:]]).encode())
+    assert told.code == "log.ragged" and "line 91 has 1 columns" in told.message
+    assert "delete the line" in told.cure
+
+
+def test_parquet_is_told_by_its_content(lines, tmp_path):
+    columns = np.loadtxt(lines[1:], delimiter=",").T
+    parquet.write_table(table(dict(zip(HEAD.split(","), columns, strict=True))), tmp_path / "p")
+    (tmp_path / "p").rename(tmp_path / "my.csv")
+    read = logs.read(recognise([tmp_path / "my.csv"]).description(), tmp_path)
+    np.testing.assert_allclose(read.accel, columns[1:4].T)
 
 
 def test_two_logs_without_titles_between_them(lines, tmp_path):

@@ -503,3 +503,19 @@ def test_whole_turns_at_one_rate_on_each_face_are_those_of_ferraris(seed, tmp_pa
     assert not seen.questions and seen.log["gyro"]["unit"] == "rad/s"
     held = found([file])
     assert held.session.procedure == "ferraris" and held.session.settings == {"angle": "360 deg"}
+
+
+@pytest.mark.parametrize("number", [2, 3])
+def test_rows_of_several_instruments_that_take_turns_are_refused(c, tmp_path, number):
+    """Two that were calibrated as one passed, with the mean of their biases."""
+    which = np.arange(number)[:, None, None]
+    f, w = (np.moveaxis(x + 0.05 * which, 0, 1).reshape(-1, 3) for x in (c.f, c.w))
+    t = np.repeat(c.t, number)
+    file = tmp_path / "mixed.csv"
+    for stamps in (t, t + np.tile(np.arange(number), len(c.t)) * 1e-3):
+        file.write_text(make.text(HEAD, [stamps, f, w], FORM))
+        with refuses("recognise.in_turns", match=f"Rows of {number} instruments take turns"):
+            recognise([file])
+    half = np.floor(c.t * 25) / 25  # one of coarse time, each stamp twice
+    file.write_text(make.text(HEAD, [half, c.f, c.w], FORM))
+    assert recognise([file], {"rate": "50 Hz"}).log["rate"] == "50 Hz"

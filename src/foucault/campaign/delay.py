@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from foucault import logs
 from foucault.campaign.running import opened, read_whole
 from foucault.campaign.tables import Said, validate
 from foucault.errors import error
@@ -15,7 +14,6 @@ from foucault.estimate.delay import BRACKET
 from foucault.files import said_in
 from foucault.logs import master as masters
 from foucault.logs.checks import beside_another, on_a_shared_clock
-from foucault.logs.description import description_of
 from foucault.logs.layout import FileLayout
 from foucault.logs.master import MasterDescription
 from foucault.logs.raw import open_raw
@@ -32,6 +30,7 @@ def run(
     slave: str | Path,
     master: str | Path | None = None,
     *,
+    said: Said | None = None,
     mounting: tuple[float, float, float] | None = None,
     bracket: tuple[float, float] | None = BRACKET,
     progress: Progress = silent,
@@ -40,21 +39,22 @@ def run(
 
     `slave`: a campaign file, for its log, a log that Foucault has written, or a file whose titles
     carry the units; `master`: a file with [master] or [log] in it, a table of a master or a log
-    whose titles carry the units. None where the first file describes both; `mounting` or None:
-    heading, pitch and roll of the slave in the axes of the master [rad]; `bracket`: where the
-    offset lies [s], None for as far as they overlap; `progress`: called with the fraction done
-    and what is being done.
+    whose titles carry the units. None where the first file describes both; `said` or None: what is
+    known of logs without a campaign; `mounting` or None: heading, pitch and roll of the slave in
+    the axes of the master [rad]; `bracket`: where the offset lies [s], None for as far as they
+    overlap; `progress`: called with the fraction done and what is being done.
     """
+    said = said or Said()
     slave = Path(slave)
     with beside_another():
-        case = opened(slave, Said(), None, progress)
+        case = opened(slave, said, None, progress)
     log = case.log
     other: Log | MasterTable | None = getattr(log, "master", None)
     if other is not None:  # such a log has told what was noticed of its master
         log = replace(log, findings=tuple(f for f in log.findings if f not in other.findings))
     names = slave.name, slave.name if master is None else Path(master).name
     if master is not None:
-        other = _second(Path(master), lambda part, words: progress(0.4 + part, words))
+        other = _second(Path(master), said, lambda part, words: progress(0.4 + part, words))
     if other is None:
         raise error("delay.no_second", file=slave.name)
     if isinstance(other, Log) and log.source.get("sha256", 0) == other.source.get("sha256"):
@@ -68,18 +68,16 @@ def run(
     return find_delay(log, other, C_ms=C_ms, bracket=bracket, names=names)
 
 
-def _second(path: Path, progress: Progress) -> Log | MasterTable:
+def _second(path: Path, said: Said, progress: Progress) -> Log | MasterTable:
     """Read a master, or a second log."""
     if path.suffix == ".toml" and path.is_file():
-        said = said_in(path, "campaign.syntax", path=path)
-        if isinstance(said.get("master"), dict):
-            described = validate(MasterDescription, said["master"], ("master",))
+        tables = said_in(path, "campaign.syntax", path=path)
+        if isinstance(tables.get("master"), dict):
+            described = validate(MasterDescription, tables["master"], ("master",))
             return masters.read(described, path.parent)
     if path.suffix == ".toml":
         return read_whole(path, progress)[0]
     raw = open_raw(path, FileLayout.model_validate({"file": path.name}))
     if any(title.partition("(")[0].strip().lower() in _HEADINGS for title in raw.names):
         return masters.read(MasterDescription.model_validate({"file": path.name}), path.parent)
-    description, told = description_of(path)
-    log = logs.read(description.whole(), path.parent)
-    return replace(log, findings=told + log.findings)
+    return read_whole(path, progress, said.log)[0]

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -408,20 +409,23 @@ def _described(
 Reader = Callable[[Path, Progress], tuple[Any, Campaign | None]]
 
 
-def read_whole(path: Path, progress: Progress) -> tuple[Log, Campaign | None]:
-    """Read a log that is navigated, aligned or matched."""
-    return read_any(path, progress, whole=True, one=True)
+def read_whole(
+    path: Path, progress: Progress, said: Mapping[str, Any] | None = None
+) -> tuple[Log, Campaign | None]:
+    """Read a log that is navigated, aligned or matched; `said` as of `read_any`."""
+    return read_any(path, progress, whole=True, one=True, said=said)
 
 
 def opened(
     path: str | Path, said: Said, calibration: str | Path | None, progress: Progress,
-    read: Reader = read_whole,
+    read: Reader | None = None,
 ) -> Case:  # fmt: skip
     """Read a log, and put together what is known of it.
 
     `said`: what is said beside it; `calibration` or None: run folder or result.json; `read`: reader
-    of such logs.
+    of such logs, or None.
     """
+    read = read or partial(read_whole, said=said.log)
     # A wrong calibration shows before a long log is read.
     result, known = (None, {}) if calibration is None else calibration_of(Path(calibration))
     log, found = read(Path(path), lambda part, words: progress(0.3 * part, words))

@@ -212,6 +212,8 @@ class Said(Strict):
     """Sign of the accelerometers: specific force is +1 g upwards."""
     serial: str = ""
     """Serial number of the instrument, compared with the calibration."""
+    log: dict[str, Any] = Field(default_factory=dict)
+    """Keys of [log] that are known of a log without a campaign."""
 
     @property
     def site(self) -> dict[str, Any]:

@@ -59,6 +59,7 @@ def navigate(
         ),
     ] = None,
     reference: Path | None = None,
+    taken: options.Taken = None,
 ) -> None:
     """Navigate with and without a calibration: its worth in metres.
 
@@ -71,8 +72,9 @@ def navigate(
     chosen = Settings(velocity=velocity, **settings)
     with screen.work(output, "navigation") as tell:
         test = navigation.run(
-            log, Said(**said), chosen, calibration=calibration, reference=reference, progress=tell
-        )
+            log, Said(**said, log=options.known([log], taken)), chosen, calibration=calibration,
+            reference=reference, progress=tell,
+        )  # fmt: skip
         tell(0.95, "writing")
         found = kept(navigation.record(test), output)
     raise found.tell(screen, found.held[0].about)
@@ -109,6 +111,7 @@ def align(
         ),
     ] = None,
     method: Annotated[list[str] | None, typer.Option(metavar="<str>")] = None,
+    taken: options.Taken = None,
 ) -> None:
     """Find heading, pitch and roll of a log at rest.
 
@@ -123,8 +126,9 @@ def align(
     chosen = Window(
         methods=tuple(method or ()), rests=tuple(rest or ()), **window
     )  # fmt: skip
+    told = Said(**said, log=options.known([log], taken))
     with screen.progress() as tell:
-        found = navigation.align(log, Said(**said), chosen, calibration=calibration, progress=tell)
+        found = navigation.align(log, told, chosen, calibration=calibration, progress=tell)
     asked = norths(found.site)
     raise screen.tell(report.document(found, log.name, asked), _document(log, found, asked))
 
@@ -192,17 +196,22 @@ def delay(
         ),
     ] = None,
     bracket: str = "-1 s to 1 s",
+    taken: options.Taken = None,
 ) -> None:
     """Find the time offset of two logs of one body.
 
     By what both turned; with its standard deviation, drift of the clocks and mounting.
     """
     from foucault.campaign import delay as campaign
+    from foucault.campaign.tables import Said
     from foucault.report import alignment as report
 
     where = _bracket(bracket)
     with screen.progress() as tell:
-        found = campaign.run(slave, master, mounting=mounting, bracket=where, progress=tell)
+        found = campaign.run(
+            slave, master, said=Said(log=options.known([slave], taken)), mounting=mounting,
+            bracket=where, progress=tell,
+        )  # fmt: skip
     raise screen.tell(report.offset(found), document(slave, master, found))
 
 

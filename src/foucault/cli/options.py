@@ -363,7 +363,16 @@ TermsChosen = Annotated[
 
 def bare(paths: Sequence[Path]) -> bool:
     """Tell whether what is given is a log, and no campaign file."""
-    return len(paths) > 1 or (paths[0].suffix.lower() != ".toml" and paths[0].exists())
+    return len(paths) > 1 or paths[0].suffix.lower() != ".toml"
+
+
+def known(paths: Sequence[Path], taken: Sequence[str] | None) -> dict[str, Any]:
+    """Return the keys of [log] that were said of a bare log."""
+    from foucault.campaign.recognised import said_of
+
+    if not bare(paths):
+        refuse_beside({}, taken)
+    return said_of(taken or ())
 
 
 def refuse_beside(place: Mapping[str, Any], taken: Sequence[str] | None) -> None:

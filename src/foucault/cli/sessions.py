@@ -107,7 +107,7 @@ def inspect(
     from foucault.diagnose import live
     from foucault.report import noise, save
 
-    held = _taken(screen, log, known := _known(log, taken))
+    held = _taken(screen, log, known := options.known(log, taken))
     with screen.progress() as tell:
         table = read_any(log, tell, said=known)[0] if held is None else held.log
         table, start = table.from_start()
@@ -123,15 +123,6 @@ def inspect(
     more = [] if everything else ["--all prints every rest and every finding."]
     said_of = {} if held is None else {"recognised": [line.as_dict() for line in held.lines]}
     raise screen.tell(shown, _document(log[0], seen, start) | said_of, *where, *more)
-
-
-def _known(log: Sequence[Path], taken: Sequence[str] | None) -> dict[str, Any]:
-    """Return the keys of [log] that were said of a bare log."""
-    from foucault.campaign.recognised import said_of
-
-    if not options.bare(log):
-        options.refuse_beside({}, taken)
-    return said_of(taken or ())
 
 
 def _taken(screen: Screen, log: Sequence[Path], known: dict[str, Any]) -> Bare | None:
@@ -229,7 +220,7 @@ def allan(
         if column:
             read = logs.read(columns_alone(log[0], column, unit, rate), log[0].parent)
         else:
-            read = read_any(log, tell, said=_known(log, taken))[0]
+            read = read_any(log, tell, said=options.known(log, taken))[0]
         table, _ = read.from_start()
         screen.log = str(table.source.get("sha256", ""))
         tell(0.7, "computing variances")

@@ -6,6 +6,7 @@ import json
 import re
 import sys
 import time as clock
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foucault.cli import options
 from foucault.cli.options import Amount, command, quantity
 from foucault.cli.screen import INTERRUPTED, Drawn, Screen, Shown, Told, shown_by
 from foucault.errors import FoucaultError, error
@@ -43,9 +45,10 @@ def watch(
     until_complete: Annotated[bool, typer.Option("--until-complete")] = False,
     hold: Annotated[Amount, quantity("time", "", least="0 or more")] = "3 s",
     timeout: Annotated[Amount | None, quantity("time", "", least="0 or more")] = None,
+    taken: options.Taken = None,
 ) -> None:
     """Follow a growing log: rests found, orientations missing."""
-    session = _open(log, stdin, hold)
+    session = _open(log, stdin, hold, taken)
     name = session.follower.tail.name
     display = shown_by(screen, name, Display, JsonLines, Picture, Lines)
     with suppress(KeyboardInterrupt), display:
@@ -57,8 +60,9 @@ def watch(
     raise typer.Exit(ENOUGH if seen is not None and seen.complete else TOO_FEW)
 
 
-def _open(path: Path | None, stdin: bool, hold: float) -> Session:
+def _open(path: Path | None, stdin: bool, hold: float, taken: Sequence[str] | None) -> Session:
     from foucault import campaign as campaigns
+    from foucault.campaign.recognised import said_of
     from foucault.logs.description import LogDescription
     from foucault.logs.follow import Follower, StreamTail, open_tail
 
@@ -66,9 +70,10 @@ def _open(path: Path | None, stdin: bool, hold: float) -> Session:
     if campaign is not None:
         description, folder = campaign.imu_log, campaign.folder
     elif path is not None and not stdin:
-        description, folder = _described(path), path.parent
+        description, folder = _described(path, options.known([path], taken)), path.parent
     elif stdin:
-        description, folder = LogDescription.model_validate({"file": "standard input"}), Path()
+        said = {"file": "standard input"} | said_of(taken or ())
+        description, folder = LogDescription.model_validate(said), Path()
     else:
         raise error("watch.nothing")
     if stdin:
@@ -77,7 +82,7 @@ def _open(path: Path | None, stdin: bool, hold: float) -> Session:
     return Session(Follower(open_tail(folder / file, description), description), hold, campaign)
 
 
-def _described(path: Path) -> LogDescription:
+def _described(path: Path, said: Mapping[str, Any]) -> LogDescription:
     """Describe a log that says itself what it holds, or by what it holds already."""
     from foucault.logs.description import LogDescription, describes_itself
     from foucault.recognise.reading import question, recognise
@@ -86,7 +91,7 @@ def _described(path: Path) -> LogDescription:
     if describes_itself(path) or not path.is_file():
         return alone
     try:
-        seen = recognise([path])
+        seen = recognise([path], said)
     except FoucaultError as problem:
         if problem.code in ("recognise.no_table", "recognise.short"):  # not yet
             return alone

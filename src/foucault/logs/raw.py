@@ -96,7 +96,7 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None = No
 
     `progress` or None: called with the fraction read, from 0 to 1.
     """
-    _must_exist(path)
+    must_exist(path)
     name, done = "gzip", [0.0]
 
     def watched(fraction: float) -> None:
@@ -124,6 +124,7 @@ def _function(name: str) -> Callable[..., Any]:
 
 def instruments(path: Path) -> list[str]:
     """Return the topics of the instruments in the file of a vehicle, one for each, else none."""
+    must_exist(path)
     name = format_of(path)
     if not name or not FORMATS[name].names:
         return []
@@ -230,7 +231,8 @@ def unreadable(path: Path, name: str, problem: Exception) -> FoucaultError:
     return error("log.unreadable", file=path.name, format=name, reason=reason[:200].rstrip("."))
 
 
-def _must_exist(path: Path) -> None:
+def must_exist(path: Path) -> None:
+    """Refuse a log that is no file, nor the folder of a bag of ROS 2."""
     if path.is_file() or (path / ROS_FOLDER).is_file():
         return
     there = sorted(p.name for p in path.parent.iterdir()) if path.parent.is_dir() else []
@@ -265,11 +267,11 @@ def _format(path: Path, description: FileLayout) -> str:
         return known
     with open_text(path) as stream:
         start = stream.read(4096)
+    if start[:4] == b"PAR1":
+        return "parquet"
     spoken = next((name for name, tag in _SENTENCES.items() if tag.search(start)), None)
     if spoken or known:
         return spoken or cast(str, known)
-    if start[:4] == b"PAR1":
-        return "parquet"
     if is_text(start):
         return "text"
     raise error("log.format_unknown", file=path.name)

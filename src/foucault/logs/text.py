@@ -290,7 +290,8 @@ def fault(
         code = "log.zero_bytes" if binary[0] == "\0" else "log.binary_bytes"
         return error(code, file=name, line=number, before=number - 1)
     cells, want = dialect.cells(line), len(dialect.names)
-    if all(number_in(c, dialect.decimal) is None and WORD.search(c) for c in cells) and want > 1:
+    words = all(number_in(c, dialect.decimal) is None and WORD.search(c) for c in cells)
+    if words and want > 1 and 3 * len(cells) >= want:  # fewer are no titles, but a logger's remark
         return error("log.begins_again", file=name, line=number, before=number - 1)
     if len(cells) != want:
         return error("log.ragged", file=name, line=number, have=len(cells), want=want)

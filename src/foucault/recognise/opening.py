@@ -30,7 +30,7 @@ from foucault.logs.dialect import (
     split,
     text_lines,
 )
-from foucault.logs.raw import RawTable, format_of, open_raw, unreadable
+from foucault.logs.raw import RawTable, format_of, must_exist, open_raw, unreadable
 from foucault.recognise.titles import units_row
 
 ROWS = 400_000
@@ -139,7 +139,8 @@ def _opened(path: Path, topic: str | None) -> Opened:
 
 def refuse_no_log(path: Path) -> None:
     """Refuse what holds no log, by how it begins."""
-    if not path.is_file():
+    must_exist(path)
+    if not path.is_file():  # but the folder of a bag
         return
     if path.stat().st_size == 0:
         raise error("recognise.no_log", file=path.name, what="empty", todo="Record it again, or "

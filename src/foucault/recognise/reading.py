@@ -222,11 +222,13 @@ class _Work:
                 raise error("recognise.mag_alone", have=self._have(), **self._file())
             raise error("recognise.no_triad", have=self._have(), **self._file())
         self._no_gyros(used)
+        every = [*(found.accel or ()), *(found.gyro or ())]
+        if (number := tell.in_turns(data.x[:, every])) > 1:
+            raise error("recognise.in_turns", number=number, **self._file())
         time = np.arange(len(data.x)) * 1.0
         if clock is not None:
             time = tell.unwrapped(data.x[:, clock.column]) - data.x[0, clock.column]
         self.time: FloatArray = np.ascontiguousarray(time)
-        every = [*(found.accel or ()), *(found.gyro or ())]
         self.cut = physics.blocks(data.x, every)
         self.ball = self._ball()
         if self.ball is not None and len(self.cut.rests[0]) > 3 and self.ball.scatter > NO_LENGTH:
