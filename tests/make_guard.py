@@ -169,7 +169,7 @@ def _apply(path: Path) -> Outcome:
 
 
 def _watch(path: Path) -> Outcome:
-    session = open_watch(path, False, 1.0)
+    session = open_watch(path, False, 1.0, None)
     while session.step():
         pass
     seen = session.finish()

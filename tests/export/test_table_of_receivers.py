@@ -399,7 +399,7 @@ def test_a_noise_that_is_none_is_not_written(name: str, wrong: float, tmp_path: 
         if values is dead and not each:
             continue
         noise = replace(LOUD, values=values)
-        with pytest.raises(FoucaultError, match="not known"):
+        with pytest.raises(FoucaultError, match="nobody measured"):
             write(with_terms(), name, tmp_path / "out", noise=noise)
         text = write(with_terms(), name, tmp_path / "out", noise=noise, drop=["noise"]).read_text()
         found = found_in(TABLE[name], text)

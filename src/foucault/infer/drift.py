@@ -123,9 +123,10 @@ def find_drift(
     told = np.flatnonzero((dof >= ENOUGH) & (variance > 0))
     if not len(told):
         return None
-    sd, limit = np.sqrt(variance), -stdtrit(dof, FALSE_ALARM / len(told) / 2)
-    best = told[np.argmax((np.abs(size) / sd / limit)[told])]
-    name, when = what[best]
+    size, sd, dof = size[told], np.sqrt(variance[told]), dof[told]
+    limit = -stdtrit(dof, FALSE_ALARM / len(told) / 2)
+    best = int(np.argmax(np.abs(size) / sd / limit))
+    name, when = what[told[best]]
     return Drift(name, float(size[best]), float(sd[best]), float(dof[best]), when,
                  float(limit[best]))  # fmt: skip
 

@@ -251,14 +251,15 @@ def likeliest(
     epochs that are not much alike, 0 for all [1]; `false_alarm`: how often one is beyond the limit
     by chance [1].
     """
-    unit = np.sqrt(np.maximum(np.einsum("kii->ki", own), np.finfo(float).tiny))
-    size, axes = np.linalg.eigh(own / (unit[:, :, None] * unit[:, None, :]))
+    var = np.einsum("kii->ki", own)
+    inverse = np.where(var > 0, 1.0 / np.sqrt(np.where(var > 0, var, 1.0)), 0.0)
+    size, axes = np.linalg.eigh(own * inverse[:, :, None] * inverse[:, None, :])
     share = np.where(size > UNSEEN, 1.0 / np.maximum(size, UNSEEN), 0.0)
-    square = np.sum(share * np.einsum("kij,ki->kj", axes, pull / unit) ** 2, axis=1)
+    square = np.sum(share * np.einsum("kij,ki->kj", axes, pull * inverse) ** 2, axis=1)
     k = int(np.argmax(square))
-    cov = axes[k] * share[k] @ axes[k].T / np.outer(unit[k], unit[k])
+    cov = axes[k] * share[k] @ axes[k].T * np.outer(inverse[k], inverse[k])
     limit = chi_square_limits(own.shape[1], 2 * false_alarm / ways, int(times) or len(own))[1]
-    sds = np.sqrt(np.einsum("kij,kj->ki", axes**2, share)) / unit
+    sds = np.sqrt(np.einsum("kij,kj->ki", axes**2, share)) * inverse
     least = np.sqrt(limit) * float(np.median(sds, axis=0).max())
     return Shock(k, float(square[k]), limit, cov @ pull[k], np.sqrt(np.diag(cov)), least)
 

@@ -99,7 +99,7 @@ class Settings(Robust):
     """Distance of the two antennas, where it was measured on the body."""
     base_length_sd: Length = Field(default=2e-3, gt=0, examples=["1 mm"])
     """How well it was."""
-    scale_sd: ScaleSd = Field(default=1e-3, ge=0, lt=0.1)
+    scale_sd: ScaleSd = Field(default=1e-3, ge=0, le=0.1)
     """How well the scale of the positions is known, by a wand or a scale bar: it is no result, and
     counts beside the terms of the IMU that are none."""
     accel_delay: bool = True
