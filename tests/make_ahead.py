@@ -21,6 +21,8 @@ from math import inf
 from pathlib import Path
 from random import Random
 
+from foucault.kernels.ahead import NORTH, TABLE
+
 WORTH = 2.5
 """A procedure that compiles for less is not worth two processes [s]."""
 
@@ -51,10 +53,15 @@ class Spy(event.Listener):
             parts = [named(g.py_func) for g in called if hasattr(g, "py_func")]
             out.append([named(f), took - inner, parts])
 event.register("numba:compile", Spy())
-from foucault.campaign import calibrate
+from foucault.campaign import calibrate, north
+from foucault.campaign.tables import Said
 from foucault.kernels import ahead
-ahead.table = lambda: {"lanes": {}}
-calibrate(sys.argv[1])
+ahead.table = lambda: {"lanes": {}, "signatures": {}}
+if sys.argv[2] != ahead.NORTH:
+    calibrate(sys.argv[1])
+else:
+    said = Said(latitude=0.8, gyro_noise=1e-6, accel_noise=1e-3)
+    north.run(sys.argv[1].replace("campaign.toml", "log.csv"), said)
 signatures = {}
 for module in list(sys.modules.values()):
     where = getattr(module, "__name__", "")
@@ -84,10 +91,11 @@ def compiled(procedure: str) -> tuple[list[tuple[str, float, list[str]]], dict[s
     with tempfile.TemporaryDirectory() as folder:
         foucault = [sys.executable, "-m", "foucault", "-q"]
         campaign = f"{folder}/campaign.toml"
-        subprocess.run([*foucault, "init", procedure, "-o", campaign], check=True)
+        session = "north_seeking" if procedure == NORTH else procedure
+        subprocess.run([*foucault, "init", session, "-o", campaign], check=True)
         subprocess.run([*foucault, "simulate", campaign, "-o", folder + "/s"], check=True)
         cold = os.environ | {"NUMBA_CACHE_DIR": folder + "/cache"}
-        command = [sys.executable, "-c", TYPES + SPY, folder + "/s/campaign.toml"]
+        command = [sys.executable, "-c", TYPES + SPY, folder + "/s/campaign.toml", procedure]
         out = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, env=cold)
     found = json.loads(out.stdout.splitlines()[-1])
     return [(name, took, parts) for name, took, parts in found[0]], found[1]
@@ -136,12 +144,11 @@ def lanes(work: list[tuple[str, float, list[str]]]) -> list[list[str]]:
 
 def main() -> None:
     """Write the table."""
-    from foucault.kernels.ahead import TABLE
     from foucault.procedures import PROCEDURES
 
     shared: dict[str, list[list[str]]] = {}
     signatures: dict[str, list[str]] = {}
-    for procedure in PROCEDURES:
+    for procedure in (*PROCEDURES, NORTH):
         work, found = compiled(procedure)
         work = [(n, t, [p for p in parts if p in found]) for n, t, parts in work if n in found]
         print(procedure, f"{sum(t for _, t, _ in work):.1f} s in {len(work)} kernels")

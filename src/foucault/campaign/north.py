@@ -32,6 +32,7 @@ from foucault.errors import error, finding
 from foucault.escape import csv_cell
 from foucault.estimate.north import Fixes
 from foucault.estimate.north_reduction import Pairs
+from foucault.kernels import ahead
 from foucault.logs import indexed
 from foucault.logs.indexed_own import description_of
 from foucault.models.earth import Site
@@ -64,7 +65,8 @@ def run(
     set-ups [SI].
     """
     said = said or Said()
-    case = opened(readings, said, calibration, progress, lambda path, tell: _read(path, said, tell))
+    with ahead.compiling(ahead.NORTH, progress):
+        case = opened(readings, said, calibration, progress, lambda p, tell: _read(p, said, tell))
     campaign = case.campaign
     before = {} if campaign is None else campaign.settings.model_dump()
     chosen = Settings.model_validate(before | dict(settings or {}))

@@ -647,10 +647,11 @@ def _attitude_of(
     N: FloatArray, M: FloatArray, W: FloatArray, pitch: FloatArray, roll: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return heading and latitude of three components of the Earth's rate."""
-    X = np.cos(roll) * N + np.sin(roll) * W
-    q = np.cos(roll) * W - np.sin(roll) * N
-    Y = np.cos(pitch) * M - np.sin(pitch) * q
-    Z = np.sin(pitch) * M + np.cos(pitch) * q
+    sg, cg, st, ct = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
+    X = cg * N + sg * W
+    q = cg * W - sg * N
+    Y = ct * M - st * q
+    Z = st * M + ct * q
     return np.arctan2(-X, Y) % (2 * np.pi), np.arctan2(Z, np.hypot(X, Y))
 
 
@@ -692,9 +693,10 @@ def best_of(
         np.empty((m, 4)), np.empty((m, 4, 4)), np.empty((m, 4, 5)), np.empty(m),
         np.empty(m, np.int8), np.empty(m), np.empty((m, 4)), np.empty(m),
     )  # fmt: skip
-    likelihood_batch(
-        pairs.values, covariance, np.stack(starts), A, b, np.full(m, known.gravity), EARTH_RATE,
-        latitude, sd, sign, near, known.near_sd, ROUNDS, best.angles, best.cov, best.gain,
+    likelihood_batch(  # one layout, one compilation
+        np.ascontiguousarray(pairs.values), covariance, np.stack(starts), A, b,
+        np.full(m, known.gravity), EARTH_RATE, latitude, sd, sign, near, known.near_sd, ROUNDS,
+        best.angles, best.cov, best.gain,
         best.square, best.rank, best.other, best.other_square, best.status,
     )  # fmt: skip
     return best

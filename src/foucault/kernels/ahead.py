@@ -30,6 +30,9 @@ from foucault.kernels import cache_folder
 TABLE = Path(__file__).with_name("ahead.toml")
 ROOT = Path(__file__).resolve().parents[2]
 
+NORTH = "north"
+"""What finds north of set-ups, in the table beside the procedures."""
+
 _begun: dict[str, list[subprocess.Popen[bytes]]] = {}
 
 

@@ -225,6 +225,10 @@ def read(
         words = pool.submit(_labels, description, raw, path) if raw.words is not None else None
         data = _columns(description, raw, path)
         labels = _labels(description, raw, path) if words is None else words.result()
+    if labels is not None:
+        import pyarrow as pa
+
+        pa.default_memory_pool().release_unused()  # what the columns were made of
     if description.rate is not None:
         data["time"] = np.arange(len(data["gyro"])) / description.rate
     data, labels, dropped = _usable(data, labels, description, path)
