@@ -11,6 +11,7 @@ import make_two
 from foucault.kernels import banded
 from foucault.kernels import two_imus as kernels
 from foucault.models.earth import Site
+from foucault.models.left_out import ByNoise
 from foucault.procedures import two_imus
 from foucault.procedures.two_imus import ImuLogs, Settings
 from foucault.tables import Log
@@ -36,7 +37,8 @@ def calls() -> dict[str, list[list[Any]]]:
             patch.setattr(kernels, name, called)
         made, _ = make_two.session(4, duration=20.0)
         master, slave = (Log(*one) for one in made)
-        two_imus.trial(ImuLogs.of(slave, master, []), site=Site.at(0.8), settings=Settings())
+        two_imus.trial(ImuLogs.of(slave, master, []), site=Site.at(0.8), settings=Settings(),
+                       sizes=ByNoise())  # fmt: skip
     return found
 
 

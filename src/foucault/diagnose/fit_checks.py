@@ -382,6 +382,11 @@ def changes(e: Judged) -> list[Drift]:
         e = replace(e, fit=mixed.solve(own, e.fit.sds, e.fit.estimate.weights, e.fit.state))
     ways: list[dict[float | None, FloatArray]] = [{}] if counted else [{None: ramp}]
     out = [one for way in (*ways, jumps(time)) if (one := _clearest(e, way)) is not None]
+    if e.noise != "unknown" and any(one.significant and one.when is not None for one in out):
+        # What noise allows is no jump, however quiet the others are: shaking is measured as noise.
+        sure = _clearest(e, jumps(time), least=1.0)
+        if sure is not None and not sure.significant:
+            out = [*(one for one in out if one.when is None), sure]
     first = max(out, key=lambda one: one.ratio / one.limit, default=None)
     if first is None or not first.significant:
         return out
@@ -390,7 +395,9 @@ def changes(e: Judged) -> list[Drift]:
     return [] if counted and first.when is None else [first]
 
 
-def _clearest(e: Judged, moments: Mapping[float | None, FloatArray]) -> Drift | None:
+def _clearest(
+    e: Judged, moments: Mapping[float | None, FloatArray], least: float = 0.0
+) -> Drift | None:
     fit = e.fit
     n, d, _ = fit.at.jacobian.shape
     names = fit.model.layout.names
@@ -398,7 +405,7 @@ def _clearest(e: Judged, moments: Mapping[float | None, FloatArray]) -> Drift | 
     for when, moment in moments.items():
         columns[when] = np.zeros((len(fit.white.residuals), len(names)))
         columns[when][: n * d] = fit.covariance.whiten(J * moment[:, None, None])
-    least = 1.0 if _counts(e) else 0.0
+    least = 1.0 if _counts(e) else least
     return find_drift(fit.white, names, columns, kinds=scattering(e), least=least)
 
 

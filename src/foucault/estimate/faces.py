@@ -344,7 +344,6 @@ class OnFaces:
     # of a turn against up, of the angle of a turn. None: to be found, or like the placement [rad]
     given: tuple[float | None, float | None, float | None]
     near: tuple[float, float] = (0.0, 0.0)  # placement and level whose squares are taken [rad]
-    found: float | None = None  # placement where it is not given; None: to be found [rad]
 
     @cached_property
     def kinds(self) -> dict[str, BoolArray]:
@@ -503,7 +502,7 @@ class OnFaces:
         (name, setting), sd = TILTS[like], self.given[like]
         if sd is None:
             kind, basis = UNEXPLAINED_BASIS
-            return Source(name, sd=self.found, price=0.0, type=kind, basis=basis)
+            return Source(name, sd=None, price=0.0, type=kind, basis=basis)
         return Source(name, sd=sd, basis=f"{setting} as given in the campaign")
 
 

@@ -389,6 +389,8 @@ class Solution:
         best = ""
         for _ in range(2):
             for kind, moved in linear.shifts(at).items():
+                if self.absorbed is not None and kind.endswith("slowly"):
+                    continue  # drifts are counted with, at their size
                 one = likeliest(*white.told(moved), ways=5, times=TIMES, false_alarm=EACH)
                 least.setdefault(kind, one.least)
                 if kind not in kinds or one.square > kinds[kind][0].square:

@@ -29,7 +29,6 @@ from foucault.diagnose.faces import FaceEvidence
 from foucault.errors import Finding
 from foucault.estimate.faces import FaceNoise, OnFaces, State, on_faces, scene_of, unbiased
 from foucault.guard.rest import first_rest, same_unit
-from foucault.infer import mixed
 from foucault.infer.snooping import snoop
 from foucault.logs.axes import spared
 from foucault.models.earth import EARTH_RATE, Site
@@ -187,10 +186,6 @@ class Observed:
         """Solve it, with what is not estimated where its sizes are given."""
         model = self.model(given)
         prior = CoefficientVector.prior(model.layout, given.prior) if given.prior else None
-        if given.sizes is not None and model.given[0] is None:
-            # Terms that are not estimated look much like placements, and would be all there is.
-            alone = mixed.fit(model, prior)
-            model = replace(model, found=mixed.size_of(model.tilt(0), alone.sds))
         of = again(model, self.log)
         fit, judged = left_out.fit(model, prior, given.sizes, given.site, of)
         tested = snoop(fit.white, fit.estimate.state_cov)

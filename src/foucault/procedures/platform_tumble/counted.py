@@ -103,8 +103,10 @@ def counted(
     earth = s.earth_beside(E)
     asked = earth if earth is not None and earth.square > most else None
     changed = s.shift if judged.named else None
-    if changed is not None and not (changed.seen and changed.found.square > most):
-        changed = None
+    if changed is not None and not (
+        changed.seen and changed.found.square > most and None not in changed.kinds.values()
+    ):
+        changed = None  # what grows slowly is counted with
     assert last.cov is not None
     tumble, sd = s.tumble, s.prior.sd.copy()
     # Without what was found of the terms residuals and checks are those of what was sought.
