@@ -25,7 +25,7 @@ from foucault.infer import mixed
 from foucault.infer.drift import Drift, by_time, find_drift, jumps, settles
 from foucault.infer.gauss_newton import FALSE_ALARM, TOLD, Component, chi_square_limits
 from foucault.infer.information import information
-from foucault.infer.left_out import With
+from foucault.infer.left_out import ALIKE, With
 from foucault.infer.mixed import Fit, HeldOut
 from foucault.result import CERTAIN, Check, Level
 from foucault.units import plain
@@ -382,17 +382,29 @@ def changes(e: Judged) -> list[Drift]:
         e = replace(e, fit=mixed.solve(own, e.fit.sds, e.fit.estimate.weights, e.fit.state))
     ways: list[dict[float | None, FloatArray]] = [{}] if counted else [{None: ramp}]
     out = [one for way in (*ways, jumps(time)) if (one := _clearest(e, way)) is not None]
-    if e.noise != "unknown" and any(one.significant and one.when is not None for one in out):
-        # What noise allows is no jump, however quiet the others are: shaking is measured as noise.
-        sure = _clearest(e, jumps(time), least=1.0)
-        if sure is not None and not sure.significant:
-            out = [*(one for one in out if one.when is None), sure]
-    first = max(out, key=lambda one: one.ratio / one.limit, default=None)
-    if first is None or not first.significant:
-        return out
+    drift = [one for one in out if one.when is None]
+    shown = [one for one in drift if one.significant]
+    jump = next((one for one in out if one.when is not None and one.significant), None)
+    if jump is None or (shown and e.noise == "unknown"):
+        return shown or out
+    # What noise allows is no jump, however quiet the others are: shaking is measured as noise.
+    sure = _clearest(e, jumps(time), 0.0 if e.noise == "unknown" else 1.0)
+    if sure is None or not sure.significant:
+        return shown or [*drift, *filter(None, [sure])]
+    # Which of them it is, is asked without scatter, which they look like.
+    off = {name: 0.0 for name in _unexplained(e) if e.fit.found.get(name)}
+    if off and e.noise != "unknown":
+        e = replace(e, fit=mixed.solve(e.fit.model, {**e.fit.sds, **off}, e.fit.estimate.weights,
+                                       e.fit.state))  # fmt: skip
+    best = _clearest(e, jumps(time))
     slow = (_clearest(e, {None: shape}) for shape in (ramp, *settles(time)))
-    first = max((first, *filter(None, slow)), key=lambda one: one.ratio)
-    return [] if counted and first.when is None else [first]
+    steady = max(filter(None, slow), key=lambda one: one.explained, default=None)
+    if best is None or steady is None:
+        return [jump]
+    left = max(best.explained / best.ratio**2, 1.0)
+    if best.explained - steady.explained > ALIKE * left:
+        return [jump]
+    return [] if counted else shown or [steady]
 
 
 def _clearest(

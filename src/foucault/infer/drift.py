@@ -53,6 +53,7 @@ class Drift:
     dof: float  # degrees of freedom that the sd was found from [1]
     when: float | None = None  # it jumped there; None: it drifted [s]
     limit: float = np.inf  # `ratio` that chance allows for the largest of all [1]
+    explained: float = 0.0  # what it takes off the sum of squares of the residuals [1]
 
     @property
     def ratio(self) -> float:
@@ -127,8 +128,9 @@ def find_drift(
     limit = -stdtrit(dof, FALSE_ALARM / len(told) / 2)
     best = int(np.argmax(np.abs(size) / sd / limit))
     name, when = what[told[best]]
+    explained = float(size[best] ** 2 * square[told[best]])
     return Drift(name, float(size[best]), float(sd[best]), float(dof[best]), when,
-                 float(limit[best]))  # fmt: skip
+                 float(limit[best]), explained)  # fmt: skip
 
 
 def _unexplained(at: Linearised, c: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
