@@ -387,15 +387,16 @@ def changes(e: Judged) -> list[Drift]:
     jump = next((one for one in out if one.when is not None and one.significant), None)
     if jump is None or (shown and e.noise == "unknown"):
         return shown or out
-    # What noise allows is no jump, however quiet the others are: shaking is measured as noise.
-    sure = _clearest(e, jumps(time), 0.0 if e.noise == "unknown" else 1.0)
-    if sure is None or not sure.significant:
-        return shown or [*drift, *filter(None, [sure])]
-    # Which of them it is, is asked without scatter, which they look like.
-    off = {name: 0.0 for name in _unexplained(e) if e.fit.found.get(name)}
-    if off and e.noise != "unknown":
+    # It is asked again without scatter, which all of them look like, and what noise allows is no
+    # jump, however quiet the others are: shaking is measured as noise.
+    known = e.noise != "unknown"
+    off = {name: 0.0 for name in _unexplained(e) if known and e.fit.found.get(name)}
+    if off:
         e = replace(e, fit=mixed.solve(e.fit.model, {**e.fit.sds, **off}, e.fit.estimate.weights,
                                        e.fit.state))  # fmt: skip
+    sure = _clearest(e, jumps(time), 1.0 if known else 0.0)
+    if sure is None or not sure.significant:
+        return shown or [*drift, *filter(None, [sure])]
     best = _clearest(e, jumps(time))
     slow = (_clearest(e, {None: shape}) for shape in (ramp, *settles(time)))
     steady = max(filter(None, slow), key=lambda one: one.explained, default=None)
