@@ -128,10 +128,11 @@ def test_terms_left_out_are_found_at_their_size_and_at_the_stated_rate():
 
 @pytest.mark.thorough
 def test_the_uncertainties_of_unknown_noise_are_those_of_student():
-    """12 clean sessions pass, with the errors that they state on average."""
-    found = [calibrated(instrument="mems", seed=seed) for seed in range(12)]
-    assert all(result.verdict.level is Level.PASS for result, _ in found)
-    assert 0.7 < np.mean([nees for _, nees in found]) < 1.3
+    """Clean sessions pass, but for what chance does, with the errors that they state on average."""
+    found = [calibrated(instrument="mems", seed=seed) for seed in range(40)]
+    alarms = sum(result.verdict.level is not Level.PASS for result, _ in found)
+    assert alarms <= 4  # 1 % for each of three checks: 1.2; more than 4 with a probability of .7 %
+    assert 0.8 < np.mean([nees for _, nees in found]) < 1.2
 
 
 @pytest.mark.thorough
