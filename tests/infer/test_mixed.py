@@ -13,6 +13,7 @@ from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import FoucaultError
 from foucault.infer import mixed
+from foucault.infer.gauss_newton import student
 from foucault.infer.information import information
 from foucault.infer.mixed import Linearisation, Source
 from foucault.models.imu import LAYOUT
@@ -401,3 +402,33 @@ def test_noise_is_judged_too_where_a_prior_is_needed_to_solve() -> None:
     assert at.before["readings"].chi_square > at.before["readings"].high
     assert at.after["readings"].inside
     assert np.isfinite(at.estimate.coefficients.sd).all()
+
+
+def test_a_size_that_nothing_hides_is_stated_with_students_factor() -> None:
+    rng, model = np.random.default_rng(5), drawn(np.random.default_rng(5))
+    off = 2e-3 * rng.standard_normal(12)[model.group.astype(int)]
+    y = 1.002 * model.inputs + off + 1e-6 * rng.standard_normal(len(off))
+    at = mixed.fit(replace(model, y=y, noise=1e-6))
+    told = at.found["placement"] * student(at.dof["placement"])
+    assert at.sds["placement"] == pytest.approx(told, rel=1e-3)
+
+
+@dataclass(frozen=True)
+class Hidden(Line):
+    """The same beside another error of every placement, of a known size, that was not there."""
+
+    beside: float = 5e-3  # its sd [m/s^2]
+
+    def linearise(self, state: FloatArray) -> Linearisation:
+        at = super().linearise(state)
+        placed = at.sources[1].shared
+        return replace(at, sources=(*at.sources, Source("beside", shared=placed, sd=self.beside)))
+
+
+def test_a_size_that_others_hide_is_not_stated_as_nothing() -> None:
+    for seed in range(5):
+        at = mixed.fit(Hidden(**vars(drawn(np.random.default_rng(seed), sd=1e-3))))
+        assert at.found["placement"] == 0.0
+        assert 5e-4 < at.sds["placement"] < 5e-3
+        planned = mixed.planned(at.model, {"placement": 0.0})
+        assert 1e-3 < planned.sds["placement"] < 5e-3

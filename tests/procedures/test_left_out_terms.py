@@ -232,6 +232,24 @@ def test_sizes_that_are_larger_than_the_terms_make_no_half_of_a_session_suspect(
     assert failed <= binom.isf(0.005, 40, 0.02), failed
 
 
+def test_what_counts_does_not_hide_placements_that_nobody_declares() -> None:
+    """Terms that are not there explain placements of 1 arcmin: those were counted as nothing."""
+    session, found = six_position.Session(placement_sd=ARCMIN), []
+    for seed in range(8):
+        sim = six_position.simulate(
+            session, model=draw_errors("mems", seed), noise=grade("mems").noise, site=SITE,
+            seed=seed, settings=six_position.Settings(),
+        )  # fmt: skip
+        result = six_position.PROCEDURE.trial(
+            sim.log, site=SITE, settings=six_position.Settings(), sizes=SIZES
+        )
+        c = result.coefficients
+        truth = sim.model.coefficients(c.names).values
+        found.append(float(nees((c.values - truth)[None], c.cov[None])[0]) / len(truth))
+        assert ARCMIN / 3 < result.diagnostics["placement_sd"] < 5 * ARCMIN
+    assert np.mean(found) < 1.5, found
+
+
 def test_a_term_that_counts_is_no_reason_to_doubt() -> None:
     """It explains nearly all that the gyros read at rest, and is of its size."""
     session = hand_rotated.Session()

@@ -18,7 +18,8 @@ repeatability: all are sources, and from the list of them everything follows tha
     drawn           errors of the readings for one trial of a Monte Carlo study
 
 A variance that is found from v degrees of freedom counts as ``v / (v - 2)`` times as large: errors
-over it have Student's distribution, whose variance that is.
+over it have Student's distribution, whose variance that is. What is there for certain counts at the
+mean of its variance, which is the same where nothing hides it, and not nothing where others do.
 
 References
 ----------
@@ -427,7 +428,7 @@ def fit(
         same &= not any(known.values()) and not any((found | alone).values())
         bare = first if same else _solved(model, found | alone, estimate, weights, carried)
         before = components(model, bare, found | alone if own else None)
-    wide = {name: sd * student(dof[name]) for name, sd in found.items()}
+    wide = as_uncertain(model.linearise(estimate.state), found, dof, weights)
     estimate = _solved(model, wide, estimate, weights, carried) if wide != sds else estimate
     whole = _fit_of(model, stated(model, wide, carried), estimate, wide)
     whole = replace(whole, model=stating, found=found, dof=dof, before=before, after=after)
@@ -548,6 +549,61 @@ def repeatability(
     """
     found, dof, _ = _sizes(model, state, weights)
     return found, dof
+
+
+def as_uncertain(
+    at: Linearisation, found: Mapping[str, float], dof: Mapping[str, float], weights: FloatArray,
+    *, read: bool = True,
+) -> dict[str, float]:  # fmt: skip
+    """Return the sizes that errors are stated with: the mean of each variance, as it is uncertain.
+
+    `found`: source -> most likely size [SI]; `dof`: degrees of freedom of each [1]; `weights` (n,):
+    what a reading counts [1]; `read`: False where nothing was, but will be with these sizes.
+    """
+    wide = {name: sd * student(dof[name]) for name, sd in found.items()}
+    certain = [s for s in at.sources if not (s.price or s.noise or s.unexplained)]
+    there = {s.name for s in certain if s.sd is None}
+    if there:
+        left, r, V = _contrasts(at, {s.name: s.price for s in at.sources if s.sd is None}, weights)
+        var = {name: found.get(name, 0.0) ** 2 for name in V}
+        means = {n: _mean_variance(n, V, var, left @ r if read else None) for n in there}
+        wide |= {name: float(np.sqrt(v)) for name, v in means.items() if v is not None}
+    return wide
+
+
+def _mean_variance(
+    name: str, V: Mapping[str, FloatArray], var: Mapping[str, float], z: FloatArray | None
+) -> float | None:
+    """Return the mean of a variance, of what is there for certain and may hide behind others.
+
+    Under Jeffreys' prior, the root of its information, beside others as large as in `var`. Where
+    nothing hides it, that is its most likely value times Student's ``v / (v - 2)``. None where so
+    few contrasts tell it that it has none.
+
+    `V`: source -> covariance of the contrasts by it [1]; `var`: variance of each [SI]; `z` (q,):
+    the contrasts, None for those of a plan, of these variances [1].
+    """
+    from scipy.linalg import solve_triangular
+
+    root = np.linalg.cholesky(np.eye(len(V[name])) + sum(var[n] * V[n] for n in V if n != name))
+    half = solve_triangular(root, V[name], lower=True)
+    size, axes = np.linalg.eigh(solve_triangular(root, half.T, lower=True))
+    told = size > 1e-9 * size.max(initial=0.0)
+    if told.sum() <= FEWEST:
+        return None
+    size, axes = size[told], axes[:, told]
+    square = 1 + var[name] * size
+    if z is not None:
+        square = (axes.T @ solve_triangular(root, z, lower=True)) ** 2
+    v = np.geomspace(1e-3 / size[-1], 1e3 * (1 + square.max()) / size[0], 1000)
+    more = 1 + v[:, None] * size
+    unlikely = np.sum(np.log(more) + square / more, axis=1)
+    weight = v * np.sqrt(np.sum((size / more) ** 2, axis=1))
+    weight *= np.exp((unlikely.min() - unlikely) / 2)
+    return float(v @ weight / weight.sum())
+
+
+FEWEST = 4  # From so many contrasts a variance has a mean, but one without a limit [1].
 
 
 def likeliest(models: Sequence[AModel], state: Any, weights: FloatArray) -> AModel:
@@ -952,7 +1008,7 @@ def planned(
     """Return the fit of a session that was only planned: its residuals decide nothing.
 
     Sizes that they will tell are those of the plan, as uncertain as the redundancy of the plan
-    leaves them: each counts with Student's factor, as in `fit`.
+    leaves them, as in `fit`.
 
     `sds` or None: source -> size of those to be found, nothing where it is not given [SI]; `prior`
     or None: what is known of the coefficients [SI].
@@ -966,8 +1022,8 @@ def planned(
     if var and len(z):
         S = _inverse(_root(z, V, var))
         dof |= {name: v * float(np.sum(S * V[name])) for name, v in var.items()}
-    wide = {name: float(np.sqrt(v)) * student(dof[name]) for name, v in var.items()}
-    wide = by_chance(once) | wide
+    found = {name: float(np.sqrt(v)) for name, v in var.items()}
+    wide = by_chance(once) | as_uncertain(at, found, dof, every, read=False)
     problem = stated(once, dict.fromkeys(free, 0.0) | wide, prior)
     estimate = gauss_newton.solve(problem, loss=partial(gauss_newton.held, every), weights=every)
     return replace(_fit_of(once, problem, estimate, wide), model=model, dof=dof)
