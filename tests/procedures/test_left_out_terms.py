@@ -232,6 +232,26 @@ def test_sizes_that_are_larger_than_the_terms_make_no_half_of_a_session_suspect(
     assert failed <= binom.isf(0.005, 40, 0.02), failed
 
 
+def test_24_lengths_of_gravity_are_enough_beside_terms_that_count() -> None:
+    """Causes of a known size take no redundancy away: a rest that is off is still left out."""
+    sim = hand_rotated.simulate(
+        hand_rotated.Session(), model=draw_errors("mems", 2), noise=grade("mems").noise,
+        site=SITE, seed=2,
+    )  # fmt: skip
+    alone = replace(sim.log, gyro=None)
+    clean = calibrate(alone, sizes=SIZES)
+    assert clean.verdict.level is Level.PASS
+    assert next(c for c in clean.checks if c.name == "redundancy").value == pytest.approx(15)
+    off = alone.accel.copy()
+    off[sim.first[7] - 20 : sim.last[7] + 20, 0] += 5e-3 * 9.80665
+    found = calibrate(replace(alone, accel=off), sizes=SIZES)
+    assert [f.code for f in found.findings].count("session.outlier") == 1
+    assert found.verdict.level is Level.PASS
+    c = found.coefficients
+    truth = sim.model.coefficients(c.names).values
+    assert nees((c.values - truth)[None], c.cov[None])[0] < chi_square_limits(len(truth), 1e-4)[1]
+
+
 def test_what_counts_does_not_hide_placements_that_nobody_declares() -> None:
     """Terms that are not there explain placements of 1 arcmin: those were counted as nothing."""
     session, found = six_position.Session(placement_sd=ARCMIN), []

@@ -145,9 +145,11 @@ def said_once(every: list[Check], better: str) -> list[Check]:
 
 
 def redundancy(e: Judged) -> Check:
-    """Judge whether enough is left over to notice a wrong reading."""
-    dof = round(sum(c.redundancy for c in e.fit.after.values()), 6)  # often exactly `ENOUGH`
-    n = int(np.sum(e.fit.estimate.weights > 0.5))
+    """Judge whether enough is left over to notice a wrong reading, beside causes that are known."""
+    fit = e.fit
+    every = mixed.components(fit.model, fit.estimate) if _counts(e) else fit.after
+    dof = round(sum(c.redundancy for c in every.values()), 6)  # often exactly `ENOUGH`
+    n = int(np.sum(fit.estimate.weights > 0.5))
     given = {"n": n, "readings": e.readings, "cure": e.cure}
     return check("redundancy", "redundancy", dof, ENOUGH, None, given)
 
