@@ -27,6 +27,8 @@ from foucault.procedures.imu_pose import PoseLog, Settings
 from foucault.result import Level
 from foucault.tables import Log
 from refusals import refuses
+from sessions import Case, made
+from sessions import solved as solved_case
 
 SITE = replace(Site.at(np.radians(48.0)), gravity=9.80665, gravity_sd=0.0)
 NOISE = ImuNoise(TriadNoise(white=2e-3), TriadNoise(white=1.6e-4))
@@ -336,6 +338,19 @@ def test_what_changes_half_way_is_named_with_its_time(what):
     (told,) = [f for f in result.findings if f.code == "pose.changed"]
     assert f"by the clock of the poses {what}" in told.message
     assert float(told.message.split()[2]) == pytest.approx(middle, abs=1.1)
+    assert result.verdict.level is Level.DOUBTFUL
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", [502, 512])
+def test_stamps_that_jump_by_an_eighth_of_an_interval_are_named(seed):
+    """The step within the interval of the jump scatters besides: less than half is the delay's."""
+    case = Case("imu_pose", {}, {"time": 20.0}, grade="mems")
+    log = made(case, seed).log
+    time = log.time + np.where(np.arange(len(log.time)) < len(log.time) // 2, 0.0, 1.3717e-3)
+    result = solved_case(case, replace(log, time=time), whole=True)
+    (told,) = [f for f in result.findings if f.code == "pose.changed"]
+    assert "the offset of the clocks (stamps jumped)" in told.message
     assert result.verdict.level is Level.DOUBTFUL
 
 

@@ -53,10 +53,10 @@ OTHER_UNIT, CLEARLY = 1.5, 3.0
 """Factor in size of another unit, and by how many times less must be left over for a mistake to be
 told [1]."""
 
-HARM, TOGETHER, CERTAIN, ALMOST = 1.5, 0.7, 10.0, 0.9
+HARM, TOGETHER, CERTAIN, CLEAR, ALMOST = 1.5, 0.7, 10.0, 3.0, 0.9
 """What changed half-way is told where a result would be another by so many sds, or all of them
-together, rms, or where it is so many times beyond chance; what explains almost as much is told
-beside it [1]."""
+together, rms, or where it is so many times beyond chance; it explains most of what scatters, or is
+beyond chance so clearly beside all of that; what explains almost as much is told beside it [1]."""
 
 OF_IMU = {
     "gyro.bias": "the biases of the gyros", "accel.bias": "the biases of the accelerometers",
@@ -359,15 +359,16 @@ def changed(
     """Say what of `found` is believed to have changed, the likeliest first, with its like.
 
     Where it explains more than chance and most of what the scores of a solution, `s`, scatter
-    beyond white rows, and results would be others by their uncertainties, but for what halves that
-    differ added to them. `c`: results, of the numbers that are `kept` (p,) [1]; `code`: of the
-    finding; `words`: for what is not of an IMU.
+    beyond white rows, or several times what these would, and results would be others by their
+    uncertainties, but for what halves that differ added to them. `c`: results, of the numbers that
+    are `kept` (p,) [1]; `code`: of the finding; `words`: for what is not of an IMU.
     """
     beyond = max(s.spread, COLOURED) ** 2 - 1
     sure = sorted(
         (name for name, x in found.items()
          if x.shock.square > x.shock.limit * max(1.0, x.spread) ** 2
-         and x.spread**2 - 1 < beyond / 2),
+         and (x.spread**2 - 1 < beyond / 2
+              or x.shock.square > CLEAR * x.shock.limit * max(1.0, s.spread) ** 2)),
         key=lambda name: -found[name].shock.square,
     )  # fmt: skip
     if not sure:
