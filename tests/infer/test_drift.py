@@ -157,6 +157,25 @@ def test_a_session_by_hand_in_which_a_bias_jumps_is_no_pass(sizes):
     assert abs(at - np.mean(log.time[[0, -1]])) < 0.1 * np.ptp(log.time)
 
 
+@pytest.mark.parametrize(
+    "seed", [1, *(pytest.param(k, marks=pytest.mark.thorough) for k in (2, 3))]
+)
+def test_accelerometers_that_slip_against_the_gyros_are_named_by_the_angle(seed):
+    """By 0.2 deg, which misalignments of two gyros show together; one by one most were missed."""
+    plan, named = short_plan(20), 0
+    log = simulate(plan, model=draw_errors("mems", seed), noise=MEMS, site=SITE, seed=seed).log
+    half = log.time[:, None] > np.mean(log.time[[0, -1]])
+    for axis, angle in zip("xyz", np.radians(0.2) * np.eye(3), strict=True):
+        slipped = replace(log, accel=log.accel - half * np.cross(angle, log.accel))
+        result = hand_rotated.calibrate(slipped, site=SITE, noise=MEMS, sizes=ByNoise())
+        first = (*result.verdict.reasons, "")[0]
+        told = f"the angle of the gyros to the accelerometers about {axis} had jumped by "
+        if told in first:
+            named += 1
+            assert float(first.split(told)[1].split()[0]) == pytest.approx(-12.0, abs=3.0)  # arcmin
+    assert named == 2  # about x this session shows it too little
+
+
 @pytest.mark.parametrize(("drift", "words"), DRIFTS)
 def test_a_session_on_faces_that_drifts_is_no_pass(drift, words):
     log, _ = short_log(1)

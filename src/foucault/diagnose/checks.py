@@ -24,7 +24,7 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout, Prior
 from foucault.errors import ADVICE, Status
-from foucault.infer.drift import Drift, LeftOut
+from foucault.infer.drift import TOGETHER, Drift, LeftOut
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.result import CERTAIN, Check, Estimate, Level
@@ -275,7 +275,8 @@ def change_checks(seen: Sequence[Drift], layout: Layout) -> list[Check]:
     """Judge drift and jump that `fit_checks.changes` found."""
     out = []
     for one in seen:
-        kind = next(c.kind for c in layout.coefficients if c.name.startswith(one.name))
+        some = next(iter(TOGETHER.get(one.name, {one.name: 1.0})))
+        kind = layout.coefficients[layout.index(some)].kind
         given = {"name": one.name, "size": _with_sd(one.size, one.sd, kind)}
         what = "drift" if one.when is None else "jump"
         given |= {} if one.when is None else {"time": plain(one.when, 6)}

@@ -386,13 +386,13 @@ def changes(e: Judged) -> list[Drift]:
     out = [one for way in (*ways, jumps(time)) if (one := _clearest(e, way)) is not None]
     drift = [one for one in out if one.when is None]
     shown = [one for one in drift if one.significant]
+    known = e.noise != "unknown"
+    off = {name: 0.0 for name in _unexplained(e) if known and e.fit.found.get(name)}
     jump = next((one for one in out if one.when is not None and one.significant), None)
-    if jump is None or (shown and e.noise == "unknown"):
+    if (jump is None and not off) or (shown and not known):
         return shown or out
     # It is asked again without scatter, which all of them look like, and what noise allows is no
     # jump, however quiet the others are: shaking is measured as noise.
-    known = e.noise != "unknown"
-    off = {name: 0.0 for name in _unexplained(e) if known and e.fit.found.get(name)}
     if off:
         e = replace(e, fit=mixed.solve(e.fit.model, {**e.fit.sds, **off}, e.fit.estimate.weights,
                                        e.fit.state))  # fmt: skip
@@ -403,10 +403,12 @@ def changes(e: Judged) -> list[Drift]:
     slow = (_clearest(e, {None: shape}) for shape in (ramp, *settles(time)))
     steady = max(filter(None, slow), key=lambda one: one.explained, default=None)
     if best is None or steady is None:
-        return [jump]
+        return [jump or sure]
     left = max(best.explained / best.ratio**2, 1.0)
     if best.explained - steady.explained > ALIKE * left:
-        return [jump]
+        return [jump or sure]
+    if jump is None:  # scatter may be all there is
+        return shown or out
     return [] if counted else shown or [steady]
 
 

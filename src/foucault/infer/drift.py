@@ -37,6 +37,13 @@ SHOWN = 1e-4  # A drift of which less than this share shows in the residuals is 
 LITTLE = 0.01  # A kind of observation with less than this share in a drift does not count [1].
 ENOUGH = 3.0  # With fewer degrees of freedom besides it a drift is not told from chance [1].
 
+TOGETHER = {  # what warms up changes all three alike, what slips turns one triad against the other
+    **{family: {f"{family}.{a}": 1.0 for a in AXES} for family in ("accel.scale", "gyro.scale")},
+    **{f"the angle of the gyros to the accelerometers about {a}":
+       {f"gyro.misalignment.{b}{c}": 1.0, f"gyro.misalignment.{c}{b}": -1.0}
+       for a, b, c in ("xyz", "yzx", "zxy")},
+}  # fmt: skip
+"""What may change -> the coefficients that then change with it, by its size times so much [1]."""
 
 MOMENTS = 15  # A jump is looked for at so many moments at most [1].
 FEWEST = 2  # So many observations at least are before a jump, and after it [1].
@@ -46,7 +53,7 @@ FEWEST = 2  # So many observations at least are before a jump, and after it [1].
 class Drift:
     """The drift, or the jump, that the residuals show most clearly."""
 
-    name: str  # the coefficient, or accel.scale or gyro.scale for all three alike
+    name: str  # the coefficient, or what several change with
     # size, sd: how much it changed from the first observation to the last [SI]
     size: float
     sd: float
@@ -109,11 +116,11 @@ def find_drift(
 
     what = [(name, when) for when in candidates for name in names]
     c = np.column_stack([np.empty((len(at.residuals), 0)), *candidates.values()])
-    for family in ("accel.scale", "gyro.scale"):  # what warms up changes all three alike
-        mine = [k for k, name in enumerate(names) if name.startswith(f"{family}.")]
-        if len(mine) == len(AXES):
-            what += [(family, when) for when in candidates]
-            c = np.column_stack([c, *(x[:, mine].sum(axis=1) for x in candidates.values())])
+    for together, signs in TOGETHER.items():
+        if signs.keys() <= set(names):
+            sum_of = np.array([signs.get(name, 0.0) for name in names])
+            what += [(together, when) for when in candidates]
+            c = np.column_stack([c, *(x @ sum_of for x in candidates.values())])
     left, r, free = _unexplained(at, c)
     kind = _kind_of_rows(at, kinds)
     square = np.sum(left**2, axis=0)
