@@ -398,7 +398,7 @@ def changes(e: Judged) -> list[Drift]:
                                        e.fit.state))  # fmt: skip
     sure = _clearest(e, jumps(time), 1.0 if known else 0.0)
     if sure is None or not sure.significant:
-        return shown or [*drift, *filter(None, [sure])]
+        return shown or (out if jump is None else [*drift, *filter(None, [sure])])
     best = _clearest(e, jumps(time))
     slow = (_clearest(e, {None: shape}) for shape in (ramp, *settles(time)))
     steady = max(filter(None, slow), key=lambda one: one.explained, default=None)
