@@ -808,8 +808,8 @@ def _stated(
     formal, noise = seen.covariance(prior_sd), p.noise
     left, M = p.left(delta), (p.rows @ seen.onto.T).reshape(p.M.shape)
     block = ((r.stamp - r.stamp[0]) / BLOCK).astype(int)
-    scores = np.zeros((block.max() + 1, 32))
-    np.add.at(scores, block, np.einsum("kqp,kq->kp", M, left))
+    scores, first = np.zeros((block.max() + 1, 32)), np.flatnonzero(np.diff(block, prepend=-1))
+    scores[block[first]] = np.add.reduceat(np.einsum("kqp,kq->kp", M, left), first)
     gain = np.asarray(np.linalg.inv(seen.information + np.diag(prior_sd**-2.0)), float)
     ratio, told, spread = bodies.scatter(scores, gain, formal, prior_sd)
     wide = np.ones(32)
