@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import cho_solve
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
@@ -28,6 +29,9 @@ from foucault.procedures.counted import Stages
 from foucault.procedures.left_out import declared_states
 from foucault.procedures.platform_tumble.settings import OTHERWISE, SIZE_EFFECT
 from foucault.tables import AXES
+
+ROUNDS = 3  # Terms are found again so often at most [1].
+SETTLED = 0.1  # What twice the log-likelihood of terms gains where they are found [1].
 
 LEVER, DELAY = SIZE_EFFECT  # Groups of where accelerometers are, and how late.
 
@@ -108,23 +112,31 @@ def counted(
     ):
         changed = None  # what grows slowly is counted with
     assert last.cov is not None
-    tumble, sd = s.tumble, s.prior.sd.copy()
-    # Without what was found of the terms residuals and checks are those of what was sought.
-    for one, times in zip(terms_of(s.tumble, s, sizes), last.values[p:], strict=True):
-        tumble = one.put(tumble, -float(times))
+    sd, known = s.prior.sd.copy(), last.prior_sd[p:] ** -2.0
     sd[3:45] *= last.prior_sd[:p] / both.states.prior_sd[:p]
-    prior = replace(s.prior, sd=sd)
-    found = estimation.solve(tumble, prior, s.fit.start)
+    prior, start, times = replace(s.prior, sd=sd), s.fit.start, last.values[p:]
+    # Without what was found of the terms residuals and checks are those of what was sought. Little
+    # is left of what looks much like a term: they are found once more where that leads.
+    for _ in range(ROUNDS):
+        tumble = s.tumble
+        for one, k in zip(terms_of(s.tumble, s, sizes), times, strict=True):
+            tumble = one.put(tumble, -float(k))
+        found = estimation.solve(tumble, prior, start)
+        linear = Linear(tumble, prior, found.start)
+        E = linear.answers([*terms_of(tumble, s, sizes)])[0]
+        root = np.linalg.cholesky(E.T @ E + np.diag(known))
+        step = cho_solve((root, True), E.T @ linear.residuals - known * times)
+        if np.sum((root.T @ step) ** 2) < SETTLED:
+            break
+        times, start = times + step, found.start
     # What of the readings the terms took up, they leave less of.
-    C = last.cov[p:, p:]
-    size, axes = np.linalg.eigh(C)
-    absorbed = E[:-STATES] @ (axes * np.sqrt(np.maximum(size, 0.0)))
+    absorbed = np.linalg.solve(root, E[:-STATES].T).T
     if measured and found.status is Status.CONVERGED:
         scale = found.chi_square / max(found.residuals - p - float(np.sum(absorbed**2)), 1.0)
         absorbed = absorbed / np.sqrt(scale)
         tumble = replace(tumble, accel_variance=tumble.accel_variance * scale)
     found = estimation.linearised(tumble, prior, found, moments=moments)
-    beside = A @ C @ A.T
+    beside = A @ last.cov[p:, p:] @ A.T
     blocks, width = found.rows.shape[:2]
     alike = blocks * width == len(absorbed)  # else the rows were averaged otherwise
     out = replace(
