@@ -101,7 +101,8 @@ def drifts(e: FaceEvidence, log: Log) -> list[Check]:
     """Judge the drift within the rests of `log`: from face to face errors of placement hide it.
 
     With D the second half of a rest less its first, ``D = r T/2`` of a rate r, and a variance as
-    1/T. It fails where it is more than chance, and moves a bias by more than two sd.
+    1/T. It fails where it is more than chance, and a drift that is counted with, and moves a bias
+    by more than two sd.
     """
     from scipy.special import stdtrit
 
@@ -120,9 +121,10 @@ def drifts(e: FaceEvidence, log: Log) -> list[Check]:
         dof = 3 * (k - 1)
         left = float(np.sum(time * (moved - rate * time / 2) ** 2)) / dof
         session = float(np.ptp(e.scene.rests.start))
-        limit = (
-            -float(stdtrit(dof, gauss_newton.FALSE_ALARM / 12)) * session * np.sqrt(left / weight)
-        )
+        sizes = {} if e.left_out is None else e.left_out.sizes
+        counted, _ = sizes.get(f"{triad}.bias drift", (0.0, ""))
+        times = -float(stdtrit(dof, gauss_newton.FALSE_ALARM / 12))
+        limit = times * np.hypot(session * np.sqrt(left / weight), counted)
         size = np.abs(rate) * session
         high = np.maximum(limit, 4 * c.sd[[c.layout.index(name) for name in names]])
         j = int(np.argmax(size / high))
