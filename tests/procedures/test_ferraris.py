@@ -63,7 +63,7 @@ def test_a_drift_that_faces_take_up_is_told_from_within_the_rests(seed):
         assert told.passed is not drifts
         assert told.sentence.startswith("Within the rests accel.bias.")
         assert (("accel.bias.y drifts, by " in told.sentence)
-                and ("which no uncertainty knows" in told.sentence)) is drifts  # fmt: skip
+                and ("more than the uncertainties know" in told.sentence)) is drifts  # fmt: skip
 
 
 @needs_session
