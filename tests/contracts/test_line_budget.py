@@ -16,7 +16,7 @@ BUDGET = {
     "certificate": 2_022,
     "cli": 5_186,
     "detect": 4_739,
-    "diagnose": 12_254,
+    "diagnose": 12_258,
     "estimate": 9_699,
     "export": 3_657,
     "guard": 1_936,

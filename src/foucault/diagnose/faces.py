@@ -17,7 +17,7 @@ from foucault.detect.faces import Faces
 from foucault.diagnose.checks import check, reversed_earth_at_rest, reversed_earth_check
 from foucault.diagnose.fit_checks import Judged, Limit
 from foucault.diagnose.fit_checks import checks as fit_checks
-from foucault.diagnose.left_out import common_g_sensitivity
+from foucault.diagnose.left_out import common_g_sensitivity, counted_size
 from foucault.diagnose.references import (
     BEYOND_THE_SESSION,
     norm_with_cov,
@@ -121,8 +121,7 @@ def drifts(e: FaceEvidence, log: Log) -> list[Check]:
         dof = 3 * (k - 1)
         left = float(np.sum(time * (moved - rate * time / 2) ** 2)) / dof
         session = float(np.ptp(e.scene.rests.start))
-        sizes = {} if e.left_out is None else e.left_out.sizes
-        counted, _ = sizes.get(f"{triad}.bias drift", (0.0, ""))
+        counted = counted_size(e.left_out, f"{triad}.bias drift")
         times = -float(stdtrit(dof, gauss_newton.FALSE_ALARM / 12))
         limit = times * np.hypot(session * np.sqrt(left / weight), counted)
         size = np.abs(rate) * session

@@ -111,17 +111,21 @@ def _cure(group: str, jumped: bool) -> str:
     )
 
 
+def counted_size(judged: Judgement | None, group: str) -> float:
+    """Return the size that a `group` is counted with, enlarged or not; 0 where it is not [SI]."""
+    if judged is None or group not in judged.groups:
+        return 0.0
+    times = max((one[group] for one in judged.named if group in one), default=1.0)
+    return float(times * judged.sizes[group][0])
+
+
 def common_g_sensitivity(judged: Judgement | None, gravity: float) -> float:
     """Return the sd of what g-sensitivities that are not estimated add to all rates along up.
 
     That is the mean of the three axes that act on themselves. `gravity`: local gravity [m/s^2].
     Returns [rad/s], 0 where it does not count.
     """
-    group = "gyro.g_sensitivity"
-    if judged is None or group not in judged.groups:
-        return 0.0
-    times = max((one[group] for one in judged.named if group in one), default=1.0)
-    return float(times * judged.sizes[group][0] * gravity / np.sqrt(3))
+    return float(counted_size(judged, "gyro.g_sensitivity") * gravity / np.sqrt(3))
 
 
 def judgement_json(judged: Judgement) -> dict[str, Any]:

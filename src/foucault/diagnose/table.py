@@ -19,7 +19,7 @@ from foucault.diagnose.checks import (
     reversed_earth_check,
 )
 from foucault.diagnose.fit_checks import Judged, Limit
-from foucault.diagnose.left_out import common_g_sensitivity
+from foucault.diagnose.left_out import common_g_sensitivity, counted_size
 from foucault.errors import Finding, finding
 from foucault.estimate.table import ALONG, AT_REST, ENOUGH, FORCES, FOUND_IN, IN_SPINS, TableFit
 from foucault.infer import mixed
@@ -234,7 +234,8 @@ def _same_bias(e: TableFit) -> list[Check]:
         return []
     fit, variance, scatter = found
     at = [c.layout.index(name) for name in names]
-    sd = np.sqrt(scatter**2 * variance[3, 3] + c.sd[at] ** 2)
+    drift = counted_size(e.left_out, "gyro.bias drift")
+    sd = np.sqrt(scatter**2 * variance[3, 3] + c.sd[at] ** 2 + drift**2)
     moved = fit[3] - c.values[at]
     k = int(np.argmax(np.abs(moved) / sd))
     dof = 3 * float(np.sum(~e.model.readings.spin)) - 12
