@@ -16,7 +16,7 @@ from foucault.models.left_out import ByNoise
 from foucault.result import Level
 
 PLANS = {
-    "transfer_alignment": ("tactical MEMS", {}, {"rate": 100.0, "with_outage": False}),
+    "transfer_alignment": ("tactical MEMS", {}, {"rate": 50.0, "with_outage": False}),
     "systematic": (
         "navigation RLG", {"sequence": ("9 positions",)}, {"rest_time": 40.0, "rate": 20.0},
     ),
