@@ -20,7 +20,7 @@ BUDGET = {
     "estimate": 9_698,
     "export": 3_657,
     "guard": 1_936,
-    "infer": 3_896,
+    "infer": 3_895,
     "kernels": 7_066,
     "logs": 7_720,
     "models": 6_125,
