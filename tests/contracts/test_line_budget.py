@@ -26,7 +26,7 @@ BUDGET = {
     "models": 6_125,
     "navigate": 2_181,
     "plans": 5_923,
-    "procedures": 20_581,
+    "procedures": 20_573,
     "recognise": 3_059,
     "report": 10_325,
     "records": 1_593,
