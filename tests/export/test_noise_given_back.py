@@ -119,11 +119,19 @@ STATED = re.compile(r"bound the Allan curve from ([\d.e+-]+) s to ([\d.e+-]+) s"
 
 
 @pytest.mark.thorough
+def test_the_truth_is_in_the_interval_that_was_measured() -> None:
+    """As often as 95 % means; every receiver's formula gives back what was measured, below."""
+    low, high = binom.ppf([0.01 / 4, 1 - 0.01 / 4], RUNS, 0.95)
+    for triad in TRIADS:
+        found = [one[triad][0].noise("white") for one in measured()]
+        assert low <= sum(n.low <= TRUE[triad][0] <= n.high for n in found) <= high, triad
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", WITH_NOISE)
-def test_the_truth_is_in_the_interval_that_was_measured(name: str, tmp_path: Path) -> None:
-    """Its formula covers the true N as often as 95 % means, and bounds the curve as stated."""
-    covered = dict.fromkeys(TRIADS, 0)
-    for one in measured():
+def test_its_formula_gives_back_what_was_measured(name: str, tmp_path: Path) -> None:
+    """N to the digits of the file, and a line that bounds the curve as stated."""
+    for one in measured()[:: RUNS // 20]:
         x, text = in_file(name, densities_of(one), tmp_path / "out")
         stated = STATED.findall(re.sub(r"\s*\n\W*", " ", text))
         assert len(stated) == 2
@@ -132,9 +140,7 @@ def test_the_truth_is_in_the_interval_that_was_measured(name: str, tmp_path: Pat
                 None if variance is None else float(np.sqrt(np.max(variance) / T))
                 for variance in propagated(name, x, triad, RATE)
             )
-            fitted = channel.noise("white")
-            off = white / pair.raised / fitted.value  # 1 where the formula gives N back
-            covered[triad] += fitted.low * off <= TRUE[triad][0] <= fitted.high * off
+            assert white == pytest.approx(pair.raised * channel.noise("white").value, rel=1e-3)
             if walk is not None:
                 first, last = (float(end) for end in ends)
                 inside = (channel.tau >= first * 0.99) & (channel.tau <= last * 1.01)
@@ -142,5 +148,3 @@ def test_the_truth_is_in_the_interval_that_was_measured(name: str, tmp_path: Pat
                 ratio = np.sqrt(white**2 / tau + walk**2 * tau / 3) / channel.deviation[inside]
                 assert first <= 2.0 and last >= 30 * first
                 assert ratio.min() > LEAST - 1e-3 and ratio.max() < MOST + 1e-3
-    low, high = binom.ppf([0.01 / 4, 1 - 0.01 / 4], RUNS, 0.95)
-    assert all(low <= n <= high for n in covered.values()), covered

@@ -19,7 +19,7 @@ from foucault.models.left_out import sizes_of
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.models.spin import Grip, across, moved
 from foucault.procedures import continuous_spin
-from foucault.procedures.continuous_spin import Settings
+from foucault.procedures.continuous_spin import PROCEDURE, Settings
 from foucault.result import Level, Result
 from foucault.tables import Log
 from make_spin import DEG, G0, Tool, Unit, draw_unit, spun
@@ -40,7 +40,7 @@ def session(tool: Tool, seed: int = 1) -> tuple[Log, Unit]:
 
 def solved(tool: Tool, log: Log, declared: bool = True, **settings: object) -> Result:
     said = noise_of(tool) if declared else None
-    return continuous_spin.calibrate(log, site=SITE, settings=Settings(**settings), noise=said)
+    return PROCEDURE.trial(log, site=SITE, settings=Settings(**settings), noise=said)
 
 
 def errors(result: Result, unit: Unit) -> np.ndarray:
@@ -204,7 +204,7 @@ def test_errors_are_as_small_as_promised_and_not_smaller(row: str) -> None:
 
 def test_a_short_session_is_inside_its_covariance() -> None:
     log, unit = session(QUICK)
-    result = solved(QUICK, log)
+    result = PROCEDURE.calibrate(log, site=SITE, noise=noise_of(QUICK))
     low, high = chi_square_limits(33)
     assert result.verdict.level is Level.PASS, result.verdict.reasons
     assert low < nees(result, unit) < high

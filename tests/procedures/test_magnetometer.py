@@ -479,7 +479,7 @@ that are held out and what is not estimated are tested at 1 % each, and that no 
 
 @pytest.mark.thorough
 def test_what_is_not_estimated_is_in_the_covariance() -> None:
-    """Minutes in which a consumer MEMS holds what is not estimated, and minutes without it.
+    """Half minutes in which a consumer MEMS holds what is not estimated, and some without it.
 
     Where it is there, standard deviations wrong by a factor of 1.2 are found out in 99 %; and so is
     a doubt that befalls three in ten sessions.
@@ -490,7 +490,7 @@ def test_what_is_not_estimated_is_in_the_covariance() -> None:
         for seed in seeds:
             rng = np.random.default_rng([8, seed])
             truth = draw(rng)
-            log = session(free(rng), truth, rng)
+            log = session(free(rng, 30.0), truth, rng)
             result = magnetometer.PROCEDURE.trial(
                 held(log, rng) if there else log, site=SITE, settings=SETTINGS, noise=IMU,
                 sizes=sizes,

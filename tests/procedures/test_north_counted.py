@@ -102,7 +102,7 @@ FIBRE = sizes_of("tactical FOG")
 
 def calibrated(case: Case, log, **settings: float):
     site, chosen = replace(SITE, gravity_sd=4e-4), case.stated.model_copy(update=settings)
-    return case.record.calibrate(log, site=site, settings=chosen, noise=NOISE, sizes=FIBRE)
+    return case.record.trial(log, site=site, settings=chosen, noise=NOISE, sizes=FIBRE)
 
 
 def session(case: Case, seed: int):

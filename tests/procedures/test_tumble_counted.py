@@ -134,6 +134,7 @@ def test_a_drift_of_seven_sizes_is_named_and_counts_as_much():
 @pytest.mark.thorough
 def test_a_published_filter_does_not_count_them_and_says_so():
     c, (log, _) = campaign_of(), session()
+    log = log[: len(log) // 4]  # what is said hangs on no reading
     settings = c.settings.model_copy(update={"filter": "published"})
     result = platform_tumble.calibrate(log, site=c.site, settings=settings, noise=c.noise,
                                        prior=c.prior, sizes=SIZES)  # fmt: skip

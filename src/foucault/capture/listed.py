@@ -45,6 +45,8 @@ class OnTable(Way):
     gyro: bool = True
     spins: bool = True  # quiet times that turn are looked at, too
     ticked: BoolArray = field(init=False)  # (n,)
+    # what is done -> sd of everything (p,) [SI]
+    _sds: dict[bytes, FloatArray] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Begin with nothing done."""
@@ -124,14 +126,12 @@ class OnTable(Way):
         return Reached(sd, none, none, {}, prior, C_nb, none, solved=enough)
 
     def _sd(self, done: BoolArray) -> FloatArray:
-        out = np.full(len(self.wanted.layout), np.inf)
-        if not done.any():
-            return out
-        p = self.plan
-        some = TablePlan(p.name, p.angles[done], p.rate[done], p.time[done])
-        found = self.bench.bound(some)
-        sd = dict(zip(found.names, found.sd.tolist(), strict=True))
-        return np.array([sd.get(name, np.inf) for name in self.wanted.names])
+        key, p = done.tobytes(), self.plan
+        if done.any() and key not in self._sds:  # what a step was to show is what it then shows
+            found = self.bench.bound(TablePlan(p.name, p.angles[done], p.rate[done], p.time[done]))
+            sd = dict(zip(found.names, found.sd.tolist(), strict=True))
+            self._sds[key] = np.array([sd.get(name, np.inf) for name in self.wanted.names])
+        return self._sds.get(key, np.full(len(self.wanted.layout), np.inf))
 
     def candidates(self, reached: Reached) -> list[Step]:
         left = np.flatnonzero(~self.ticked)

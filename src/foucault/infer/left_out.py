@@ -126,8 +126,6 @@ def tested(at: Fit) -> dict[str, Seen]:
     A coefficient with a prior is not projected out: its prior is a source, and the residuals are
     taken against its mean. What has no effect is not there.
     """
-    from scipy.linalg import qr
-
     n, d, _ = at.at.jacobian.shape
     layout, prior = at.model.layout, at.problem.prior
     known = np.zeros(at.at.jacobian.shape[2], bool)
@@ -141,15 +139,8 @@ def tested(at: Fit) -> dict[str, Seen]:
             for group, rows in _known(layout, prior).items()
         )
     covariance = Covariance((*at.at.sources, *priors), at.sds, (n, d), at.estimate.weights)
-    J, z = covariance.whiten(at.at.jacobian), covariance.whiten(r[:, :, None])[:, 0]
-    if at.at.known is not None:
-        J, z = np.concatenate([J, at.at.known[1]]), np.append(z, at.at.known[0])
-    J = J[:, ~known]
-    size = np.linalg.norm(J, axis=0)
-    Q, R, _ = qr(J[:, size > 0] / size[size > 0], pivoting=True, check_finite=False)
-    rank = int(np.sum(np.abs(np.diag(R)) > 1e-10 * np.abs(R).max(initial=0.0)))
-    left = Q[: n * d, rank:]
-    z = Q[:, rank:].T @ z
+    rows, z = mixed.contrasts(covariance, at.at, r, ~known)
+    left, z = rows[:, : n * d], rows @ z
     groups: dict[str, tuple[Literal["source", "prior", "scatter"], list[FloatArray]]] = {}
     for source in (*at.at.sources, *priors):
         found = source.sd is None
@@ -164,7 +155,7 @@ def tested(at: Fit) -> dict[str, Seen]:
     for name, (kind, parts) in groups.items():
         B = np.concatenate(parts, axis=2) if parts else np.zeros((n, d, 0))
         if B.any():
-            B = left.T @ covariance.whiten(B)
+            B = left @ covariance.whiten(B)
             out[name] = seen_of(kind, B.T @ z, B.T @ B)
     return out
 

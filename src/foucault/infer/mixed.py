@@ -672,8 +672,6 @@ def _contrasts(
     Where nothing is known of the noise it is a thousandth of the residuals, which are to be told
     from what readings share.
     """
-    from scipy.linalg import qr
-
     n, d, _ = at.jacobian.shape
     silent, little = _silent(at, free) & (weights > 0.5), dict.fromkeys(free, 0.0)
     for s in at.sources:
@@ -681,13 +679,7 @@ def _contrasts(
             ratio = np.linalg.norm(at.residuals[silent]) / np.linalg.norm(s.each[silent])
             little[s.name] = max(little[s.name], 1e-3 * float(ratio), 1e-9)
     known = Covariance(at.sources, little, (n, d), weights)
-    J, r = known.whiten(at.jacobian), known.whiten(at.residuals[:, :, None])[:, 0]
-    if at.known is not None:
-        J, r = np.concatenate([J, at.known[1]]), np.append(r, at.known[0])
-    size = np.linalg.norm(J, axis=0)
-    Q, R, _ = qr(J[:, size > 0] / size[size > 0], pivoting=True, check_finite=False)
-    rank = int(np.sum(np.abs(np.diag(R)) > 1e-10 * np.abs(R).max(initial=0.0)))
-    left = Q[:, rank:].T
+    left, r = contrasts(known, at, at.residuals)
     V = {}
     for name in free:
         parts = []
@@ -702,6 +694,22 @@ def _contrasts(
         rows = left[:, : n * d] @ np.concatenate(parts, axis=1)
         V[name] = rows @ rows.T
     return left, r, V
+
+
+def contrasts(
+    covariance: Covariance, at: Linearisation, residuals: FloatArray, kept: Any = slice(None)
+) -> tuple[FloatArray, FloatArray]:
+    """Return rows (k, m) that no column `kept` explains; and `residuals` (n, d), white (m,) [1]."""
+    from scipy.linalg import qr
+
+    J, r = covariance.whiten(at.jacobian), covariance.whiten(residuals[:, :, None])[:, 0]
+    if at.known is not None:
+        J, r = np.concatenate([J, at.known[1]]), np.append(r, at.known[0])
+    J = J[:, kept]
+    size = np.linalg.norm(J, axis=0)
+    Q, R, _ = qr(J[:, size > 0] / size[size > 0], pivoting=True, check_finite=False)
+    rank = int(np.sum(np.abs(np.diag(R)) > 1e-10 * np.abs(R).max(initial=0.0)))
+    return Q[:, rank:].T, r
 
 
 def _root(z: FloatArray, V: Mapping[str, FloatArray], var: Mapping[str, float]) -> FloatArray:

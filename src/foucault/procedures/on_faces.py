@@ -16,7 +16,7 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 from pydantic import Field, field_validator
 
-from foucault import procedures, units
+from foucault import units
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.detect.faces import Faces, find_faces
@@ -32,16 +32,16 @@ from foucault.guard.rest import first_rest, same_unit
 from foucault.infer.snooping import snoop
 from foucault.logs.axes import spared
 from foucault.models.earth import EARTH_RATE, Site
-from foucault.models.imu import LAYOUT, ImuModel
+from foucault.models.imu import ImuModel
 from foucault.models.left_out import Change, Motion
 from foucault.models.noise import ImuNoise, SessionNoise
 from foucault.models.rests_and_turns import TurnReadings, face_name
 from foucault.plans.directions import RestPlan, face_plan
 from foucault.plans.limit import Limit
-from foucault.plans.optimise import StatedSpace, require_seen, weights_of
+from foucault.plans.optimise import StatedSpace
 from foucault.procedures import left_out, record
 from foucault.procedures.left_out import Again
-from foucault.procedures.record import Beforehand, Given, Procedure, Stated
+from foucault.procedures.record import Beforehand, Given, Procedure
 from foucault.result import Result
 from foucault.simulate.hand_rotated import simulate_drawn
 from foucault.strict import Strict
@@ -317,17 +317,13 @@ Plan = tuple[float, tuple[str, ...], float | None]
 """Length of a rest [s], the faces in their order, as sections are named, and how long a turn back
 lasts, None where there are none [s]."""
 
-HERE = "the session in [simulate]"
-
 EVALUATIONS = 60  # Plans that a restart judges: each is a simulated session [1].
 TENTH = 10.0  # Rests are whole numbers of tenths of a second [1/s].
 
 
-class Wanted(Strict):
+class Wanted(record.Wanted):
     """What may be changed of the rests of a session, and what is wanted."""
 
-    weights: dict[str, float] = Field(default={})
-    """How much each coefficient or group counts; 1 where nothing is said, 0 to leave it out."""
     time: Seconds | None = Field(default=None, gt=0, examples=["3 min"])
     """Time of the whole session; left out, that of the session in [simulate]."""
     rests: int = Field(default=18, ge=6, le=60)
@@ -392,24 +388,17 @@ class Bench:
 
     def steps(self, plan: Plan) -> RestPlan:
         """Return the rests and turns of a plan."""
-        told: RestPlan = done(self.known, plan).perfect.plan(self.known.settings, 0)
+        session = done(self.known, plan)["session"]
+        told: RestPlan = session.perfect.plan(self.known.settings, 0)
         return told
 
 
-def done(known: Beforehand[Any, Any], plan: Plan) -> Any:
+def done(known: Beforehand[Any, Any], plan: Plan) -> dict[str, Any]:
     """Return the session that does a plan."""
     rest, faces, back = plan
     told = {"rest_time": rest, "order": faces, "repeated": 0}
     turned = {"back_time": back} if hasattr(known.session, "back_time") else {}
-    return known.session.model_copy(update=told | turned)
-
-
-def _sd(name: str, known: Beforehand[Any, Any], plan: Plan, _: str) -> FloatArray:
-    """Return the sd of every coefficient that a calibration would state, shape (p,) [SI]."""
-    session = done(known, plan)
-    found = procedures.load(name).foreseen(replace(known, session=session), more=False)
-    assert found is not None
-    return found.sd
+    return {"session": known.session.model_copy(update=told | turned)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -455,16 +444,7 @@ def space(name: str, b: Beforehand[Any, Any]) -> FaceSpace:
     bench = Bench(b, np.inf, max(wanted.rests, len(reference[1])), shortest, ways)
     time = wanted.time or float(bench.steps(reference).duration)
     bench = replace(bench, time=time)
-    stated = Stated(b, partial(_sd, name))
-    sd = stated(reference, HERE)
-    names = procedures.load(name).names(b.settings, session)
-    layout = LAYOUT.subset(names)
-    weights = weights_of(layout, wanted.weights)
-    require_seen(names, weights, ~np.isfinite(sd), bench.words)
-    return FaceSpace(
-        allowed=bench, names=names, kinds=tuple(c.kind for c in layout.coefficients),
-        weights=weights, reference=reference, reference_name=HERE, cases=(HERE,), stated=stated,
-    )  # fmt: skip
+    return record.space_of(FaceSpace, name, b, done, bench, reference)[0]
 
 
 def face_procedure(name: str, doc: str, **own: Any) -> Procedure[Any, Any]:

@@ -22,6 +22,7 @@ import pickle
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar
 
@@ -47,7 +48,8 @@ from foucault.models.imu import LAYOUT, LINEAR_LOWER
 from foucault.models.layouts import gravity_error, model_of, rate_slope, with_references
 from foucault.models.left_out import GRAVITY, Sizes
 from foucault.models.noise import ImuNoise, grade
-from foucault.procedures import Progress, silent, solvable
+from foucault.plans.optimise import StatedSpace, require_seen, weights_of
+from foucault.procedures import Progress, load, silent, solvable
 from foucault.procedures import left_out as beside
 from foucault.procedures.chosen import Chosen, decided
 from foucault.procedures.left_out import Again
@@ -524,6 +526,55 @@ class Procedure(Generic[S, N]):
             site=site,
             seed=seed,
         )
+
+
+# -- plans that are judged by what a calibration would state of them ------------------------------
+
+HERE = "the session in [simulate]"
+
+P = TypeVar("P", bound=StatedSpace)
+Does = Callable[[Beforehand[Any, Any], Any], dict[str, Any]]
+"""What is known and a plan -> settings and session that do the plan."""
+
+
+class Wanted(Strict):
+    """What is wanted; procedures say what may be changed."""
+
+    weights: dict[str, float] = Field(default={})
+    """How much each coefficient or group counts; 1 where nothing is said, 0 to leave it out."""
+
+
+def ends(b: Beforehand[Any, Any], speed: FloatArray) -> tuple[float, float]:
+    """Return the slowest and the fastest rate that is wanted, else of `speed` (k,) [deg/s]."""
+    told = ((b.wanted.slowest, speed.min()), (b.wanted.fastest, speed.max()))
+    slow, fast = (float(found if said is None else np.degrees(said)) for said, found in told)
+    return slow, fast
+
+
+def _sd(name: str, does: Does, known: Beforehand[Any, Any], plan: Any, _: str) -> FloatArray:
+    """Return the sd of every coefficient that a calibration would state, shape (p,) [SI]."""
+    found = load(name).foreseen(replace(known, **does(known, plan)), more=False)
+    assert found is not None
+    return found.sd
+
+
+def space_of(
+    Space: type[P], name: str, b: Beforehand[Any, Any], does: Does, allowed: Any, reference: Any,
+    widest: Any = None,
+) -> tuple[P, tuple[str, ...]]:  # fmt: skip
+    """Return the plans among which the best are sought, and what no allowed plan shows.
+
+    `widest`: plan that shows all that any does, None: `reference`, the plan to beat.
+    """
+    names = load(name).names(b.settings, b.session)
+    layout, stated = LAYOUT.subset(names), Stated(b, partial(_sd, name, does))
+    weights = weights_of(layout, b.wanted.weights)
+    sd = stated(reference if widest is None else widest, HERE)
+    blind = require_seen(names, weights, ~np.isfinite(sd), allowed.words)
+    return Space(
+        allowed=allowed, names=names, kinds=tuple(c.kind for c in layout.coefficients),
+        weights=weights, reference=reference, reference_name=HERE, cases=(HERE,), stated=stated,
+    ), blind  # fmt: skip
 
 
 # -- of a calibration --------------------------------------------------------------------------

@@ -26,7 +26,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from pydantic import Field
 
-from foucault import procedures, units
+from foucault import units
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.detect import steady
@@ -41,17 +41,16 @@ from foucault.infer.mixed import Fit
 from foucault.logs.axes import spared
 from foucault.logs.description import OWN_LOG, log_head
 from foucault.models.earth import EARTH_RATE
-from foucault.models.imu import LAYOUT
 from foucault.models.left_out import Motion
 from foucault.models.spin import across
 from foucault.plans import limit
-from foucault.plans.optimise import StatedSpace, require_seen, weights_of
+from foucault.plans.optimise import StatedSpace
 from foucault.procedures import left_out, record, solvable
 from foucault.procedures.continuous_spin import model as physics
 from foucault.procedures.continuous_spin.model import SCATTER, SPAN, SpinModel
 from foucault.procedures.left_out import Again
 from foucault.procedures.rate_table.model import Rates, in_si
-from foucault.procedures.record import Beforehand, Given, Procedure, Stated, result_of
+from foucault.procedures.record import Beforehand, Given, Procedure, result_of
 from foucault.result import Check, Result, TableData
 from foucault.simulate.spin import Mounting, SpinPlan, simulate_spins
 from foucault.strict import Strict
@@ -348,18 +347,14 @@ def _tables(model: SpinModel, slips: list[physics.Slip]) -> dict[str, TableData]
 Plan = tuple[float, tuple[str, ...], tuple[float, ...]]
 """Length of a spin [s], mountings, and rates in each of them [deg/s]."""
 
-HERE = "the session in [simulate]"
-
 EVALUATIONS = 12  # Plans that a restart judges: each is a simulated session [1].
 
 MOUNTINGS = tuple(get_args(Mounting))
 
 
-class Wanted(Strict):
+class Wanted(record.Wanted):
     """What may be changed of spins, and what is wanted."""
 
-    weights: dict[str, float] = Field(default={})
-    """How much each coefficient or group counts; 1 where nothing is said, 0 to leave it out."""
     time: Seconds | None = Field(default=None, gt=0, examples=["3 min"])
     """Time of all spins together; left out, that of the session in [simulate]."""
     fastest: Rate | None = Field(default=None, gt=0, examples=["570 deg/s"])
@@ -456,34 +451,21 @@ def _session(plan: Plan) -> dict[str, Any]:
     return {"mountings": [*plan[1]], "rates": [f"{w:g} deg/s" for w in plan[2]]}
 
 
-def _sd(known: Beforehand[Any, Any], plan: Plan, _: str) -> FloatArray:
-    """Return the sd of every coefficient that a calibration would state, shape (p,) [SI]."""
+def _does(known: Beforehand[Any, Any], plan: Plan) -> dict[str, Any]:
+    """Return the session that does a plan."""
     told = {name: tuple(some) for name, some in _session(plan).items()} | {"spin_time": plan[0]}
-    session = known.session.model_copy(update=told)
-    found = procedures.load("continuous_spin").foreseen(replace(known, session=session), more=False)
-    assert found is not None
-    return found.sd
+    return {"session": known.session.model_copy(update=told)}
 
 
 def space(b: Beforehand[Any, Any]) -> SpinSpace:
     """Return the spins among which the best are sought; those of the session are to beat."""
     wanted, session = b.wanted, b.session
-    names = procedures.load("continuous_spin").names(b.settings, session)
-    layout, rates = LAYOUT.subset(names), np.degrees(in_si(session.rates))
+    rates = np.degrees(in_si(session.rates))
     reference = (session.spin_time, tuple(session.mountings), tuple(rates.tolist()))
-    slow, fast = (
-        float(np.degrees(said)) if said is not None else float(found)
-        for said, found in ((wanted.slowest, np.abs(rates).min()),
-                            (wanted.fastest, np.abs(rates).max()))
-    )  # fmt: skip
+    slow, fast = record.ends(b, np.abs(rates))
     time = wanted.time or session.spin_time * len(session.mountings) * len(rates)
     tool = Tool(b, time, min(slow, fast), max(slow, fast), wanted.speeds, wanted.mountings)
-    weights, stated = weights_of(layout, wanted.weights), Stated(b, _sd)
-    require_seen(names, weights, ~np.isfinite(stated(reference, HERE)), tool.words)
-    return SpinSpace(
-        allowed=tool, names=names, kinds=tuple(c.kind for c in layout.coefficients),
-        weights=weights, reference=reference, reference_name=HERE, cases=(HERE,), stated=stated,
-    )  # fmt: skip
+    return record.space_of(SpinSpace, "continuous_spin", b, _does, tool, reference)[0]
 
 
 PROCEDURE = Procedure(

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from foucault import procedures, units
+from foucault import units
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Prior
 from foucault.detect.readings import find_readings
@@ -42,8 +42,8 @@ from foucault.models.imu import EQUATION, LAYOUT, SCALE_EQUATION, ImuModel
 from foucault.models.left_out import Change, Motion, Sizes
 from foucault.models.noise import Readings
 from foucault.plans.limit import Limit
-from foucault.plans.optimise import StatedSpace, require_seen, weights_of
-from foucault.procedures import left_out
+from foucault.plans.optimise import StatedSpace
+from foucault.procedures import left_out, record
 from foucault.procedures.left_out import Again
 from foucault.procedures.rate_table import model as rate_checks
 from foucault.procedures.rate_table.model import (
@@ -58,10 +58,9 @@ from foucault.procedures.rate_table.model import (
     require_determined,
     simulated,
 )
-from foucault.procedures.record import Beforehand, Given, Procedure, Stated, result_of
+from foucault.procedures.record import Beforehand, Given, Procedure, result_of
 from foucault.result import Result
 from foucault.simulate.rate_table import RatePlan
-from foucault.strict import Strict
 from foucault.tables import AXES, Log, temperature_range
 from foucault.units import Rate, Seconds
 
@@ -281,8 +280,6 @@ def unseen(settings: Settings) -> list[str]:
 Plan = tuple[float, tuple[float, ...]]
 """Least time of a step [s], and the rates in each placement [deg/s]."""
 
-HERE = "the session in [simulate]"
-
 EVALUATIONS = 200  # Plans that a restart judges: each is a session of means [1].
 APART = 0.1  # Speeds are whole multiples of it [deg/s].
 
@@ -290,11 +287,9 @@ APART = 0.1  # Speeds are whole multiples of it [deg/s].
 QUARTER = 1.25  # Speeds are well apart where one is so many times the other [1].
 
 
-class Wanted(Strict):
+class Wanted(record.Wanted):
     """What may be changed of the rates of a session, and what is wanted."""
 
-    weights: dict[str, float] = Field(default={})
-    """How much each coefficient or group counts; 1 where nothing is said, 0 to leave it out."""
     time: Seconds | None = Field(default=None, gt=0, examples=["30 min"])
     """Time of all steps together; left out, that of the session in [simulate]."""
     fastest: Rate | None = Field(default=None, gt=0, examples=["100 deg/s"])
@@ -403,18 +398,13 @@ def additions(settings: Settings, session: Session) -> list[tuple[str, Settings,
     ]  # fmt: skip
 
 
-def _sd(known: Beforehand[Settings, Session], plan: Plan, _: str) -> FloatArray:
-    """Return the sd of every coefficient that a calibration would state, shape (p,) [SI]."""
+def _does(known: Beforehand[Settings, Session], plan: Plan) -> dict[str, Any]:
+    """Return settings and session that do a plan."""
     rates = {"rates": tuple(f"{w!r} deg/s" for w in plan[1])}
     held = {"step_time": plan[0], "rows": "means"}
     settings = known.settings
     settings = settings.model_copy(update=rates) if settings.rates else settings
-    session = known.session.model_copy(update=held | rates)
-    found = procedures.load("rate_table").foreseen(
-        replace(known, settings=settings, session=session), more=False
-    )
-    assert found is not None
-    return found.sd
+    return {"settings": settings, "session": known.session.model_copy(update=held | rates)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -467,29 +457,18 @@ class RateSpace(StatedSpace):
 
 def space(b: Beforehand[Settings, Session]) -> RateSpace:
     """Return the rates among which the best are sought; those of the session are to beat."""
-    wanted, names = b.wanted, procedures.load("rate_table").names(b.settings, b.session)
-    layout = LAYOUT.subset(names)
+    wanted = b.wanted
     rates = np.degrees(in_si(b.settings.rates or b.session.rates))
     reference, speed = (b.session.step_time, tuple(rates.tolist())), np.abs(rates[rates != 0])
-    slow, fast = (
-        float(np.degrees(said)) if said is not None else found
-        for said, found in ((wanted.slowest, speed.min()), (wanted.fastest, speed.max()))
-    )
+    slow, fast = record.ends(b, speed)
     limits = max(round(slow / APART), 1), round(fast / APART)
     counts = max(wanted.speeds, wanted.fewest), wanted.fewest
     table = Table(b, inf, *limits, *counts)
     time = table.duration(reference) if wanted.time is None else wanted.time
     table = Table(b, time, min(limits), max(limits), *counts)
-    weights = weights_of(layout, wanted.weights)
-    stated = Stated(b, _sd)
     widest = table.filled(np.linspace(min(limits), max(limits), max(counts[1], 4)))
-    best = stated(reference if widest is None else widest, HERE)
-    blind = require_seen(names, weights, ~np.isfinite(best), table.words)
-    return RateSpace(
-        allowed=table, names=names, kinds=tuple(c.kind for c in layout.coefficients),
-        weights=weights, reference=reference, reference_name=HERE,
-        cases=(HERE,), stated=stated, blind=blind,
-    )  # fmt: skip
+    made, blind = record.space_of(RateSpace, "rate_table", b, _does, table, reference, widest)
+    return replace(made, blind=blind)
 
 
 PROCEDURE = Procedure(
