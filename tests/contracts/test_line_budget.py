@@ -17,7 +17,7 @@ BUDGET = {
     "cli": 5_186,
     "detect": 4_739,
     "diagnose": 12_258,
-    "estimate": 9_699,
+    "estimate": 9_713,
     "export": 3_657,
     "guard": 1_936,
     "infer": 3_958,

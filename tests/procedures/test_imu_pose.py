@@ -356,6 +356,13 @@ def test_stamps_that_jump_by_an_eighth_of_an_interval_are_named(seed):
     assert result.verdict.level is Level.DOUBTFUL
 
 
+@pytest.mark.parametrize("seed", [68, pytest.param(214, marks=pytest.mark.thorough)])
+def test_lost_poses_are_no_rates_of_nothing(seed):
+    """Seconds without a pose were taken for rest: one session in ten was of another body."""
+    case = Case("imu_pose", {}, {"time": 30.0, "outliers": 0.02, "lost": 0.1}, grade="mems")
+    assert solved_case(case, made(case, seed).log).verdict.level is Level.PASS
+
+
 @pytest.mark.thorough
 def test_a_world_that_turns_costs_what_poses_apart_gain():
     """The score of a jump of the motion is what the fit is better by where nothing leads over."""

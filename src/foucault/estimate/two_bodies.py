@@ -120,24 +120,26 @@ class Clocks:
 
 
 def clocks(
-    first: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray], middle: float
-) -> Clocks:
+    first: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray], middle: float,
+    known: BoolArray | None = None,
+) -> Clocks:  # fmt: skip
     """Find offset and rate of two clocks by the norms of the rates that both bodies had.
 
     `first`, `other`: time (n,) [s] and rate (n, 3) [rad/s] of each; `middle`: of the other's stamps
-    [s].
+    [s]; `known` (m,) or None: which of the other's rates are.
     """
     fine, later = (np.arange(t[0], t[-1], GRID) for t, _ in (first, other))
     a, b = (np.interp(grid, t, np.linalg.norm(w, axis=1))
             for grid, (t, w) in ((fine, first), (later, other)))  # fmt: skip
-    lag, peak, second = offset(a, b, GRID)
+    told = None if known is None else np.interp(later, other[0], known.astype(float)) > 0.99
+    lag, peak, second = offset(a, b, GRID, told)
     tau, kappa = lag + fine[0] - later[0], 0.0
     slope, at, jumps = drift(a, b, GRID)
     far = abs(slope) * (later[-1] - later[0]) > 2 * GRID or peak < 0.9
     if far and np.isfinite(at) and abs(slope) < FASTEST:
         kappa, tau = slope, at + fine[0] - later[0]
         there = later + kappa * (later - middle)
-        _, peak, second = offset(np.interp(there + tau, fine, a), b, GRID)
+        _, peak, second = offset(np.interp(there + tau, fine, a), b, GRID, told)
     return Clocks(tau, kappa, peak, second, slope, jumps)
 
 
@@ -189,24 +191,34 @@ def gaps(time: FloatArray, grid: FloatArray, widest: float) -> BoolArray:
     return np.asarray(near | (grid < time[0]) | (grid > time[-1]))
 
 
-def offset(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, float]:
+def offset(
+    a: FloatArray, b: FloatArray, step: float, known: BoolArray | None = None
+) -> tuple[float, float, float]:
     """Return by how much `b` (m,) is later than `a` (n,) [s], the peak and the second peak.
 
-    `step`: between two of their values [s].
+    `step`: between two of their values [s]; `known` (m,) or None: which of `b` are.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
-    x, y = a - a.mean(), b - b.mean()
+    known = np.ones(len(b), bool) if known is None or not known.any() else known
+    x, y, weight = a - a.mean(), (b - b[known].mean()) * known, known.astype(float)
     lags = np.arange(1 - len(y), len(x))
     fast = next_fast_len(len(lags), real=True)
-    total = irfft(rfft(x, fast) * rfft(y[::-1], fast), fast)[: len(lags)]
+    behind = rfft(weight[::-1], fast)
+
+    def beside(v: FloatArray, others: FloatArray = behind) -> FloatArray:
+        return np.asarray(irfft(rfft(v, fast) * others, fast)[: len(lags)])
+
+    total = beside(x, rfft(y[::-1], fast))
     # What of each overlaps, with its own mean there: another mean would move the peak.
     first, last = np.maximum(lags, 0), np.minimum(lags + len(y), len(x))
-    (sum_x, one), (sum_y, two) = _sums(x, first, last), _sums(y, first - lags, last - lags)
-    count = last - first
+    sum_y, two = _sums(y, first - lags, last - lags)
+    count, _ = _sums(weight, first - lags, last - lags)
+    sum_x, one = _sums(x, first, last) if known.all() else (beside(x), beside(x**2))
+    count = np.maximum(count, 1.0)
     total = total - sum_x * sum_y / count
     one = (one - sum_x**2 / count) * (two - sum_y**2 / count)
-    enough = count > 0.5 * min(len(x), len(y))
+    enough = count > 0.5 * min(len(x), known.sum())
     r = np.where(enough, total / np.sqrt(np.maximum(one, 1e-12 * one.max() + 1e-300)), -1.0)
     k = int(np.argmax(r))
     peaks = 1 + np.flatnonzero((r[1:-1] > r[:-2]) & (r[1:-1] >= r[2:]))
@@ -363,12 +375,14 @@ def changed(
     uncertainties, but for what halves that differ added to them. `c`: results, of the numbers that
     are `kept` (p,) [1]; `code`: of the finding; `words`: for what is not of an IMU.
     """
-    beyond = max(s.spread, COLOURED) ** 2 - 1
+    beyond, chance = max(s.spread, COLOURED) ** 2 - 1, max(1.0, s.spread) ** 2
+    first = max(found.values(), key=lambda x: x.shock.square)
+    # Errors of poses look like motion for a moment, not like a parameter.
+    clear = len(first.moved) > 1 and first.shock.square > CLEAR * first.shock.limit * chance
     sure = sorted(
         (name for name, x in found.items()
          if x.shock.square > x.shock.limit * max(1.0, x.spread) ** 2
-         and (x.spread**2 - 1 < beyond / 2
-              or x.shock.square > CLEAR * x.shock.limit * max(1.0, s.spread) ** 2)),
+         and (x.spread**2 - 1 < beyond / 2 or (clear and x is first))),
         key=lambda name: -found[name].shock.square,
     )  # fmt: skip
     if not sure:

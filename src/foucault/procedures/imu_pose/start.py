@@ -161,7 +161,7 @@ def start_of(log: Log, r: Readings, q: PoseTable) -> Start:
         w[bad] = 0.0
         _same_time(log.gyro, w, log.duration, own[-1] - own[0])
         if tuple(order) not in known:  # in axes of the world rates have the same norms
-            known[tuple(order)] = clocks((log.time, w_imu), (own, w), r.middle)
+            known[tuple(order)] = clocks((log.time, w_imu), (own, w), r.middle, ~bad)
         c = known[tuple(order)]
         found.append(_with_rates(log, r, q, reading, c, (own, w, bad), (w_imu, f_imu)))
     # Rates do not tell all readings apart, forces do; a mirror image, another unit or sign is no
