@@ -26,7 +26,7 @@ BUDGET = {
     "models": 6_154,
     "navigate": 2_202,
     "plans": 5_924,
-    "procedures": 20_598,
+    "procedures": 20_610,
     "recognise": 3_062,
     "report": 10_332,
     "records": 1_593,
