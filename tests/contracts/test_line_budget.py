@@ -19,7 +19,7 @@ BUDGET = {
     "diagnose": 12_247,
     "estimate": 9_698,
     "export": 3_657,
-    "guard": 1_936,
+    "guard": 1_939,
     "infer": 3_899,
     "kernels": 7_066,
     "logs": 7_724,
