@@ -109,6 +109,43 @@ def error(code: str, **values: object) -> FoucaultError:
     return FoucaultError(code, *_filled(code, values))
 
 
+MADE_BY = {
+    "Campaign": 'foucault.load_campaign("campaign.toml") reads one.',
+    "ImuModel": "foucault.ImuModel(gyro_bias=...) makes one; a result has it as result.model.",
+    "ImuNoise": 'foucault.grade("tactical").noise is one; foucault.ImuNoise makes others.',
+    "Log": "foucault.read_log reads one; foucault.Log(time, gyro, accel) makes one of arrays [SI].",
+    "LogDescription": 'foucault.LogDescription(file="log.csv", ...) makes one; a campaign has it '
+    "as campaign.log.",
+    "PathLike": "Give the path of a file or folder, as text or a Path.",
+    "Real": "Give a plain number [SI]; foucault.parse_unit makes one of text with a unit.",
+    "Reference": "foucault.logs.reference.read reads one.",
+    "Rest": "foucault.plans.manoeuvres has Rest, Straight, Turn and others, Rest(time=300).",
+    "Result": 'foucault.load_result("run") reads one; foucault.calibrate makes one.',
+    "Sequence": "A plan is a list of segments, such as [Rest(time=300)].",
+    "Settings": "Make one of the settings by their names, Settings(heading=0.3) [SI].",
+    "Start": "foucault.plans.manoeuvres.Start(latitude, longitude, ...) makes one [SI].",
+    "Site": "foucault.Site.at(latitude, height) makes one [rad, m].",
+    "TriadNoise": "foucault.models.noise.TriadNoise(white=...) makes one [SI].",
+}
+"""Where what functions take comes from."""
+
+
+def require(name: str, given: object, kind: type, *others: type, none: bool = False) -> None:
+    """Refuse an argument that is not of a `kind` or of `others`; `none`: None is allowed too."""
+    if not (isinstance(given, (kind, *others)) or (none and given is None)):
+        what = {"PathLike": "path", "Real": "number"}.get(kind.__name__, kind.__name__)
+        raise error("argument.kind", name=name, given=type(given).__name__, allowed=what,
+                    how=MADE_BY[kind.__name__])  # fmt: skip
+
+
+def require_word(name: str, given: object, allowed: Iterable[str]) -> None:
+    """Refuse an argument that is none of the words `allowed`."""
+    words = tuple(allowed)
+    if given not in words:
+        raise error("argument.word", name=name, given=given, hint=suggestion(str(given), words),
+                    allowed=", ".join(words))  # fmt: skip
+
+
 @contextmanager
 def library(code: str, **values: object) -> Iterator[None]:
     """Raise the error of `code` where a library that is imported inside is not installed."""

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.display import Shown, printer
-from foucault.errors import Finding, Status, error
+from foucault.errors import Finding, Status, error, require
 from foucault.models.imu import ImuModel
 from foucault.models.layouts import Instrument, model_of, of_sensors
 from foucault.models.size_effect import SizeEffect
@@ -317,6 +317,7 @@ class Result(Shown):
         Log
             The same samples, compensated [SI].
         """
+        require("log", log, Log)
         if self.temperature is not None:
             return self.temperature.apply(log)
         if isinstance(self.model, ImuModel):

@@ -25,13 +25,14 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from foucault.arrays import Made, Names, of_arrow, to_arrow
-from foucault.errors import FoucaultError, error
+from foucault.errors import FoucaultError, error, require
 from foucault.files import (
     HEAD,
     atomic,
@@ -187,6 +188,7 @@ def save(result: Result, folder: str | Path, campaign_text: str | None = None) -
     """
     from foucault.result_document import document
 
+    require("result", result, Result)
     folder = Path(folder)
     doc = document(result)
     keep_a_campaign(folder, campaign_text)
@@ -273,6 +275,7 @@ def load_result(path: str | Path, *, with_tables: bool = True) -> Result:
     from foucault.coefficients import covariance_problem
     from foucault.result_document import result_of
 
+    require("path", path, PathLike, str)
     file = _result_file(Path(path))
     doc = _validated(file, _read_json(file))
     listed = doc.tables if with_tables else {}

@@ -19,7 +19,7 @@ import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.display import Shown
-from foucault.errors import error
+from foucault.errors import FoucaultError, error, require_word
 
 if TYPE_CHECKING:
     from foucault.errors import Finding
@@ -201,6 +201,36 @@ def whole_samples(count: float) -> int:
     return int(count)
 
 
+def numbers(
+    name: str, given: object, shape: tuple[int | None, ...], *, more: bool = False
+) -> FloatArray:
+    """Return `given` as floats, those that are masked as NaN; refuse what is none, or shaped else.
+
+    `name`: what an error calls it; `shape`: what it must be, None for any length [1]; `more`:
+    whether axes in front of these are allowed.
+    """
+    x: Any = given
+    if type(x) is not np.ndarray or x.dtype != float:
+        try:
+            x = np.ma.asarray(given)
+            x = x.astype(float) if x.dtype.kind in "fiuO" else x
+        except (TypeError, ValueError):
+            raise _not_numbers(name, f"a {type(given).__name__}", shape) from None
+        x = x.filled(np.nan) if x.dtype == float else x
+    if x.dtype != float:
+        raise _not_numbers(name, f"of {x.dtype}", shape)
+    extra = x.ndim - len(shape)
+    fits = extra >= 0 if more else extra == 0
+    if not fits or any(s not in (None, n) for n, s in zip(x.shape[extra:], shape, strict=True)):
+        raise _not_numbers(name, f"of shape {x.shape}", shape)
+    return x  # type: ignore[no-any-return]
+
+
+def _not_numbers(name: str, given: str, shape: tuple[int | None, ...]) -> FoucaultError:
+    allowed = str(tuple("n" if s is None else s for s in shape)).replace("'", "")
+    return error("argument.array", name=name, given=given, allowed=allowed)
+
+
 @dataclass(frozen=True)
 class Log(Shown):
     """An inertial log in SI units and body axes, exactly as measured (nothing compensated).
@@ -249,6 +279,15 @@ class Log(Shown):
     begins: tuple[int, ...] = ()
     mag: FloatArray | None = None
     rests: tuple[tuple[float, float], ...] | None = None
+
+    def __post_init__(self) -> None:
+        time = numbers("time of the log", self.time, (None,))
+        object.__setattr__(self, "time", time)
+        for name in ("gyro", "accel", "mag", "temperature", "averaged"):
+            if (block := getattr(self, name)) is not None:
+                shape = (len(time), 3)[: 2 if name in ("gyro", "accel", "mag") else 1]
+                object.__setattr__(self, name, numbers(f"{name} of the log", block, shape))
+        require_word("sampled", self.sampled, ("rate", "increment"))
 
     def __len__(self) -> int:
         return len(self.time)

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Annotated, Any, SupportsFloat, cast
 
 from annotated_types import Le
 
-from foucault.errors import FoucaultError, error
+from foucault.errors import FoucaultError, error, require_word
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -206,6 +206,7 @@ def factor(unit: str, kind: str) -> float:
 
     Returns SI value of one `unit` [SI unit of the kind].
     """
+    require_word("kind", kind, KINDS)
     want = KINDS[kind]
     value, dimension = _factor_and_dimension(unit)
     if dimension != _factor_and_dimension(want.si)[1]:
@@ -243,6 +244,7 @@ def parse(text: object, kind: str, key: str = "value") -> float:
     float
         The value [SI unit of the kind].
     """
+    require_word("kind", kind, KINDS)
     want = KINDS[kind]
     if kind == "angle" and isinstance(text, str):
         angle = _degrees(text, key)

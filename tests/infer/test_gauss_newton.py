@@ -188,3 +188,17 @@ def test_a_number_that_is_not_finite_is_a_status(bad):
     got = solve(linear(b=b))
     assert got.status is Status.NOT_FINITE
     assert "saturated or missing" in ADVICE[got.status]
+
+
+def test_where_no_part_of_a_step_lowers_anything_it_stops_and_says_so():
+    asked = []
+
+    def linearise(x, weights):
+        asked.append(x)
+        # The slope has the wrong sign, as where the covariance hangs on the state.
+        return Linearised(np.full(8, 50.0) + 5 * x[0], np.ones((8, 1)), np.arange(8))
+
+    problem = Problem(LAYOUT.subset(NAMES[:1]), np.zeros(1), linearise, np.add, lambda x: x[:1], 8)
+    got = solve(problem)
+    assert got.status is Status.NOT_CONVERGED and got.state == 0.0
+    assert got.iterations == 1 and len(asked) < 12

@@ -531,8 +531,30 @@ def test_without_accelerometers_what_follows_the_force_counts_nothing() -> None:
     every = magnetometer.calibrate(log, **given).tables["left_out"]["group"]
     assert set(every) - set(alone) == {
         "accel.quadratic", "accel.cross", "accel.asymmetry", "accel.bias drift",
-        "accel.scale drift", "gyro.g_sensitivity", "gyro.deflection", "local gravity",
+        "accel.scale drift", "gyro.g_sensitivity", "gyro.deflection",
     }  # fmt: skip
+
+
+def test_gravity_that_nobody_knows_is_not_asked_for() -> None:
+    """The specific force at rest is found with its size: no reading says what gravity is."""
+    rng = np.random.default_rng([5, 1])
+    truth = draw(rng)
+    log = held(session(rests(rng, 16), truth, rng), rng)
+    site = replace(SITE, gravity_sd=0.03)
+    result = magnetometer.calibrate(log, site=site, settings=CALM, noise=IMU, sizes=ByNoise())
+    assert "local gravity" not in result.tables["left_out"]["group"]
+    assert "local gravity" not in " ".join(result.verdict.reasons)
+
+
+@pytest.mark.parametrize("pace", [8.0, 14.0])
+def test_fast_turns_are_not_taken_for_a_wrong_unit(pace: float) -> None:
+    """Where a cell is shorter than the windows of the start, those that are left out are used."""
+    rng = np.random.default_rng([7, 1])
+    truth = replace(draw(rng), delay=0.01)
+    result = calibrated(session(free(rng, 60.0, pace), truth, rng, rate=200.0))
+    e = errors(result, truth)
+    assert result.verdict.level is Level.PASS
+    assert e @ np.linalg.solve(result.coefficients.cov, e) < chi_square_limits(13, 0.01)[1]
 
 
 def test_an_intensity_of_another_field_is_no_pass() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from foucault.plans.manoeuvres import Rest, Rotate
 from foucault.procedures.alignment import align_log
 from foucault.procedures.navigation import navigate_log
 from foucault.procedures.navigation.start import Settings
-from foucault.result import Level
+from foucault.result import Level, Result
 from make_alignment import LN100_SITE, RING_SITE, ln100_log, ring_log
 from make_navigation import (
     DRIVE,
@@ -242,18 +242,16 @@ def test_a_raw_run_that_fails_is_left_out() -> None:
     """A scale factor of zero size leaves nothing to navigate by."""
     void = CoefficientVector(FOUND.layout, TRUE.values, FOUND.cov)
     log = logged([Rest(300.0)], TRUE).log
-    broken = replace(log, accel=log.accel * np.where(log.time > 150, np.nan, 1.0)[:, None])
+    broken = replace(log, accel=log.accel * np.where(log.time > 150, 1e99, 1.0)[:, None])
 
-    class Mended:
+    class Mended(Result):
         """A calibration that also mends the log."""
-
-        def __getattr__(self, name):
-            return getattr(calibration(void), name)
 
         def apply(self, _log):
             return calibration(void).apply(log)
 
-    test = navigate_log(broken, calibration=Mended(), settings=Settings(align=100.0), **PLACE)
+    mended = Mended(**{f.name: getattr(calibration(void), f.name) for f in fields(Result)})
+    test = navigate_log(broken, calibration=mended, settings=Settings(align=100.0), **PLACE)
     assert "navigate.raw_fails" in codes(test) and len(test.runs) == 1
     said = next(f for f in test.findings if f.code == "navigate.raw_fails")
     assert "the navigation failed: The state is not finite" in said.message
@@ -540,3 +538,13 @@ def test_one_reading_20_sd_off_on_the_way_moves_the_end_by_less_than_a_sd(triad:
         one, other = (next(c for c in checks if c.name == name) for checks in (clean, got))
         assert other.passed
         assert other.value == pytest.approx(one.value, abs=1.0)
+
+
+def test_reversed_gyros_show_by_their_sign_with_a_calibration_too():
+    """It takes their biases off the wrong way, so that the sign is turned but for twice a bias."""
+    true, known = errors(1)
+    log = logged([Rest(200.0)], true).log
+    assert log.gyro is not None
+    reversed_ = replace(log, gyro=-log.gyro)
+    with refuses("alignment.vertical_sign"):
+        navigate_log(reversed_, site=SITE, calibration=calibration(known))

@@ -31,7 +31,7 @@ def spun(sampled: str):
     return replace(log, gyro=gyro, sampled=sampled)
 
 
-@pytest.mark.parametrize("sampled", ["increment", "instant"])
+@pytest.mark.parametrize("sampled", ["increment", "rate"])
 def test_a_rest_that_is_said_does_not_take_the_first_sample_of_the_spin(sampled: str):
     log, turned = logged([Rest(90.0)]).log, spun(sampled)
     still = align_log(replace(log, sampled=sampled), site=SITE, end=60.0, methods=["two_vector"])

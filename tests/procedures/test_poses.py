@@ -16,7 +16,7 @@ from foucault.procedures.hand_rotated import Settings
 from foucault.result import Level
 from foucault.tables import Log
 
-SITE = Site(np.radians(48.8), 60.0, 9.8093, 0.0)
+SITE = Site(9.8093, np.radians(48.8), 60.0, gravity_sd=0.0)
 MEAN = 10.0
 ACCEL, GYRO = 3e-4, 2e-5
 """Noise of a mean [m/s^2] and [rad/s]."""

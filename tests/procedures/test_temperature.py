@@ -570,3 +570,11 @@ def test_sessions_beyond_the_knots_are_told() -> None:
     result = calibrate(sessions(DEGREES), Settings(knots=(ZERO, ZERO + 30, ZERO + 60)))
     assert "temperature.beyond_knots" in codes(result)
     assert result.temperature.low == ZERO
+
+
+def test_what_drifts_with_time_is_told_apart_only_by_a_temperature_that_comes_again() -> None:
+    told = [
+        any("What drifts with time" in words for words in calibrate(some).diagnostics["unseen"])
+        for some in (sessions([-10, 0, 10, 20, 30]), sessions([-10, 0, 10, 20, 30, -10]))
+    ]
+    assert told == [True, False]

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import make_bare as make
 from foucault import campaign
@@ -97,3 +98,20 @@ def test_a_rate_table_without_titles_asks_for_the_gyros(tmp_path):
     said = {"accel": {"columns": [3, 4, 2]}, "gyro": {"columns": [5, 1, 6]}}
     assert recognise([file], said).log["gyro"]["columns"] == [5, 1, 6]
     assert "gyro" not in recognise([file], {"accel": said["accel"]}).log
+
+
+@pytest.mark.parametrize(
+    "names", [HEAD, "t_s,a_x_m_s2,a_y_m_s2,a_z_m_s2,w_x_rad_s,w_y_rad_s,w_z_rad_s"]
+)
+def test_the_rate_of_a_log_that_hardly_rests_is_no_zero_of_its_gyros(names, tmp_path):
+    t = np.arange(0.0, 70.0, 0.01)
+    turns = ((t > 10) & (t < 65))[:, None]
+    w = turns * np.stack([0.8 * np.sin(0.9 * t), 2 + 0.5 * np.sin(0.7 * t), 0.8 * np.cos(t)], 1)
+    C = [Rotation.identity()]
+    for turn in Rotation.from_rotvec(0.01 * w[:-1]):
+        C.append(C[-1] * turn)
+    f = 9.81 * Rotation.concatenate(C).as_matrix()[:, 2]
+    rng = np.random.default_rng(1)
+    c = make.Columns(t, f + 0.01 * rng.normal(size=f.shape), w + 1e-3 * rng.normal(size=f.shape))
+    block = recognise([written(tmp_path, c, head=names)]).log["gyro"]
+    assert not np.any(block.get("zero", 0.0)) and block["unit"] == "rad/s"

@@ -98,3 +98,15 @@ def test_pairs_say_what_explains_them(pages):
     assert said.count("run 3") == 3 and "gyro.bias.x" in said
     heat = [f for f in figures(pages["limits"]) if f["data"][0]["type"] == "heatmap"]
     assert heat[0]["data"][0]["x"] == ["1 → 2", "2 → 3", "3 → 4"]
+
+
+def test_a_coefficient_is_in_one_unit_whatever_its_limits_are():
+    wide = '"gyro.bias" = { limit = "2 deg/s", change = "1 deg/h" }'
+    results = [moved(r, gyro__bias__x=12.0 * i) for i, r in enumerate(make_results(2, seed=11))]
+    found = comparison.of(make_entries(results), tolerance.parse(wide))
+    said = text_of(render(compare.document(comparison.record(found))), "Tolerance")
+    assert "±2 °/s" in said and "°/h" not in said
+    words = next(
+        d for d in found.decisions if d.name == "gyro.bias.x" and d.what == "value"
+    ).words()
+    assert words.count("deg/s") == 2 and "deg/h" not in words

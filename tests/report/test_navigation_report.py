@@ -162,6 +162,14 @@ def test_units_follow_the_size():
     assert np.abs(reach).max(axis=1) == pytest.approx([4.0, 2.0], rel=1e-2)
 
 
+def test_an_axis_is_in_the_unit_of_all_that_is_drawn_on_it():
+    """Millimetres of a path within an ellipse of 20 m are not drawn as 20 000 mm."""
+    path = ("path", np.array([0.0, 0.01]), np.array([0.0, 0.02]), chart.FIRST, "solid")
+    for cov, unit in ((1e-6, "mm"), (100.0, "m"), (1e8, "km")):
+        drawn = chart.paths([path], [(0.0, 0.0, cov * np.eye(2))], [], "")
+        assert f"[{unit}]" in str(drawn)
+
+
 def test_folder_and_record_are_the_same(tmp_path):
     log = logged([Rest(300.0)], TRUE).log
     test = navigate_log(

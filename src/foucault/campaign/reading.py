@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from foucault.campaign.tables import (
     validate,
 )
 from foucault.coefficients import Layout
-from foucault.errors import Finding, error, suggestion
+from foucault.errors import Finding, error, require, suggestion
 from foucault.files import read_text, said_in
 from foucault.logs.description import LogDescription
 from foucault.logs.layout import FileLayout
@@ -83,6 +84,7 @@ def load(path: str | Path, *, calibrates: bool = True) -> Campaign:
     calibrates : bool
         Whether it must name a procedure and a site; what reads only its log and noise needs none.
     """
+    require("path", path, PathLike, str)
     return parse(
         text_of(Path(path), "campaign.missing", "campaign.syntax"), path, calibrates=calibrates
     )

@@ -20,7 +20,7 @@ from foucault.campaign.reading import Campaign, load
 from foucault.campaign.tables import Said, SiteTable, parse_at
 from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
 from foucault.coefficients import CoefficientVector, Layout
-from foucault.errors import Finding, FoucaultError, doubting, error, finding
+from foucault.errors import Finding, FoucaultError, doubting, error, finding, require
 from foucault.files import make_folder, sha256, write_text
 from foucault.kernels import ahead
 from foucault.logs.checks import beside_another
@@ -96,6 +96,7 @@ def calibrate(
         Coefficients with covariance, checks and a verdict [SI].
     """
     tell = display.progress() if progress is None else progress
+    require("campaign", campaign, Campaign, str, Path)
     if not isinstance(campaign, Campaign):
         campaign = load(campaign)
     procedure = procedures.load(campaign.procedure)
@@ -198,6 +199,7 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
     seed : int or None, shape ()
         Seed; None takes that of the campaign [1].
     """
+    require("campaign", campaign, Campaign, str, Path)
     if not isinstance(campaign, Campaign):
         campaign = load(campaign)
     seed = campaign.simulate.seed if seed is None else seed

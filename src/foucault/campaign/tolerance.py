@@ -254,7 +254,7 @@ class Decision:
     def words(self) -> str:
         """Say what was found and what is allowed."""
         per = " per year" if self.what == "drift" else ""
-        number = said(self.value, self.sd, self.kind)
+        number = said(self.value, self.sd, self.kind, self.limit)
         at = f" from {self.first} to {self.second}" if self.what == "change" else ""
         unit, size = _unit(self.kind, self.limit)
         limit = f"{units.plain(self.limit / size)} {unit}{per}"
@@ -408,10 +408,12 @@ def how(course: Course, entries: Sequence[Compared], kind: str) -> str:
     `course`: the coefficient [SI].
     """
     name = course.name
-    drift = f"{said(course.drift, course.drift_sd, kind)} per year"
+    # Both in one sentence are in one unit.
+    both = max(abs(course.drift), abs(course.step)) if course.how == "drift or step" else None
+    drift = f"{said(course.drift, course.drift_sd, kind, both)} per year"
     i = course.step_after
     stepped = (
-        f"by {said(course.step, course.step_sd, kind)} between {entries[i].label} and "
+        f"by {said(course.step, course.step_sd, kind, both)} between {entries[i].label} and "
         f"{entries[i + 1].label}"
     )
     return {
@@ -433,14 +435,15 @@ def _scattering(names: Sequence[str]) -> str:
     )
 
 
-def said(value: float, sd: float, kind: str) -> str:
+def said(value: float, sd: float, kind: str, beside: float | None = None) -> str:
     """Write a number for people.
 
-    `value`, `sd`: the number and its standard deviation [SI].
+    `value`, `sd`: the number and its standard deviation [SI]; `beside` or None: a number of the
+    same coefficient in whose unit it is written [SI].
     """
     if not np.isfinite(sd):
         return "not known" if not np.isfinite(value) else "known without a standard deviation"
-    unit, size = _unit(kind, max(abs(value), sd))
+    unit, size = _unit(kind, max(abs(value), sd) if beside is None else beside)
     return f"{format_value(value / size, sd / size)} {unit} (sd {units.plain(sd / size, 2)})"
 
 

@@ -279,6 +279,16 @@ def turning(gyro_mean: FloatArray) -> tuple[BoolArray, FloatArray]:
     return off > max(least, usual * float(np.median(off))), off
 
 
+def slowest(gyro: FloatArray, share: float = 0.1) -> FloatArray:
+    """Return what gyros read where they read least, about their bias, shape (3,) [rad/s].
+
+    Of a log that turns most of the time the median is a rate. `gyro` (n, 3): readings [rad/s];
+    `share`: of the samples that count [1].
+    """
+    size = np.linalg.norm(gyro, axis=1)
+    return np.asarray(np.median(gyro[size <= np.quantile(size, share)], axis=0))
+
+
 def means_of(x: FloatArray, spans: Sequence[tuple[int, int]]) -> FloatArray:
     """Return the mean over each span, (n, ...) [unit].
 

@@ -523,6 +523,9 @@ def _along_up(
         more += f", and {len(fits) - SHOWN} more" if len(fits) > SHOWN else ""
         raise error("alignment.axes", exchange=exchange_words(fits[0]), more=more,
                     latitude=f"{abs(np.degrees(shown)):.2f}", **words)  # fmt: skip
+    # Of reversed gyros a calibration takes the biases off the wrong way, so that they are twice.
+    if clear and abs(seen + wanted) < RATE_BAND * abs(wanted):
+        raise error("alignment.vertical_sign", **words)
     level = EARTH_RATE * max(np.cos(shown), NEAR_POLE)
     return (finding("alignment.latitude", seen=f"{np.degrees(shown):.2f}",
                     sd=f"{np.degrees(sd / level):.2g}",

@@ -169,6 +169,7 @@ def solve(
             break
         part = _solve_step(at, len(problem.layout))
         cost = float(at.residuals @ at.residuals)
+        before = state
         state, at, moved = _descend(problem, state, weights, at, part.step)
         gained = cost - float(at.residuals @ at.residuals)
         norms = block_norms(at.residuals, at.blocks, weights)
@@ -183,6 +184,8 @@ def solve(
             moved < 100 * tolerance and gained <= (tolerance if iterations > PATIENCE else 0)
         ):
             status = Status.CONVERGED
+            break
+        elif state is before:  # no part of the step lowers anything, nor will it next time
             break
     # Robust weights can flicker for ever; what they move by then may be of no account.
     if status is Status.NOT_CONVERGED and moved < SETTLED:

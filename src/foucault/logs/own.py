@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray
-from foucault.errors import Finding, error
+from foucault.errors import Finding, error, require
 from foucault.files import atomic
 from foucault.tables import AXES, Log, TableColumns, declared, gaps
 
@@ -113,6 +113,7 @@ def write(log: Log, path: str | Path) -> None:
     path : str or Path
         ``.csv``, ``.csv.gz``, ``.parquet`` or ``.npz``.
     """
+    require("log", log, Log)
     write_blocks([log], path)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray, runs_of, to_arrow
-from foucault.errors import Finding, FoucaultError, error
+from foucault.errors import Finding, FoucaultError, error, require
 from foucault.files import sha256
 from foucault.logs import axes, checks
 from foucault.logs import description as columns
@@ -67,6 +67,9 @@ def read(
     Increments are divided by the interval that ends at their sample, so that integrating the
     log gives them back; after a gap, and for the first sample, by the nominal interval.
     """
+    from foucault.logs.description import LogDescription
+
+    require("description", description, LogDescription)
     if description.serial is not None:
         return _only(description, folder, progress)
     if description.more:

@@ -17,11 +17,13 @@ References
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from numbers import Real
 from typing import Any, overload
 
 import numpy as np
 
 from foucault.arrays import FloatArray
+from foucault.errors import error, require
 
 Number = float | FloatArray
 
@@ -134,6 +136,16 @@ def transport_rate(latitude: Number, height: Number, velocity_n: FloatArray) -> 
     return np.stack(np.broadcast_arrays(-north, east, east * np.tan(latitude)), axis=-1)
 
 
+def require_latitude(given: float | None) -> None:
+    """Refuse a latitude beyond a pole, as one in degrees is.
+
+    `given` or None: geodetic latitude, None where it is unknown [rad].
+    """
+    require("site.latitude", given, Real, none=True)
+    if given is not None and not abs(given) <= np.pi / 2 + 1e-12:
+        raise error("site.latitude", given=np.degrees(given))
+
+
 @dataclass(frozen=True)
 class Site:
     """Where the instrument stands.
@@ -168,9 +180,17 @@ class Site:
     date: str | None = None
     grid: str | None = None
 
+    def __post_init__(self) -> None:
+        for name, given in (("gravity", self.gravity), ("height", self.height)):
+            require(f"site.{name}", given, Real)
+        if not 0 < self.gravity < np.inf:
+            raise error("site.gravity", given=self.gravity)
+        require_latitude(self.latitude)
+
     @classmethod
     def at(cls, latitude: float, height: float = 0.0) -> Site:
         """Return the site at `latitude` [rad] and `height` [m] with normal gravity."""
+        require_latitude(latitude)
         return cls(gravity(latitude, height), latitude, height, "normal gravity")
 
     @property

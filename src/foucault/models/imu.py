@@ -49,6 +49,7 @@ from foucault.models.imu_layout import (
     LAYOUT,
     LINEAR_LOWER,
     PRODUCTS,
+    SHAPES,
     blocks_of,
     by_block,
     coefficient_slot,
@@ -56,7 +57,7 @@ from foucault.models.imu_layout import (
     places,
     subset,
 )
-from foucault.tables import AXES, Log
+from foucault.tables import AXES, Log, numbers
 
 _ACCEL = "accel = (I + S_a + M_a) f + b_a + K_a q(f);  "
 _WORDS = (
@@ -186,6 +187,10 @@ class ImuModel:
     gyro_cubic: FloatArray = field(default_factory=lambda: np.zeros(3))
     accel_asymmetry: FloatArray = field(default_factory=lambda: np.zeros(3))
     deflection: FloatArray = field(default_factory=lambda: np.zeros((3, 3, 3)))
+
+    def __post_init__(self) -> None:
+        for name, shape in SHAPES.items():
+            object.__setattr__(self, name, numbers(name, getattr(self, name), shape, more=True))
 
     @classmethod
     def from_coefficients(cls, vector: CoefficientVector) -> ImuModel:

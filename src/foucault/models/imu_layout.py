@@ -74,17 +74,17 @@ def coefficient_slot(name: str) -> tuple[str, Any]:
     return _SLOTS[name]
 
 
-_SHAPES = {
+SHAPES = {
     "accel_matrix": (3, 3), "accel_bias": (3,), "accel_quadratic": (3, 6), "gyro_matrix": (3, 3),
     "gyro_bias": (3,), "g_sensitivity": (3, 3), "gyro_asymmetry": (3,), "gyro_cubic": (3,),
     "accel_asymmetry": (3,), "deflection": (3, 3, 3),
 }  # fmt: skip
-_ENDS = dict(zip(_SHAPES, accumulate(prod(shape) for shape in _SHAPES.values()), strict=True))
+_ENDS = dict(zip(SHAPES, accumulate(prod(shape) for shape in SHAPES.values()), strict=True))
 
 
 def flat(model: Any) -> FloatArray:
     """Return all entries of the matrices of a `models.imu.ImuModel`, shape (87,) [SI]."""
-    return np.concatenate([getattr(model, block).ravel() for block in _SHAPES])
+    return np.concatenate([getattr(model, block).ravel() for block in SHAPES])
 
 
 def blocks_of(entries: FloatArray) -> dict[str, FloatArray]:
@@ -94,7 +94,7 @@ def blocks_of(entries: FloatArray) -> dict[str, FloatArray]:
     """
     return {
         block: entries[_ENDS[block] - prod(shape) : _ENDS[block]].reshape(shape)
-        for block, shape in _SHAPES.items()
+        for block, shape in SHAPES.items()
     }
 
 
@@ -104,7 +104,7 @@ def places(names: tuple[str, ...]) -> npt.NDArray[np.intp]:
     out = np.empty(len(names), np.intp)
     for i, name in enumerate(names):
         block, where = coefficient_slot(name)
-        shape = _SHAPES[block]
+        shape = SHAPES[block]
         at = where if isinstance(where, tuple) else (where,)
         out[i] = _ENDS[block] - prod(shape) + np.ravel_multi_index(at, shape)
     out.setflags(write=False)  # the same for everybody who asks

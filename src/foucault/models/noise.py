@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
@@ -27,7 +28,7 @@ import numpy.typing as npt
 
 from foucault import units
 from foucault.arrays import BoolArray, FloatArray
-from foucault.errors import Finding, error, suggestion
+from foucault.errors import Finding, error, require, suggestion
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,12 @@ class TriadNoise:
     # rounded is their sum, to steps of quantisation times the sample interval
     quantisation: float = 0.0
 
+    def __post_init__(self) -> None:
+        for name, given in vars(self).items():
+            require(f"noise.{name}", given, Real)
+            if not 0 <= given < math.inf:
+                raise error("noise.size", name=name, given=given)
+
 
 @dataclass(frozen=True)
 class ImuNoise:
@@ -57,6 +64,10 @@ class ImuNoise:
 
     accel: TriadNoise = field(default_factory=TriadNoise)
     gyro: TriadNoise = field(default_factory=TriadNoise)
+
+    def __post_init__(self) -> None:
+        for name in ("accel", "gyro"):
+            require(f"noise.{name}", getattr(self, name), TriadNoise)
 
 
 @dataclass(frozen=True)
@@ -105,7 +116,7 @@ def grade(name: str, key: str = "grade") -> Grade:
     """
     if name not in _GRADES:
         raise error(
-            "campaign.value", key=key, given=repr(name), hint=suggestion(name, GRADES),
+            "campaign.value", key=key, given=repr(name), hint=suggestion(str(name), GRADES),
             reason=f"it should be one of {', '.join(GRADES)}", more="",
         )  # fmt: skip
     accel_white, gyro_white, accel_bias, gyro_bias, scale, misalignment = _GRADES[name]

@@ -32,7 +32,7 @@ What gyros said on a rate table: one mean per constant rate, and what was true o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -95,14 +95,7 @@ class Session:
         for a, b in zip(self.last[:-1] - 1, self.first[1:], strict=True):
             keep[max(a - 1, 0) : b + 2] = True
         place = np.cumsum(keep) - 1
-        log_ = replace(
-            self.log,
-            time=self.log.time[keep],
-            gyro=None if self.log.gyro is None else self.log.gyro[keep],
-            accel=None if self.log.accel is None else self.log.accel[keep],
-            temperature=None,
-        )
-        return log_, place[self.last[:-1] - 1], place[self.first[1:]]
+        return self.log[np.flatnonzero(keep)], place[self.last[:-1] - 1], place[self.first[1:]]
 
     @cached_property
     def bridged(self) -> FloatArray:

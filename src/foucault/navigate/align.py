@@ -34,13 +34,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Literal, get_args
 
 import numpy as np
 
 from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import CoefficientVector
-from foucault.errors import Finding, error, suggestion
+from foucault.errors import Finding, error, require, suggestion
 from foucault.infer.linear_filter import Shock
 from foucault.models.earth import EARTH_RATE, Site
 from foucault.models.ins_errors import azimuth_from_gyro_bias
@@ -294,6 +295,7 @@ def sensor_errors(
     [m/s^2]. Raises ``alignment.sd``: one of them is negative, or no number.
     """
     for what, sd in (("gyro_bias_sd", gyro_bias_sd), ("accel_bias_sd", accel_bias_sd)):
+        require(what, sd, Real)
         if not 0 <= sd < np.inf:
             raise error("alignment.sd", what=what, given=plain(sd))
     interval, length = float(np.median(increments.dt)), float(increments.dt.sum())

@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray
-from foucault.errors import Finding, error, finding
-from foucault.tables import Log
+from foucault.errors import Finding, error, finding, require, require_word
+from foucault.logs.checks import finite, timing
+from foucault.tables import AXES, Log
 from foucault.tables import gaps as wide
 from foucault.units import plain, span
 
@@ -109,6 +110,7 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
     starts at row 0 does not use it but for coning and sculling.
     """
     navigable(log)
+    require_word("gaps", gaps, ("stop", "bridge"))
     assert log.gyro is not None and log.accel is not None
     dt = _lengths(log.time)
     usual = log.interval
@@ -129,13 +131,26 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
                       log.sampled == "increment")  # fmt: skip
 
 
-def navigable(log: Log) -> None:
-    """Refuse a log [SI] that lacks a triad, or whose rows are means: no integral."""
+def navigable(log: Log, fewest: int = 2) -> None:
+    """Refuse a log [SI] of which no integral can be taken.
+
+    One that lacks a triad or an axis, whose rows are means, fewer than `fewest` [1], missing or no
+    numbers, or whose time does not rise.
+    """
+    require("the log", log, Log)
+    if len(log) < fewest:
+        raise error("strapdown.few", rows=len(log), fewest=fewest)
     for name in ("gyro", "accel"):
-        if getattr(log, name) is None:
+        if not log.logged(name):
             raise error("strapdown.no_triad", missing=name)
-    if log.averaged is not None or len(log) < 2:
+        absent = [a for i, a in enumerate(AXES) if i not in log.logged(name)]
+        if absent:
+            raise error("strapdown.no_axis", triad=name, missing=", ".join(absent))
+    if log.averaged is not None:
         raise error("strapdown.averaged")
+    blocks = {name: getattr(log, name) for name in ("time", "gyro", "accel")}
+    finite(blocks, "error", str(log.source.get("file", "the log")))
+    timing(log.time)
 
 
 def require_readings(log: Log) -> None:

@@ -20,18 +20,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from foucault.arrays import FloatArray
-from foucault.errors import error, suggestion
+from foucault.errors import error, require, suggestion
 from foucault.kernels.local_level import local_level
 from foucault.kernels.strapdown import AIDED, FREE, HELD, strapdown
 from foucault.models.earth import EQUATORIAL_GRAVITY, SEMI_MAJOR_AXIS, east_north_up
 from foucault.models.rotation import angles_of
 from foucault.navigate.increments import Increments
+from foucault.tables import numbers
 from foucault.units import plain
 
 
@@ -58,6 +60,12 @@ class State:
     height: float
     velocity_n: FloatArray
     C_nb: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("latitude", "longitude", "height"):
+            require(name, getattr(self, name), Real)
+        for name, shape in (("velocity_n", (3,)), ("C_nb", (3, 3))):
+            object.__setattr__(self, name, numbers(name, getattr(self, name), shape))
 
     @classmethod
     def at_rest(
@@ -100,10 +108,6 @@ class State:
         ])  # fmt: skip
 
     def _check(self) -> None:
-        shapes = np.shape(self.velocity_n), np.shape(self.C_nb)
-        if shapes != ((3,), (3, 3)):
-            raise error("strapdown.state", what="velocity_n and C_nb", given=f"of shapes {shapes}",
-                        allowed="of shapes ((3,), (3, 3))")  # fmt: skip
         numbers = np.concatenate([
             [self.latitude, self.longitude, self.height], self.velocity_n, np.ravel(self.C_nb)
         ])  # fmt: skip

@@ -31,6 +31,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from math import inf, isfinite, pi
+from numbers import Real
 from typing import Annotated, Any
 
 import numpy as np
@@ -315,7 +316,7 @@ def _refused(key: str, what: str, given: object, allowed: str) -> Exception:
 def _finite(segment: Segment | Start, what: str) -> None:
     for field in fields(segment):
         given = getattr(segment, field.name)
-        if isinstance(given, int | float) and not isfinite(given):
+        if field.type == "float" and not (isinstance(given, Real) and isfinite(given)):
             raise _refused(field.name, what, given, "a finite number")
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from foucault.detect.noise import without_spikes
 from foucault.diagnose import alignment as alignment_checks
 from foucault.diagnose.noise_at_rest import FEWEST
-from foucault.errors import Finding, finding
+from foucault.errors import Finding, finding, require
 from foucault.guard.rest import contradictions, of_increments
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
@@ -36,7 +36,7 @@ from foucault.navigate.inertial_frame import SensorErrors, known_latitude
 from foucault.procedures.navigation.run import bias_sds
 from foucault.procedures.navigation.start import LEAST, Settings, before, in_rest, opening
 from foucault.result import Result
-from foucault.tables import Log
+from foucault.tables import Log, numbers
 
 METHODS: tuple[Method, ...] = ("inertial_frame", "kalman", "two_vector")
 """Methods for one rest, the one to go by first."""
@@ -64,7 +64,7 @@ def align_log(
     log: Log,
     *,
     site: Site,
-    methods: Sequence[Method] = (),
+    methods: Method | Sequence[Method] = (),
     start: float | None = None,
     end: float | None = None,
     rests: Sequence[tuple[float, float]] = (),
@@ -83,7 +83,7 @@ def align_log(
     site : Site
         Where it stood; the latitude must be known.
     methods : sequence of {"inertial_frame", "kalman", "two_vector", "two_position"}
-        Methods; none for `METHODS`, and "two_position" first where there are rests.
+        Methods, or one of them; none for `METHODS`, and "two_position" first where there are rests.
     start, end : float or None
         The rest, from the start of the log; None: the first that is found [s].
     rests : sequence of (float, float)
@@ -104,19 +104,24 @@ def align_log(
     FoucaultError
         No rest, no latitude, or axes, units and signs that are wrong: see `foucault.symptoms`.
     """
+    require("site", site, Site)
+    require("noise", noise, ImuNoise, none=True)
+    require("calibration", calibration, Result, none=True)
     known_latitude(site)
+    navigable(log)
     log = without_spikes(log)
     if len(rests):
+        rests = numbers("rests", rests, (None, 2)).tolist()
         start, end = rests[-1]
     begin = float(log.time[0])
     given = [(begin + a, before(log, b) if len(rests) > 1 else begin + b) for a, b in rests]
     spans = given if len(given) > 1 else []
     two: tuple[Method, ...] = ("two_position",) if spans else ()
-    chosen = tuple(methods) or two + METHODS
+    asked: tuple[Method, ...] = (methods,) if isinstance(methods, str) else tuple(methods)
+    chosen = asked or two + METHODS
     for method in chosen:
         check_method(method)
     clean = log if calibration is None else calibration.apply(log)
-    navigable(clean)
     require_readings(clean)
     from_, until = _rest(log, start, end)
     # What comes after the rest is not used, nor are its gaps.

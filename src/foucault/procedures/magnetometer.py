@@ -35,6 +35,7 @@ from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout, coefficients_of
 from foucault.detect.coverage import coverage
 from foucault.detect.noise import without_spikes
+from foucault.detect.stretches import slowest
 from foucault.diagnose.checks import check, left_out_check
 from foucault.diagnose.fit_checks import Judged, Limit, checks, scattering
 from foucault.errors import Finding, Status, error, finding
@@ -85,6 +86,8 @@ TURN, WAIT = 0.5, 2.0
 
 MOST = 160
 """Cells that are used, evenly chosen where there are more: the work grows with their cube [1]."""
+
+ENOUGH = 200.0  # Readings at this rate show how the field turns, at the start of a fit [Hz].
 
 STILL = 0.05  # At rest nothing turns faster, bias apart [rad/s].
 LATEST, FAR = 0.06, 0.5  # Delays are sought up to this, either way, and to name one up to that [s].
@@ -147,6 +150,7 @@ class Observed:
     turning: Turning
     cells: Cells  # of the field
     still: Cells  # of the specific force at rest, where it was logged
+    rows: IntArray  # (r,) those with new readings of the field, of cells that are not used too [1]
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -191,7 +195,7 @@ def reduce(log: Log) -> Observed:
     if max(top) > CLIPPED:
         told.append(finding("mag.saturated", axis=AXES[int(np.argmax(top)) // 2],
                             percent=f"{100 * max(top):.2g}"))  # fmt: skip
-    w = log.gyro - np.median(log.gyro, axis=0)
+    w = log.gyro - slowest(log.gyro)
     path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(w[1:], axis=1) * np.diff(log.time))])
     if log.duration < SHORT or path[-1] < LITTLE:
         raise error("mag.short", time=f"{log.duration:.3g}", turned=f"{np.degrees(path[-1]):.3g}",
@@ -205,7 +209,8 @@ def reduce(log: Log) -> Observed:
     every = np.zeros(len(cells), bool)
     every[np.unique(np.linspace(0, len(cells) - 1, MOST).astype(int))] = True
     turning = Turning(log.time, log.gyro, log.sampled)
-    return Observed(log, turning, cells.chosen(every), still, tuple(told))
+    few = rows[:: max(1, int(log.rate * len(rows) / len(log) / ENOUGH))]
+    return Observed(log, turning, cells.chosen(every), still, few, tuple(told))
 
 
 def _rests(log: Log, w: FloatArray) -> Cells:
@@ -233,7 +238,7 @@ MOVING = 0.3
 
 def _moves(gyro: FloatArray) -> BoolArray:
     """Return at which rows `gyro` (n, 3) turns the instrument, bias apart [rad/s], (n,)."""
-    return np.asarray(np.linalg.norm(gyro - np.median(gyro, axis=0), axis=1) > MOVING)
+    return np.asarray(np.linalg.norm(gyro - slowest(gyro), axis=1) > MOVING)
 
 
 def _stuck(x: FloatArray, moving: BoolArray, interval: float) -> bool:
@@ -266,13 +271,13 @@ def turned(
 ) -> tuple[FloatArray, FloatArray, float, float]:
     """Return Q, c and delay of ``dx/dt = x x (Q w + c)``, over windows, by linear equations.
 
-    `x` (r, 3): direction of the field in sensor axes at the rows of the cells [1]; `latest`: delay,
-    either way, that is looked for [s]. Returns (3, 3) [1], (3,) [rad/s], [s], and the share of the
-    changes that this leaves [1].
+    `x` (r, 3): direction of the field in sensor axes at `o.rows` [1]; `latest`: delay, either way,
+    that is looked for [s]. Returns (3, 3) [1], (3,) [rad/s], [s], and the share of the changes that
+    this leaves [1].
     """
-    time = o.log.time[o.cells.rows]
+    time = o.log.time[o.rows]
     step = np.diff(time)
-    step[step > 10 * np.median(step)] = 0.0  # between cells that were left out
+    step[step > 10 * np.median(step)] = 0.0  # where readings are missing
     width = max(round(0.25 / float(np.median(step))), 2)
     ends = np.arange(0, len(x) - 1, width)
     cross = cross_matrix(x)
@@ -323,7 +328,7 @@ def start(o: Observed, settings: Settings, intensity: float | None) -> tuple[Sta
     ``dx/dt = x x Q w`` is linear in x, so that it looks like a field that points the other way.
     """
     assert o.log.mag is not None
-    mag = o.log.mag[o.cells.rows]
+    mag = o.log.mag[o.rows]
     A, h = ellipsoid(mag)
     x = np.asarray(np.linalg.solve(A, (mag - h).T).T, float)
     Q, c, delay, unexplained = turned(o, x)
@@ -343,7 +348,7 @@ def start(o: Observed, settings: Settings, intensity: float | None) -> tuple[Sta
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
     bias = np.clip(-R.T @ c, -BIAS, BIAS)
     chain = o.turning.chain(delay, bias, np.zeros((3, 3)))
-    seen = np.einsum("nij,kj,nk->i", chain.C[o.cells.rows], R, x)
+    seen = np.einsum("nij,kj,nk->i", chain.C[o.rows], R, x)
     up = mean_up(o, chain)
     size = float(np.cbrt(np.linalg.det(A)))
     found = np.eye(3) if settings.terms == "hard iron" else A @ R / (intensity or size)
@@ -617,9 +622,8 @@ def again_of(model: FieldModel) -> Again:
                  if x is not None and getattr(log, k) is not None}  # fmt: skip
         turning = replace(o.turning, gyro=added.get("gyro", gyro))
         read = replace(o, log=replace(log, **added), turning=turning)
-        other = replace(
-            model, observed=read, sizes=replace(sizes, gravity=sizes.gravity + by.gravity)
-        )
+        # How strong gravity is does nothing: the specific force at rest is found with its size.
+        other = replace(model, observed=read)
         return other.missed(state, other.chain(state))
 
     return Again(motion, residuals, (sizes.imu.accel.white, sizes.imu.gyro.white))

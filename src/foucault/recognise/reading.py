@@ -711,9 +711,12 @@ class _Work:
             far = float(np.abs(self.ball.centre).max()) > ZERO * self.ball.radius
             zero = self.ball.centre if far else None
         elif name == "gyro":
-            at_rest = np.median(self.data.x[:, list(columns)], axis=0)
-            far = float(np.abs(at_rest).max()) * abs(unit.si) > 1.0 and not increments
-            zero = at_rest if far else None
+            x = self.data.x[:, list(columns)]
+            at_rest = np.median(x, axis=0)
+            k = int(np.argmax(np.abs(at_rest)))
+            # In a log that hardly rests it is a rate, but not of readings that never cross nought.
+            far = abs(at_rest[k] * unit.si) > 1.0 and x[:, k].min() * x[:, k].max() > 0
+            zero = at_rest if far and unit.why != "title" and not increments else None
         if zero is not None and not increments:
             if middle := _middle(self.data.x[:, list(columns)], zero):
                 zero = np.full(3, middle)

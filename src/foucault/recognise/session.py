@@ -15,7 +15,7 @@ import numpy as np
 
 from foucault.arrays import FloatArray
 from foucault.detect.steady import find_spins, grouped, turning
-from foucault.detect.stretches import FEW, HAND, Rests, find_rests, means_of, runs
+from foucault.detect.stretches import FEW, HAND, Rests, find_rests, means_of, runs, slowest
 from foucault.models.earth import EARTH_RATE
 from foucault.recognise.physics import sphere
 from foucault.recognise.units import USUAL
@@ -113,7 +113,7 @@ def _tumbled(log: Log) -> Session | None:
     """Return that of a magnetometer that was turned all the time about all axes, if it is one."""
     if log.mag is None or log.gyro is None or np.isnan(log.gyro).any():
         return None
-    rate = np.linalg.norm(log.gyro - np.median(log.gyro, axis=0), axis=1)
+    rate = np.linalg.norm(log.gyro - slowest(log.gyro), axis=1)
     size = np.ptp(np.percentile(log.mag, (2, 98), axis=0), axis=0)
     turning = float(np.mean(rate > TUMBLING))
     if turning < 0.7 or not size.min() > ROUND * size.max():

@@ -515,6 +515,11 @@ def length_unit(metres: float) -> tuple[str, float]:
     return ("m", 1.0) if metres >= 0.5 else ("mm", 1e-3)
 
 
+def largest(*drawn: FloatArray) -> float:
+    """Return the largest size of what is drawn on one axis, bands and outlines too [any]."""
+    return max(float(np.nanmax(np.abs(v), initial=0.0)) for v in drawn)
+
+
 POINTS = 1500  # Points that a line is drawn with [1].
 
 
@@ -546,11 +551,13 @@ def paths(
     `lines` are name, east, north, colour and dash; `ellipses` centre and covariance [m^2], drawn
     for two standard deviations; `marks` text and place of ages.
     """
-    every = [float(np.nanmax(np.abs(v), initial=0.0)) for line in lines for v in line[1:3]]
-    unit, size = length_unit(max(every, default=1.0))
+    edges = [ellipse(cov) for _, _, cov in ellipses]
+    drawn = [v for line in lines for v in line[1:3]]
+    for (east, north, _), (x, y) in zip(ellipses, edges, strict=True):
+        drawn += [east + x, north + y]
+    unit, size = length_unit(max((largest(v) for v in drawn), default=1.0))
     data: list[Trace] = []
-    for k, (east, north, cov) in enumerate(ellipses):
-        x, y = ellipse(cov)
+    for k, ((east, north, _), (x, y)) in enumerate(zip(ellipses, edges, strict=True)):
         data.append(
             area(
                 f"±2 sd, {predicted}",

@@ -151,13 +151,13 @@ def _results(about: About) -> Section | None:
 def _tolerance(about: About) -> Section | None:
     if about["tolerance"] is None:
         return None
-    kinds, order = _kinds(about), ("fail", "undecided", "pass")
+    order = ("fail", "undecided", "pass")
     ranked = sorted(
         about["decisions"],
         key=lambda d: (order.index(d["decision"]), -abs(d["value"] or 0.0) / d["limit"]),
     )
     some = ranked[:LISTED]
-    unit = [unit_of(kinds[d["name"]], d["limit"]) for d in some]
+    unit = _units(about, [d["name"] for d in some], [d["limit"] for d in some])
 
     def measured(d: About, one: float) -> str:
         known = d["value"] is not None and d["sd"] is not None

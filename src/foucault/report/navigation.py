@@ -313,7 +313,7 @@ def _over_time(seen: Seen, e: Mapping[str, Any]) -> page.Figure:
     t_unit, t = chart.time_unit(float(e["age"][-1]))
     half, runs = circular_error(_covariance(e)), seen.of_runs(e)
     sizes = [np.hypot(east, north) for _, east, north, _ in runs]
-    unit, one = chart.length_unit(max(float(np.nanmax(y, initial=0.0)) for y in (*sizes, half)))
+    unit, one = chart.length_unit(chart.largest(*sizes, half))
     hover = f"%{{x:.3g}} {t_unit}: %{{y:.4g}} {unit}|"
     data = [
         chart.line(
@@ -379,8 +379,8 @@ def _panels(seen: Seen, e: Mapping[str, Any]) -> page.Figure | None:
     """East, north, up, velocity and heading errors with the bands of one and two sd."""
     position = {"east": "east_east", "north": "north_north"}
     position |= {"up": "up_up"} if seen.about["settings"]["vertical"] == "free" else {}
-    largest = max(float(np.nanmax(np.abs(e[a]), initial=0.0)) for a in position)
-    unit, one = chart.length_unit(max(largest, 2 * float(np.sqrt(e["cov_east_east"][-1]))))
+    bands = [2 * np.sqrt(e[f"cov_{c}"]) for c in position.values()]
+    unit, one = chart.length_unit(chart.largest(*(e[a] for a in position), *bands))
     rows = [(f"{a} [{unit}]", a, c, one) for a, c in position.items()]
     rows += [(f"v {a} [m/s]", f"velocity_{a}", f"velocity_{a}", 1.0) for a in ("east", "north")]
     rows += [("heading [°]", "heading", "phi_up", float(np.radians(1.0)))]
@@ -473,10 +473,10 @@ def _terms(some: Mapping[str, Any], way: str) -> page.Figure:
     """Draw the error along one axis, the terms of at least a fiftieth of it, and their sum."""
     parts = {term: some[f"{term}.{way}"] for term in TERMS}
     t_unit, t = chart.time_unit(float(some["age"][-1]))
-    largest = max(float(np.max(np.abs(v))) for v in (some[way], *parts.values()))
-    unit, one = chart.length_unit(largest)
-    x, y, total = some["age"] / t, some[way] / one, np.sum(list(parts.values()), axis=0) / one
-    reach = 2 * some[f"noise.{way}"] / one
+    largest = chart.largest(some[way], *parts.values())
+    sum_, noise = np.sum(list(parts.values()), axis=0), 2 * some[f"noise.{way}"]
+    unit, one = chart.length_unit(max(largest, chart.largest(np.abs(sum_) + noise)))
+    x, y, total, reach = some["age"] / t, some[way] / one, sum_ / one, noise / one
     hover = f"%{{x:.3g}} {t_unit}: %{{y:.4g}} {unit}|error"
     data: list[chart.Trace] = [
         chart.band("sensor noise, ±2 sd", x, total - reach, total + reach),
@@ -557,7 +557,7 @@ def _contributions(rows: Sequence[Mapping[str, Any]]) -> page.Figure:
     before, left = (
         np.array([r[k]["horizontal"] or 0.0 for r in rows], float) for k in ("worth", "left")
     )
-    unit, one = chart.length_unit(float(np.max(before, initial=0.0)))
+    unit, one = chart.length_unit(chart.largest(before, left))
     data = [
         chart.bars(
             name, some / one, names, colour, f"%{{y}}: %{{x:.3g}} {unit}|{name}", orientation="h"

@@ -14,21 +14,22 @@ instrument puts out, so that coning and sculling are in it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from numbers import Real
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.polynomial import legendre
 
 from foucault.arrays import FloatArray
-from foucault.errors import error
+from foucault.errors import error, require, require_word
 from foucault.models.earth import EARTH_RATE, gravity
 from foucault.models.imu import ImuModel
 from foucault.models.noise import ImuNoise
 from foucault.models.rotation import angles_of, body_rate, exp, matrix_of
 from foucault.navigate.strapdown import State
-from foucault.plans.manoeuvres import Plan, Start
+from foucault.plans.manoeuvres import Plan, Segment, Start
 from foucault.simulate.noise import noisy_log, sampled_log
 from foucault.simulate.path import Kinematics, Path, Piece, level_rate, path_of, pieces_of
 from foucault.tables import Log, whole_samples
@@ -235,12 +236,24 @@ def simulate_motion(
     seed : int, shape ()
         Seed of the noise [1].
     """
+    require("start", start, Start)
+    require("model", model, ImuModel, none=True)
+    require("noise", noise, ImuNoise, none=True)
+    require_word("sampled", sampled, ("rate", "increment"))
+    require("rate", rate, Real)
+    require("gravity_offset", gravity_offset, Real)
+    if not np.isfinite(gravity_offset):
+        raise error("manoeuvre.value", key="gravity_offset", what="the simulation",
+                    given=gravity_offset, allowed="a finite number")  # fmt: skip
+    require("plan", plan, Sequence)
+    for segment in plan:
+        require("a segment of the plan", segment, *get_args(Segment))
     model, noise = model or ImuModel(), noise or ImuNoise()
     length = sum(segment.time for segment in plan)
-    if not rate * length >= 1.0 and plan:
+    if not 1.0 <= rate * length < np.inf and plan:
         raise error(
             "manoeuvre.value", key="rate", what="the simulation", given=rate,
-            allowed=f"{1.0 / length:.3g} Hz or more, one interval in the length of the plan",
+            allowed=f"finite and {1.0 / length:.3g} Hz or more, one interval of the plan",
         )  # fmt: skip
     motion, labels = motion_of(
         plan, start, headings=headings, gravity_offset=gravity_offset, lead=1.0 / rate

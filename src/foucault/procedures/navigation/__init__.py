@@ -9,6 +9,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -26,12 +27,12 @@ from foucault.diagnose.navigation import (
     growth,
 )
 from foucault.diagnose.schuler import SchulerFit
-from foucault.errors import Finding, error, finding
+from foucault.errors import Finding, error, finding, require
 from foucault.logs.reference import Reference
 from foucault.models.earth import Site
 from foucault.models.layouts import is_imu, of_sensors
 from foucault.models.noise import ImuNoise, noise_of
-from foucault.navigate.increments import increments_of, require_readings
+from foucault.navigate.increments import increments_of, navigable, require_readings
 from foucault.navigate.strapdown import Trajectory
 from foucault.procedures import Progress, silent
 from foucault.procedures.navigation import run as places
@@ -123,6 +124,13 @@ def navigate_log(
         `foucault.symptoms`.
     """
     began = clock.monotonic()
+    for name, given, kind in (
+        ("site", site, Site), ("settings", settings, Settings), ("noise", noise, ImuNoise),
+        ("calibration", calibration, Result), ("reference", reference, Reference),
+    ):  # fmt: skip
+        require(name, given, kind, none=True)
+    require("longitude", longitude, Real)
+    navigable(log, fewest=3)
     settings, about = settings or Settings(), dict(instrument or {})
     part = without_spikes(_part(log, settings), most=KNOCKS)
     told = (*part.findings, *_calibration(calibration, about))

@@ -28,6 +28,7 @@ from foucault.procedures.temperature.evidence import (
     Settings,
     Task,
     celsius,
+    distinct,
     model_of,
     solved,
     task_of,
@@ -49,6 +50,12 @@ _UNSEEN = (
     "covariance of the functions does not know them. That of a gravity given to all, it does.",
     "How the instrument behaves while its temperature changes quickly: sessions and ramps show it "
     "near equilibrium.",
+)
+
+_UNSEEN_ONCE = (
+    "What drifts with time: no temperature was visited twice, and where one came after the other "
+    "in order, a drift of the instrument is an effect of temperature here, with no residual. Visit "
+    "one of the first temperatures again at the end.",
 )
 
 _UNSEEN_RAMP = (
@@ -222,8 +229,13 @@ def _validity(sessions: Sequence[Session], model: TemperatureModel) -> dict[str,
 def _facts(
     sessions: Sequence[Session], ramps: Sequence[Ramp], settings: Settings
 ) -> dict[str, Any]:
+    temperatures = np.array([s.temperature for s in sessions])
     return {
-        "unseen": [*_UNSEEN, *(_UNSEEN_RAMP if ramps else ())],
+        "unseen": [
+            *_UNSEEN,
+            *(_UNSEEN_ONCE if distinct(temperatures) == len(sessions) else ()),
+            *(_UNSEEN_RAMP if ramps else ()),
+        ],
         "sessions": [
             {
                 "name": s.name,
