@@ -28,7 +28,7 @@ BUDGET = {
     "plans": 5_923,
     "procedures": 20_581,
     "recognise": 3_059,
-    "report": 10_337,
+    "report": 10_344,
     "records": 1_593,
     "simulate": 3_726,
     "symptoms": 72,
