@@ -204,8 +204,11 @@ def commands() -> list[Any]:
     out = []
     for page in [*PAGES, CONTRIBUTING]:
         text = page.read_text(encoding="utf-8")
-        for block in re.findall(r"```(?:sh|console|powershell|)\n(.*?)```", text, re.S):
-            lines = block.replace("\\\n", " ").splitlines()
+        # Begin and end are matched: the end of a block in another language begins none.
+        for kind, block in re.findall(r"^```([^\n]*)\n(.*?)^```$", text, re.S | re.M):
+            if kind not in ("sh", "console", "powershell", ""):
+                continue
+            lines = re.sub(r"^docker .*", "", block.replace("\\\n", " "), flags=re.M).splitlines()
             words = [shlex.split(line, comments=True) for line in lines if "foucault " in line]
             starts = [w[w.index("foucault") + 1 :] for w in words if "foucault" in w]
             out += [pytest.param(w, id=f"{page.relative_to(ROOT)}-{' '.join(w)}") for w in starts]

@@ -163,3 +163,10 @@ def test_a_sentence_goes_on_from_the_one_inside_the_limits(monkeypatch: pytest.M
     excused = check("both", "a", 4.0, 1.0, 3.0, given, excused=True)
     assert excused.passed and excused.low == 1.0 and excused.high is None
     assert not check("both", "a", 4.0, 1.0, 3.0, given, excused=True, p=1e-5).passed
+
+
+def test_a_large_number_in_a_sentence_has_no_exponent() -> None:
+    about = {"what": "drift", "size": "", "worst": "", "ties": "", "cure": "Look."}
+    for value, wanted in ((312.4, "310 times"), (2.94, "2.9 times")):
+        said = check("left out contradicted", "size", value, None, 1.0, about).sentence
+        assert wanted in said and "e+" not in said

@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from foucault import campaign
+from foucault.campaign.running import read_any
 from foucault.cli import sessions
 from foucault.diagnose.live import inspect
+from foucault.procedures import PROCEDURES
 from foucault.report import noise, save
 from foucault.tables import Log, TableColumns
 
@@ -76,3 +79,29 @@ def test_means_have_a_row_each_and_no_noise(tmp_path):
     assert list(document["averaged"]) == [30.0, 30.0, 10.0]
     save(noise.inspected(seen), tmp_path / "quick.html")
     assert "3 means" in (tmp_path / "quick.html").read_text()
+
+
+@pytest.mark.parametrize("name", [
+    pytest.param(n, marks=() if n in ("norm_observation", "two_imus") else pytest.mark.thorough)
+    for n in PROCEDURES if n != "north_seeking"  # whose log has one gyro, and is refused
+])  # fmt: skip
+def test_a_session_of_any_procedure_can_be_looked_at_and_warns_of_nothing(name, tmp_path):
+    session = campaign.simulate(campaign.parse(campaign.template(name)))
+    log, _ = read_any(campaign.save_session(session, tmp_path), lambda *_: None)
+    seen = inspect(log)
+    document = noise.glance(seen)
+    assert not [s for s in document.sections if s.key == "findings"]
+    assert not [w for rows in tables(seen).values() for row in rows for w in row if "nan" in w]
+
+
+def test_a_whole_turn_is_a_spin_and_what_only_creeps_is_named():
+    rng = np.random.default_rng(1)
+    rates = np.radians([0.0, 0.0, 0.0, 50.0, 0.0, 0.0, 5.0, 0.0])  # 500 deg, and 50 deg
+    gyro = np.concatenate(
+        [x for w in rates for x in (np.tile([0, 0, w], (500, 1)), 0.3 * rng.normal(size=(100, 3)))]
+    ) + 1e-4 * rng.normal(size=(4800, 3))
+    up = np.tile([0.0, 0.0, 9.81], (4800, 1)) + 1e-3 * rng.normal(size=(4800, 3))
+    seen = inspect(Log(0.02 * np.arange(4800), gyro, up))
+    assert seen.turning.tolist() == [False, False, False, True, False, False, False]
+    assert [f.code for f in seen.findings] == ["rest.moving"]
+    assert seen.findings[0].message.startswith("The quiet time 72")

@@ -57,6 +57,20 @@ def test_a_logarithmic_axis_gives_each_decade_the_same_room():
     assert {"1", "10", "100", "1000"} <= set(words(figure))
 
 
+def test_words_beside_a_point_stand_on_the_side_that_is_asked_for():
+    x = np.array([1.0, 1.0, 1.0])
+    sides = ["middle right", "middle left", "top center"]
+    dot = dots("a", x, np.arange(3.0), "var(--bad)", mode="markers+text", text=["r", "l", "t"],
+               textposition=sides)  # fmt: skip
+    figure = made(dot)
+    root = ElementTree.fromstring(still.svg(figure))
+    said = {e.text: e.attrib for e in root.iter("text") if e.text in ("r", "l", "t")}
+    at = points(figure, "var(--bad)")[0, 0]
+    assert float(said["r"]["x"]) > at > float(said["l"]["x"])
+    assert (said["r"]["text-anchor"], said["l"]["text-anchor"]) == ("start", "end")
+    assert float(said["t"]["x"]) == pytest.approx(at, abs=8)
+
+
 def test_a_line_breaks_where_nothing_is_known():
     figure = made(line("a", np.arange(5.0), [0.0, 1.0, None, 1.0, 0.0], "var(--bad)"))
     (d,) = [d for style, d in paths(figure) if "var(--bad)" in style]

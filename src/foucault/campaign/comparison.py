@@ -189,12 +189,12 @@ def _recorded(path: Path, result: Result) -> float:
 
 
 def _sorted(read: list[Entry]) -> list[Entry]:
-    """Sort by instrument and time; a date that is missing leaves all of that instrument as is."""
+    """Sort by instrument, time and name; without a date all of that instrument stay as they are."""
     out = []
     for name in sorted({e.instrument for e in read}):
         mine = [e for e in read if e.instrument == name]
         if all(math.isfinite(e.time) for e in mine):
-            mine.sort(key=lambda e: (e.time, e.sha256))
+            mine.sort(key=lambda e: (e.time, e.label, e.sha256))
         out += mine
     return out
 

@@ -53,7 +53,7 @@ def capture(
 
     if known:
         rows = [*frame.shipped().items()]
-        screen.table("frames that are known", ("name", "of"), rows)
+        screen.table("frames that are known", ("name", "of"), rows, right=(False, False))
         screen.data({"frames": dict(rows)})
         return
     if again is not None:

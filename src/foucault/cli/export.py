@@ -100,7 +100,7 @@ def apply(
 
 @command(
     "foucault export run --to c -o calibration.h",
-    "foucault export run --to px4 -o px4.params --drop accel.misalignment --drop gyro.scale",
+    "foucault export run --to px4 -o px4.params --drop accel.misalignment --drop gyro",
     'foucault export run --to vins-mono -o vins.yaml --noise static --rate "200 Hz"',
     "foucault export static --to kalibr -o imu.yaml",
 )
@@ -244,7 +244,7 @@ def _of_an_imu(result: Result) -> Result:
 
 @command(
     "foucault check kalibr_imu.yaml",
-    "foucault check fast_lio_imu.yaml --run run --noise static",
+    'foucault check fast_lio_imu.yaml --run run --noise static --rate "200 Hz"',
 )
 def check(
     screen: Screen,

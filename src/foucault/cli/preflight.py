@@ -71,7 +71,7 @@ def preflight(
 @command(
     "foucault optimise campaign.toml -o search",
     'foucault optimise platform_tumble -o search --time-limit "60 s"',
-    'foucault optimise north_seeking -o search --set "procedure.index_limit = 95 deg"',
+    'foucault optimise platform_tumble -o search --set "procedure.tilt_limit = 120 deg"',
     notes="What may be changed of the plan stands in the table [optimise] of the campaign. "
     "The same command again continues a search; with more --restarts it goes further.",
     exits={

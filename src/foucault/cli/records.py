@@ -221,7 +221,7 @@ def due(
     at: AsOf = "",
     database: Where = None,
 ) -> None:
-    """List what is due, and which limits will be reached.
+    """List what is due, and which limits are or will be reached.
 
     An instrument is due when its interval has passed since its last run that counts.
     """
@@ -241,6 +241,10 @@ def due(
         (p.instrument, f"{o.name} reaches its limit", _day(o.reaches))
         for p in found for o in p.outlooks
         if o.reaches <= end and not p.out_of_service
+    ]  # fmt: skip
+    rows += [
+        (p.instrument, f"{o.name} is beyond its limit", _day(now)) for p in found
+        for o in p.outlooks if o.decision == "fail" and not p.out_of_service
     ]  # fmt: skip
     rows += [
         (r.name, f"certificate of the {r.what}", r.due[:10])
@@ -369,6 +373,10 @@ def rerun(
         chosen = [records.run(one) for one in run or ()]
         if older:
             chosen += [r for r in every if r.version != __version__ and r.sha256 not in over]
+        if not chosen:
+            screen.say("Nothing to make again: "
+                       + (f"all that counts is of version {__version__}." if older
+                          else "name a run, or all of other versions by --older."))  # fmt: skip
         for one in chosen:
             with screen.progress() as tell:
                 try:

@@ -105,10 +105,11 @@ class Rests:
         return list(zip(self.first.tolist(), self.last.tolist(), strict=True))
 
 
-def find_rests(log: Log, how: How = HAND) -> Rests:
+def find_rests(log: Log, how: How = HAND, *, spins: bool = False) -> Rests:
     """Find the intervals in which the instrument did not move.
 
-    `log`: readings with accelerometers, gyros or both [SI]; `how`: what is special about it.
+    `log`: readings with accelerometers, gyros or both [SI]; `how`: what is special about it;
+    `spins`: steady turns of a whole turn or more, which nobody takes for a rest, stay among them.
     """
     rate = log.rate if len(log) > 1 else 0.0
     samples = how.samples(rate)
@@ -129,6 +130,9 @@ def find_rests(log: Log, how: How = HAND) -> Rests:
     if log.gyro is None or len(found) < FEW:
         return found
     moving, off = turning(means_of(log.gyro, found.spans))
+    lasting = (last - first) * log.interval
+    if spins:
+        moving &= off * lasting < 2 * np.pi
     return replace(
         found,
         first=first[~moving],
@@ -138,7 +142,7 @@ def find_rests(log: Log, how: How = HAND) -> Rests:
                     end=f"{log.time[last[i] - 1]:.1f}", rate=f"{np.degrees(off[i]):.2f}")
             for i in np.flatnonzero(moving)
         ),
-        left_out=np.column_stack([off, (last - first) * log.interval])[moving],
+        left_out=np.column_stack([off, lasting])[moving],
     )  # fmt: skip
 
 

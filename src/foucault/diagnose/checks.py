@@ -80,10 +80,20 @@ def check(
         text = words.unlikely
     if text.startswith("..."):
         text = words.fine.removesuffix("" if text[3] == " " else ".") + text[3:]
-    sentence = (text or words.fine).format(value=value, low=low, high=high, **given)
+    numbers = {"value": value, "low": low, "high": high}
+    told = {k: _Number(x) if isinstance(x, float) else x for k, x in numbers.items()}
+    sentence = (text or words.fine).format(**told, **given)
     if excused:
         low, high = (None if below else low), (None if above else high)
     return Check(name, value, low, high, passed, sentence, fails, p)
+
+
+class _Number(float):
+    """A number that a sentence has without an exponent where it is large: 310, not 3.1e+02."""
+
+    def __format__(self, spec: str) -> str:
+        text = super().__format__(spec)
+        return f"{float(text):.0f}" if "e+" in text else text
 
 
 PLAUSIBLE = 30.0  # A larger scale factor error is that of a wrong unit [percent].

@@ -12,6 +12,7 @@ from foucault.models.imu import LAYOUT
 from foucault.models.left_out import in_words
 from foucault.models.left_out import table as typical
 from foucault.result import Check, TableData
+from foucault.units import plain
 
 CLEARER = 0.5
 """A term of which readings see a larger share than this they know better than its size [1]."""
@@ -89,7 +90,7 @@ def _worst(judged: Judgement, group: str) -> str:
     if group not in judged.worst or len(judged.seen[group].u) < 2:
         return ""
     name, times = judged.worst[group]
-    return f", most of all {name}, about {times:.2g} times"
+    return f", most of all {name}, about {plain(times, 2)} times"
 
 
 def _cure(group: str, jumped: bool) -> str:

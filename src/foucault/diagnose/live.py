@@ -72,7 +72,7 @@ def inspect(log: Log) -> Inspection:
     if log.averaged is not None:
         return _means(log)
     given, log = log, without_spikes(log.filled())
-    rests = find_rests(log)
+    rests = find_rests(log, spins=True)
     rows = rest_table(log, rests)
     turning = turns_among(log, rests, rows)
     log = _as_logged(log, given)

@@ -281,7 +281,8 @@ def _beside(row: Row, given: FloatArray, right: FloatArray, about: Known) -> lis
     if close:  # one mistake is likelier than two that come to the same
         return [min(close)[-1]]
     if row.noise and (right > 0).all() and (given > 0).all():
-        return [f"{DIFFERS}: {plain(float(np.median(given / right)), 3)} times"]
+        ratio = float(np.median(given / right)) ** (1 / KINDS[row.kind][0])  # of sigmas, as shown
+        return [f"{DIFFERS}: {plain(ratio, 3)} times"]
     return [DIFFERS]
 
 

@@ -356,6 +356,7 @@ def _open_poses(path: Path, description: Any, progress: Progress | None) -> RawT
 
 def opened_bag(path: Path) -> Any:
     """Open a bag of ROS 1 or ROS 2."""
+    path.stat()  # One that is not there is refused by its name, which the library leaves out.
     reader = library("rosbags.highlevel", "ros", path)
     types = library("rosbags.typesys", "ros", path)
     usual = types.get_typestore(types.Stores.LATEST)

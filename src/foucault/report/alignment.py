@@ -121,8 +121,10 @@ def offset(found: FoundDelay) -> page.Document:
 
 def _parts(found: FoundDelay) -> page.Section | None:
     one, start = found.delay, found.start
+    wide = max(map(abs, one.bracket))  # A part that tells no more than where it was sought.
     rows = [
-        [f"{a - start:.1f} to {b - start:.1f}", format_value(1e3 * x, 1e3 * sd), f"{1e3 * sd:.2g}"]
+        [f"{a - start:.1f} to {b - start:.1f}",
+         *((format_value(1e3 * x, 1e3 * sd), f"{1e3 * sd:.2g}") if sd < wide else ("not seen", ""))]
         for a, b, x, sd in zip(one.part_start, one.part_end, one.part_delay,
                                np.sqrt(np.diag(one.part_cov)), strict=True)
     ]  # fmt: skip

@@ -581,8 +581,9 @@ def paths(
                 north,
                 size=6,
                 mode="markers+text",
-                text=[m[0] for m in marks],
-                textposition="top center",
+                text=[f" {m[0]}" for m in marks],
+                textposition="middle right",  # a path goes on above and below a point as a rule
+                cliponaxis=False,
                 textfont={"color": SOFT, "size": 11.5},
             )
         )

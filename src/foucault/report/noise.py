@@ -24,7 +24,7 @@ from foucault.diagnose.live import Inspection
 from foucault.errors import Finding
 from foucault.models.transfer import MasterTable
 from foucault.report import chart, page
-from foucault.tables import AXES
+from foucault.tables import AXES, Log
 from foucault.units import convert, display_unit, plain, span
 
 POINTS = 4000  # Samples drawn per line; a longer log is shown by the extremes of blocks.
@@ -45,7 +45,7 @@ KINDS = {
 def inspected(inspection: Inspection, start: float = 0.0) -> page.Document:
     """Return readings, rests and how they were found; times count from `start` [s]."""
     log, rests = inspection.log, inspection.rests
-    master: MasterTable | None = getattr(log, "master", None)
+    master, moves = _master(log), _moves(log)
     made: list[page.Section | None] = [
         page.Section(TRIADS[triad][1], "", [_readings(log.time, x, TRIADS[triad][3])])
         for triad, x in (
@@ -60,9 +60,11 @@ def inspected(inspection: Inspection, start: float = 0.0) -> page.Document:
     if log.averaged is not None:
         line_, found = [f"{len(log)} means", f"{log.duration:.0f} s"], f"{len(log)} means"
         made.append(page.section("log.means", _rests(inspection, "mean")))
-    elif master is not None:  # it is calibrated as it moves: rests are nothing to look for
+    elif master is not None:
         found = f"{len(master.messages.time)} messages of a master"
         made.append(page.section("log.master", _facts("", _messages(master, start))))
+    elif moves:
+        found = f"{len(log)} samples of what moves"
     else:
         keep = _extremes(rests.level)
         level = {"time": log.time[keep]}
@@ -76,30 +78,26 @@ def inspected(inspection: Inspection, start: float = 0.0) -> page.Document:
         drawn = replace(chart.detection(level, rests.threshold, spans), caption=shaded)
         made.append(page.section("log.rests", drawn, _rests(inspection, "rest")))
     head = page.Heading(f"Log {file}", line_, "plain", found, [])
-    about = page.section(
-        "log.overview", _facts(file, _overview(inspection, start, moves=master is not None))
-    )
+    about = page.section("log.overview", _facts(file, _overview(inspection, start, moves)))
     # Of what moves, findings about rests say nothing.
-    noticed = inspection.findings if master is None else log.findings
-    readings = page.section("log.readings", _axes(inspection, noise=master is None))
+    noticed = log.findings if moves else inspection.findings
+    readings = page.section("log.readings", _axes(inspection, noise=not moves))
     return page.Document.of(head, about, readings, made, page.findings(noticed))
 
 
 def glance(inspection: Inspection, start: float = 0.0) -> page.Document:
     """Return what fits on one screen: axes, a bar of the rests, each kind of finding once."""
     whole = inspected(inspection, start)
-    log, master = inspection.log, getattr(inspection.log, "master", None)
+    log, moves = inspection.log, _moves(inspection.log)
     kept = [one for one in whole.sections if one.key in ("log.readings", "log.master")]
     first = page.said("log.overview.starts", start=plain(start, 13)) if start else ""
-    rows = dict(_overview(inspection, start, moves=master is not None))
+    rows = dict(_overview(inspection, start, moves))
     told_ = [f"{rows[k]} {k}" for k in ("interval", "gaps") if k in rows]
     kinds = [rows[k] for k in ("readings", "means") if k in rows]
     seen = [f"{k}: {rows[k]}" for k in ("rests found", "steady turns", "|f| at rest") if k in rows]
-    bar = (
-        [] if log.averaged is not None or master is not None else [page.Code(_timeline(inspection))]
-    )
+    bar = [] if log.averaged is not None or moves else [page.Code(_timeline(inspection))]
     line_ = [*whole.heading.line, *told_, *kinds]
-    noticed = inspection.findings if master is None else log.findings
+    noticed = log.findings if moves else inspection.findings
     return page.Document.of(
         replace(whole.heading, line=line_),
         kept,
@@ -188,6 +186,17 @@ def _overview(seen: Inspection, start: float, moves: bool) -> list[tuple[str, st
     return rows
 
 
+def _master(log: Log) -> MasterTable | None:
+    """Return the messages of a master beside the log, where what is beside it is one."""
+    beside = getattr(log, "master", None)
+    return beside if isinstance(beside, MasterTable) else None
+
+
+def _moves(log: Log) -> bool:
+    """Whether it is calibrated as it moves, against what is beside it: nothing has to rest."""
+    return type(log) is not Log
+
+
 def _messages(master: MasterTable, start: float) -> list[tuple[str, str]]:
     """What there is to see of the messages of a master, by the clock that they are used by."""
     time, speed = master.messages.time - start, np.linalg.norm(master.velocity_n[:, :2], axis=1)
@@ -216,7 +225,8 @@ def _axes(seen: Inspection, noise: bool) -> page.Table:
         for i in seen.log.logged(name):
             numbers_ = (axes.mean, axes.sd, axes.lowest, axes.highest)
             cells = [f"{convert(float(c[i]), kind, unit):.4g}" for c in numbers_]
-            white = f"{convert(float(axes.noise[i]), noise_kind, noise_unit):.3g} {noise_unit}"
+            n = convert(float(axes.noise[i]), noise_kind, noise_unit)
+            white = f"{n:.3g} {noise_unit}" if np.isfinite(n) else "-"
             rows.append([f"{name} {AXES[i]} ({unit})", *cells, *[white] * noise])
     return page.Table(
         _columns("axis", "mean", "sd", "min", "max", *["noise at rest"] * noise), rows

@@ -382,12 +382,18 @@ def _scatter(plot: _Plot, trace: Mapping[str, Any]) -> None:
         plot.out += _marks(trace, x, y)
     if "text" in mode:
         font = {"color": "var(--soft)", "size": SIZE} | trace.get("textfont", {})
-        colours = font["color"]
+        colours, places = font["color"], trace.get("textposition", "")
         for k, (a, b, text) in enumerate(zip(x, y, trace["text"], strict=False)):
             if text and math.isfinite(a + b):
                 colour = colours if isinstance(colours, str) else colours[k]
-                up = -8 if "top" in trace.get("textposition", "") else 4
-                plot.out.append(_text(a, b + up, str(text), "middle", colour, font["size"]))
+                place = places if isinstance(places, str) else places[k]
+                up = -8 if "top" in place else 4
+                anchor, aside = next((w for s, w in SIDES.items() if s in place), ("middle", 0))
+                plot.out.append(_text(a + aside, b + up, str(text), anchor, colour, font["size"]))
+
+
+SIDES = {"right": ("start", 8), "left": ("end", -8)}
+"""How words beside a point are anchored, and how far from it they begin [px]."""
 
 
 def _bars(plot: _Plot, traces: Sequence[Mapping[str, Any]], look: Mapping[str, Any]) -> None:
