@@ -8,7 +8,7 @@ sources whose sizes are known::
 
 A trial draws d of the instrument and e of the readings, sources that nobody declared at their true
 sizes among them, and is solved as `mixed.fit` solves it: Gauss-Newton, sizes by restricted maximum
-likelihood from the contrasts that no unknown of the plan explains, each with Student's factor, and
+likelihood from the contrasts that no unknown of the plan explains, each as uncertain as it is, and
 Gauss-Newton again. Whatever a procedure states can be drawn so; nothing of it is written twice.
 
 What a log has besides is not in it: detecting rests, outliers, and causes that are named.
@@ -143,6 +143,7 @@ class Plan:
     free: Mapping[str, FloatArray]  # its causes in the rows, (N, k) each [1]
     spectra: Mapping[str, Spectrum]  # how it shows in the contrasts
     prices: Mapping[str, float]  # what it has to gain, twice the log-likelihood [1]
+    certain: frozenset[str]  # those that are there for certain
 
     @property
     def size(self) -> int:
@@ -192,6 +193,7 @@ class Plan:
             Jet.of(*_rows(fit, [s for s in known if s.noise], slopes, beside, unit)), said, errors,
             contrasts, free, {name: Spectrum(V, *np.linalg.eigh(V)) for name, V in shown.items()},
             {s.name: s.price for s in fit.at.sources if s.sd is None},
+            frozenset(s.name for s in fit.at.sources if s.sd is None and s.certain),
         )  # fmt: skip
 
     def drawn(self, count: int, rng: np.random.Generator) -> FloatArray:
@@ -237,11 +239,11 @@ class Plan:
         return [(some, np.asarray(np.linalg.inv(C)))]
 
     def _sizes(self, z: FloatArray) -> dict[str, FloatArray]:
-        """Return the variance of every source of unknown size with Student's factor, (b,) each.
+        """Return the variance of every source of unknown size, as uncertain as it is, (b,) each.
 
         `z` (b, q): contrasts [1].
         """
-        out = {name: np.zeros(len(z)) for name in self.spectra}
+        likely, out = ({name: np.zeros(len(z)) for name in self.spectra} for _ in range(2))
         gains = {name: one.gain(z) - self.prices[name] for name, one in self.spectra.items()}
         if not gains:
             return out
@@ -252,7 +254,7 @@ class Plan:
             mine = np.flatnonzero(most == k)
             var, dof = one.best(z[mine])
             n = np.maximum(dof, TOLD)
-            out[name][mine] = var * n / (n - 2)  # `student`, squared
+            likely[name][mine], out[name][mine] = var, var * n / (n - 2)  # `student`, squared
             for other in names:
                 if other != name:
                     more = one.more(z[mine], var, self.spectra[other].V)
@@ -261,7 +263,16 @@ class Plan:
         for i in np.flatnonzero(full):
             found, told, _ = mixed.priced(z[i], shown, self.prices)
             for name, sd in found.items():
-                out[name][i] = (sd * student(told[name])) ** 2
+                likely[name][i], out[name][i] = sd**2, (sd * student(told[name])) ** 2
+        for name in self.certain:
+            one = self.spectra[name]
+            alone = np.ones(len(z), bool)
+            for other in names:
+                alone &= (other == name) | (likely[other] == 0)
+            out[name][alone] = mixed.means(one.size, (z[alone] @ one.axes) ** 2)
+            for i in np.flatnonzero(~alone):
+                there = {n: float(v[i]) for n, v in likely.items()}
+                out[name][i] = mixed.mean_variance(name, shown, there, z[i])
         return out
 
 

@@ -41,7 +41,7 @@ from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import Status, error
 from foucault.infer import gauss_newton
-from foucault.infer.gauss_newton import FALSE_ALARM, Component, chi_square_limits, student
+from foucault.infer.gauss_newton import FALSE_ALARM, TOLD, Component, chi_square_limits, student
 from foucault.kernels.small_matrices import decorrelate
 from foucault.result import Estimate, Linearised, Problem
 
@@ -90,6 +90,11 @@ class Source:
     unexplained: bool = False
     type: str = "B"  # evaluated from the scatter of these data, A, or from other knowledge, B
     basis: str = ""  # what it was evaluated from, for people
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is there for certain, however small the most likely size may be."""
+        return not (self.price or self.noise or self.unexplained)
 
 
 def scatter(
@@ -561,49 +566,61 @@ def as_uncertain(
     what a reading counts [1]; `read`: False where nothing was, but will be with these sizes.
     """
     wide = {name: sd * student(dof[name]) for name, sd in found.items()}
-    certain = [s for s in at.sources if not (s.price or s.noise or s.unexplained)]
-    there = {s.name for s in certain if s.sd is None}
+    there = {s.name for s in at.sources if s.sd is None and s.certain}
     if there:
         left, r, V = _contrasts(at, {s.name: s.price for s in at.sources if s.sd is None}, weights)
         var = {name: found.get(name, 0.0) ** 2 for name in V}
-        means = {n: _mean_variance(n, V, var, left @ r if read else None) for n in there}
-        wide |= {name: float(np.sqrt(v)) for name, v in means.items() if v is not None}
+        z = left @ r if read else None
+        wide |= {name: float(np.sqrt(mean_variance(name, V, var, z))) for name in there}
     return wide
 
 
-def _mean_variance(
+def mean_variance(
     name: str, V: Mapping[str, FloatArray], var: Mapping[str, float], z: FloatArray | None
-) -> float | None:
+) -> float:
     """Return the mean of a variance, of what is there for certain and may hide behind others.
 
-    Under Jeffreys' prior, the root of its information, beside others as large as in `var`. Where
-    nothing hides it, that is its most likely value times Student's ``v / (v - 2)``. None where so
-    few contrasts tell it that it has none.
-
-    `V`: source -> covariance of the contrasts by it [1]; `var`: variance of each [SI]; `z` (q,):
-    the contrasts, None for those of a plan, of these variances [1].
+    See `means`. `V`: source -> covariance of the contrasts by it [1]; `var`: variance of each [SI],
+    of the others as large as they are beside it; `z` (q,): the contrasts, None for those of a plan,
+    of these variances [1].
     """
     from scipy.linalg import solve_triangular
 
-    root = np.linalg.cholesky(np.eye(len(V[name])) + sum(var[n] * V[n] for n in V if n != name))
+    root = _root(V[name], V, {n: v for n, v in var.items() if n != name})
     half = solve_triangular(root, V[name], lower=True)
     size, axes = np.linalg.eigh(solve_triangular(root, half.T, lower=True))
-    told = size > 1e-9 * size.max(initial=0.0)
-    if told.sum() <= FEWEST:
-        return None
-    size, axes = size[told], axes[:, told]
     square = 1 + var[name] * size
     if z is not None:
         square = (axes.T @ solve_triangular(root, z, lower=True)) ** 2
-    v = np.geomspace(1e-3 / size[-1], 1e3 * (1 + square.max()) / size[0], 1000)
+    return float(means(size, square[None])[0])
+
+
+def means(size: FloatArray, square: FloatArray) -> FloatArray:
+    """Return the mean of a variance v in each of many trials, (b,).
+
+    Of independent contrasts of variance ``1 + v size``, under Jeffreys' prior, the root of its
+    information. Where nothing hides it, that is its most likely value times Student's
+    ``v / (v - 2)``; fewer contrasts than `TOLD` are taken for as many, as `student` takes them.
+
+    `size` (k,): what one unit of v makes of the variance of each contrast, none where it is not
+    seen; `square` (b, k): their squares [1].
+    """
+    told = size > UNTOLD * size.max(initial=0.0)
+    if not told.any():
+        return np.zeros(len(square))
+    size, square = size[told], square[:, told]
+    v = np.geomspace(1e-3 / size.max(), 1e14 / size.min(), 500)
     more = 1 + v[:, None] * size
-    unlikely = np.sum(np.log(more) + square / more, axis=1)
-    weight = v * np.sqrt(np.sum((size / more) ** 2, axis=1))
-    weight *= np.exp((unlikely.min() - unlikely) / 2)
-    return float(v @ weight / weight.sum())
+    unlikely = square @ (1 / more).T + np.sum(np.log(more), axis=1)
+    weight = np.exp((unlikely.min(axis=1, keepdims=True) - unlikely)
+                    * max(1.0, TOLD / np.sum(size > STRONG * size.max())) / 2)  # fmt: skip
+    weight *= v * np.sqrt(np.sum((size / more) ** 2, axis=1))
+    return np.asarray(weight @ v / weight.sum(axis=1))
 
 
-FEWEST = 4  # From so many contrasts a variance has a mean, but one without a limit [1].
+UNTOLD, STRONG = 1e-9, 1e-4
+"""Contrasts that show a size by less than these shares of what the best does tell nothing of it,
+and are not counted among those that tell it [1]."""
 
 
 def likeliest(models: Sequence[AModel], state: Any, weights: FloatArray) -> AModel:
@@ -1018,8 +1035,9 @@ def planned(
     Sizes that they will tell are those of the plan, as uncertain as the redundancy of the plan
     leaves them, as in `fit`.
 
-    `sds` or None: source -> size of those to be found, nothing where it is not given [SI]; `prior`
-    or None: what is known of the coefficients [SI].
+    `sds` or None: source -> size of those to be found, nothing where it is not given [SI]: what is
+    there for certain is stated as it is then, which is not nothing; `prior` or None: what is known
+    of the coefficients [SI].
     """
     once, every = cast("Model", _Once(model)), np.ones(len(next(iter(model.kinds.values()))))
     at = once.linearise(model.start)

@@ -110,6 +110,7 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
     starts at row 0 does not use it but for coning and sculling.
     """
     navigable(log)
+    require_sound(log)
     require_word("gaps", gaps, ("stop", "bridge"))
     assert log.gyro is not None and log.accel is not None
     dt = _lengths(log.time)
@@ -134,8 +135,8 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
 def navigable(log: Log, fewest: int = 2) -> None:
     """Refuse a log [SI] of which no integral can be taken.
 
-    One that lacks a triad or an axis, whose rows are means, fewer than `fewest` [1], missing or no
-    numbers, or whose time does not rise.
+    One that lacks a triad, an axis or times, or whose rows are means or fewer than `fewest` [1];
+    what may be left out of it is not looked at, see `require_sound`.
     """
     require("the log", log, Log)
     if len(log) < fewest:
@@ -148,7 +149,12 @@ def navigable(log: Log, fewest: int = 2) -> None:
             raise error("strapdown.no_axis", triad=name, missing=", ".join(absent))
     if log.averaged is not None:
         raise error("strapdown.averaged")
-    blocks = {name: getattr(log, name) for name in ("time", "gyro", "accel")}
+    finite({"time": log.time}, "error", str(log.source.get("file", "the log")))
+
+
+def require_sound(log: Log) -> None:
+    """Refuse readings that are missing or no numbers, and a time that does not rise [SI]."""
+    blocks = {name: getattr(log, name) for name in ("gyro", "accel")}
     finite(blocks, "error", str(log.source.get("file", "the log")))
     timing(log.time)
 

@@ -31,7 +31,13 @@ from foucault.navigate.align import (
     sensor_errors,
     window,
 )
-from foucault.navigate.increments import Increments, increments_of, navigable, require_readings
+from foucault.navigate.increments import (
+    Increments,
+    increments_of,
+    navigable,
+    require_readings,
+    require_sound,
+)
 from foucault.navigate.inertial_frame import SensorErrors, known_latitude
 from foucault.procedures.navigation.run import bias_sds
 from foucault.procedures.navigation.start import LEAST, Settings, before, in_rest, opening
@@ -109,10 +115,12 @@ def align_log(
     require("calibration", calibration, Result, none=True)
     known_latitude(site)
     navigable(log)
-    log = without_spikes(log)
     if len(rests):
         rests = numbers("rests", rests, (None, 2)).tolist()
         start, end = rests[-1]
+    if start is None and end is None:  # a rest is looked for in all of it
+        require_sound(log)
+    log = without_spikes(log)
     begin = float(log.time[0])
     given = [(begin + a, before(log, b) if len(rests) > 1 else begin + b) for a, b in rests]
     spans = given if len(given) > 1 else []

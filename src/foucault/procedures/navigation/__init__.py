@@ -32,7 +32,7 @@ from foucault.logs.reference import Reference
 from foucault.models.earth import Site
 from foucault.models.layouts import is_imu, of_sensors
 from foucault.models.noise import ImuNoise, noise_of
-from foucault.navigate.increments import increments_of, navigable, require_readings
+from foucault.navigate.increments import increments_of, navigable, require_readings, require_sound
 from foucault.navigate.strapdown import Trajectory
 from foucault.procedures import Progress, silent
 from foucault.procedures.navigation import run as places
@@ -132,7 +132,9 @@ def navigate_log(
     require("longitude", longitude, Real)
     navigable(log, fewest=3)
     settings, about = settings or Settings(), dict(instrument or {})
-    part = without_spikes(_part(log, settings), most=KNOCKS)
+    part = _part(log, settings)
+    require_sound(part)
+    part = without_spikes(part, most=KNOCKS)
     told = (*part.findings, *_calibration(calibration, about))
     increments_of(part, gaps=settings.gaps)  # refuses what cannot be navigated at all
     require_readings(part)
