@@ -70,9 +70,10 @@ def test_means_of_poses_agree_with_norm_observation():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("gyro", [1e-7, GYRO, 5e-4])
+@pytest.mark.parametrize("gyro", [5e-7, GYRO, 5e-4])
 @pytest.mark.parametrize("declared", [True, False])
 def test_uncertainties_of_means_of_poses_are_true(gyro, declared):
+    """Gyros that are quieter show scale factor errors, 0.3 % of the Earth's rate: 2e-7 rad/s."""
     noise = replace(NOISE, gyro=TriadNoise(white=gyro * MEAN**0.5)) if declared else None
     total, count = {"accel": 0.0, "gyro": 0.0}, 60
     for seed in range(count):
