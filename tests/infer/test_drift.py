@@ -169,7 +169,7 @@ def test_accelerometers_that_slip_against_the_gyros_are_named_by_the_angle(seed)
         slipped = replace(log, accel=log.accel - half * np.cross(angle, log.accel))
         result = hand_rotated.calibrate(slipped, site=SITE, noise=MEMS, sizes=ByNoise())
         first = (*result.verdict.reasons, "")[0]
-        told = f"the angle of the gyros to the accelerometers about {axis} had jumped by "
+        told = f"the angle of the gyros' axes about {axis} had jumped by "
         if told in first:
             named += 1
             assert float(first.split(told)[1].split()[0]) == pytest.approx(-12.0, abs=3.0)  # arcmin

@@ -104,7 +104,7 @@ def drifts(e: FaceEvidence, log: Log) -> list[Check]:
     1/T. It fails where it is more than chance, and a drift that is counted with, and moves a bias
     by more than two sd.
     """
-    from scipy.special import stdtrit
+    from scipy.special import ndtri, stdtrit
 
     out, c, k = list[Check](), e.fit.estimate.coefficients, len(e.faces.first)
     scales = {"accel": (1 / 9.80665e-3, "mg"), "gyro": (ARCMIN * 60, "deg/h")}
@@ -122,8 +122,9 @@ def drifts(e: FaceEvidence, log: Log) -> list[Check]:
         left = float(np.sum(time * (moved - rate * time / 2) ** 2)) / dof
         session = float(np.ptp(e.scene.rests.start))
         counted = counted_size(e.left_out, f"{triad}.bias drift")
-        times = -float(stdtrit(dof, gauss_newton.FALSE_ALARM / 12))
-        limit = times * np.hypot(session * np.sqrt(left / weight), counted)
+        tail = gauss_newton.FALSE_ALARM / 12
+        chance = float(stdtrit(dof, tail)) * session * np.sqrt(left / weight)
+        limit = np.hypot(chance, float(ndtri(tail)) * counted)
         size = np.abs(rate) * session
         high = np.maximum(limit, 4 * c.sd[[c.layout.index(name) for name in names]])
         j = int(np.argmax(size / high))

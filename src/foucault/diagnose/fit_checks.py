@@ -146,9 +146,14 @@ def said_once(every: list[Check], better: str) -> list[Check]:
 
 def redundancy(e: Judged) -> Check:
     """Judge whether enough is left over to notice a wrong reading, beside causes that are known."""
-    fit = e.fit
-    every = mixed.components(fit.model, fit.estimate) if _counts(e) else fit.after
-    dof = round(sum(c.redundancy for c in every.values()), 6)  # often exactly `ENOUGH`
+    fit, at = e.fit, e.fit.white
+    dof = sum(c.redundancy for c in fit.after.values())
+    if _counts(e):  # of the readings alone, whatever was known beforehand
+        kept = (at.blocks >= 0) & (fit.estimate.weights[at.blocks] > 0.5)
+        J = at.jacobian[kept]
+        size = np.linalg.norm(J, axis=0)
+        dof = float(len(J) - np.linalg.matrix_rank(J[:, size > 0] / size[size > 0]))
+    dof = round(dof, 6)  # often exactly `ENOUGH`
     n = int(np.sum(fit.estimate.weights > 0.5))
     given = {"n": n, "readings": e.readings, "cure": e.cure}
     return check("redundancy", "redundancy", dof, ENOUGH, None, given)
@@ -374,6 +379,7 @@ def changes(e: Judged) -> list[Drift]:
     Each looks like the others, and like what settles: of what is more than chance, the clearest is
     there alone. Drifts that are sources of the fit are in its uncertainties, and have a test of
     their own; one that was enlarged explains a jump, which is sought beside drifts of their size.
+    Where scatter was found jumps are sought without it too, at the same share of false alarms.
     """
     if e.time is None:
         return []
@@ -389,7 +395,7 @@ def changes(e: Judged) -> list[Drift]:
     known = e.noise != "unknown"
     off = {name: 0.0 for name in _unexplained(e) if known and e.fit.found.get(name)}
     jump = next((one for one in out if one.when is not None and one.significant), None)
-    if (jump is None and not off) or (shown and not known):
+    if (jump is None and (shown or not off)) or (shown and not known):
         return shown or out
     # It is asked again without scatter, which all of them look like, and what noise allows is no
     # jump, however quiet the others are: shaking is measured as noise.

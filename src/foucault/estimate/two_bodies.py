@@ -37,6 +37,7 @@ WINDOW = (3.0, 10.0)
 SOME = 40  # Windows that are looked for in the whole of the other log [1].
 SETTLED = 0.02  # A step that moves nothing by more of its sd is the last [1].
 SPLIT = 0.5  # Parameters are asked whether they changed every so often [s].
+FEW = 200  # Fewer values are compared with by chance [1].
 BLOCK = 2.0  # Errors of what is farther apart are taken as independent [s].
 
 COLOURED, MOVED = 1.1, 1.3
@@ -196,25 +197,27 @@ def offset(
 ) -> tuple[float, float, float]:
     """Return by how much `b` (m,) is later than `a` (n,) [s], the peak and the second peak.
 
-    `step`: between two of their values [s]; `known` (m,) or None: which of `b` are.
+    `step`: between two of their values [s]; `known` (m,) or None: which of `b` are, all of it where
+    hardly any is.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
-    known = np.ones(len(b), bool) if known is None or not known.any() else known
+    if known is None or known.sum() < FEW:
+        known = np.ones(len(b), bool)
     x, y, weight = a - a.mean(), (b - b[known].mean()) * known, known.astype(float)
     lags = np.arange(1 - len(y), len(x))
     fast = next_fast_len(len(lags), real=True)
-    behind = rfft(weight[::-1], fast)
 
-    def beside(v: FloatArray, others: FloatArray = behind) -> FloatArray:
-        return np.asarray(irfft(rfft(v, fast) * others, fast)[: len(lags)])
+    def beside(v: FloatArray, other: FloatArray) -> FloatArray:
+        return np.asarray(irfft(rfft(v, fast) * rfft(other[::-1], fast), fast)[: len(lags)])
 
-    total = beside(x, rfft(y[::-1], fast))
+    total = beside(x, y)
     # What of each overlaps, with its own mean there: another mean would move the peak.
     first, last = np.maximum(lags, 0), np.minimum(lags + len(y), len(x))
     sum_y, two = _sums(y, first - lags, last - lags)
     count, _ = _sums(weight, first - lags, last - lags)
-    sum_x, one = _sums(x, first, last) if known.all() else (beside(x), beside(x**2))
+    alone = known.all()
+    sum_x, one = _sums(x, first, last) if alone else (beside(x, weight), beside(x**2, weight))
     count = np.maximum(count, 1.0)
     total = total - sum_x * sum_y / count
     one = (one - sum_x**2 / count) * (two - sum_y**2 / count)
@@ -376,6 +379,8 @@ def changed(
     are `kept` (p,) [1]; `code`: of the finding; `words`: for what is not of an IMU.
     """
     beyond, chance = max(s.spread, COLOURED) ** 2 - 1, max(1.0, s.spread) ** 2
+    if not found:
+        return []
     first = max(found.values(), key=lambda x: x.shock.square)
     # Errors of poses look like motion for a moment, not like a parameter.
     clear = len(first.moved) > 1 and first.shock.square > CLEAR * first.shock.limit * chance

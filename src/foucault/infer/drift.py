@@ -39,7 +39,7 @@ ENOUGH = 3.0  # With fewer degrees of freedom besides it a drift is not told fro
 
 TOGETHER = {  # what warms up changes all three alike, what slips turns one triad against the other
     **{family: {f"{family}.{a}": 1.0 for a in AXES} for family in ("accel.scale", "gyro.scale")},
-    **{f"the angle of the gyros to the accelerometers about {a}":
+    **{f"the angle of the gyros' axes about {a}":
        {f"gyro.misalignment.{b}{c}": 1.0, f"gyro.misalignment.{c}{b}": -1.0}
        for a, b, c in ("xyz", "yzx", "zxy")},
 }  # fmt: skip

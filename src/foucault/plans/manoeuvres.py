@@ -315,8 +315,10 @@ def _refused(key: str, what: str, given: object, allowed: str) -> Exception:
 
 def _finite(segment: Segment | Start, what: str) -> None:
     for field in fields(segment):
-        given = getattr(segment, field.name)
-        if field.type == "float" and not (isinstance(given, Real) and isfinite(given)):
+        given, kind = getattr(segment, field.name), str(field.type)
+        if not kind.startswith(("float", "int")) or (given is None and "None" in kind):
+            continue
+        if not (isinstance(given, Real) and isfinite(given)):
             raise _refused(field.name, what, given, "a finite number")
 
 

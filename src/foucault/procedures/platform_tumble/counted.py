@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_solve
 
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
@@ -124,13 +123,14 @@ def counted(
         found = estimation.solve(tumble, prior, start)
         linear = Linear(tumble, prior, found.start)
         E = linear.answers([*terms_of(tumble, s, sizes)])[0]
-        root = np.linalg.cholesky(E.T @ E + np.diag(known))
-        step = cho_solve((root, True), E.T @ linear.residuals - known * times)
-        if np.sum((root.T @ step) ** 2) < SETTLED:
+        information = E.T @ E + np.diag(known)
+        step = np.linalg.solve(information, E.T @ linear.residuals - known * times)
+        gained = float(step @ information @ step)
+        if found.status is not Status.CONVERGED or not gained >= SETTLED:
             break
         times, start = times + step, found.start
     # What of the readings the terms took up, they leave less of.
-    absorbed = np.linalg.solve(root, E[:-STATES].T).T
+    absorbed = np.linalg.solve(np.linalg.cholesky(information), E[:-STATES].T).T
     if measured and found.status is Status.CONVERGED:
         scale = found.chi_square / max(found.residuals - p - float(np.sum(absorbed**2)), 1.0)
         absorbed = absorbed / np.sqrt(scale)
