@@ -16,7 +16,7 @@ import pytest
 import foucault
 from foucault import ImuModel, ImuNoise, Log, Site, State
 from foucault.models.noise import TriadNoise
-from foucault.plans.manoeuvres import Rest, Start
+from foucault.plans.manoeuvres import Climb, Rest, Start
 from foucault.procedures.navigation.start import Settings
 from foucault.simulate.motion import simulate_motion
 from make_navigation import NOISE, SITE, START
@@ -108,6 +108,13 @@ def test_a_log_that_cannot_be_navigated_is_refused(kind: str, use: str) -> None:
         USES[use](log)
 
 
+@pytest.mark.parametrize("change", [{"gyro": put(G, -100, np.nan)}, {"time": put(T, -1, T[-5])}])
+def test_rows_that_are_not_used_are_not_looked_at(change: dict[str, Any]) -> None:
+    log = replace(GOOD, **change)
+    foucault.align_log(log, site=SITE, end=50.0, methods=["two_vector"])
+    foucault.navigate_log(log, site=SITE, settings=Settings(heading=0.1, align=25.0, end=50.0))
+
+
 @pytest.mark.parametrize("rows", [2, 3, 6])
 @pytest.mark.parametrize("use", ["align_log", "navigate_log"])
 def test_a_moment_is_no_rest(use: str, rows: int) -> None:
@@ -178,6 +185,11 @@ def test_an_argument_that_cannot_be_is_refused(what: str) -> None:
     code, call = ARGUMENTS[what]
     with refuses(code):
         call()
+
+
+def test_an_optional_number_is_a_number_too() -> None:
+    with refuses("manoeuvre.value"):
+        Climb(20.0, height=np.nan)
 
 
 def test_one_method_may_be_a_word() -> None:

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from foucault.arrays import BoolArray, FloatArray
 from foucault.coefficients import CoefficientVector, Layout
 from foucault.errors import FoucaultError
-from foucault.infer import mixed
+from foucault.infer import batched, mixed
 from foucault.infer.gauss_newton import student
 from foucault.infer.information import information
 from foucault.infer.mixed import Linearisation, Source
@@ -432,3 +432,27 @@ def test_a_size_that_others_hide_is_not_stated_as_nothing() -> None:
         assert 5e-4 < at.sds["placement"] < 5e-3
         planned = mixed.planned(at.model, {"placement": 0.0})
         assert 1e-3 < planned.sds["placement"] < 5e-3
+
+
+@pytest.mark.parametrize("placements", [4, 5, 6])
+def test_few_contrasts_do_not_make_nothing_of_what_is_hidden(placements: int) -> None:
+    """They count for as many as Student's factor takes them for."""
+    model = Hidden(**vars(drawn(np.random.default_rng(1), placements=placements, sd=1e-3)))
+    stated = mixed.fit(model).sds["placement"]
+    assert 1e-3 < stated < 15e-3
+    more = Hidden(**vars(drawn(np.random.default_rng(1), placements=placements + 4, sd=1e-3)))
+    assert mixed.fit(more).sds["placement"] < stated
+
+
+@pytest.mark.parametrize("kind", [Line, Hidden])
+def test_a_batch_states_sizes_as_one_session_does(kind: type[Line]) -> None:
+    model = kind(**vars(drawn(np.random.default_rng(3), sd=1e-3)))
+    plan = batched.Plan.of(mixed.planned(model, {"placement": 1e-3}), {"placement": 1e-3})
+    z = plan.drawn(50, np.random.default_rng(1)) @ plan.contrasts.T
+    stated = plan._sizes(z)["placement"]
+    (V,) = (one.V for one in plan.spectra.values())
+    for k in range(50):
+        likely, _, _ = mixed.priced(z[k], {"placement": V}, {"placement": 0.0})
+        var = {"placement": likely["placement"] ** 2}
+        alone = mixed.mean_variance("placement", {"placement": V}, var, z[k])
+        assert stated[k] == pytest.approx(alone, rel=1e-9) and stated[k] > 0

@@ -242,6 +242,9 @@ def test_24_lengths_of_gravity_are_enough_beside_terms_that_count() -> None:
     clean = calibrate(alone, sizes=SIZES)
     assert clean.verdict.level is Level.PASS
     assert next(c for c in clean.checks if c.name == "redundancy").value == pytest.approx(15)
+    prior = {"accel.bias.x": (0.0, 1.0), "accel.scale.x": (0.0, 0.1)}
+    known = calibrate(alone, sizes=SIZES, prior=prior)  # says nothing of a bad rest
+    assert next(c for c in known.checks if c.name == "redundancy").value == pytest.approx(15)
     off = alone.accel.copy()
     off[sim.first[7] - 20 : sim.last[7] + 20, 0] += 5e-3 * 9.80665
     found = calibrate(replace(alone, accel=off), sizes=SIZES)
