@@ -39,6 +39,7 @@ GROUPS: dict[str, tuple[str, str]] = {
     "workbench": ("The workbench", "workbench"),
     "capture": ("Recording an instrument", "capture guide"),
     "certificate": ("Certificates", "certificate"),
+    "python": ("Calling the library", "argument"),
 }
 """Page -> its title, and the first words of the codes on it."""
 
