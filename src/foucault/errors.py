@@ -141,7 +141,7 @@ def require(name: str, given: object, kind: type, *others: type, none: bool = Fa
 def require_word(name: str, given: object, allowed: Iterable[str]) -> None:
     """Refuse an argument that is none of the words `allowed`."""
     words = tuple(allowed)
-    if given not in words:
+    if not (isinstance(given, str) and given in words):
         raise error("argument.word", name=name, given=given, hint=suggestion(str(given), words),
                     allowed=", ".join(words))  # fmt: skip
 

@@ -15,7 +15,7 @@ BUDGET = {
     "capture": 4_139,
     "certificate": 2_022,
     "cli": 5_194,
-    "detect": 4_753,
+    "detect": 4_754,
     "diagnose": 12_276,
     "estimate": 9_718,
     "export": 3_658,

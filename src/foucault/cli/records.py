@@ -240,7 +240,7 @@ def due(
     rows += [
         (p.instrument, f"{o.name} reaches its limit", _day(o.reaches))
         for p in found for o in p.outlooks
-        if o.reaches <= end and not p.out_of_service
+        if o.reaches <= end and o.decision != "fail" and not p.out_of_service
     ]  # fmt: skip
     rows += [
         (p.instrument, f"{o.name} is beyond its limit", _day(now)) for p in found

@@ -284,9 +284,10 @@ def turning(gyro_mean: FloatArray) -> tuple[BoolArray, FloatArray]:
 
 
 def slowest(gyro: FloatArray, share: float = 0.1) -> FloatArray:
-    """Return what gyros read where they read least, about their bias, shape (3,) [rad/s].
+    """Return what gyros read where they read least, shape (3,) [rad/s].
 
-    Of a log that turns most of the time the median is a rate. `gyro` (n, 3): readings [rad/s];
+    That is about their bias where the log rests a while; of one that turns most of the time the
+    median is a rate. `gyro` (n, 3): readings [rad/s];
     `share`: of the samples that count [1].
     """
     size = np.linalg.norm(gyro, axis=1)
