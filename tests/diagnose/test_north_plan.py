@@ -19,7 +19,6 @@ from foucault.models.rotation import turned
 from foucault.plans import north_orders as plans
 from foucault.plans.north_stops import LINEAR_DRIFT, Conditions, poses, predict, readings
 from foucault.simulate.noise import mean_noise
-from power import needed
 
 LATITUDE = np.radians(30.0)
 RATE = EARTH_RATE * np.cos(LATITUDE)
@@ -90,11 +89,10 @@ def test_other_sources() -> None:
 
 @pytest.mark.thorough
 def test_the_field_solution_scatters_as_predicted() -> None:
-    """Standard deviations wrong by a factor of 1.2 are found out in 99 %."""
     gyro = replace(NOISE.gyro, bias_instability=units.parse("0.03 deg/h", "angular rate"))
     conditions = replace(BASE, noise=ImuNoise(NOISE.accel, gyro))
+    n, rng = 3000, np.random.default_rng(3)
     orders = (plans.PUBLISHED, plans.PALINDROME, plans.continuous(3), plans.two_stage(0.2))
-    n, rng = needed(1.44, len(orders)), np.random.default_rng(3)
     low, high = chi_square_limits(n, tests=len(orders))
     for order in orders:
         at = np.resize(LEVEL, (n, 3))

@@ -414,7 +414,7 @@ def changes(e: Judged) -> list[Drift]:
     if best.explained - steady.explained > ALIKE * left:
         return [jump or sure]
     if jump is None:  # scatter may be all there is
-        return shown or out
+        return out
     return [] if counted else shown or [steady]
 
 

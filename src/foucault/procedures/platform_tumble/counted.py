@@ -99,7 +99,7 @@ def counted(
     if s.fit.status is not Status.CONVERGED or s.least is not None:
         return None
     sizes, p = {**SIZE_EFFECT, **sizes}, len(CONSTANTS)
-    both, E, A = stages_of(s, sizes)
+    both, E, _ = stages_of(s, sizes)
     last, judged = fit(both.solved, both.posterior, both.groups, CONSTANTS.names)
     # An enlarged term or prior takes up what another Earth's rate would explain better.
     most = max((judged.seen[g].gain for some in judged.named for g in some), default=0.0)
@@ -116,17 +116,20 @@ def counted(
     prior, start, times = replace(s.prior, sd=sd), s.fit.start, last.values[p:]
     # Without what was found of the terms residuals and checks are those of what was sought. Little
     # is left of what looks much like a term: they are found once more where that leads.
-    for _ in range(ROUNDS):
-        tumble = s.tumble
-        for one, k in zip(terms_of(s.tumble, s, sizes), times, strict=True):
-            tumble = one.put(tumble, -float(k))
-        found = estimation.solve(tumble, prior, start)
+    tumble, found = s.tumble, s.fit
+    for k in range(ROUNDS):
+        less = s.tumble
+        for one, many in zip(terms_of(s.tumble, s, sizes), times, strict=True):
+            less = one.put(less, -float(many))
+        again = estimation.solve(less, prior, start)
+        if k and again.status is not Status.CONVERGED:
+            break  # what was found before stands
+        tumble, found = less, again
         linear = Linear(tumble, prior, found.start)
-        E = linear.answers([*terms_of(tumble, s, sizes)])[0]
+        E, A = linear.answers([*terms_of(tumble, s, sizes)])
         information = E.T @ E + np.diag(known)
         step = np.linalg.solve(information, E.T @ linear.residuals - known * times)
-        gained = float(step @ information @ step)
-        if found.status is not Status.CONVERGED or not gained >= SETTLED:
+        if not float(step @ information @ step) >= SETTLED:
             break
         times, start = times + step, found.start
     # What of the readings the terms took up, they leave less of.
@@ -136,7 +139,7 @@ def counted(
         absorbed = absorbed / np.sqrt(scale)
         tumble = replace(tumble, accel_variance=tumble.accel_variance * scale)
     found = estimation.linearised(tumble, prior, found, moments=moments)
-    beside = A @ last.cov[p:, p:] @ A.T
+    beside = A @ np.linalg.solve(information, A.T)
     blocks, width = found.rows.shape[:2]
     alike = blocks * width == len(absorbed)  # else the rows were averaged otherwise
     out = replace(
