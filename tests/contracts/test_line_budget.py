@@ -17,7 +17,7 @@ BUDGET = {
     "cli": 5_194,
     "detect": 4_754,
     "diagnose": 12_276,
-    "estimate": 9_718,
+    "estimate": 9_730,
     "export": 3_658,
     "guard": 1_939,
     "infer": 3_990,

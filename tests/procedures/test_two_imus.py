@@ -27,6 +27,9 @@ from foucault.result import Level
 from foucault.run_folder import load_result
 from foucault.tables import Log
 from refusals import refuses
+from sessions import Case, made
+from sessions import errors as found_errors
+from sessions import solved as solved_case
 
 SITE = replace(Site.at(np.radians(48.0)), gravity=9.80665, gravity_sd=0.0)
 NOISE = ImuNoise(TriadNoise(white=2e-3), TriadNoise(white=1.6e-4))
@@ -210,6 +213,22 @@ def test_lost_samples_and_drifting_clocks_are_told():
     result = solved(spoilt)
     assert result.verdict.level is not Level.PASS
     assert {"imus.stamps", "imus.coloured"} & {f.code for f in result.findings}
+
+
+@pytest.mark.parametrize("which", ["master", "slave"])
+def test_seconds_that_one_of_them_lost_are_not_compared(which):
+    """Rates between the ends of a gap were compared as if they had been read, and refused."""
+    case = Case("two_imus", {}, {"time": 20.0}, grade="mems")
+    simulation = made(case, 4)
+    log, lost = simulation.log, lambda x: np.flatnonzero((x.time < x.time[0] + 7) |
+                                                         (x.time >= x.time[0] + 13))  # fmt: skip
+    if which == "master":
+        log = replace(log, master=log.master[lost(log.master)])
+    else:
+        log = replace(log[lost(log)], master=log.master)
+    result = solved_case(case, log)
+    e, cov = found_errors(result, simulation, result.coefficients.names)
+    assert e @ np.linalg.solve(cov, e) < chi_square_limits(len(e))[1]
 
 
 def slipped(log, k):

@@ -37,7 +37,9 @@ WINDOW = (3.0, 10.0)
 SOME = 40  # Windows that are looked for in the whole of the other log [1].
 SETTLED = 0.02  # A step that moves nothing by more of its sd is the last [1].
 SPLIT = 0.5  # Parameters are asked whether they changed every so often [s].
-FEW = 200  # Fewer values are compared with by chance [1].
+FEW, LOST = 200, 4
+"""Fewer values are alike by chance; an interval of so many usual ones has none inside [1]."""
+
 BLOCK = 2.0  # Errors of what is farther apart are taken as independent [s].
 
 COLOURED, MOVED = 1.1, 1.3
@@ -132,15 +134,19 @@ def clocks(
     fine, later = (np.arange(t[0], t[-1], GRID) for t, _ in (first, other))
     a, b = (np.interp(grid, t, np.linalg.norm(w, axis=1))
             for grid, (t, w) in ((fine, first), (later, other)))  # fmt: skip
-    told = None if known is None else np.interp(later, other[0], known.astype(float)) > 0.99
-    lag, peak, second = offset(a, b, GRID, told)
+    seen = [~gaps(t, grid, max(LOST * float(np.median(np.diff(t))), SMOOTH))
+            for grid, (t, _) in ((fine, first), (later, other))]  # fmt: skip
+    if known is not None:
+        seen[1] &= np.interp(later, other[0], known.astype(float)) > 0.99
+    lag, peak, second = offset(a, b, GRID, *seen)
     tau, kappa = lag + fine[0] - later[0], 0.0
     slope, at, jumps = drift(a, b, GRID)
     far = abs(slope) * (later[-1] - later[0]) > 2 * GRID or peak < 0.9
     if far and np.isfinite(at) and abs(slope) < FASTEST:
         kappa, tau = slope, at + fine[0] - later[0]
         there = later + kappa * (later - middle)
-        _, peak, second = offset(np.interp(there + tau, fine, a), b, GRID, told)
+        both = seen[1] & (np.interp(there + tau, fine, seen[0].astype(float)) > 0.99)
+        _, peak, second = offset(np.interp(there + tau, fine, a), b, GRID, both, both)
     return Clocks(tau, kappa, peak, second, slope, jumps)
 
 
@@ -193,35 +199,35 @@ def gaps(time: FloatArray, grid: FloatArray, widest: float) -> BoolArray:
 
 
 def offset(
-    a: FloatArray, b: FloatArray, step: float, known: BoolArray | None = None
-) -> tuple[float, float, float]:
+    a: FloatArray, b: FloatArray, step: float, seen_a: BoolArray | None = None,
+    seen_b: BoolArray | None = None,
+) -> tuple[float, float, float]:  # fmt: skip
     """Return by how much `b` (m,) is later than `a` (n,) [s], the peak and the second peak.
 
-    `step`: between two of their values [s]; `known` (m,) or None: which of `b` are, all of it where
-    hardly any is.
+    `step`: between two of their values [s]; `seen_a` (n,), `seen_b` (m,) or None: which of them
+    are, all of it where hardly any is.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
-    if known is None or known.sum() < FEW:
-        known = np.ones(len(b), bool)
-    x, y, weight = a - a.mean(), (b - b[known].mean()) * known, known.astype(float)
+    (x, u), (y, v) = (_about_mean(z, seen) for z, seen in ((a, seen_a), (b, seen_b)))
     lags = np.arange(1 - len(y), len(x))
     fast = next_fast_len(len(lags), real=True)
 
-    def beside(v: FloatArray, other: FloatArray) -> FloatArray:
-        return np.asarray(irfft(rfft(v, fast) * rfft(other[::-1], fast), fast)[: len(lags)])
+    def beside(one: FloatArray, other: FloatArray) -> FloatArray:
+        return np.asarray(irfft(rfft(one, fast) * rfft(other[::-1], fast), fast)[: len(lags)])
 
     total = beside(x, y)
     # What of each overlaps, with its own mean there: another mean would move the peak.
     first, last = np.maximum(lags, 0), np.minimum(lags + len(y), len(x))
-    sum_y, two = _sums(y, first - lags, last - lags)
-    count, _ = _sums(weight, first - lags, last - lags)
-    alone = known.all()
-    sum_x, one = _sums(x, first, last) if alone else (beside(x, weight), beside(x**2, weight))
-    count = np.maximum(count, 1.0)
+    count = (last - first).astype(float)
+    (sum_x, one), (sum_y, two) = _sums(x, first, last), _sums(y, first - lags, last - lags)
+    if not (u.all() and v.all()):
+        count = np.maximum(beside(u, v), 1.0)
+        (sum_x, one), (sum_y, two) = ((beside(x**k, v) for k in (1, 2)),
+                                      (beside(u, y**k) for k in (1, 2)))  # fmt: skip
     total = total - sum_x * sum_y / count
     one = (one - sum_x**2 / count) * (two - sum_y**2 / count)
-    enough = count > 0.5 * min(len(x), known.sum())
+    enough = count > 0.5 * min(u.sum(), v.sum())
     r = np.where(enough, total / np.sqrt(np.maximum(one, 1e-12 * one.max() + 1e-300)), -1.0)
     k = int(np.argmax(r))
     peaks = 1 + np.flatnonzero((r[1:-1] > r[:-2]) & (r[1:-1] >= r[2:]))
@@ -231,6 +237,12 @@ def offset(
         bend = r[k - 1] - 2 * r[k] + r[k + 1]
         part = float(0.5 * (r[k - 1] - r[k + 1]) / bend) if bend < 0 else 0.0
     return (lags[k] + part) * step, float(r[k]), float(max(others, default=-1.0))
+
+
+def _about_mean(x: FloatArray, seen: BoolArray | None) -> tuple[FloatArray, FloatArray]:
+    """Return `x` (n,) less its mean, nothing where it is not `seen` (n,), and 1 where it is [1]."""
+    seen = np.ones(len(x), bool) if seen is None or seen.sum() < FEW else seen
+    return (x - x[seen].mean()) * seen, seen.astype(float)
 
 
 def _sums(x: FloatArray, first: IntArray, last: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -197,6 +197,7 @@ def start_of(master: Log, log: Log, who: str) -> Start:
         raise error("imus.periodic", peak=plain(c.peak, 3), second=plain(c.second, 3))
     t = t_c + c.tau + c.kappa * (t_c - float(log.time[0] + log.time[-1]) / 2)
     inside = (t > t_b[0] + SMOOTH) & (t < t_b[-1] - SMOOTH)
+    inside &= ~bodies.gaps(t_b, t, max(bodies.LOST * master.interval, SMOOTH))
     t, w_c, f_c = t[inside], w_c[inside], f_c[inside]
     alpha = even(t_b, np.gradient(w_b, t_b, axis=0), t)
     w_b, f_b = even(t_b, w_b, t), even(t_b, f_b, t)
