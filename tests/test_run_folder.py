@@ -478,6 +478,16 @@ def test_numbers_have_no_dictionary_and_words_have_one():
     assert coded == [False, True]
 
 
+def test_a_long_list_has_a_line_for_each_item(tmp_path):
+    items = [{"name": f"s{k}", "angles": [k, 0.5], "text": 'é "\n"'} for k in range(101)]
+    run_folder.record("north", {"site": {"a": [1]}, "setups": items}).save(tmp_path)
+    lines = (tmp_path / "north.json").read_text(encoding="utf-8").splitlines()
+    assert json.loads("".join(lines)) == {"schema": "foucault.north/1", "site": {"a": [1]},
+                                          "setups": items}  # fmt: skip
+    assert lines[2:6] == [' "site": {', '  "a": [', "   1", "  ]"]  # as anything else
+    assert [line for line in lines if '"name"' in line] == lines[8:109]
+
+
 def test_a_long_table_is_written_by_groups_of_rows(tmp_path, monkeypatch):
     monkeypatch.setattr(run_folder, "GROUP", 3)
     x, words = np.arange(8.0), ["", "a", "b", "", "c", "d", "e", "f"]

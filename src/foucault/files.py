@@ -311,19 +311,22 @@ def flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     return out
 
 
+_PLAIN = frozenset((str, int, bool, type(None)))
+
+
 def plain_json(value: Any) -> Any:
     """Return what JSON can hold of a value; None for what is not finite."""
     kind = type(value)  # millions of these: to ask each of them what it is a kind of takes longer
     if kind is float:
         return value if math.isfinite(value) else None
-    if kind is str or kind is int or kind is bool or value is None:
+    if kind in _PLAIN:
         return value
     if kind is dict or isinstance(value, Mapping):
-        return {str(k): plain_json(v) for k, v in value.items()}
+        return {str(k): v if type(v) in _PLAIN else plain_json(v) for k, v in value.items()}
     if hasattr(value, "tolist"):  # an array, or one number of one
         value = value.tolist()
     if isinstance(value, (list, tuple)):
-        return [plain_json(v) for v in value]
+        return [v if type(v) in _PLAIN else plain_json(v) for v in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if value is None or isinstance(value, (bool, int)) else str(value)

@@ -6,6 +6,7 @@ import json
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,6 +30,8 @@ PATIENCE = 1.0  # A progress bar appears when work takes longer than this [s].
 
 INTERRUPTED = threading.Event()
 """Set by Ctrl-C, for the exception itself can be lost inside a library that is being imported."""
+
+MOST_ROWS = 100  # Of a table that are printed; all that is listed stands on the page [1].
 
 ALSO: list[Tell] = []  # Who else is told how far the work is, where there is no terminal.
 
@@ -168,10 +171,16 @@ class Screen:
                 STATES.get(cell, ("", ""))[0] if look == "state" else cell
                 for look, cell in zip(looks, cells, strict=False)
             ])  # fmt: skip
+        more = len(lines) - MOST_ROWS
+        if more > 0:  # none is left out before what is fine
+            signs = {STATES[state][0] for state in ("warning", "bad")}
+            first = sorted(range(len(lines)), key=lambda i: signs.isdisjoint(lines[i]))
+            lines = [lines[i] for i in sorted(first[:MOST_ROWS])]
         self.table(
             "", [some.columns[i].heading.translate(SIGNS) for i in shown], lines,
             right=[look == "number" for look in looks],
         )  # fmt: skip
+        self.say(*([f"and {more} rows more, on the page (-o)"] if more > 0 else []))
 
     def findings(self, findings: Iterable[Finding]) -> None:
         """Print what was noticed, each with its cure."""
@@ -364,7 +373,7 @@ KINDS = {
 STATE_CODES = {"good": 0, "warning": 3, "bad": 4}
 
 
-@dataclass(frozen=True)
+@dataclass
 class Found:
     """What a command has found, and the folder it is kept in, where one is wanted."""
 
@@ -380,13 +389,20 @@ class Found:
         said: Document = made.document(*self.held, **more)
         return said
 
+    @cached_property
+    def html(self) -> str:
+        """All of it as a page."""
+        from foucault.report import render
+
+        return render(self.document)
+
     def page(self) -> Path:
         """Write the page."""
         from foucault.report import save
         from foucault.run_folder import REPORT_FILE
 
         assert self.folder is not None
-        return save(self.document, self.folder / REPORT_FILE)
+        return save(self.html, self.folder / REPORT_FILE)
 
     def tell(
         self, screen: Screen, data: Mapping[str, Any], *lines: str, code: int | None = None
@@ -426,6 +442,12 @@ def written(folder: Path, kind: str, *held: Any) -> Found:
 
 def kept(record: Record, folder: Path | None) -> Found:
     """Write a record with its page, if a folder is wanted."""
+    found = Found(record.kind, (record,), folder)
     if folder is None:
-        return Found(record.kind, (record,))
-    return written(folder, record.kind, record.save(folder))
+        return found
+    with beside(folder), ThreadPoolExecutor(1) as pool:
+        page = pool.submit(lambda: found.html)  # made as long as the tables need the disk
+        found.held = (record.save(folder),)
+        page.result()
+        found.page()
+    return found

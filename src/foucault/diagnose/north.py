@@ -128,21 +128,23 @@ def stops(dwells: Dwells, known: Known) -> tuple[Finding, ...]:
 
 def _patterns(d: Dwells) -> dict[tuple[int, ...], IntArray]:
     """Return the different stops in whole degrees, as they appear, and the set-ups of each."""
-    whole = np.rint(np.degrees(d.index)).astype(int)
-    whole %= 360
+
+    def whole(rows: IntArray | slice) -> IntArray:
+        return np.rint(np.degrees(d.index[rows])).astype(int) % 360
+
     edges = d.first
     count, out = np.diff(edges), []
     for k in np.unique(count).tolist():
         some = np.flatnonzero(count == k)
         code = np.zeros(len(some), np.int64)
         for stop in range(k):  # set-ups whose stops were alike so far have one code
-            angle = whole[edges[some] + stop]
-            if (angle != angle[0]).any():
-                code = np.unique(360 * code + angle, return_inverse=True)[1].reshape(-1)
+            rows = edges[some] + stop
+            if (d.index[rows] != d.index[rows[0]]).any():
+                code = np.unique(360 * code + whole(rows), return_inverse=True)[1].reshape(-1)
         order = np.argsort(code, kind="stable")
         out += np.split(some[order], np.flatnonzero(np.diff(code[order])) + 1)
     out.sort(key=lambda those: int(those[0]))
-    return {tuple(whole[edges[i[0]] : edges[i[0] + 1]].tolist()): i for i in out}
+    return {tuple(whole(slice(*edges[i[0] : i[0] + 2])).tolist()): i for i in out}
 
 
 def _list(angles: list[int]) -> str:
@@ -356,9 +358,12 @@ def offset_drift(pairs: Pairs, dwells: Dwells) -> float | None:
     """
     from scipy.special import stdtrit
 
-    count = np.diff(dwells.first)
-    t = np.bincount(dwells.setup, dwells.start + dwells.time / 2) / count
-    if pairs.drift.any() or len(t) < 4 or np.ptp(t) <= 0:
+    first = dwells.first
+    if pairs.drift.any() or len(pairs) < 4:
+        return None
+    t = np.add.reduceat(dwells.start, first[:-1]) + np.add.reduceat(dwells.time, first[:-1]) / 2
+    t /= np.diff(first)
+    if np.ptp(t) <= 0:
         return None
     t = t - t.mean()
     slope = float(t @ pairs.offset / (t @ t))

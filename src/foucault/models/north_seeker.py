@@ -210,7 +210,7 @@ class Dwells:
     @cached_property
     def first(self) -> IntArray:
         """Number of the first row of each set-up, and of all rows, shape (m + 1,) [1]."""
-        return np.searchsorted(self.setup, np.arange(len(self.names) + 1))
+        return np.cumsum(np.append(0, np.bincount(self.setup, minlength=len(self.names))))
 
     def of(self, setup: int) -> Dwells:
         """Return the rows of one set-up.

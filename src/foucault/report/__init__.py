@@ -52,10 +52,10 @@ def html(result: Result) -> str:
     return render(of_result(result))
 
 
-def save(document: Document, path: str | Path) -> Path:
-    """Write a document as one self-contained HTML file."""
+def save(document: Document | str, path: str | Path) -> Path:
+    """Write a document, or its page as `render` has made it, as one self-contained HTML file."""
     path = Path(path)
-    text = render(document)
+    text = document if isinstance(document, str) else render(document)
     with atomic(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path

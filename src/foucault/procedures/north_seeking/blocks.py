@@ -36,7 +36,7 @@ from foucault.procedures.north_seeking.field import (
     misfits,
 )
 
-BLOCK = 4096
+BLOCK = 8192
 """Set-ups that are solved at once: fewer, and each call of a block costs as much as they do [1]."""
 
 T = TypeVar("T")
