@@ -53,7 +53,7 @@ from foucault.infer.shown import shares, shown
 from foucault.kernels import pose as kernels
 from foucault.models import imu, pose, size_effect
 from foucault.models.pose import Second
-from foucault.models.rotation import exp, right_jacobian_inverse
+from foucault.models.rotation import cross, exp, right_jacobian_inverse
 from foucault.models.rotation import log as vector_of
 from foucault.navigate.increments import increments_of
 from foucault.tables import Log, gaps
@@ -139,10 +139,10 @@ class Point:
     p: FloatArray  # (m, 3) their position [m]
     base_b: FloatArray | None = None  # (3,) from the first antenna to the second [m]
 
-    @property
+    @cached_property
     def tilt(self) -> FloatArray:
         """Rotation vector from the z axis of the world to up, shape (3,) [rad]."""
-        axis = np.cross([0.0, 0.0, 1.0], self.up_v)
+        axis = np.array([-self.up_v[1], self.up_v[0], 0.0])  # z x up
         sine = float(np.linalg.norm(axis))
         angle = np.arctan2(sine, self.up_v[2])
         return axis * (angle / sine) if sine > 1e-12 else np.array([angle, 0.0, 0.0])
@@ -157,7 +157,7 @@ class Point:
             self.accel[1][np.tril_indices(3)], [self.late],
         ])  # fmt: skip
 
-    @property
+    @cached_property
     def across(self) -> FloatArray:
         """Two directions across up, of the tilts about x and y, shape (3, 2) [1]."""
         T = exp(self.tilt)
@@ -318,10 +318,10 @@ def corrected(r: Readings, at: Point) -> Corrected:
     th = (r.dtheta - at.gyro[0] * r.dt[:, None]) @ K_g.T
     u = (r.dvel + at.late * r.rise - at.accel[0] * r.dt[:, None]) @ K_a.T
     before, less = np.vstack([th[:1], th[:-1]]), np.vstack([u[:1], u[:-1]])
-    coned = th + np.cross(before, th) / 12
-    turned = np.cross(th, u)
-    again = np.cross(th, turned)
-    sculled = u + turned / 2 + again / 6 + (np.cross(before, u) + np.cross(less, th)) / 12
+    coned = th + cross(before, th) / 12
+    turned = cross(th, u)
+    again = cross(th, turned)
+    sculled = u + turned / 2 + again / 6 + (cross(before, u) + cross(less, th)) / 12
     half = r.dt[:, None] * (u / 2 - (u - less) / 12 + turned / 6 + again / 24)
     return Corrected(K_g, K_a, coned, th, sculled, u, half, r.rise @ K_a.T)
 
@@ -633,8 +633,9 @@ def solve(
     noise = Noise(sd[0] or usual, sd[1] or 2e-3, np.ones((m, 2)))
     at, cost, settled, passes, told = start, np.inf, False, 0, False
     made, room, other = np.zeros((32, 32)), Room(), Room()
+    about = linear(r, at, hold, room=room)
     for passes in range(1, most + 1):
-        p = one_pass(r, at, noise, hold, room=room)
+        p = eliminated(r, about, noise, room)
         if passes in (NOISY if r.C_vm is not None else ALONE) or told:
             made = of_noise(r, at, p, noise, hold, other)
         off = np.asarray(np.linalg.solve(at.of_values(), mean - at.values), float)
@@ -651,10 +652,12 @@ def solve(
         # Terms of second order make a start that is far off overshoot: as far as can be linear.
         size = max(1.0, float(np.abs(delta[:3]).max()) / 0.5, float(np.abs(delta[6])) / 0.05)
         at = _on_nodes(r, at.moved(delta / size, motion.x / size))
+        room, other = other, room  # the pass that is behind is still asked
+        about = linear(r, at, hold, room=room)
         # A pose at the edge of the cut would come and go for ever; wild ones must not stay hidden.
-        if passes <= DECIDED or (robust and _loud(r, at, noise, sd)):
+        if passes <= DECIDED or (robust and _loud(r, about.z, noise, sd)):
             motion = motion if passes <= DECIDED else p.smoothed(delta, spread=True)
-            noise = _weighed(r, at, motion, noise, sd, student=passes <= 2, robust=robust,
+            noise = _weighed(r, about.z, motion, noise, sd, student=passes <= 2, robust=robust,
                              colour=passes >= COLOUR_FROM)  # fmt: skip
         same = bool(((noise.weights > 0.5) == (p.noise.weights > 0.5)).all())
         settled = still and moved < SETTLED and same
@@ -664,7 +667,7 @@ def solve(
             noise = _decided(r, at, noise, sd, robust=robust, hold=hold)
         told = told or settled
     if not settled or noise is not p.noise:
-        p, delta = one_pass(r, at, noise, hold, room=room), np.zeros(32)
+        p, delta = eliminated(r, about, noise, room), np.zeros(32)
     return _stated(r, at, p, delta, made, prior_sd, hold, passes, settled)
 
 
@@ -679,9 +682,14 @@ def _step(
     return delta, float(np.max(np.abs(delta) / np.sqrt(np.diag(seen.covariance(prior_sd)))))
 
 
-def _loud(r: Readings, at: Point, noise: Noise, sd: tuple[float | None, float | None]) -> bool:
-    """Tell whether the noise that was found is far more than most poses have, after a bad start."""
-    off, ok = np.abs(misses(r, at)), r.measured
+def _loud(
+    r: Readings, left: FloatArray, noise: Noise, sd: tuple[float | None, float | None]
+) -> bool:
+    """Tell whether the noise that was found is far more than most of what is `left` (m, 6) [SI].
+
+    It is so after a bad start.
+    """
+    off, ok = np.abs(left), r.measured
     z = np.array([np.median(x[o]) if o.any() else np.inf for x, o in
                   ((off[:, :3], ok[:, :3]), (off[:, 3:], ok[:, 3:]))]) * 1.4826 * LOUD  # fmt: skip
     found = z < (noise.attitude, noise.position)  # colour widens all of them: it hides none
@@ -732,10 +740,11 @@ def _decided(
     hold: IntArray,
 ) -> Noise:  # fmt: skip
     """Find the noise of the poses again until it stays, about a point that does."""
+    left = misses(r, at)
     for _ in range(AGAIN):
         before = noise
         motion = motion_of(r, at, noise, hold, spread=True)
-        noise = _weighed(r, at, motion, noise, sd, student=False, robust=robust, colour=True)
+        noise = _weighed(r, left, motion, noise, sd, student=False, robust=robust, colour=True)
         now, last = (np.array([n.attitude, n.position, *1 - np.array(n.stays)])
                      for n in (noise, before))  # fmt: skip
         if (np.abs(now - last) < ALIKE * last).all():
@@ -744,18 +753,18 @@ def _decided(
 
 
 def _weighed(
-    r: Readings, at: Point, motion: Smoothed, noise: Noise,
+    r: Readings, left: FloatArray, motion: Smoothed, noise: Noise,
     sd: tuple[float | None, float | None], *, student: bool, robust: bool, colour: bool,
 ) -> Noise:  # fmt: skip
-    """Find the noise of the poses from what is left, and what each of them counts."""
-    z, ok = misses(r, at), r.measured
+    """Find the noise of the poses from what is `left` (m, 6) [SI], and what each of them counts."""
+    ok = r.measured
     sds, weights = [noise.attitude, noise.position], np.ones_like(noise.weights)
     stays = list(noise.stays)
     for k in range(2):
         own = slice(3 * k, 3 * k + 3)
         if not ok[:, own].any():
             continue
-        off, absorbed = z[:, own], motion.absorbed[:, own] * ok[:, own]
+        off, absorbed = left[:, own], motion.absorbed[:, own] * ok[:, own]
         kept = (noise.weights[:, k] > 0.5) & ok[:, 3 * k + 1]
         given = sd[k]
         if given is None:
@@ -873,7 +882,7 @@ def changes(s: Solution) -> dict[str, Change]:
         groups.setdefault(bodies.group_of(r.names[i]), []).append(i)
     out = bodies.changes(begin, scores, information, prior_sd, groups)
     # All that follows a pose says of its state what smoothing adds to the filter.
-    x, P, after, cov = motion_of(r, s.point, s.noise, hold, spread=True).states
+    x, P, after, cov = s.last.smoothed(np.zeros(32), spread=True).states
     inverse = np.linalg.inv(P)
     own = (inverse @ (P - cov) @ inverse)[:-1, :9, :9]
     told = np.einsum("kij,kj->ki", inverse, after - x)[:-1, :9]

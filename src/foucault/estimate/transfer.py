@@ -61,7 +61,7 @@ from foucault.models.earth import (
 )
 from foucault.models.ins_errors import Sensors, dynamics
 from foucault.models.noise import ImuNoise
-from foucault.models.rotation import angles_of, cross_matrix, exp, log
+from foucault.models.rotation import angles_of, cross, cross_matrix, exp, log
 from foucault.models.transfer import (
     FLEXURE,
     LIVELY,
@@ -177,7 +177,7 @@ def _changes(
         [np.zeros_like(latitude), np.cos(latitude), np.sin(latitude)], axis=-1
     )
     rate = np.einsum("kij,kj->ki", C, w) - earth
-    pull = np.einsum("kij,kj->ki", C, f) - 2.0 * np.cross(earth, v)
+    pull = np.einsum("kij,kj->ki", C, f) - 2.0 * cross(earth, v)
     pull[:, 2] -= 9.80665  # a few milligal are nothing over part of an interval
     return rate, pull
 
@@ -410,7 +410,7 @@ class TransferModel:
         H, z = np.zeros((len(master), 6, len(layout))), np.empty((len(master), 6))
         C_ms = mount.C_ms @ exp(point.installation)
         w_m = np.einsum("ij,kj->ki", C_ms, motion.w_ib_b)
-        lever_n = np.einsum("kij,kj->ki", master.C_nm, np.cross(w_m, mount.lever_m))
+        lever_n = np.einsum("kij,kj->ki", master.C_nm, cross(w_m, mount.lever_m))
         z[:, :3] = motion.velocity_n - master.velocity_n - lever_n
         H[:, :3, :9] = place[:, 3:6]
         C_nominal = master.C_nm @ C_ms

@@ -253,13 +253,19 @@ def likeliest(
     """
     var = np.einsum("kii->ki", own)
     inverse = np.where(var > 0, 1.0 / np.sqrt(np.where(var > 0, var, 1.0)), 0.0)
-    size, axes = np.linalg.eigh(own * inverse[:, :, None] * inverse[:, None, :])
+    scaled, asked = own * inverse[:, :, None] * inverse[:, None, :], pull * inverse
+    # Of eigenvalues whose mean is one the least is larger than their product over e.
+    seen = np.linalg.det(scaled) > np.e * UNSEEN
+    covs = np.empty_like(scaled)
+    covs[seen] = np.linalg.inv(scaled[seen])
+    size, axes = np.linalg.eigh(scaled[~seen])
     share = np.where(size > UNSEEN, 1.0 / np.maximum(size, UNSEEN), 0.0)
-    square = np.sum(share * np.einsum("kij,ki->kj", axes, pull * inverse) ** 2, axis=1)
+    covs[~seen] = axes * share[:, None, :] @ np.swapaxes(axes, 1, 2)
+    square = np.sum(asked * (covs @ asked[..., None])[..., 0], axis=1)
     k = int(np.argmax(square))
-    cov = axes[k] * share[k] @ axes[k].T * np.outer(inverse[k], inverse[k])
+    cov = covs[k] * np.outer(inverse[k], inverse[k])
     limit = chi_square_limits(own.shape[1], 2 * false_alarm / ways, int(times) or len(own))[1]
-    sds = np.sqrt(np.einsum("kij,kj->ki", axes**2, share)) * inverse
+    sds = np.sqrt(np.einsum("kii->ki", covs)) * inverse
     least = np.sqrt(limit) * float(np.median(sds, axis=0).max())
     return Shock(k, float(square[k]), limit, cov @ pull[k], np.sqrt(np.diag(cov)), least)
 

@@ -43,6 +43,18 @@ def cross_matrix(v: FloatArray) -> FloatArray:
     return out
 
 
+def cross(v: FloatArray, u: FloatArray) -> FloatArray:
+    """Return v x u, shape (..., 3), in half the time of `numpy.cross`.
+
+    `v`, `u` (..., 3): vectors [any unit].
+    """
+    v0, v1, v2 = v[..., 0], v[..., 1], v[..., 2]
+    u0, u1, u2 = u[..., 0], u[..., 1], u[..., 2]
+    out = np.empty(np.broadcast_shapes(v.shape, u.shape))
+    out[..., 0], out[..., 1], out[..., 2] = v1 * u2 - v2 * u1, v2 * u0 - v0 * u2, v0 * u1 - v1 * u0
+    return out
+
+
 def exp(phi: FloatArray) -> FloatArray:
     """Return the rotation matrix Exp(phi), shape (..., 3, 3), of a rotation vector.
 
