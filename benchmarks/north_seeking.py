@@ -102,6 +102,39 @@ print(json.dumps([best(lambda: solve(pairs, known), clock=time.process_time) / n
 """
 )
 
+# The command over a file of all of them, one set-up in 500 with a disturbed reading; with its page.
+COMMAND = (
+    SETUPS.replace("COUNT", "1_000_000")
+    + """
+import os, subprocess, sys, tempfile
+from pathlib import Path
+import pyarrow as pa
+from pyarrow import parquet
+gyro = stops + np.where(rng.random(n) < 1 / 500, 20 * rate_sd, 0.0)[:, None] * [0, 0, 1, 0]
+table = {"setup": np.repeat(np.char.add("M", np.arange(n).astype(str)), 4),
+         "time (s)": (400.0 * np.arange(n)[:, None] + 80.0 * np.arange(4)).ravel(),
+         "dwell (s)": np.full(4 * n, 60.0), "index (deg)": np.tile([0.0, 180.0, 90.0, 270.0], n),
+         "gyro (deg/h)": 3600 * np.degrees(gyro.ravel()), "specific force (g)": lean.ravel()}
+with tempfile.TemporaryDirectory() as folder:
+    parquet.write_table(pa.table(table), Path(folder) / "readings.parquet")
+    words = [sys.executable, "-m", "foucault", "-q", "north", f"{folder}/readings.parquet",
+             "--latitude", "45 deg", "--gyro-noise", "0.0013 deg/sqrt(h)", "--accel-noise",
+             "232 ug/sqrt(Hz)", "-o", f"{folder}/out"]
+    out = []
+    for _ in range(3):
+        before, start = os.times(), time.perf_counter()
+        assert subprocess.run(words, stdout=subprocess.DEVNULL).returncode == 3  # some doubtful
+        wall, after = time.perf_counter() - start, os.times()
+        used = after.children_user + after.children_system
+        out.append((wall, used - before.children_user - before.children_system))
+    found = parquet.read_table(Path(folder) / "out" / "fixes.parquet", columns=["heading",
+                                                                               "heading_sd"])
+    miss = (np.asarray(found["heading"]) - heading + np.pi) % (2 * np.pi) - np.pi
+    assert 0.5 < np.median(np.abs(miss) / np.asarray(found["heading_sd"])) / 0.6745 < 1.05
+print(json.dumps(min(out)))
+"""
+)
+
 # The likelihood of one set-up over its eight readings, as one would write it with SciPy.
 SCIPY = (
     SETUPS.replace("COUNT", "50")

@@ -329,6 +329,12 @@ def north_rows() -> list[Row]:
         Row("calibrating a north seeker, 12 headings, in a batch, each, CPU",
             measure(north_seeking.CALIBRATION), 1.5e-6),
     ]  # fmt: skip
+    wall, used = measure(north_seeking.COMMAND)
+    out += [
+        Row("`foucault north` of a million set-ups in a Parquet file to verdicts, page and table, "
+            "two threads, wall", wall, 5.0),
+        Row("the same, CPU", used, None),
+    ]  # fmt: skip
     return out
 
 

@@ -6,7 +6,16 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from foucault.arrays import Names, begins, by_number, chosen, of_arrow, settled, to_arrow
+from foucault.arrays import (
+    Names,
+    begins,
+    by_number,
+    chosen,
+    of_arrow,
+    repeating,
+    settled,
+    to_arrow,
+)
 
 
 def test_directions_of_equal_values_do_not_depend_on_how_they_are_turned() -> None:
@@ -90,3 +99,10 @@ def test_runs_begin_where_a_number_is_another_and_what_hangs_on_a_count_is_made_
     assert found.tolist() == [2.0, 0.0, 2.0, 1.0]
     assert asked == [0, 2, 4]
     assert by_number(np.zeros(0, np.int64), float).tolist() == []
+
+
+def test_what_repeats_is_its_first_part():
+    x = np.array([0.0, 1.0, 2.0])
+    assert repeating(np.tile(x, 4), 4).tolist() == x.tolist()
+    for other, count in ((np.tile(x, 4), 5), (np.arange(6.0), 2), (np.full(6, np.nan), 2), (x, 0)):
+        assert repeating(other, count) is other

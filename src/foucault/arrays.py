@@ -97,6 +97,17 @@ def begins(x: npt.NDArray[Any]) -> BoolArray:
     return new
 
 
+def repeating(x: FloatArray, count: int) -> FloatArray:
+    """Return the first of `count` parts of `x` (n,) [any unit] that are all alike, else all of it.
+
+    Of many set-ups with the same stops what hangs on these is found once.
+    """
+    if not count or len(x) % count:
+        return x
+    rows = x.reshape(count, -1)
+    return rows[0] if bool((rows == rows[0]).all()) else x
+
+
 def by_number(numbers: IntArray, of: Callable[[int], float]) -> FloatArray:
     """Return `of` each of `numbers` (m,), none negative [1]: of many few are different."""
     there = np.flatnonzero(np.bincount(numbers))

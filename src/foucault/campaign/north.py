@@ -217,54 +217,69 @@ def _left_out(survey: Survey) -> dict[str, Any]:
 
 
 def _setups(survey: Survey, kept: IntArray, whole: Fixes) -> list[dict[str, Any]]:
+    fixes, pairs, d = survey.fixes, survey.pairs, survey.dwells
+    first = d.first
+    rows = list(zip(first[kept].tolist(), first[kept + 1].tolist(), strict=True))
+    numbers = {
+        "angles": fixes.angles, "sd": fixes.sd, "bound": survey.bound, "cov": fixes.cov,
+        "other": fixes.other, "away": fixes.other_square - fixes.square,
+        "ambiguous": fixes.ambiguous, "clamped": fixes.clamped, "status": fixes.status,
+        "values": pairs.values, "offset": pairs.offset, "drift": pairs.drift,
+        "effect": survey.drift_effect, "chi_square": pairs.chi_square, "dof": pairs.dof,
+        "heading": d.heading,
+    }  # fmt: skip
+    of = {name: x[kept].tolist() for name, x in numbers.items()}  # by far quicker than one by one
+    of["start"] = [float(d.start[a:b].min()) for a, b in rows]
+    of["end"] = [float((d.start[a:b] + d.time[a:b]).max()) for a, b in rows]
+    of["measured"] = [float(d.time[a:b].sum()) for a, b in rows]
+    of["dwells"] = [b - a for a, b in rows]
     parts = {name: part[:].tolist() for name, part in _parts(whole).items()}
     return [
-        _setup(survey, i, {name: part[k] for name, part in parts.items()})
+        _setup(survey, i, {name: x[k] for name, x in of.items()},
+               {name: part[k] for name, part in parts.items()})
         for k, i in enumerate(kept.tolist())
-    ]
+    ]  # fmt: skip
 
 
-def _setup(survey: Survey, i: int, parts: Mapping[str, Sequence[float]]) -> dict[str, Any]:
-    fixes, pairs, dwells = survey.fixes, survey.pairs, survey.dwells.of(i)
-    sd = fixes.sd[i]
-    verdict = survey.verdicts[i]
-    end = float(np.max(dwells.start + dwells.time))
+def _setup(
+    survey: Survey, i: int, x: Mapping[str, Any], parts: Mapping[str, Sequence[float]]
+) -> dict[str, Any]:
+    verdict, sd = survey.verdicts[i], x["sd"]
     out: dict[str, Any] = {"name": survey.dwells.names[i]}
-    for k, angle in enumerate(ANGLES):
-        value = {"value": fixes.angles[i, k], "sd": sd[k], "bound": survey.bound[i, k]}
-        out[angle] = value
-    other = dict(zip(ANGLES, fixes.other[i], strict=True))
+    for angle, *numbers in zip(ANGLES, x["angles"], sd, x["bound"], strict=True):
+        out[angle] = dict(zip(("value", "sd", "bound"), numbers, strict=True))
+    other = dict(zip(ANGLES, x["other"], strict=True))
     if survey.norths[1:]:
-        out["headings"] = {n.name: n.heading(fixes.angles[i, 0], sd[0]) for n in survey.norths}
+        out["headings"] = {n.name: n.heading(x["angles"][0], sd[0]) for n in survey.norths}
     return out | {
         "verdict": str(verdict.level),
         "reasons": list(verdict.reasons),
         "warnings": _warnings(survey, i),
-        "reference_heading": survey.dwells.heading[i],
-        "covariance": fixes.cov[i].tolist(),
+        "reference_heading": x["heading"],
+        "covariance": x["cov"],
         # standard deviations by source, negative where a source makes the sum smaller
         "budget": {
             name: dict(zip(ANGLES, part, strict=True))
             for name, part in parts.items()
             if name != UNRESOLVED or np.isfinite(part[0])
         },
-        "ambiguous": fixes.ambiguous[i],
-        "other": other | {"square": fixes.other_square[i] - fixes.square[i]},
-        "clamped": fixes.clamped[i],
-        "solved": fixes.status[i] == 0,
-        "rate": {"x": pairs.values[i, 0], "y": pairs.values[i, 1]},
-        "specific_force": {"x": pairs.values[i, 2], "y": pairs.values[i, 3]},
-        "gyro_offset": pairs.offset[i],
-        "gyro_drift": pairs.drift[i],
-        "drift_effect": survey.drift_effect[i],
+        "ambiguous": x["ambiguous"],
+        "other": other | {"square": x["away"]},
+        "clamped": x["clamped"],
+        "solved": x["status"] == 0,
+        "rate": {"x": x["values"][0], "y": x["values"][1]},
+        "specific_force": {"x": x["values"][2], "y": x["values"][3]},
+        "gyro_offset": x["offset"],
+        "gyro_drift": x["drift"],
+        "drift_effect": x["effect"],
         "chi_square": {
-            sensor: {"value": pairs.chi_square[i, k], "dof": pairs.dof[i, k]}
+            sensor: {"value": x["chi_square"][k], "dof": x["dof"][k]}
             for k, sensor in enumerate(("gyro", "accel"))
         },
-        "dwells": len(dwells),
-        "measured": float(dwells.time.sum()),
-        "start": float(dwells.start.min()),
-        "duration": end - float(dwells.start.min()),
+        "dwells": x["dwells"],
+        "measured": x["measured"],
+        "start": x["start"],
+        "duration": x["end"] - x["start"],
         "checks": [dict(vars(c)) for c in survey.checks[i]],
         "findings": [f.as_dict() for f in survey.setup_findings[i]],
     }

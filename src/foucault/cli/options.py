@@ -198,6 +198,9 @@ def plain(function: Callable[..., Any]) -> Callable[..., Any]:
             parameters.append(parameter.replace(kind=KEYWORD_ONLY))
 
     def called(ctx: typer.Context, **given: Any) -> Any:
+        import numpy as np
+
+        vars(np).setdefault("f2py", None)  # SciPy loads all that NumPy names, compilers included
         of_all = {"ctx": ctx, "screen": ctx.obj}
         given |= {name: of.taken(given) for name, of in groups.items()}
         return function(**given, **{name: of_all[name] for name in of_all if name in known})

@@ -55,10 +55,6 @@ def calibrate(
     Given the log of a vehicle with several IMUs, it calibrates each, compares them and says how
     they are mounted.
     """
-    import numpy as np
-
-    vars(np).setdefault("f2py", None)  # SciPy loads all that NumPy names, compilers included
-
     from foucault.kernels import ahead
 
     if campaign and live is None and not options.bare(campaign):

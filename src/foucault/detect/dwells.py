@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from foucault.arrays import BoolArray, FloatArray, begins, chosen
+from foucault.arrays import BoolArray, FloatArray, begins, chosen, repeating
 from foucault.detect.noise import resolution
 from foucault.detect.stretches import means_of, runs
 from foucault.errors import Finding, error, finding
@@ -59,7 +59,9 @@ def find_dwells(log: IndexedLog, *, settle: float = 1.0, shortest: float = 5.0) 
     left out [SI].
     """
     if log.averaged is not None:
-        index, rows = (log.index, np.cos(log.index), np.sin(log.index)), (log.gyro, log.accel)
+        part = repeating(log.index, len(log.names))
+        cosine, sine = (np.tile(f(part), len(log.index) // len(part)) for f in (np.cos, np.sin))
+        index, rows = (log.index, cosine, sine), (log.gyro, log.accel)
         return _numbered(Dwells(log.setup, log.names, log.time, log.averaged, *index, *rows,
                                 _headings(log), **_places(log)))  # fmt: skip
     cuts: list[_Cut] = []

@@ -389,7 +389,8 @@ class Test:
 
     def of(self, i: int) -> Check:
         """Return the test of set-up `i` [1]."""
-        high = None if self.high is None else float(np.broadcast_to(self.high, self.value.shape)[i])
+        high = self.high[i] if isinstance(self.high, np.ndarray) else self.high
+        high = None if high is None else float(high)
         value, given = float(self.value[i]), {} if self.given is None else self.given(i)
         return check(self.key, self.name, value, self.low, high, given, fails=self.fails)
 

@@ -19,7 +19,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from foucault.arrays import FloatArray, IntArray, Names, begins, chosen, of_arrow, runs_of, to_arrow
+from foucault.arrays import (
+    FloatArray,
+    IntArray,
+    Names,
+    begins,
+    chosen,
+    of_arrow,
+    repeating,
+    runs_of,
+    to_arrow,
+)
 from foucault.errors import Finding, error, finding
 from foucault.files import sha256
 from foucault.logs import checks
@@ -77,9 +87,8 @@ def _stuck(log: IndexedLog) -> tuple[Finding, ...]:
 
 def _index(log: IndexedLog, used: IndexedDescription) -> tuple[Finding, ...]:
     """Tell degrees read as radians and the reverse: stops are at round angles in one of them."""
-    angle = log.index - log.index[0]
-    np.abs(np.sin(np.multiply(angle, 12, out=angle), out=angle), out=angle)  # in one place
-    if np.mean(angle < 0.05) >= 0.9:
+    angle = repeating(log.index, len(log.names))
+    if np.mean(np.abs(np.sin(12 * (angle - angle[0]))) < 0.05) >= 0.9:
         return ()  # round as they are read
     said = log.index / used.index.one()
     for unit, likely, one in (("deg", "rad", 1.0), ("rad", "deg", np.radians(1.0))):
@@ -115,30 +124,35 @@ def _swings_of(
 ) -> list[tuple[float, float]]:
     """Return the same of some set-ups, by their `number` (n,), from 0 [1], and `index` (n,)."""
     first = np.flatnonzero(np.diff(number, prepend=-1))
-
-    def sums(y: FloatArray) -> FloatArray:
-        return np.asarray(np.add.reduceat(y, first), float)
-
     m = len(first)
     rows = np.diff(first, append=len(number)).astype(float)
-    A = np.stack([np.ones(len(index)), np.cos(index), np.sin(index)])
-    normal = np.empty((m, 3, 3))
+    at = repeating(index, m) if (rows == rows[0]).all() else index
+    alike = len(at) * m == len(index)
+
+    def sums(y: FloatArray) -> FloatArray:
+        return np.asarray(y @ np.ones(y.shape[1]) if alike else np.add.reduceat(y, first), float)
+
+    A = np.stack([np.ones(len(at)), np.cos(at), np.sin(at)])
+    A = A[:, None] if alike else A  # a row for each set-up, or one row
+    normal = np.empty((1 if alike else m, 3, 3))
     for i, k in ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)):
-        normal[:, i, k] = normal[:, k, i] = sums(A[i] * A[k]) / rows
-    alike = not np.ptp(normal, axis=0).any()  # the same stops everywhere
-    values, vectors = np.linalg.eigh(normal[:1] if alike else normal)
+        normal[:, i, k] = normal[:, k, i] = sums(A[i] * A[k]) / rows[: len(normal)]
+    values, vectors = np.linalg.eigh(normal)
     seen = values > 1e-12 * values[:, 2:]
     rank = seen.sum(axis=1)
     out = []
     for x in columns:
-        y = x - (sums(x) / rows)[number]
-        right = np.stack([sums(a * y) for a in A], 1) / rows[:, None]
+        x = x.reshape(m, -1) if alike else x
+        mean = sums(x) / rows
+        y = x - (mean[:, None] if alike else mean[number])
+        right = y @ A[:, 0].T if alike else np.stack([sums(a * y) for a in A], 1)
+        right /= rows[:, None]
         inverse = np.where(seen, 1 / np.where(seen, values, 1), 0)[:, None] * vectors
         fit = _each(right, inverse @ np.swapaxes(vectors, 1, 2))
         size = np.where(rank < 2, 0.0, np.hypot(*fit[:, 1:].T))  # one stop: nothing but the offset
         best = int(np.argmax(size))
         some = slice(first[best], first[best] + int(rows[best]))
-        left = y[some] - fit[best] @ A[:, some]
+        left = (y[best] if alike else y[some]) - fit[best] @ (A[:, 0] if alike else A[:, some])
         spent = rank[best if len(rank) > 1 else 0]
         sd = np.sqrt(np.sum(left**2) / max(rows[best] - spent, 1) * 2 / rows[best])
         out.append((float(size[best]), float(sd) if size[best] > 0 else np.inf))
