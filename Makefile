@@ -49,14 +49,15 @@ tests: .venv/installed-dev
 
 # Statistics over many sessions, searches, studies that are killed, peak memory, the release.
 thorough: .venv/installed-dev
-	$(PYTEST) -m "thorough or long" || $(ALONE) -m "thorough or long"
+	$(PYTEST) -m "thorough or long" --assert=plain || $(ALONE) -m "thorough or long"
 
 # OpenBLAS has another arithmetic for each processor: nothing may hang on its rounding. Prescott's,
 # without fused operations, runs on every x86 and is unlike all of today.
 NUMERICAL = $(addprefix tests/,diagnose estimate infer kernels models navigate papers plans \
   procedures/test_systematic_plan.py)
 blas: .venv/installed-dev
-	OPENBLAS_CORETYPE=Prescott $(PYTEST) -m "not thorough" $(NUMERICAL)
+	OPENBLAS_CORETYPE=Prescott $(PYTEST) -m "not thorough" --assert=plain $(NUMERICAL) || \
+	  OPENBLAS_CORETYPE=Prescott $(ALONE) -m "not thorough" $(NUMERICAL)
 
 # uv resolves to the lowest; in environments of their own, since they are other versions.
 UV = build/uv/bin/uv
