@@ -26,7 +26,7 @@ BUDGET = {
     "models": 6_154,
     "navigate": 2_208,
     "plans": 5_926,
-    "procedures": 20_678,
+    "procedures": 20_697,
     "recognise": 3_062,
     "report": 10_351,
     "records": 1_593,
