@@ -28,7 +28,7 @@ BUDGET = {
     "plans": 5_926,
     "procedures": 20_709,
     "recognise": 3_075,
-    "report": 10_354,
+    "report": 10_359,
     "records": 1_593,
     "simulate": 3_739,
     "symptoms": 72,
