@@ -15,7 +15,7 @@ BUDGET = {
     "capture": 4_139,
     "certificate": 2_022,
     "cli": 5_208,
-    "detect": 4_807,
+    "detect": 4_827,
     "diagnose": 12_292,
     "estimate": 9_730,
     "export": 3_658,
