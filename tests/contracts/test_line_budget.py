@@ -24,7 +24,7 @@ BUDGET = {
     "kernels": 7_084,
     "logs": 7_725,
     "models": 6_155,
-    "navigate": 2_208,
+    "navigate": 2_209,
     "plans": 5_926,
     "procedures": 20_727,
     "recognise": 3_075,
