@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
+
 import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import least_squares
@@ -33,6 +35,10 @@ def interval_mean(x: FloatArray, r: int, increments: bool) -> FloatArray:
         return x[r + 1]
     before, after = max(r - 1, 0), min(r + 2, len(x) - 1)
     return (-x[before] + 13 * x[r] + 13 * x[r + 1] - x[after]) / 24
+
+
+def running_product(step: FloatArray) -> FloatArray:
+    return np.array(list(accumulate(step, np.matmul, initial=np.eye(3))))
 
 
 def integrate_turns(

@@ -110,7 +110,7 @@ def _registry() -> Any:
 _UNIT = re.compile(
     r"""\s*(?:1\s*(?=/))?            # "1/(m/s^2)"
     (?:(?:[A-Za-zµμ°%][A-Za-z_µμ°%]*   # a name
-        | (?:sqrt|√)\s*\( | [()*/]
+        | sqrt\s*\( | √\s*\(? | [()*/]
         | (?:\^|\*\*)\s*(?:[-+]?\d{1,2}(?:\.\d{1,3})?|\(\s*[-+]?\d(?:\s*/\s*\d)?\s*\)) | ²
         )\s*)+""",
     re.VERBOSE,
@@ -147,7 +147,8 @@ _POWER = re.compile(r"(?<=[A-Za-z])(\d)")
 
 def _pint_text(unit: str) -> str:
     text = unit.replace("µ", "u").replace("μ", "u").replace("°", "deg").replace("%", "percent")
-    text = text.replace("^", "**").replace("²", "**2").replace("√", "sqrt")
+    text = text.replace("^", "**").replace("²", "**2")
+    text = re.sub(r"√\s*(\w+)", r"sqrt(\1)", text).replace("√", "sqrt")
     # Floats overflow where integers would grow without bound: 9^9^9^9.
     return _INTEGER.sub(r"\1.0", _SQRT.sub(r"((\1)**0.5)", text))
 

@@ -25,9 +25,9 @@ def test_minutes_and_what_to_do(tmp_path: Path) -> None:
     for words in (
         "minutes for 0.1 deg", "published", "3.9", "continuous, 5 turns",
         "Use palindrome: a linear drift of the gyro does least to it",
-        "4.4 minutes give 0.1 deg (1 sd), 25 to 51 s per stop.",
+        "4.4 minutes give 0.1° (1 sd), 25 to 51 s per stop.",
         "With a rough heading, and two accelerometers or a level case, east-west pair gives",
-        "gyro noise", "Tilted by up to 10 deg", "error by 0.1 deg/h/h of drift", str(file),
+        "gyro noise", "Tilted by up to 10°", "error by 0.1 deg/h/h of drift", str(file),
     ):  # fmt: skip
         assert words in said
     assert len(file.read_text().splitlines()) == 8

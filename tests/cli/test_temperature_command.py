@@ -140,6 +140,23 @@ def test_outside_error_and_hold(runs: list[str]) -> None:
     assert json.loads(done.stdout)["error"]["code"] == "temperature.outside_choice"
 
 
+def test_a_log_without_temperature_is_told_the_way_out_and_it_works(runs: list[str]) -> None:
+    run("temperature", *runs, "--at", "at-15=-15 degC", "-o", "model")
+    log = replace(a_log(np.full(100, ZERO + 25.0)), temperature=None)
+    write_log(log, "log.csv")
+    done = run("--json", "apply", "model", "log.csv", "-o", "out.csv", code=1)
+    said = json.loads(done.stdout)["error"]
+    assert said["code"] == "temperature.unlogged" and "-15.00 to 65.30 degC" in said["message"]
+    assert 'foucault apply --at "25 degC"' in said["cure"]
+    run("apply", "model", "log.csv", "-o", "out.csv", "--at", "25 degC", code=0)
+    want = load_result("model").at(298.15).apply(log)
+    np.testing.assert_allclose(
+        read(LogDescription(file="out.csv"), Path()).accel, want.accel, rtol=0, atol=1e-12
+    )
+    done = run("--json", "apply", "at25", "log.csv", "-o", "x.csv", "--at", "25 degC", code=1)
+    assert json.loads(done.stdout)["error"]["code"] == "temperature.option"
+
+
 def test_functions_are_no_prior_and_are_not_merged(runs: list[str]) -> None:
     run("temperature", *runs, "--at", "at-15=-15 degC", "-o", "model")
     done = run("--json", "merge", "model", "at25", "-o", "merged")

@@ -166,3 +166,21 @@ def test_a_spike_of_a_north_seeker_is_set_apart():
     found = without_spikes(log)
     assert abs(found.gyro[500]) < 1e-5
     assert "1 (gyro), the first at 50 s (gyro, " in found.findings[0].message
+
+
+@pytest.mark.parametrize("after", [1, 2, 5, 15])
+@pytest.mark.parametrize("size", [-60.0, 40.0, 300.0])
+def test_a_spike_beside_a_step_is_one_and_a_peak_at_it_is_none(after: int, size: float) -> None:
+    """An index table turns between two readings, or while one or two are taken."""
+    rng = np.random.default_rng(after)
+    x = np.repeat([0.0, 100.0, -20.0, 100.0], 200)[:, None] + rng.normal(size=(800, 1))
+    for step in (200, 400, 600):
+        for at in (step - 1 - after, step + after):
+            spoilt = x.copy()
+            spoilt[at] += size
+            assert np.flatnonzero(spike_sizes(spoilt)).tolist() == [at]
+    assert not spike_sizes(x).any()
+    for passed in ([500.0], [-90.0], [300.0, 700.0], [50.0]):  # while it turns
+        turned = x.copy()
+        turned[200 : 200 + len(passed), 0] = passed
+        assert not spike_sizes(turned).any()

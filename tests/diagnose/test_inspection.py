@@ -10,6 +10,7 @@ import pytest
 from foucault import campaign
 from foucault.campaign.running import read_any
 from foucault.cli import sessions
+from foucault.detect.live import LiveRests
 from foucault.diagnose.live import inspect
 from foucault.procedures import PROCEDURES
 from foucault.report import noise, save
@@ -105,3 +106,32 @@ def test_a_whole_turn_is_a_spin_and_what_only_creeps_is_named():
     assert seen.turning.tolist() == [False, False, False, True, False, False, False]
     assert [f.code for f in seen.findings] == ["rest.moving"]
     assert seen.findings[0].message.startswith("The quiet time 72")
+
+
+def test_slow_torquing_and_slow_spins_are_no_rests() -> None:
+    """Gravity swings, or a rate along up makes whole turns; a bias alone does neither."""
+    rng = np.random.default_rng(2)
+    force, gyro = [], []
+    # Direction of up, and how it turns [deg/s]: rests, a slow spin either way, slow torquing.
+    for up, rate, seconds in [
+        ([0, 0, 1], [0, 0, 0], 60), ([0, 1, 0], [0, 0, 0], 60), ([1, 0, 0], [0, 0, 0], 60),
+        ([0, 0, 1], [0, 0, 0.3], 1300), ([0, 0, -1], [0, 0, 0.3], 1300),
+        ([0, 0, -1], [0, 0, 0], 60), ([1, 0, 0], [0, 0.1, 0], 300), ([0, -1, 0], [0, 0, 0], 60),
+    ]:  # fmt: skip
+        t = np.arange(seconds * 10)[:, None] / 10
+        w = np.radians(rate)
+        force.append(9.81 * (up + np.cross(up, w) * t))  # straight does for small angles
+        gyro.append(np.tile(w, (len(t), 1)))
+        force.append(np.tile([0, 0, 9.81], (20, 1)) + rng.normal(size=(20, 3)))
+        gyro.append(0.3 * rng.normal(size=(20, 3)))
+    f, w = (np.concatenate(x) for x in (force, gyro))
+    f += 5e-3 * rng.normal(size=f.shape)
+    w += [0.02, 0, 0.01] + 1e-3 * rng.normal(size=w.shape)
+    log = Log(0.1 * np.arange(len(f)), w, f)
+    slow = [False, False, False, True, True, False, True, False]
+    assert inspect(log).turning.tolist() == slow
+    live = LiveRests()
+    for a in range(0, len(log), 300):
+        live.add(log[a : a + 300])
+    live.finish()
+    assert live.rests()[2].tolist() == slow

@@ -320,7 +320,7 @@ def test_held_at_the_end_of_the_range(tmp_path: Path) -> None:
 
 def test_no_temperature_is_refused_held_or_not(tmp_path: Path) -> None:
     for hold in (False, True):
-        with refuses("temperature.no_column"):
+        with refuses("temperature.unlogged"):
             apply(a_result(families=LINEAR), replace(a_log(), temperature=None), tmp_path,
                   hold=hold)  # fmt: skip
 

@@ -10,7 +10,12 @@ import pytest
 
 import reference
 from foucault.kernels.moving import moving_moments
-from foucault.kernels.rotation import integrate_turns, integrate_turns_rk4, multiply_exp
+from foucault.kernels.rotation import (
+    integrate_turns,
+    integrate_turns_rk4,
+    multiply_exp,
+    running_product,
+)
 from foucault.models.rotation import exp, log
 
 # `integrate_turns` calls a compiled kernel even as .py_func: that one is tested on its own.
@@ -90,6 +95,14 @@ def test_integrate_turns(form, increments):
     for a, b in zip(got, want, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-13)
     assert np.array_equal(got[0][1], np.eye(3))  # a turn without samples
+
+
+@FORMS
+def test_running_product(form):
+    step = np.random.default_rng(6).normal(size=(7, 3, 3))
+    got = _form(running_product, form)(step)
+    np.testing.assert_allclose(got, reference.running_product(step), rtol=1e-12, atol=1e-13)
+    assert _form(running_product, form)(step[:0]).tolist() == [np.eye(3).tolist()]
 
 
 @FORMS

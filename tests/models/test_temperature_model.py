@@ -121,7 +121,7 @@ def test_outside_is_refused_with_row_time_and_range() -> None:
     assert "--outside hold" in problem.cure
     T[7] = np.nan
     assert "row 7 " in _refused(model, replace(log, temperature=T)).message
-    assert _refused(model, replace(log, temperature=None)).code == "temperature.no_column"
+    assert _refused(model, replace(log, temperature=None)).code == "temperature.unlogged"
     model.refuse_outside(replace(log, temperature=model.held(np.nan_to_num(T, nan=300.0))))
     with pytest.raises(FoucaultError, match=r"At 66\.86 degC"):
         model.at(HIGH + 0.01)

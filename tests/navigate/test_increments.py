@@ -180,3 +180,9 @@ def test_given_increments():
     made = Increments.of(np.array([1.0, 1.5, 2.1]), np.ones((3, 3)), np.zeros((3, 3)))
     np.testing.assert_allclose(made.dt[1:], [0.5, 0.6])
     np.testing.assert_array_equal(made.joined, [False, True, True])
+
+
+@pytest.mark.parametrize("made", [rates, means])
+def test_recordings_in_a_row_are_counted_as_each_is(made):
+    parts = [increments_of(made(t0 + 0.01 * np.arange(20))) for t0 in (0.0, 5.0)]
+    assert Increments.chained(parts).counted == parts[0].counted == (made is means)

@@ -428,6 +428,26 @@ def test_a_reversed_triad_and_a_reversed_gyro_are_told() -> None:
     assert problem.message.startswith("In 1 of 3 mountings, spun about y,")
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("quiet", "g_sensitivity"), [(1, True), (20, False), (500, True), (500, False)]
+)
+def test_gravity_upside_down_is_named(quiet: float, g_sensitivity: bool) -> None:
+    """The Earth turns unlike: noticed by a g-sensitivity, or by gyros that do not fit."""
+    tool = replace(QUICK, seconds=10.0, gyro_noise=QUICK.gyro_noise / quiet,
+                   accel_noise=QUICK.accel_noise / quiet)  # fmt: skip
+    unit = replace(draw_unit(np.random.default_rng([1, 5])), D=np.zeros((3, 3)))
+    log = spun(tool, unit, 1)
+    assert log.accel is not None
+    right, wrong = (
+        solved(tool, replace(log, accel=k * log.accel), g_sensitivity=g_sensitivity)
+        for k in (1, -1)
+    )
+    assert right.verdict.level is Level.PASS
+    assert wrong.verdict.level is not Level.PASS
+    assert "read gravity instead of specific force" in wrong.verdict.reasons[0]
+
+
 def test_a_gap_ends_a_spin_and_does_no_harm() -> None:
     log, unit = session(QUICK)
     rows = np.flatnonzero((log.time < 4.0) | (log.time > 4.5))

@@ -17,6 +17,7 @@ from scipy.stats import binom
 from foucault.diagnose.fit_checks import STRAY
 from foucault.errors import FoucaultError
 from foucault.export.calibrated_log import calibrate_log
+from foucault.infer import left_out
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.logs import LogDescription, read, write
 from foucault.logs.description import description_of
@@ -28,6 +29,7 @@ from foucault.models.norths import norths
 from foucault.models.world_field import world_field
 from foucault.procedures import magnetometer
 from foucault.procedures.magnetometer import Settings, ellipsoid
+from foucault.recognise.session import session as recognised
 from foucault.report import evidence
 from foucault.result import Level, Result
 from foucault.tables import Log
@@ -343,6 +345,33 @@ def test_a_motion_about_one_axis_leaves_the_hard_iron_alone() -> None:
     assert (off[:2] < 4).all()  # along the axis field and iron are one
     assert result.verdict.level is not Level.PASS
     assert any("hardly came along one direction" in reason for reason in result.verdict.reasons)
+
+
+def test_what_is_left_out_is_fitted_with_the_terms_that_stay_alone(monkeypatch) -> None:
+    """A fit with it takes seven of those without it."""
+    rng = np.random.default_rng(7)
+    log = session(free(rng, 20.0) * [0.0, 0.0, 1.0], Truth(np.eye(3), np.zeros(3)), rng)
+    fitted, fit = [], left_out.fit
+
+    def counted(model, columns, *given, **how):
+        fitted.append(model.settings.terms)
+        return fit(model, columns, *given, **how)
+
+    monkeypatch.setattr(left_out, "fit", counted)
+    result = magnetometer.calibrate(log, site=SITE, settings=CALM, noise=IMU, sizes=ByNoise())
+    assert "mag.hard_iron" in codes(result) and fitted == ["hard iron"]
+
+
+@pytest.mark.parametrize("step", [0.0, 45e-6])
+def test_a_session_with_breaks_or_a_magnet_taken_away_is_told_as_one(step: float) -> None:
+    rng = np.random.default_rng(8)
+    still = np.zeros((12000, 3))
+    w = np.concatenate([still, free(rng, 15.0), still, free(rng, 15.0), still])
+    log = session(w if not step else free(rng, 30.0), draw(rng), rng, step=np.array([0, 0, step]))
+    seen = recognised(log)
+    assert seen.procedure == "magnetometer"
+    # Without its field it is what it was.
+    assert recognised(replace(log, mag=None)).procedure is None
 
 
 def test_the_world_model_says_the_field_of_a_place_and_a_day() -> None:

@@ -65,7 +65,8 @@ def test_a_calibration_pays(parked) -> None:
     assert parked.reference.still and parked.settings.vertical == "held"
     assert parked.opening.end - parked.opening.start == 300.0 and parked.opening.still
     assert [c.name for c in parked.checks] == [
-        "heading at the start", "noise", "position at the last epoch", "velocity at the last epoch",
+        "heading at the start", "noise", "rest at the start", "position at the last epoch",
+        "velocity at the last epoch",
     ]  # fmt: skip
     assert parked.noise_source == "declared" and parked.findings == ()
     assert [round(row.age) for row in parked.runs[0].growth] == [60, 120, 300, 600, 1200]
@@ -74,6 +75,28 @@ def test_a_calibration_pays(parked) -> None:
     turned = FOUND.sd[k] / (EARTH_RATE * np.cos(SITE.latitude))
     assert np.sqrt(start[2, 2]) == pytest.approx(turned, rel=0.1)  # as gyro biases make it
     assert parked.checks[0].value == pytest.approx(np.degrees(np.sqrt(parked.budget.start[2, 2])))
+
+
+@pytest.mark.thorough
+def test_a_covariance_too_small_is_told_by_the_rest_at_the_start() -> None:
+    """Where nothing says where the drive went, too: gravity and the Earth's rate are known."""
+    squares, doubted = [], 0
+    for seed in range(12):
+        true, found = errors(seed, known=1.0)
+        log = logged([Rest(60.0)], true, seed=seed).log
+        for cov in (found.cov, 1e-4 * found.cov):
+            vector = CoefficientVector(found.layout, found.values, cov)
+            test = navigate_log(log, calibration=calibration(vector), noise=NOISE,
+                                settings=Settings(align=50.0), **PLACE)  # fmt: skip
+            check = next(c for c in test.checks if c.name == "rest at the start")
+            if cov is found.cov:
+                squares.append(check.value)
+                assert check.passed
+            elif not check.passed:
+                doubted += 1
+                assert "less certain than the calibration says" in check.sentence
+    assert chi_square_limits(12)[0] < sum(squares) < chi_square_limits(48)[1]
+    assert doubted >= 9
 
 
 def test_contributions_add_up_to_the_difference(parked) -> None:

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from test_systematic import SITE, codes, failed, nees, simulated, trial
 
+from foucault.detect.stretches import SEQUENCE, find_rests
 from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.earth import Site
 from foucault.models.noise import ImuNoise
 from foucault.procedures import systematic
 from foucault.procedures.systematic.settings import Settings
 from foucault.result import Level
+from foucault.tables import Log
 from make_sequence import DEG, DPH, NOISE
 from refusals import refuses
 
@@ -33,6 +35,28 @@ def outlying(made, share=0.01, size=20.0):
         x[hit] += off * rng.choice([-1.0, 1.0], int(hit.sum()))
         out[name] = x
     return replace(made, log=replace(made.log, **out))
+
+
+@pytest.mark.thorough
+def test_a_short_gap_within_a_rest_is_bridged_and_one_within_a_turn_is_not():
+    made = simulated(seed=3)
+    rests = find_rests(made.log, SEQUENCE).spans
+    a, b = rests[4]
+
+    def cut(row: int) -> Log:
+        lost = slice(row, row + max(1, round(0.3 / made.log.interval)))
+        keep = np.delete(np.arange(len(made.log)), lost)
+        return replace(
+            made.log, **{n: getattr(made.log, n)[keep] for n in ("time", "gyro", "accel")}
+        )
+
+    whole, result = trial(made), trial(replace(made, log=cut((a + b) // 2)))
+    assert set(codes(result)) == {*codes(whole), "strapdown.bridged"}
+    assert result.verdict.level is whole.verdict.level is Level.PASS
+    off = (result.coefficients.values - whole.coefficients.values) / whole.coefficients.sd
+    assert np.abs(off).max() < 0.3
+    with refuses("systematic.gap"):
+        trial(replace(made, log=cut(b + (rests[5][0] - b) // 2)))
 
 
 @pytest.mark.thorough

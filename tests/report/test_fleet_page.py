@@ -130,6 +130,12 @@ def test_histograms_count_every_instrument_once_and_show_the_limits():
         pytest.approx(np.median(x), rel=1e-5)
     ]
     assert 5.0 in [s["x0"] for s in lines if s["line"]["dash"] == "dash"]
+    # Where there is little room the numbers of the first axis stand for all.
+    upward = {k: a for k, a in first["layout"].items() if k.startswith("yaxis")}
+    assert len(upward) == 3 and len({tuple(a["range"]) for a in upward.values()}) == 1
+    narrow = first["layout"]["meta"]["narrow"]
+    assert "yaxis" not in narrow and narrow["yaxis2"] == {"showticklabels": False}
+    assert upward["yaxis"]["range"][1] > max(max(bar["y"]) for bar in first["data"])
     centre, width = np.array(bars["x"]), bars["width"]
     for c, n in zip(centre, bars["y"], strict=True):
         inside = np.sum((x >= c - width / 2 - 1e-9) & (x <= c + width / 2 + 1e-9))

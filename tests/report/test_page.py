@@ -10,7 +10,8 @@ import pytest
 
 from foucault import report
 from foucault.errors import finding
-from foucault.report.page import counted_once
+from foucault.report.page import counted_once, shown, signs
+from foucault.units import KINDS, factor
 from make_result import make_result
 
 CSS = "".join(
@@ -153,6 +154,10 @@ def test_text_and_marks_stand_out(theme):
         ("+17.1 +- 1.9 deg/h", "+17.1 ± 1.9\N{NO-BREAK SPACE}°/h"),
         ("24 ug at 60.0 degC", "24\N{NO-BREAK SPACE}µg at 60.0\N{NO-BREAK SPACE}°C"),
         ('write "47 deg" there', 'write "47 deg" there'),
+        (
+            "off by 3 ug/g^2, or 2 ppb/(deg/s)^2",
+            "off by 3\N{NO-BREAK SPACE}µg/g², or 2\N{NO-BREAK SPACE}ppb/(°/s)²",
+        ),
         ("0.06 deg/sqrt(h)", "0.06\N{NO-BREAK SPACE}°/√h"),
         ("by -1.3 percent", "by \N{MINUS SIGN}1.3\N{NO-BREAK SPACE}%"),
         ("on 2025-03-01, from 1e-9 on", "on 2025-03-01, from 1e-9 on"),
@@ -160,4 +165,12 @@ def test_text_and_marks_stand_out(theme):
     ],
 )
 def test_units_are_written_with_signs_but_what_is_to_be_copied_is_not(plain, written):
-    assert report._signs(plain) == written
+    assert signs(plain) == written
+
+
+@pytest.mark.parametrize("unit", sorted({u for kind in KINDS.values() for u in kind.display}))
+def test_a_sentence_writes_a_unit_as_a_table_does(unit: str) -> None:
+    written = signs(f"It is off by 3 {unit} (sd 1 {unit}), and less.")
+    space = "\N{NO-BREAK SPACE}" * (shown(unit) not in (unit, "°")) or " " * (shown(unit) != "°")
+    assert written == f"It is off by 3{space}{shown(unit)} (sd 1{space}{shown(unit)}), and less."
+    assert factor(shown(unit), next(k for k, v in KINDS.items() if unit in v.display)) > 0

@@ -48,6 +48,7 @@ def apply(
     topic: str | None = None,
     force: Annotated[bool, typer.Option("--force")] = False,
     outside: str = "error",
+    at: Annotated[Amount | None, quantity("temperature", "")] = None,
 ) -> None:
     """Remove the calibrated errors from a log.
 
@@ -55,19 +56,19 @@ def apply(
     """
     from foucault.export import calibrate_log
     from foucault.export.stream import calibrate_bag
-    from foucault.run_folder import load_result, result_file
+    from foucault.run_folder import result_file
 
     if outside not in ("error", "hold"):
         raise error("temperature.outside_choice", given=outside)
     if stream:
-        _stream(result, log, output, topic, force)
+        _stream(result, log, output, topic, force, at)
         return
     if log is None or output is None:
         raise error("apply.no_log")
     with screen.progress() as tell:
         tell(0.0, "reading the result")
         _not_an_input(output, result, log)
-        calibrated = _of_an_imu(load_result(result, with_tables=False))
+        calibrated = _to_apply(result, at)
         if log.is_dir() or log.suffix in BAGS:
             count = calibrate_bag(calibrated, log, output, topic=topic, force=force,
                                   progress=lambda part: tell(part, "applying"))  # fmt: skip
@@ -135,18 +136,19 @@ def export(
 
 
 def _stream(
-    result: Path, log: Path | None, output: Path | None, topic: str | None, force: bool
-) -> None:
+    result: Path, log: Path | None, output: Path | None, topic: str | None, force: bool,
+    at: float | None,
+) -> None:  # fmt: skip
     """Correct standard input to standard output; what was noticed goes beside."""
     import sys
 
     from foucault.export.stream import calibrate_stream
-    from foucault.run_folder import load_result, result_file
+    from foucault.run_folder import result_file
 
     for option, given in (("-o", output), ("--topic", topic)):
         if given is not None:
             raise error("apply.stream", option=option)
-    calibrated = _of_an_imu(load_result(result, with_tables=False))
+    calibrated = _to_apply(result, at)
     description, _, _ = _described(calibrated, result, log or Path("standard input"))
     samples, noticed = calibrate_stream(
         calibrated, description, sys.stdin.buffer, sys.stdout.buffer,
@@ -236,10 +238,14 @@ def _to_export(
     return calibrated, campaign.load(kept).noise if kept.is_file() else None, log
 
 
-def _of_an_imu(result: Result) -> Result:
+def _to_apply(file: Path, at: float | None) -> Result:
+    """Return the result of a file, at one temperature where that is given [K]."""
+    from foucault.run_folder import load_result
+
+    result = load_result(file, with_tables=False)
     if result.procedure == "north_seeking":
         raise error("north.not_applied")
-    return result
+    return result if at is None else result.at(at)
 
 
 @command(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -46,9 +47,13 @@ STATES = {"good": ("ok", "pass"), "warning": ("!", "doubtful"), "bad": ("!!", "f
 
 SIGNS = str.maketrans({
     "\N{MINUS SIGN}": "-", "\N{NON-BREAKING HYPHEN}": "-", "\N{NO-BREAK SPACE}": " ", "≥": ">=",
-    "≤": "<=", "→": "->", "′": "'", "″": '"', "√": "sqrt", "`": "",
+    "≤": "<=", "→": "->", "′": "'", "″": '"', "`": "",
 })  # fmt: skip
 """Signs of a page that not every terminal has."""
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"√(\w+)", r"sqrt(\1)", text).translate(SIGNS)
 
 
 @dataclass
@@ -95,7 +100,10 @@ class Screen:
 
     def document(self, said: Document, keys: Iterable[str] | None = None) -> None:
         """Print the sections of a document that `keys` name, None for all, and its verdict."""
+        from foucault.report.page import signs
+
         head = said.heading
+        reasons = [_plain(signs(reason)) for reason in head.reasons]
         self.say("", head.title, style="bold")
         self.say(*([", ".join(head.line)] if head.line else []))
         for one in said.sections:
@@ -103,11 +111,11 @@ class Screen:
             if not drawn and (keys is None or one.key in keys):
                 self.section(one)
         if head.state not in STATES:
-            self.say(*([f"\n{head.word}."] if head.word else []), *head.reasons)
+            self.say(*([f"\n{head.word}."] if head.word else []), *reasons)
             return
-        self.say("", f"verdict: {head.word[:1].lower()}{head.word[1:]}".translate(SIGNS),
+        self.say("", _plain(f"verdict: {head.word[:1].lower()}{head.word[1:]}"),
                  style=COLOURS[STATES[head.state][1]])  # fmt: skip
-        self.say(*(f"  {reason}".translate(SIGNS) for reason in head.reasons))
+        self.say(*(f"  {reason}" for reason in reasons))
 
     def tell(
         self, said: Document, data: Any, *lines: str, keys: Iterable[str] | None = None,
@@ -123,14 +131,14 @@ class Screen:
     def section(self, one: Section) -> None:
         """Print a section: text, facts, lists and tables; figures are for the page."""
         if one.key != "findings":
-            self.say("", one.title.translate(SIGNS), style="bold")
-            self.say(*([one.lead.translate(SIGNS)] if one.lead else []))
+            self.say("", _plain(one.title), style="bold")
+            self.say(*([_plain(one.lead)] if one.lead else []))
         words = {"warning": "warning: ", "bad": "error: ", "plain": "note: "}
         for block in one.blocks:
             if block.kind == "text" or block.kind == "code":
-                self.say(block.text.translate(SIGNS))  # type: ignore[union-attr]
+                self.say(_plain(block.text))  # type: ignore[union-attr]
             elif block.kind == "facts":
-                self.say(*(f"{k}: {v}".translate(SIGNS) for k, v in block.pairs))  # type: ignore[union-attr]
+                self.say(*(_plain(f"{k}: {v}") for k, v in block.pairs))  # type: ignore[union-attr]
             elif block.kind == "items" and one.key == "findings":
                 told = [words.get(state, "") + text for state, text in block.items]  # type: ignore[union-attr]
                 before = self._before(told)
@@ -139,7 +147,7 @@ class Screen:
                     n = list(before.values()).count(command)
                     self.say(f"{n} finding{'s' * (n > 1)} as `foucault {command}` said before.")
             elif block.kind == "items":
-                self.say(*(text.translate(SIGNS) for _, text in block.items))  # type: ignore[union-attr]
+                self.say(*(_plain(text) for _, text in block.items))  # type: ignore[union-attr]
             elif block.kind == "table":
                 self._table(block)  # type: ignore[arg-type]
 
@@ -154,7 +162,7 @@ class Screen:
     def _table(self, some: Table) -> None:
         """Print a table of a document; what is aside goes where there is no room, widest first."""
         shown = [i for i, c in enumerate(some.columns) if not c.optional and c.look != "meaning"]
-        rows = [[cell.translate(SIGNS) for cell in row] for row in some.rows]
+        rows = [[_plain(cell) for cell in row] for row in some.rows]
         widths = [
             max([len(c.heading), *(len(row[i]) for row in rows if len(row) > i)]) + 3
             for i, c in enumerate(some.columns)
@@ -177,7 +185,7 @@ class Screen:
             first = sorted(range(len(lines)), key=lambda i: signs.isdisjoint(lines[i]))
             lines = [lines[i] for i in sorted(first[:MOST_ROWS])]
         self.table(
-            "", [some.columns[i].heading.translate(SIGNS) for i in shown], lines,
+            "", [_plain(some.columns[i].heading) for i in shown], lines,
             right=[look == "number" for look in looks],
         )  # fmt: skip
         self.say(*([f"and {more} rows more, on the page (-o)"] if more > 0 else []))

@@ -23,6 +23,8 @@ from foucault.detect.stretches import (
     moments_of,
     quiet_sd,
     runs,
+    spun,
+    swung,
     trimmed,
     turning,
 )
@@ -223,8 +225,17 @@ class LiveRests:
             means = self._moments["gyro"].all[:, 1:] if "gyro" in self._moments else None
             first, last = trimmed(self.level(0), first, last, fewest, means)
         turns = np.zeros(len(kept), bool)
-        if "gyro" in self._triads and len(kept) >= FEW:
-            turns, _ = turning(self.means("gyro", first, last))
+        if "accel" in self._triads:
+            spans = list(zip(first.tolist(), last.tolist(), strict=True))
+            turns = swung(self._triads["accel"].all, spans, self.samples)
+        some = np.flatnonzero(~turns)
+        if "gyro" in self._triads and len(some) >= FEW:
+            mean = self.means("gyro", first[some], last[some])
+            turns[some], _ = turning(mean)
+            if "accel" in self._triads:
+                force = self.means("accel", first[some], last[some])
+                lasting = np.asarray((last - first)[some] * self.interval, float)
+                turns[some] |= spun(mean, force, lasting)
         return first, last, turns
 
     def means(self, triad: str, first: IntArray, last: IntArray) -> FloatArray:

@@ -436,6 +436,13 @@ def spike_sizes(x: FloatArray) -> FloatArray:
         around = np.pad(column, AROUND, mode="reflect")
         for some in np.array_split(rows, 1 + len(rows) // 100_000):
             out[some, i] = _sizes(around, some, quiet, step)
+        # Beside a step what is next to it on both sides tells, and stands alone among two levels.
+        rise, fall = np.diff(column)[:-1], -np.diff(column)[1:]
+        far = np.minimum(np.abs(rise), np.abs(fall)) > max(0.8 * FAR * quiet, least)
+        rows = 1 + np.flatnonzero(far & (rise * fall > 0))
+        rows = rows[out[rows, i] == 0]
+        for some in np.array_split(rows, 1 + len(rows) // 100_000):
+            out[some, i] = _sizes(around, some, quiet, step, stepped=True)
     return out
 
 
@@ -448,10 +455,21 @@ def _quiet(apart: FloatArray) -> float:
     return float(np.percentile(seen, 5)) if len(seen) else 0.0
 
 
-def _sizes(around: FloatArray, rows: IntArray, quiet: float, step: float) -> FloatArray:
-    """Judge some readings by what is around each; `around` is padded by `AROUND` on both sides."""
+def _sizes(
+    around: FloatArray, rows: IntArray, quiet: float, step: float, stepped: bool = False
+) -> FloatArray:
+    """Judge some readings by what is around each; `around` is padded by `AROUND` on both sides.
+
+    `stepped`: what is before has another level than what is after, but next to the reading.
+    """
     near = around[rows[:, None] + np.arange(2 * AROUND + 1)]
     off = np.abs(near - np.median(near, axis=1)[:, None])
+    if stepped:
+        end = AROUND // 4
+        sides = near[:, :AROUND], near[:, AROUND + 1 :], near[:, :end], near[:, -end:]
+        levels = np.array([np.median(x, axis=1) for x in sides])
+        off = np.abs(near[None] - levels[:, :, None]).min(axis=0)
+        beside = near[:, AROUND + 1] - near[:, AROUND - 1]
     at = round(0.9 * (2 * AROUND + 1))
     scale = np.partition(off, at, axis=1)[:, at] / 1.645
     # What is rounded to one step less was up to half a step more.
@@ -459,4 +477,6 @@ def _sizes(around: FloatArray, rows: IntArray, quiet: float, step: float) -> Flo
     # It stands alone: what shakes the instrument shakes it for a while.
     lonely = (off > 0.5 * limit[:, None]).sum(axis=1) <= LONGEST
     spike = lonely & (off[:, AROUND] > limit) & (scale <= CALM * quiet)
+    if stepped:  # a peak between two levels is how the instrument came from one to the other
+        spike &= (np.abs(beside) < limit) & (np.ptp(levels, axis=0) > limit)
     return np.where(spike, FAR * off[:, AROUND] / np.maximum(limit, 1e-300), 0.0)

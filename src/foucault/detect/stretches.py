@@ -75,6 +75,14 @@ STARTS = 4.0
 """A turn starts, or ends, where windows of a rest are off by more than the least rate of a steady
 turn and by so many times the usual [1]."""
 
+SWUNG, PARTS = np.radians(3.0), 8
+"""Gravity that swings by more shows that a quiet stretch turns; means that are looked at [rad],
+[1]."""
+
+SLOW_SPIN = np.radians(0.05), 12.0, 2.0 * np.pi, np.radians(10.0)
+"""Where gravity stays, so does a rate that is off by this and by so many times what those of rests
+are apart, makes so much of a turn and is as near to up [rad/s], [1], [rad], [rad]."""
+
 FEW = 5  # Fewer rests cannot be told apart by their rates [1].
 
 
@@ -281,6 +289,40 @@ def turning(gyro_mean: FloatArray) -> tuple[BoolArray, FloatArray]:
     least, usual = STEADY_TURN
     off = np.linalg.norm(gyro_mean - np.median(gyro_mean, axis=0), axis=1)
     return off > max(least, usual * float(np.median(off))), off
+
+
+def swung(accel: FloatArray, spans: Sequence[tuple[int, int]], window: int) -> BoolArray:
+    """Tell along which of `spans` gravity swings in `accel` (samples, 3) [any], shape (n,).
+
+    `window`: samples over which a mean is no noise [1].
+    """
+    out = np.zeros(len(spans), bool)
+    for j, (a, b) in enumerate(spans):
+        parts = np.array_split(accel[a:b], max(min(PARTS, (b - a) // window), 1))
+        mean = np.array([part.mean(axis=0) for part in parts])
+        up = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+        out[j] = (up @ up[0]).min() < np.cos(SWUNG)
+    return out
+
+
+def spun(gyro_mean: FloatArray, accel_mean: FloatArray, lasting: FloatArray) -> BoolArray:
+    """Tell which stretches are slow spins about up, shape (n,); none of few.
+
+    `gyro_mean`, `accel_mean` (n, 3): mean rate [rad/s] and specific force [any] of each; `lasting`
+    (n,): how long it is [s].
+    """
+    if len(gyro_mean) < FEW:
+        return np.zeros(len(gyro_mean), bool)
+    least, times, whole, near = SLOW_SPIN
+    # As many may spin as rest, and those that rest are alike: the nearest quarter is the densest.
+    apart = np.linalg.norm(gyro_mean[:, None] - gyro_mean, axis=2)
+    usual = np.quantile(apart, 0.25, axis=1)
+    centre = int(np.argmin(usual))
+    off, size, force = (gyro_mean - gyro_mean[centre], apart[centre],
+                        np.linalg.norm(accel_mean, axis=1))  # fmt: skip
+    upright = np.abs(np.sum(off * accel_mean, axis=1)) > np.cos(near) * size * force
+    far = size > max(least, times * float(usual[centre]))
+    return np.asarray(far & upright & (size * lasting > whole))
 
 
 def slowest(gyro: FloatArray, share: float = 0.1) -> FloatArray:

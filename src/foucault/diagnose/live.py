@@ -13,7 +13,15 @@ from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.detect.coverage import coverage, direction_words, named_directions
 from foucault.detect.live import LiveRests
 from foucault.detect.noise import measure_noise, told_of, without_spikes
-from foucault.detect.stretches import Rests, find_rests, rest_table, turning
+from foucault.detect.stretches import (
+    Rests,
+    find_rests,
+    means_of,
+    rest_table,
+    spun,
+    swung,
+    turning,
+)
 from foucault.diagnose.hand_rotated import ENOUGH_RESTS
 from foucault.errors import Finding, FoucaultError, finding
 from foucault.guard import rest
@@ -21,7 +29,7 @@ from foucault.guard.rest import first_rest, same_unit
 from foucault.logs import axes as log_axes
 from foucault.logs import checks
 from foucault.logs.reading import implausible
-from foucault.tables import AXES, Log, gaps
+from foucault.tables import Log, gaps
 from foucault.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
@@ -73,8 +81,7 @@ def inspect(log: Log) -> Inspection:
         return _means(log)
     given, log = log, without_spikes(log.filled())
     rests = find_rests(log, spins=True)
-    rows = rest_table(log, rests)
-    turning = turns_among(log, rests, rows)
+    turning = turns_among(log, rests)
     log = _as_logged(log, given)
     rows = rest_table(log, rests)
     still = replace(rests, first=rests.first[~turning], last=rests.last[~turning])
@@ -119,28 +126,37 @@ def _means(log: Log) -> Inspection:
         shortest=float("nan"),
         longest=float("nan"),
         gaps=0,
-        turning=turns_among(log, rests, table),
+        turning=turns_among(log, rests),
     )
 
 
-def turns_among(log: Log, rests: Rests, rows: dict[str, npt.NDArray[np.generic]]) -> BoolArray:
-    """Tell which quiet times turn at a constant rate, by that of a table or `rows` (n,) [SI]."""
-    n = len(rests)
+def turns_among(log: Log, rests: Rests) -> BoolArray:
+    """Tell which quiet times turn at a constant rate, by that of a table or the readings, (n,)."""
+    n, spans = len(rests), rests.spans
     told = None if log.table is None else log.table.rate
     if told is not None and np.isfinite(told).any():
-        spans = zip(rests.first, rests.last, strict=True)
         rate = np.array([abs(float(np.mean(told[a:b]))) for a, b in spans])
         return np.asarray(np.nan_to_num(rate) > STEADY / 10)
-    if log.gyro is None or n < 2:
-        return np.zeros(n, bool)
-    mean = np.stack([np.asarray(rows[f"gyro_{a}"], float) for a in AXES], axis=1)
+    turns = np.zeros(n, bool)
+    if log.accel is not None and log.averaged is None:
+        turns = swung(log.accel, spans, rests.window)
+    kept = np.flatnonzero(~turns)
+    if log.gyro is None or len(kept) < 2:
+        return turns
     # Rests have the same rate, their bias; turns go about many axes. Take the densest of all,
     # and of those that are as dense the slowest.
+    mean = means_of(log.gyro, spans)[kept]
     apart = np.linalg.norm(mean[:, None] - mean, axis=2)
     alike = np.sum(apart <= STEADY, axis=1)
     near = np.flatnonzero(alike >= 0.7 * alike.max())
     centre = near[np.argmin(np.linalg.norm(mean[near], axis=1))]
-    return np.asarray(apart[centre] > STEADY)
+    fast = apart[centre] > STEADY
+    turns[kept[fast]] = True
+    if log.accel is not None and log.averaged is None:
+        kept, lasting = kept[~fast], (rests.last - rests.first) * log.interval
+        force = means_of(log.accel, [spans[k] for k in kept])
+        turns[kept] = spun(mean[~fast], force, lasting[kept])
+    return turns
 
 
 def _axes(x: FloatArray | None, interval: float, rests: Rests, counts: bool) -> Axes | None:

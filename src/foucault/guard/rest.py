@@ -369,6 +369,18 @@ def require_live(log: Log) -> None:
         raise error("systematic.one_value", sensors=", ".join(stuck))
 
 
+BRIDGED = 0.5
+"""So long a gap within a rest is bridged: white noise that it hides is nothing [s]."""
+
+
+def held_still(log: Log, spans: Sequence[tuple[int, int]]) -> IntArray:
+    """Return the rows before short gaps that lie within rests, `spans` of `log`, (k,) [1]."""
+    dt = np.diff(log.time)
+    rows = np.flatnonzero(gaps(dt) & (dt <= BRIDGED))
+    inside = [any(a <= k and k + 1 < b for a, b in spans) for k in rows.tolist()]
+    return np.asarray(rows[np.array(inside, bool)], np.int64)
+
+
 def check_sequence(log: Log, found: FoundSequence, site: Site) -> tuple[Finding, ...]:
     """Refuse readings of a wrong unit, axis or sign, whatever the sequence of a table.
 
@@ -379,7 +391,7 @@ def check_sequence(log: Log, found: FoundSequence, site: Site) -> tuple[Finding,
     missing, a mistake explains the readings, or gyros and accelerometers contradict one another.
     """
     dt = np.diff(log.time)
-    rows = np.flatnonzero(gaps(dt))
+    rows = np.setdiff1d(np.flatnonzero(gaps(dt)), held_still(log, found.rests.spans))
     if len(rows):
         places = ", ".join(f"{plain(float(log.time[k]), 8)} s" for k in rows[:3])
         raise error(

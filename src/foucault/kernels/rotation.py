@@ -52,6 +52,24 @@ def multiply_exp(C, px, py, pz):
 
 
 @kernel
+def running_product(step):
+    """Return one, and the products of the first of `step` (n, 3, 3) [1], (n + 1, 3, 3)."""
+    n = step.shape[0]
+    C = np.zeros((n + 1, 3, 3))
+    for i in range(3):
+        C[0, i, i] = 1.0
+    for r in range(n):
+        for i in range(3):
+            for j in range(3):
+                C[r + 1, i, j] = (
+                    C[r, i, 0] * step[r, 0, j]
+                    + C[r, i, 1] * step[r, 1, j]
+                    + C[r, i, 2] * step[r, 2, j]
+                )
+    return C
+
+
+@kernel
 def integrate_turns(time, w, f, psd, first, last, increments):
     """Integrate the rate over each turn and accumulate what an error of the rate would do.
 

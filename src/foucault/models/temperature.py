@@ -161,7 +161,8 @@ class TemperatureModel:
         """
         file = log.source.get("file", "The log")
         if log.temperature is None:
-            raise error("temperature.no_column", file=file)
+            raise error("temperature.unlogged", file=file, low=_celsius(self.low),
+                        high=_celsius(self.high))  # fmt: skip
         rows = np.flatnonzero(self.outside(log.temperature))
         if rows.size:
             raise self._outside(file, log, int(rows[0]), first, rows.size)

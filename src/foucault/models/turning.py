@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from foucault.arrays import BoolArray, FloatArray, IntArray
-from foucault.kernels.rotation import integrate_turns
+from foucault.kernels.rotation import integrate_turns, running_product
 from foucault.models.rotation import cross_matrix
 
 
@@ -122,23 +122,4 @@ class Turning:
         step, by_bias, _, by_matrix, _, _ = integrate_turns(
             self.time, w, measured, np.zeros((3, 3)), n[:-1], n[1:], self.sampled == "increment"
         )
-        C = np.concatenate([np.eye(3)[None], running_product(step)])
-        return Chain(C, w, by_bias, by_matrix)
-
-
-def running_product(step: FloatArray) -> FloatArray:
-    """Return the products of the first one, two, ... of `step` (n, 3, 3) [1], same shape.
-
-    In about sqrt(n) blocks at once, then from block to block.
-    """
-    n = len(step)
-    length = max(int(np.sqrt(n)), 1)
-    blocks = -(-n // length)
-    out = np.tile(np.eye(3), (blocks * length, 1, 1))
-    out[:n] = step
-    out = out.reshape(blocks, length, 3, 3)
-    for k in range(1, length):
-        out[:, k] = out[:, k - 1] @ out[:, k]
-    for k in range(1, blocks):
-        out[k] = out[k - 1, -1] @ out[k]
-    return out.reshape(-1, 3, 3)[:n]
+        return Chain(running_product(step), w, by_bias, by_matrix)

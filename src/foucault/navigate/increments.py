@@ -66,6 +66,7 @@ class Increments:
             np.concatenate([p.time for p in parts]), np.concatenate([p.dt for p in parts]),
             np.concatenate([p.dtheta_b for p in parts]), np.concatenate([p.dvel_b for p in parts]),
             np.concatenate([p.joined for p in parts]), tuple(f for p in parts for f in p.findings),
+            parts[0].counted,
         )  # fmt: skip
 
     def __getitem__(self, rows: slice) -> Increments:

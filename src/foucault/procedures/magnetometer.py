@@ -616,6 +616,13 @@ def again_of(model: FieldModel) -> Again:
         w = gyro - state.bias - gyro @ state.matrix.T
         return ImuModel(), Motion(log.time, force, w, log.time[0], log.time[-1], log.mag)
 
+    last: list[tuple[State, Chain]] = []  # that most terms leave as it is: not of the gyros
+
+    def chain_of(state: State) -> Chain:
+        if not last or last[0][0] is not state:
+            last[:] = [(state, model.chain(state))]
+        return last[0][1]
+
     def residuals(state: State, by: Change) -> FloatArray:
         changed = {"accel": by.accel, "gyro": by.gyro, "mag": by.mag}
         added = {k: getattr(log, k) + x for k, x in changed.items()
@@ -624,7 +631,7 @@ def again_of(model: FieldModel) -> Again:
         read = replace(o, log=replace(log, **added), turning=turning)
         # How strong gravity is does nothing: the specific force at rest is found with its size.
         other = replace(model, observed=read)
-        return other.missed(state, other.chain(state))
+        return other.missed(state, chain_of(state) if by.gyro is None else other.chain(state))
 
     return Again(motion, residuals, (sizes.imu.accel.white, sizes.imu.gyro.white))
 
@@ -651,8 +658,13 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     given.progress(0.1, "integrating the gyros")
     model, told = _model(reduce(without_spikes(log)), given)
     given.progress(0.3, "calibrating")
-    fit, left = _fitted(model, given)
-    if s.terms == "auto" and _poor(fit, model):
+    # What is left out takes its time, and makes nothing better seen: first without it.
+    auto = s.terms == "auto"
+    for sizes in (None, given.sizes) if auto and given.sizes is not None else (given.sizes,):
+        fit, left = _fitted(model, replace(given, sizes=sizes))
+        if poor := auto and _poor(fit, model):
+            break
+    if poor:
         hard = s.model_copy(update={"terms": "hard iron"})
         again, _ = _model(model.observed, replace(given, settings=hard))
         fit, left = _fitted(again, given)

@@ -45,9 +45,12 @@ STEADY = np.radians(2.0)
 SPIN, FEWEST_SPINS = (2.0, np.radians(35.0)), 4
 """Shortest [s] and slowest [rad/s] spin about a level axis, and the fewest of them [1]."""
 
-TUMBLING, ROUND = 0.3, 0.6
-"""A body that is tumbled turns faster most of the time [rad/s], and the field goes along each axis
-by so much of what it does along another [1]."""
+TUMBLING = 0.3  # A body that is tumbled turns faster [rad/s].
+
+SURELY, LIKELY = (0.7, 0.6, 0.0), (0.2, 0.4, 4 * np.pi)
+"""So much of the time [1], and the field goes along each axis by so much of what it does along
+another [1], and it turns by so much [rad]; the latter where nothing else could be calibrated, for
+breaks and a magnet that is taken away."""
 
 WHOLE = np.radians(25.0)
 """A turn on the spot is a whole one within this [rad]."""
@@ -68,6 +71,11 @@ class Session:
 
 def session(log: Log) -> Session:
     """Tell what a log holds; `log`: readings [SI]."""
+    found = _session(log)
+    return found if found.procedure else _tumbled(log, *LIKELY) or found
+
+
+def _session(log: Log) -> Session:
     if log.table is not None:
         return _on_table(log)
     if log.averaged is not None:
@@ -75,7 +83,7 @@ def session(log: Log) -> Session:
                        "norm_observation" if _spins_of(log) else "hand_rotated")  # fmt: skip
     if log.accel is None:
         return Session("gyros alone", "no accelerometers", None, todo=TODO["noise"])
-    level = _level_spins(log) or _tumbled(log)
+    level = _level_spins(log) or _tumbled(log, *SURELY)
     if level is not None:
         return level
     rests = find_rests(log.filled())
@@ -109,19 +117,24 @@ def session(log: Log) -> Session:
                    rests=len(rests))  # fmt: skip
 
 
-def _tumbled(log: Log) -> Session | None:
-    """Return that of a magnetometer that was turned all the time about all axes, if it is one."""
-    if log.mag is None or log.gyro is None or np.isnan(log.gyro).any():
+def _tumbled(log: Log, most: float, around: float, least: float) -> Session | None:
+    """Return that of a magnetometer that was turned about all axes, if it is one.
+
+    `most`: share of the time that it turns, `around`: of the field along each axis [1]; `least`:
+    angle that it turns by [rad].
+    """
+    if log.mag is None or log.gyro is None or np.isnan(log.gyro).any() or not len(log):
         return None
     rate = np.linalg.norm(log.gyro - slowest(log.gyro), axis=1)
     size = np.ptp(np.percentile(log.mag, (2, 98), axis=0), axis=0)
-    turning = float(np.mean(rate > TUMBLING))
-    if turning < 0.7 or not size.min() > ROUND * size.max():
+    moving = rate > TUMBLING
+    turning, angle = float(np.mean(moving)), float(np.mean(rate * moving)) * log.duration
+    if turning < most or not size.min() > around * size.max() or angle < least:
         return None
     turned = np.degrees(rate.mean() * log.duration)
     return Session(f"turned about all axes, by {turned:.0f} deg in all, beside a magnetometer",
                    f"the field came along all axes, {100 * turning:.0f} % of the time it turned",
-                   "magnetometer")  # fmt: skip
+                   "magnetometer", sure="likely" if least else "sure")  # fmt: skip
 
 
 def _moves(log: Log) -> bool:

@@ -92,27 +92,6 @@ LONG_NAME = 26  # A dotted name of so many letters may break after every dot.
 _PIECES = re.compile(r"[A-Za-z]\w*|\^-?\d+|\s+|.")
 
 
-_SIGNS = (
-    (r"(?<=\d) ug\b", "\N{NO-BREAK SPACE}\N{MICRO SIGN}g"),
-    (r"(?<=\d) degC\b", "\N{NO-BREAK SPACE}°C"),
-    (r"(?<=\d) deg(?=/)", "\N{NO-BREAK SPACE}°"),
-    (r"(?<=\d) deg\b", "°"),
-    (r" \+- ", " ± "),
-    (r" %|(?<=\d) percent\b", "\N{NO-BREAK SPACE}%"),
-    (r"/sqrt\((h|Hz|s)\)", r"/√\1"),
-    (r"(?<![^\s(±≤≥])-(?=\d)", "\N{MINUS SIGN}"),
-)
-
-
-def _signs(text: str) -> str:
-    """Write units with the signs that people use, but leave what is quoted to be copied."""
-    parts = text.split('"')
-    for i in range(0, len(parts), 2):
-        for plain, sign in _SIGNS:
-            parts[i] = re.sub(plain, sign, parts[i])
-    return '"'.join(parts)
-
-
 def _typeset(piece: str) -> Markup:
     """Write a matrix upright and bold, a vector or number italic, a power raised, a word as is."""
     from markupsafe import Markup, escape
@@ -134,7 +113,7 @@ def _template() -> Any:
     from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
     from markupsafe import Markup, escape
 
-    from foucault.report.page import GREEK
+    from foucault.report.page import GREEK, signs
     from foucault.report.seen import seen
     from foucault.report.still import svg
 
@@ -156,7 +135,7 @@ def _template() -> Any:
         """Write `code` between backticks as such."""
         code = Markup("<code>{}</code>")
         parts = [
-            code.format(part) if i % 2 else escape(_signs(part))
+            code.format(part) if i % 2 else escape(signs(part))
             for i, part in enumerate(text.split("`"))
         ]
         return Markup("").join(parts)

@@ -36,7 +36,6 @@ from foucault.report.page import (
     minus,
     said,
     section,
-    shown,
     table,
     unit_of,
     words,
@@ -117,7 +116,7 @@ def _heading(about: About) -> Heading:
         "doubtful": "Too near a limit to tell" if open_ else "Changed" if changed else "Doubtful",
         "pass": "Within tolerance" if limited else ("Compared" if several else "Not changed"),
     }[verdict]
-    reasons = [shown(r).replace(" °", "°").replace(" -", " −") for r in about["verdict"]["reasons"]]
+    reasons = list(about["verdict"]["reasons"])
     return Heading(title, line, LOOKS[verdict], word, reasons)
 
 

@@ -393,12 +393,17 @@ def _histograms(
             title, domain=place, range=[low, high], anchor=on["y"], nticks=5, showgrid=False
         )
         axes[on["y"].replace("y", "yaxis")] = chart.axis(
-            "" if len(data) > 1 else "instruments", anchor=on["x"], rangemode="tozero", nticks=4
+            "" if len(data) > 1 else "instruments", anchor=on["x"], nticks=4
         )
         if outside:
             font = {"font": {"color": chart.WARNING, "size": 12}}
             notes.append(chart.noted(f"{outside} beyond", place[1], "right", **font))
-    narrow = {k: {"showticklabels": False} for k in axes if k[:5] == "yaxis"}
+    # One height of all, so that the numbers of the first do for all where there is little room.
+    most = 1.05 * max((max(trace["y"]) for trace in data), default=1.0)
+    upward = [k for k in axes if k[:5] == "yaxis"]
+    axes |= {k: axes[k] | {"range": [0.0, most]} for k in upward}
+    narrow = {k: {"nticks": 4, "tickangle": 0} for k in axes if k[:5] == "xaxis"}
+    narrow |= {k: {"showticklabels": False} for k in upward[1:]}
     return (
         chart.draw(
             "fleet.histograms",

@@ -139,7 +139,7 @@ def _possible(found: Found) -> list[str]:
         return []
     words = f"The rig cannot do `{found.reference}`: {listed(found.reference_broken, NAMED)}"
     kept = "; the plan found keeps all limits" if found.possible_instead else ""
-    return [_signed(f"{words}{kept}.")]
+    return [page.signs(f"{words}{kept}.")]
 
 
 def _exceptions(found: Found) -> list[str]:
@@ -309,21 +309,17 @@ def _demands(found: Found) -> page.Table:
         rows.append(["shortest step", *shortest, ""])
         for k, name in enumerate("xyz"):
             turned = [sum(abs(rate[k]) * (end - start) for start, end, rate in m) for m in pairs]
-            words = [_signed(quantity(v, "angle")) for v in turned]
+            words = [page.signs(quantity(v, "angle")) for v in turned]
             rows.append([f"turned about {name} in all", *words, ""])
     for b, n in zip(found.reference_needs, found.needs, strict=True):
-        allowed = "not said" if n.allowed is None else _signed(n.said_allowed)
+        allowed = "not said" if n.allowed is None else page.signs(n.said_allowed)
         rows.append([n.name, _needed(b), _needed(n), allowed])
     heads = page.columns(f" | {found.reference}: number | found: number | allowed: number")
     return page.Table([page.Column(""), *heads[-3:]], rows)
 
 
 def _needed(need: Limit) -> str:
-    return _signed(need.said_needed) + ("" if need.kept else ", BROKEN")
-
-
-def _signed(words: str) -> str:
-    return page.shown(words).replace(" °", "°")
+    return page.signs(need.said_needed) + ("" if need.kept else ", BROKEN")
 
 
 def _steps(found: Found) -> page.Table:

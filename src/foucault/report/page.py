@@ -347,11 +347,40 @@ def unsigned(text: str) -> str:
     return minus(text if float(text.rstrip(" %")) else text.lstrip("-"))
 
 
+_UNIT_SIGNS = (
+    (r"\bug\b", "µg"), (r"\bus\b", "µs"), (r"\buT\b", "µT"), (r"\bdeg\b", "°"),
+    (r"\bdegC\b", "°C"), (r"\bpercent\b", "%"), (r"\bsqrt\((\w+)\)", r"√\1"),
+    (r"\^2\b", "²"), (r"\^3\b", "³"),
+)  # fmt: skip
+
+
 def shown(unit: str) -> str:
     """Write a unit with the signs that people use."""
-    for plain, sign in (("ug", "µg"), ("us", "µs"), ("deg", "°"), ("percent", "%")):
-        unit = re.sub(rf"\b{plain}\b", sign, unit)
-    return unit.replace("^2", "²")
+    for plain, sign in _UNIT_SIGNS:
+        unit = re.sub(plain, sign, unit)
+    return unit
+
+
+_ONE = r"(?:ug|mg|g|count|us|ms|s|h|uT|nT|deg|degC|arcsec|arcmin|rad|ppm|ppb|percent|mm|m|K|Hz)"
+_PART = rf"(?:{_ONE}|\({_ONE}/{_ONE}(?:\^\d)?\)|sqrt\({_ONE}\))(?:\^\d)?"
+_AMOUNT = re.compile(rf"(?<=\d) ({_PART}(?:/{_PART})*)(?![\w/])")
+
+
+def signs(text: str) -> str:
+    """Write amounts in a sentence as tables do, but leave what is quoted to be copied."""
+    parts = text.split('"')
+    for i in range(0, len(parts), 2):
+        part = _AMOUNT.sub(_amount, parts[i]).replace(" +- ", " ± ")
+        part = part.replace(" %", "\N{NO-BREAK SPACE}%")
+        parts[i] = re.sub(r"(?<![^\s(±≤≥])-(?=\d)", "\N{MINUS SIGN}", part)
+    return '"'.join(parts)
+
+
+def _amount(found: re.Match[str]) -> str:
+    unit = shown(found[1])
+    if unit == found[1]:
+        return found[0]
+    return unit if unit == "°" else f"\N{NO-BREAK SPACE}{unit}"
 
 
 def known_to(value: float, sd: float | None) -> str:

@@ -32,11 +32,12 @@ from foucault.coefficients import CoefficientVector
 from foucault.detect import steady
 from foucault.detect.noise import without_spikes
 from foucault.detect.steady import Spin
-from foucault.diagnose.checks import check
+from foucault.diagnose.checks import check, reversed_earth_check
 from foucault.diagnose.fit_checks import Judged, Limit, checks
-from foucault.errors import Finding, Status, doubting, error, finding
+from foucault.errors import Finding, FoucaultError, Status, doubting, error, finding
 from foucault.estimate import spin as engine
 from foucault.guard.mistakes import exchange_words, exchanges
+from foucault.infer import mixed
 from foucault.infer.mixed import Fit
 from foucault.logs.axes import spared
 from foucault.logs.description import OWN_LOG, log_head
@@ -244,13 +245,31 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         late = replace(fit.estimate, status=Status.NOT_CONVERGED)
         fit = replace(fit, estimate=late)
     slips = physics.slips(model)
+    sign = reversed_earth_check(fit.estimate.coefficients, given.site)
+    told = (*_upside(log, given, fit), *_spared(log, model.solved.spins), *_told(model))
+    own = (*([] if sign is None else [sign]), *_own_checks(model, slips))
     return result_of(
-        "continuous_spin", fit, (*checks(_judged(fit, model)), *_own_checks(model, slips)),
-        site=given.site, findings=(*_spared(log, model.solved.spins), *_told(model)),
+        "continuous_spin", fit, (*checks(_judged(fit, model)), *own),
+        site=given.site, findings=told,
         tables=_tables(model, slips) if given.shown else {}, diagnostics={},
         validity={"sampled": log.sampled, "rate": log.rate} | temperature_range(log),
         judged=judged,
     )  # fmt: skip
+
+
+def _upside(log: Log, given: Given[Settings], fit: Fit) -> tuple[Finding, ...]:
+    """Say where gyros that do not fit do so with gravity upside down: the Earth turns unlike."""
+    misfit = fit.found.get(SCATTER[1], 0.0)
+    if given.site.latitude is None or misfit < MOST:
+        return ()
+    assert log.accel is not None
+    try:
+        other = observe(replace(log, accel=-log.accel), given)
+    except FoucaultError:
+        return ()
+    prior = CoefficientVector.prior(other.layout, given.prior)
+    then = mixed.fit(other, prior, robust=given.settings.robust).found.get(SCATTER[1], 0.0)
+    return (finding("spun.upside", now=plain(misfit, 2)),) if then < misfit / MOST else ()
 
 
 def _judged(fit: Fit, model: SpinModel) -> Judged:

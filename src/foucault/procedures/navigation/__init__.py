@@ -171,8 +171,8 @@ def navigate_log(
     budget = places.budget_of(task, main, vector)
     difference = _difference(runs, budget.time)
     checks = places.checks(main.errors, budget, source, calibration is not None)
-    if seen.against is not None:
-        checks = (checks[0], seen.against.check, *checks[1:])
+    first = () if seen.against is None else (seen.against.check,)
+    checks = (checks[0], *first, *places.rest_check(task, main, vector), *checks[1:])
     if main.errors is not None and reference is not None:
         told += reference_checks.course(main.errors, reference)
         told += reference_checks.clock(main.errors, reference)

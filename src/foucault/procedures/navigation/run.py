@@ -36,6 +36,7 @@ from foucault.models.rotation import turned
 from foucault.models.size_effect import LAYOUT as SIZE_EFFECT
 from foucault.models.size_effect import LEVER, OFFSET, with_size_effect
 from foucault.navigate import ins_filter as free_run
+from foucault.navigate.align import measured_errors, sensor_errors, window
 from foucault.navigate.increments import Increments, increments_of
 from foucault.navigate.strapdown import State, Trajectory, navigate
 from foucault.procedures.navigation.start import (
@@ -47,8 +48,8 @@ from foucault.procedures.navigation.start import (
     start_of,
 )
 from foucault.result import Check, Level, Result
-from foucault.tables import Log
-from foucault.units import plain
+from foucault.tables import AXES, Log
+from foucault.units import factor, plain
 
 Position = tuple[float, float, float]
 
@@ -341,16 +342,7 @@ def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budge
         last = made.increments.row_at(float(made.errors.time[-1]))
     wanted = np.linspace(made.first, last, EPOCHS + 1)[1:]
     rows = np.unique(np.round(wanted).astype(np.int64))
-    names = () if vector is None else vector.names
-    sensors = with_size_effect(
-        Sensors.of(name for name in names if name not in SIZE_EFFECT),
-        lever=any(name in LEVER for name in names), delay=any(name in OFFSET for name in names),
-    )  # fmt: skip
-    if vector is None:
-        vector = CoefficientVector.zeros(sensors.layout)
-    keep = [vector.layout.index(name) for name in sensors.layout.names]
-    cov = None if vector.cov is None else vector.cov[np.ix_(keep, keep)]
-    vector = CoefficientVector(sensors.layout, vector.values[keep], cov)
+    sensors, vector = _of_sensors(vector)
     sense = free_run.sensitivity(
         made.increments, made.state, sensors, rows, first=made.first,
         gravity_offset=task.site.anomaly, held=task.held,
@@ -364,6 +356,20 @@ def budget_of(task: Task, made: Made, vector: CoefficientVector | None) -> Budge
         (vector.names, vector.values, vector.cov), made.start.phi_cov, noise,
         made.start.velocity_sd, made.start.position_sd,
     )  # fmt: skip
+
+
+def _of_sensors(vector: CoefficientVector | None) -> tuple[Sensors, CoefficientVector]:
+    """Return what of a calibration errors go with, in the order of the sensors; None: nothing."""
+    names = () if vector is None else vector.names
+    sensors = with_size_effect(
+        Sensors.of(name for name in names if name not in SIZE_EFFECT),
+        lever=any(name in LEVER for name in names), delay=any(name in OFFSET for name in names),
+    )  # fmt: skip
+    if vector is None:
+        return sensors, CoefficientVector.zeros(sensors.layout)
+    keep = [vector.layout.index(name) for name in sensors.layout.names]
+    cov = None if vector.cov is None else vector.cov[np.ix_(keep, keep)]
+    return sensors, CoefficientVector(sensors.layout, vector.values[keep], cov)
 
 
 def _aligned(task: Task, made: Made, vector: CoefficientVector) -> FloatArray:
@@ -383,6 +389,50 @@ def _aligned(task: Task, made: Made, vector: CoefficientVector) -> FloatArray:
         found = start_of(shifted, task.site, task.seen, task.settings, task.noise)
         out[:, k] = -rotation_vector(found.C_nb @ made.start.C_nb.T) / step
     return out
+
+
+def rest_check(task: Task, made: Made, vector: CoefficientVector | None) -> tuple[Check, ...]:
+    """Test whether the rest at the start is what a calibration says, by all of its covariance.
+
+    However a body stands, it reads gravity, and of the Earth's rate so much along up and across.
+    """
+    vector = _of_sensors(vector)[1]
+    if vector.cov is None or not len(vector) or task.seen.end <= task.seen.start:
+        return ()
+    whole = increments_of(made.log, gaps=task.settings.gaps)
+    part = whole[window(whole, task.seen.start, task.seen.end)]
+    f, w, noise = measured_errors(part, sensor_errors(part, task.noise))
+    rest = replace(made.log[:1], accel=f[None], gyro=w[None])
+    of_force, of_rate = noise.mean_cov(float(part.dt.sum()))
+    S, here = np.zeros((3, 3)), _seen(f, w)
+    biases = ([f"{triad}.bias.{axis}" for axis in AXES] for triad in ("accel", "gyro"))
+    for names, cov in zip((vector.names, *biases), (vector.cov, of_force, of_rate), strict=True):
+        J = np.zeros((3, len(names)))
+        for k, name in enumerate(names):
+            if name not in SIZE_EFFECT:
+                step = _step(name, rest, task.site.gravity)
+                J[:, k] = (_seen(*_model(name, step).measure(f, w)) - here) / step
+        S += J @ cov @ J.T
+    S[0, 0] += task.site.gravity_sd**2
+    assert task.site.latitude is not None
+    level, up = earth.earth_rate_n(task.site.latitude)[1:]
+    off = here - [task.site.gravity, up, level]
+    # How much lies across up is off by no more than its two components are, wherever north is.
+    most = chi_square_limits(1 + 1 + 2, 0.02)[1]  # only too large is a mistake
+    unit = np.array([factor("ug", "specific force"), *2 * [factor("deg/h", "angular rate")]])
+    force, along, across = (plain(x, 2) for x in off / unit)
+    force_sd, up_sd, level_sd = (plain(x, 2) for x in np.sqrt(np.diag(S)) / unit)
+    given = {"force": force, "up": along, "level": across,
+             "force_sd": force_sd, "up_sd": up_sd, "level_sd": level_sd}  # fmt: skip
+    square = normalised_square(off, S)
+    return (check("rest at the start", "rest at the start", square, None, most, given),)
+
+
+def _seen(f: FloatArray, w: FloatArray) -> FloatArray:
+    """Return force, and rate along up and across, (3,), of `f`, `w` (3,) [m/s^2], [rad/s]."""
+    size = float(np.linalg.norm(f))
+    along = float(f @ w) / size
+    return np.array([size, along, np.linalg.norm(w - along * f / size)])
 
 
 def _model(name: str, value: float) -> ImuModel:

@@ -33,7 +33,7 @@ from foucault.estimate.systematic import (
     attitude_at_start,
     second_step,
 )
-from foucault.guard.rest import check_sequence, require_live
+from foucault.guard.rest import check_sequence, held_still, require_live
 from foucault.infer.filtered import exchanged
 from foucault.models import imu, size_effect
 from foucault.models.deflection import GENERAL, DeflectionModel
@@ -159,10 +159,13 @@ def problem_of(
     if lasts.min() < 2 * settings.interval:
         raise error("systematic.interval", interval=f"{settings.interval:g}",
                     rest=f"{lasts.min():.0f}", number=int(np.argmin(lasts)) + 1)  # fmt: skip
-    increments = Increments.chained([increments_of(part) for _, part in log.recordings()])
+    calm = _bridged(log, found.rests.spans)
+    increments = Increments.chained(
+        [increments_of(part, gaps="bridge") for _, part in calm.recordings()]
+    )
     seen = noise_at_rest(log, [(a, b + 1) for a, b in rests], noise)
     used = _measured(log, found) if noise is None else seen.noise
-    told = (*told, *seen.findings)
+    told = (*told, *increments.findings, *seen.findings)
     recordings = 1 + len(log.begins)
     sensors = sensors_of(settings, used, recordings)
     prior = prior_of(sensors, given, used, settings.turn_on)
@@ -183,6 +186,21 @@ def problem_of(
         increments, site, sensors, rests, numbers, found, matched, begun[0].start, begun[0].phi_sd,
         prior, used, seen, noise is None, at_rest, told, tuple(begun[1:]),
     )  # fmt: skip
+
+
+def _bridged(log: Log, spans: Sequence[tuple[int, int]]) -> Log:
+    """Return the log with what rests read beside short gaps, as both of its ends hold half."""
+    rows = held_still(log, spans)
+    new = {name: getattr(log, name).copy() for name in ("gyro", "accel")}
+    for k in rows.tolist():
+        a, b = next(each for each in spans if each[0] <= k < each[1])
+        near = slice(max(a, k - BESIDE), min(b, k + BESIDE))
+        for x in new.values():
+            x[k : k + 2] = x[near].mean(axis=0)
+    return replace(log, **new) if len(rows) else log
+
+
+BESIDE = 50  # Readings of a rest before a gap, and after it, that are averaged [1].
 
 
 def _found(
