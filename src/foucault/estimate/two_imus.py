@@ -57,7 +57,7 @@ FEWEST = 1e-9
 
 
 BEND = 4
-"""Rows to either side that tell how a rate bends: more would miss it, fewer double the noise [1]."""
+"""So many rows to either side tell how a rate bends: more miss it, fewer add noise [1]."""
 
 
 @dataclass(frozen=True)
