@@ -651,7 +651,8 @@ def _unit(size: float, intensity: float | None) -> list[Finding]:
 def _solve(log: Log, given: Given[Settings]) -> Result:
     s = given.settings
     given.progress(0.1, "integrating the gyros")
-    model, told = _model(reduce(without_spikes(log)), given)
+    log = without_spikes(log)
+    model, told = _model(reduce(log), given)
     given.progress(0.3, "calibrating")
     fit, left = _fitted(model, given)
     if s.terms == "auto" and _poor(fit, model):
