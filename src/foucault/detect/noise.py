@@ -448,7 +448,7 @@ def spike_sizes(x: FloatArray) -> FloatArray:
     for i, column in enumerate(x.T):
         step = max(resolution(column), 1e-9 * float(np.abs(column).max(initial=0.0)) / STEPS)
         quiet = _quiet(np.abs(column[BACK:] - column[:-BACK]))
-        # Of two spikes `BACK` apart neither is seen beside the other; large ones are looked for twice.
+        # Of two spikes `BACK` apart neither is seen beside the other: of large ones look again.
         far = [_far(column, back, max(least * quiet, STEPS * step))
                for back, least in ((BACK, 0.8 * FAR), (BACK + 1, TORN))]  # fmt: skip
         rows = np.flatnonzero(np.logical_or(*far))
