@@ -188,8 +188,10 @@ def resolution(x: FloatArray, most: int = 10_000) -> float:
     if len(values) < 2 or len(values) > 0.9 * len(seen):
         return 0.0
     steps = np.diff(values)
-    # Equal steps differ by the rounding of their own arithmetic.
-    return float(steps[steps > 1e-6 * steps.max()].min())
+    # Equal steps differ by the rounding of their own arithmetic. A single reading far off is none.
+    span = float(np.diff(np.percentile(seen, [1, 99]))[0])
+    largest = min(float(steps.max()), span or np.inf)
+    return float(steps[steps > 1e-6 * largest].min())
 
 
 def lattice(x: FloatArray) -> float:
