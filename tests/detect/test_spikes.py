@@ -108,8 +108,9 @@ def test_a_hand_that_turns_an_instrument_makes_no_spikes():
 
 
 @pytest.mark.parametrize(("procedure", "share"), [
-    *((name, share) for share in (0.0005, 0.005) for name in (
-        "continuous_spin", "magnetometer", "transfer_alignment", "two_imus", "imu_pose",
+    *(pytest.param(name, share, marks=marks)
+      for share, marks in ((0.0005, ()), (0.005, pytest.mark.thorough)) for name in (
+          "continuous_spin", "magnetometer", "transfer_alignment", "two_imus", "imu_pose",
     )),
     ("platform_tumble", 0.0005),  # of a command that changes in that row nothing tells when
 ])  # fmt: skip

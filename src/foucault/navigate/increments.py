@@ -97,7 +97,7 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
         Angular rate and specific force in body axes, compensated or not [SI].
     gaps : {"stop", "bridge"}
         What is done where samples are missing: an error, or the readings before and after are
-        taken to hold half of the gap each.
+        taken to hold half each of what is missing.
 
     Raises
     ------
