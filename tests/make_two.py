@@ -11,8 +11,12 @@ STEP = 1e-4
 
 
 def session(seed, duration=60.0, vigour=1.0, slaves=1, noise=(1.6e-4, 2e-3), master=(5e-5, 5e-4),
-            rate=200.0, late=0.0, kappa=2e-5, motion=None, errors=1.0):  # fmt: skip
-    """Return time, gyro, accel of each, the master first; and what is true of every slave."""
+            rate=200.0, late=0.0, kappa=2e-5, motion=None, errors=1.0,
+            summed=False):  # fmt: skip
+    """Return time, gyro, accel of each, the master first; and what is true of every slave.
+
+    `summed`: what slaves read are means over the interval that ends at each row.
+    """
     rng = np.random.default_rng([seed, 2])
     attitude, turn, _, pull = motion or make_pose.motion(rng, duration + 2, vigour)
     up = np.array([0.0, 0.0, 9.80665])
@@ -49,12 +53,16 @@ def session(seed, duration=60.0, vigour=1.0, slaves=1, noise=(1.6e-4, 2e-3), mas
 
         middle = (stamp[0] + stamp[-1]) / 2
         true = stamp + truth["tau"] + kappa * (stamp - middle)
-        w_c, f_c = read(true)
-        late_f = read(true - late)[1]
-        gyro = w_c @ (np.eye(3) + truth["M_g"]).T + f_c @ truth["G"].T + truth["b_g"]
-        accel = late_f @ (np.eye(3) + truth["M_a"]).T + truth["b_a"]
-        n = len(stamp)
-        made.append((stamp, gyro + white(noise[0], n), accel + white(noise[1], n)))
+        n, gyro, accel = len(stamp), 0.0, 0.0
+        before, part = np.polynomial.legendre.leggauss(4) if summed else (np.ones(1), [2.0])
+        for x, weight in zip(before, part, strict=True):
+            then = true - (1 - x) / (2 * rate)
+            w_c, f_c = read(then)
+            late_f = read(then - late)[1]
+            gyro = gyro + weight / 2 * (w_c @ (np.eye(3) + truth["M_g"]).T + f_c @ truth["G"].T)
+            accel = accel + weight / 2 * (late_f @ (np.eye(3) + truth["M_a"]).T)
+        made.append((stamp, gyro + truth["b_g"] + white(noise[0], n),
+                     accel + truth["b_a"] + white(noise[1], n)))  # fmt: skip
         truths.append(truth)
     return made, truths
 

@@ -87,6 +87,20 @@ def usual_step(step: FloatArray) -> float:
     return median if even else float(step[~gaps(step)].mean())
 
 
+def whole_means(time: FloatArray, x: FloatArray) -> FloatArray:
+    """Return increments as means since the row before, (n, k).
+
+    `x` (n, k): means over the usual interval that ends at each row; `time` (n,): of the rows [s].
+    Of what a gap has before that both neighbours hold half.
+    """
+    step = np.diff(time)
+    gap = 1 + np.flatnonzero(gaps(step))
+    lost = 1.0 - usual_step(step) / step[gap - 1, None]
+    out = x.copy()
+    out[gap] += lost * 0.5 * (x[gap - 1] - x[gap])
+    return out
+
+
 def evened(time: FloatArray) -> FloatArray:
     """Return the stamps of an even clock without their rounding, any others as they are, (n,) [s].
 

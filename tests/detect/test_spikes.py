@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foucault.detect.noise import spike_sizes, without_spikes
+from foucault.detect.noise import resolution, spike_sizes, without_spikes
 from foucault.detect.readings import find_readings
 from foucault.detect.stretches import find_rests, split
 from foucault.diagnose.allan import measure_log
@@ -15,6 +15,7 @@ from foucault.simulate.hand_rotated import simulate
 from foucault.tables import IndexedLog, Log
 from make_session import SITE, short_plan
 from make_table_log import FACES, Session, plan_of
+from sessions import Case, codes, made, solved
 
 SAMPLES = 20_000
 
@@ -104,6 +105,41 @@ def test_a_hand_that_turns_an_instrument_makes_no_spikes():
     assert len(cut) < len(clean)  # both halves are too short
     np.testing.assert_array_equal(mended.first, clean.first)
     np.testing.assert_array_equal(mended.last, clean.last)
+
+
+@pytest.mark.parametrize(("procedure", "share"), [
+    *(pytest.param(name, share, marks=marks)
+      for share, marks in ((0.0005, ()), (0.005, pytest.mark.thorough)) for name in (
+          "continuous_spin", "magnetometer", "transfer_alignment", "two_imus", "imu_pose",
+    )),
+    ("platform_tumble", 0.0005),  # of a command that changes in that row nothing tells when
+])  # fmt: skip
+def test_what_no_motion_makes_is_no_reading_while_it_moves(procedure, share):
+    """A logger's -9999 for what it lost was taken for another unit, or for other axes."""
+    case = Case(procedure, grade="navigation" if procedure == "platform_tumble" else "tactical")
+    log = made(case, 3).log
+    rng = np.random.default_rng(1)
+    gyro, accel = log.gyro.copy(), log.accel.copy()
+    accel[rng.random(len(log)) < share] = -9999.0
+    gyro[rng.random(len(log)) < share, 1] = -9999.0
+    clean, found = (
+        solved(case, log, whole=True),
+        solved(case, replace(log, gyro=gyro, accel=accel), whole=True),
+    )
+    assert "log.spikes" in codes(found)
+    assert found.verdict.level is clean.verdict.level
+    a, b = clean.coefficients, found.coefficients
+    assert (np.abs(b.values - a.values) < 0.5 * a.sd + 1e-12).all()
+    assert (b.sd < 1.2 * a.sd + 1e-12).all()
+
+
+@pytest.mark.parametrize("step", [1.75e-4, 1e-5])
+def test_a_reading_far_off_is_no_step_of_the_output(step):
+    x = step * np.round(1e-3 / step * np.sin(np.arange(3000) / 30))
+    assert resolution(x) == pytest.approx(step, rel=1e-6)
+    x[[1000, 2000]] = -9999.0
+    assert resolution(x) == pytest.approx(step, rel=1e-6)
+    np.testing.assert_array_equal(np.flatnonzero(spike_sizes(x[:, None])), [1000, 2000])
 
 
 def test_a_few_windows_of_motion_do_not_cut_the_rest_around_them():

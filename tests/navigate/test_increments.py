@@ -134,13 +134,30 @@ def test_a_gap_is_bridged_by_halves(make):
     assert (told.code, told.severity) == ("strapdown.bridged", "warning")
     assert "0.99 s" in told.message
     assert found.dt[100] == pytest.approx(0.11)
-    half = 0.5 * (log.gyro[99] + log.gyro[100]) * found.dt[100]
-    np.testing.assert_allclose(found.dtheta_b[100], half, rtol=1e-14)
+    half = 0.5 * (log.gyro[99] + log.gyro[100])
+    # An increment after a gap is that of its own interval, and of the rest nobody knows.
+    own = 0.01 * log.gyro[100] + 0.1 * half if make is means else 0.11 * half
+    np.testing.assert_allclose(found.dtheta_b[100], own, rtol=1e-12)
     np.testing.assert_array_equal(np.flatnonzero(~found.joined), [0, 100, 101])
     # Nothing else is touched by the gap.
     whole = both(increments_of(make(even(400, 0.01))))
     far = np.r_[2:98, 103:388]
     np.testing.assert_allclose(both(found)[far], whole[np.where(far < 100, far, far + 10)],
+                               rtol=1e-9, atol=1e-15)  # fmt: skip
+
+
+@pytest.mark.parametrize("sampled", ["rate", "increment"])
+def test_what_grows_evenly_is_bridged_exactly(sampled):
+    time, slope = even(200, 0.01), np.array([0.3, -0.2, 0.5])
+    middle = time - (0.005 if sampled == "increment" else 0.0)
+    kept = np.random.default_rng(0).random(200) > 0.1
+    kept[[0, 1, 2, -1]] = True
+    x = (middle[:, None] * slope)[kept]
+    found = increments_of(Log(time[kept], x, x, sampled), gaps="bridge")
+    whole = found.dtheta_b[1:].sum(axis=0)
+    np.testing.assert_allclose(whole, slope * time[-1] ** 2 / 2, rtol=1e-12)
+    ends = found.time[1:, None]
+    np.testing.assert_allclose(np.cumsum(found.dtheta_b[1:], axis=0), slope * ends**2 / 2,
                                rtol=1e-9, atol=1e-15)  # fmt: skip
 
 

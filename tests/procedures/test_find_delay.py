@@ -342,6 +342,16 @@ def test_gaps_in_both_logs_are_gone_around() -> None:
     assert found.delay.delay == pytest.approx(0.2, abs=1e-3)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_one_sample_in_ten_that_is_lost_hides_nothing(seed: int) -> None:
+    run = flown(0.08)
+    keep = np.random.default_rng(seed).random(len(run.log)) > 0.1
+    log = Log(run.log.time[keep], run.log.gyro[keep], run.log.accel[keep], "increment")
+    found = find_delay(log, run.master).delay
+    assert found.seen and found.delay_sd < 2e-5
+    assert abs(found.delay - run.delay) < 4 * found.delay_sd
+
+
 def test_a_log_without_gyros() -> None:
     run = flown()
     with pytest.raises(FoucaultError, match="no gyros"):

@@ -108,6 +108,21 @@ def test_a_short_session_is_inside_its_covariance_and_tells_the_delay() -> None:
     assert abs(result.diagnostics["field"]["dip"] - 66 * DEG) < 0.5 * DEG
 
 
+@pytest.mark.parametrize("lost", [0.0, 0.1])
+def test_increments_tell_the_delay_whatever_is_lost(lost: float) -> None:
+    case = Case("magnetometer", session={"kind": "increment"})
+    simulation = made(case, 5)
+    log = simulation.log
+    kept = np.random.default_rng(1).random(len(log)) >= lost
+    log = replace(log, time=log.time[kept], gyro=log.gyro[kept], accel=log.accel[kept],
+                  mag=log.mag[kept])  # fmt: skip
+    result = solved(case, log)
+    assert result.verdict.level is Level.PASS
+    e, cov = errors_of(result, simulation, case.names)
+    low, high = chi_square_limits(len(e), tests=2)
+    assert low < e @ np.linalg.solve(cov, e) < high
+
+
 @pytest.mark.thorough
 def test_a_field_that_changes_from_place_to_place_is_in_the_covariance() -> None:
     total, n = 0.0, 16

@@ -66,6 +66,23 @@ def test_samples_without_noise_return_what_was_drawn():
     assert np.abs(error).max() < 5e-9
 
 
+@pytest.mark.parametrize("table_rate_sd", [0.0, 5e-3])
+def test_stamps_that_contradict_the_rate_of_the_table_are_told(table_rate_sd):
+    session = Session(rates=("40 deg/s", "-40 deg/s", "100 deg/s", "-100 deg/s"), step_time=10.0)
+    made = simulate(
+        session, model=draw_errors("mems", 5), noise=grade("mems").noise, site=SITE, seed=5
+    )
+    settings = Settings(table_rate_sd=table_rate_sd)
+    for fast, told in ((1.0, 0), (1.001, 1 - bool(table_rate_sd))):
+        log = replace(made.log, time=made.log.time * fast)
+        result = calibrate(log, site=SITE, noise=None, settings=settings)
+        found = [f.message for f in result.findings if f.code == "table.two_rates"]
+        assert len(found) == told
+        assert result.verdict.level is (Level.DOUBTFUL if told else Level.PASS)
+    if told:
+        assert "says 70 deg/s, the outer angle over the time of the log 69.9301 deg/s" in found[0]
+
+
 def test_rates_from_the_campaign_where_the_log_has_none():
     noise = grade("tactical").noise
     made = simulate(MEANS, model=draw_errors("tactical", 1), noise=noise, site=SITE, seed=1)

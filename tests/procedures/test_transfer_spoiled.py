@@ -223,6 +223,18 @@ def test_a_slave_that_lost_samples(flight) -> None:
     assert not failed(before)
 
 
+@pytest.mark.parametrize("seed", [0, 5, 6])
+def test_a_slave_that_loses_one_sample_in_ten(flight, seed) -> None:
+    def lost(log):
+        kept = np.flatnonzero(np.random.default_rng(seed).random(len(log)) > 0.1)
+        return replace(log, time=log.time[kept], gyro=log.gyro[kept], accel=log.accel[kept])
+
+    result = said(flight, lost)
+    assert result.verdict.level is Level.PASS
+    apart, nees = missed(result, flight[1])
+    assert np.abs(apart).max() < 4.5 and nees < chi_square_limits(len(apart))[1]
+
+
 def test_what_is_no_number(flight) -> None:
     def hole(x):
         out = x.copy()

@@ -38,7 +38,8 @@ NOISE = ImuNoise(TriadNoise(white=2e-3), TriadNoise(white=1.6e-4))
 @cache
 def session(seed=1, **how):
     made, truths = make_two.session(seed, **({"duration": 20.0} | how))
-    master, *slaves = (Log(*one) for one in made)
+    kind = "increment" if how.get("summed") else "rate"
+    master, slaves = Log(*made[0]), [Log(*one, kind) for one in made[1:]]
     return ImuLogs.of(slaves[0], master, slaves[1:]), truths
 
 
@@ -53,12 +54,15 @@ def off(result, truths):
     return c.values - np.array([true[n] for n in c.names]), c.cov
 
 
-@pytest.mark.parametrize("how", [{}, {"late": 1.5e-3}, {"slaves": 2}, {"master": (1.6e-4, 2e-3)}])
+@pytest.mark.parametrize("how", [
+    {}, {"late": 1.5e-3}, {"slaves": 2}, {"master": (1.6e-4, 2e-3)},
+    {"summed": True},  # means of the one beside values of the other
+])  # fmt: skip
 def test_it_finds_what_another_simulator_put_in(how):
     log, truths = session(3, **how)
     result = solved(log)
     e, cov = off(result, truths)
-    low, high = chi_square_limits(len(e), tests=4)
+    low, high = chi_square_limits(len(e), tests=5)
     assert low < e @ np.linalg.solve(cov, e) < high
     assert result.verdict.level is Level.PASS
     assert result.coefficients["second.lever"].sd.max() < 1e-4

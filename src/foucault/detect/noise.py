@@ -188,8 +188,10 @@ def resolution(x: FloatArray, most: int = 10_000) -> float:
     if len(values) < 2 or len(values) > 0.9 * len(seen):
         return 0.0
     steps = np.diff(values)
-    # Equal steps differ by the rounding of their own arithmetic.
-    return float(steps[steps > 1e-6 * steps.max()].min())
+    # Equal steps differ by the rounding of their own arithmetic. A single reading far off is none.
+    span = float(np.diff(np.percentile(seen, [1, 99]))[0])
+    largest = min(float(steps.max()), span or np.inf)
+    return float(steps[steps > 1e-6 * largest].min())
 
 
 def lattice(x: FloatArray) -> float:
@@ -333,6 +335,7 @@ CALM = 3.0
 """Spikes are looked for where readings scatter by less than this much more than usual at rest: a
 hand that turns an instrument or puts it down makes peaks of its own [1]."""
 
+TORN = 30.0  # Readings so many times as far off as others about them are of no motion [1].
 LONGEST = 2  # Samples of a spike, at most; what lasts longer is motion [1].
 
 
@@ -350,18 +353,22 @@ def without_spikes(log: L, most: float = np.inf) -> L:
     """Return the log with spikes replaced by what is around them, and a finding that counts them.
 
     `log`: readings, rows that are means, and logs with missing readings, are left as they are
-    [SI]; `most`: of more than so many they are steps and knocks of a real motion, and stay [1].
+    [SI]; `most`: more than so many are steps and knocks of a real motion, and stay but for those
+    that are far beyond it [1].
     """
     new, seen = spikes_of(log)
     if len(seen) > most:
-        return log
+        new, seen = spikes_of(log, beyond=TORN)
     return replace(log, findings=(*log.findings, *told_of(seen)), **new) if seen else log
 
 
-def spikes_of(log: Log | IndexedLog) -> tuple[dict[str, Any], list[Spike]]:
+def spikes_of(
+    log: Log | IndexedLog, beyond: float = 0.0
+) -> tuple[dict[str, Any], list[Spike]]:  # fmt: skip
     """Return the triads that have spikes, without them, and the spikes.
 
-    `log`: readings; of rows that are means, and of missing readings, nothing is said [SI].
+    `log`: readings; of rows that are means, and of missing readings, nothing is said [SI];
+    `beyond`: so many times as far off as all but one in a hundred, at least [1].
     """
     new: dict[str, Any] = {}
     seen: list[Spike] = []
@@ -374,13 +381,13 @@ def spikes_of(log: Log | IndexedLog) -> tuple[dict[str, Any], list[Spike]]:
             continue
         columns = x.reshape(len(x), -1)
         sizes = spike_sizes(columns)
+        if beyond:
+            off = np.abs(columns - np.median(columns, axis=0))
+            sizes[off <= beyond * np.percentile(off, 99, axis=0)] = 0.0
         bad = sizes.any(axis=1) | lost
         if not bad.any() or bad.all():
             continue
-        good = np.flatnonzero(~bad)
-        cleaned = columns.copy()
-        for column in cleaned.T:
-            column[bad] = np.interp(np.flatnonzero(bad), good, column[good])
+        cleaned = _between(columns, bad)
         new[name] = cleaned.reshape(x.shape)
         if lost.any():
             sizes[lost] = np.maximum(sizes[lost], np.abs(cleaned[lost]) / _noise(columns))
@@ -388,6 +395,25 @@ def spikes_of(log: Log | IndexedLog) -> tuple[dict[str, Any], list[Spike]]:
             axis = name if columns.shape[1] == 1 else f"{name}.{AXES[k]}"
             seen.append((float(log.time[row]), float(sizes[row, k]), axis))
     return new, seen
+
+
+def _between(x: FloatArray, bad: BoolArray) -> FloatArray:
+    """Return `x` (n, k) with what is around them in place of the rows `bad` (n,).
+
+    The cubic through two rows before and two after, a straight line where these are not near.
+    """
+    good, rows, out = np.flatnonzero(~bad), np.flatnonzero(bad), x.copy()
+    for column in out.T:
+        column[rows] = np.interp(rows, good, column[good])
+    four = np.searchsorted(good, rows)[:, None] + np.arange(-2, 2)
+    inner = (four[:, 0] >= 0) & (four[:, 3] < len(good))
+    at = good[four[inner]]
+    near = at[:, 3] - at[:, 0] <= 3 + LONGEST
+    at, rows = at[near], rows[inner][near]
+    apart = (at[:, :, None] - at[:, None, :]).astype(float) + np.eye(4)
+    off = np.where(np.eye(4) > 0, 1.0, rows[:, None, None] - at[:, None, :])
+    out[rows] = np.einsum("ri,rik->rk", np.prod(off / apart, axis=2), x[at])
+    return out
 
 
 def _lost(log: Log | IndexedLog) -> BoolArray:
@@ -422,28 +448,34 @@ def spike_sizes(x: FloatArray) -> FloatArray:
     """Return how far each reading of `x` is off if it is a spike, else 0, in sd, (n, k) [1]."""
     out = np.zeros(x.shape)
     for i, column in enumerate(x.T):
-        apart = column[BACK:] - column[:-BACK]
         step = max(resolution(column), 1e-9 * float(np.abs(column).max(initial=0.0)) / STEPS)
-        least = STEPS * step
-        quiet = _quiet(np.abs(apart))
-        # A spike is far from what is before it and from what is after it, on the same side; at an
-        # end of the log from one of them.
-        after = np.append(-apart, np.zeros(BACK))
-        before = np.append(after[:BACK], apart)
-        after[-BACK:] = before[-BACK:]
-        far = np.minimum(np.abs(before), np.abs(after)) > max(0.8 * FAR * quiet, least)
-        rows = np.flatnonzero(far & (before * after > 0))
+        quiet = _quiet(np.abs(column[BACK:] - column[:-BACK]))
+        # Of two spikes `BACK` apart neither is seen beside the other: of large ones look again.
+        far = [_far(column, back, max(least * quiet, STEPS * step))
+               for back, least in ((BACK, 0.8 * FAR), (BACK + 1, TORN))]  # fmt: skip
+        rows = np.flatnonzero(np.logical_or(*far))
         around = np.pad(column, AROUND, mode="reflect")
         for some in np.array_split(rows, 1 + len(rows) // 100_000):
             out[some, i] = _sizes(around, some, quiet, step)
         # Beside a step what is next to it on both sides tells, and stands alone among two levels.
-        rise, fall = np.diff(column)[:-1], -np.diff(column)[1:]
-        far = np.minimum(np.abs(rise), np.abs(fall)) > max(0.8 * FAR * quiet, least)
-        rows = 1 + np.flatnonzero(far & (rise * fall > 0))
+        near = _far(column, 1, max(0.8 * FAR * quiet, STEPS * step))
+        rows = np.flatnonzero(near[1:-1]) + 1
         rows = rows[out[rows, i] == 0]
         for some in np.array_split(rows, 1 + len(rows) // 100_000):
             out[some, i] = _sizes(around, some, quiet, step, stepped=True)
     return out
+
+
+def _far(x: FloatArray, back: int, least: float) -> BoolArray:
+    """Tell which of `x` (n,) are `least` from what is before and what is after, on the same side.
+
+    `back`: so many samples before and after [1]. At an end of the log one of them counts.
+    """
+    apart = x[back:] - x[:-back]
+    after = np.append(-apart, np.zeros(back))
+    before = np.append(after[:back], apart)
+    after[-back:] = before[-back:]
+    return (np.minimum(np.abs(before), np.abs(after)) > least) & (before * after > 0)
 
 
 def _quiet(apart: FloatArray) -> float:
@@ -469,14 +501,18 @@ def _sizes(
         sides = near[:, :AROUND], near[:, AROUND + 1 :], near[:, :end], near[:, -end:]
         levels = np.array([np.median(x, axis=1) for x in sides])
         off = np.abs(near[None] - levels[:, :, None]).min(axis=0)
-        beside = near[:, AROUND + 1] - near[:, AROUND - 1]
+        across = near[:, AROUND + 1] - near[:, AROUND - 1]
     at = round(0.9 * (2 * AROUND + 1))
     scale = np.partition(off, at, axis=1)[:, at] / 1.645
     # What is rounded to one step less was up to half a step more.
     limit = np.maximum(FAR * (scale + 0.5 * step / 1.645), STEPS * step)
     # It stands alone: what shakes the instrument shakes it for a while.
-    lonely = (off > 0.5 * limit[:, None]).sum(axis=1) <= LONGEST
-    spike = lonely & (off[:, AROUND] > limit) & (scale <= CALM * quiet)
+    high = off > 0.5 * limit[:, None]
+    lonely = (high.sum(axis=1) <= LONGEST) & (scale <= CALM * quiet)
     if stepped:  # a peak between two levels is how the instrument came from one to the other
-        spike &= (np.abs(beside) < limit) & (np.ptp(levels, axis=0) > limit)
+        lonely &= (np.abs(across) < limit) & (np.ptp(levels, axis=0) > limit)
+    # And no motion goes so far and back within two intervals.
+    beside = high[:, AROUND - BACK : AROUND + BACK + 1].sum(axis=1) <= LONGEST
+    torn = beside & (high.sum(axis=1) <= 0.1 * high.shape[1]) & (off[:, AROUND] > TORN * scale)
+    spike = (lonely | (torn & (not stepped))) & (off[:, AROUND] > limit)
     return np.where(spike, FAR * off[:, AROUND] / np.maximum(limit, 1e-300), 0.0)

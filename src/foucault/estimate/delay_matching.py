@@ -175,6 +175,9 @@ class Turns:
         return Turns(self.start[rows], self.end[rows], self.phi_m[rows])
 
 
+LOST = 3.5  # Longer intervals than so many usual ones have a gap that hides what was turned [1].
+
+
 @dataclass(frozen=True)
 class SlaveAttitude:
     """The attitude of the slave relative to its start, at any time.
@@ -204,8 +207,14 @@ class SlaveAttitude:
 
     @cached_property
     def cuts(self) -> FloatArray:
-        """Ends of the intervals that are not joined to the one before, shape (c,) [s]."""
-        return self.increments.time[1:][~self.increments.joined[1:]]
+        """Ends of the intervals that are not joined to the one before, shape (c,) [s].
+
+        Where few samples in a row are lost what was between is known, and turns are few without it.
+        """
+        x = self.increments
+        long = np.diff(x.time) > LOST * float(np.median(x.dt))
+        long[1:] |= long[:-1]  # the row after a gap is not joined either
+        return x.time[1:][~x.joined[1:] & long]
 
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return C_0s, (k, 3, 3), and w_is_s, (k, 3) [rad/s], at `time` (k,) within the log [s]."""

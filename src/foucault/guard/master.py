@@ -185,8 +185,8 @@ def turning(
 
     def agrees(other: Delay | None) -> bool:
         """Tell whether both turn alike, in a mounting near the nominal one."""
-        if other is None or other.likeness < ALIKE:
-            return False
+        if other is None or not other.match.converged or other.likeness < ALIKE:
+            return False  # of the few turns between gaps some are alike in any sense
         return off(other) < max(float(ASTRAY), SURELY * float(np.sqrt(np.trace(other.mu_cov))))
 
     if agrees(found):
@@ -212,7 +212,8 @@ def turning(
                         for x in (increments, mirror))  # fmt: skip
     # Of a motion that is nearly all about one axis most is alike even where two columns changed
     # places: what is not alike tells which it is.
-    left, rest = (1.0 if x is None else 1.0 - x.likeness for x in (turned, mirrored))
+    left, rest = (1.0 if x is None or not x.match.converged else 1.0 - x.likeness
+                  for x in (turned, mirrored))  # fmt: skip
     if turned is not None and left <= min(rest, 1.0 - ALIKE):
         heading, pitch, roll = (np.degrees(angles_of(turned.C_ms)) + 180.0) % 360.0 - 180.0
         mounted = finding("transfer.mounting", heading=f"{heading:.1f}", pitch=f"{pitch:.1f}",

@@ -504,9 +504,27 @@ def _all_other(along: FloatArray, planned: FloatArray, by_table: bool) -> Foucau
                  also=also, cure=cure)  # fmt: skip
 
 
+def rate_columns(log: Log, readings: Readings, table_rate_sd: float) -> list[Finding]:
+    """Compare the rate of the table in a log with its angle over the time, where it has both.
+
+    `readings`: those of `log`, spins at the rate of the angle [SI]; `table_rate_sd`: relative sd
+    of the rate [1].
+    """
+    table, spin = log.table, readings.spin
+    if log.averaged is not None or table is None or table.rate is None:
+        return []
+    if not np.isfinite(table.angles[:, 0]).any():
+        return []
+    start, end = readings.start[spin], readings.start[spin] + readings.time[spin]
+    rows = np.searchsorted(log.time, [start, end]).T
+    said = np.array([np.median(table.rate[a : max(a + 1, b)]) for a, b in rows])
+    return rate_findings(readings.rate[spin], np.nan_to_num(said), table_rate_sd, "table.two_rates")
+
+
 def rate_findings(
-    rate: FloatArray, planned: FloatArray, table_rate_sd: float | None
-) -> list[Finding]:
+    rate: FloatArray, planned: FloatArray, table_rate_sd: float | None,
+    code: str = "spin.rate_clock",
+) -> list[Finding]:  # fmt: skip
     """Compare `rate` (n,) [rad/s] with `planned` (n,), 0 for none, and `table_rate_sd` [1]."""
     some = planned != 0
     if not some.any():
@@ -522,4 +540,4 @@ def rate_findings(
     sd = float(np.sqrt(max(table_rate_sd, RATE_TOLERANCE) ** 2 + spread**2))
     if abs(off) <= BEYOND * sd:
         return []
-    return [finding("spin.rate_clock", ppm=f"{off * 1e6:+.0f}", sd=f"{sd * 1e6:.0f}", **words)]
+    return [finding(code, ppm=f"{off * 1e6:+.0f}", sd=f"{sd * 1e6:.0f}", **words)]

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from foucault.arrays import FloatArray
 from foucault.errors import Finding, error, finding, require, require_word
 from foucault.logs.checks import finite, timing
-from foucault.tables import AXES, Log
+from foucault.tables import AXES, Log, whole_means
 from foucault.tables import gaps as wide
 from foucault.units import plain, span
 
@@ -98,7 +98,7 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
         Angular rate and specific force in body axes, compensated or not [SI].
     gaps : {"stop", "bridge"}
         What is done where samples are missing: an error, or the readings before and after are
-        taken to hold half of the gap each.
+        taken to hold half each of what is missing.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def increments_of(log: Log, *, gaps: Literal["stop", "bridge"] = "stop") -> Incr
             raise error("strapdown.gap", **words)
         found = (finding("strapdown.bridged", **words),)
     both = np.concatenate([log.gyro, log.accel], axis=1)
-    total = _integrals(both, dt, gap, log.sampled)
+    total = _integrals(both, log.time, dt, gap, log.sampled)
     joined = ~(gap | np.roll(gap, 1))
     joined[0] = False
     return Increments(log.time, dt, total[:, :3].copy(), total[:, 3:].copy(), joined, found,
@@ -198,15 +198,14 @@ def _lengths(time: FloatArray) -> FloatArray:
 
 
 def _integrals(
-    x: FloatArray, dt: FloatArray, gap: npt.NDArray[np.bool_], sampled: str
+    x: FloatArray, time: FloatArray, dt: FloatArray, gap: npt.NDArray[np.bool_], sampled: str
 ) -> FloatArray:
-    """Integrate over each interval; across a gap both neighbours hold half."""
-    half = x.copy()
-    half[1:] = 0.5 * (x[:-1] + x[1:])
+    """Integrate over each interval; of what a gap leaves out both neighbours hold half."""
     if sampled == "increment":
-        mean = np.where(gap[:, None], half, x)
+        mean = whole_means(time, x)
     else:
-        mean = half
+        mean = x.copy()
+        mean[1:] = 0.5 * (x[:-1] + x[1:])
         # The cubic needs two intervals on either side that are whole and equally long.
         inner = slice(2, -1)
         whole = ~(gap[1:-2] | gap[2:-1] | gap[3:])

@@ -65,7 +65,7 @@ from foucault.procedures.record import Given, Procedure, result_of
 from foucault.result import Check, Result, TableData
 from foucault.simulate.magnetometer import draw_errors, simulate_field
 from foucault.strict import Strict
-from foucault.tables import AXES, Log, temperature_range
+from foucault.tables import AXES, Log, temperature_range, whole_means
 from foucault.units import (
     STANDARD_GRAVITY,
     Angle,
@@ -208,7 +208,9 @@ def reduce(log: Log) -> Observed:
     still = _rests(log, w)
     every = np.zeros(len(cells), bool)
     every[np.unique(np.linspace(0, len(cells) - 1, MOST).astype(int))] = True
-    turning = Turning(log.time, log.gyro, log.sampled)
+    summed = log.sampled == "increment"  # few samples that are lost are integrated over
+    turned = whole_means(log.time, log.gyro) if summed else log.gyro
+    turning = Turning(log.time, turned, log.sampled)
     few = rows[:: max(1, int(log.rate * len(rows) / len(log) / ENOUGH))]
     return Observed(log, turning, cells.chosen(every), still, few, tuple(told))
 
@@ -656,7 +658,8 @@ def _unit(size: float, intensity: float | None) -> list[Finding]:
 def _solve(log: Log, given: Given[Settings]) -> Result:
     s = given.settings
     given.progress(0.1, "integrating the gyros")
-    model, told = _model(reduce(without_spikes(log)), given)
+    log = without_spikes(log)
+    model, told = _model(reduce(log), given)
     given.progress(0.3, "calibrating")
     # What is left out takes its time, and makes nothing better seen: first without it.
     auto = s.terms == "auto"

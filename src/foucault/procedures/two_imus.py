@@ -26,6 +26,7 @@ from pydantic import Field
 from foucault import logs
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.detect.noise import KNOCKS, without_spikes
 from foucault.diagnose.checks import check
 from foucault.errors import Finding, error, finding
 from foucault.estimate import two_bodies as bodies
@@ -492,7 +493,20 @@ def _found(
     )
 
 
+def _clean(log: Log) -> Log:
+    """Return logs without spikes, which are told."""
+    log = without_spikes(log, most=KNOCKS)
+    if not isinstance(log, ImuLogs) or log.master is None:
+        return log
+    every = (log.master, *log.others)
+    clean = [without_spikes(one, most=KNOCKS) for one in every]
+    told = [f for a, b in zip(every, clean, strict=True) for f in b.findings[len(a.findings) :]]
+    return replace(log, master=clean[0], others=tuple(clean[1:]),
+                   findings=(*log.findings, *told))  # fmt: skip
+
+
 def _solve(log: Log, given: Given[Settings]) -> Result:
+    log = _clean(log)
     at, (starts, bare) = _found(log, given)
     s = at.solution
     changed = _changed(s, at.coefficients)

@@ -82,7 +82,8 @@ def simulate_field(
     mag = model.measure(late) + session.noise_sd * sensors.standard_normal((n, 3))
     f_b, rate = site.gravity * C[sampled, 2], w[sampled]
     if session.kind == "increment":
-        rate = np.diff(np.cumsum(w, 0)[sampled], axis=0, prepend=np.nan) / FINE
+        middle = 0.5 * (w + np.roll(w, 1, axis=0))  # the rate is straight from step to step
+        rate = np.diff(np.cumsum(middle, 0)[sampled], axis=0, prepend=np.nan) / FINE
         rate[0] = w[sampled][0]
     s = settings
     gyros = s.gyro_misalignment_sd * sensors.standard_normal((3, 3))

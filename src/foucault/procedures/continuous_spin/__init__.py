@@ -233,6 +233,7 @@ def _again(model: SpinModel) -> Again:
 
 def _solve(log: Log, given: Given[Settings]) -> Result:
     given.progress(0.1, "finding the spins")
+    log = without_spikes(log)
     model = observe(log, given)
     given.progress(0.7, "judging")
     prior = CoefficientVector.prior(model.layout, given.prior)

@@ -26,6 +26,7 @@ from pydantic import Field
 from foucault import logs
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector, Layout
+from foucault.detect.noise import KNOCKS, without_spikes
 from foucault.diagnose.checks import check
 from foucault.diagnose.comparable import of_site
 from foucault.errors import Finding, error, finding
@@ -562,6 +563,7 @@ def _bases(given: Given[Settings]) -> dict[str, tuple[str, str]]:
 
 
 def _solve(log: Log, given: Given[Settings]) -> Result:
+    log = without_spikes(log, most=KNOCKS)
     at, (start, bare) = _found(log, given)
     s, c = at.solution, at.coefficients
     changed = _changed(s, c)

@@ -23,7 +23,7 @@ from foucault.errors import Finding, error, finding
 from foucault.estimate import table as table_likelihood
 from foucault.estimate.table import Options, TableFit, TableModel, fit
 from foucault.guard.rest import first_rest, same_unit
-from foucault.guard.table import check_gyro_axes, check_readings, enough_readings
+from foucault.guard.table import check_gyro_axes, check_readings, enough_readings, rate_columns
 from foucault.logs.axes import spared
 from foucault.logs.follow import OnDisk
 from foucault.models.earth import EARTH_RATE, Site
@@ -90,7 +90,7 @@ def solve(log: Log | OnDisk, task: Task, given: Given[Any]) -> Result:
     result = from_readings(readings, task, site=given.site, prior=given.prior, sizes=given.sizes)
     return replace(
         result,
-        findings=_without_gaps((*_noticed(log, readings), *result.findings)),
+        findings=_without_gaps((*_noticed(log, readings, task.settings), *result.findings)),
         validity=judge.validity(readings, log if isinstance(log, Log) else None, given.site),
     )
 
@@ -105,9 +105,13 @@ def clocked(log: Log | OnDisk) -> tuple[bool, bool]:
     return timed, accel is not None and accel.kind == "increment"
 
 
-def _noticed(log: Log | OnDisk, readings: Readings) -> tuple[Finding, ...]:
+def _noticed(log: Log | OnDisk, readings: Readings, s: TableSettings) -> tuple[Finding, ...]:
+    if not isinstance(log, Log):
+        return log.findings
     used = [(readings.start, readings.time)]
-    return spared(log.findings, log, used, used) if isinstance(log, Log) else log.findings
+    told = any(f.code == "spin.rate_clock" for f in readings.findings)
+    twice = [] if told else rate_columns(log, readings, s.table_rate_sd)
+    return *spared(log.findings, log, used, used), *twice
 
 
 def _without_gaps(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:

@@ -20,6 +20,7 @@ import numpy as np
 
 from foucault import units
 from foucault.arrays import FloatArray
+from foucault.detect.noise import without_spikes
 from foucault.diagnose import left_out
 from foucault.diagnose import tumble as judge
 from foucault.diagnose.comparable import of_site
@@ -64,6 +65,9 @@ MOMENTS = 120  # In so many moments the estimate is kept for its course in time 
 def _solve(log: Log, given: Given[Settings]) -> Result:
     site, settings, shown = given.site, given.settings, given.shown
     given.progress(0.1, "looking at the log")
+    log = without_spikes(
+        log, most=0
+    )  # rows that are lost; what is small is weighed with the others
     told = _look(log, site, settings)
     used, said = noise_of(log, given.noise)
     tumble, more = tumble_of(log, site, settings, used)

@@ -33,6 +33,7 @@ from foucault.diagnose.rate_table import Commanded, lacking, rate_steps
 from foucault.diagnose.references import BEYOND_THE_SESSION, believed, times_the_table
 from foucault.errors import Finding, error
 from foucault.guard.rest import first_rest
+from foucault.guard.table import rate_columns
 from foucault.infer import mixed
 from foucault.infer.left_out import With
 from foucault.infer.mixed import Model
@@ -125,7 +126,8 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         validity |= {"rate": log.rate, "sampled": log.sampled}
     validity |= temperature_range(log)
     used = [(readings.start, readings.time)]
-    findings = (*spared(log.findings, log, used, ()), *result.findings)
+    twice = rate_columns(log, readings, settings.table_rate_sd)
+    findings = (*spared(log.findings, log, used, ()), *twice, *result.findings)
     return replace(result, findings=findings, validity=validity)
 
 
