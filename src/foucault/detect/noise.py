@@ -400,7 +400,8 @@ def spikes_of(
 def _between(x: FloatArray, bad: BoolArray) -> FloatArray:
     """Return `x` (n, k) with what is around them in place of the rows `bad` (n,).
 
-    The cubic through two rows before and two after, a straight line where these are not near.
+    The cubic through two rows before and two after, a straight line where these are not near;
+    rounded as other rows are, which tell by how much they are.
     """
     good, rows, out = np.flatnonzero(~bad), np.flatnonzero(bad), x.copy()
     for column in out.T:
@@ -409,10 +410,14 @@ def _between(x: FloatArray, bad: BoolArray) -> FloatArray:
     inner = (four[:, 0] >= 0) & (four[:, 3] < len(good))
     at = good[four[inner]]
     near = at[:, 3] - at[:, 0] <= 3 + LONGEST
-    at, rows = at[near], rows[inner][near]
+    at, some = at[near], rows[inner][near]
     apart = (at[:, :, None] - at[:, None, :]).astype(float) + np.eye(4)
-    off = np.where(np.eye(4) > 0, 1.0, rows[:, None, None] - at[:, None, :])
-    out[rows] = np.einsum("ri,rik->rk", np.prod(off / apart, axis=2), x[at])
+    off = np.where(np.eye(4) > 0, 1.0, some[:, None, None] - at[:, None, :])
+    out[some] = np.einsum("ri,rik->rk", np.prod(off / apart, axis=2), x[at])
+    beside = x[good[np.maximum(np.searchsorted(good, rows) - 1, 0)]]
+    for column, usual, middle in zip(out.T, x[good].T, beside.T, strict=True):
+        if step := resolution(usual):
+            column[rows] = middle + step * np.rint((column[rows] - middle) / step)
     return out
 
 
