@@ -26,9 +26,7 @@ from foucault.campaign import many, study
 from foucault.errors import FoucaultError
 
 FOUND = campaign.template("six_position")
-DECLARED = FOUND.replace('# placement_sd = "5 arcmin"', 'placement_sd = "1 arcmin"').replace(
-    'placement_sd = "0 arcsec"', 'placement_sd = "1 arcmin"'
-)
+DECLARED = FOUND.replace('# placement_sd = "5 arcmin"', 'placement_sd = "1 arcmin"')
 CASES = {"placement declared": DECLARED, "placement found": FOUND}
 
 

@@ -181,7 +181,8 @@ def _watch(path: Path) -> Outcome:
 _QUICK: dict[str, dict[str, dict[str, Any]]] = {
     "hand_rotated": {"simulate": {"rests": 14, "rest_time": "2 s", "turn_time": "1.5 s",
                                   "first_rest_time": "3 s", "rate": "50 Hz"}},
-    "six_position": {"simulate": {"rest_time": "3 s", "move_time": "1.5 s", "rate": "50 Hz"}},
+    "six_position": {"simulate": {"rest_time": "3 s", "move_time": "1.5 s", "rate": "50 Hz",
+                                  "placement_sd": "0 arcmin"}},
     "ferraris": {"simulate": {"rest_time": "3 s", "move_time": "1.5 s", "turn_time": "3 s",
                               "rate": "50 Hz"}},
     "norm_observation": {"procedure": {"spin_rate": "30 deg/s"},

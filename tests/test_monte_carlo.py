@@ -158,3 +158,14 @@ def test_a_biased_estimate_fails() -> None:
     biased = replace(good, error=good.error + np.array([0.3, 0, 0, 0, 0]))
     failed = [c.sentence for c in biased.checks() if c.name == "bias"]
     assert failed == ["The mean error of a does not fit zero."]
+
+
+@pytest.mark.parametrize(("name", "count"), [
+    ("six_position", 100), ("ferraris", 100),
+    pytest.param("magnetometer", 60, marks=pytest.mark.thorough),
+])  # fmt: skip
+def test_a_template_is_simulated_as_crooked_as_it_is_calibrated(name, count, tmp_path) -> None:
+    """Placements or gains without errors, beside a calibration that counts with them."""
+    told = campaign.parse(campaign.template(name), "campaign.toml")
+    judged = study.run(told, count, tmp_path, workers=1).checks()
+    assert all(c.passed for c in judged if c.name in ("NEES", "bias", "spread"))

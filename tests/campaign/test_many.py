@@ -18,7 +18,7 @@ from refusals import refuses
 
 SIX = campaign.template("six_position").replace(
     '# placement_sd = "5 arcmin"', 'placement_sd = "1 arcmin"'
-).replace('placement_sd = "0 arcsec"', 'placement_sd = "1 arcmin"')  # fmt: skip
+)
 
 MANY = ("ferraris", "hand_rotated", "norm_observation", "turntable", "multi_position",
         "rate_table", "magnetometer")  # fmt: skip

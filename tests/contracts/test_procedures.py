@@ -50,7 +50,7 @@ from sessions import (
 )
 
 HAND = {"rests": 14, "rest_time": 2.0, "turn_time": 1.5, "first_rest_time": 3.0}
-FACES = {"rest_time": 2.0, "move_time": 1.0}
+FACES = {"rest_time": 2.0, "move_time": 1.0, "placement_sd": 0.0}
 ON_FACES = FACES | {"placement_sd": 3 * ARCMIN}
 TURNED = {"turn_time": 2.0, "level_sd": 3 * ARCMIN, "angle_sd": 3 * ARCMIN}
 MEANS = {"rows": "means"}

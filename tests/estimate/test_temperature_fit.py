@@ -10,8 +10,8 @@ from foucault.estimate.temperature import (
     Design,
     Evidence,
     Spaces,
-    _restricted,
     _stacks,
+    _unlikely,
     against,
     choose,
     scatter,
@@ -68,17 +68,18 @@ def test_the_fit_is_generalised_least_squares() -> None:
     np.testing.assert_allclose(cov, X[6:9] @ P @ X[6:9].T + V[6:9, 6:9], rtol=1e-8)
 
 
-def test_the_restricted_likelihood_and_its_slope() -> None:
+@pytest.mark.parametrize("restricted", [True, False])
+def test_the_likelihood_and_its_slope(restricted: bool) -> None:
     evidence, variance = pieces(np.random.default_rng(2), WEIGHTS), np.array([0.7, 1.5])
 
     def value(v: np.ndarray) -> float:
         X, y, V = dense(evidence, v)
         A = X.T @ np.linalg.solve(V, X)
         r = y - X @ np.linalg.solve(A, X.T @ np.linalg.solve(V, y))
-        logs = np.linalg.slogdet(V)[1] + np.linalg.slogdet(A)[1]
+        logs = np.linalg.slogdet(V)[1] + restricted * np.linalg.slogdet(A)[1]
         return 0.5 * float(logs + r @ np.linalg.solve(V, r))
 
-    got, slope = _restricted(_stacks(evidence, DESIGN), variance)
+    got, slope = _unlikely(_stacks(evidence, DESIGN), variance, restricted)
     assert got == pytest.approx(value(variance), rel=1e-8)
     for k in range(2):
         step = 1e-5 * np.eye(2)[k]
@@ -89,13 +90,13 @@ def test_the_restricted_likelihood_and_its_slope() -> None:
 def test_the_scatter_found_is_a_minimum() -> None:
     evidence = pieces(np.random.default_rng(3), WEIGHTS, (6.0, 0.0))
     found = scatter(evidence, DESIGN, np.zeros(2), np.ones(2, bool))
-    best, _ = _restricted(_stacks(evidence, DESIGN), found)
+    best, _ = _unlikely(_stacks(evidence, DESIGN), found, True)
     assert found[0] > 5.0
     for part in (0.8, 1.25):
         for k in range(2):
             other = found.copy()
             other[k] = other[k] * part if other[k] > 0 else 0.05
-            assert _restricted(_stacks(evidence, DESIGN), other)[0] > best
+            assert _unlikely(_stacks(evidence, DESIGN), other, True)[0] > best
     declared = scatter(evidence, DESIGN, np.array([4.0, 0.0]), np.array([False, True]))
     assert declared[0] == 4.0
 

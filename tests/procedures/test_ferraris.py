@@ -435,7 +435,8 @@ def test_turns_back_are_told_by_the_gyros(angle):
 @pytest.mark.parametrize("back", ["10 s", "2.5 s"])
 def test_turned_back_at_another_speed_a_cubic_scale_factor_shows(back):
     """Five times what is typical: 0.5 % at 150 deg/s."""
-    text = template("ferraris").replace("[simulate]\n", f'[simulate]\nback_time = "{back}"\n')
+    told = f'[simulate]\nback_time = "{back}"\nplacement_sd = "0 arcmin"\n'
+    text = template("ferraris").replace("[simulate]\n", told)
     campaign = parse(text)
     made = simulate_campaign(campaign, 0)
     log = made.simulation.log

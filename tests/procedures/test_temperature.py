@@ -11,7 +11,8 @@ import pytest
 from scipy import stats
 
 from foucault.errors import FoucaultError
-from foucault.estimate.temperature import Fit
+from foucault.estimate.temperature import Fit, _stacks, _unlikely
+from foucault.infer.gauss_newton import FALSE_ALARM
 from foucault.models.temperature import TemperatureModel
 from foucault.procedures.temperature import Ramp, Session, Settings, calibrate
 from foucault.procedures.temperature.evidence import model_of, solved, task_of
@@ -578,3 +579,56 @@ def test_what_drifts_with_time_is_told_apart_only_by_a_temperature_that_comes_ag
         for some in (sessions([-10, 0, 10, 20, 30]), sessions([-10, 0, 10, 20, 30, -10]))
     ]
     assert told == [True, False]
+
+
+ORDER = (-15.0, 12.0, 38.0, 65.0, 52.0, 25.0, -2.0, -15.0)
+"""Up and down again [degC]."""
+
+
+def spoilt(made, what, size):
+    """Change the second half of sessions: a bias by `size` sds, or the thermometer by so many K."""
+    half, out = len(made) // 2, []
+    for k, s in enumerate(made):
+        c = s.result.coefficients
+        if k >= half and what == "thermometer":
+            s = replace(s, temperature=s.temperature + size, low=s.low + size, high=s.high + size)
+        elif k >= half:
+            values = c.values.copy()
+            values[c.names.index(what)] += size * c.sd[c.names.index(what)]
+            s = replace(s, result=replace(s.result, coefficients=replace(c, values=values)))
+        out.append(s)
+    return out
+
+
+@pytest.mark.parametrize(("what", "size", "who"), [
+    ("gyro.bias.x", 10.0, "gyro.bias"), ("accel.scale.y", 15.0, "accel.scale"),
+    ("thermometer", 2.0, "the sensor of temperature"),
+])  # fmt: skip
+def test_what_changed_for_good_half_way_is_told(what, size, who):
+    """It hid in the scatter, and the thermometer in all of it: passed with NEES/n to 9."""
+    for seed in range(3):
+        result = calibrate(spoilt(sessions(ORDER, seed), what, size))
+        told = check(result, "change for good")
+        assert result.verdict.level is not Level.PASS and not told.passed
+        assert f"run4 on are explained if {who} changed" in told.sentence
+
+
+@pytest.mark.parametrize("count", [4, pytest.param(60, marks=pytest.mark.thorough)])
+def test_nothing_changes_for_good_in_sessions_that_only_scatter(count):
+    own, false = {"accel.bias": 3.0, "gyro.bias": 3.0, "gyro.scale": 1.0}, 0
+    for seed in range(100, 100 + count):
+        for scatter in ({}, own):
+            result = calibrate(sessions(ORDER, seed, scatter=scatter))
+            false += not check(result, "change for good").passed
+    assert false <= 4 * FALSE_ALARM * 2 * count
+
+
+def test_scatter_is_not_nothing_where_the_search_for_it_once_was():
+    """By its root, nothing was a flat place that the search did not leave again."""
+    at = (-15.0, -15.0, 5.0, 5.0, 25.0, 25.0, 45.0, 45.0, 65.0, 65.0)
+    own = {"accel.bias": 3.0, "gyro.bias": 3.0, "gyro.scale": 1.0}
+    for seed in (122, 126, 127):
+        task = task_of(sessions(at, seed, scatter=own), Settings(), ())
+        fit = solved(task, Settings()).fit
+        _, slope = _unlikely(_stacks(fit.evidence, fit.design), fit.variance, restricted=True)
+        assert slope[fit.variance == 0.0].min() > -0.1

@@ -19,9 +19,6 @@ from foucault.procedures import left_out, on_faces
 from foucault.procedures.on_faces import Observed
 from foucault.tables import Log
 
-PLACED = 2e-3
-"""How far a placement is taken to be off before the residuals tell it [rad]."""
-
 EYE = np.eye(3)
 
 
@@ -57,7 +54,7 @@ class OnSix(Begun):
         scene = self._scene(some)
         model = OnFaces(scene, self.wanted.layout, State(ImuModel(), EYE), noise, tilts)
         size = self.given.settings.placement_sd
-        sds = {"placement": PLACED if size is None else size}
+        sds = {"placement": on_faces.PLACED if size is None else size}
         return Reached.foreseen(model, sds, self.prior, EYE[None])
 
     def _scene(self, rests: FaceReadings) -> Scene:

@@ -14,7 +14,7 @@ from foucault.campaign import Campaign
 from foucault.capture.guide import Guide
 from foucault.capture.hand import ByHand
 from foucault.capture.listed import OnTable
-from foucault.capture.six import PLACED, OnSix
+from foucault.capture.six import OnSix
 from foucault.capture.step import Wanted, Way
 from foucault.capture.stops import AtStops
 from foucault.detect.stretches import How
@@ -100,7 +100,7 @@ def guide_of(asked: Asked, used: LogDescription) -> Guide:
     if campaign.procedure == "north_seeking":
         way = _at_stops(asked, procedure, used.gyro is not None)
         return Guide(way, used, lambda _log: way.result(), How())
-    usual = procedure.planned(_placed(beforehand(campaign)))
+    usual = procedure.planned(beforehand(campaign))
     assert usual is not None
     found = usual.found.coefficients
     names = [n for n in found.names if used.gyro is not None or n.startswith("accel.")]
@@ -142,14 +142,6 @@ def _on_table(asked: Asked, gyro: bool) -> OnTable:
     found = made.bound(plan)
     wanted = Wanted.of(found.layout, found.sd, asked.want or {})
     return OnTable(made, plan, wanted, asked.hold, gyro)
-
-
-def _placed(b: Beforehand[Any, Any]) -> Beforehand[Any, Any]:
-    """Let nobody place an instrument better than usual, where the campaign does not say it."""
-    if getattr(b.session, "placement_sd", None) != 0.0:
-        return b
-    sd = PLACED if b.settings.placement_sd is None else b.settings.placement_sd
-    return replace(b, session=b.session.model_copy(update={"placement_sd": sd}))
 
 
 def worst(guide: Guide) -> float:

@@ -7,7 +7,7 @@ that a fit leaves for the report.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,12 +19,27 @@ from foucault.arrays import FloatArray, IntArray
 from foucault.coefficients import Layout
 from foucault.diagnose.checks import check
 from foucault.errors import Finding, finding
-from foucault.estimate.temperature import Choice, Evidence, Spaces, Test, against, refit, solve
+from foucault.estimate.temperature import (
+    Choice,
+    Design,
+    Evidence,
+    Fit,
+    Spaces,
+    Test,
+    covariance,
+    gained,
+    refit,
+)
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.models import size_effect
-from foucault.models.temperature import TemperatureModel
+from foucault.models.temperature import TemperatureModel, basis
 from foucault.result import Check
 from foucault.units import ZERO_CELSIUS
+
+BEFORE = 2
+"""Least sessions before something changed for good, and after it: one is an outlier [1]."""
+
+PASSES = 3  # Steps to how far a thermometer is off: each leaves what functions bend by [1].
 
 ORDERS = ("constant", "straight line", "parabola", "cubic")
 
@@ -43,6 +58,7 @@ class Seen:
     names: tuple[str, ...]  # names of the sessions
     temperature: FloatArray  # (m,) mean temperature of every session [K]
     counts: IntArray  # (families,) at how many temperatures sessions tell each family [1]
+    reference: float  # temperature that powers are about [K]
     knots: FloatArray  # (p,) or (0,) knots of piecewise linear functions [K]
     turning: bool  # whether heating and cooling are to be compared
 
@@ -91,22 +107,96 @@ class Seen:
     @cached_property
     def hysteresis(self) -> tuple[tuple[int, float, float], ...]:
         """Family, F and probability of a difference between heating and cooling, where told."""
-        choice, out = self.choice, []
-        small = self.spaces.design(choice.orders)
+        some = [f for f, order in enumerate(self.choice.orders) if order and self.turning]
+        return tuple((f, *told) for f in some if (told := self._beside(self.evidence, f)))
+
+    @cached_property
+    def jumps(self) -> tuple[tuple[int, int, float, float], ...]:
+        """Session before which something changed for good, what, F and probability, where told.
+
+        What is a family that is another by a constant, or -1: all are at temperatures that are
+        wrong by a constant.
+        """
+        out, m = list[tuple[int, int, float, float]](), len(self.names)
+        for k in range(BEFORE, m - BEFORE + 1):
+            later = np.arange(m) >= k
+            stepped = self._at(self.temperature, np.where(later, 0.5, -0.5))
+            for f in range(len(self.families)):
+                told = self._beside(stepped, f)
+                out += [(k, f, *told)] if told else []
+            told = self._misread(later.astype(float))
+            out += [(k, -1, *told)] if told else []
+        return tuple(out)
+
+    def _beside(self, evidence: tuple[Evidence, ...], f: int) -> tuple[float, float] | None:
+        """Return F and probability of the last function of `evidence` in a family, where told."""
         extra = np.zeros((1, self.spaces.constant.shape[1]))
         extra[0, -1] = 1.0
-        for f, order in enumerate(self.choice.orders):
-            if order == 0 or not self.turning:
-                continue
-            design = self.spaces.design(choice.orders, extra, f)
-            # The scatter is that of the larger design, or the difference would be a part of it.
-            found = refit(self.evidence, design, choice.known, choice.wanted)
-            if found is not None:
-                large, dof, _ = found
-                fit = solve(self.evidence, small, large.variance)
-                assert fit is not None  # a part of what was told
-                F, p, _ = against(fit, large, float(dof[f]))
-                out.append((f, F, p))
+        return self._judged(evidence, self.spaces.design(self.choice.orders, extra, f), f)
+
+    @cached_property
+    def _likeliest(self) -> Fit | None:
+        choice = self.choice
+        found = refit(self.evidence, choice.fit.design, choice.known, choice.wanted,
+                      restricted=False)  # fmt: skip
+        return found and found[0]
+
+    def _judged(
+        self, evidence: tuple[Evidence, ...], design: Design, f: int | None
+    ) -> tuple[float, float] | None:
+        """Compare the fit with another of evidence that has more; `f`: the family, None: all.
+
+        By what each is likeliest with: the scatter of one of them alone may be small by chance.
+        """
+        choice, small = self.choice, self._likeliest
+        found = refit(evidence, design, choice.known, choice.wanted, restricted=False)
+        if found is None or small is None:
+            return None
+        large, dof, free = found
+        if (choice.wanted & ~free & ~choice.untold).any():
+            return None
+        terms = max(len(large.theta) - len(small.theta), 1)
+        gain, least = max(gained(small, large), 0.0), int(np.argmin(dof) if f is None else f)
+        left = float(dof[least])
+        if np.isinf(left):
+            return gain / terms, float(special.chdtrc(terms, gain))
+        # Of rows that scatter alike the likelihood ratio is a function of F.
+        rows = sum(int(np.sum(one.group == least)) for one in evidence)
+        F = left / terms * float(np.expm1(gain / rows))
+        return F, float(special.fdtrc(terms, left, F))
+
+    def _misread(self, later: FloatArray) -> tuple[float, float] | None:
+        """Return the same of a thermometer that is off by a constant; `later` (m,): where [1]."""
+        choice, off = self.choice, 0.0
+        if not any(choice.orders):
+            return None
+        for _ in range(PASSES):
+            near = [self._at(self.temperature + (off + step) * later) for step in (-0.5, 0.0, 0.5)]
+            found = refit(near[1], choice.fit.design, choice.known, choice.wanted)
+            if found is None:
+                return None
+            fit, rows, left = found[0], [], []
+            for low, now, high, r in zip(*near, fit.residuals, strict=True):
+                X, root = fit.design.rows(now), np.linalg.cholesky(covariance(now, fit.variance))
+                slope = (fit.design.rows(high) - fit.design.rows(low)) @ fit.theta
+                rows.append(np.linalg.solve(root, np.c_[X, slope]))
+                left.append(np.linalg.solve(root, r))
+            off += float(np.linalg.lstsq(np.concatenate(rows), np.concatenate(left))[0][-1])
+        return self._judged(self._at(self.temperature + off * later), choice.fit.design, None)
+
+    def _at(self, temperature: FloatArray, more: FloatArray | None = None) -> tuple[Evidence, ...]:
+        """Return the evidence with sessions at other temperatures (m,) [K].
+
+        `more` (m,) or None: what the last function is there [1].
+        """
+        count, out = len(self.names), list(self.evidence)
+        terms = self.spaces.constant.shape[1] - 1
+        for k, values in enumerate(basis(temperature, terms, self.reference, self.knots)):
+            last = out[k].basis[-1] if more is None else more[k]
+            out[k] = replace(out[k], basis=np.r_[values, last])
+        if more is not None:  # a ramp has a constant of its own
+            none = [replace(e, basis=np.r_[e.basis[:-1], 0.0]) for e in out[count:]]
+            out[count:] = none
         return tuple(out)
 
 
@@ -124,7 +214,7 @@ class LeftOut:
 def checks(seen: Seen) -> tuple[Check, ...]:
     """Return every test of the functions."""
     some = (_freedom(seen), _terms(seen), _chi_square(seen), _left_out(seen), _hysteresis(seen),
-            _one_temperature(seen))  # fmt: skip
+            _jump(seen), _one_temperature(seen))  # fmt: skip
     return tuple(check for check in some if check is not None)
 
 
@@ -185,6 +275,17 @@ def _hysteresis(seen: Seen) -> Check | None:
     family, F, p = min(seen.hysteresis, key=lambda row: row[2])
     limit, given = FALSE_ALARM / len(seen.hysteresis), {"name": seen.families[family], "F": F}
     return check("heating and cooling", "heating and cooling", p, limit, None, given)
+
+
+def _jump(seen: Seen) -> Check | None:
+    if not seen.jumps:
+        return None
+    k, f, F, p = min(seen.jumps, key=lambda row: row[-1])
+    what = "the sensor of temperature" if f < 0 else seen.families[f]
+    given = {"what": what, "who": seen.names[k], "F": F}
+    return check(
+        "change for good", "change for good", p, FALSE_ALARM / len(seen.jumps), None, given
+    )
 
 
 def _one_temperature(seen: Seen) -> Check | None:

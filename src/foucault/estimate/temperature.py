@@ -142,12 +142,14 @@ def _least_squares(
 
 
 def scatter(
-    evidence: Sequence[Evidence], design: Design, known: FloatArray, wanted: BoolArray
-) -> FloatArray:
+    evidence: Sequence[Evidence], design: Design, known: FloatArray, wanted: BoolArray,
+    *, restricted: bool = True,
+) -> FloatArray:  # fmt: skip
     """Find the scatter by restricted maximum likelihood, s_f^2, shape (g,) [unit^2].
 
     `design`: the functions, all of them to be told by the evidence; `known` (g,): s_f^2 where it
-    is declared [unit^2]; `wanted` (g,): which are to be found.
+    is declared [unit^2]; `wanted` (g,): which are to be found; `restricted`: false takes the
+    likelihood itself, which compares designs.
     """
     if not wanted.any():
         return known
@@ -159,19 +161,20 @@ def scatter(
         np.add.at(count, one.group, 1.0)
     size, stacks = total / np.maximum(count, 1.0), _stacks(evidence, design)
 
-    def cost(root: FloatArray) -> tuple[float, FloatArray]:
+    # By the logarithm of one and more: of a root, nothing is flat, and never left once it is met.
+    def cost(more: FloatArray) -> tuple[float, FloatArray]:
         variance = known.copy()
-        variance[wanted] = root**2 * size[wanted]
-        value, slope = _restricted(stacks, variance)
-        return value, slope[wanted] * 2 * root * size[wanted]
+        variance[wanted] = np.expm1(more) * size[wanted]
+        value, slope = _unlikely(stacks, variance, restricted)
+        return value, slope[wanted] * np.exp(more) * size[wanted]
 
-    start = np.sqrt(np.maximum(_misfit(evidence, design, known), 0.1))[wanted]
+    start = np.log1p(np.maximum(_misfit(evidence, design, known), 0.1))[wanted]
     found = optimize.minimize(
         cost, start, jac=True, method="L-BFGS-B", bounds=[(0.0, None)] * len(start),
         options={"maxiter": 300, "ftol": 1e-12, "gtol": 1e-7},
     )  # fmt: skip
     out = known.copy()
-    part = found.x**2
+    part = np.expm1(found.x)
     out[wanted] = np.where(part > NOTHING, part, 0.0) * size[wanted]
     return out
 
@@ -207,8 +210,10 @@ def _stacks(evidence: Sequence[Evidence], design: Design) -> list[_Stack]:
     ]
 
 
-def _restricted(stacks: Sequence[_Stack], variance: FloatArray) -> tuple[float, FloatArray]:
-    """Return minus the restricted log-likelihood and its derivative by each s_f^2."""
+def _unlikely(
+    stacks: Sequence[_Stack], variance: FloatArray, restricted: bool
+) -> tuple[float, FloatArray]:
+    """Return minus the log-likelihood, restricted or not, and its derivative by each s_f^2."""
     q = stacks[0].X.shape[-1]
     A, b, value = np.zeros((q, q)), np.zeros(q), 0.0
     inverses = []
@@ -220,15 +225,16 @@ def _restricted(stacks: Sequence[_Stack], variance: FloatArray) -> tuple[float, 
         value += float(np.linalg.slogdet(V)[1].sum())
         inverses.append(W)
     cov = np.linalg.inv(A)
-    value += float(np.linalg.slogdet(A)[1])
+    value += float(np.linalg.slogdet(A)[1]) if restricted else 0.0
     theta = cov @ b
     slope = np.zeros_like(variance)
     for stack, W in zip(stacks, inverses, strict=True):
         r = stack.y - stack.X @ theta
         Pr = np.einsum("mrs,ms->mr", W, r)
         value += float(np.sum(r * Pr))
-        WX = W @ stack.X
-        P = np.einsum("mrr->mr", W) - np.einsum("mrq,qp,mrp->mr", WX, cov, WX, optimize=True)
+        WX, P = W @ stack.X, np.einsum("mrr->mr", W)
+        if restricted:
+            P = P - np.einsum("mrq,qp,mrp->mr", WX, cov, WX, optimize=True)
         np.add.at(slope, stack.group, 0.5 * (P - Pr**2))
     return 0.5 * value, slope
 
@@ -348,19 +354,30 @@ def choose(
                   wanted & ~free)  # fmt: skip
 
 
+def gained(small: Fit, large: Fit) -> float:
+    """Return twice the log-likelihood that `large` has more, each with the scatter it has."""
+    less, more = (
+        _unlikely(_stacks(fit.evidence, fit.design), fit.variance, restricted=False)[0]
+        for fit in (small, large)
+    )
+    return 2 * (less - more)
+
+
 def refit(
-    evidence: Sequence[Evidence], design: Design, known: FloatArray, wanted: BoolArray
-) -> tuple[Fit, FloatArray, BoolArray] | None:
+    evidence: Sequence[Evidence], design: Design, known: FloatArray, wanted: BoolArray,
+    *, restricted: bool = True,
+) -> tuple[Fit, FloatArray, BoolArray] | None:  # fmt: skip
     """Fit one design with its scatter; None where the evidence cannot tell it.
 
     `known` (g,): s_f^2 where it is declared [unit^2]; `wanted` (g,): which scatters are to be
-    found. Returns `dof` (g,): degrees of freedom that tell each scatter; infinite where it is
-    taken as known [1]; `free` (g,): which scatters were found.
+    found; `restricted`: as of `scatter`. Returns `dof` (g,): degrees of freedom that tell each
+    scatter; infinite where it is taken as known [1]; `free` (g,): which scatters were found.
     """
     if solve(evidence, design, known) is None:
         return None
     free, dof = _told(evidence, design, wanted)
-    fit = solve(evidence, design, scatter(evidence, design, known, free))
+    variance = scatter(evidence, design, known, free, restricted=restricted)
+    fit = solve(evidence, design, variance)
     return None if fit is None else (fit, dof, free)
 
 

@@ -140,7 +140,7 @@ def clocks(
         seen[1] &= np.interp(later, other[0], known.astype(float)) > 0.99
     lag, peak, second = offset(a, b, GRID, *seen)
     tau, kappa = lag + fine[0] - later[0], 0.0
-    slope, at, jumps = drift(a, b, GRID)
+    slope, at, jumps = drift(a, b, GRID, *seen)
     far = abs(slope) * (later[-1] - later[0]) > 2 * GRID or peak < 0.9
     if far and np.isfinite(at) and abs(slope) < FASTEST:
         kappa, tau = slope, at + fine[0] - later[0]
@@ -251,18 +251,22 @@ def _sums(x: FloatArray, first: IntArray, last: IntArray) -> tuple[FloatArray, F
     return sums[last] - sums[first], squares[last] - squares[first]
 
 
-def drift(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, float]:
+def drift(
+    a: FloatArray, b: FloatArray, step: float, seen_a: BoolArray, seen_b: BoolArray
+) -> tuple[float, float, float]:
     """Return drift, offset in the middle of `b`, and what windows leave of that line (rms) [s].
 
     Windows are looked for anywhere, then beside the line of most of them: one of a turn like others
     has its like far away.
 
-    `a` (n,), `b` (m,): as of `offset` [any unit]; `step`: between two [s].
+    `a` (n,), `b` (m,): as of `offset` [any unit]; `step`: between two [s]; `seen_a` (n,), `seen_b`
+    (m,): which of them are.
     """
     slope, middle, found = 0.0, 0.0, np.zeros((0, 2))
     window = np.clip(len(b) * step / 6, *WINDOW)
     for reach in (np.inf, NEAR):
-        found = _windows(a, b, step, round(window / step), (slope, middle), reach)
+        found = _windows((a, seen_a), (b, seen_b), step, round(window / step), (slope, middle),
+                         reach)  # fmt: skip
         if len(found) < 3:
             return 0.0, np.nan, 0.0
         t, off = found.T
@@ -273,14 +277,17 @@ def drift(a: FloatArray, b: FloatArray, step: float) -> tuple[float, float, floa
 
 
 def _windows(
-    a: FloatArray, b: FloatArray, step: float, n: int, line: tuple[float, float], reach: float
-) -> FloatArray:
+    one: tuple[FloatArray, BoolArray], other: tuple[FloatArray, BoolArray], step: float, n: int,
+    line: tuple[float, float], reach: float,
+) -> FloatArray:  # fmt: skip
     """Return time from the middle of `b` and offset of windows of `n` values, shape (k, 2) [s].
 
     As far as `reach` [s] from a `line`, drift [1] and offset in the middle [s].
     """
+    (a, seen_a), (b, seen_b) = one, other
     found, least = [], 0.2 * b.std()
-    lively = [k for k in range(0, len(b) - n + 1, n) if b[k : k + n].std() >= least]
+    lively = [k for k in range(0, len(b) - n + 1, n)
+              if b[k : k + n].std() >= least and seen_b[k : k + n].all()]  # fmt: skip
     if np.isinf(reach):  # some tell the line; all would take the square of the time
         lively = lively[:: -(-len(lively) // SOME) or 1]
     for first in lively:
@@ -290,9 +297,10 @@ def _windows(
             at = first + round((line[1] + line[0] * t) / step)
             low = max(at - round(reach / step), 0)
             high = min(at + n + round(reach / step), len(a))
-        if high - low < n:
+        # Between the ends of a gap is nothing to be like.
+        if high - low < n or (np.isfinite(reach) and not seen_a[low:high].all()):
             continue
-        lag, peak, second = offset(a[low:high], part, step)
+        lag, peak, second = offset(a[low:high], part, step, seen_a[low:high])
         if peak > 0.9 and second < peak - ALIKE:
             found.append((t, lag + (low - first) * step))
     return np.array(found).reshape(-1, 2)

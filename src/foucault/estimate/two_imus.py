@@ -50,6 +50,8 @@ QUIET, ABOUT = 2, 0.3
 """Passes in which noise grows by no more than that of differences of readings may be off, in its
 logarithm: what a start leaves is none, and looks like one in which nothing is seen [1]."""
 
+PROBES = 4  # Draws of signs that tell what the spline takes of readings [1].
+
 NEAR = 0.1  # Steps since that was told that do not change it, together [sd].
 
 FEWEST = 1e-9
@@ -317,13 +319,13 @@ def solve(problem: Problem, start: Sequence[Slave], most: int = 12) -> Solution:
         if converged:
             break
         since += moved
+        # The logarithm by which variances have to grow that nobody declared.
+        asked = np.log(np.maximum(_ratio(problem, slaves, spline, var, at), 1e-12))
+        asked[[g is not None for g in problem.given]] = 0.0
         size = max(1.0, float(np.abs(delta).max(initial=0.0, where=_is_offset(p))) / 0.05)
         spline = spline + at.moved(delta) / size
         parts = (delta / size).reshape(len(slaves), -1)
         slaves = tuple(s.moved(d) for s, d in zip(slaves, parts, strict=True))
-        # The logarithm by which variances have to grow that nobody declared.
-        asked = np.log(np.maximum(_ratio(problem, at.left, var), 1e-12))
-        asked[[g is not None for g in problem.given]] = 0.0
         before, growth = growth, np.asarray(asked)
         if passes <= QUIET:
             growth = np.minimum(growth, ABOUT)
@@ -353,13 +355,29 @@ def _quiet(r: Readings) -> FloatArray:
     return np.asarray(np.sqrt(square + 1e-18))
 
 
-def _ratio(problem: Problem, left: Sequence[FloatArray], var: FloatArray) -> FloatArray:
-    """Return the mean square of what is left over its variance, without the spline's (i, 2)."""
-    square = np.array([np.nansum(x.reshape(-1, 2, 3) ** 2, axis=(0, 2)) for x in left])
-    count = np.array([3.0 * np.isfinite(x[:, ::3]).sum(axis=0) for x in left])
-    weight = count / var
-    taken = 3.0 * problem.knots * weight / weight.sum(axis=0)
-    return np.asarray(square / var / np.maximum(count - taken, 1.0))
+def _ratio(
+    problem: Problem, slaves: Sequence[Slave], spline: FloatArray, var: FloatArray, at: Normal
+) -> FloatArray:
+    """Return the mean square of what is left over its variance, without the spline's (i, 2).
+
+    What the spline takes of readings is the trace of their leverage, by signs that are drawn: it
+    follows the noise of one that is alone, and forces tell of rates too.
+    """
+    rng, out = np.random.default_rng(0), np.zeros_like(var)
+    for k, left in enumerate(at.left):
+        there, sd = np.isfinite(left), np.repeat(np.sqrt(var[k]), 3)
+        signs = np.where(there[:, :, None], rng.choice([-1.0, 1.0], (*left.shape, PROBES)), np.nan)
+        for triad in range(2):
+            own = slice(3 * triad, 3 * triad + 3)
+            off = np.zeros_like(signs)
+            off[:, own] = signs[:, own] * sd[own, None]
+            y = np.zeros((6 * problem.knots, PROBES))
+            _pulled(problem, slaves, spline, var, k, slice(None), off, y,
+                    np.zeros((len(problem.prior_sd), PROBES)))  # fmt: skip
+            banded.forward(at.L, y)
+            free = there[:, own].sum() - np.sum(y**2) / PROBES
+            out[k, triad] = np.nansum(left[:, own] ** 2) / var[k, triad] / max(free, 1.0)
+    return out
 
 
 def _of_values(slaves: Sequence[Slave]) -> FloatArray:
@@ -399,7 +417,7 @@ def _stated(
     lag = np.array([_lag_one(x) for x in at.left])
     cov = _without_circles(J @ cov @ J.T, slaves, problem.prior_sd)
     formal = J @ seen.covariance(problem.prior_sd) @ J.T
-    ratio = _ratio(problem, at.left, var)
+    ratio = _ratio(problem, slaves, spline, var, at)
     return Solution(problem, slaves, spline, made, var, ratio, cov, formal, spread, halves, lag,
                     at.left, blocks, passes, converged)  # fmt: skip
 

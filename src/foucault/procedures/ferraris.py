@@ -88,25 +88,18 @@ class Session(FaceSession):
     back_time: Seconds | None = Field(default=None, gt=0)
     """Length of a turn back, which follows each turn after a rest. Left out, none does."""
     angle_sd: AngleSd | None = Field(default=None, ge=0, examples=["0.5 deg"])
-    """Error of the angle of a turn; default: as placement_sd."""
+    """Error of the angle of a turn; default: as [procedure] says, else as placement_sd."""
     level_sd: AngleSd | None = Field(default=None, ge=0, examples=["5 arcmin"])
-    """Tilt of the axis of a turn; default: as placement_sd."""
+    """Tilt of the axis of a turn; default: as [procedure] says, else as placement_sd."""
 
     def plan(self, settings: Settings, seed: int) -> RestPlan:
         """Return the rests and turns; `seed`: seed of what is drawn of them [1]."""
-        placement, level, angle = self.sizes.values()
+        placement, level, angle = self.sizes(settings).values()
         return face_plan(
             rest_time=self.rest_time, move_time=self.move_time, turn_time=self.turn_time,
             back_time=self.back_time, angle=settings.angle, placement_sd=placement,
             level_sd=level, angle_sd=angle, faces=self.placed, seed=seed,
         )  # fmt: skip
-
-    @property
-    def sizes(self) -> dict[str, float]:
-        """What is wrong with how it lies and turns, as `estimate.faces.TILTS` names it [rad]."""
-        sds = (self.placement_sd, self.level_sd, self.angle_sd)
-        each = (self.placement_sd if sd is None else sd for sd in sds)
-        return {name: sd for (name, _), sd in zip(engine.TILTS, each, strict=True)}
 
 
 def names_of(settings: Settings) -> tuple[str, ...]:
@@ -200,7 +193,6 @@ PROCEDURE = on_faces.face_procedure(
     solve=_solve,
     observe=_stated,
     additions=_additions,
-    sizes=lambda session, _: session.sizes,
     names=lambda settings, _: names_of(settings),
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

@@ -27,7 +27,7 @@ from foucault.diagnose import hand_rotated as session_report
 from foucault.diagnose.checks import unseen_sizes
 from foucault.diagnose.faces import FaceEvidence
 from foucault.errors import Finding
-from foucault.estimate.faces import FaceNoise, OnFaces, State, on_faces, scene_of, unbiased
+from foucault.estimate.faces import TILTS, FaceNoise, OnFaces, State, on_faces, scene_of, unbiased
 from foucault.guard.rest import first_rest, same_unit
 from foucault.infer.snooping import snoop
 from foucault.logs.axes import spared
@@ -53,6 +53,9 @@ FACES = {name: ("xyz".index(name[0]), 1 if name[2] == "p" else -1) for name in g
 """Name of a face as `sections` has it, z up first -> its axis, and +1 where that points up."""
 
 FACE_NAMES = tuple(FACES)
+
+PLACED = float(np.radians(5 / 60))
+"""How far a placement is taken to be off where nobody says it and no residual tells it [rad]."""
 
 
 class FaceSettings(record.EarthRate, record.Terms):
@@ -81,8 +84,9 @@ class FaceSession(Strict):
     """Length of the move from one face to the next."""
     rate: record.SampleRate = 100.0
     kind: record.Sampling = "rate"
-    placement_sd: AngleSd = Field(default=0.0, ge=0)
-    """How far placements are off, about each of two axes."""
+    placement_sd: AngleSd | None = Field(default=None, ge=0, examples=["5 arcmin"])
+    """How far placements are off, about each of two axes; default: as [procedure] says, else
+    5 arcmin."""
     repeated: int = Field(default=0, ge=0, le=6)
     """So many of the first faces are rested on again at the end, which shows a drift."""
     order: tuple[FaceName, ...] = Field(
@@ -124,11 +128,20 @@ class FaceSession(Strict):
         told = type(self).model_fields
         return self.model_copy(update={key: 0.0 for key in told if key.endswith("_sd")})
 
+    def sizes(self, settings: Any) -> dict[str, float]:
+        """Return how far it lies and turns askew, as `estimate.faces.TILTS` names it [rad]."""
+        out: dict[str, float] = {}
+        for name, key in TILTS:
+            if hasattr(self, key):
+                said = (getattr(self, key), getattr(settings, key), *out.values(), PLACED)
+                out[name] = next(sd for sd in said if sd is not None)
+        return out
+
     def plan(self, settings: Any, seed: int) -> RestPlan:
         """Return the rests; `seed`: seed of what is drawn of them [1]."""
         return face_plan(
             rest_time=self.rest_time, move_time=self.move_time,
-            placement_sd=self.placement_sd, faces=self.placed, seed=seed,
+            placement_sd=self.sizes(settings)["placement"], faces=self.placed, seed=seed,
         )  # fmt: skip
 
 
@@ -455,6 +468,7 @@ def face_procedure(name: str, doc: str, **own: Any) -> Procedure[Any, Any]:
         by_rests=True,
         plan=lambda settings, session, _: session.perfect.plan(settings, 0),
         simulation=simulate_drawn,
+        sizes=lambda session, settings: session.sizes(settings),
         again=lambda model, log, _: again(model, log),
         space=partial(space, name),
         Wanted=Wanted,

@@ -54,7 +54,6 @@ PROCEDURE = on_faces.face_procedure(
     solve=_solve,
     observe=lambda log, given: _observed(log, given).model(given),
     additions=on_faces.additions,
-    sizes=lambda session, _: {"placement": session.placement_sd},
     names=lambda settings, _: settings.estimated(turns=False),
 )
 calibrate, simulate = PROCEDURE.calibrate, PROCEDURE.simulate

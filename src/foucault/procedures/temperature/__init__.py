@@ -92,7 +92,7 @@ def calibrate(
     seen = diagnose.Seen(
         task.layout, task.families, task.family, task.unit, task.spaces, task.evidence, choice,
         tuple(s.name for s in sessions), np.array([s.temperature for s in sessions]),
-        task.temperatures, task.template.knots, turning,
+        task.temperatures, task.template.reference, task.template.knots, turning,
     )  # fmt: skip
     checks = diagnose.checks(seen)
     first = sessions[0].result
