@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from foucault.models.earth import Site
 from foucault.models.imu import LINEAR_LOWER
 from foucault.models.noise import ImuNoise, grade
 from foucault.plans.directions import hand_plan
@@ -41,6 +42,20 @@ def test_it_finds_the_errors_to_its_own_uncertainty():
     assert np.abs(z).max() < 4.5
     assert not result.coefficients.free[list(result.coefficients.names).index("gyro.bias.x")]
     assert len(result.diagnostics["costs"]) == 2
+
+
+def test_what_the_earth_does_to_biases_is_in_their_uncertainty():
+    misses = []
+    for seed in range(12):
+        at = Site.at(np.radians(-60.0 + 10 * seed))
+        plan, model = hand_plan(16, 3.0, 2.0, 10.0, seed), draw_errors("tactical", seed)
+        sim = simulate(plan, model=model, noise=grade("tactical").noise, site=at, seed=seed)
+        c = published.calibrate(sim.log, site=at, settings=SETTINGS).coefficients
+        z = (c.values - sim.model.coefficients(c.names).values) / c.sd
+        misses += [z[c.names.index(f"gyro.bias.{axis}")] for axis in "xyz"]
+    # Its size is that of a sphere of directions: mostly one sd in all, never more than sqrt(3).
+    assert 0.9 < np.sum(np.square(misses)) / 36 < 1.1
+    assert np.abs(misses).max() < np.sqrt(3.0) * 1.1
 
 
 @pytest.mark.parametrize(

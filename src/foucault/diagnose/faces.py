@@ -20,6 +20,7 @@ from foucault.diagnose.fit_checks import checks as fit_checks
 from foucault.diagnose.left_out import common_g_sensitivity, counted_size
 from foucault.diagnose.references import (
     BEYOND_THE_SESSION,
+    EARTH_ROTATION,
     norm_with_cov,
     triad_columns,
     worst_residuals,
@@ -330,7 +331,7 @@ def unseen(e: FaceEvidence) -> list[str]:
             "factor; `angle_sd` says how well it ended."
         )
     if e.scene.rests.gyro is not None and e.scene.site.latitude is None:
-        out.append("The Earth's rotation: without a latitude it cannot be told from gyro bias.")
+        out.append(EARTH_ROTATION)
     if "accel.quadratic.x" in e.fit.estimate.coefficients.layout:
         out.append(
             "The quadratic terms apart from errors of placement: they are the difference between "

@@ -423,7 +423,7 @@ def unseen(data: Session, gravity_sd: float) -> list[str]:
         *references.BEYOND_THE_SESSION,
     ]
     if data.log.gyro is not None and data.site.latitude is None:
-        out.append("The Earth's rotation: without a latitude it cannot be told from gyro bias.")
+        out.append(references.EARTH_ROTATION)
     first_rest = ((data.log.source.get("description") or {}).get("accel") or {}).get("first_rest")
     if not first_rest:
         out.append(

@@ -286,6 +286,12 @@ BEYOND_THE_SESSION = (
 )
 """What no session at rest and at one temperature sees."""
 
+EARTH_ROTATION = (
+    "The Earth's rotation: where no latitude is used it cannot be told from gyro bias, and is part "
+    "of its uncertainty."
+)
+"""What rests see of the Earth where it is not said where they are."""
+
 
 def steps_unnoticed(gyro: float, accel: float) -> str:
     """Say that smaller steps of biases need not show.

@@ -30,6 +30,7 @@ from foucault.estimate import norm_observation
 from foucault.estimate.hand_rotated import find_published_rests
 from foucault.guard.rest import check_session, enough_rests
 from foucault.logs.axes import spared
+from foucault.models.earth import EARTH_RATE
 from foucault.models.imu import EQUATION, FRAME, LAYOUT, LINEAR_LOWER, Gauge, ImuModel
 from foucault.models.layouts import gravity_error, with_references
 from foucault.models.rests_and_turns import Session as SessionData
@@ -131,8 +132,12 @@ def _published(data: SessionData, settings: Settings) -> Result:
 
 
 def _held_bias(gyro: FloatArray) -> CoefficientVector:
+    """Return what gyros (n, 3) read in the first rest [rad/s], as the recipe takes it.
+
+    The Earth's rate is in it, from any direction: a third of its square for each axis.
+    """
     layout = LAYOUT.subset(f"gyro.bias.{a}" for a in AXES)
-    cov = np.diag(gyro.var(axis=0, ddof=1) / len(gyro))
+    cov = np.diag(gyro.var(axis=0, ddof=1) / len(gyro) + EARTH_RATE**2 / 3)
     return CoefficientVector(layout, gyro.mean(axis=0), cov, free=np.zeros(3, bool))
 
 
