@@ -438,3 +438,12 @@ def test_the_installed_program(tmp_path: Path) -> None:
     assert done.stdout == ""
     assert "Traceback" not in done.stderr
     assert "Campaign file 'nope.toml' does not exist." in done.stderr
+
+
+def test_of_a_long_table_the_worst_rows_stay_under_their_headings() -> None:
+    rows = [["first"], *([f"a{i}", "good"] for i in range(6)), ["second"], ["b0", "warning"],
+            *([f"c{i}", "good"] for i in range(3)), ["third"], ["d0", "bad"]]  # fmt: skip
+    lines = [["", *row] if len(row) == 1 else [row[0], screen.STATES[row[1]][0]] for row in rows]
+    shown = [rows[i][0] for i in screen._worst(rows, lines, 4)]
+    assert shown == ["first", "a0", "a1", "second", "b0", "third", "d0"]
+    assert screen._worst(rows, lines, None) == [*range(len(rows))] == screen._worst(rows, lines, 14)

@@ -357,7 +357,7 @@ def _json(doc: Mapping[str, Any]) -> str:
             text = "[\n  " + ",\n  ".join(map(plain, x)) + "\n ]"
         else:
             text = plain(x, indent=1).replace("\n", "\n ")
-        lines.append(f" {plain(key)}: {text}")
+        lines.append(f" {plain(str(key))}: {text}")
     return "{\n" + ",\n".join(lines) + "\n}"
 
 

@@ -63,11 +63,21 @@ def test_of_a_long_table_the_screen_has_what_did_not_pass_and_the_first_rows(
     last[3] = str(float(last[3]) + 5e-6)  # rad/s, far beyond the noise
     (tmp_path / "r.csv").write_text("\n".join([*rows[:-2], ",".join(last), rows[-1]]))
     result = run("north", tmp_path / "r.csv", *ARGUMENTS, "-o", tmp_path / "out", code=3)
-    assert "and 4 rows more, on the page (-o)" in result.output
-    shown = [f"M{k}" for k in range(1, 105) if f" M{k} " in result.output.partition("more, on")[0]]
+    assert "\n4 rows more on the page" in result.output
+    shown = [
+        f"M{k}" for k in range(1, 105) if f" M{k} " in result.output.partition("rows more on")[0]
+    ]
     assert shown == [*(f"M{k}" for k in range(1, 100)), "M104"]
     page = (tmp_path / "out" / "report.html").read_text()
     assert all(f"M{k}<" in page for k in range(100, 104))
+
+
+def test_where_a_table_cannot_be_written_there_is_no_result(tmp_path: Path) -> None:
+    write_readings(tmp_path / "r.csv")
+    (tmp_path / "out" / "fixes.parquet").mkdir(parents=True)
+    result = run("north", tmp_path / "r.csv", *ARGUMENTS, "-o", tmp_path / "out", code=1)
+    assert "cannot be written" in result.output and "is whole" not in result.output
+    assert not (tmp_path / "out" / "north.json").exists()
 
 
 def test_many_with_a_wanted_accuracy(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from foucault.infer.linear_filter import LinearSystem, kalman, shocks
+from foucault.infer.linear_filter import LinearSystem, kalman, likeliest, shocks
 
 EPOCHS, STEP = 30, 17
 
@@ -72,3 +72,22 @@ def test_noise_is_no_step(system) -> None:
     ways = {"position": np.array([0]), "velocity": np.array([1])}
     for found in shocks(quiet, kalman(quiet, keep=True), ways).values():
         assert found.square < found.limit
+
+
+def test_what_a_change_explains_is_that_of_the_directions_that_are_seen():
+    rng = np.random.default_rng(3)
+    A = rng.standard_normal((40, 4, 6))
+    own, pull = A @ np.swapaxes(A, 1, 2), rng.standard_normal((40, 4))
+    own[1, 3] = own[1, :, 3] = 0.0  # says nothing of one
+    own[2] = np.outer(pull[2], pull[2])  # and of all but one
+    own[3] = np.kron(np.eye(2), [[1.0, 2.0], [2.0, 1.0]])  # rounding left what is no information
+    for k in range(4, 40):
+        shock = likeliest(own[k : k + 1], pull[k : k + 1])
+        assert shock.square == pytest.approx(pull[k] @ np.linalg.solve(own[k], pull[k]))
+        assert shock.sd == pytest.approx(np.sqrt(np.diag(np.linalg.inv(own[k]))))
+    some, left = likeliest(own[1:2], pull[1:2]), own[1, :3, :3]
+    assert some.square == pytest.approx(pull[1, :3] @ np.linalg.solve(left, pull[1, :3]))
+    one = likeliest(own[2:3], pull[2:3])
+    assert one.square == pytest.approx(1.0)
+    none = likeliest(own[3:4], pull[3:4])
+    assert np.isfinite(none.sd).all() and none.square >= 0.0

@@ -58,6 +58,12 @@ def test_what_the_earth_does_to_biases_is_in_their_uncertainty():
     assert np.abs(misses).max() < np.sqrt(3.0) * 1.1
 
 
+def test_a_first_rest_that_is_too_short_is_told():
+    with refuses("published.first_rest") as caught:
+        published.calibrate(made().log, site=BLIND, settings=published.Settings(initial_rest=14))
+    assert "it moves after 9." in caught.value.message  # by half a window before the first turn
+
+
 @pytest.mark.parametrize(
     ("words", "what"),
     [({"noise": ImuNoise()}, "[noise]"), ({"prior": {"gyro.bias": (0.0, 1.0)}}, "[prior]")],

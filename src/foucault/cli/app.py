@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import ctypes
 import gc
 import os
 import signal
@@ -180,7 +179,25 @@ def _interrupted() -> typer.Exit:
     return typer.Exit(_BY.get("signal", BY_INTERRUPT))
 
 
-M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3  # As in malloc.h.
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # As in malloc.h.
+
+
+def _keep_memory() -> None:
+    """Keep what is freed, which is wanted again at once; of glibc, where memory has no limit.
+
+    To give it back and ask for other pages, while no other thread may use any, takes up to a tenth
+    of the time.
+    """
+    with suppress(ImportError, AttributeError, OSError, TypeError):
+        import ctypes
+        import resource
+
+        limits = (resource.RLIMIT_AS, resource.RLIMIT_DATA)
+        if all(resource.getrlimit(one)[0] == resource.RLIM_INFINITY for one in limits):
+            set_option = ctypes.CDLL(None).mallopt
+            set_option(M_TRIM_THRESHOLD, 1 << 28)
+            set_option(M_MMAP_THRESHOLD, 1 << 25)
+
 
 _BY: dict[str, int] = {}  # What has ended the program: "signal" -> its exit code.
 
@@ -199,13 +216,7 @@ def main() -> None:
     # end, is a tenth of a short command.
     gc.set_threshold(10_000)
     atexit.register(gc.freeze)
-    # What is freed is wanted again at once: to give it back and ask for other pages, of which no
-    # other thread may use any meanwhile, takes up to a fifth of the time. Of glibc alone.
-    with suppress(AttributeError, OSError, TypeError):
-        keep = ctypes.CDLL(None).mallopt
-        for option, size in ((M_TRIM_THRESHOLD, 1 << 30), (M_MMAP_THRESHOLD, 1 << 25),
-                             (M_TOP_PAD, 1 << 26)):  # fmt: skip
-            keep(option, size)
+    _keep_memory()
     # A sign that the encoding of a file on Windows lacks becomes a question mark.
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):

@@ -32,7 +32,7 @@ PATIENCE = 1.0  # A progress bar appears when work takes longer than this [s].
 INTERRUPTED = threading.Event()
 """Set by Ctrl-C, for the exception itself can be lost inside a library that is being imported."""
 
-MOST_ROWS = 100  # Of a table that are printed; all that is listed stands on the page [1].
+MOST_ROWS = 100  # Of a table that are printed where there is a page, which has all of them [1].
 
 ALSO: list[Tell] = []  # Who else is told how far the work is, where there is no terminal.
 
@@ -54,6 +54,27 @@ SIGNS = str.maketrans({
 
 def _plain(text: str) -> str:
     return re.sub(r"√(\w+)", r"sqrt(\1)", text).translate(SIGNS)
+
+
+def _worst(
+    rows: Sequence[Sequence[str]], lines: Sequence[Sequence[str]], most: int | None
+) -> list[int]:
+    """Return which rows of a table are printed, no more than `most` [1], and their headings.
+
+    The worst of them, then the first. `lines`: what is printed of each; a heading has one cell.
+    """
+    if most is None or len(rows) <= most:
+        return [*range(len(rows))]
+    signs = (STATES["bad"][0], STATES["warning"][0])
+    heading, of = -1, dict[int, int]()
+    for i, row in enumerate(rows):
+        if len(row) == 1:
+            heading = i
+        else:
+            of[i] = heading
+    order = sorted(of, key=lambda i: next((k for k, s in enumerate(signs) if s in lines[i]), 2))
+    kept = {*order[:most], *(of[i] for i in order[:most])}
+    return sorted(kept - {-1})
 
 
 @dataclass
@@ -98,8 +119,13 @@ class Screen:
             out.add_row(*(Text(screen(cell)) for cell in row))
         _console().print(out)
 
-    def document(self, said: Document, keys: Iterable[str] | None = None) -> None:
-        """Print the sections of a document that `keys` name, None for all, and its verdict."""
+    def document(
+        self, said: Document, keys: Iterable[str] | None = None, most: int | None = None
+    ) -> None:
+        """Print the sections of a document that `keys` name, None for all, and its verdict.
+
+        `most`: rows of a table, None for all [1].
+        """
         from foucault.report.page import signs
 
         head = said.heading
@@ -109,7 +135,7 @@ class Screen:
         for one in said.sections:
             drawn = all(block.kind == "figure" for block in one.blocks)
             if not drawn and (keys is None or one.key in keys):
-                self.section(one)
+                self.section(one, most)
         if head.state not in STATES:
             self.say(*([f"\n{head.word}."] if head.word else []), *reasons)
             return
@@ -119,16 +145,19 @@ class Screen:
 
     def tell(
         self, said: Document, data: Any, *lines: str, keys: Iterable[str] | None = None,
-        code: int | None = None,
+        code: int | None = None, most: int | None = None,
     ) -> typer.Exit:  # fmt: skip
-        """Print a document and what else there is to say, or `data`; return how to end."""
+        """Print a document and what else there is to say, or `data`; return how to end.
+
+        `most`: as of `document` [1].
+        """
         if not (self.quiet or self.json):
-            self.document(said, keys)
+            self.document(said, keys, most)
         self.say(*lines)
         self.data(data)
         return typer.Exit(STATE_CODES.get(said.heading.state, 0) if code is None else code)
 
-    def section(self, one: Section) -> None:
+    def section(self, one: Section, most: int | None = None) -> None:
         """Print a section: text, facts, lists and tables; figures are for the page."""
         if one.key != "findings":
             self.say("", _plain(one.title), style="bold")
@@ -149,7 +178,7 @@ class Screen:
             elif block.kind == "items":
                 self.say(*(_plain(text) for _, text in block.items))  # type: ignore[union-attr]
             elif block.kind == "table":
-                self._table(block)  # type: ignore[arg-type]
+                self._table(block, most)  # type: ignore[arg-type]
 
     def _before(self, sentences: Sequence[str]) -> dict[str, str]:
         """Return what another command said of this log on this terminal, and which."""
@@ -159,7 +188,7 @@ class Screen:
 
         return said.as_before(self.log, self.command, sentences)
 
-    def _table(self, some: Table) -> None:
+    def _table(self, some: Table, most: int | None) -> None:
         """Print a table of a document; what is aside goes where there is no room, widest first."""
         shown = [i for i, c in enumerate(some.columns) if not c.optional and c.look != "meaning"]
         rows = [[_plain(cell) for cell in row] for row in some.rows]
@@ -179,16 +208,13 @@ class Screen:
                 STATES.get(cell, ("", ""))[0] if look == "state" else cell
                 for look, cell in zip(looks, cells, strict=False)
             ])  # fmt: skip
-        more = len(lines) - MOST_ROWS
-        if more > 0:  # none is left out before what is fine
-            signs = {STATES[state][0] for state in ("warning", "bad")}
-            first = sorted(range(len(lines)), key=lambda i: signs.isdisjoint(lines[i]))
-            lines = [lines[i] for i in sorted(first[:MOST_ROWS])]
+        kept = _worst(rows, lines, most)
         self.table(
-            "", [_plain(some.columns[i].heading) for i in shown], lines,
+            "", [_plain(some.columns[i].heading) for i in shown], [lines[i] for i in kept],
             right=[look == "number" for look in looks],
         )  # fmt: skip
-        self.say(*([f"and {more} rows more, on the page (-o)"] if more > 0 else []))
+        more = len(rows) - len(kept)
+        self.say(*([f"{more} rows more on the page"] if more else []))
 
     def findings(self, findings: Iterable[Finding]) -> None:
         """Print what was noticed, each with its cure."""
@@ -425,7 +451,10 @@ class Found:
         keys = KINDS[self.kind].shown.split()
         if any(one.key == "compare.differences" for one in self.document.sections):
             keys.remove("compare.side_by_side")  # which says the same of many instruments
-        return screen.tell(self.document, where | dict(data), *lines, keys=keys, code=code)
+        most = None if self.folder is None else MOST_ROWS
+        return screen.tell(
+            self.document, where | dict(data), *lines, keys=keys, code=code, most=most
+        )
 
 
 def found_in(folder: Path) -> Found:
@@ -453,9 +482,10 @@ def kept(record: Record, folder: Path | None) -> Found:
     found = Found(record.kind, (record,), folder)
     if folder is None:
         return found
-    with beside(folder), ThreadPoolExecutor(1) as pool:
+    with ThreadPoolExecutor(1) as pool:
         page = pool.submit(lambda: found.html)  # made as long as the tables need the disk
         found.held = (record.save(folder),)
-        page.result()
-        found.page()
+        with beside(folder):
+            page.result()
+            found.page()
     return found

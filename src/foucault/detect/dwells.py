@@ -60,7 +60,8 @@ def find_dwells(log: IndexedLog, *, settle: float = 1.0, shortest: float = 5.0) 
     """
     if log.averaged is not None:
         part = repeating(log.index, len(log.names))
-        cosine, sine = (np.tile(f(part), len(log.index) // len(part)) for f in (np.cos, np.sin))
+        times = len(log.index) // max(len(part), 1)
+        cosine, sine = np.tile(np.cos(part), times), np.tile(np.sin(part), times)
         index, rows = (log.index, cosine, sine), (log.gyro, log.accel)
         return _numbered(Dwells(log.setup, log.names, log.time, log.averaged, *index, *rows,
                                 _headings(log), **_places(log)))  # fmt: skip

@@ -37,6 +37,7 @@ import numpy as np
 from foucault.arrays import BoolArray, FloatArray, IntArray
 from foucault.coefficients import Layout
 from foucault.detect.stretches import Rests, runs
+from foucault.errors import error
 from foucault.estimate import norm_observation
 from foucault.infer import gauss_newton
 from foucault.infer.left_out import With
@@ -74,6 +75,10 @@ def _problem(names: Sequence[str], model: ImuModel, linearise: object, n_blocks:
     return Problem(layout, model, linearise, retract, values, n_blocks)  # type: ignore[arg-type]
 
 
+MOVES = 10.0
+"""Variance over that of a window within, beyond which what should be one rest is none [1]."""
+
+
 def find_published_rests(
     log: Log, *, initial_rest: float, factor: float, window: int, shortest: int
 ) -> Rests:
@@ -84,7 +89,8 @@ def find_published_rests(
 
     `log`: readings with accelerometers [SI]; `initial_rest`: length of the rest at the start of
     the log [s]; `factor`: threshold over the variance of that rest [1]; `window`: samples of the
-    moving window, odd [1]; `shortest`: fewest samples of a rest [1].
+    moving window, odd [1]; `shortest`: fewest samples of a rest [1]. Raises
+    ``published.first_rest`` where the log moves in its first rest, which nothing is told by then.
 
     References
     ----------
@@ -97,6 +103,10 @@ def find_published_rests(
     level = np.linalg.norm(variance, axis=1)
     start = log.accel[: int(np.searchsorted(log.time, log.time[0] + initial_rest))]
     reference = float(np.linalg.norm(start.var(axis=0, ddof=1)))
+    usual = MOVES * float(np.nanmedian(level[: len(start)]))
+    if reference > usual > 0:
+        moved = log.time[int(np.argmax(level > usual))] - log.time[0]
+        raise error("published.first_rest", given=f"{initial_rest:.4g}", moved=f"{moved:.4g}")
     first, last = runs(level < factor * reference, shortest)
     relative = np.sqrt(level / reference)
     none = np.full(len(level), np.nan)

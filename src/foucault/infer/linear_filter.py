@@ -254,10 +254,12 @@ def likeliest(
     var = np.einsum("kii->ki", own)
     inverse = np.where(var > 0, 1.0 / np.sqrt(np.where(var > 0, var, 1.0)), 0.0)
     scaled, asked = own * inverse[:, :, None] * inverse[:, None, :], pull * inverse
-    # Of eigenvalues whose mean is one the least is larger than their product over e.
+    # Of positive eigenvalues whose mean is one the least is larger than their product over e; then
+    # the inverse has no variance below one.
     seen = np.linalg.det(scaled) > np.e * UNSEEN
     covs = np.empty_like(scaled)
     covs[seen] = np.linalg.inv(scaled[seen])
+    seen[seen] = (np.einsum("kii->ki", covs[seen]) > 1 - 1e-9).all(axis=1)
     size, axes = np.linalg.eigh(scaled[~seen])
     share = np.where(size > UNSEEN, 1.0 / np.maximum(size, UNSEEN), 0.0)
     covs[~seen] = axes * share[:, None, :] @ np.swapaxes(axes, 1, 2)
