@@ -127,7 +127,8 @@ def test_messages_of_a_master(time):
 
 
 def test_a_sequence_on_a_table(time):
-    found = SimpleNamespace(accel=np.array([[0, 0, 1.0], [0, 1.0, 0]]))
+    rests = SimpleNamespace(spans=[])  # none is bridged
+    found = SimpleNamespace(accel=np.array([[0, 0, 1.0], [0, 1.0, 0]]), rests=rests)
     site = Site(gravity=G, latitude=0.8)
     for t, gap in ((time, False), (with_gap(time), True)):
         with pytest.raises(FoucaultError) as ended:
