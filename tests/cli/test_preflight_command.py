@@ -452,7 +452,7 @@ def test_what_is_hardly_separated_is_not_shown_either():
 def test_the_budget_says_what_to_improve(tmp_path):
     file = tmp_path / "campaign.toml"
     text = template("six_position")
-    file.write_text(text.replace("[procedure]", '[procedure]\nplacement_sd = "5 arcmin"'))
+    file.write_text(text.replace("[procedure]\n", '[procedure]\nplacement_sd = "5 arcmin"\n'))
     printed = run("preflight", file).output
     assert "mostly from" in printed and "placement 100 %" in printed
     found = json.loads(run("--json", "preflight", file).output)
