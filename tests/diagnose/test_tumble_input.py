@@ -421,6 +421,14 @@ def test_a_command_in_coarse_steps_is_not_one_that_is_repeated(step):
         assert tumble_input.held_findings(coarse, each, True) == []
 
 
+def test_steps_of_any_rate_that_last_whole_seconds_are_not_repeated():
+    log, rng = PUBLISHED_LOG, np.random.default_rng(1)
+    ends = np.cumsum(50 * rng.integers(2, 7, 200))
+    rates = rng.uniform(-0.1, 0.1, (201, 3)) * DEG
+    gyro = rates[np.searchsorted(ends, np.arange(len(log)), side="right")]
+    assert tumble_input.held_findings(replace(log, gyro=gyro), None, True) == []
+
+
 def test_a_command_for_the_beginning_of_its_interval_is_not_repeated():
     made, session = tumble(PLANNED, 'command_interval = "1 s"')
     log = session.simulation.log

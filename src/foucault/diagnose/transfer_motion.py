@@ -78,8 +78,11 @@ def of_resolution(log: Log, noise: ImuNoise) -> list[Finding]:
     white, and increments that carry it on lose nothing.
     """
     size, out = max(16, round(QUIET / log.interval)), []
-    for what, x, triad, kind in (("gyros", log.gyro, noise.gyro, "angular rate"),
-                                 ("accelerometers", log.accel, noise.accel, "specific force")):  # fmt: skip
+    rows = (
+        ("gyros", log.gyro, noise.gyro, "angular rate"),
+        ("accelerometers", log.accel, noise.accel, "specific force"),
+    )
+    for what, x, triad, kind in rows:
         lost = [0.0]
         for column in np.empty((0, 3)) if x is None else x.T:
             step = resolution(column)

@@ -106,31 +106,26 @@ def held_findings(log: Log, plan: Nominal | None, from_its_time: bool) -> list[F
     command = log.gyro[:-1] if from_its_time else log.gyro[1:]
     change = np.diff(command, axis=0)
     new = 1 + np.flatnonzero((change != 0).any(axis=1))
-    runs = np.diff(new)
-    if len(runs) < ENOUGH:
-        return []
+    runs, size = np.diff(new), np.abs(change[new - 1])
+    if len(runs) < ENOUGH or np.median(size.max(axis=1)) > STEP * np.abs(command).max():
+        return []  # steps of a plan alone, which last as long as it says
     usual = int(np.median(runs))
     whole = [k for k in range(2, usual + 1) if np.mean(runs % k == 0) > MOSTLY]
-    size = np.abs(change[new - 1, int(np.argmax((change != 0).sum(axis=0)))])
     # A coarse command goes on by single counts, whenever it comes to the next one.
+    size = size[:, int(np.argmax((size > 0).sum(axis=0)))]
     size = size[size > 0]
     coarse = np.mean(np.abs(size / np.median(size) - 1) < 1e-6) > 0.2
     if whole and np.mean(runs == whole[-1]) < MOSTLY and not coarse:
         return [_held(whole[-1], log.interval)]
-    if plan is None or usual not in whole:
-        return []
-    n = min(len(command), len(plan.command))
-    if len(log) != 1 + round(log.duration / log.interval):
-        return []  # rows are missing: their commands are not those of the plan at their number
+    n = 0 if plan is None or usual not in whole else min(len(command), len(plan.command))
+    first = new[new < n][::usual]  # together they are as late as others are
+    if plan is None or len(first) < 3 or len(log) != 1 + round(log.duration / log.interval):
+        return []  # where rows are missing, commands are not those of the plan at their number
     slope = np.gradient(plan.command[:n], log.interval, axis=0)
     miss = command[:n] - plan.command[:n]
-    first = new[new < n - usual][::usual]  # together they are as late as others are
     number = np.diff(first)[:, None]
-    slope, miss = (np.add.reduceat(x, first[:-1])[: len(number)] for x in (
-        x[: first[-1]] for x in (slope, miss)))  # fmt: skip
-    slope, miss = slope / number, miss / number
-    fastest = np.abs(plan.command).max()
-    steady = np.linalg.norm(slope, axis=1) * usual * log.interval < STEP * fastest
+    slope, miss = (np.add.reduceat(x, first)[:-1] / number for x in (slope, miss))
+    steady = np.linalg.norm(slope, axis=1) * usual * log.interval < STEP * np.abs(command).max()
     slope, miss = slope[steady], miss[steady]
     square = float(np.sum(slope**2))
     late = -float(np.sum(slope * miss)) / square if square > 0 else 0.0

@@ -37,9 +37,9 @@ import numpy as np
 from foucault.arrays import FloatArray
 from foucault.diagnose import left_out
 from foucault.diagnose import transfer as judge
-from foucault.diagnose.transfer_motion import of_resolution
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.references import BY_CLOCK
+from foucault.diagnose.transfer_motion import of_resolution
 from foucault.errors import Finding, error
 from foucault.logs.master import MasterDescription
 from foucault.models.imu import EQUATION
