@@ -272,6 +272,19 @@ MISTAKES = [
         "`foucault schema`",
     ),
     (
+        'procedure = "x"\n[log]\nfile = "a.csv"\n',
+        "campaign.value",
+        "procedure: 'x' is not allowed; it should be a table, [procedure].",
+        "`foucault schema`",
+    ),
+    (
+        MINIMAL.replace("[site]", '[prior]\n"gyro.bias" = "1 deg/h"\n[site]'),
+        "campaign.value",
+        "prior.\"gyro.bias\": '1 deg/h' is not allowed; it should be a table, "
+        '[prior."gyro.bias"], with keys of these: mean, sd.',
+        "`foucault schema`",
+    ),
+    (
         MINIMAL + "[noise\n",
         "campaign.syntax",
         "'campaign.toml' is not valid TOML: ",

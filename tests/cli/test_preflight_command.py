@@ -298,6 +298,9 @@ def test_the_list_for_the_operator_and_keys_that_say_something_else(tmp_path, no
     assert json.loads(run("--json", *words).output)["list"] == str(file)
     refused = run("preflight", EXAMPLE, "--set", "rate_limit = 0.05 deg/s", code=1)
     assert "names no table" in refused.output and "procedure.rate_limit" in refused.output
+    table = run("preflight", EXAMPLE, "--set", "procedure = x", code=1).output
+    assert "procedure names a table and no key" in table
+    assert "Write its table and a dot before the key, such as procedure.key." in table
     assert "procedure.x" in run("preflight", EXAMPLE, "--set", "procedure.x = 3", code=1).output
     other = run("preflight", EXAMPLE, "--plan", "-x", "--steps", file, code=3)
     assert "Seen by no leg" in other.output

@@ -384,6 +384,70 @@ def test_a_command_that_holds_the_other_way():
     assert result.verdict.level is not Level.PASS
 
 
+def repeated(log, rows):
+    """Write the command anew in every so many rows only."""
+    return replace(log, gyro=log.gyro[np.arange(len(log)) // rows * rows])
+
+
+@pytest.mark.parametrize(("plan", "own", "rows", "told"), [
+    (BARE, "1 s", 2, True),
+    (BARE, "1 s", 3, True),
+    (PLANNED, "0.2 s", 2, True),
+    (PLANNED, "0.2 s", 7, True),
+    (SLOW, "0.2 s", 2, True),
+    (PLANNED, "0.4 s", 2, False),
+    (PLANNED, "0.4 s", 4, True),
+    (PLANNED, "1 s", 5, False),
+])  # fmt: skip
+def test_a_command_that_is_logged_less_often_than_it_is_given(plan, own, rows, told):
+    """What the rig holds for as long loses nothing."""
+    made, session = tumble(plan, f'command_interval = "{own}"')
+    log, plan = session.simulation.log, made.settings.torquing
+    each = plan and nominal(plan, made.site.latitude, log.interval)
+    assert tumble_input.held_findings(log, each, True) == []
+    found = tumble_input.held_findings(repeated(log, rows), each, True)
+    words = f"The log writes each command {rows} times, for {rows / 5:g} s"
+    assert [f.message[: len(words)] for f in found if f.code == "tumble.held"] == [words] * told
+
+
+@pytest.mark.parametrize("step", [1e-5, 1e-6, 1e-8])
+def test_a_command_in_coarse_steps_is_not_one_that_is_repeated(step):
+    """It changes when it comes to the next count."""
+    for own in ("0.2 s", "0.6 s", "1 s"):
+        made, session = tumble(PLANNED, f'command_interval = "{own}"')
+        log = session.simulation.log
+        coarse = replace(log, gyro=np.round(log.gyro / (step * DEG)) * (step * DEG))
+        each = nominal(made.settings.torquing, made.site.latitude, log.interval)
+        assert tumble_input.held_findings(coarse, each, True) == []
+
+
+def test_steps_of_any_rate_that_last_whole_seconds_are_not_repeated():
+    log, rng = PUBLISHED_LOG, np.random.default_rng(1)
+    ends = np.cumsum(50 * rng.integers(2, 7, 200))
+    rates = rng.uniform(-0.1, 0.1, (201, 3)) * DEG
+    gyro = rates[np.searchsorted(ends, np.arange(len(log)), side="right")]
+    assert tumble_input.held_findings(replace(log, gyro=gyro), None, True) == []
+
+
+def test_a_command_for_the_beginning_of_its_interval_is_not_repeated():
+    made, session = tumble(PLANNED, 'command_interval = "1 s"')
+    log = session.simulation.log
+    each = nominal(made.settings.torquing, made.site.latitude, log.interval)
+    instant = nominal(made.settings.torquing, made.site.latitude, 1e-2).command[::100]
+    gyro = np.repeat(instant, 5, axis=0)
+    gyro = np.concatenate([gyro, gyro[-1:]])[: len(log)]
+    assert tumble_input.held_findings(replace(log, gyro=gyro), each, True) == []
+
+
+def test_a_repeated_command_is_no_pass():
+    """Without it the drifts were wrong by ten standard deviations, and passed."""
+    made, session = tumble()
+    log = repeated(session.simulation.log, 2)
+    result = calibrate(made, log)
+    assert told(result, "tumble.held").endswith("drifts take that up without a residual.")
+    assert result.verdict.level == Level.DOUBTFUL
+
+
 def test_gaps():
     log = PUBLISHED_LOG
     keep = np.ones(len(log), bool)
@@ -638,7 +702,7 @@ def good():
 def test_good_sessions_raise_no_alarm(good):
     """Input checks know no chance but the noise; those of the fit have one in ten thousand."""
     about = {f"tumble.{word}" for word in ("motion", "delay", "start", "plan_time", "plan_other",
-                                           "gap")}  # fmt: skip
+                                           "gap", "held")}  # fmt: skip
     alarms = [(k, f.message) for k, (r, _) in enumerate(good) for f in r.findings
               if f.code in about]  # fmt: skip
     assert alarms == []

@@ -21,6 +21,7 @@ from foucault.procedures.transfer_alignment.problem import problem_of
 from foucault.procedures.transfer_alignment.session import moved, simulate_motion
 from foucault.procedures.transfer_alignment.settings import SlaveLog
 from foucault.result import Level
+from foucault.simulate.noise import quantise
 from make_transfer_campaign import LEVER, calibrated, described, faultless, made, missed, trial
 from refusals import refuses
 from sessions import codes, failed
@@ -632,3 +633,37 @@ def test_biases_that_change_for_good_are_named_and_are_no_flexure(flight) -> Non
     assert "transfer.flexure" not in codes(result)
     assert "the biases of the accelerometers" in told(result, "transfer.shift")
     assert result.verdict.level is not Level.PASS
+
+
+@pytest.mark.parametrize(("times", "carried", "named"), [
+    (2.0, False, []),
+    (4.0, False, ["gyros", "accelerometers"]),
+    (5.0, False, ["gyros", "accelerometers"]),
+    (5.0, True, []),
+    (8.0, True, []),
+])  # fmt: skip
+def test_readings_in_steps_that_their_noise_does_not_blur(flight, times, carried, named):
+    """Times the noise of a reading: rounded each by itself, or counted, the rest carried on."""
+    c, session = flight
+    log = session.simulation.log
+    steps = [times * t.white / np.sqrt(log.interval) for t in (c.noise.gyro, c.noise.accel)]
+    gyro, accel = (quantise(x, step, carried=carried)
+                   for x, step in zip((log.gyro, log.accel), steps, strict=True))  # fmt: skip
+    result = trial(c, replace(log, gyro=gyro, accel=accel))
+    found = [f.message for f in result.findings if f.code == "transfer.resolution"]
+    assert [f"The {what} of the slave are read in steps" in m
+            for what, m in zip(named, found, strict=True)] == [True] * len(named)  # fmt: skip
+    if named:
+        assert result.verdict.level == Level.DOUBTFUL
+    else:
+        _, nees = missed(result, session)
+        assert nees < chi_square_limits(len(result.coefficients), 1e-3)[1]
+
+
+def test_a_rate_log_in_coarse_steps(flight):
+    c, session = flight
+    log = session.simulation.log
+    step = 5 * c.noise.gyro.white / np.sqrt(log.interval)
+    result = trial(c, replace(log, gyro=quantise(log.gyro, step), sampled="rate"))
+    said = told(result, "transfer.resolution")
+    assert said.startswith("The gyros of the slave") and "log its increments as counts" in said

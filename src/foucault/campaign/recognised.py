@@ -14,6 +14,7 @@ from typing import Any
 
 from foucault import logs
 from foucault.campaign.reading import NOWHERE, Campaign, parse
+from foucault.campaign.tables import CampaignFile
 from foucault.campaign.writing import changed, relocate, table_text
 from foucault.errors import FoucaultError, error
 from foucault.escape import commented
@@ -126,7 +127,10 @@ def with_keys(campaign: Campaign, texts: Sequence[str]) -> Campaign:
     said = said_of(texts)
     lacking = [key for key, value in said.items() if not isinstance(value, Mapping)]
     if lacking:
-        raise error("campaign.set", given=lacking[0])
+        one, table = lacking[0], lacking[0] in CampaignFile.model_fields
+        example = f"{one}.key" if table else f"procedure.{one} or simulate.{one}"
+        what = "a table and no key" if table else "no table"
+        raise error("campaign.set", given=one, what=what, example=example)
     file = campaign.folder / CAMPAIGN_FILE
     return parse(changed(campaign, said, "Some keys by --set."), file)
 

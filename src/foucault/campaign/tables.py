@@ -506,6 +506,11 @@ def _first(
     kind = _kind_at(model, loc)
     given = repr(first["input"] if kind is None else _said(raw, loc, first["input"]))
     reason = first["msg"].removeprefix("Value error, ").replace("Input should", "it should")
+    if first["type"] in ("dict_type", "model_type"):
+        keys = ", ".join(sorted(fields_at(model, loc)))
+        reason = f"it should be a table, [{key}]" + (
+            f", with keys of these: {keys}" if keys else ""
+        )
     if kind is not None:
         reason = _in_units(reason, kind, first.get("ctx", {}))
     words = re.findall(r"'([^']+)'", reason)

@@ -17,6 +17,8 @@ import numpy as np
 from foucault import units
 from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
+from foucault.detect.noise import measure_noise, resolution
+from foucault.detect.stretches import Rests
 from foucault.diagnose import transfer as judge
 from foucault.errors import Finding, Status, finding, listed
 from foucault.estimate.delay import SEEN, UNLIKE, Delay
@@ -26,9 +28,10 @@ from foucault.infer import filtered
 from foucault.infer.filtered import component
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.infer.linear_filter import extended, kalman
+from foucault.models.noise import ImuNoise
 from foucault.models.rotation import cross_matrix, exp
 from foucault.models.rotation import log as rotation_vector
-from foucault.tables import AXES
+from foucault.tables import AXES, Log
 from foucault.units import plain
 
 NO_DELAY = 1e-3  # A delay below this is none [s].
@@ -59,6 +62,44 @@ def checked(
     if messages:
         told += _near_zero(found)
     return (*told, *of_wild(found))
+
+
+QUIET, LEG = 4.0, 60.0
+"""Parts of a log that show whether noise blurs its steps, and how long a leg is straight [s]."""
+
+COARSE = 6.0
+"""A rounding error this many times the noise of a leg's mean is told: those of legs differ [1]."""
+
+
+def of_resolution(log: Log, noise: ImuNoise) -> list[Finding]:
+    """Name a triad of a slave that is read in steps so coarse that its noise does not average them.
+
+    `log`: readings [SI]; `noise`: of the slave [SI]. Where it moves by more than a step rounding is
+    white, and increments that carry it on lose nothing.
+    """
+    size, out = max(16, round(QUIET / log.interval)), []
+    rows = (
+        ("gyros", log.gyro, noise.gyro, "angular rate"),
+        ("accelerometers", log.accel, noise.accel, "specific force"),
+    )
+    for what, x, triad, kind in rows:
+        lost = [0.0]
+        for column in np.empty((0, 3)) if x is None else x.T:
+            step = resolution(column)
+            parts = column[: len(column) // size * size].reshape(-1, size)
+            quiet = np.flatnonzero(parts.std(axis=1) < step)
+            if len(quiet):
+                found = measure_noise(
+                    np.repeat(column[:, None], 3, axis=1), log.interval,
+                    Rests(quiet * size, (quiet + 1) * size), np.full(3, step),
+                    increments=log.sampled == "increment",
+                )  # fmt: skip
+                lost.append(float(found.rounding[0]) * len(quiet) / len(parts))
+        if max(lost) > COARSE * triad.white / np.sqrt(LEG):
+            unit = units.display_unit(kind, max(lost))
+            sd = f"{plain(units.convert(max(lost), kind, unit), 2)} {unit}"
+            out.append(finding("transfer.resolution", what=what, sd=sd))
+    return out
 
 
 def percent(part: float) -> str:

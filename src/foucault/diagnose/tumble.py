@@ -47,6 +47,9 @@ STEP = 0.01  # A change of the command by more than this, over its largest size,
 ROUGHNESS = float(np.sqrt(70.0)) / 6.0
 """Sd of a reading less what its four neighbours predict, over that of a reading [1]."""
 
+ENOUGH = 20  # Fewer changes of a command do not show how long it holds [1].
+MOSTLY = 0.9  # So many of its changes are where they usually are, unless rows are lost [1].
+
 MANY = 0.1  # Where more readings than this jump, that is how they are [1].
 ROUNDS = 5  # Times that outlying readings are sought beside those that were found [1].
 SHIFTED = 120  # A command is searched for so many steps of its plan, earlier and later [1].
@@ -88,6 +91,52 @@ def plan_findings(
             )
         )  # fmt: skip
     return out
+
+
+def held_findings(log: Log, plan: Nominal | None, from_its_time: bool) -> list[Finding]:
+    """Tell of a command that is repeated in the log [SI] for longer than the rig held it.
+
+    `plan` or None: what was to be commanded, at each interval of the log; `from_its_time`: the
+    command of a row begins there. A rig's own steps are all as long; on rows that are whole numbers
+    of more than one, and longer than that, they are those of a column that is written anew less
+    often. Where it is as slow as these, its plan alone tells: held commands are those of the middle
+    of their time, or of its beginning, and repeated ones are of neither.
+    """
+    assert log.gyro is not None
+    command = log.gyro[:-1] if from_its_time else log.gyro[1:]
+    change = np.diff(command, axis=0)
+    new = 1 + np.flatnonzero((change != 0).any(axis=1))
+    runs, size = np.diff(new), np.abs(change[new - 1])
+    if len(runs) < ENOUGH or np.median(size.max(axis=1)) > STEP * np.abs(command).max():
+        return []  # steps of a plan alone, which last as long as it says
+    usual = int(np.median(runs))
+    whole = [k for k in range(2, usual + 1) if np.mean(runs % k == 0) > MOSTLY]
+    # A coarse command goes on by single counts, whenever it comes to the next one.
+    size = size[:, int(np.argmax((size > 0).sum(axis=0)))]
+    size = size[size > 0]
+    coarse = np.mean(np.abs(size / np.median(size) - 1) < 1e-6) > 0.2
+    if whole and np.mean(runs == whole[-1]) < MOSTLY and not coarse:
+        return [_held(whole[-1], log.interval)]
+    n = 0 if plan is None or usual not in whole else min(len(command), len(plan.command))
+    first = new[new < n][::usual]  # together they are as late as others are
+    if plan is None or len(first) < 3 or len(log) != 1 + round(log.duration / log.interval):
+        return []  # where rows are missing, commands are not those of the plan at their number
+    slope = np.gradient(plan.command[:n], log.interval, axis=0)
+    miss = command[:n] - plan.command[:n]
+    number = np.diff(first)[:, None]
+    slope, miss = (np.add.reduceat(x, first)[:-1] / number for x in (slope, miss))
+    steady = np.linalg.norm(slope, axis=1) * usual * log.interval < STEP * np.abs(command).max()
+    slope, miss = slope[steady], miss[steady]
+    square = float(np.sum(slope**2))
+    late = -float(np.sum(slope * miss)) / square if square > 0 else 0.0
+    repeated = log.interval / 4 < late < (usual / 2 - 0.25) * log.interval
+    if not repeated or np.sum((miss + late * slope) ** 2) > 0.3 * np.sum(miss**2):
+        return []
+    return [_held(usual, log.interval)]
+
+
+def _held(rows: int, interval: float) -> Finding:
+    return finding("tumble.held", rows=rows, time=f"{rows * interval:.4g}")
 
 
 def _hold(log: Log) -> float:

@@ -90,26 +90,31 @@ class Turning:
     sampled: str = "rate"
 
     @cached_property
-    def _curve(self) -> Any:
+    def _angle(self) -> Any:
+        """Its integral over time, from the row before the first on."""
         from scipy.interpolate import CubicSpline
 
+        before = 2 * self.time[0] - self.time[1]
         if self.sampled == "rate":
-            return CubicSpline(self.time, self.gyro)
+            ends = np.concatenate([[before], self.time])
+            return CubicSpline(ends, np.concatenate([self.gyro[:1], self.gyro])).antiderivative()
         # Means over intervals: the angle at their ends.
-        step = np.diff(self.time, prepend=2 * self.time[0] - self.time[1])[:, None]
-        ends = np.concatenate([[2 * self.time[0] - self.time[1]], self.time])
+        step = np.diff(self.time, prepend=before)[:, None]
+        ends = np.concatenate([[before], self.time])
         return CubicSpline(ends, np.concatenate([np.zeros((1, 3)), np.cumsum(self.gyro * step, 0)]))
 
     def late(self, delay: float) -> FloatArray:
-        """Return the rates as they were `delay` [s] before the time of each row, (n, 3) [rad/s]."""
-        if not delay:
+        """Return the mean rates over the interval to each row, `delay` [s] before, (n, 3) [rad/s].
+
+        As angles over intervals: rates read between rows would make the delay larger by what
+        intervals scatter, where stamps do and samples do not.
+        """
+        if not delay and self.sampled == "increment":
             return self.gyro
         t = np.clip(self.time - delay, self.time[0], self.time[-1])
-        if self.sampled == "rate":
-            return np.asarray(self._curve(t))
-        before = np.concatenate([[2 * t[0] - t[1]], t[:-1]])
-        step = np.maximum(t - before, 1e-3 * np.median(np.diff(self.time)))
-        return np.asarray((self._curve(t) - self._curve(before)) / step[:, None])
+        ends = np.concatenate([[2 * t[0] - t[1]], t])
+        step = np.maximum(np.diff(ends), 1e-3 * np.median(np.diff(self.time)))
+        return np.asarray(np.diff(self._angle(ends), axis=0) / step[:, None])
 
     def chain(self, delay: float, bias: FloatArray, matrix: FloatArray) -> Chain:
         """Integrate ``w = w_m - bias - matrix w_m``, all of it `delay` earlier.
@@ -120,6 +125,6 @@ class Turning:
         w = np.ascontiguousarray(measured - bias - measured @ matrix.T)
         n = np.arange(len(w))
         step, by_bias, _, by_matrix, _, _ = integrate_turns(
-            self.time, w, measured, np.zeros((3, 3)), n[:-1], n[1:], self.sampled == "increment"
+            self.time, w, measured, np.zeros((3, 3)), n[:-1], n[1:], True
         )
         return Chain(running_product(step), w, by_bias, by_matrix)

@@ -100,12 +100,13 @@ def _look(log: Log, site: Site, settings: Settings) -> list[Finding]:
     from_its_time = settings.held(log.sampled) == "from its time"
     told = command.motion_findings(log, from_its_time, settings.delay_sd)
     told += judge.gap_findings(log)
-    plan = settings.torquing
+    plan, each = settings.torquing, None
     if plan is not None:
         assert site.latitude is not None
         expected = nominal(plan, site.latitude)
         told += judge.plan_findings(log, plan, expected, from_its_time)
-    return told
+        each = nominal(plan, site.latitude, log.interval)
+    return [*told, *judge.held_findings(log, each, from_its_time)]
 
 
 def _result(s: Solution, filter_: str, shown: bool, judged: Judgement | None) -> Result:

@@ -39,6 +39,7 @@ from foucault.diagnose import left_out
 from foucault.diagnose import transfer as judge
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.references import BY_CLOCK
+from foucault.diagnose.transfer_motion import of_resolution
 from foucault.errors import Finding, error
 from foucault.logs.master import MasterDescription
 from foucault.models.imu import EQUATION
@@ -100,7 +101,7 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     beside = np.zeros_like(error_of_g) if "site.gravity" in s.model.counted else error_of_g
     all_cov = s.states.cov + np.outer(beside, beside)
     at = [s.states.layout.index(name) for name in settings.reported]
-    told += noticed(s)
+    told += [*of_resolution(log, s.model.slave.noise), *noticed(s)]
     tables: dict[str, TableData] = {}
     more: dict[str, Any] = {}
     if given.shown:
