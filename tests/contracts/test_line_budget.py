@@ -17,7 +17,7 @@ BUDGET = {
     "cli": 5_240,
     "detect": 4_870,
     "diagnose": 12_399,
-    "estimate": 9_800,
+    "estimate": 9_802,
     "export": 3_658,
     "guard": 1_970,
     "infer": 3_996,
