@@ -25,7 +25,8 @@ from foucault.campaign.running import Session
 from foucault.diagnose.study import nees
 from foucault.infer import left_out_states
 from foucault.models.imu import ImuModel
-from foucault.models.left_out import Sizes, sizes_of
+from foucault.models.layouts import model_of
+from foucault.models.left_out import Sizes, sizes_of, terms
 from foucault.models.noise import grade
 from foucault.result import Level
 
@@ -89,6 +90,9 @@ def one(job: tuple[str, str, int, bool]) -> Run:
     model = procedure.draw_errors(procedure.grade, seed)
     if case == ALL:
         assert procedure.drawn is not None
+        more = {g: s for g, s in procedure.always(settings).items() if g not in sizes}
+        usual = {t.name: t.size * rng.standard_normal() for t in terms((), c.site, more)}
+        model = model_of(model.coefficients().with_values(usual))
         session, settings, model = procedure.drawn(session, settings, model, rng)
     sim = procedure.simulate(
         session, settings=settings, model=model, noise=noise, site=c.site, seed=seed

@@ -9,14 +9,17 @@ import pytest
 
 from foucault import campaign, run_folder
 from foucault.campaign import navigation, optimisation, study
+from foucault.campaign.holding import held
 from foucault.campaign.tables import Said
 from foucault.errors import FoucaultError
 from foucault.export import request
+from foucault.infer.gauss_newton import chi_square_limits
 from foucault.models.layouts import kind_of
 from foucault.procedures.navigation.start import Settings as Navigation
+from foucault.procedures.transfer_alignment.settings import LEFT_OUT, PRIOR
 from foucault.report import html
 from foucault.result import Level
-from make_transfer_campaign import described, missed, written
+from make_transfer_campaign import described, faultless, made, missed, written
 from refusals import refuses
 
 
@@ -97,6 +100,32 @@ def test_a_study(tmp_path):
     assert found.status == {"converged": 4}
     again = study.run(c, 4, tmp_path / "again", workers=2)
     assert [row["ratio"] for row in again.rows()] == [row["ratio"] for row in found.rows()]
+
+
+@pytest.mark.thorough
+def test_errors_are_as_large_as_the_uncertainties_of_the_template(tmp_path):
+    """A slave that held nothing of what is counted had NEES/n of .6."""
+    c = described(rate='"50 Hz"', message_rate='"2 Hz"')
+    found = study.run(c, 16, tmp_path, workers=1)
+    low, high = chi_square_limits(16 * len(found.names), 0.01)
+    assert low <= found.nees.sum() <= high
+    assert "always (gyro.misalignment," in study.load(tmp_path)[1]["left_out"]
+
+
+def test_a_slave_holds_what_is_counted_though_no_size_is_declared():
+    """Of the size that [prior] says, or else the usual one; nothing where it is taken for none."""
+    own = '[prior]\n"gyro.misalignment" = { mean = "5 mrad", sd = "1 arcsec" }'
+    known = campaign.parse(written().replace("# [prior]", own, 1))
+    usual, told = (held(c, 3).values for c in (described(), known))
+    groups = dict.fromkeys(name.rpartition(".")[0] for name in usual)
+    assert list(groups) == [*LEFT_OUT]
+    for name, x in usual.items():
+        assert 0 < abs(x) < 4 * PRIOR[name.rpartition(".")[0]][1]
+        near = abs(told[name] - 5e-3) < 2e-5 if "gyro.mis" in name else told[name] == x
+        assert near
+    model = made(described(rate='"20 Hz"', message_rate='"1 Hz"'), 3).simulation.model
+    assert model.coefficients().value("gyro.g_sensitivity.xz") == usual["gyro.g_sensitivity.xz"]
+    assert not held(faultless(), 3).values
 
 
 @pytest.mark.thorough

@@ -110,6 +110,20 @@ def test_an_error_of_the_detectable_size_is_found_in_most_sessions():
     assert found >= binom.ppf(0.005, n, 0.95)
 
 
+@pytest.mark.thorough
+def test_readings_that_all_scatter_alike_are_not_left_out():
+    """Rates of spins that all scatter made one force of a spin look wrong in one of ten."""
+    n, alarms = 80, 0
+    for seed in range(n):
+        s = simulated(plan_of("icosahedron 12", True), seed=seed, noise="mems").readings(0)
+        rng, more = np.random.default_rng([seed, 7]), {}
+        for triad, cov in (("accel", s.accel_cov), ("gyro", s.gyro_cov)):
+            sd = 2 * np.sqrt(np.median(np.diagonal(cov, axis1=1, axis2=2)))
+            more[triad] = getattr(s, triad) + sd * rng.standard_normal((len(s), 3))
+        alarms += bool(fitted(replace(s, declared=False, **more)).outliers)
+    assert alarms <= binom.ppf(0.995, n, 0.01)
+
+
 # -- scatter ------------------------------------------------------------------------------------
 
 

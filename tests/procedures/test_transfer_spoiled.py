@@ -36,6 +36,12 @@ def flight():
 
 
 @pytest.fixture(scope="module")
+def bare():
+    """A slave that holds nothing which could hide that a prior is wrong."""
+    return made(faultless(), 7)
+
+
+@pytest.fixture(scope="module")
 def levered():
     """A slave 2.3 m from its master."""
     c = described(lever_arm=LEVER)
@@ -381,8 +387,8 @@ def test_the_right_lever_arm_is_left_alone(levered) -> None:
         ({"accel.bias": (0.0, 1e-5 * G)}, 'Write "accel.bias" with sd = "1300 ug"'),
     ],
 )
-def test_a_prior_that_is_too_narrow_is_named(flight, prior, words: str) -> None:
-    c, session = faultless(), flight[1]
+def test_a_prior_that_is_too_narrow_is_named(bare, prior, words: str) -> None:
+    c, session = faultless(), bare
     result = trial(c, session.simulation.log, prior=prior)
     assert words in told(result, "transfer.prior")
     assert result.verdict.level is Level.DOUBTFUL
@@ -394,9 +400,9 @@ def test_a_prior_that_is_too_narrow_is_named(flight, prior, words: str) -> None:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("group", ["gyro.bias", "gyro.scale", "accel.bias"])
-def test_a_prior_that_is_contradicted_is_named_beside_what_could_hide_it(flight, group) -> None:
+def test_a_prior_that_is_contradicted_is_named_beside_what_could_hide_it(bare, group) -> None:
     """What is left out may take up what a prior does not allow: both are named, none is a pass."""
-    c, session = flight
+    c, session = described(), bare
     sd = {"gyro.bias": 0.02 * DEG / 3600, "gyro.scale": 2e-5, "accel.bias": 1e-5 * G}[group]
     result = trial(c, session.simulation.log, prior={group: (0.0, sd)})
     named = [f for f in result.findings if f.code == "transfer.prior"]

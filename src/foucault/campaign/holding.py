@@ -3,8 +3,8 @@
 Where `[instrument]` declares sizes, each term that is not estimated is drawn at its size: those of
 the model are put into the instrument, others into its samples, and the place is as far off as its
 latitude may be (gravity is off in every simulation); lever arms, delays and clocks are the
-procedure's to draw. Where nothing is declared it holds the model
-alone, and what is written of it says so.
+procedure's to draw. Where nothing is declared it holds the model and what its procedure counts
+`always`, and what is written of it says so.
 """
 
 from __future__ import annotations
@@ -103,19 +103,22 @@ def _columns(x: FloatArray) -> slice:
 def held(campaign: Campaign, seed: int) -> Held:
     """Draw what a simulated instrument holds beside the model; `seed`: of the simulation [1]."""
     procedure = procedures.load(campaign.procedure)
-    if not campaign.sizes or not procedure.counted:
-        return Held()
-    sizes = _sizes(campaign)
+    declared = bool(campaign.sizes) and procedure.counted
+    sizes, always = _sizes(campaign) if declared else {}, procedure.always(campaign.settings)
+    sizes = {**sizes, **always, **sizes}  # declared ones are drawn first, and count
     names = (*procedure.names(campaign.settings, campaign.session), *campaign.simulate.errors)
     rng = np.random.default_rng([seed, 11])
-    drawn = [
-        t._replace(size=t.size * float(rng.standard_normal()))
-        for t in terms(names, campaign.site, sizes)
-    ]
+    drawn = []
+    for t in terms(names, campaign.site, sizes):
+        known = campaign.prior if t.group in always else {}  # it counts as [prior] says
+        mean, sd = known.get(t.name, known.get(t.group, (0.0, t.size)))
+        drawn.append(t._replace(size=mean + sd * float(rng.standard_normal())))
     own = [t for t in drawn if t.name in LAYOUT and t.name in procedure.layout]
     values = {t.name: t.size for t in own}
     added = tuple(t for t in drawn if t not in own and t.group != LATITUDE)
     north = sum(t.size for t in drawn if t.group == LATITUDE)
+    if not declared:
+        return Held(values=values, added=added)
     return Held(campaign.sizes, values, added, float(north), rng)
 
 
@@ -127,7 +130,9 @@ def in_words(campaign: Campaign) -> str | None:
     if not procedure.counted:
         return f"nothing: simulated sessions of {procedure.name} hold the model alone"
     if not campaign.sizes:
-        return "nothing: [instrument] declares no grade, part or size"
+        always = ", ".join(procedure.always(campaign.settings))
+        alone = f"what is counted always ({always})" if always else "nothing"
+        return f"{alone}: [instrument] declares no grade, part or size"
     return "all terms that are not estimated, drawn at the sizes of [instrument]"
 
 

@@ -303,7 +303,7 @@ def with_own_log(text: str, own: str) -> str:
 
 def with_nothing_else(text: str) -> str:
     """Let [instrument] of a campaign's `text` say that there is nothing but what is estimated."""
-    line = "left_out = false  # a simulated instrument: it holds nothing beside its model"
+    line = "left_out = false  # a simulated instrument: it holds no more than [procedure] says"
     text = re.sub(r"^# left_out = false\n", "", text, flags=re.MULTILINE)
     head, found, rest = text.partition("[instrument]\n")
     if not found:

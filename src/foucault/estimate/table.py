@@ -598,7 +598,9 @@ def _worst(found: TableFit) -> int | None:
         # While a noise is not known, rates scatter along up alone: of three components one counts.
         if k == 2 and found.model.earth_unknown and noise == "unknown" and not found.fit.found:
             continue
-        components = [after[part] for part in parts if part in after]
+        # Forces and rates of a spin share its axis: forces take up how far all rates scatter.
+        sharing = parts | {KINDS[3]} if k == 1 else parts
+        components = [after[part] for part in sharing if part in after]
         # What the others say, of all their residuals and of each kind: one kind may be far worse.
         others, left = np.ones(len(mine)), np.zeros(len(mine))
         whole = [sum(c.chi_square for c in components), sum(c.redundancy for c in components)]

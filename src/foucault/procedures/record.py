@@ -258,6 +258,8 @@ class Procedure(Generic[S, N]):
     # Session, settings, instrument and generator -> the three with what is not estimated beside
     # terms of the instrument, drawn at its size: lever arms, delays, clocks.
     drawn: Callable[[N, S, Any, np.random.Generator], tuple[N, S, Any]] | None = None
+    # Settings -> sizes of what it counts although none is declared [SI].
+    always: Callable[[S], Sizes] = lambda _: {}
     # Groups of terms that it estimates by other names, or draws by itself.
     otherwise: tuple[str, ...] = ()
 

@@ -228,6 +228,7 @@ PROCEDURE = Procedure(
     noise=chosen.NOISE,
     draw_errors=draw_errors,
     drawn=drawn,
+    always=lambda settings: settings.always,
     write=chosen.write_log,
     Master=MasterDescription,
     with_master=chosen.with_master,

@@ -21,9 +21,7 @@ from foucault.models.ins_errors import Sensors
 from foucault.models.layouts import BESIDE
 from foucault.models.left_out import GRAVITY, LATITUDE, Sizes, of_imu
 from foucault.models.transfer import COUNTED, LOAD, Mount
-from foucault.procedures.transfer_alignment.settings import LEFT_OUT, PRIOR, Settings
-
-TACTICAL = "usual of a tactical instrument, judgement"  # What a size of `USUAL` rests on.
+from foucault.procedures.transfer_alignment.settings import PRIOR, Settings
 
 
 @dataclass(frozen=True)
@@ -44,15 +42,11 @@ class Counted:
         """
         asked, mount = settings.asked.layout.names, settings.mount
         out = dict[str, tuple[tuple[str, ...], float, str]]()
-        if settings.left_out:
-            for group in LEFT_OUT:
-                names = tuple(n for n in _members(group) if n not in asked)
-                out[group] = (names, *(sizes or {}).get(group, (PRIOR[group][1], TACTICAL)))
-        if sizes is not None:
-            for group, sized in {**of_imu(sizes), **_of_the_rig(settings, site)}.items():
-                names = tuple(n for n in _members(group) if n not in asked)
-                if not (group == LATITUDE and (placed or site.latitude is None)):
-                    out.setdefault(group, (names, *sized))
+        said = {} if sizes is None else {**of_imu(sizes), **_of_the_rig(settings, site)}
+        for group, sized in {**settings.always, **said}.items():
+            names = tuple(n for n in _members(group) if n not in asked)
+            if not (group == LATITUDE and (placed or site.latitude is None)):
+                out[group] = (names, *sized)
         known = {*asked, *(n for names, *_ in out.values() for n in names)}
         out = {
             group: (some, size, basis) for group, (names, size, basis) in out.items()

@@ -46,10 +46,8 @@ from foucault.procedures.transfer_alignment.problem import (
     problem_of,
 )
 from foucault.procedures.transfer_alignment.settings import (
-    ASIDE,
     LEFT_OUT,
     NOISE,
-    PRIOR,
     Settings,
     SlaveLog,
     sized,
@@ -239,26 +237,14 @@ def draw_errors(grade_name: str, seed: int) -> ImuModel:
 def drawn(
     session: Session, settings: Settings, model: ImuModel, rng: np.random.Generator
 ) -> tuple[Session, Settings, ImuModel]:
-    """Draw what else is not estimated, at its size: the matrix of the slave, and the rig.
-
-    That are misalignments, scale factors of the accelerometers, lever arm, mount and clocks.
-    """
-    vector, asked = model.coefficients(), settings.asked.layout.names
-    for group in ASIDE if settings.left_out else ():
-        for name in (LAYOUT.names[k] for k in LAYOUT.group(group)):
-            value = PRIOR[group][1] * float(rng.standard_normal())
-            if name not in asked and not vector.value(name):
-                vector = vector.with_values({name: value})
+    """Draw what else is not estimated, at its size: lever arm, mount and clocks."""
     lever = settings.mount.lever_m + settings.lever_arm_sd * rng.standard_normal(3)
     fast = settings.clock_sd * float(rng.standard_normal())
     rigid = not settings.load and settings.matching != "velocity"
     update = {} if session.clock_drift else {"clock_drift": fast}
     update |= {"compliance_sd": settings.load_sd} if rigid and not session.compliance_sd else {}
     arms = tuple(f"{x:.9g} m" for x in lever.tolist())
-    return (
-        session.model_copy(update=update), settings.model_copy(update={"lever_arm": arms}),
-        ImuModel.from_coefficients(vector),
-    )  # fmt: skip
+    return session.model_copy(update=update), settings.model_copy(update={"lever_arm": arms}), model
 
 
 def simulated(

@@ -77,6 +77,9 @@ PRIOR = {
 }
 """`USUAL` as mean and standard deviation [SI]."""
 
+TACTICAL = "usual of a tactical instrument, judgement"
+"""What a size of `USUAL` rests on."""
+
 NOISE = ImuNoise(
     TriadNoise(white=parse("30 ug/sqrt(Hz)", "velocity random walk")),
     TriadNoise(white=parse("0.06 deg/sqrt(h)", "angle random walk")),
@@ -225,10 +228,15 @@ class Settings(Chosen):
         return Sensors.of(("gyro.bias", "gyro.scale", *(f"accel.bias.{a}" for a in axes), *more))
 
     @property
+    def always(self) -> Sizes:
+        """Sizes of what is counted with although none is declared [SI]."""
+        groups = LEFT_OUT if self.left_out else ()
+        return {group: (PRIOR[group][1], TACTICAL) for group in groups}
+
+    @property
     def sensors(self) -> Sensors:
         """Errors of the slave that are states: those, and what is counted with beside them."""
-        asked = self.asked
-        return Sensors.of((*asked.layout.names, *LEFT_OUT)) if self.left_out else asked
+        return Sensors.of((*self.asked.layout.names, *self.always))
 
     @property
     def reported(self) -> tuple[str, ...]:
