@@ -66,7 +66,8 @@ def test_stamps_that_are_fast_shift_what_the_time_base_says(name, increments):
     off, said = worst(as_increments(made) if increments else made)
     assert off < 0.4  # an edge of a rest may move by a sample
     still = (name, increments) in (("six_position", False), ("rate_table", True))
-    assert said == 0 if name == "six_position" and not increments else said > (0.5 if still else 10)
+    least = 0.5 if still else 3 if name == "ferraris" else 10  # on faces turns end where they may
+    assert said == 0 if name == "six_position" and not increments else said > least
 
 
 @pytest.mark.thorough

@@ -66,7 +66,7 @@ def test_what_was_done(result, bounded):
     passes = len(result.diagnostics["passes"]["values"])
     assert said["filter"] == f"Kalman, 46 states, {passes} passes"
     assert said["sd of a difference"] == "0.05 m/s, 1 arcmin each component"
-    assert said["noise of the gyros"] == "0.06 °/sqrt(h)"
+    assert said["noise of the gyros"] == "0.06 °/√h"
     assert said["mount"] == "rigid"
     value, _, sd = said["delay"].split(" ms")[0].partition(" ± ")
     found = result.coefficients["master.delay"]

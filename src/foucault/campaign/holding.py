@@ -106,6 +106,8 @@ def held(campaign: Campaign, seed: int) -> Held:
     declared = bool(campaign.sizes) and procedure.counted
     sizes, always = _sizes(campaign) if declared else {}, procedure.always(campaign.settings)
     sizes = {**sizes, **always, **sizes}  # declared ones are drawn first, and count
+    if not sizes:
+        return Held()
     names = (*procedure.names(campaign.settings, campaign.session), *campaign.simulate.errors)
     rng = np.random.default_rng([seed, 11])
     drawn = []
