@@ -75,7 +75,7 @@ def test_a_broken_limit_is_told_and_has_a_list_too(tmp_path: Path) -> None:
     (job,) = work_off(bench)
     assert job.verdict == "doubtful"
     page = browser.get("/jobs/1").text
-    assert "Look at it before you begin" in page and "index angle 180 deg of 95 deg" in page
+    assert "Look at it before you begin" in page and "index angle 180° of 95°" in page
     assert "expected.csv" in page and "/jobs/1/list" in page
     got = browser.get("/jobs/1/list")
     assert "sandbox allow-scripts" in got.headers["content-security-policy"]
