@@ -199,6 +199,11 @@ def _on_axes(log: Any) -> tuple[bool, bool]:
     return True, log.sampled == "increment"
 
 
+def _nothing(_: Any) -> Sizes:
+    """Return no size: nothing counts where none is declared."""
+    return {}
+
+
 def _of_an_imu(grade: str, seed: int) -> Any:
     """Draw the errors of an IMU; `seed`: seed [1]."""
     from foucault.simulate.hand_rotated import draw_errors
@@ -259,7 +264,7 @@ class Procedure(Generic[S, N]):
     # terms of the instrument, drawn at its size: lever arms, delays, clocks.
     drawn: Callable[[N, S, Any, np.random.Generator], tuple[N, S, Any]] | None = None
     # Settings -> sizes of what it counts although none is declared [SI].
-    always: Callable[[S], Sizes] = lambda _: {}
+    always: Callable[[S], Sizes] = _nothing
     # Groups of terms that it estimates by other names, or draws by itself.
     otherwise: tuple[str, ...] = ()
 
