@@ -418,9 +418,9 @@ def test_a_wrong_sd_of_the_messages_is_no_prior(flight) -> None:
     assert codes(result) == ["transfer.spread"]
 
 
-def test_a_nominal_mounting_two_degrees_off(flight) -> None:
-    for c in (flight[0], faultless()):
-        result = said((c, flight[1]), as_it_is, mounting_heading=2 * DEG)
+def test_a_nominal_mounting_two_degrees_off(bare) -> None:
+    for c in (described(), faultless()):
+        result = said((c, bare), as_it_is, mounting_heading=2 * DEG)
         words = told(result, "transfer.prior")
         assert result.verdict.level is Level.DOUBTFUL
         assert words.startswith("installation.z was said to be 0 deg give or take 0.083 deg")
@@ -430,8 +430,8 @@ def test_a_nominal_mounting_two_degrees_off(flight) -> None:
 # -- passes ----------------------------------------------------------------------------------------
 
 
-def test_one_pass_is_judged_by_a_second(flight) -> None:
-    result = said((faultless(), flight[1]), as_it_is, passes=1)
+def test_one_pass_is_judged_by_a_second(bare) -> None:
+    result = said((faultless(), bare), as_it_is, passes=1)
     words = told(result, "transfer.unsettled")
     assert "From pass 1 to pass 2 accel.bias.z moves by 4.4 of its standard deviations" in words
     assert "1 pass was asked for. Write passes = 5." in words
@@ -548,13 +548,13 @@ def test_sensors_that_read_one_number_are_named(flight, triad: str, value: float
     assert f"All readings of the {triad} are the same on every axis" in str(caught.value)
 
 
-def test_a_few_messages_that_are_off(flight) -> None:
+def test_a_few_messages_that_are_off(bare) -> None:
     def jumped(v):
         out = v.copy()
         out[500:503] += 5.0
         return out
 
-    words = told(said(flight, master(velocity_n=jumped)), "transfer.outliers")
+    words = told(said((described(), bare), master(velocity_n=jumped)), "transfer.outliers")
     assert "3 messages differ from the slave by more than 8 standard deviations" in words
     assert re.search(r"stamped 100\.\d+, 100\.\d+, 100\.\d+ s", words)
 
@@ -562,7 +562,7 @@ def test_a_few_messages_that_are_off(flight) -> None:
 def test_as_many_passes_as_it_takes(flight) -> None:
     """Forty times the usual errors take more passes than usual, and are found as well."""
     c = described()
-    model = made(c, 1).simulation.model
+    model = made(faultless(), 1).simulation.model
     vector = model.coefficients()
     vector.values[:] *= 40
     prior = {"gyro.bias": (0.0, 100 * DEG / 3600), "gyro.scale": (0.0, 0.02),
