@@ -61,13 +61,15 @@ def worst(made, of=1.0):
 )  # fmt: skip
 def test_stamps_that_are_fast_shift_what_the_time_base_says(name, increments):
     made = make_guard.session(name)
+    if name == "ferraris":  # what lies askew makes scale factors too uncertain to show it
+        exact = dict.fromkeys(("placement_sd", "angle_sd", "level_sd"), "0 arcmin")
+        made = make_guard.another(name, **exact)
     if name == "six_position":  # a size that is found from six numbers moves with every edge
         made = made.with_keys(procedure={"placement_sd": "1 arcmin"})
     off, said = worst(as_increments(made) if increments else made)
     assert off < 0.4  # an edge of a rest may move by a sample
     still = (name, increments) in (("six_position", False), ("rate_table", True))
-    least = 0.5 if still else 3 if name == "ferraris" else 10  # on faces turns end where they may
-    assert said == 0 if name == "six_position" and not increments else said > least
+    assert said == 0 if name == "six_position" and not increments else said > (0.5 if still else 10)
 
 
 @pytest.mark.thorough
