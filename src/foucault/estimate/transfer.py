@@ -128,9 +128,8 @@ class Motion:
 
     velocity_n: FloatArray  # (m, 3) velocity [m/s]
     C_ns: FloatArray  # (m, 3, 3) attitude [1]
-    # rate_n, acceleration_n: (m, 3) how attitude and velocity change about then [rad/s], [m/s^2]
-    rate_n: FloatArray
-    acceleration_n: FloatArray
+    # (m, 3) each: how attitude and velocity change about then [rad/s], [m/s^2]; where asked for
+    slow: tuple[FloatArray, FloatArray] | None
     # w_ib_b, f_b: (m, 3) rate and specific force of the interval, slave's axes [rad/s], [m/s^2]
     w_ib_b: FloatArray
     f_b: FloatArray
@@ -138,13 +137,14 @@ class Motion:
 
 def between(
     slave: Slave, states: dict[str, FloatArray], rows: IntArray, when: FloatArray,
-    coefficients: FloatArray, matching: Matching,
+    coefficients: FloatArray, matching: Matching, *, changing: bool = True,
 ) -> Motion:  # fmt: skip
     """Look at the slave between its samples: it goes on as over the interval that holds `when`.
 
     `states`: of its run at `rows`, see `navigate.strapdown.states_of` [SI]; `rows` (m,): rows of
     the increments next to `when` [1]; `when` (m,): when the messages hold [s]; `coefficients` (p,):
-    errors of its sensors [SI]; `matching`: whether it is looked at between samples at all.
+    errors of its sensors [SI]; `matching`: whether it is looked at between samples at all;
+    `changing`: whether it is asked how it changes.
     """
     inc = slave.increments
     ahead = when - inc.time[rows] if matching.shift == "interpolated" else np.zeros(len(rows))
@@ -158,14 +158,19 @@ def between(
             f[:, k] -= coefficients[names.index(f"accel.bias.{a}")]
     rate, pull = _changes(states, w, f)
     C, v = states["C_nb"], states["velocity_n"]
+    slow = _changes(states, *_about(inc, rows)) if changing else None
+    return Motion(v + pull * ahead[:, None], exp(rate * ahead[:, None]) @ C, slow, w, f)
+
+
+def _about(inc: Increments, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return the mean rate and specific force of the slave about `rows` [rad/s], [m/s^2]."""
     first = np.searchsorted(inc.time, inc.time[rows] - SPAN) + 1
     last = np.minimum(np.searchsorted(inc.time, inc.time[rows] + SPAN) + 1, len(inc) - 1)
     ends = np.column_stack([np.minimum(first, last - 1), last]).ravel()
     total, angle, velocity = (
         np.add.reduceat(x, ends)[::2] for x in (inc.dt[:, None], inc.dtheta_b, inc.dvel_b)
     )
-    slow = _changes(states, angle / total, velocity / total)
-    return Motion(v + pull * ahead[:, None], exp(rate * ahead[:, None]) @ C, *slow, w, f)
+    return angle / total, velocity / total
 
 
 def _changes(
@@ -316,7 +321,11 @@ class TransferModel:
     @property
     def _delay(self) -> list[int]:
         """Where the delay is among the states, if it is one."""
-        return [i for i, name in enumerate(self.names) if name == "master.delay"]
+        return self._at("master.delay")
+
+    def _at(self, name: str) -> list[int]:
+        """Return where the state `name` is, if it is one."""
+        return [i for i, other in enumerate(self.names) if other == name]
 
     def about(self, point: Linearisation) -> FreeInertial:
         """Navigate the slave freely from a point, and say what the messages tell of its errors."""
@@ -368,7 +377,7 @@ class TransferModel:
         slave, first, begun = self.slave, self.slave.first, Reset.of(point.state)
         many = max(1, ceil((when[-1] - slave.increments.time[first]) / PIECE))
         edges = [slice(p[0], p[-1] + 1) for p in np.array_split(np.arange(len(rows)), many)]
-        out = list[_Piece]()
+        out, timed = list[_Piece](), {"master.delay", "messages.rate"}.intersection(self.names)
         for before, part in zip((edges[0], *edges), edges, strict=False):
             if out:
                 first = int(rows[part.start - 1])
@@ -380,7 +389,7 @@ class TransferModel:
             ).history  # fmt: skip
             states = states_of(history)
             motion = between(slave, states, rows[part], when[part], point.coefficients,
-                             self.matching)  # fmt: skip
+                             self.matching, changing=bool(timed))  # fmt: skip
             place = by_the_master(states, seen_at_place(history, states))
             H, z = self._measured(motion, master[part], point, place)
             jump, onto = np.zeros(Phi.shape[:2]), Phi[0, :9, :9]
@@ -418,13 +427,12 @@ class TransferModel:
         mu = layout.group("installation")
         H[:, 3:, mu] = C_nominal
         z[:, 3:] = log(motion.C_ns @ np.swapaxes(C_nominal, 1, 2))
-        if self.matching.delay:
-            tau = layout.index("master.delay")
-            H[:, :3, tau], H[:, 3:, tau] = motion.acceleration_n, motion.rate_n
-        if "messages.rate" in self.counted:
+        if motion.slow is not None:
+            turning, pull = motion.slow
             age = master.time[:, None] - float(np.mean(self.master.time))
-            rate = layout.index("messages.rate")
-            H[:, :3, rate], H[:, 3:, rate] = motion.acceleration_n * age, motion.rate_n * age
+            for name, late in (("master.delay", 1.0), ("messages.rate", age)):
+                for i in self._at(name):
+                    H[:, :3, i], H[:, 3:, i] = pull * late, turning * late
         if "lever_arm.x" in self.counted:
             H[:, :3, layout.group("lever_arm")] = master.C_nm @ cross_matrix(w_m)
         if mount.load:  # by the force along the master's z
