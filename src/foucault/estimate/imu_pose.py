@@ -550,17 +550,6 @@ def smoothed(
     return Smoothed(x[:, :9], absorbed, following, states)
 
 
-def motion_of(
-    r: Readings, at: Point, noise: Noise, hold: IntArray, spread: bool = False
-) -> Smoothed:
-    """Return the motion's step, the parameters known.
-
-    `hold` (k,): numbers of parameters that are not estimated [1]; `spread`: see `smoothed`.
-    """
-    about = linear(r, at, hold, motion=True)
-    return smoothed(about, _fed(r, about, noise)[1], np.zeros(0), spread)
-
-
 def of_noise(
     r: Readings, at: Point, p: Pass, noise: Noise, hold: IntArray, room: Room
 ) -> FloatArray:
@@ -569,7 +558,8 @@ def of_noise(
     `hold` (k,): numbers of parameters that are not estimated [1].
     """
     again = r.noisy(noise, np.random.default_rng(0))
-    x = motion_of(again, at, noise, hold).x
+    about = linear(again, at, hold, motion=True)
+    x = smoothed(about, _fed(again, about, noise)[1], np.zeros(0)).x
     off = one_pass(again, at.moved(np.zeros(32), x), noise, hold, room=room).rows - p.rows
     return np.asarray(off.T @ off)
 

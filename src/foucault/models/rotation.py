@@ -82,11 +82,10 @@ def log(C: FloatArray) -> FloatArray:
         q[..., k] = C[..., i, j] - C[..., j, i]
     if np.any(trace < 0):  # the scalar part is the pivot up to 120 deg
         q = _by_pivot(C, trace, q)
-    v = q[..., 1:]
+    w, v = q[..., :1], q[..., 1:]
     sine = np.sqrt(np.einsum("...i,...i->...", v, v))[..., None]
-    half = np.arctan2(sine, q[..., :1])
-    small = sine < 1e-12 * q[..., :1]
-    return np.asarray(v * (2 * np.where(small, 1.0, half) / np.where(small, q[..., :1], sine)))
+    small = sine < 1e-12 * w
+    return v * (2 * np.where(small, 1.0, np.arctan2(sine, w)) / np.where(small, w, sine))
 
 
 def _by_pivot(C: FloatArray, trace: FloatArray, scalar: FloatArray) -> FloatArray:
