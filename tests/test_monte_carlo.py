@@ -153,6 +153,33 @@ def test_a_wrong_covariance_fails(factor: float, word: str) -> None:
     assert word in failed["NEES"]
 
 
+def test_intervals_are_students_where_a_variance_was_found() -> None:
+    """From 6 degrees of freedom: taken for normal, 71.6 % are inside those of 68 %."""
+    good = fake(1.0, trials=2000)
+    found = np.random.default_rng(2).chisquare(6, good.error.shape) / 6
+    stated = replace(good, sd=np.sqrt(1.5 * found))
+    failed = [
+        [c.name for c in told.checks() if c.name.startswith("coverage") and not c.passed]
+        for told in (stated, replace(stated, dof=np.full(good.error.shape, 6.0)))
+    ]
+    assert failed[0] == ["coverage of 68 %"] and not failed[1]
+    rows = [told.rows()[0]["coverage_68"] for told in (stated, replace(stated, dof=6.0))]
+    assert rows[0] - 0.02 > rows[1]
+
+
+def test_trials_keep_the_degrees_of_freedom(tmp_path: Path) -> None:
+    """Of placements that the residuals tell; none where all is declared."""
+    text = campaign.template("ferraris")
+    for told, few in (
+        (text, True),
+        (text.replace("[simulate]", "placement_sd = '5 arcmin'\n[simulate]", 1), False),
+    ):
+        kept = study.run(campaign.parse(told, "campaign.toml"), 2, tmp_path / str(few), workers=1)
+        dof = np.broadcast_to(kept.dof, kept.error.shape)
+        at = kept.names.index("accel.misalignment.yx")
+        assert (dof[:, at] < 20).all() == few and (dof[:, at] >= 4).all()
+
+
 def test_a_biased_estimate_fails() -> None:
     good = fake(1.0)
     biased = replace(good, error=good.error + np.array([0.3, 0, 0, 0, 0]))
@@ -163,9 +190,28 @@ def test_a_biased_estimate_fails() -> None:
 @pytest.mark.parametrize(("name", "count"), [
     ("six_position", 100), ("ferraris", 100),
     pytest.param("magnetometer", 60, marks=pytest.mark.thorough),
+    pytest.param("norm_observation", 150, marks=pytest.mark.thorough),
+    pytest.param("turntable", 150, marks=pytest.mark.thorough),
+    pytest.param("multi_position", 150, marks=pytest.mark.thorough),
 ])  # fmt: skip
 def test_a_template_is_simulated_as_crooked_as_it_is_calibrated(name, count, tmp_path) -> None:
-    """Placements or gains without errors, beside a calibration that counts with them."""
+    """Placements, gains or biases without errors, where a calibration counts with them."""
     told = campaign.parse(campaign.template(name), "campaign.toml")
     judged = study.run(told, count, tmp_path, workers=1).checks()
     assert all(c.passed for c in judged if c.name in ("NEES", "bias", "spread"))
+
+
+def test_readings_on_a_table_scatter_where_a_calibration_looks_for_it() -> None:
+    """As white noise in 100 s, but for what is said; not where [noise] or [procedure] says none."""
+    text = campaign.template("turntable")
+    quiet = "[noise]\naccel.white = '120 ug/sqrt(Hz)'\ngyro.white = '0.3 deg/sqrt(h)'\n[procedure]"
+    own = text.replace("[simulate]", "[simulate]\ngyro_scatter = '0 deg/h'", 1)
+    cases = {
+        text: (12e-6 * 9.80665, np.radians(0.3) / 600),
+        own: (12e-6 * 9.80665, 0.0),
+        text.replace("[procedure]", quiet, 1): (0.0, 0.0),
+        text.replace("repeatability = true", "repeatability = false", 1): (0.0, 0.0),
+    }
+    for told, size in cases.items():
+        rig = campaign.simulate(campaign.parse(told, "campaign.toml")).simulation.rig
+        assert (rig.accel_scatter, rig.gyro_scatter) == pytest.approx(size)

@@ -449,10 +449,34 @@ def test_a_batch_states_sizes_as_one_session_does(kind: type[Line]) -> None:
     model = kind(**vars(drawn(np.random.default_rng(3), sd=1e-3)))
     plan = batched.Plan.of(mixed.planned(model, {"placement": 1e-3}), {"placement": 1e-3})
     z = plan.drawn(50, np.random.default_rng(1)) @ plan.contrasts.T
-    stated = plan._sizes(z)["placement"]
+    stated = plan._sizes(z)[1]["placement"]
     (V,) = (one.V for one in plan.spectra.values())
     for k in range(50):
         likely, _, _ = mixed.priced(z[k], {"placement": V}, {"placement": 0.0})
         var = {"placement": likely["placement"] ** 2}
         alone = mixed.mean_variance("placement", {"placement": V}, var, z[k])
         assert stated[k] == pytest.approx(alone, rel=1e-9) and stated[k] > 0
+
+
+def test_degrees_of_freedom_are_those_of_the_residuals_that_tell_a_size() -> None:
+    """Of 12 placements and two unknowns ten; none where all is known; more where it is a part."""
+    one = replace(drawn(np.random.default_rng(2), each=1), noise=1e-9)
+    at = mixed.fit(one)
+    variance = at.estimate.coefficients.sd**2
+    dof = mixed.degrees(variance, mixed.enlarged(at))
+    np.testing.assert_allclose(dof, 10.0, rtol=5e-3)
+    more = mixed.degrees(2 * variance, mixed.enlarged(at))  # beside as much that is known
+    np.testing.assert_allclose(more, 20.0, rtol=5e-3)
+    known = mixed.fit(replace(one, placement=2e-3))
+    assert (mixed.degrees(variance, mixed.enlarged(known)) == np.inf).all()
+
+
+def test_a_batch_has_the_degrees_of_freedom_of_one_session() -> None:
+    model = drawn(np.random.default_rng(3))
+    plan = batched.Plan.of(mixed.planned(model, {"placement": 2e-3}), {"placement": 2e-3})
+    e = plan.drawn(5, np.random.default_rng(1))
+    solved = plan.solve(np.zeros((5, 2)), e)
+    for k in range(5):
+        at = mixed.fit(replace(model, y=model.inputs + model.noise * e[k]))
+        assert (mixed.enlarged(at) > 0).all()
+        np.testing.assert_allclose(solved.more[k], mixed.enlarged(at), rtol=1e-2)

@@ -425,6 +425,28 @@ def test_means_of_a_session_are_means_of_its_log():
     )
 
 
+@pytest.mark.parametrize("sampled", ["rate", "increment"])
+def test_every_position_has_a_bias_of_its_own(sampled):
+    """As large as was asked, constant over a rest or spin, and the same in means."""
+    plain, told = Rig(position_sd=1e-3), {"accel_scatter": 2e-4, "gyro_scatter": 3e-6}
+    words = {"model": ImuModel(), "noise": QUIET, "site": SITE, "seed": 3}
+    off = {}
+    for rig in (plain, replace(plain, **told)):
+        raw = simulate(short_plan(), rig=rig, rate=50.0, sampled=sampled, **words)
+        means = simulate_means(short_plan(), rig=rig, **words)
+        off[rig.accel_scatter] = raw, means
+    (still, bare), (raw, means) = off.values()
+    np.testing.assert_array_equal(raw.position, still.position)  # nothing else is drawn anew
+    for name, sd in (("accel", 2e-4), ("gyro", 3e-6)):
+        more = getattr(raw.log, name) - getattr(still.log, name)
+        each = getattr(means.log, name) - getattr(bare.log, name)
+        for k in range(len(raw.plan)):
+            rows = slice(raw.first[k], raw.last[k])
+            np.testing.assert_allclose(more[rows] - each[k], 0.0, atol=1e-9 * sd)
+        low, high = chi_square_limits(each.size, tests=4)
+        assert low < np.sum((each / sd) ** 2) < high
+
+
 def test_the_rig_of_a_session_is_drawn_from_its_sds():
     values = {"plumb_sd": 1e-4, "orthogonality_sd": 2e-4, "zero_sd": 3e-4, "mounting_sd": 4e-3,
               "lever_arm_sd": 0.05, "rate_error_sd": 1e-5}  # fmt: skip

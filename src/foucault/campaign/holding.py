@@ -20,7 +20,7 @@ from foucault.campaign.reading import Campaign
 from foucault.models.earth import Site
 from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.left_out import GRAVITY, LATITUDE, Motion, Sizes, Term, changes, terms, told
-from foucault.models.noise import grade
+from foucault.models.noise import ImuNoise, grade
 from foucault.tables import IndexedLog, Log
 
 AnyLog = TypeVar("AnyLog", Log, IndexedLog)
@@ -41,8 +41,8 @@ class Held:
         """Return session, settings and instrument that are simulated."""
         drawn, model = procedures.load(campaign.procedure).drawn, self.model(model)
         if drawn is None or self.rng is None:
-            return campaign.session, campaign.settings, model
-        return drawn(campaign.session, campaign.settings, model, self.rng)
+            return session_of(campaign), campaign.settings, model
+        return drawn(session_of(campaign), campaign.settings, model, self.rng)
 
     def model(self, model: Any) -> Any:
         """Return an instrument with the terms of its model."""
@@ -124,6 +124,20 @@ def held(campaign: Campaign, seed: int) -> Held:
     return Held(campaign.sizes, values, added, float(north), rng)
 
 
+def session_of(campaign: Campaign) -> Any:
+    """Return the session of a campaign, with what its readings scatter by where nobody says it."""
+    if campaign.noise is not None:
+        return campaign.session
+    procedure = procedures.load(campaign.procedure)
+    return procedure.scattered(campaign.session, campaign.settings, noise_of(campaign))
+
+
+def noise_of(campaign: Campaign) -> ImuNoise:
+    """Return the noise of a simulated instrument: as declared, else that of its class [SI]."""
+    typical = grade(campaign.simulate.grade, "simulate.grade").noise
+    return campaign.noise or procedures.load(campaign.procedure).noise or typical
+
+
 def in_words(campaign: Campaign) -> str | None:
     """Say what instruments that are simulated hold beside the model; None where nobody asks."""
     procedure = procedures.load(campaign.procedure)
@@ -141,7 +155,6 @@ def in_words(campaign: Campaign) -> str | None:
 def _sizes(campaign: Campaign) -> Sizes:
     """Return the sizes at which terms are drawn: as the noise of the simulation tells them."""
     procedure = procedures.load(campaign.procedure)
-    typical = grade(campaign.simulate.grade, "simulate.grade").noise
-    noise = campaign.noise or procedure.noise or typical
+    noise = noise_of(campaign)
     found = told(campaign.sizes or {}, noise.accel.white, noise.gyro.white) or {}
     return {g: s for g, s in found.items() if g not in (GRAVITY, *procedure.otherwise)}

@@ -24,6 +24,7 @@ from foucault.campaign.running import given_errors
 from foucault.campaign.study import Columns, Progress, silent
 from foucault.diagnose.study import Study, nees
 from foucault.errors import Status, error, library
+from foucault.infer import mixed
 from foucault.infer.batched import Plan, Solver
 from foucault.kernels import trials
 from foucault.models.noise import grade
@@ -56,13 +57,14 @@ class Block:
         err = (solved.error + off)[:, at]
         cov = (solved.cov + self.beside @ self.beside.T)[:, at][:, :, at]
         sd = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+        dof = mixed.degrees(sd**2, solved.more[:, at])
         good = solved.converged & np.isfinite(err).all(axis=1)
         ended = np.where(good, str(Status.CONVERGED), str(Status.NOT_CONVERGED))
         out: Columns = {
             "trial": np.arange(numbers.start, numbers.stop), "status": ended,
             "verdict": np.full(count, JUDGED), "nees": np.where(good, nees(err, cov), np.nan),
         }  # fmt: skip
-        for key, rows in (("error", err), ("sd", sd), ("bound", solved.bound[:, at])):
+        for key, rows in (("error", err), ("sd", sd), ("dof", dof), ("bound", solved.bound[:, at])):
             out |= {f"{key}.{name}": rows[:, k] for k, name in enumerate(self.names)}
         return out
 

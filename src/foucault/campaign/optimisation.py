@@ -31,6 +31,7 @@ import numpy.typing as npt
 from foucault import monte_carlo, procedures, units
 from foucault.arrays import FloatArray
 from foucault.campaign import earlier, study
+from foucault.campaign.holding import session_of
 from foucault.campaign.reading import Campaign, improvable, said_otherwise
 from foucault.campaign.running import simulate
 from foucault.campaign.writing import changed, resolved
@@ -449,8 +450,9 @@ def beforehand(campaign: Campaign) -> tuple[Beforehand[Any, Any], tuple[Finding,
     earlier.refuse(c, "a search")
     seed = c.simulate.seed
     known = Beforehand(
-        c.settings, c.session, c.site, c.noise, c.prior, sizes=c.sizes, wanted=c.wanted, seed=seed
-    )
+        c.settings, session_of(c), c.site, c.noise, c.prior, sizes=c.sizes, wanted=c.wanted,
+        seed=seed,
+    )  # fmt: skip
     procedure = procedures.load(c.procedure)
     if c.noise or not (procedure.assumes_noise or procedure.observe):
         return known, ()

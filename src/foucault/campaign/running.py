@@ -15,7 +15,7 @@ import numpy as np
 
 from foucault import display, logs, procedures, run_folder
 from foucault.campaign import earlier
-from foucault.campaign.holding import held
+from foucault.campaign.holding import held, noise_of
 from foucault.campaign.reading import Campaign, load
 from foucault.campaign.tables import Said, SiteTable, parse_at
 from foucault.campaign.writing import EXAMPLE, EXAMPLE_SITE, log_table
@@ -30,7 +30,7 @@ from foucault.models.earth import Site
 from foucault.models.imu import Gauge, ImuModel
 from foucault.models.layouts import Instrument, model_of
 from foucault.models.left_out import Sizes
-from foucault.models.noise import ImuNoise, grade
+from foucault.models.noise import ImuNoise
 from foucault.models.size_effect import SizeEffect
 from foucault.procedures import Progress, silent
 from foucault.result import Result
@@ -204,7 +204,6 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
         campaign = load(campaign)
     seed = campaign.simulate.seed if seed is None else seed
     procedure = procedures.load(campaign.procedure)
-    typical = grade(campaign.simulate.grade, "simulate.grade").noise
     # Real gravity is not what the calibration will assume, but near it.
     offset = np.random.default_rng([seed, 9]).standard_normal() * campaign.site.gravity_sd
     beside = held(campaign, seed)
@@ -213,7 +212,7 @@ def simulate(campaign: Campaign | str | Path, seed: int | None = None) -> Sessio
         session,
         settings=settings,
         model=model,
-        noise=campaign.noise or procedure.noise or typical,
+        noise=noise_of(campaign),
         site=beside.site(replace(campaign.site, gravity=campaign.site.gravity + float(offset))),
         seed=seed,
     )

@@ -263,7 +263,7 @@ def _row(
     truth: FloatArray | None = None,
 ) -> dict[str, Any]:
     n = len(names)
-    columns = {key: np.full(n, np.nan) for key in ("error", "sd", "bound")}
+    columns = {key: np.full(n, np.nan) for key in ("error", "sd", "bound", "dof")}
     score = np.nan
     if result is not None and truth is not None and result.coefficients.cov is not None:
         found, cov = result.coefficients, result.coefficients.cov
@@ -271,6 +271,8 @@ def _row(
         columns["error"], columns["sd"] = found.values[at] - truth, found.sd[at]
         if "bound" in result.diagnostics:
             columns["bound"] = np.array(result.diagnostics["bound"])[at]
+        dof = result.diagnostics.get("dof", [None] * len(found))
+        columns["dof"] = np.array([np.inf if dof[k] is None else dof[k] for k in at])
         score = float(nees(columns["error"][None], cov[np.ix_(at, at)])[0])
     verdict = str(result.verdict.level) if result is not None else "none"
     row: dict[str, Any] = {"status": status, "verdict": verdict, "nees": score}

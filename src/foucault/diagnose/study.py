@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from foucault.arrays import FloatArray
+from foucault.arrays import BoolArray, FloatArray
 from foucault.diagnose.checks import check
 from foucault.infer.gauss_newton import FALSE_ALARM, chi_square_limits
 from foucault.result import Check
@@ -71,10 +71,12 @@ class Study:
     bound: FloatArray
     nees: FloatArray  # (trials,) normalised estimation error squared [1]
     status: Mapping[str, int]  # how many trials ended in each status, failures included [1]
+    # (trials, n) degrees of freedom that the variance was found from, infinite where it is known
+    dof: FloatArray | float = np.inf
 
     @classmethod
     def of(cls, names: Sequence[str], rows: Mapping[str, npt.NDArray[Any]]) -> Study:
-        """Take the columns ``error.*``, ``sd.*``, ``bound.*``, ``nees`` and ``status`` of rows.
+        """Take the columns ``error.*``, ``sd.*``, ``bound.*``, ``dof.*``, ``nees`` and ``status``.
 
         `rows` (trials,): columns of the study [SI].
         """
@@ -89,7 +91,8 @@ class Study:
 
         status = dict(zip(kinds.tolist(), counts.tolist(), strict=True))
         nees = np.asarray(rows["nees"][good], float)
-        return cls(tuple(names), block("error"), block("sd"), block("bound"), nees, status)
+        dof = block("dof") if f"dof.{names[0]}" in rows else np.inf
+        return cls(tuple(names), block("error"), block("sd"), block("bound"), nees, status, dof)
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one dictionary per coefficient: mean, RMS, predicted sd, ratios, coverage.
@@ -102,7 +105,7 @@ class Study:
         tests = len(self.names)
         low, high = (np.sqrt(v / n) for v in chi_square_limits(n, EACH, tests))
         bias_limit = np.sqrt(chi_square_limits(1, 2 * EACH, tests)[1])
-        out = []
+        out, within = [], {p: self._inside(p) for p in INTERVALS}
         for k, name in enumerate(self.names):
             z = self.error[:, k] / self.sd[:, k]
             mean_z = float(z.mean() * np.sqrt(n))
@@ -125,8 +128,8 @@ class Study:
                     "ratio_high": float(high),
                     "consistent": bool(low <= ratio <= high),
                     **{
-                        f"coverage_{p}": float(np.mean(np.abs(z) <= limit))
-                        for p, limit in INTERVALS.items()
+                        f"coverage_{p}": float(np.mean(inside[:, k]))
+                        for p, inside in within.items()
                     },
                 }
             )
@@ -149,13 +152,26 @@ class Study:
             check("failures", "failures", bad / total, None, 0.01, given),
         )
 
+    def _inside(self, percent: int) -> BoolArray:
+        """Tell which truths are inside their intervals, shape (trials, n).
+
+        Of a variance that was found from v degrees of freedom they are Student's, and what is
+        stated is ``v / (v - 2)`` times as large as the most likely one.
+        """
+        from scipy.special import ndtr, stdtrit
+
+        limit, dof = INTERVALS[percent], np.broadcast_to(self.dof, self.error.shape)
+        inside = np.abs(self.error) <= limit * self.sd
+        found = np.isfinite(dof)
+        v = dof[found]
+        wide = stdtrit(v, ndtr(limit)) * np.sqrt(1 - 2 / v)
+        inside[found] = np.abs(self.error[found]) <= wide * self.sd[found]
+        return inside
+
     def _coverage(self, percent: int, share: float) -> Check:
         """Count intervals of independent trials: each trial counts once, by its own fraction."""
         n, k = self.error.shape
-        inside = np.zeros(n)
-        for j in range(k):
-            inside += np.abs(self.error[:, j]) <= INTERVALS[percent] * self.sd[:, j]
-        per_trial = inside / k
+        per_trial = self._inside(percent).mean(axis=1)
         value = float(per_trial.mean())
         from scipy.special import stdtrit
 

@@ -459,6 +459,8 @@ def fit(
     for kind, c in alone.after.items():
         if FOUND_IN[kind][-1] in told:
             told[FOUND_IN[kind][-1]] += c.redundancy
+    if ALONG in told:  # it comes on top of another, and the ratio of both variances tells it
+        told[ALONG] = 1 / (1 / max(told[ALONG], 1e-9) + 1 / max(told[IN_SPINS], 1e-9))
     few = frozenset(name for name, dof in told.items() if dof < ENOUGH)
     found = TableFit(replace(alone, model=replace(model, tested=few)))
     suspects: tuple[int, ...] = ()

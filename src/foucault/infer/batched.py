@@ -76,6 +76,8 @@ class Solved(NamedTuple):
 
     error: FloatArray  # (b, p) estimate minus truth [SI]
     cov: FloatArray  # (b, p, p) covariance that each states [SI]
+    # (b, p) by how much each variance is larger than with the most likely sizes [SI]
+    more: FloatArray
     bound: FloatArray  # (b, p) what noise of the sensors alone allows [SI]
     converged: BoolArray  # (b,)
 
@@ -136,6 +138,7 @@ class Plan:
     # noise of the sensors alone, for the bound
     jet: Jet
     bare: Jet
+    slope: FloatArray  # (N, m) of the rows as they are solved, where it was planned [1]
     prior: FloatArray  # (k,) what the last rows say, less where it was planned [1]
     errors: FloatArray  # (N, N) root of the true covariance of the rows [1]
     contrasts: FloatArray  # (q, N) rows that no unknown explains, without the prior [1]
@@ -190,8 +193,9 @@ class Plan:
         shown = {name: contrasts @ B @ (contrasts @ B).T for name, B in free.items()}
         return cls(
             fit.model.layout.names, fit.model.values(fit.state), unit, Jet.of(J, H),
-            Jet.of(*_rows(fit, [s for s in known if s.noise], slopes, beside, unit)), said, errors,
-            contrasts, free, {name: Spectrum(V, *np.linalg.eigh(V)) for name, V in shown.items()},
+            Jet.of(*_rows(fit, [s for s in known if s.noise], slopes, beside, unit)), J, said,
+            errors, contrasts, free,
+            {name: Spectrum(V, *np.linalg.eigh(V)) for name, V in shown.items()},
             {s.name: s.price for s in fit.at.sources if s.sd is None},
             frozenset(s.name for s in fit.at.sources if s.sd is None and s.certain),
         )  # fmt: skip
@@ -216,15 +220,19 @@ class Plan:
             y[:, -len(known) :] = known
         bound = _solved(solver, self.bare, y, d, p, most=0)[1]
         found = _solved(solver, self.jet, y, np.zeros_like(d), p)
-        sizes = self._sizes(found[3] @ self.contrasts.T)
+        likely, sizes = self._sizes(found[3] @ self.contrasts.T)
+        more = np.zeros((len(truth), p))
         for some, spread in self._spreads(sizes):
+            more[some] = self._enlarged(
+                spread, {name: (v - likely[name])[some] for name, v in sizes.items()}
+            )
             again = _solved(solver, self.jet, y[some], found[0][some], p, spread)
             for whole, part in zip(found, again, strict=True):
                 whole[some] = part
         x, cov, good, _ = found
         scale = self.unit[:p]
         return Solved(
-            (x[:, :p] - d[:, :p]) * scale, cov * scale * scale[:, None],
+            (x[:, :p] - d[:, :p]) * scale, cov * scale * scale[:, None], more * scale**2,
             np.sqrt(np.diagonal(bound, axis1=1, axis2=2)) * scale, good,
         )  # fmt: skip
 
@@ -238,15 +246,26 @@ class Plan:
         )
         return [(some, np.asarray(np.linalg.inv(C)))]
 
-    def _sizes(self, z: FloatArray) -> dict[str, FloatArray]:
-        """Return the variance of every source of unknown size, as uncertain as it is, (b,) each.
+    def _enlarged(self, spread: FloatArray, more: Mapping[str, FloatArray]) -> FloatArray:
+        """Return what is `more` in sources, (b,) each [1], in the coefficients, (b, p) [1].
+
+        `spread` (b, N, N): inverse of the covariance of the rows [1].
+        """
+        pull = self.slope.T @ spread
+        gain = np.linalg.solve(pull @ self.slope, pull)[:, : len(self.names)]
+        parts = (v[:, None] * np.sum((gain @ self.free[name]) ** 2, axis=2)
+                 for name, v in more.items())  # fmt: skip
+        return np.asarray(sum(parts))
+
+    def _sizes(self, z: FloatArray) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+        """Return the variance of every source of unknown size, (b,) each: likely, and as uncertain.
 
         `z` (b, q): contrasts [1].
         """
         likely, out = ({name: np.zeros(len(z)) for name in self.spectra} for _ in range(2))
         gains = {name: one.gain(z) - self.prices[name] for name, one in self.spectra.items()}
         if not gains:
-            return out
+            return likely, out
         names, gain = [*gains], np.array([*gains.values()])
         most = np.where(gain.max(axis=0) > 0, gain.argmax(axis=0), -1)
         full = np.zeros(len(z), bool)
@@ -273,7 +292,7 @@ class Plan:
             for i in np.flatnonzero(~alone):
                 there = {n: float(v[i]) for n, v in likely.items()}
                 out[name][i] = mixed.mean_variance(name, shown, there, z[i])
-        return out
+        return likely, out
 
 
 def _solved(

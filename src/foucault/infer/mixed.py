@@ -886,6 +886,30 @@ def budget(at: Fit, gain: FloatArray | None = None) -> dict[str, FloatArray]:
     return {name: v for name, v in out.items() if (v > 1e-9 * total).any()}
 
 
+def enlarged(at: Fit, gain: FloatArray | None = None) -> FloatArray:
+    """Return by how much every variance is larger than with the most likely sizes, (p,) [SI].
+
+    `gain`: as of `budget`.
+    """
+    gain = at.gain if gain is None else gain
+    likely = replace(at, sds={**at.sds, **at.found})
+    wide, small = (
+        np.sum([np.zeros(len(gain)), *budget(one, gain).values()], axis=0) for one in (at, likely)
+    )
+    return np.asarray(wide - small)
+
+
+def degrees(variance: FloatArray, more: FloatArray) -> FloatArray:
+    """Return the degrees of freedom that each variance was found from, infinite where it is known.
+
+    It counts ``v / (v - 2)`` times, `more` of it as of `enlarged` [SI], see `student`; more than
+    20,000 are taken for known.
+    """
+    found = more > 1e-4 * variance
+    dof = 2 * variance / np.where(found, more, 1.0)
+    return np.where(found, np.maximum(dof, TOLD), np.inf)
+
+
 def causes(at: Fit, name: str) -> FloatArray:
     """Return what the readings say of the causes that they share, ``sd^2 B' C^-1 (y - h)``.
 

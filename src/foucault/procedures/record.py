@@ -124,11 +124,13 @@ def result_of(
             ),
         }  # fmt: skip
         found = with_references(found, beside, table_rate_sd)
+    dof = mixed.degrees(found.sd**2, mixed.enlarged(fit, gain))
     said = {
         "iterations": fit.estimate.iterations,
         "chi_square": chi_square_json(fit.after),
         "chi_square_of_noise_alone": chi_square_json(fit.before),
         **budget_json(fit, shared, gain),
+        **({"dof": [v if v < np.inf else None for v in dof]} if (dof < np.inf).any() else {}),
         **(bound(mixed.noise_alone(fit), fit.state) if bounded else {}),
     }
     equation, frame, gauge = described
@@ -204,6 +206,11 @@ def _nothing(_: Any) -> Sizes:
     return {}
 
 
+def _steady(session: N, _settings: Any, _noise: ImuNoise) -> N:
+    """Leave a session as it is: nothing is counted beyond the noise."""
+    return session
+
+
 def _of_an_imu(grade: str, seed: int) -> Any:
     """Draw the errors of an IMU; `seed`: seed [1]."""
     from foucault.simulate.hand_rotated import draw_errors
@@ -265,6 +272,9 @@ class Procedure(Generic[S, N]):
     drawn: Callable[[N, S, Any, np.random.Generator], tuple[N, S, Any]] | None = None
     # Settings -> sizes of what it counts although none is declared [SI].
     always: Callable[[S], Sizes] = _nothing
+    # Session, settings and the noise of a class -> the session with the scatter that it counts
+    # where no noise is declared.
+    scattered: Callable[[N, S, ImuNoise], N] = _steady
     # Groups of terms that it estimates by other names, or draws by itself.
     otherwise: tuple[str, ...] = ()
 

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -66,6 +65,9 @@ class Rig:
     # (N,) relative error of all spin rates, true over said minus 1 [1]
     rate_error: float | FloatArray = 0.0
     rate_jitter: float = 0.0  # sd of another relative error of the rate of each spin [1]
+    # accel_scatter, gyro_scatter: sd of another bias of each axis in each position [SI]
+    accel_scatter: float = 0.0
+    gyro_scatter: float = 0.0
     # (3,) or (N, 3) rotation of the body axes: ``C_bk = Exp(-[mounting x])`` [rad]
     mounting: FloatArray = field(default_factory=lambda: np.zeros(3))
     # (3,) or (N, 3) the accelerometers from the centre of the table, body axes [m]
@@ -95,6 +97,16 @@ class Rig:
         position = self.position_sd * rng.standard_normal((*shape, 2))
         jitter = self.rate_jitter * rng.standard_normal(shape)
         return position, plan.rate * (1.0 + np.reshape(self.rate_error, (-1, 1)) + jitter)
+
+    def biases(
+        self, plan: TablePlan, instruments: int, rng: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Draw what specific force and rate are off by in each position, (N, n, 3) each [SI].
+
+        `instruments`: number N of them [1]; `rng`: is left as it was.
+        """
+        drawn = rng.spawn(1)[0].standard_normal((2, instruments, len(plan), 3))
+        return self.accel_scatter * drawn[0], self.gyro_scatter * drawn[1]
 
 
 @dataclass(frozen=True)
@@ -213,8 +225,9 @@ def simulate_readings(
     N = len(fleet) if draws is None else draws
     rng = np.random.default_rng(seed)
     position, rate = rig.draw(plan, N, rng)
+    accel_bias, gyro_bias = rig.biases(plan, N, rng)
     f_b, w_b, direction = _means(plan, rig, site, position, rate)
-    accel, gyro = fleet.models.measure(f_b, w_b)
+    accel, gyro = fleet.models.measure(f_b + accel_bias, w_b + gyro_bias)
     variance = [mean_variance(n, plan.time, interval) for n in (noise.accel, noise.gyro)]
     shape = (N, len(plan), 3)
     silent = [n == type(n)() for n in (noise.accel, noise.gyro)]
@@ -384,10 +397,17 @@ def simulate(
     rig = rig or Rig()
     rng = np.random.default_rng(seed)
     position, true_rate = (drawn[0] for drawn in rig.draw(plan, 1, rng))
+    accel_bias, gyro_bias = (drawn[0] for drawn in rig.biases(plan, 1, rng))
     said, true, edges = _motions(plan, position, true_rate, move_rate)
+    between = (edges[1:, 0] + edges[:-1, 1]) / 2
+
+    def felt(time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        (f_b, w_b), k = _felt(true, rig, site, time), np.searchsorted(between, time)
+        return f_b + accel_bias[k], w_b + gyro_bias[k]
+
     n = whole_samples(np.floor(said.end * rate)) + 1
     readout = sampled_log(
-        partial(_felt, true, rig, site), samples=n, rate=rate, sampled=sampled,
+        felt, samples=n, rate=rate, sampled=sampled,
         model=model, noise=noise, rng=rng,
     )  # fmt: skip
     first = np.ceil(edges[:, 0] * rate - 1e-9).astype(np.int64)

@@ -21,7 +21,7 @@ from foucault.diagnose.foresight import Foresight
 from foucault.diagnose.references import no_latitude, times_the_table
 from foucault.errors import Finding, error, finding
 from foucault.estimate import table as table_likelihood
-from foucault.estimate.table import Options, TableFit, TableModel, fit
+from foucault.estimate.table import AT_REST, FORCES, IN_SPINS, Options, TableFit, TableModel, fit
 from foucault.guard.rest import first_rest, same_unit
 from foucault.guard.table import check_gyro_axes, check_readings, enough_readings, rate_columns
 from foucault.logs.axes import spared
@@ -444,6 +444,11 @@ def table_procedure(
         space=space,
         Wanted=Wanted,
         assumes_noise=True,
+        sizes=lambda session, _: {
+            name: (session.accel_scatter if name == FORCES else session.gyro_scatter) or 0.0
+            for name in (FORCES, AT_REST, IN_SPINS)
+        },
+        scattered=lambda session, settings, noise: session.scattered(settings, noise),
         streams=lambda _: True,
         # Nothing is needed of what is between two rests or spins.
         more="stretches",

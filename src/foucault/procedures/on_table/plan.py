@@ -155,10 +155,12 @@ class Bench:
     def _scattered(
         self, spin: BoolArray, w: FloatArray, accel: FloatArray, gyro: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Add the scatter that errors of the table make, where a calibration estimates it."""
+        """Add the scatter of biases and of errors of the table, where a calibration finds it."""
         trust, eye = self.task.trust, np.eye(3)
         if not self.settings.repeatability:
             return accel, gyro
+        accel = accel + (self.session.accel_scatter or 0.0) ** 2 * eye
+        gyro = gyro + (self.session.gyro_scatter or 0.0) ** 2 * eye
         if self.session.rate_jitter > self.settings.rate_sd:
             left = self.session.rate_jitter**2 - self.settings.rate_sd**2
             turning = np.where(spin[:, None], w, 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -18,7 +18,7 @@ from foucault.procedures import record
 from foucault.simulate.table import Rig, Simulation, simulate_means
 from foucault.simulate.table import simulate as simulate_log
 from foucault.strict import Strict
-from foucault.units import Angle, AngleSd, Length, Rate
+from foucault.units import Angle, AngleSd, Force, Length, Rate
 
 LOG_LINES = """\
 # A spreadsheet of means, a row per position:  averaged = { column = "averaged", unit = "s" }
@@ -32,6 +32,9 @@ rate_unit = "rad/s"
 position = "position"                   # number of the position, empty or -1 in between
 """
 """What the log of a session on a table has beside the instrument's columns."""
+
+FLOOR = 100.0
+"""Time after which biases of most instruments move by as much as white noise leaves [s]."""
 
 
 class TableSettings(record.Robust, record.EarthRate, record.Terms):
@@ -102,12 +105,25 @@ class TableSession(Strict):
     position_sd: record.PositionSd = float(np.radians(1 / 60))
     rate_error_sd: record.TableRateSd = 0.0
     rate_jitter: record.RateSd = 0.0
+    accel_scatter: Force | None = Field(default=None, ge=0, examples=["20 ug"])
+    """Sd of another bias of each accelerometer in every rest and spin. Left out: what white noise
+    leaves in a mean of 100 s; none where [noise] says it or the calibration looks for none."""
+    gyro_scatter: Rate | None = Field(default=None, ge=0, examples=["2 deg/h"])
+    """Sd of another bias of each gyro in every rest and spin. Left out: as of accelerometers."""
     mounting_sd: AngleSd = Field(default=float(np.radians(10 / 60)), ge=0)
     """Sd of the rotation of the instrument on the table, about each axis."""
     lever_arm_sd: Length = Field(default=0.02, ge=0, le=100)
     """Sd of each coordinate of the accelerometers from the centre of the table."""
     heading: Angle = float(np.radians(30.0))
     """Azimuth of table y at outer angle zero, clockwise from North."""
+
+    def scattered(self, settings: TableSettings, noise: ImuNoise) -> Self:
+        """Return the session with the scatter that a calibration which measures noise counts."""
+        if not settings.repeatability:
+            return self
+        triads = {"accel_scatter": noise.accel, "gyro_scatter": noise.gyro}
+        usual = {key: triad.white / FLOOR**0.5 for key, triad in triads.items()}
+        return self.model_copy(update={k: v for k, v in usual.items() if getattr(self, k) is None})
 
 
 def plan_of(
@@ -150,6 +166,8 @@ def draw_rig(session: TableSession, seed: int) -> Rig:
         position_sd=session.position_sd,
         rate_error=session.rate_error_sd * float(rng.standard_normal()),
         rate_jitter=session.rate_jitter,
+        accel_scatter=session.accel_scatter or 0.0,
+        gyro_scatter=session.gyro_scatter or 0.0,
         mounting=session.mounting_sd * rng.standard_normal(3),
         lever_arm=session.lever_arm_sd * rng.standard_normal(3),
         heading=session.heading,
