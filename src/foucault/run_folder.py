@@ -416,7 +416,7 @@ LONG = 100
 """A list of more items [1] has one on each line."""
 
 
-GROUP = 1 << 17
+GROUP = 1 << 15
 """Rows of a Parquet file that are written at once: memory holds no more of them twice [1]."""
 
 PIECE = 1 << 14
