@@ -295,9 +295,9 @@ class RestsAndTurns:
                                   basis="lines over as long a time in the turns"))  # fmt: skip
             if self.slipped is not None:
                 # Its mean attitude is neither that at which a turn ended nor where the next began.
-                off = rows(2 * n, np.hypot(self.slipped[:-1], self.slipped[1:])[:, None, None] * np.eye(3))
-                out.append(Source("slips in rests", off, type="A",
-                                  basis="rates of rests that were left out, over the rest"))  # fmt: skip
+                beside = np.hypot(self.slipped[:-1], self.slipped[1:])
+                out.append(Source("slips in rests", rows(2 * n, beside[:, None, None] * np.eye(3)),
+                                  type="A", basis="rates left out, over their rests"))  # fmt: skip
             if _wanders(noise.slow.gyro):
                 effect = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), at.turn_bias])
                 shared = rows(n, tied(effect, self._slow[1]))
