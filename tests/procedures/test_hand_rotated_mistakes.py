@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from foucault.detect.stretches import find_rests
 from foucault.errors import FoucaultError, Status
@@ -16,7 +17,7 @@ from foucault.models.imu import LAYOUT, ImuModel
 from foucault.models.noise import grade
 from foucault.plans.directions import spread_directions
 from foucault.procedures import hand_rotated_published
-from foucault.procedures.hand_rotated import Settings, calibrate
+from foucault.procedures.hand_rotated import PROCEDURE, Session, Settings, calibrate
 from foucault.result import Level
 from foucault.simulate.hand_rotated import draw_errors, simulate
 from foucault.tables import Log
@@ -48,6 +49,36 @@ def test_a_good_session_passes_without_warnings():
     assert result.verdict.level is Level.PASS
     assert {f.severity for f in result.findings} <= {"note"}
     assert all(c.passed for c in result.checks)
+
+
+@pytest.mark.parametrize("seed", [9, 20])
+def test_a_rest_in_which_the_instrument_slipped_misleads_no_turn_beside_it(seed):
+    """By .3 deg in .3 s: left in, the turn on its one side made a NEES of 4 to 7 that passed."""
+    noise, settings = grade("mems").noise, Settings(accel_quadratic=False)
+    still = PROCEDURE.simulate(
+        Session(rests=12), settings=settings, model=draw_errors("mems", seed), noise=noise,
+        site=SITE, seed=seed,
+    )  # fmt: skip
+    rng, log = np.random.default_rng(seed), still.log
+    k = rng.integers(2, 11)
+    axis = rng.standard_normal(3)
+    axis *= np.radians(0.3) / np.linalg.norm(axis)
+    begin, end = log.time[still.first[k]], log.time[still.last[k] - 1]
+    x = np.clip((log.time - begin - rng.uniform(0.3, 0.7) * (end - begin)) / 0.3, 0.0, 1.0)
+    part = (x**2 * (3 - 2 * x))[:, None]
+    f, w = still.model.compensate(log.accel, log.gyro)
+    turned = Rotation.from_rotvec(-part * axis)
+    moved = still.model.measure(
+        turned.apply(f), turned.apply(w) + np.gradient(part[:, 0], log.time)[:, None] * axis
+    )
+    result = calibrate(
+        replace(log, accel=moved[0], gyro=moved[1]), site=SITE, settings=settings, noise=noise
+    )
+    error = result.coefficients.values - still.model.coefficients(result.coefficients.names).values
+    square = error @ np.linalg.solve(result.coefficients.cov, error)
+    assert square < chi_square_limits(len(error))[1]
+    assert "rate of the rest" in the(result, "session.outlier").message
+    assert result.verdict.level is Level.PASS
 
 
 # -- axes ------------------------------------------------------------------------------------

@@ -140,6 +140,22 @@ def test_a_bias_that_steps_is_named_with_its_time(triad, size, words):
     assert time == pytest.approx(400.0, abs=40.0)
 
 
+@pytest.mark.parametrize("seed", [2, 5])
+def test_a_knock_in_a_rest_that_the_readings_hardly_show_is_left_out(seed):
+    """Of 1 s and 3 mg: taken in, it makes a NEES of 7 to 12 for each coefficient."""
+    made = simulated(seed=seed)
+    a, b = find_rests(made.log, SEQUENCE).spans[4 + seed]
+    middle = made.log.time[(a + b) // 2]
+    during = np.clip((made.log.time - middle) / 1.0, 0.0, 1.0)
+    knock = 3e-2 * np.sin(np.pi * during)[:, None] ** 2 * [0.6, -0.5, 0.6]
+    result = trial(replace(made, log=replace(made.log, accel=made.log.accel + knock)))
+    assert not failed(result) and codes(result) == ["systematic.bump"]
+    told = result.findings[0].message
+    begin, end = (float(x) for x in re.findall(r"([\d.]+) s", told))
+    assert begin < middle < middle + 1.0 < end < begin + 5.5
+    assert nees(result, made.model, NAMES) < chi_square_limits(24)[1]
+
+
 def test_steps_that_need_not_show_are_named_by_their_size():
     result = trial(simulated(seed=2))
     assert not failed(result)

@@ -24,7 +24,7 @@ The tables of a systematic calibration, and what it cannot see in principle.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -183,15 +183,23 @@ class Evidence:
 
     @cached_property
     def shifts(self) -> dict[str, Shock]:
-        """What biases, attitude or velocity at once would explain best; nothing if not settled."""
-        if self.status is not Status.CONVERGED:
-            return {}
-        names = self.run.layout.names
-        ways = {g: [k for k, n in enumerate(names) if n.startswith(f"{g}.")] for g in SHIFTS}
-        ways |= {"attitude": [0, 1, 2], "velocity": [3, 4, 5]}
-        some = {g: np.array(at) for g, at in ways.items() if at}
-        times = 2 * len(self.rests)  # of what stays, a rest tells little more than once
-        return stepped(*self.run.adjoint, some, times=times, false_alarm=EACH)
+        """What biases, attitude or velocity at once would explain best."""
+        return shifts_of(self.run, len(self.rests), self.status)
+
+
+def shifts_of(run: FilterRun, rests: int, status: Status) -> dict[str, Shock]:
+    """Return what biases, attitude or velocity at once would explain best; {} if not settled.
+
+    `run`: the last pass, made with ``keep=True``; `rests`: their number [1]; `status`: of it.
+    """
+    if status is not Status.CONVERGED:
+        return {}
+    names = run.layout.names
+    ways = {g: [k for k, n in enumerate(names) if n.startswith(f"{g}.")] for g in SHIFTS}
+    ways |= {"attitude": [0, 1, 2], "velocity": [3, 4, 5]}
+    some = {g: np.array(at) for g, at in ways.items() if at}
+    # Of what stays, a rest tells little more than once.
+    return stepped(*run.adjoint, some, times=2 * rests, false_alarm=EACH)
 
 
 def checks(e: Evidence) -> tuple[Check, ...]:
@@ -222,15 +230,20 @@ SHIFTS = {
 ALIKE_SHIFTS = 9.0  # What gains as much but for this is not told apart [1].
 
 
+def alike_of(shifts: Mapping[str, Shock]) -> list[str]:
+    """Return which of some `shifts` stands out most, and those that gain about as much."""
+    order = sorted(shifts, key=lambda g: shifts[g].limit - shifts[g].square)
+    return [g for g in order if shifts[g].square > shifts[order[0]].square - ALIKE_SHIFTS]
+
+
 def _shifts(e: Evidence) -> list[Check]:
     """Ask when biases changed for good, or attitude or velocity at once, if that explains all."""
     if not e.shifts:
         return []
-    order = sorted(e.shifts, key=lambda g: e.shifts[g].limit - e.shifts[g].square)
-    one, total, dof = e.shifts[order[0]], float(e.run.nis.sum()), int(e.run.measured.sum())
+    alike = alike_of(e.shifts)
+    one, total, dof = e.shifts[alike[0]], float(e.run.nis.sum()), int(e.run.measured.sum())
     if one.square > one.limit and total - one.square > chi_square_limits(dof, 2 * EACH)[1]:
         return []  # something else
-    alike = [g for g in order if e.shifts[g].square > one.square - ALIKE_SHIFTS]
     each = [f"{SHIFTS[g]} at {e.run.time[e.shifts[g].epoch]:.0f} s" for g in alike]
     given = {"what": " or ".join(each)}
     return [check("shifts", "shifts", one.square, None, one.limit, given)]

@@ -215,6 +215,7 @@ class RestsAndTurns:
     evaluated: tuple[str, str] = ("B", "")  # type and basis of the noise
     # twice the log-likelihood that scatter has to gain to be there; None: it is not looked for [1]
     price: float | None = None
+    slipped: FloatArray | None = None  # (n,) how far the instrument turned within each rest [rad]
 
     @property
     def layout(self) -> Layout:
@@ -292,6 +293,11 @@ class RestsAndTurns:
                 lost = rows(2 * n, s.bridged[:, None, None] * np.eye(3))
                 out.append(Source("gaps in turns", lost, type="A",
                                   basis="lines over as long a time in the turns"))  # fmt: skip
+            if self.slipped is not None:
+                # Its mean attitude is neither that at which a turn ended nor where the next began.
+                beside = np.hypot(self.slipped[:-1], self.slipped[1:])
+                out.append(Source("slips in rests", rows(2 * n, beside[:, None, None] * np.eye(3)),
+                                  type="A", basis="rates left out, over their rests"))  # fmt: skip
             if _wanders(noise.slow.gyro):
                 effect = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), at.turn_bias])
                 shared = rows(n, tied(effect, self._slow[1]))
@@ -331,6 +337,15 @@ class RestsAndTurns:
         accel = window_covariance(start, end, self.noise.slow.accel)
         start, end = np.append(start, end[:-1]), np.append(end, start[1:])
         return root(accel), root(window_covariance(start, end, self.noise.slow.gyro))
+
+
+def slips(fit: Fit) -> FloatArray | None:
+    """Return how far gyros that were left out say that each rest turned, (n,) [rad]; None: none."""
+    time = session_of(fit).session.rest_time
+    n, angle = len(time), np.zeros(len(time))
+    out = [k - n for k in fit.outliers.tolist() if n <= k < 2 * n]
+    angle[out] = time[out] * np.linalg.norm(fit.at.residuals[n:][out], axis=1)
+    return angle if out else None
 
 
 def session_of(fit: Fit) -> RestsAndTurns:

@@ -133,7 +133,8 @@ def find_drift(
         return None
     size, sd, dof = size[told], np.sqrt(variance[told]), dof[told]
     limit = -stdtrit(dof, FALSE_ALARM / len(told) / 2)
-    best = int(np.argmax(np.abs(size) / sd / limit))
+    # Of those that are alike but for rounding, as a jump anywhere in a gap is, the first.
+    best = int(np.argmax((np.abs(size) / sd / limit).round(6)))
     name, when = what[told[best]]
     explained = float(size[best] ** 2 * square[told[best]])
     return Drift(name, float(size[best]), float(sd[best]), float(dof[best]), when,

@@ -42,9 +42,10 @@ from foucault.diagnose.hand_rotated import hold_out, vertical_check
 from foucault.diagnose.left_out import common_g_sensitivity
 from foucault.diagnose.references import no_latitude
 from foucault.errors import Finding
-from foucault.estimate.hand_rotated import RestsAndTurns, first_guess
+from foucault.estimate.hand_rotated import RestsAndTurns, first_guess, slips
 from foucault.guard.rest import check_session, enough_rests
-from foucault.infer.mixed import NOISE_BASIS, SIGNIFICANT
+from foucault.infer.left_out import Judgement
+from foucault.infer.mixed import NOISE_BASIS, SIGNIFICANT, Fit
 from foucault.logs.axes import spared
 from foucault.logs.follow import OnDisk
 from foucault.models.imu import ImuModel
@@ -197,9 +198,16 @@ def _likelihood(data: SessionData, rests: Rests, given: Given[Settings]) -> Resu
     settings, declared = given.settings, given.noise is not None
     model = model_of(data, rests, given)
     prior = CoefficientVector.prior(model.layout, given.prior)
-    fit, beside = left_out.fit(
-        model, prior, given.sizes, data.site, again_of(model), robust=settings.robust
-    )
+
+    def fitted(model: RestsAndTurns) -> tuple[Fit, Judgement | None]:
+        return left_out.fit(
+            model, prior, given.sizes, data.site, again_of(model), robust=settings.robust
+        )
+
+    fit, beside = fitted(model)
+    if (slipped := slips(fit)) is not None:  # what is beside such a rest is off, too
+        model = replace(model, slipped=slipped)
+        fit, beside = fitted(model)
     estimate, prediction = fit.estimate, model.predict(fit.state)
     given.progress(0.7, "predicting held-out rests")
     count = min(settings.held_out, len(data.accel_mean) - NEEDED)

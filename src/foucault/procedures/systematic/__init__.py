@@ -16,6 +16,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -28,7 +29,8 @@ from foucault.diagnose import systematic as judge
 from foucault.diagnose import systematic_sequence as recordings
 from foucault.diagnose.comparable import of_site
 from foucault.diagnose.systematic import legs_of
-from foucault.errors import doubting, error
+from foucault.errors import FoucaultError, doubting, error
+from foucault.infer.linear_filter import Shock
 from foucault.models.imu import FULL_EQUATION, SIZE_EQUATION, Gauge
 from foucault.models.layouts import gravity_error, with_references
 from foucault.navigate.increments import Increments
@@ -92,7 +94,9 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
     prior = as_parameters(given.prior, settings)
     progress(0.1, "calibrating")
     log = without_spikes(log)
-    decision = decided(log, site, settings, given.noise, prior, compare=shown)
+    decision = _calmed(
+        log, lambda log: decided(log, site, settings, given.noise, prior, compare=shown)
+    )
     problem, settings, solution, choice = (
         decision.problem, decision.settings, decision.solution, decision.choice
     )  # fmt: skip
@@ -168,6 +172,55 @@ def _solve(log: Log, given: Given[Settings]) -> Result:
         diagnostics=diagnostics,
         tables=tables,
     )
+
+
+PLACES, LONGEST = 3, 5.0
+"""What is left out of rests is so many moments at most [1], none of them longer [s]."""
+
+
+def _calmed(log: Log, decide: Callable[[Log], Decided]) -> Decided:
+    """Leave out moments of rests in which the accelerometers read what was no motion.
+
+    Each parts a rest in two, as one that is seen in the readings does. That is believed only where
+    nothing changes at once without them.
+    """
+    first = now = decide(log)
+    for _ in range(PLACES):
+        at, spans = _knocked(now), now.problem.found.rests.spans
+        time, each = now.problem.increments.time, now.problem.at_rest.interval
+        rests = [(float(time[a]), float(time[b - 1])) for a, b in spans]
+        knocked = next((rest for rest in rests if at is not None and rest[0] < at < rest[1]), None)
+        if at is None or knocked is None:
+            break
+        for k in range(1, round(LONGEST / each / 2) + 1):  # its ends, too
+            begin, end = at - (k + 1) * each, at + k * each
+            parts = [rest for rest in rests if rest != knocked]
+            parts += [rest for rest in ((knocked[0], begin), (end, knocked[1]))
+                      if rest[1] - rest[0] >= now.settings.shortest]  # fmt: skip
+            try:
+                now = decide(replace(log, rests=tuple(sorted(parts))))
+            except FoucaultError:  # too little is left of the first rest
+                return first
+            still = _knocked(now)
+            if still is None or not begin - each <= still <= end + each:
+                break
+    if now is first or any(one.square > one.limit for one in _shifts(now).values()):
+        return first
+    told = [f for f in now.problem.findings if f.code != "rest.said" or log.rests is not None]
+    return replace(now, problem=replace(now.problem, findings=tuple(told)))
+
+
+def _shifts(now: Decided) -> dict[str, Shock]:
+    return judge.shifts_of(now.solution.run, len(now.problem.rests), now.solution.status)
+
+
+def _knocked(now: Decided) -> float | None:
+    """Return when the accelerometers seem to have read for a moment what was no motion [s]."""
+    shifts = _shifts(now)
+    if not shifts or "velocity" not in judge.alike_of(shifts):
+        return None
+    one = shifts["velocity"]
+    return float(now.solution.run.time[one.epoch]) if one.square > one.limit else None
 
 
 def _earth(decision: Decided) -> EarthSeen | None:
