@@ -196,6 +196,7 @@ def test_time_backward_and_repeated(read_text):
         "row 8 of the data (from 0): 0.005 s after 0.07 s, counted from the start; 1 such rows",
         "The logger was restarted, or two logs were put together: keep one part of the file.",
     )  # fmt: skip
+    refused(read_text, cells(8, 0, "-3599.92"), "log.time_backward", "add 3600 s to the times")
     # A stamp that is late by less than an interval is no restart.
     refused(read_text, cells(8, 0, "0.065"), "log.time_backward", 'rate = "100 Hz"')
     newest_first = lines()[::-1]

@@ -102,7 +102,8 @@ def _of_the_system(problem: BaseException) -> FoucaultError | None:
     if isinstance(problem, UnicodeError | OSError) or "null byte" in str(problem):
         name = getattr(problem, "filename", None)
         reason = getattr(problem, "strerror", None) or str(problem) or type(problem).__name__
-        return error("program.file", path=name or "A file that was named", reason=reason)
+        return error("program.file", path=name or "A file that was named",
+                     reason=str(reason).rstrip("."))  # fmt: skip
     return None
 
 

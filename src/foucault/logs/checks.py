@@ -159,6 +159,9 @@ def rate_instead(time: FloatArray, *, shared: bool = False) -> str:
 
 
 RESTARTED = "The logger was restarted, or two logs were put together: keep one part of the file"
+SET_BACK = (
+    "The clock went back by one hour, as where summer time ends: add 3600 s to the times from there on"
+)
 SHARED = "Keep [log.time]: another log or a table is stamped by the same clock"
 
 
@@ -203,8 +206,9 @@ def timing(
         code = "log.time_repeated" if step[row - 1] == 0 else "log.time_backward"
         now, before = (moment(t - zero) for t in (time[row], time[row - 1]))
         jitter = least >= -2.0 * float(np.median(step)) and np.mean(step < 0) < 0.5
+        back = SET_BACK if abs(least + 3600.0) < 1.0 else RESTARTED
         raise error(code, row=row + start, time=now, before=before, count=int(wrong.sum()),
-                    advice=rate_instead(time, shared=shared) if jitter else RESTARTED)  # fmt: skip
+                    advice=rate_instead(time, shared=shared) if jitter else back)  # fmt: skip
     nominal, wide = usual_step(step), gaps(step)
     off = ~wide & (np.abs(step / nominal - 1.0) > IRREGULAR[0])
     found = []

@@ -8,7 +8,7 @@ import mmap
 import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -20,7 +20,9 @@ from foucault.arrays import FloatArray, of_arrow
 from foucault.errors import Finding, error, finding, suggestion
 from foucault.logs.dialect import is_text, not_a_bomb, open_bytes, position
 from foucault.logs.own import ARRAY_KEY, METADATA_KEY
-from foucault.logs.raw import BLOCK_ROWS, PIECE, Progress, RawTable, in_blocks, library, must_fit
+from foucault.logs.raw import (
+    BLOCK_ROWS, PIECE, Progress, RawTable, in_blocks, library, must_exist, must_fit, reading,
+)  # fmt: skip
 from foucault.logs.text import open_delimited
 
 if TYPE_CHECKING:
@@ -354,13 +356,17 @@ def _open_poses(path: Path, description: Any, progress: Progress | None) -> RawT
                     declared={"reading": "w x y z, body to world"})  # fmt: skip
 
 
-def opened_bag(path: Path) -> Any:
+@contextmanager
+def opened_bag(path: Path) -> Iterator[Any]:
     """Open a bag of ROS 1 or ROS 2."""
-    path.stat()  # One that is not there is refused by its name, which the library leaves out.
+    must_exist(path)
     reader = library("rosbags.highlevel", "ros", path)
     types = library("rosbags.typesys", "ros", path)
     usual = types.get_typestore(types.Stores.LATEST)
-    return reader.AnyReader([path], default_typestore=usual)
+    with ExitStack() as stack:
+        with reading(path, "ros"):
+            bag = stack.enter_context(reader.AnyReader([path], default_typestore=usual))
+        yield bag
 
 
 def instruments_of_bag(path: Path) -> list[str]:
