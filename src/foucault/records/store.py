@@ -142,6 +142,7 @@ class Records:
         self, named: Named, references: Sequence[str], again: str
     ) -> tuple[RunAdded, Result]:
         entry = named_entry(named, "")
+        load_result(named.path)  # a table that an audit would name for ever is refused at once
         result = entry.result
         if not entry.instrument:
             raise error("records.unnamed", folder=named.path)
