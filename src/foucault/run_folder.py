@@ -20,13 +20,14 @@ import hashlib
 import io
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from os import PathLike
 from pathlib import Path
+from threading import Event, Lock
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -40,7 +41,6 @@ from foucault.files import (
     parse_json,
     plain_json,
     read_text,
-    sha256,
     unwritable,
 )
 from foucault.result import Result, TableData
@@ -87,6 +87,31 @@ KINDS = {
 }
 
 
+class Later(Mapping[str, Any]):
+    """A document that is made when it is first read: tables are written meanwhile."""
+
+    def __init__(self, make: Callable[[], Mapping[str, Any]]) -> None:
+        self._make, self._lock = make, Lock()
+        self._made: Mapping[str, Any] | None = None
+
+    @property
+    def whole(self) -> Mapping[str, Any]:
+        """All of it; whichever thread asks first makes it, and the others wait."""
+        with self._lock:
+            if self._made is None:
+                self._made = self._make()
+            return self._made
+
+    def __getitem__(self, key: str) -> Any:
+        return self.whole[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.whole)
+
+    def __len__(self) -> int:
+        return len(self.whole)
+
+
 @dataclass(frozen=True)
 class Record:
     """What a folder holds, or is to hold."""
@@ -95,7 +120,8 @@ class Record:
     tables: Mapping[str, TableData]  # name of the table -> column -> values [SI]
     kind: str = ""  # a key of `KINDS`
     units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # of the tables
-    texts: Mapping[str, str] = field(default_factory=dict)  # other files: name -> content
+    # other files: name -> what makes their content
+    texts: Mapping[str, Callable[[], str]] = field(default_factory=dict)
 
     def save(self, folder: str | Path) -> Record:
         """Write it, without its page, whole or not at all; what was of that kind is replaced.
@@ -107,7 +133,7 @@ class Record:
             f"{name}.parquet": partial(_parquet, columns, {c: {"unit": u} for c, u in said.items()})
             for (name, columns), said in zip(self.tables.items(), self.units.values(), strict=True)
         }
-        files |= {name: text.encode() for name, text in self.texts.items()}
+        files |= {name: partial(_text, made) for name, made in self.texts.items()}
         document = _written(Path(folder), self.kind, self.about, files, listed=bool(files))
         return replace(self, about=document)
 
@@ -126,15 +152,19 @@ def refuse_others(folder: str | Path, kind: str) -> None:
 
 def record(
     kind: str, about: Mapping[str, Any], tables: Mapping[str, Columns] | None = None,
-    **texts: str,
+    **texts: Callable[[], str],
 ) -> Record:  # fmt: skip
     """Return what a folder is to hold: its schema is put to `about`, plain values [SI].
 
-    `texts`: other files, name -> content.
+    `texts`: other files, name -> what makes their content.
     """
+
+    def whole() -> dict[str, Any]:
+        return {"schema": KINDS[kind].schema} | {key: plain_json(about[key]) for key in about}
+
     given = (tables or {}).items()
     return Record(
-        {"schema": KINDS[kind].schema} | {key: plain_json(value) for key, value in about.items()},
+        Later(whole) if isinstance(about, Later) else whole(),
         {name: {c: _column(v) for c, (v, _) in columns.items()} for name, columns in given},
         kind,
         {name: {c: unit for c, (_, unit) in columns.items()} for name, columns in given},
@@ -318,16 +348,20 @@ def _written(
             parent.mkdir(parents=True, exist_ok=True)
         with ExitStack() as stack:  # closed in reverse order, once everything is on the disk
             document = stack.enter_context(atomic(folder / name))
-            pool = stack.enter_context(ThreadPoolExecutor(1))
+            pool = stack.enter_context(ThreadPoolExecutor(2))
             words = pool.submit(_json, doc)  # as long as the tables need the disk
             for file, data in files.items():
-                there = stack.enter_context(atomic(folder / file))
-                if isinstance(data, bytes):
-                    there.write_bytes(data)
-                else:
-                    data(there)
-                if listed:
-                    digests[file] = sha256(there)
+                there, ended = stack.enter_context(atomic(folder / file)), Event()
+                digest = pool.submit(_followed, there, ended) if listed else None
+                try:
+                    if isinstance(data, bytes):
+                        there.write_bytes(data)
+                    else:
+                        data(there)
+                finally:
+                    ended.set()
+                if digest is not None:
+                    digests[file] = digest.result()
             text = words.result()
             if listed:
                 text = f"{text[:-2]},{_json({'files': digests})[1:]}"
@@ -348,6 +382,23 @@ def _written(
     return doc
 
 
+def _followed(path: Path, ended: Event) -> str:
+    """Return the SHA-256 of a file that grows until its writing has `ended`."""
+    digest = hashlib.sha256()
+    with path.open("rb") as stream:
+        while True:
+            last = ended.is_set()
+            for block in iter(partial(stream.read, 1 << 20), b""):
+                digest.update(block)
+            if last:
+                return digest.hexdigest()
+            ended.wait(0.01)
+
+
+def _text(made: Callable[[], str], where: Path) -> None:
+    where.write_bytes(made().encode())
+
+
 def _json(doc: Mapping[str, Any]) -> str:
     """Return a document as text: line by line, but for long lists, of which each item has one."""
     plain = partial(json.dumps, allow_nan=False, ensure_ascii=False)
@@ -365,7 +416,7 @@ LONG = 100
 """A list of more items [1] has one on each line."""
 
 
-GROUP = 1 << 17
+GROUP = 1 << 15
 """Rows of a Parquet file that are written at once: memory holds no more of them twice [1]."""
 
 PIECE = 1 << 14

@@ -15,7 +15,9 @@ def fitted(form, design, variance, slow, known):
     g, k, p = max(len(design), len(variance), len(slow)), *design.shape[1:]
     out = np.empty((g, p, k)), np.empty((g, k, k)), np.empty((g, k)), np.empty(g, np.int64)
     unseen = np.empty(g)
-    kernel(form, module, "fit_batch")(design, variance, slow, known, *out, unseen)
+    none = np.empty((0, k))
+    kernel(form, module, "fit_batch")(design, variance, slow, known, *out, unseen, none, none, none,
+                                      0.0, none[:, :p], none, none, none, unseen)  # fmt: skip
     missing = np.eye(p)[:2, :2] - out[0][:, :2] @ design[:, :, :2]
     np.testing.assert_allclose(unseen, np.square(missing).sum(axis=(1, 2)), atol=1e-12)
     return out
@@ -75,8 +77,8 @@ def test_what_readings_say_is_what_their_weights_make_of_them(form, alike, index
     red, dof, unseen = np.empty((own, k)), np.empty(own, np.int64), np.empty(own)
     unknowns, square = np.empty((g, p)), np.empty(g)
     expected, residuals, white = np.empty((3, g, k))
-    kernel(form, module, "seen_batch")(
-        X, v, S, known, x, cosine, sine, index_sd, weights, root, red, dof, unseen, unknowns,
+    kernel(form, module, "fit_batch")(
+        X, v, S, known, weights, root, red, dof, unseen, x, cosine, sine, index_sd, unknowns,
         expected, residuals, white, square,
     )  # fmt: skip
     for i in range(g):

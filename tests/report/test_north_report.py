@@ -151,7 +151,7 @@ def test_what_all_set_ups_share_is_said_once(tmp_path):
 
 
 def test_a_rounded_zero_has_no_sign(one):
-    north_json = json.loads(json.dumps(one.about))
+    north_json = json.loads(json.dumps(dict(one.about)))
     north_json["setups"][0]["roll"] |= {"value": -1e-9, "sd": 1e-6}
     assert Setup(replace(one, about=north_json), 0).text("roll").strip("0.") == ""
 

@@ -313,7 +313,7 @@ def _save(
         "provenance": made,
     }  # fmt: skip
     run_folder.record(
-        "fleet", document, {"fleet": table.columns()}, **{run_folder.CAMPAIGN_FILE: text}
+        "fleet", document, {"fleet": table.columns()}, **{run_folder.CAMPAIGN_FILE: lambda: text}
     ).save(folder)
 
 

@@ -154,10 +154,10 @@ def record(survey: Survey) -> Record:
     """Return what the folder of a survey keeps."""
     kept = _kept(survey)
     whole = survey.again(kept)
-    about = run_folder.record("north", _document(survey, kept, whole.fixes)).about
-    tables = {"dwells": _dwells(survey, kept, whole.pairs), "fixes": _fixes(survey, kept, about)}
-    made = run_folder.record("north", {}, tables, **{"fixes.csv": _csv(about)})
-    return replace(made, about=about)
+    about = run_folder.Later(lambda: _document(survey, kept, whole.fixes))
+    tables = {"dwells": _dwells(survey, kept, whole.pairs), "fixes": _fixes(survey, kept)}
+    made = run_folder.record("north", about, tables)
+    return replace(made, texts={"fixes.csv": lambda: _csv(made.about)})
 
 
 def _kept(survey: Survey) -> IntArray:
@@ -364,7 +364,7 @@ def _offset(left: FloatArray, sd: FloatArray, setup: npt.NDArray[np.int64]) -> F
     return np.asarray((np.bincount(setup, weight * left) / np.bincount(setup, weight))[setup])
 
 
-def _fixes(survey: Survey, kept: IntArray, about: Mapping[str, Any]) -> Columns:
+def _fixes(survey: Survey, kept: IntArray) -> Columns:
     """Return a row per set-up in SI; what is to know of it in words where it is `kept`."""
     f, d, m = survey.fixes, survey.dwells, len(survey)
     out: Columns = {"setup": (d.names, "")}
@@ -382,7 +382,7 @@ def _fixes(survey: Survey, kept: IntArray, about: Mapping[str, Any]) -> Columns:
         out[f"heading_sd.{source}"] = (_of_heading(part), "rad")
     which = np.zeros(m, np.int64)
     which[kept] = 1 + np.arange(len(kept))
-    words = Names(to_arrow(["", *(row["warnings"] for row in about["setups"])]))
+    words = Names(to_arrow(["", *(_warnings(survey, i) for i in kept.tolist())]))
     levels = Names(to_arrow([str(level) for level in Level]))
     return out | {
         "reference_heading": (d.heading, "rad"),

@@ -152,8 +152,7 @@ def show(
             read = compared(records, found)
             if read is None:
                 raise error("records.one", name=found.instrument, count=len(found.counted))
-            page = kept(comparison.record(read), output)
-            written(output, "comparison", *page.held)
+            kept(comparison.record(read), output)
     _say(screen, found, issued)
     if output is not None:
         screen.say(f"Report: {output / 'report.html'}")

@@ -52,7 +52,7 @@ from foucault.infer.linear_filter import Shock, stepped
 from foucault.models.deflection import DeflectionModel
 from foucault.models.earth import Site
 from foucault.navigate.increments import Increments
-from foucault.navigate.ins_filter import EarthSeen, FilterRun, Updates, adjoint, run, smooth
+from foucault.navigate.ins_filter import EarthSeen, FilterRun, Updates, run, smooth
 from foucault.navigate.strapdown import State, navigate
 from foucault.result import Check
 from foucault.tables import AXES
@@ -191,7 +191,7 @@ class Evidence:
         ways |= {"attitude": [0, 1, 2], "velocity": [3, 4, 5]}
         some = {g: np.array(at) for g, at in ways.items() if at}
         times = 2 * len(self.rests)  # of what stays, a rest tells little more than once
-        return stepped(*adjoint(self.run), some, times=times, false_alarm=EACH)
+        return stepped(*self.run.adjoint, some, times=times, false_alarm=EACH)
 
 
 def checks(e: Evidence) -> tuple[Check, ...]:

@@ -550,17 +550,6 @@ def smoothed(
     return Smoothed(x[:, :9], absorbed, following, states)
 
 
-def motion_of(
-    r: Readings, at: Point, noise: Noise, hold: IntArray, spread: bool = False
-) -> Smoothed:
-    """Return the motion's step, the parameters known.
-
-    `hold` (k,): numbers of parameters that are not estimated [1]; `spread`: see `smoothed`.
-    """
-    about = linear(r, at, hold, motion=True)
-    return smoothed(about, _fed(r, about, noise)[1], np.zeros(0), spread)
-
-
 def of_noise(
     r: Readings, at: Point, p: Pass, noise: Noise, hold: IntArray, room: Room
 ) -> FloatArray:
@@ -569,7 +558,8 @@ def of_noise(
     `hold` (k,): numbers of parameters that are not estimated [1].
     """
     again = r.noisy(noise, np.random.default_rng(0))
-    x = motion_of(again, at, noise, hold).x
+    about = linear(again, at, hold, motion=True)
+    x = smoothed(about, _fed(again, about, noise)[1], np.zeros(0)).x
     off = one_pass(again, at.moved(np.zeros(32), x), noise, hold, room=room).rows - p.rows
     return np.asarray(off.T @ off)
 
@@ -581,6 +571,7 @@ class Solution:
     readings: Readings
     point: Point
     last: Pass
+    step: FloatArray  # (32,) of the parameters, from where the last pass is linear [SI]
     made: FloatArray  # (32, 32) information that noise makes by itself [1 / SI^2]
     noise: Noise
     cov: FloatArray  # (32, 32) as it is stated [SI]
@@ -664,7 +655,7 @@ def solve(
         if settled and told:
             break
         if settled and again:
-            noise = _decided(r, at, noise, sd, robust=robust, hold=hold)
+            noise = _decided(r, about, noise, sd, robust=robust)
         told = told or settled
     if not settled or noise is not p.noise:
         p, delta = eliminated(r, about, noise, room), np.zeros(32)
@@ -736,15 +727,13 @@ def _on_nodes(r: Readings, at: Point) -> Point:
 
 
 def _decided(
-    r: Readings, at: Point, noise: Noise, sd: tuple[float | None, float | None], *, robust: bool,
-    hold: IntArray,
-) -> Noise:  # fmt: skip
+    r: Readings, about: Linear, noise: Noise, sd: tuple[float | None, float | None], *, robust: bool
+) -> Noise:
     """Find the noise of the poses again until it stays, about a point that does."""
-    left = misses(r, at)
     for _ in range(AGAIN):
         before = noise
-        motion = motion_of(r, at, noise, hold, spread=True)
-        noise = _weighed(r, left, motion, noise, sd, student=False, robust=robust, colour=True)
+        motion = smoothed(about, _fed(r, about, noise)[1], np.zeros(0), spread=True)
+        noise = _weighed(r, about.z, motion, noise, sd, student=False, robust=robust, colour=True)
         now, last = (np.array([n.attitude, n.position, *1 - np.array(n.stays)])
                      for n in (noise, before))  # fmt: skip
         if (np.abs(now - last) < ALIKE * last).all():
@@ -849,8 +838,8 @@ def _stated(
     cov = J @ (scaled * np.outer(held, held)) @ J.T + np.outer(of_gravity, of_gravity)
     cov = cov if r.second is not None else _without_circles(cov, at.lever_b, prior_sd)
     lag = [noise.stays[k] or _lag_one(left[:, 3 * k : 3 * k + 3], p.used[:, 3 * k]) for k in (0, 1)]
-    return Solution(r, at, replace(p, nu=left), made, noise, cov, J @ formal @ J.T, of_gravity,
-                    spread, halves, (lag[0], lag[1]), passes, settled, prior_sd,
+    return Solution(r, at, replace(p, nu=left), delta, made, noise, cov, J @ formal @ J.T,
+                    of_gravity, spread, halves, (lag[0], lag[1]), passes, settled, prior_sd,
                     hold)  # fmt: skip
 
 
@@ -882,17 +871,19 @@ def changes(s: Solution) -> dict[str, Change]:
         groups.setdefault(bodies.group_of(r.names[i]), []).append(i)
     out = bodies.changes(begin, scores, information, prior_sd, groups)
     # All that follows a pose says of its state what smoothing adds to the filter.
-    x, P, after, cov = s.last.smoothed(np.zeros(32), spread=True).states
+    x, P, whole, cov = s.last.smoothed(np.zeros(32), spread=True).states
     inverse = np.linalg.inv(P)
     own = (inverse @ (P - cov) @ inverse)[:-1, :9, :9]
-    told = np.einsum("kij,kj->ki", inverse, after - x)[:-1, :9]
+    told = np.einsum("kij,kj->ki", inverse, whole - x)[:-1, :9]
     shock = likeliest(own, told, ways=len(out) + 1)
-    later = np.arange(len(r.stamp)) > shock.epoch
-    apart = one_pass(replace(r, jumped=r.jumped + later), s.point, s.noise, hold)
-    moved, scores, information = of(apart)
+    about, after = s.last.about, shock.epoch + 1
+    u, Q = about.u.copy(), about.Q.copy()
+    u[after], Q[after] = 0.0, np.diag(START_SD**2)
+    apart = eliminated(r, replace(about, u=u, Q=Q), s.noise)
+    moved, scores, information = of(replace(apart, nu=apart.left(s.step)))
     P = np.linalg.inv(information.sum(axis=0) + np.diag(prior_sd**-2.0))
     spread = bodies.scatter(bodies.wider(begin, scores), P, P, prior_sd)[2]
-    out["motion"] = Change(float(r.stamp[shock.epoch + 1]), shock, moved[None], spread)
+    out["motion"] = Change(float(r.stamp[after]), shock, moved[None], spread)
     J = s.point.of_values()
     return {name: replace(x, moved=x.moved @ J.T) for name, x in out.items()}
 

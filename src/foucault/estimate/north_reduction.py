@@ -435,29 +435,12 @@ def _twice(x: FloatArray) -> FloatArray:
     return np.asarray(both.reshape(len(x), 2 * x.shape[1], -1))
 
 
-def _fit(
-    design: FloatArray, sd: FloatArray, d: Dwells, noise: TriadNoise, size: float, own: int = 0
-) -> _Fit:
+def _fit(design: FloatArray, sd: FloatArray, d: Dwells, noise: TriadNoise, size: float) -> _Fit:
     """Weigh readings for unknowns with prior standard deviations `sd`, by least squares.
 
-    `d`: stops of all, or of each; `own`: rows of a fit that something else tells apart, which has
-    not been made then [1].
+    `d`: stops of all, or of each.
     """
-    from foucault.kernels.means import fit_batch
-
-    k = d.time.shape[1]
-    white = mean_variance(replace(noise, bias_instability=0.0, random_walk=0.0), d.time, d.interval)
-    begin = d.start - d.start.min(axis=1, keepdims=True)
-    slow = np.zeros((1, k, k))
-    if noise.bias_instability or noise.random_walk:
-        slow = window_covariance(begin, begin + d.time, noise)
-    white, design = np.ascontiguousarray(white), np.ascontiguousarray(design)
-    g, p = max(len(white), len(design), len(slow), own), design.shape[2]
-    weights, root, redundancy = np.empty((g, p, k)), np.empty((g, k, k)), np.empty((g, k))
-    dof, unseen = np.empty(g, np.int64), np.empty(g)
-    if not own:
-        fit_batch(design, white, slow, _known(sd, size), weights, root, redundancy, dof, unseen)
-    return _Fit(weights, design, root, white, slow, redundancy, dof, unseen)
+    return _seen(design, sd, d, noise, size, np.zeros((0, d.time.shape[1])), 0.0)[0]
 
 
 def _known(sd: FloatArray, size: float) -> FloatArray:
@@ -480,16 +463,24 @@ def _seen(
 
     `index_sd`: of every index angle: it makes a reading less certain by what the rates are [rad].
     """
-    from foucault.kernels.means import seen_batch
+    from foucault.kernels.means import fit_batch
 
-    g, k = x.shape
-    fit = _fit(design, sd, d, noise, size, own=g if index_sd else 1)
-    expected, residuals, white = np.empty((3, g, k))
-    said = _Seen(np.empty((g, len(sd))), expected, residuals, white, np.empty(g))
-    seen_batch(
-        fit.design, fit.white, fit.slow, _known(sd, size), np.ascontiguousarray(x), d.cosine,
-        d.sine, index_sd, fit.weights, fit.root, fit.redundancy, fit.dof, fit.unseen, said.unknowns,
-        said.expected, said.residuals, said.white, said.square,
+    many, k = x.shape
+    white = mean_variance(replace(noise, bias_instability=0.0, random_walk=0.0), d.time, d.interval)
+    begin = d.start - d.start.min(axis=1, keepdims=True)
+    slow = np.zeros((1, k, k))
+    if noise.bias_instability or noise.random_walk:
+        slow = window_covariance(begin, begin + d.time, noise)
+    white, design = np.ascontiguousarray(white), np.ascontiguousarray(design)
+    g, p = max(len(white), len(design), len(slow), many if index_sd else 1), design.shape[2]
+    weights, root, redundancy = np.empty((g, p, k)), np.empty((g, k, k)), np.empty((g, k))
+    fit = _Fit(weights, design, root, white, slow, redundancy, np.empty(g, np.int64), np.empty(g))
+    expected, residuals, left = np.empty((3, many, k))
+    said = _Seen(np.empty((many, p)), expected, residuals, left, np.empty(many))
+    fit_batch(
+        design, white, slow, _known(sd, size), weights, root, redundancy, fit.dof, fit.unseen,
+        np.ascontiguousarray(x), d.cosine, d.sine, index_sd, said.unknowns, expected, residuals,
+        left, said.square,
     )  # fmt: skip
     return fit, said
 

@@ -33,6 +33,13 @@ ROOT = Path(__file__).resolve().parents[2]
 NORTH = "north"
 """What finds north of set-ups, in the table beside the procedures."""
 
+LATER = (
+    "scipy.optimize", "scipy.special", "scipy.fft", "scipy.linalg", "pyarrow.parquet",
+    "rich.console", "rich.table", "jinja2", "foucault.result_document", "foucault.report",
+    "foucault.report.evidence", "foucault.report.seen", "foucault.report.still",
+)  # fmt: skip
+"""What every calibration loads after its log: there is time for it while others compile."""
+
 _begun: dict[str, list[subprocess.Popen[bytes]]] = {}
 
 
@@ -100,6 +107,8 @@ def compiling(procedure: str, tell: Callable[[float, str], None]) -> Iterator[No
         yield
         if started:
             tell(1.0, "compiling, this first time only")
+            for module in LATER:
+                importlib.import_module(module)
         for process in started:
             process.wait()
     finally:

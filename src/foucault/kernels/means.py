@@ -26,77 +26,59 @@ SWEEPS = 30
 
 
 @kernel
-def fit_batch(design, variance, slow, known, weights, root, redundancy, dof, unseen):
-    """Weigh k readings for p unknowns, g times.
+def fit_batch(
+    design, variance, slow, known, weights, root, redundancy, dof, unseen, x, cosine, sine,
+    index_sd, unknowns, expected, residuals, white, square,
+):  # fmt: skip
+    """Weigh k readings for p unknowns, g times, with wrong index angles; look at what they say.
 
     Parameters: design (g, k, p) [1]; variance (g, k) of each reading by itself, slow (g, k, k)
     covariance of what ties them together [unit^2]; known (p,) one over the variance that an unknown
-    has before [1/unit^2]. What all share has one row.
+    has before [1/unit^2]; x (g, k) readings [unit], none where they are weighed alone; cosine, sine
+    (g, k) of the index angle [1], index_sd of it, 0 for none [rad]: it moves a reading by what the
+    first two unknowns, along sine and cosine, are without it. What all share has one row.
 
     Fills weights (g, p, k) [1]; root (g, k, k) L, one over its diagonal there [unit]; redundancy
     (g, k) [1]; dof (g,) readings that are not spent; unseen (g,) the sum of squares of what is
     missing to the first two unknowns in ``W X`` [1]. NaN where there is no L.
+    Of readings: unknowns (g, p), expected (g, k) [unit]; residuals (g, k) over their sd, NaN where
+    nothing controls them, white (g, k) residuals [1]; square (g,) the sum of their squares [1].
     """
     k, p = design.shape[1], design.shape[2]
-    lanes = _lanes(k, len(weights))
-    X, v, C, W = _room(k, p, lanes)
-    L, J, N = np.empty((k, k, lanes)), np.empty((k, p, lanes)), np.empty((p, p, lanes))
-    red, x = np.empty((k, lanes)), np.empty((p + 2, lanes))
-    for first in range(0, len(weights), lanes):
-        n = min(lanes, len(weights) - first)
-        _take(design, variance, slow, first, n, X, v, C)
-        _weigh(X, v, C, known, n, W, L, red, dof[first : first + n], unseen[first : first + n], J,
-               N, x)  # fmt: skip
-        _give(W, L, red, n, weights, root, redundancy, first)
-
-
-@kernel
-def seen_batch(
-    design, variance, slow, known, x, cosine, sine, index_sd, weights, root, redundancy, dof,
-    unseen, unknowns, expected, residuals, white, square,
-):  # fmt: skip
-    """Weigh readings as `fit_batch` does, with wrong index angles, and look at what they say.
-
-    Parameters: x (g, k) readings [unit]; cosine, sine (g, k) of the index angle [1], index_sd of
-    it, 0 for none [rad]: it moves a reading by what the first two unknowns, along sine and cosine,
-    are without it.
-
-    Fills, beside what `fit_batch` does, unknowns (g, p), expected (g, k) readings [unit]; residuals
-    (g, k) over their sd, NaN where nothing controls them, white (g, k) residuals [1]; square (g,)
-    the sum of their squares [1].
-    """
-    k, p = design.shape[1], design.shape[2]
-    lanes = _lanes(k, len(x))
+    many = max(len(weights), len(x))
+    lanes = _lanes(k, many)
     X, v, C, W = _room(k, p, lanes)
     L, J, N = np.empty((k, k, lanes)), np.empty((k, p, lanes)), np.empty((p, p, lanes))
     red, room = np.empty((k, lanes)), np.empty((p + 2, lanes))
     y, z, u = np.empty((k, lanes)), np.empty((k, lanes)), np.empty((p, lanes))
-    spare, none = np.empty(lanes, np.int64), np.empty(lanes)
-    for first in range(0, len(x), lanes):
-        n = min(lanes, len(x) - first)
-        for j in range(n):
+    total = np.empty(lanes)
+    for first in range(0, many, lanes):
+        n = min(lanes, many - first)
+        for j in range(min(n, len(x))):
             for a in range(k):
                 y[a, j] = x[first + j, a]
         if len(weights) > 1 or first == 0:
             m = n if len(weights) > 1 else 1
             _take(design, variance, slow, first, m, X, v, C)
-            if index_sd > 0.0:
-                _weigh(X, v, C, known, m, W, L, red, spare, none, J, N, room)
-                _times(W, y, n, u)
-                for a in range(k):
-                    for j in range(n):
-                        i = first + j
-                        c = cosine[i if len(cosine) > 1 else 0, a]
-                        s = sine[i if len(sine) > 1 else 0, a]
-                        v[a, j] += (index_sd * (u[0, j] * c - u[1, j] * s)) ** 2
-            _weigh(X, v, C, known, m, W, L, red, dof[first : first + m],
-                   unseen[first : first + m], J, N, room)  # fmt: skip
+            for again in range(1 if index_sd > 0.0 else 0, -1, -1):
+                _weigh(X, v, C, known, m, W, L, red, dof[first : first + m],
+                       unseen[first : first + m], J, N, room)  # fmt: skip
+                if again:
+                    _times(W, y, n, u)
+                    for a in range(k):
+                        for j in range(n):
+                            i = first + j
+                            c = cosine[i if len(cosine) > 1 else 0, a]
+                            s = sine[i if len(sine) > 1 else 0, a]
+                            v[a, j] += (index_sd * (u[0, j] * c - u[1, j] * s)) ** 2
             _give(W, L, red, m, weights, root, redundancy, first)
             if m < lanes and len(weights) == 1:
                 _spread(X, W, L, red, lanes)
+        if len(x) == 0:
+            continue
         _times(W, y, n, u)
         for j in range(n):
-            none[j] = 0.0
+            total[j] = 0.0
         for a in range(k):
             for j in range(n):
                 z[a, j] = 0.0
@@ -111,13 +93,13 @@ def seen_batch(
                     z[a, j] -= L[a, c, j] * z[c, j]
             for j in range(n):
                 z[a, j] *= L[a, a, j]
-                none[j] += z[a, j] * z[a, j]
+                total[j] += z[a, j] * z[a, j]
             for j in range(n):
                 white[first + j, a] = z[a, j]
                 seen = z[a, j] / math.sqrt(red[a, j]) if red[a, j] > 1e-6 else np.nan
                 residuals[first + j, a] = seen
         for j in range(n):
-            square[first + j] = none[j]
+            square[first + j] = total[j]
             for b in range(p):
                 unknowns[first + j, b] = u[b, j]
 

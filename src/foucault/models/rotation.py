@@ -76,16 +76,16 @@ def log(C: FloatArray) -> FloatArray:
     Goes through the quaternion of largest pivot, so that it is accurate at all angles.
     """
     trace = np.trace(C, axis1=-2, axis2=-1)
-    upper = C - np.swapaxes(C, -1, -2)
-    q = np.stack([1 + trace, upper[..., 2, 1], upper[..., 0, 2], upper[..., 1, 0]], -1)
+    q = np.empty((*trace.shape, 4))
+    q[..., 0] = 1 + trace
+    for k, (i, j) in enumerate(((2, 1), (0, 2), (1, 0)), 1):
+        q[..., k] = C[..., i, j] - C[..., j, i]
     if np.any(trace < 0):  # the scalar part is the pivot up to 120 deg
         q = _by_pivot(C, trace, q)
-    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-    half = np.arctan2(sine, q[..., :1])
-    small = sine < 1e-12 * q[..., :1]
-    return np.asarray(
-        q[..., 1:] * (2 * np.where(small, 1.0, half) / np.where(small, q[..., :1], sine))
-    )
+    w, v = q[..., :1], q[..., 1:]
+    sine = np.sqrt(np.einsum("...i,...i->...", v, v))[..., None]
+    small = sine < 1e-12 * w
+    return v * (2 * np.where(small, 1.0, np.arctan2(sine, w)) / np.where(small, w, sine))
 
 
 def _by_pivot(C: FloatArray, trace: FloatArray, scalar: FloatArray) -> FloatArray:

@@ -32,7 +32,7 @@ from foucault.navigate.inertial_frame import (
     inertial_frame,
     known_latitude,
 )
-from foucault.navigate.ins_filter import FilterRun, Updates, adjoint, run, start_cov
+from foucault.navigate.ins_filter import FilterRun, Updates, run, start_cov
 from foucault.navigate.strapdown import State
 from foucault.units import plain
 
@@ -192,7 +192,7 @@ def _fine(
     )
     late = slice(SETTLING, None)
     C_nb = found.trajectory.C_nb[-1]
-    lam, adj = adjoint(found)
+    lam, adj = found.adjoint
     ways = {name: model.states.group(name) for name in BIASES}
     steps = {
         name: (one, float(found.time[late][one.epoch]))

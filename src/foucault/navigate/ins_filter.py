@@ -4,14 +4,13 @@ Zero velocity, given velocities, positions and heights are measurements; everyth
 back at once, so that the errors stay small and the equations of `models.ins_errors` linear. The
 recursion is `kernels.ins_filter`.
 
-The Rauch-Tung-Striebel smoother of an error-state filter that feeds its errors back.
+The smoother, modified Bryson-Frazier form, of an error-state filter that feeds its errors back.
 
-With F the transition from one epoch to the next, P- and P+ the covariances before and after each
-update, X what the update fed back, and c what is still wrong with the states of the filter as seen
-from the end (zero at the last epoch)::
+With F the transition from one epoch to the next, P the covariance after an update, and lambda and
+Lambda what all later measurements say of the next epoch (`linear_smoother`), what is still wrong
+with the states of the filter as seen from the end, and the covariance then, are::
 
-    G_k = P+_k F' (P-_k+1)^-1
-    c_k = G_k (c_k+1 + X_k+1),      P_k = P+_k + G_k (P_k+1 - P-_k+1) G_k'
+    c_k = -P_k F' lambda_k+1,      P_k - P_k F' Lambda_k+1 F P_k
 
 because the filter expects no error once it has fed it back.
 
@@ -19,8 +18,8 @@ References
 ----------
 .. [1] P. D. Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation
    Systems*, 2nd ed., 2013, sections 14.2 and 15.2 (error-state filter, zero-velocity updates).
-.. [2] H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic
-   systems", *AIAA Journal* 3 (1965) 1445-1450.
+.. [2] G. J. Bierman, "Fixed interval smoothing with discrete measurements", *International Journal
+   of Control* 18 (1973) 65-75.
 
 What errors do to a run without measurements: responses, and the covariance that grows.
 
@@ -175,6 +174,36 @@ class FilterRun:
             )
             for k, (a, b) in enumerate(pairwise([0, *self.begins, len(self.time)]))
         ]  # fmt: skip
+
+    @cached_property
+    def passed(self) -> FloatArray:
+        """How errors go from one epoch to the next, (m, n, n), of a run made with ``keep=True``.
+
+        Between recordings navigation and what wanders begin anew [SI].
+        """
+        m, n = self.sd.shape
+        if len(self.transitions) != m:
+            raise ValueError("a run to be smoothed must be made with keep=True")
+        Phi = np.tile(np.eye(n), (m, 1, 1))
+        Phi[:, :9] = self.transitions
+        Phi[1:, 9:, 9:] *= np.exp(-np.diff(self.time)[:, None, None] * self.decay)
+        for begin in self.begins:
+            Phi[begin, :9, :9] = 0.0
+            Phi[begin, 9:, 9:] *= self.decay == 0
+        return Phi
+
+    @cached_property
+    def adjoint(self) -> tuple[FloatArray, FloatArray]:
+        """lambda (m, n) and Lambda (m, n, n) of `linear_smoother`, of a run that was kept [SI]."""
+        Phi, n = self.passed, self.sd.shape[1]
+        P, R = self.before[:, 3:9, 3:9].copy(), np.zeros_like(self.innovation)
+        for r in range(R.shape[1]):
+            S, taken = self.variance[:, r], np.isfinite(self.innovation[:, r])
+            R[:, r] = S - P[:, r, r]
+            P -= np.where(taken, 1 / S, 0.0)[:, None, None] * P[:, :, r, None] * P[:, r, None, :]
+        H = np.tile(np.eye(n)[3:9], (len(R), 1, 1))
+        lam, adj = linear_smoother(Phi, H, R, self.innovation, self.before, True)[:2]
+        return lam, adj
 
     @property
     def layout(self) -> Layout:
@@ -400,75 +429,14 @@ class Smoothed:
 
 def smooth(found: FilterRun) -> Smoothed:
     """Smooth a run of `navigate.ins_filter.run` made with ``keep=True``."""
-    m, n = found.sd.shape
-    if len(found.transitions) != m:
-        raise ValueError("a run to be smoothed must be made with keep=True")
-    c = np.zeros((m, n))
-    cov = found.after.copy()
-    kept = np.exp(-np.diff(found.time)[:, None] * found.decay)
-    forgotten = np.ones(m)
-    for begin in found.begins:
-        kept[begin - 1], forgotten[begin] = found.decay == 0, 0.0
-    size = np.sqrt(np.diagonal(found.before, axis1=1, axis2=2))
-    for k in range(m - 2, -1, -1):
-        before, after, F = found.before[k + 1], found.after[k], found.transitions[k + 1]
-        # What is constant is before the epoch what it is after it: its rows of the gain are (0 I).
-        still = np.diagonal(before) == np.diagonal(after)
-        still[:9] = False
-        rows = np.flatnonzero(~still)
-        # P+ F', of whose rows those of the coefficients are diagonal.
-        A = np.hstack([forgotten[k + 1] * (after[rows] @ F.T), after[rows, 9:] * kept[k]])
-        G = _divided(A, before, size[k + 1])
-        c[k] = c[k + 1] + found.corrections[k + 1]
-        c[k, rows] = G @ c[k]
-        # Of its rows those of what moves; then G D G'.
-        D = cov[k + 1] - before
-        across = G @ D
-        D[rows], D[:, rows] = across, across.T
-        D[np.ix_(rows, rows)] = across @ G.T
-        cov[k] += D
+    Phi, (lam, adj) = found.passed[1:], found.adjoint
+    P, cov = found.after[:-1], found.after.copy()
+    c = np.zeros(found.sd.shape)
+    c[:-1] = -np.einsum("kij,klj,kl->ki", P, Phi, lam[1:], optimize=True)
+    through = Phi @ P
+    cov[:-1] -= through.swapaxes(1, 2) @ adj[1:] @ through
     states = corrected(found.trajectory.history, c)
     return Smoothed(Trajectory(found.time, states), found.coefficients + c[:, 9:], cov)
-
-
-def adjoint(found: FilterRun) -> tuple[FloatArray, FloatArray]:
-    """Return lambda (m, n) and Lambda (m, n, n) of `linear_smoother` of a run that was kept [SI].
-
-    Between recordings navigation and what wanders begin anew.
-    """
-    m, n = found.sd.shape
-    Phi = np.tile(np.eye(n), (m, 1, 1))
-    Phi[:, :9] = found.transitions
-    Phi[1:, 9:, 9:] *= np.exp(-np.diff(found.time)[:, None, None] * found.decay)
-    for begin in found.begins:
-        Phi[begin, :9, :9] = 0.0
-        Phi[begin, 9:, 9:] *= found.decay == 0
-    P, R = found.before[:, 3:9, 3:9].copy(), np.zeros((m, 6))
-    for r in range(6):
-        S, taken = found.variance[:, r], np.isfinite(found.innovation[:, r])
-        R[:, r] = S - P[:, r, r]
-        P -= np.where(taken, 1 / S, 0.0)[:, None, None] * P[:, :, r, None] * P[:, r, None, :]
-    H = np.tile(np.eye(n)[3:9], (m, 1, 1))
-    lam, adj = linear_smoother(Phi, H, R, found.innovation, found.before, True)[:2]
-    return lam, adj
-
-
-def _divided(A: FloatArray, P: FloatArray, size: FloatArray) -> FloatArray:
-    """Return A P^-1 for a covariance whose states have units of very different size."""
-    from scipy.linalg import pinvh
-    from scipy.linalg.lapack import dposv
-
-    if not size.all():  # what is known exactly needs no correction
-        seen = size > 0
-        out = np.zeros_like(A)
-        out[:, seen] = _divided(A[:, seen], P[np.ix_(seen, seen)], size[seen])
-        return out
-    R, rows = P / np.outer(size, size), A / size
-    # Once for every epoch: LAPACK itself takes half of the time of `scipy.linalg.cho_solve`.
-    _, x, info = dposv(R, rows.T, lower=1)
-    if info != 0:  # without noise some combination is known to rounding
-        x = pinvh(R, rtol=1e-12) @ rows.T
-    return np.asarray(x.T / size)
 
 
 def free_run(

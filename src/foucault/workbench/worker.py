@@ -19,6 +19,7 @@ from importlib import import_module
 from pathlib import Path
 
 from foucault.errors import error
+from foucault.kernels.ahead import LATER
 from foucault.workbench.store import Job, Number, Store, hold
 
 Tell = Callable[[float, str], None]
@@ -41,12 +42,11 @@ LONGEST = 1 << 20
 """What a job says is kept up to here [byte]."""
 
 _FIRST = (
-    "scipy.optimize", "scipy.signal", "scipy.stats", "scipy.linalg", "pandas", "pyarrow.csv",
-    "pyarrow.parquet", "foucault.campaign.recognised", "foucault.campaign.running",
+    *LATER, "scipy.signal", "scipy.stats", "pandas", "pyarrow.csv",
+    "foucault.campaign.recognised", "foucault.campaign.running",
     "foucault.procedures.hand_rotated", "foucault.diagnose.live", "foucault.report.calibration",
-    "foucault.report.noise", "foucault.report.still", "foucault.workbench.look",
-    "foucault.campaign.vehicle", "foucault.report.evidence", "foucault.report.uncertainty",
-    "foucault.report.seen", "foucault.result_document", "rich.console", "rich.table",
+    "foucault.report.noise", "foucault.report.uncertainty", "foucault.workbench.look",
+    "foucault.campaign.vehicle",
 )  # fmt: skip
 """What most jobs load."""
 

@@ -16,14 +16,14 @@
     if (on && !audio) audio = new AudioContext();
     if (on) { audio.resume(); beep(660); }
   });
-  const beep = (pitch) => {
+  const beep = (pitch, later = 0) => {
     if (!audio || at("sound").getAttribute("aria-pressed") !== "true") return;
-    const tone = audio.createOscillator(), loud = audio.createGain();
+    const tone = audio.createOscillator(), loud = audio.createGain(), start = audio.currentTime + later;
     tone.frequency.value = pitch;
-    loud.gain.setValueAtTime(0.3, audio.currentTime);
-    loud.gain.exponentialRampToValueAtTime(0.001, audio.currentTime + 0.45);
+    loud.gain.setValueAtTime(0.3, start);
+    loud.gain.exponentialRampToValueAtTime(0.001, start + 0.45);
     tone.connect(loud).connect(audio.destination);
-    tone.start(); tone.stop(audio.currentTime + 0.5);
+    tone.start(start); tone.stop(start + 0.5);
     root.dataset.beeps = Number(root.dataset.beeps || 0) + 1;
   };
 
@@ -89,7 +89,8 @@
       at("wrong").replaceChildren(...wrong.map((text) => { const one = document.createElement("li"); one.textContent = text; return one; }));
     }
     bars(state.bars || []);
-    if (sounds !== null && state.sounds > sounds) beep(state.stopped ? 1320 : 880);
+    const heard = sounds === null ? state.sounds : sounds; // rests that ended since are told one after the other
+    for (let k = heard; k < state.sounds; k++) beep(state.stopped ? 1320 : 880, 0.6 * (k - heard));
     sounds = state.sounds || 0;
     const word = over(state) ? (state.result || state.job) : (state.stopped && state.verdict) || "";
     at("verdict").hidden = !word;
