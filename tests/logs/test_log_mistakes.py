@@ -44,6 +44,21 @@ def refused(read_text, rows, code, *parts, head=HEAD, **words):
         assert part in str(caught.value)
 
 
+@pytest.mark.parametrize("cell", ["#N/A", "1.#QNAN", "-1.#IND", "#DIV/0!", "%"])
+def test_no_number_that_looks_like_a_comment_is_named(read_text, cell):
+    refused(
+        read_text, cells(8, 2, cell), "log.not_numeric", f"line 10, column 'gy': '{cell}' is not"
+    )
+    refused(read_text, cells(8, 6, f"0.1,{cell},1"), "log.ragged", "columns instead of 7")
+
+
+def test_a_point_where_the_comma_is_the_decimal_sign(read_text):
+    rows = [line.replace(",", ";").replace(".", ",") for line in lines()]
+    rows[8] = rows[8].replace(",", ".", 1)
+    said = "'0.080000' is not a number. The comma is taken for"
+    refused(read_text, rows, "log.not_numeric", said, head=HEAD.replace(",", ";"), decimal=",")
+
+
 def test_good_lines_are_good(read_text):
     log = read_text("\n".join([HEAD, *lines()]), **WORDS)
     assert len(log) == 20

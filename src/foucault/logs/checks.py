@@ -160,7 +160,8 @@ def rate_instead(time: FloatArray, *, shared: bool = False) -> str:
 
 RESTARTED = "The logger was restarted, or two logs were put together: keep one part of the file"
 SET_BACK = (
-    "The clock went back by one hour, as where summer time ends: add 3600 s to the times from there on"
+    "The clock went back by one hour, as where summer time ends: "
+    "add 3600 s to the times from there on"
 )
 SHARED = "Keep [log.time]: another log or a table is stamped by the same clock"
 
