@@ -206,6 +206,15 @@ def test_a_clock_that_was_set_back_keeps_the_order(monkeypatch: pytest.MonkeyPat
     assert second.made == late.made
 
 
+def test_runs_of_one_day_are_told_apart(records: Records, tmp_path: Path) -> None:
+    for k, folder in enumerate(make_runs(tmp_path, 3, "7", seed=9)):
+        records.add([folder], date="2026-03-01" if k else "2025-03-01")
+    numbers = [run.number for run in records.runs("7")]
+    assert [one.label for one in records.compared("7")] == [
+        "2025-03-01", *(f"2026-03-01, no. {n}" for n in numbers[1:]),
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("how", ["edited", "gone", "table"])
 def test_a_folder_that_was_touched_is_found(tmp_path: Path, how: str) -> None:
     records = make_records(tmp_path)
