@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from foucault.errors import FoucaultError
+from foucault.errors import FoucaultError, error
 from foucault.files import (
     alone,
     atomic,
@@ -65,6 +65,12 @@ def test_disk_full_is_one_clear_error(tmp_path):
     )
     assert target.read_text() == "old"
     assert names(tmp_path) == ["result.json"]
+
+
+@pytest.mark.parametrize("said", ["[Errno 28] ", "Error writing: [errno 28] "])
+def test_numbers_of_the_system_are_no_words(said):
+    reason = OSError(f"{said}No space left on device")
+    assert "rrno" not in str(error("output.unwritable", path="x", reason=reason))
 
 
 def test_a_write_that_the_system_stops_leaves_nothing(tmp_path):

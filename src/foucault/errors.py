@@ -22,7 +22,7 @@ _LONG = re.compile(r"([^,\s]{200})[^,\s]{200,}([^,\s]{60})")
 """A word too long for a sentence; paths are shorter."""
 
 
-_ERRNO = re.compile(r"\[Errno -?\d+\] ")
+_ERRNO = re.compile(r"\[[Ee]rrno -?\d+\] ")
 """What Python puts before the words of the system."""
 
 _LARGE = re.compile(r"(?<![\w.'\"])\d(?:\.\d+)?e\+0\d\b")

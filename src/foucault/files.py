@@ -283,7 +283,7 @@ def said_in(text: str | Path, code: str, **about: object) -> dict[str, Any]:
 
 
 def parse_json(content: bytes, **options: Any) -> Any:
-    """Return what a JSON text says; `ValueError`, whose words are plain, where it cannot be read."""
+    """Return what a JSON text says; `ValueError`, in plain words, where it cannot be read."""
     try:
         said = json.loads(content.decode("utf-8"), **options)
         _not_too_deep(said)
