@@ -177,14 +177,18 @@ north.add_to(app)
 records.add_to(app)
 
 
-CONTINUED = ("montecarlo", "optimise")
-"""Commands that go on with work that was begun."""
+_GOES_ON = "what was done is kept, and the same command goes on from there"
+KEPT = {
+    "montecarlo": _GOES_ON,
+    "optimise": _GOES_ON,
+    "serve": "all that was kept lies in its folder",
+    "fleet": "each instrument has its result from before or a new one, the table that from before",
+}
+"""What is left of a command that was interrupted, where it is not a result as a whole."""
 
 
 def _interrupted(command: str) -> typer.Exit:
-    kept = "a result that was there before is intact"
-    if command in CONTINUED:
-        kept = "what was done is kept, and the same command goes on from there"
+    kept = KEPT.get(command, "a result that was there before is intact")
     try:
         print(f"interrupted: {kept}", file=sys.stderr, flush=True)
     except OSError:  # the terminal is what ended
