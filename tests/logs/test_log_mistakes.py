@@ -212,6 +212,13 @@ def test_time_backward_and_repeated(read_text):
         "The logger was restarted, or two logs were put together: keep one part of the file.",
     )  # fmt: skip
     refused(read_text, cells(8, 0, "-3599.92"), "log.time_backward", "add 3600 s to the times")
+    for bits, tick, unit in ((32, 1e-6, "us"), (16, 1e-3, "ms"), (24, 1e-6, "us")):
+        told = lines(40)
+        for k, line in enumerate(told):
+            count = (2**bits - round(0.15 / tick) + round(0.01 * k / tick)) % 2**bits
+            told[k] = f"{count},{line.partition(',')[2]}"
+        said = f"The counter has {bits} bits and began again: add {2**bits * tick:.9g} s to the"
+        refused(read_text, told, "log.time_backward", said, time={"column": "t", "unit": unit})
     # A stamp that is late by less than an interval is no restart.
     refused(read_text, cells(8, 0, "0.065"), "log.time_backward", 'rate = "100 Hz"')
     newest_first = lines()[::-1]
