@@ -34,7 +34,8 @@ from foucault.recognise.titles import Meaning, meaning, unit_of, units_row
         ("Угловая скорость Y", "gyro", 1, ""), ("가속도 X", "accel", 0, ""),
         ("temps (s)", "time", None, "s"), ("temp", "temperature", None, ""),
         ("TimeUS", "time", None, ""), ("GYRO_XOUT", "gyro", 0, ""), ("x", "", None, ""),
-        ("field.header.frame_id", "", None, ""),
+        ("field.header.frame_id", "", None, ""), ("p_x_m", "other", 0, "m"),
+        ("q_w", "other", None, ""), ("north (mm)", "other", None, "mm"),
     ],
 )  # fmt: skip
 def test_a_title_means(title, role, axis, unit):

@@ -90,8 +90,8 @@ def test_a_date_that_cannot_be_read_is_named(c, tmp_path):
 
 
 @pytest.mark.parametrize(("title", "role", "axis"), [
-    ("x", "", 0), ("Z (m/s^2)", "", 2), ("q_w", "", None), ("p_x_m", "", 0), ("t", "time", None),
-    ("Prędkość kątowa Y [rad/s]", "gyro", 1), ("Blorp Y", "", 1),
+    ("x", "", 0), ("Z (m/s^2)", "", 2), ("q_w", "other", None), ("p_x_m", "other", 0),
+    ("t", "time", None), ("Prędkość kątowa Y [rad/s]", "gyro", 1), ("Blorp Y", "", 1),
 ])  # fmt: skip
 def test_an_axis_is_read_where_the_sensor_is_not(title, role, axis):
     said = meaning(title)
@@ -250,7 +250,8 @@ def test_numbers_alone_are_not_sure_without_turns(c, tmp_path):
 @pytest.mark.skipif(not REAL.is_dir(), reason="real logs are not here: set FOUCAULT_DATA")
 def test_real_files_that_are_cut_together_or_hold_poses_are_told():
     for file, code in (("ferraris_session/annotated_session.csv", "recognise.no_turns"),
-                       ("broad_hand_motion/03_pose.parquet", "recognise.no_triad")):  # fmt: skip
+                       ("broad_hand_motion/03_pose.parquet", "recognise.no_triad"),
+                       ("broad_hand_motion/36_pose.parquet", "recognise.no_triad")):  # fmt: skip
         with refuses(code):
             recognise([REAL / file])
 

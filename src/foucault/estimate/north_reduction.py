@@ -343,12 +343,18 @@ def left_white(pairs: Pairs, more: FloatArray) -> FloatArray:
     `pairs`: set-ups with their readings [SI]; `more` (n, q, c): c columns of what is added to these
     [m/s^2]. Returns (n, q, c) [1].
     """
-    out = np.zeros_like(more)
+    out, c = np.zeros_like(more), more.shape[2]
     for rows, fit in pairs.accel_fits or ():
         g, k = rows.shape
-        x = more[rows].reshape(g, -1, more.shape[2])
-        left = x - fit.design @ (fit.weights @ x)
-        out[rows] = _whitened(fit.root, left.reshape(g, k, -1)).reshape(g, k, *more.shape[1:])
+        left = np.eye(fit.design.shape[1]) - fit.design @ fit.weights
+        left = _whitened(fit.root, left.reshape(len(left), k, -1)).reshape(left.shape)
+        x = more[rows].reshape(g, -1, c)
+        if len(left) == 1:  # as one product: of many small ones each costs a call
+            side = np.swapaxes(x, 0, 1).reshape(-1, g * c)
+            x = np.swapaxes((left[0] @ side).reshape(-1, g, c), 0, 1)
+        else:
+            x = left @ x
+        out[rows] = x.reshape(g, k, *more.shape[1:])
     return out
 
 

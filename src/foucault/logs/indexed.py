@@ -35,7 +35,7 @@ from foucault.files import sha256
 from foucault.logs import checks
 from foucault.logs import description as columns
 from foucault.logs.layout import COUNTS
-from foucault.logs.raw import Progress, RawTable, kept, open_raw
+from foucault.logs.raw import Progress, RawTable, kept, open_raw, together
 from foucault.models.earth import EARTH_RATE
 from foucault.models.rotation import turned
 from foucault.tables import IndexedLog, gaps
@@ -271,16 +271,18 @@ def _columns(used: IndexedDescription, raw: RawTable, path: Path) -> Data:
     """Read all columns of numbers, converted to SI; accel has two dimensions."""
     picks = list(_picks(used, raw, path))
     numbers = [number for _, some, _, _ in picks for number in some]
-    pieces: dict[str, list[FloatArray]] = {name: [] for name, *_ in picks}
-    for rows in kept(raw, path).blocks(numbers):  # while the cache holds them
-        start = 0
-        for name, some, zero, unit in picks:
-            values = (rows[:, start : start + len(some)] - zero) * unit
-            pieces[name].append(values if name == "accel" else values[:, 0])
-            start += len(some)
-    if not any(len(x) for x in pieces["gyro"]):
-        raise error("log.empty", file=path.name)
-    return {name: np.concatenate(pieces.pop(name)) for name, *_ in picks}
+    raw = kept(raw, path)
+
+    def parts() -> Iterator[Data]:
+        for rows in raw.blocks(numbers):  # while the cache holds them
+            part, start = Data(), 0
+            for name, some, zero, unit in picks:
+                values = (rows[:, start : start + len(some)] - zero) * unit
+                part[name] = values if name == "accel" else values[:, 0]
+                start += len(some)
+            yield part
+
+    return together(parts(), raw, path)
 
 
 _Pick = tuple[str, list[int], FloatArray, FloatArray]

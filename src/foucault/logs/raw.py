@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -205,6 +205,30 @@ def kept(raw: RawTable, path: Path) -> RawTable:
             yield rows
 
     return replace(raw, blocks=blocks)
+
+
+def together(
+    parts: Iterable[Mapping[str, FloatArray]], raw: RawTable, path: Path
+) -> dict[str, FloatArray]:
+    """Return the columns of `parts`, pieces of a table that is being read, as one."""
+    data: dict[str, FloatArray] = {}
+    count = 0
+    for part in parts:
+        end = count + len(next(iter(part.values())))
+        if not data or end > len(next(iter(data.values()))):
+            # As many as the file seems to hold; pages that are never written are never taken.
+            room = int(1.1 * end / (raw.done() or 0.5)) + 1
+            for name, values in part.items():
+                larger = np.empty((room, *values.shape[1:]))
+                if count:
+                    larger[:count] = data[name][:count]
+                data[name] = larger
+        for name, values in part.items():
+            data[name][count:end] = values
+        count = end
+    if not count:
+        raise error("log.empty", file=path.name)
+    return {name: values[:count] for name, values in data.items()}
 
 
 def must_fit(path: Path, size: float, held: float = 0.0) -> None:

@@ -24,7 +24,7 @@ from foucault.logs.own import (
     table_of,
     whole_numbers,
 )
-from foucault.logs.raw import Progress, RawTable, kept, open_raw
+from foucault.logs.raw import Progress, RawTable, kept, open_raw, together
 from foucault.tables import Log, gaps, usual_step
 from foucault.units import STANDARD_GRAVITY
 
@@ -223,24 +223,8 @@ def _columns(
     used: LogDescription, blocks: tuple[str, ...], raw: RawTable, path: Path
 ) -> dict[str, FloatArray]:
     """Read the blocks of one file, converted to SI as they come in."""
-    data: dict[str, FloatArray] = {}
-    raw, count = kept(raw, path), 0
-    for part in converted(used, blocks, raw, path):
-        end = count + len(next(iter(part.values())))
-        if not data or end > len(next(iter(data.values()))):
-            # As many as the file seems to hold; pages that are never written are never taken.
-            room = int(1.1 * end / (raw.done() or 0.5)) + 1
-            for block, values in part.items():
-                larger = np.empty((room, *values.shape[1:]))
-                if count:
-                    larger[:count] = data[block][:count]
-                data[block] = larger
-        for block, values in part.items():
-            data[block][count:end] = values
-        count = end
-    if not count:
-        raise error("log.empty", file=path.name)
-    return {block: values[:count] for block, values in data.items()}
+    raw = kept(raw, path)
+    return together(converted(used, blocks, raw, path), raw, path)
 
 
 def converted(

@@ -67,6 +67,8 @@ def meaning(title: str, unit: str = "") -> Meaning:
     plain = _role(_stem(tokens))
     if unit in ("s", "ms", "us", "ns", "min", "day") and plain in ("", "temperature"):
         plain = "time"
+    if unit in ("m", "cm", "mm") and not plain:  # where something is
+        plain = "other"
     axes = _axes(tokens)
     for axis, left in axes:
         role = _role(_stem(left))
