@@ -166,6 +166,24 @@ MISTAKES = [
         "above the ellipsoid, in m or km",
     ),
     (
+        MINIMAL.replace("height", 'longitude = "8541 deg"\nheight'),
+        "site.longitude",
+        "site.longitude: 8541 deg is outside -360 to 360 deg.",
+        "from -180 to 180 deg or from 0 to 360 deg",
+    ),
+    (
+        MINIMAL.replace("height", 'longitude = "1e15 deg"\nheight'),
+        "unit.range",
+        "site.longitude: ",
+        "",
+    ),
+    (
+        MINIMAL + "held_out = true\n",
+        "campaign.value",
+        "procedure.held_out: True is not allowed; it should be a number, not true or false.",
+        "",
+    ),
+    (
         MINIMAL.replace('"60 m"', '"-6000 m"'),
         "site.height",
         "site.height: -6000 m is outside -500 m to 20 km.",

@@ -251,6 +251,46 @@ def test_a_run_that_ends_badly_leaves_the_result_before(
         assert "This is a fault in foucault" in result.stderr
 
 
+def test_an_interrupted_study_says_how_it_goes_on(
+    session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(screen, "INTERRUPTED", threading.Event())
+    screen.INTERRUPTED.set()
+    result = run("montecarlo", session, "-n", 2, "--workers", 1, "-o", tmp_path / "mc", code=130)
+    said = "interrupted: what was done is kept, and the same command goes on from there\n"
+    assert result.stderr.endswith(said)
+
+
+@pytest.mark.parametrize("early", ["_prepare", "app"])
+def test_an_interrupt_before_anybody_listens_is_no_traceback(
+    early: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    program = sys.modules["foucault.cli.app"]
+    monkeypatch.setattr(program, "_prepare", lambda: None)
+    monkeypatch.setattr(program, early, interrupted)
+    with pytest.raises(SystemExit) as caught:
+        program.main()
+    assert caught.value.code == 130
+
+
+@pytest.mark.parametrize("words", [["-o", ""], ["--output", ""], ["--output="]])
+def test_an_empty_name_of_an_output_is_refused(
+    session: Path, tmp_path: Path, words: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "as a variable that is not set is" in run("calibrate", session, *words, code=2).output
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_link_to_nowhere_is_no_folder(session: Path, tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    said = run("calibrate", session, "-o", tmp_path / "link", code=1).output
+    assert "link' is not a folder that can be written to" in re.sub(r"\s+", " ", said)
+
+
 def test_an_interrupt_that_a_library_swallowed_still_ends_the_run(
     session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -90,6 +90,27 @@ def test_python_in_the_docs_runs(
     exec(compile(code, "docs", "exec"), {"__name__": "__main__"})
 
 
+def printing() -> list[Any]:
+    """Return the Python of the pages of which they say what it prints."""
+    said = re.compile(r"^```python\n([^`]*)^```\n\nprints `([^`]+)`", re.MULTILINE)
+    return [
+        pytest.param(*found.groups(), id=f"{page.stem}:{found.start()}")
+        for page in sorted(DOCS.rglob("*.md"))
+        for found in said.finditer(page.read_text())
+    ]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("code", "words"), printing())
+def test_python_in_the_docs_prints_what_they_say(
+    code: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "docs", "exec"), {"__name__": "__main__"})
+    assert words in capsys.readouterr().out.splitlines()
+
+
 def doctests() -> list[Any]:
     """Examples of the pages, and of the docstrings of what a user imports."""
     public = [(name, inspect.getdoc(getattr(foucault, name)) or "") for name in foucault.__all__]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from foucault.errors import FoucaultError
+from foucault.errors import FoucaultError, error
 from foucault.files import (
     alone,
     atomic,
@@ -65,6 +65,12 @@ def test_disk_full_is_one_clear_error(tmp_path):
     )
     assert target.read_text() == "old"
     assert names(tmp_path) == ["result.json"]
+
+
+@pytest.mark.parametrize("said", ["[Errno 28] ", "Error writing: [errno 28] "])
+def test_numbers_of_the_system_are_no_words(said):
+    reason = OSError(f"{said}No space left on device")
+    assert "rrno" not in str(error("output.unwritable", path="x", reason=reason))
 
 
 def test_a_write_that_the_system_stops_leaves_nothing(tmp_path):
@@ -187,8 +193,8 @@ def test_toml_that_nobody_means(text):
 @pytest.mark.parametrize("text", ["[" * 100_000, "[" * 900 + "]" * 900, "1" + "0" * 5000, "{"])
 def test_json_that_nobody_means(text):
     with pytest.raises(ValueError):
-        parse_json(text)
-    assert parse_json("[" * 60 + "]" * 60)
+        parse_json(text.encode())
+    assert parse_json(b"[" * 60 + b"]" * 60)
 
 
 def test_a_text_that_is_none(tmp_path):

@@ -282,8 +282,10 @@ def test_folder_without_result(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("{", "Expecting property name"),
-        ("", "Expecting value"),
+        ("{", "is empty, or ends before it is complete."),
+        ('{"schema": "foucau', "ends before it is complete"),
+        ("", "is empty, or"),
+        ("time,gyro_x\n0,1\n", "from line 1, column 1 on it is no JSON"),
         ('{"schema": NaN}', "NaN is not JSON"),
         ("[1]", "it holds no object"),
     ],
@@ -298,7 +300,8 @@ def test_not_json(folder, text, words):
 
 def test_binary_is_not_json(folder):
     (folder / "result.json").write_bytes(b"\xff\xfe\x00")
-    assert refused(folder).code == "result.not_json"
+    problem = refused(folder)
+    assert problem.code == "result.not_json" and "it is no text" in problem.message
 
 
 def test_other_schema(folder):

@@ -22,6 +22,9 @@ _LONG = re.compile(r"([^,\s]{200})[^,\s]{200,}([^,\s]{60})")
 """A word too long for a sentence; paths are shorter."""
 
 
+_ERRNO = re.compile(r"\[[Ee]rrno -?\d+\] ")
+"""What Python puts before the words of the system."""
+
 _LARGE = re.compile(r"(?<![\w.'\"])\d(?:\.\d+)?e\+0\d\b")
 """A number such as 1.34e+04, of few digits but not too large to be written out."""
 
@@ -178,7 +181,7 @@ def _filled(code: str, values: Mapping[str, object]) -> tuple[str, str]:
     row = SYMPTOMS[code]
     said = {k: str(v) if isinstance(v, PurePath | Exception) else v for k, v in values.items()}
     short = {k: _LONG.sub(r"\1 ... \2", v) if isinstance(v, str) else v for k, v in said.items()}
-    texts = (t.format(**short) for t in (row.message, row.cure))
+    texts = (_ERRNO.sub("", t.format(**short)) for t in (row.message, row.cure))
     message, cure = (_LARGE.sub(lambda large: f"{float(large[0]):.0f}", t) for t in texts)
     return message, cure
 

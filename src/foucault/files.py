@@ -282,11 +282,18 @@ def said_in(text: str | Path, code: str, **about: object) -> dict[str, Any]:
         raise error(code, **about, reason=problem) from None
 
 
-def parse_json(text: str, **options: Any) -> Any:
-    """Return what a JSON text says; `ValueError` for whatever cannot be read."""
+def parse_json(content: bytes, **options: Any) -> Any:
+    """Return what a JSON text says; `ValueError`, in plain words, where it cannot be read."""
     try:
-        said = json.loads(text, **options)
+        said = json.loads(content.decode("utf-8"), **options)
         _not_too_deep(said)
+    except UnicodeDecodeError:
+        raise ValueError("it is no text") from None
+    except json.JSONDecodeError as problem:
+        if not problem.doc[problem.pos :].strip() or problem.msg.startswith("Unterminated"):
+            raise ValueError("it is empty, or ends before it is complete") from None
+        where = f"line {problem.lineno}, column {problem.colno}"
+        raise ValueError(f"from {where} on it is no JSON") from None
     except RecursionError:
         raise ValueError(TOO_DEEP) from None
     return said

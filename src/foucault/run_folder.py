@@ -265,7 +265,7 @@ def keep_a_campaign(folder: Path, campaign_text: str | None) -> None:
 def _said(folder: Path) -> str:
     """Return the fingerprint of the campaign that the result in a folder names, if any."""
     try:
-        doc = parse_json((folder / RESULT_FILE).read_text(encoding="utf-8"))
+        doc = parse_json((folder / RESULT_FILE).read_bytes())
         return str(doc["campaign"]["sha256"])
     except (OSError, ValueError, KeyError, TypeError):
         return ""
@@ -485,7 +485,7 @@ def _read_json(file: Path) -> dict[str, Any]:
         raise ValueError(f"{constant} is not JSON")
 
     try:
-        doc = parse_json(file.read_text(encoding="utf-8"), parse_constant=refuse)
+        doc = parse_json(file.read_bytes(), parse_constant=refuse)
     except (OSError, ValueError) as problem:
         raise error("result.not_json", file=file, problem=problem) from problem
     if not isinstance(doc, dict):

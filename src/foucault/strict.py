@@ -11,9 +11,9 @@ import ast
 import inspect
 from functools import cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, get_args
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, field_validator
 
 
 def _described(schema: dict[str, Any], model: type[BaseModel]) -> None:
@@ -27,6 +27,20 @@ class Strict(BaseModel):
     """A table without keys that are not known, and that does not change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, json_schema_extra=_described)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_word_for_a_number(cls, value: Any, info: Any) -> Any:
+        """Refuse true and false where a number is wanted: they would be taken for 1 and 0."""
+        if isinstance(value, bool) and not _takes(cls.model_fields[info.field_name].annotation):
+            raise ValueError("it should be a number, not true or false")
+        return value
+
+
+def _takes(annotation: Any) -> bool:
+    """Tell whether true or false is among what a field may be."""
+    word = annotation in (bool, Any) or isinstance(annotation, bool)
+    return word or any(map(_takes, get_args(annotation)))
 
 
 def description_of(model: type[BaseModel], name: str) -> str:

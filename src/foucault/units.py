@@ -349,7 +349,7 @@ def _is_real(value: object) -> bool:
 SMALLEST = 1e-60  # Nothing that a person gives is so small, and nothing one over this [SI].
 
 SIZES = {
-    "time": (1e-12, 1e15), "delay": (1e-12, 1e15), "angle": (SMALLEST, 1e15),
+    "time": (1e-12, 1e15), "delay": (1e-12, 1e15), "angle": (SMALLEST, 1e6),
     "length": (SMALLEST, 1e15), "angular rate": (SMALLEST, 1e15), "velocity": (SMALLEST, 1e15),
     "frequency": (SMALLEST, float("inf")),
 }  # fmt: skip

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 from test_fleet_campaign import bench, columns, rows_of, spoil
@@ -123,3 +127,16 @@ def test_one_by_one_without_folders_too(tmp_path) -> None:
     table = fleet.run(described, tmp_path / "out", table_only=True)
     assert len(table) == 3 and not (tmp_path / "out" / "instruments").exists()
     assert [r.folder for r in table.rows] == ["", "", ""]
+
+
+def test_a_fleet_that_was_calibrated_again_and_cut_short_is_not_mixed(tmp_path) -> None:
+    described = bench(tmp_path / "bench", 3)
+    fleet.run(described, tmp_path / "out")
+    assert len(fleet.load(tmp_path / "out")[0]) == 3
+    heavier = dataclasses.replace(described.site, gravity=1.0001 * described.site.gravity)
+    fleet.run(dataclasses.replace(described, site=heavier), tmp_path / "again")
+    where = Path("instruments/SN002")
+    shutil.rmtree(tmp_path / "out" / where)
+    shutil.copytree(tmp_path / "again" / where, tmp_path / "out" / where)
+    with refuses("fleet.mixed", "SN002 than the table"):
+        fleet.load(tmp_path / "out")

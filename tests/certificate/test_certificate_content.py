@@ -148,7 +148,8 @@ def test_what_is_wrong_is_said(more: str, words: str, tmp_path: Path) -> None:
 
 def test_a_file_that_is_not_there_is_named() -> None:
     with pytest.raises(
-        FoucaultError, match=r"nowhere\.toml cannot be used: .*a table \[certificate\]; the doc"
+        FoucaultError,
+        match=r"nowhere\.toml cannot be used: No such file.*a table \[certificate\]; the doc",
     ):
         said.read(["nowhere.toml"])
 

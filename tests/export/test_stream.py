@@ -32,7 +32,7 @@ from foucault.run_folder import save
 from foucault.tables import Log
 from make_recordings import START, Bag
 from make_terms import SIZES, Readings, Same, with_terms
-from refusals import refuses
+from refusals import refused, refuses
 
 ROOT = Path(__file__).parents[2]
 COLUMNS = ["gx", "gy", "gz", "ax", "ay", "az"]
@@ -230,6 +230,40 @@ def test_the_command_writes_a_bag(readings: Readings, linear: Result, tmp_path: 
     for topic, alike in (("/right", len(accel)), ("/left", 0)):
         old, new = ([data for c, _, data in some if c.topic == topic] for some in (before, after))
         assert sum(a == b for a, b in zip(old, new, strict=True)) == alike
+
+
+def _damaged(folder: Path) -> None:
+    """Write bags that no recorder writes, and one whose second half is missing."""
+    with Bag(folder / "whole.bag") as made:
+        made.imu("/imu", START + np.arange(5000) * 10**7, np.zeros((5000, 3)), np.ones((5000, 3)))
+    whole = (folder / "whole.bag").read_bytes()
+    (folder / "half.bag").write_bytes(whole[: len(whole) // 2])
+    spoiled = bytearray(whole)
+    spoiled[20_000:21_000] = bytes(1000)
+    (folder / "spoiled.bag").write_bytes(spoiled)
+    for name in ("junk.bag", "junk.mcap"):
+        (folder / name).write_bytes(b"\xf6\x00\xff" * 2000)
+    (folder / "empty.bag").write_bytes(b"")
+    for name, said in (("folder", "a: ["), ("nothing", "")):
+        (folder / name).mkdir()
+        (folder / name / "metadata.yaml").write_text(said)
+    (folder / "other").mkdir()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["half.bag", "spoiled.bag", "junk.bag", "junk.mcap", "empty.bag", "folder", "nothing", "other",
+     "none.bag"],
+)  # fmt: skip
+def test_a_damaged_bag_is_named_and_nothing_is_left(
+    name: str, linear: Result, tmp_path: Path
+) -> None:
+    _damaged(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    out = "out.bag" if name.endswith(".bag") else "out"
+    said = refused(calibrate_bag, linear, tmp_path / name, tmp_path / out)
+    assert said.code in ("log.unreadable", "log.missing_file") and name in said.message
+    assert sorted(tmp_path.iterdir()) == before
 
 
 # -- the node ----------------------------------------------------------------------------------

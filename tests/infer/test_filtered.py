@@ -325,3 +325,9 @@ def test_a_prior_is_exchanged_beside_a_sum_that_is_known_for_certain() -> None:
     assert never.sd[4] > 1e7 and never.sd[1] == pytest.approx(2.0)
     certain = filtered.exchanged(found, (mean, sd), replace(found, prior_sd=np.zeros(5)))
     np.testing.assert_allclose(certain.sd, 0.0, atol=1e-12)
+
+
+def test_a_part_of_which_all_was_left_out_is_not_the_worst():
+    found = filtered.HeldOut(np.array([0.0, 5.0, 9.0]), np.array([0.0, 4.0, 4.0]))
+    assert (found.worst, found.count) == (2, 4.0)
+    assert filtered.HeldOut(np.zeros(2), np.zeros(2)).count == 0

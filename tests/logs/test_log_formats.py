@@ -8,6 +8,7 @@ import pytest
 from foucault.errors import FoucaultError
 from foucault.logs import LogDescription, read, write
 from foucault.tables import Log
+from refusals import refuses
 
 RATE = {
     "rate": "100 Hz",
@@ -55,6 +56,17 @@ def test_our_own_files_need_no_description(tmp_path, log, suffix, sampled):
     assert back.source["file"] == f"log{suffix}"
     assert len(back.source["sha256"]) == 64
     assert back.source["description"]["gyro"]["unit"] == "rad/s"
+
+
+def test_a_parquet_log_of_ours_that_was_damaged_is_refused(tmp_path, log):
+    file = tmp_path / "log.parquet"
+    write(log, file)
+    whole = bytearray(file.read_bytes())
+    at = whole.index(np.float64(log.accel[250, 0]).tobytes())
+    whole[at : at + 8] = bytes(8)
+    file.write_bytes(whole)
+    with refuses("log.unreadable"):
+        read(LogDescription(file="log.parquet"), tmp_path)
 
 
 def test_extreme_floats_come_back_exactly(tmp_path):

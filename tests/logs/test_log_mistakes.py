@@ -44,6 +44,21 @@ def refused(read_text, rows, code, *parts, head=HEAD, **words):
         assert part in str(caught.value)
 
 
+@pytest.mark.parametrize("cell", ["#N/A", "1.#QNAN", "-1.#IND", "#DIV/0!", "%"])
+def test_no_number_that_looks_like_a_comment_is_named(read_text, cell):
+    refused(
+        read_text, cells(8, 2, cell), "log.not_numeric", f"line 10, column 'gy': '{cell}' is not"
+    )
+    refused(read_text, cells(8, 6, f"0.1,{cell},1"), "log.ragged", "columns instead of 7")
+
+
+def test_a_point_where_the_comma_is_the_decimal_sign(read_text):
+    rows = [line.replace(",", ";").replace(".", ",") for line in lines()]
+    rows[8] = rows[8].replace(",", ".", 1)
+    said = "'0.080000' is not a number. The comma is taken for"
+    refused(read_text, rows, "log.not_numeric", said, head=HEAD.replace(",", ";"), decimal=",")
+
+
 def test_good_lines_are_good(read_text):
     log = read_text("\n".join([HEAD, *lines()]), **WORDS)
     assert len(log) == 20
@@ -196,6 +211,14 @@ def test_time_backward_and_repeated(read_text):
         "row 8 of the data (from 0): 0.005 s after 0.07 s, counted from the start; 1 such rows",
         "The logger was restarted, or two logs were put together: keep one part of the file.",
     )  # fmt: skip
+    refused(read_text, cells(8, 0, "-3599.92"), "log.time_backward", "add 3600 s to the times")
+    for bits, tick, unit in ((32, 1e-6, "us"), (16, 1e-3, "ms"), (24, 1e-6, "us")):
+        told = lines(40)
+        for k, line in enumerate(told):
+            count = (2**bits - round(0.15 / tick) + round(0.01 * k / tick)) % 2**bits
+            told[k] = f"{count},{line.partition(',')[2]}"
+        said = f"The counter has {bits} bits and began again: add {2**bits * tick:.9g} s to the"
+        refused(read_text, told, "log.time_backward", said, time={"column": "t", "unit": unit})
     # A stamp that is late by less than an interval is no restart.
     refused(read_text, cells(8, 0, "0.065"), "log.time_backward", 'rate = "100 Hz"')
     newest_first = lines()[::-1]

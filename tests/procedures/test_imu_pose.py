@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import make_pose
+from foucault import campaign
 from foucault.estimate import imu_pose as engine
 from foucault.estimate.imu_pose import NAMES
 from foucault.infer.gauss_newton import chi_square_limits
@@ -514,3 +515,12 @@ def test_an_imu_beside_another_solution_on_a_vehicle():
     vertical = np.degrees(7.292e-5) * 3600 * np.sin(lat[0])
     drift = np.degrees(c["gyro.bias"].values) * 3600 - [0, 0, vertical]
     assert drift == pytest.approx([-214.0, 170.0, 75.4], abs=4.0)
+
+
+@pytest.mark.parametrize(("rate", "code"), [("1e-20", "program.few"), ("1e15", "program.samples")])
+def test_a_rate_that_no_tracking_system_has_is_refused(rate, code):
+    given = campaign.template("imu_pose")
+    text = given.replace('pose_rate = "100 Hz"', f'pose_rate = "{rate} Hz"')
+    assert text != given
+    with refuses(code):
+        campaign.simulate(campaign.parse(text))

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from foucault.models.imu import ImuModel
+from foucault.models.left_out import sizes_of
 from foucault.procedures import transfer_alignment
 from foucault.procedures.record import Beforehand
+from foucault.procedures.transfer_alignment.counted import Counted
 from foucault.procedures.transfer_alignment.session import draw_errors
 from foucault.result import Level
 from make_transfer_campaign import described, faultless
+from refusals import refuses
 from sessions import codes, failed
 
 DEG_H, G = np.pi / 180 / 3600, 9.80665
@@ -43,6 +46,23 @@ def mean_of(c, runs: int = 4, **more) -> float:
     found = [flown(c, seed, **more) for seed in range(runs)]
     assert all(r.verdict.level is Level.PASS for r, _ in found)
     return float(np.mean([score for _, score in found]))
+
+
+def test_what_has_no_size_is_no_state():
+    c = described()
+    usual = sizes_of("tactical MEMS")
+    for group in ("accel.quadratic", "gyro.asymmetry", "accel.cross"):
+        zero = {**usual, group: (0.0, "said")}
+        without = {k: v for k, v in usual.items() if k != group}
+        have, want = (Counted.of(c.settings, s, c.site, placed=True) for s in (zero, without))
+        assert have.sensors.layout.names == want.sensors.layout.names
+        assert dict(have.groups) == dict(want.groups)
+        assert np.isfinite(have.prior(c.settings, {}).prior_sd).all()
+
+
+def test_a_delay_longer_than_any_message_has_is_refused():
+    with refuses("campaign.value", "less than or equal to 60 s"):
+        described(longest_delay='"1e15 ms"')
 
 
 @pytest.mark.thorough

@@ -129,10 +129,20 @@ def test_an_instrument_that_does_not_change_is_fit_for_use(
     limits(records, tmp_path, "1 g")
     past = h.past(records, "0042", moment("2027-06-01"))
     assert past.level is Level.PASS and len(past.counted) == 4 and past.first_reached is None
-    assert past.due == pytest.approx(moment("2028-03-13"), abs=2 * 86400)
+    assert past.due == moment("2028-03-14T09:00")
     bias = past.outlooks[0]
     assert bias.name == "accel.bias.x" and bias.conformity == pytest.approx(1.0)
     assert bias.due_sd > bias.sd  # nobody has seen the next year yet
+
+
+@pytest.mark.parametrize(
+    ("taken", "months", "due"),
+    [("2026-11-30T22:53:00+00:00", 12, "2027-11-30T22:53"), ("2024-02-29", 12, "2025-02-28"),
+     ("2027-01-31", 1, "2027-02-28"), ("2026-12-15", 600, "2076-12-15"),
+     ("2026-03-01", 1.5, "2026-04-16T05:15")],
+)  # fmt: skip
+def test_it_is_due_on_the_same_day_of_a_later_month(taken: str, months: float, due: str) -> None:
+    assert abs(h._later(moment(taken), months) - moment(due)) < 60
 
 
 def test_a_broken_limit_is_not_to_be_used_and_an_old_one_is_doubtful(

@@ -8,6 +8,7 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +62,17 @@ def test_a_folder_that_cannot_be_read_does_not_stop_the_others(
     added, failed = records.add([tmp_path / "nowhere", *good])
     assert [r.instrument for r in added] == ["IMU 7"]
     assert [(f.name, p.code) for f, p in failed] == [("nowhere", "result.missing")]
+
+
+@pytest.mark.parametrize("damage", [Path.unlink, lambda file: file.write_bytes(b"PAR1")])
+def test_a_folder_whose_tables_are_not_as_they_were_is_refused(
+    records: Records, tmp_path: Path, damage: Callable[[Path], object]
+) -> None:
+    (folder,) = make_runs(tmp_path, 1, "7", seed=9)
+    damage(next((folder / run_folder.TABLE_FOLDER).iterdir()))
+    added, failed = records.add([folder])
+    assert not added and failed[0][1].code.startswith("result.table")
+    assert not records.audit()
 
 
 def test_a_run_of_no_named_instrument_is_refused(records: Records, tmp_path: Path) -> None:
@@ -192,6 +204,15 @@ def test_a_clock_that_was_set_back_keeps_the_order(monkeypatch: pytest.MonkeyPat
     late = dataclasses.replace(first, made="2999-01-01T00:00:00+00:00")
     second = Entry.after(late, Interval(instrument="a", months=2), "ann", "1")
     assert second.made == late.made
+
+
+def test_runs_of_one_day_are_told_apart(records: Records, tmp_path: Path) -> None:
+    for k, folder in enumerate(make_runs(tmp_path, 3, "7", seed=9)):
+        records.add([folder], date="2026-03-01" if k else "2025-03-01")
+    numbers = [run.number for run in records.runs("7")]
+    assert [one.label for one in records.compared("7")] == [
+        "2025-03-01", *(f"2026-03-01, no. {n}" for n in numbers[1:]),
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("how", ["edited", "gone", "table"])

@@ -134,6 +134,7 @@ def test_histograms_count_every_instrument_once_and_show_the_limits():
     upward = {k: a for k, a in first["layout"].items() if k.startswith("yaxis")}
     assert len(upward) == 3 and len({tuple(a["range"]) for a in upward.values()}) == 1
     narrow = first["layout"]["meta"]["narrow"]
+    assert narrow["xaxis"]["tickfont"]["size"] < 12 and narrow["xaxis"]["nticks"] == 3
     assert "yaxis" not in narrow and narrow["yaxis2"] == {"showticklabels": False}
     assert upward["yaxis"]["range"][1] > max(max(bar["y"]) for bar in first["data"])
     centre, width = np.array(bars["x"]), bars["width"]

@@ -317,6 +317,17 @@ def test_marks_of_the_axis_of_ratios(ends):
     assert [float(t) for t in axis["ticktext"]] == pytest.approx(axis["tickvals"])
 
 
+@pytest.mark.parametrize("judged", [80, 143, 900, 20_000])
+def test_the_axis_of_plans_has_marks_where_it_spans_no_decade(judged):
+    trace = [(79, 0.1), (judged, 0.05)]
+    one = make_found().restarts[0] | {"trace": trace, "evaluations": judged}
+    axis = report._courses([one]).layout["xaxis"]
+    low, high = (10**v for v in axis["range"])
+    assert 2 <= len(axis["tickvals"]) <= 13 and all(
+        low <= 1.001 * v and 0.999 * v <= high for v in axis["tickvals"]
+    )
+
+
 # -- the page --------------------------------------------------------------------------------------
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from foucault import units
 from foucault.report.calibration import certificate
+from foucault.report.chart import shares
 from foucault.report.page import Facts, Items, Table, shown
 from foucault.report.uncertainty import budget, coefficients, unseen
 from make_result import make_result
@@ -194,3 +195,14 @@ def test_the_certificate_lists_what_is_not_estimated_as_type_b():
     assert one["readings"] == "3 times its size"
     assert dict(zip(heads, rows["local gravity"], strict=True))["readings"] == "agree"
     assert table in certificate(with_it).blocks
+
+
+@pytest.mark.parametrize(("labels", "sources"), [(13, 12), (4, 11), (21, 2)])
+def test_shares_of_many_sources_have_room_for_their_names_and_are_told_apart(labels, sources):
+    share = {f"source {k}": np.full(labels, 100 / sources) for k in range(sources)}
+    drawn = shares([f"c{k}" for k in range(labels)], share, "shares")
+    narrow = drawn.layout["meta"]["narrow"]["height"]
+    # The legend of a narrow figure takes a row of 20 px for each source, and at most half of it.
+    assert narrow >= 2 * 20 * sources and narrow >= drawn.layout["height"] + 20 * sources
+    looks = [(t["marker"]["color"], t["marker"].get("opacity", 1)) for t in drawn.data]
+    assert len(set(looks)) == sources

@@ -331,12 +331,14 @@ def load(folder: str | Path) -> tuple[FleetTable, Mapping[str, Any]]:
         if serial in broken:
             rows.append(Row.broken(serial, broken[serial]))
             continue
-        if not where:
-            rows.append(_of_table(columns, names, i))
-            continue
-        page = f"{where}/{run_folder.REPORT_FILE}"
-        result = run_folder.load_result(folder / where)
-        rows.append(Row.of(serial, result, where, page if (folder / page).is_file() else ""))
+        row = _of_table(columns, names, i)
+        if where:
+            page, told = f"{where}/{run_folder.REPORT_FILE}", row
+            result = run_folder.load_result(folder / where)
+            row = Row.of(serial, result, where, page if (folder / page).is_file() else "")
+            if not _alike(row, told, names):  # a later fleet was cut short
+                raise error("fleet.mixed", serial=serial, where=folder / where, folder=folder)
+        rows.append(row)
     given = said["tolerance"]
     tolerance = None if given is None else Tolerance.from_json(given)
     return FleetTable.of(names, rows).decided(tolerance), said
@@ -354,6 +356,16 @@ def _of_table(columns: Mapping[str, Any], names: Sequence[str], i: int) -> Row:
         str(columns["serial"][i]), str(columns["status"][i]), str(columns["verdict"][i]), values,
         sd, of("chi_square", TRIADS), of("redundancy", TRIADS), of("lever_arm", AXES),
         reasons=(said,) if said else (),
+    )  # fmt: skip
+
+
+def _alike(a: Row, b: Row, names: Sequence[str]) -> bool:
+    """Tell whether two rows say the same of an instrument."""
+    pairs = ((a.values, b.values), (a.sd, b.sd))
+    return all(
+        np.allclose([x.get(n, np.nan) for n in names], [y.get(n, np.nan) for n in names],
+                    rtol=1e-9, atol=0.0, equal_nan=True)
+        for x, y in pairs
     )  # fmt: skip
 
 

@@ -218,7 +218,7 @@ def load(folder: str | Path) -> Found:
     """Read what a search has found."""
     path = Path(folder) / FOUND_FILE
     try:
-        raw = parse_json(path.read_text(encoding="utf-8"))
+        raw = parse_json(path.read_bytes())
         plain = {f.name: _frozen(raw[f.name]) for f in fields(Found)}
         for name, kind in (("findings", Finding), ("needs", Limit), ("reference_needs", Limit)):
             plain[name] = tuple(kind(**item) for item in plain[name])

@@ -25,7 +25,7 @@ from foucault.campaign import tolerance
 from foucault.campaign.comparison import Named, named_entry
 from foucault.certificate.said import WHATS, Reference, Said, over
 from foucault.errors import FoucaultError, error, listed, suggestion
-from foucault.files import parse_json, read_text, sha256
+from foucault.files import parse_json, sha256
 from foucault.report.page import unit_of
 from foucault.result import Level, Result
 from foucault.run_folder import CAMPAIGN_FILE, load_result, result_file
@@ -231,7 +231,7 @@ def revision(number: str, before: str) -> str:
 def _refuse_changed(folder: str | Path) -> None:
     """Refuse a run whose campaign is not the one that its result names."""
     file = result_file(folder)
-    named = (parse_json(read_text(file)).get("campaign") or {}).get("sha256")
+    named = (parse_json(file.read_bytes()).get("campaign") or {}).get("sha256")
     beside = file.parent / CAMPAIGN_FILE
     if named and beside.is_file() and sha256(beside) != named:
         raise error("certificate.edited", path=beside)

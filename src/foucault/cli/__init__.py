@@ -14,6 +14,9 @@ if "numpy" not in sys.modules:
 # Else the first of our models looks for plugins in every package that is installed.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
-from foucault.cli.app import app, main
+try:
+    from foucault.cli.app import app, main
+except KeyboardInterrupt:  # before anybody could hear it
+    raise SystemExit(130) from None
 
 __all__ = ["app", "main"]

@@ -11,6 +11,7 @@ import tempfile
 import traceback
 from contextlib import suppress
 from io import TextIOWrapper
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -66,6 +67,10 @@ class _Program(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Take the options of the whole program from wherever they stand."""
         end = args.index("--") if "--" in args else len(args)
+        given = list(pairwise(args[:end]))
+        if "--output=" in args[:end] or any(((o, "") in given) for o in ("-o", "--output")):
+            raise typer.BadParameter("it is empty, as a variable that is not set is.",
+                                     param_hint="'-o' / '--output'")  # fmt: skip
         first = [a for a in args[:end] if a in _ANYWHERE]
         rest = [a for a in args[:end] if a not in _ANYWHERE] + args[end:]
         return super().parse_args(ctx, first + rest)
@@ -79,7 +84,7 @@ class _Program(TyperGroup):
             ctx.obj.error(problem)
             raise typer.Exit(BAD_INPUT) from None
         except KeyboardInterrupt:
-            raise _interrupted() from None
+            raise _interrupted(ctx.obj.command) from None
         except BrokenPipeError:  # the reader of our output went away
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115, PTH123  the exit flush must not fail
             raise typer.Exit(0) from None
@@ -87,7 +92,7 @@ class _Program(TyperGroup):
             if hasattr(problem, "exit_code"):  # how the parser asks to end, wrong usage included
                 raise
             if INTERRUPTED.is_set():  # what was cut short may fail in its own way
-                raise _interrupted() from None
+                raise _interrupted(ctx.obj.command) from None
             known = _of_the_system(problem)
             ctx.obj.error(known or _fault(problem))
             raise typer.Exit(BAD_INPUT if known else FAULT) from None
@@ -102,7 +107,8 @@ def _of_the_system(problem: BaseException) -> FoucaultError | None:
     if isinstance(problem, UnicodeError | OSError) or "null byte" in str(problem):
         name = getattr(problem, "filename", None)
         reason = getattr(problem, "strerror", None) or str(problem) or type(problem).__name__
-        return error("program.file", path=name or "A file that was named", reason=reason)
+        return error("program.file", path=name or "A file that was named",
+                     reason=str(reason).rstrip("."))  # fmt: skip
     return None
 
 
@@ -171,9 +177,20 @@ north.add_to(app)
 records.add_to(app)
 
 
-def _interrupted() -> typer.Exit:
+_GOES_ON = "what was done is kept, and the same command goes on from there"
+KEPT = {
+    "montecarlo": _GOES_ON,
+    "optimise": _GOES_ON,
+    "serve": "all that was kept lies in its folder",
+    "fleet": "each instrument has its result from before or a new one, the table that from before",
+}
+"""What is left of a command that was interrupted, where it is not a result as a whole."""
+
+
+def _interrupted(command: str) -> typer.Exit:
+    kept = KEPT.get(command, "a result that was there before is intact")
     try:
-        print("interrupted: a result that was there before is intact", file=sys.stderr, flush=True)
+        print(f"interrupted: {kept}", file=sys.stderr, flush=True)
     except OSError:  # the terminal is what ended
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115, PTH123
     return typer.Exit(_BY.get("signal", BY_INTERRUPT))
@@ -212,6 +229,14 @@ def _on_interrupt(number: int, _frame: Any) -> None:
 
 def main() -> None:
     """Run the program."""
+    try:
+        _prepare()
+        app()
+    except KeyboardInterrupt:  # before anybody could hear it
+        raise SystemExit(BY_INTERRUPT) from None
+
+
+def _prepare() -> None:
     # What is loaded stays: to look through it for cycles, again as it grows and once more at the
     # end, is a tenth of a short command.
     gc.set_threshold(10_000)
@@ -226,4 +251,3 @@ def main() -> None:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _on_interrupt)
-    app()

@@ -402,7 +402,7 @@ def _folder(path: Path | None) -> Path | None:
         return None
     try:
         above = (path.absolute(), *path.absolute().parents)
-        there = next((p for p in above if p.exists()), above[-1])
+        there = next((p for p in above if p.exists() or p.is_symlink()), above[-1])
         if not (there.is_dir() and os.access(there, os.W_OK)):
             raise NotADirectoryError(f"'{there}' is not a folder that can be written to")
     except OSError as problem:

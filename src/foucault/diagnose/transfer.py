@@ -140,6 +140,8 @@ def _held_out(e: Evidence) -> tuple[Check, ...]:
         return ()
     edges = np.linspace(0, len(time), BLOCKS + 1).astype(int)
     found = parts_out(e.fit, edges, EACH)
+    if not found.count:
+        return ()
     begin, end = time[edges[found.worst]], time[edges[found.worst + 1] - 1]
     return (held_out_check(found, "messages", f", worst from {begin:.0f} to {end:.0f} s"),)
 

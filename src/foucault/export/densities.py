@@ -8,7 +8,6 @@ common curve. A procedure alone has measured white noise only.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -20,6 +19,7 @@ from foucault.arrays import FloatArray
 from foucault.coefficients import CoefficientVector
 from foucault.diagnose.bounding_pair import FIRST, SPAN, Pair, bounding_pair
 from foucault.errors import Status, error
+from foucault.files import parse_json
 from foucault.models.imu import FRAME, LAYOUT
 from foucault.models.noise import ImuNoise, TriadNoise
 from foucault.result import Level, Result, Verdict
@@ -131,7 +131,7 @@ def of_allan_run(folder: str | Path) -> Densities:
     path = Path(folder)
     path = path / ALLAN_FILE if path.is_dir() else path
     try:
-        said = json.loads(path.read_text(encoding="utf-8"))
+        said = parse_json(path.read_bytes())
         pairs = {k: None if v is None else _pair(v) for k, v in said["pairs"].items()}
         rates = [float(f"{1 / c['interval']:.9g}") for c in said["channels"].values()]
         Q = {name: _quantisation(c) for name, c in said["channels"].items()}

@@ -24,6 +24,7 @@ from foucault.files import atomic
 from foucault.logs import own
 from foucault.logs.follow import Follower, StreamTail
 from foucault.logs.formats import IMU, opened_bag, topic_of_bag
+from foucault.logs.raw import reading
 from foucault.result import Result
 from foucault.tables import Log
 
@@ -163,6 +164,11 @@ UNKNOWN = f"RIHS01_{64 * '0'}"
 """What rosbags is told of a type that nobody knows; taken out again, see `_unsay`."""
 
 
+def _messages(reader: Any) -> Iterator[Any]:
+    with reading(reader.paths[0], "ros"):
+        yield from reader.messages()
+
+
 def _copied(
     reader: Any, path: Path, topic: str, correct: Corrector, progress: Progress | None
 ) -> int:
@@ -170,12 +176,13 @@ def _copied(
     to = store.serialize_cdr if reader.is2 else store.serialize_ros1
     with _writer(reader, path) as writer:
         connections = {c.id: _like(writer, c, store) for c in reader.connections}
-        for done, (connection, stamp, data) in enumerate(reader.messages()):
+        for done, (connection, stamp, data) in enumerate(_messages(reader)):
             if done == 0:
                 _mark(writer, stamp, topic, reader.is2)
             if connection.topic == topic:
-                message = correct.message(reader.deserialize(data, connection.msgtype))
-                data = bytes(to(message, connection.msgtype))
+                with reading(reader.paths[0], "ros"):
+                    message = reader.deserialize(data, connection.msgtype)
+                data = bytes(to(correct.message(message), connection.msgtype))
                 count += 1
             writer.write(connections[connection.id], stamp, data)
             if progress is not None and done % 5000 == 0:

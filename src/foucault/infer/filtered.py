@@ -214,7 +214,10 @@ class HeldOut:
     @property
     def worst(self) -> int:
         """Number of the part that comes nearest to its limit, or is farthest beyond it."""
-        return int(np.argmax(self.scores / self.limits))
+        some = np.flatnonzero(self.counts)  # a part of which all was left out tells nothing
+        if not len(some):
+            return 0
+        return int(some[np.argmax(self.scores[some] / self.limits[some])])
 
     @property
     def score(self) -> float:

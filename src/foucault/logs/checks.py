@@ -6,6 +6,7 @@ error. All else is a finding: it is reported with its likely cause, and the work
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -159,6 +160,25 @@ def rate_instead(time: FloatArray, *, shared: bool = False) -> str:
 
 
 RESTARTED = "The logger was restarted, or two logs were put together: keep one part of the file"
+SET_BACK = (
+    "The clock went back by one hour, as where summer time ends: "
+    "add 3600 s to the times from there on"
+)
+BITS, TICKS = (16, 24, 32), (1e-9, 1e-6, 1e-3, 1.0)
+"""Of counters that begin again: how many they have, and how long one count is [s]."""
+
+
+def _set_back(fall: float, nominal: float) -> str:
+    """Say what a clock was that fell by `fall` between two samples `nominal` apart [s]."""
+    if abs(fall - 3600.0) < 1.0:
+        return SET_BACK
+    for bits, tick in itertools.product(BITS, TICKS):
+        if abs(fall + nominal - 2.0**bits * tick) < 0.5 * nominal:
+            return (f"The counter has {bits} bits and began again: add {2.0**bits * tick:.9g} s to "
+                    "the times from there on")  # fmt: skip
+    return RESTARTED
+
+
 SHARED = "Keep [log.time]: another log or a table is stamped by the same clock"
 
 
@@ -203,8 +223,9 @@ def timing(
         code = "log.time_repeated" if step[row - 1] == 0 else "log.time_backward"
         now, before = (moment(t - zero) for t in (time[row], time[row - 1]))
         jitter = least >= -2.0 * float(np.median(step)) and np.mean(step < 0) < 0.5
+        back = _set_back(-least, float(np.median(step)))
         raise error(code, row=row + start, time=now, before=before, count=int(wrong.sum()),
-                    advice=rate_instead(time, shared=shared) if jitter else RESTARTED)  # fmt: skip
+                    advice=rate_instead(time, shared=shared) if jitter else back)  # fmt: skip
     nominal, wide = usual_step(step), gaps(step)
     off = ~wide & (np.abs(step / nominal - 1.0) > IRREGULAR[0])
     found = []

@@ -8,7 +8,8 @@ import mmap
 import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stdout
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -20,7 +21,17 @@ from foucault.arrays import FloatArray, of_arrow
 from foucault.errors import Finding, error, finding, suggestion
 from foucault.logs.dialect import is_text, not_a_bomb, open_bytes, position
 from foucault.logs.own import ARRAY_KEY, METADATA_KEY
-from foucault.logs.raw import BLOCK_ROWS, PIECE, Progress, RawTable, in_blocks, library, must_fit
+from foucault.logs.raw import (
+    BLOCK_ROWS,
+    PIECE,
+    Progress,
+    RawTable,
+    in_blocks,
+    library,
+    must_exist,
+    must_fit,
+    reading,
+)
 from foucault.logs.text import open_delimited
 
 if TYPE_CHECKING:
@@ -40,14 +51,18 @@ def open_parquet(path: Path, description: FileLayout, progress: Progress | None)
         schema = file.schema_arrow
     marker = (schema.metadata or {}).get(METADATA_KEY, b"").decode()
 
+    # Else whole columns of a row group, or of the file, are fetched ahead. A page that was
+    # written with a checksum is compared with it.
+    opened = partial(parquet.ParquetFile, path, pre_buffer=False, buffer_size=1 << 20,
+                     page_checksum_verification=True)  # fmt: skip
+
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
         wanted = [schema.field(c) for c in columns]
         for field in wanted:
             _must_be_number(path, field)
         names = list(dict.fromkeys(field.name for field in wanted))
         done = 0
-        # Otherwise whole columns of a row group, or of the file, would be fetched ahead.
-        with parquet.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:
+        with opened() as file:
             total = max(1, file.metadata.num_rows)
             claimed = 8.0 * total * len(names)
             not_a_bomb(claimed, path.stat().st_size)
@@ -60,7 +75,7 @@ def open_parquet(path: Path, description: FileLayout, progress: Progress | None)
 
     def words(column: int) -> Iterator[Any]:
         name = schema.field(column).name
-        with parquet.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:
+        with opened() as file:
             for batch in file.iter_batches(_BATCH_ROWS, columns=[name]):
                 cells = batch.column(0)
                 if not pa.types.is_string(cells.type):
@@ -354,13 +369,17 @@ def _open_poses(path: Path, description: Any, progress: Progress | None) -> RawT
                     declared={"reading": "w x y z, body to world"})  # fmt: skip
 
 
-def opened_bag(path: Path) -> Any:
+@contextmanager
+def opened_bag(path: Path) -> Iterator[Any]:
     """Open a bag of ROS 1 or ROS 2."""
-    path.stat()  # One that is not there is refused by its name, which the library leaves out.
+    must_exist(path)
     reader = library("rosbags.highlevel", "ros", path)
     types = library("rosbags.typesys", "ros", path)
     usual = types.get_typestore(types.Stores.LATEST)
-    return reader.AnyReader([path], default_typestore=usual)
+    with ExitStack() as stack:
+        with reading(path, "ros"):
+            bag = stack.enter_context(reader.AnyReader([path], default_typestore=usual))
+        yield bag
 
 
 def instruments_of_bag(path: Path) -> list[str]:

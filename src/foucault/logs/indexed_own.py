@@ -203,7 +203,7 @@ def write(log: IndexedLog, path: str | Path) -> None:
     table = pa.table(columns)
     with atomic(path) as temporary:
         if suffix == ".parquet":
-            parquet.write_table(table, temporary)
+            parquet.write_table(table, temporary, write_page_checksum=True)
             return
         with temporary.open("wb") as stream:
             stream.write((",".join(columns) + "\n").encode())

@@ -203,7 +203,7 @@ def _write_parquet(blocks: Iterable[Log], path: Path, remarks: dict[str, str]) -
 
     schema, logs, _ = _opened(blocks, remarks)
     rows = 0
-    with parquet.ParquetWriter(path, schema) as writer:
+    with parquet.ParquetWriter(path, schema, write_page_checksum=True) as writer:
         for log in logs:
             for batch in _batches(log, schema):
                 writer.write_batch(batch)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -97,23 +98,34 @@ def open_raw(path: Path, description: FileLayout, progress: Progress | None = No
     `progress` or None: called with the fraction read, from 0 to 1.
     """
     must_exist(path)
-    name, done = "gzip", [0.0]
+    done = [0.0]
 
     def watched(fraction: float) -> None:
         done[0] = fraction
         if progress:
             progress(fraction)
 
-    try:
+    with reading(path, "gzip"):
         name = _format(path, description)
+    with reading(path, name):
         table: RawTable = _function(FORMATS[name].opens)(path, description, watched)
+    return replace(of_own(table), blocks=_guarded(table, path, name), done=lambda: done[0])
+
+
+@contextmanager
+def reading(path: Path, name: str) -> Iterator[None]:
+    """Let a file that ends its reader be one error, whatever type each library raises.
+
+    `name`: the format that it is read in.
+    """
+    try:
+        yield
     except FoucaultError:
         raise
     except MemoryError as problem:
         raise too_large(path, path.stat().st_size, free_memory()) from problem
-    except Exception as problem:  # each library raises its own types for a damaged file
+    except Exception as problem:
         raise unreadable(path, name, problem) from problem
-    return replace(of_own(table), blocks=_guarded(table, path, name), done=lambda: done[0])
 
 
 def _function(name: str) -> Callable[..., Any]:
@@ -128,12 +140,8 @@ def instruments(path: Path) -> list[str]:
     name = format_of(path)
     if not name or not FORMATS[name].names:
         return []
-    try:
+    with reading(path, name):
         found: list[str] = _function(FORMATS[name].names)(path)
-    except FoucaultError:
-        raise
-    except Exception as problem:  # each library raises its own types for a damaged file
-        raise unreadable(path, name, problem) from problem
     return found
 
 
@@ -162,14 +170,8 @@ def _guarded(
     table: RawTable, path: Path, name: str
 ) -> Callable[[Sequence[int]], Iterator[FloatArray]]:
     def blocks(columns: Sequence[int]) -> Iterator[FloatArray]:
-        try:
+        with reading(path, name):
             yield from table.blocks(columns)
-        except FoucaultError:
-            raise
-        except MemoryError as problem:
-            raise too_large(path, path.stat().st_size, free_memory()) from problem
-        except Exception as problem:
-            raise unreadable(path, name, problem) from problem
 
     return blocks
 

@@ -36,6 +36,7 @@ from foucault.logs.dialect import (
     number_in,
     open_text,
     position,
+    split,
     text_lines,
     uncomment,
 )
@@ -294,6 +295,13 @@ def fault(
     if words and want > 1 and 3 * len(cells) >= want:  # fewer are no titles, but a logger's remark
         return error("log.begins_again", file=name, line=number, before=number - 1)
     if len(cells) != want:
+        # What a spreadsheet or a C library writes for no number, "#N/A" or "1.#QNAN", looks as if a
+        # comment began in it.
+        whole = split(line.strip(), dialect.delimiter)
+        marked = [i for i, c in enumerate(whole) if uncomment(c, dialect.comment) != c]
+        if len(whole) == want and marked:
+            return error("log.not_numeric", file=name, line=f"line {number}", cell=whole[marked[0]],
+                         column=dialect.names[marked[0]], hint="")  # fmt: skip
         return error("log.ragged", file=name, line=number, have=len(cells), want=want)
     for column in columns:
         if column in dialect.stamps:
@@ -302,13 +310,17 @@ def fault(
             if not good and cells[column] not in EMPTY:
                 return error("log.not_a_date", file=name, line=number, cell=cells[column],
                              column=dialect.names[column])  # fmt: skip
-        elif number_in(cells[column], dialect.decimal) is None:
-            cell, other = cells[column], "," if dialect.decimal == "." else "."
+        elif number_in(cell := cells[column], dialect.decimal) is None or (
+            dialect.decimal == "," and "." in cell
+        ):
+            other = "," if dialect.decimal == "." else "."
             hint = ""
             if dialect.decimal in cell and number_in(cell.replace(other, ""), dialect.decimal):
                 hint = f" Write thousands without '{other}'."
             elif other == "," and other in cell:
                 hint = ' If the comma is the decimal sign, write decimal = "," in [log].'
+            elif other == "." and other in cell:
+                hint = " The comma is taken for the decimal sign, as other cells have one."
             return error("log.not_numeric", file=name, line=f"line {number}", cell=cell,
                          column=dialect.names[column], hint=hint)  # fmt: skip
     return None

@@ -146,6 +146,16 @@ def require_latitude(given: float | None) -> None:
         raise error("site.latitude", given=np.degrees(given))
 
 
+def require_longitude(given: float | None) -> None:
+    """Refuse a longitude beyond a whole turn, as one in degrees is.
+
+    `given` or None: longitude, positive east, None where it is unknown [rad].
+    """
+    require("site.longitude", given, Real, none=True)
+    if given is not None and not abs(given) <= 2 * np.pi + 1e-12:
+        raise error("site.longitude", given=np.degrees(given))
+
+
 @dataclass(frozen=True)
 class Site:
     """Where the instrument stands.
@@ -186,6 +196,7 @@ class Site:
         if not 0 < self.gravity < np.inf:
             raise error("site.gravity", given=self.gravity)
         require_latitude(self.latitude)
+        require_longitude(self.longitude)
 
     @classmethod
     def at(cls, latitude: float, height: float = 0.0) -> Site:

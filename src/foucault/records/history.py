@@ -30,6 +30,7 @@ References
 
 from __future__ import annotations
 
+import calendar
 import datetime
 import math
 import threading
@@ -152,7 +153,16 @@ def compared(records: Records, found: Past) -> comparison.Comparison | None:
 def _due(counted: Sequence[Run], months: Sequence[float]) -> float:
     """Return when an instrument is due; NaN where no interval is set or nothing is dated [s]."""
     dates = [r.holds for r in counted if r.holds]  # all in UTC
-    return comparison.moment(max(dates)) + months[-1] * MONTH if months and dates else math.nan
+    return _later(comparison.moment(max(dates)), months[-1]) if months and dates else math.nan
+
+
+def _later(time: float, months: float) -> float:
+    """Return the same day so many months later, or the last one of a shorter month [s]."""
+    date = datetime.datetime.fromtimestamp(time, datetime.UTC)
+    years, month = divmod(date.month - 1 + int(months), 12)
+    year = date.year + years
+    day = min(date.day, calendar.monthrange(year, month + 1)[1])
+    return date.replace(year=year, month=month + 1, day=day).timestamp() + months % 1 * MONTH
 
 
 def fleet(records: Records) -> list[tuple[str, list[Run], list[Run], float]]:

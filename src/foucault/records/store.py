@@ -7,6 +7,7 @@ import getpass
 import json
 import math
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -142,6 +143,7 @@ class Records:
         self, named: Named, references: Sequence[str], again: str
     ) -> tuple[RunAdded, Result]:
         entry = named_entry(named, "")
+        load_result(named.path)  # a table that an audit would name for ever is refused at once
         result = entry.result
         if not entry.instrument:
             raise error("records.unnamed", folder=named.path)
@@ -331,11 +333,15 @@ class Records:
     def compared(self, instrument: str, runs: Iterable[Run] | None = None) -> list[Compared]:
         """Return the results of an instrument that count, as `campaign.comparison` takes them."""
         name = self.instrument(instrument)
+        some = list(self.runs(name) if runs is None else runs)
+        days = Counter(run.holds[:10] for run in some)
         out = []
-        for run in self.runs(name) if runs is None else runs:
+        for run in some:
             result = self.checked(run)
             time = moment(run.holds) if run.holds else math.nan
-            label = run.holds[:10] or run.folder
+            label = day = run.holds[:10]
+            if days[day] > 1 or not day:
+                label = f"{day}, no. {run.number}" if day else run.folder
             out.append(Compared(label, result, name, time, run.dated, run.sha256))
         return out
 

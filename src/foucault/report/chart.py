@@ -391,7 +391,7 @@ def ref(letter: str, k: int) -> str:
 
 def shares(labels: Sequence[str], share: Mapping[str, FloatArray], alt: str) -> Figure:
     """Draw the `share` [percent] of each source in the variance of what has these labels."""
-    edge = {"line": {"color": "var(--card)", "width": 1}}
+    edge: Trace = {"line": {"color": "var(--card)", "width": 1}}
     data = [
         bars(
             source,
@@ -400,15 +400,19 @@ def shares(labels: Sequence[str], share: Mapping[str, FloatArray], alt: str) -> 
             SERIES[k % len(SERIES)],
             f"%{{y}}: %{{x:.1f}} %|{source}",
             orientation="h",
-            marker=edge,
+            # A source beyond the colours has one of them again, paler.
+            marker=edge | ({"opacity": 0.45} if k >= len(SERIES) else {}),
         )
         for k, (source, values) in enumerate(share.items())
     ]
     rows = {"type": "category", "autorange": "reversed", "tickmode": "linear", "ticks": ""}
+    high = 90 + 20 * max(len(labels), 5)
+    # Where it is narrow, the legend has a row for each source, and half of the figure at most.
     return draw(
         "chart.shares",
         data,
-        height=90 + 20 * max(len(labels), 5),
+        height=high,
+        meta={"narrow": {"height": max(high + 20 * len(data), 40 * len(data))}},
         y=rows | {"tickfont": {"size": 13}},
         alt=alt,
     )

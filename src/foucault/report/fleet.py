@@ -402,7 +402,8 @@ def _histograms(
     most = 1.05 * max((max(trace["y"]) for trace in data), default=1.0)
     upward = [k for k in axes if k[:5] == "yaxis"]
     axes |= {k: axes[k] | {"range": [0.0, most]} for k in upward}
-    narrow = {k: {"nticks": 4, "tickangle": 0} for k in axes if k[:5] == "xaxis"}
+    small = {"nticks": 3, "tickangle": 0, "tickfont": {"size": 10}}
+    narrow = {k: small for k in axes if k[:5] == "xaxis"}
     narrow |= {k: {"showticklabels": False} for k in upward[1:]}
     return (
         chart.draw(

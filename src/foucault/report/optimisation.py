@@ -432,7 +432,11 @@ def _sure(found: Found, done: Sequence[Mapping[str, Any]], folder: Path) -> list
 def ratio_axis(values: Iterable[float], title: str, edge: float = 1.1) -> dict[str, Any]:
     """Return a logarithmic axis that holds `values`, shape (any,), and room of `edge` times [1]."""
     finite = [v for v in values if math.isfinite(v) and v > 0]
-    low, high = min(finite) / edge, max(finite) * edge
+    return _log_axis(min(finite) / edge, max(finite) * edge, title)
+
+
+def _log_axis(low: float, high: float, title: str) -> dict[str, Any]:
+    """Return a logarithmic axis from `low` to `high`, with a handful of round numbers [any]."""
     marks = _marks(low, high)
     words = {"tickvals": marks, "ticktext": [f"{v:.6g}" for v in marks]}
     return chart.axis(title, type="log", range=[math.log10(low), math.log10(high)], **words)
@@ -519,7 +523,7 @@ def _courses(restarts: Sequence[dict[str, Any]]) -> page.Figure:
     return chart.draw(
         "optimisation.courses",
         data,
-        x=chart.log_axis("plans judged", range=[math.log10(first), math.log10(most)]),
+        x=_log_axis(first, most, "plans judged"),
         y=ratio_axis(every, "cost as a ratio"),
     )
 
@@ -544,6 +548,6 @@ def _endings(restarts: Sequence[dict[str, Any]]) -> page.Figure:
     return chart.draw(
         "optimisation.endings",
         data,
-        x=chart.axis("restart", range=[-0.5, n[-1] + 0.5]),
+        x=chart.axis("restart", range=[-0.5, n[-1] + 0.5], dtick=max(1, round(n[-1] / 8))),
         y=ratio_axis(costs.tolist(), "cost at the end, as a ratio", edge=1.02),
     )

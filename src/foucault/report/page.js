@@ -49,7 +49,9 @@
       if (root.classList.contains("print")) layout.height *= 0.8;
       layout.height = Math.min(layout.height, box.clientWidth * (layout.meta?.ratio ?? Infinity));
       if (box.clientWidth < 480) {
-        for (const [key, less] of Object.entries(layout.meta?.narrow ?? {})) Object.assign(layout[key], less);
+        for (const [key, less] of Object.entries(layout.meta?.narrow ?? {})) {
+          layout[key] = typeof less === "object" ? Object.assign(layout[key], less) : less;
+        }
       }
       if (mouse && layout.meta?.zoom) layout.dragmode = "zoom";
       box.style.height = layout.height + "px";

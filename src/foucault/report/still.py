@@ -545,7 +545,8 @@ def _write_legend(
         if trace["type"] in ("bar", "histogram") or "fill" in trace:
             colour = trace.get("fillcolor") or trace.get("marker", {}).get("color", "var(--first)")
             colour = colour if isinstance(colour, str) else "var(--first)"
-            out.append(_path(f"M{x:.1f} {y - 5:.1f}h18v10h-18z", "none", 0, fill=colour))
+            out.append(_path(f"M{x:.1f} {y - 5:.1f}h18v10h-18z", "none", 0, fill=colour,
+                             opacity=trace.get("marker", {}).get("opacity")))  # fmt: skip
         else:
             line = trace.get("line", {})
             if "lines" in trace.get("mode", "lines"):

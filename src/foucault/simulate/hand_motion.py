@@ -100,11 +100,13 @@ class Tracker:
 
     def poses(self, motion: HandMotion, duration: float, rng: np.random.Generator) -> PoseTable:
         """Return what it says of a motion; `duration` [s]."""
+        whole_samples(duration * self.rate)
         t = np.arange(0.0, duration, 1 / self.rate)
         t = t[(t > 0.2) & (t < duration - 0.2)]
         if self.lost:
             second = rng.uniform(size=int(duration) + 2) < self.lost
             t = t[~second[t.astype(int)]]
+        whole_samples(len(t))  # else none is left of them
         stamp = t - self.delay
         stamp = stamp - self.drift * (stamp - (stamp[0] + stamp[-1]) / 2)
         seen = t - (rng.exponential(self.jitter, len(t)) if self.jitter else 0.0)

@@ -45,14 +45,14 @@ class Counted:
         said = {} if sizes is None else {**of_imu(sizes), **_of_the_rig(settings, site)}
         for group, sized in {**settings.always, **said}.items():
             names = tuple(n for n in _members(group) if n not in asked)
-            if not (group == LATITUDE and (placed or site.latitude is None)):
+            idle = group == LATITUDE and (placed or site.latitude is None)
+            if sized[0] > 0 and not idle:
                 out[group] = (names, *sized)
         known = {*asked, *(n for names, *_ in out.values() for n in names)}
         out = {
             group: (some, size, basis) for group, (names, size, basis) in out.items()
-            if size > 0
             # A drift acts as its coefficient does, which has to be a state.
-            and (some := tuple(n for n in names if n.removeprefix("drift.") in known))
+            if (some := tuple(n for n in names if n.removeprefix("drift.") in known))
         }  # fmt: skip
         sensors = Sensors.of(n for n in LAYOUT.names if n in known)
         load = mount.load or MOUNT in out

@@ -148,7 +148,7 @@ class Settings(Chosen):
     """Where a delay to be estimated starts from: what the gyros and the master's attitudes turned,
     the likeliest of many, or the middle of its bracket. From there on it is a state of the filter.
     """
-    longest_delay: Seconds = Field(default=0.2, gt=0)
+    longest_delay: Seconds = Field(default=0.2, gt=0, le=60)
     """The delay is looked for from 0 to this."""
     shift: Literal["interpolated", "sample"] = "interpolated"
     """Look at the slave between its samples, or at the sample before, as published."""
