@@ -158,6 +158,7 @@ def assert_near(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> None:
             assert (column == theirs[name]).all(), name
         else:
             sd = ours.get(name.replace("error.", "sd."))  # an error may be next to nothing
+            assert (np.isinf(column) == np.isinf(theirs[name])).all(), name
             other = column != theirs[name]  # of degrees of freedom some are infinite in both
             away = np.abs(column[other] - theirs[name][other])
             assert (away <= NEAR * np.abs(sd[other])).all(), name
