@@ -42,7 +42,8 @@ def test_rests_and_spins_in_two_files_without_moves(name, tmp_path):
     one = campaign.calibrate(tmp_path / "one" / "campaign.toml")
     two = campaign.calibrate(campaign_of(name, made.simulation.log, tmp_path / "two"))
     assert two.verdict.level is Level.PASS
-    assert {f.code for f in two.findings} == {"campaign.template", "positions.unlogged"}
+    told = {f.code for f in one.findings}  # a reading that is left out is so in both
+    assert {f.code for f in two.findings} == told | {"campaign.template", "positions.unlogged"}
     gap = (two.coefficients.values - one.coefficients.values) / one.coefficients.sd
     assert np.abs(gap).max() < 0.3
     np.testing.assert_allclose(two.coefficients.sd, one.coefficients.sd, rtol=0.05)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -205,7 +206,7 @@ def test_of_one_log_the_run_that_was_taken_in_last_counts(tmp_path: Path) -> Non
     whole["provenance"] |= {"inputs": [{"file": "x.csv", "sha256": "1" * 64}]}
     taken = []
     for k in ("first", "again"):
-        (tmp_path / k).mkdir()
+        shutil.copytree(tmp_path / "0042-2025", tmp_path / k)
         whole["coefficients"][0]["value"] *= 1.001
         (tmp_path / k / "result.json").write_text(json.dumps(whole))
         added, failed = records.add([tmp_path / k], date="2025-06-01")

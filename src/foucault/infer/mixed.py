@@ -889,7 +889,7 @@ def budget(at: Fit, gain: FloatArray | None = None) -> dict[str, FloatArray]:
 def enlarged(at: Fit, gain: FloatArray | None = None) -> FloatArray:
     """Return by how much every variance is larger than with the most likely sizes, (p,) [SI].
 
-    `gain`: as of `budget`.
+    `gain`: as of `budget` [SI].
     """
     gain = at.gain if gain is None else gain
     likely = replace(at, sds={**at.sds, **at.found})
@@ -902,8 +902,9 @@ def enlarged(at: Fit, gain: FloatArray | None = None) -> FloatArray:
 def degrees(variance: FloatArray, more: FloatArray) -> FloatArray:
     """Return the degrees of freedom that each variance was found from, infinite where it is known.
 
-    It counts ``v / (v - 2)`` times, `more` of it as of `enlarged` [SI], see `student`; more than
-    20,000 are taken for known.
+    It counts ``v / (v - 2)`` times, see `student`; more than 20,000 are taken for known.
+
+    `variance`, `more` (p,): each, and how much of it is `enlarged` [SI].
     """
     found = more > 1e-4 * variance
     dof = 2 * variance / np.where(found, more, 1.0)

@@ -210,7 +210,10 @@ def kept(raw: RawTable, path: Path) -> RawTable:
 def together(
     parts: Iterable[Mapping[str, FloatArray]], raw: RawTable, path: Path
 ) -> dict[str, FloatArray]:
-    """Return the columns of `parts`, pieces of a table that is being read, as one."""
+    """Return columns that are read piece by piece as one.
+
+    `parts`: pieces, name of each column -> its rows [SI]; `raw`, `path`: where they come from.
+    """
     data: dict[str, FloatArray] = {}
     count = 0
     for part in parts:

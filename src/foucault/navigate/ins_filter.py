@@ -427,6 +427,10 @@ class Smoothed:
         return np.sqrt(np.diagonal(self.cov, axis1=1, axis2=2))
 
 
+KNOWN = 1e-12
+"""What is left of less than this part of a variance is rounding [1]."""
+
+
 def smooth(found: FilterRun) -> Smoothed:
     """Smooth a run of `navigate.ins_filter.run` made with ``keep=True``."""
     Phi, (lam, adj) = found.passed[1:], found.adjoint
@@ -435,6 +439,9 @@ def smooth(found: FilterRun) -> Smoothed:
     c[:-1] = -np.einsum("kij,klj,kl->ki", P, Phi, lam[1:], optimize=True)
     through = Phi @ P
     cov[:-1] -= through.swapaxes(1, 2) @ adj[1:] @ through
+    # Without noise some state is known to rounding.
+    gone = np.einsum("kii->ki", cov) <= KNOWN * np.einsum("kii->ki", found.after)
+    cov[gone[:, :, None] | gone[:, None, :]] = 0.0
     states = corrected(found.trajectory.history, c)
     return Smoothed(Trajectory(found.time, states), found.coefficients + c[:, 9:], cov)
 
