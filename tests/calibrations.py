@@ -11,7 +11,7 @@ import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
-from foucault import campaign, report
+from foucault import campaign, logs, report
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 NAMED = ("numpy", "scipy", "numba", "pandas", "pyarrow", "pydantic", "typer")
@@ -27,6 +27,13 @@ def main() -> int:
             result = campaign.calibrate(made)
             report.html(result)
             print(f"{file.stem}: {result.verdict.level}", flush=True)
+            for ending in ("csv.gz", "parquet") if file.stem == "six_position" else ():
+                kept = Path(folder) / f"kept.{ending}"
+                log = logs.read(logs.LogDescription(file="log.csv"), made.parent)
+                logs.write(log, kept)
+                same = len(logs.read(logs.LogDescription(file=kept.name), kept.parent)) == len(log)
+                print(kept.name, "is read" if same else "is not read")
+                wrong += not same
             wrong += result.verdict.level != "pass"
         for words in (
             ["demo", "-o", "demo"],
