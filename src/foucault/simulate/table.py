@@ -103,7 +103,7 @@ class Rig:
     ) -> tuple[FloatArray, FloatArray]:
         """Draw what specific force and rate are off by in each position, (N, n, 3) each [SI].
 
-        `instruments`: number N of them [1]; `rng`: is left as it was.
+        `instruments`: number N of them [1]; `rng`: goes on; a stream of its own is drawn from [1].
         """
         drawn = rng.spawn(1)[0].standard_normal((2, instruments, len(plan), 3))
         return self.accel_scatter * drawn[0], self.gyro_scatter * drawn[1]
